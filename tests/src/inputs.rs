@@ -9,7 +9,7 @@ use recording::{Reader, Writer};
 use rom::rng::Rng;
 use runtime::config::{Scene, Settings};
 use runtime::source::{
-    ByteOrder, CanNumber, CanSignal, Encoding, InputNames, LineBuffer, Quantity, RegisterSpec, Table, Trace,
+    Encoding, InputNames, LineBuffer, RegisterAt, Table, Trace, parse_cells,
     WordOrder,
 };
 use std::io::Cursor;
@@ -28,7 +28,7 @@ pub struct Entrance {
 }
 
 /// All entrances.
-pub const ENTRANCES: [Entrance; 22] = [
+pub const ENTRANCES: [Entrance; 21] = [
     Entrance { name: "model", body: model, seed: || crate::stage::model_bytes().to_vec() },
     Entrance { name: "npy", body: npy, seed: npy_seed },
     Entrance {
@@ -38,8 +38,7 @@ pub const ENTRANCES: [Entrance; 22] = [
     },
     Entrance { name: "recording", body: recording, seed: recording_seed },
     Entrance { name: "config", body: config, seed: config_seed },
-    Entrance { name: "modbus", body: modbus, seed: || vec![0, 1, 63, 240, 0, 0, 0, 0, 0, 0, 12, 34, 56, 78] },
-    Entrance { name: "can", body: can, seed: || vec![7, 16, 1, 1, 0x12, 0x34, 0x56, 0x78] },
+    Entrance { name: "modbus", body: modbus, seed: || vec![4, 0, 12, 34, 56, 78] },
     Entrance {
         name: "lines",
         body: lines,
@@ -235,11 +234,10 @@ fn config_seed() -> Vec<u8> {
 name = "finger"
 model = "m.twin"
 gap_mm = 40.0
-[actuator.source]
+[actuator.sensors.gauge]
 kind = "modbus"
 tcp = "gauge:502"
-filter = { median = 5 }
-pressure = { register = 2, encoding = "f32", word_order = "little", unit = "kPa" }
+values.pressure_mpa = { from = { register = 2, encoding = "f32", word_order = "little" }, unit = "kPa", filter = { median = 5 } }
 [[actuator.output]]
 nodes = { box = { min = [0, 0, 0], max = [1, 1, 1] } }
 name = "tip"
@@ -247,39 +245,23 @@ name = "tip"
     .to_vec()
 }
 
-/// Registers as a device may send them: encoding, order, scale (8 bytes), then the registers.
+/// Registers as a device may send them: encoding and order (2 bytes), then the registers.
 pub fn modbus(bytes: &[u8]) {
-    let Some(([encoding, order, scale @ ..], registers)) = bytes.split_first_chunk::<10>() else { return };
+    let Some(([encoding, order], registers)) = bytes.split_first_chunk::<2>() else { return };
     let encodings = [Encoding::U16, Encoding::I16, Encoding::U32, Encoding::I32, Encoding::F32];
-    let spec = RegisterSpec {
+    let at = RegisterAt {
         unit_id: 1,
         register: 0,
         table: Table::Input,
         encoding: encodings[usize::from(*encoding) % encodings.len()],
         word_order: if order % 2 == 0 { WordOrder::Big } else { WordOrder::Little },
-        scale: f64::from_be_bytes(*scale),
-        offset: 0.0,
-        unit: None,
     };
     let registers: Vec<u16> =
         registers.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect();
-    let found = spec.decode(Quantity::Pressure, &registers);
-    assert_eq!(found.is_some(), registers.len() == usize::from(spec.count()));
-}
-
-/// A frame of a CAN bus: place, width, order and kind of the signal, then the data.
-pub fn can(bytes: &[u8]) {
-    let Some(([start_bit, bits, order, number], data)) = bytes.split_first_chunk::<4>() else { return };
-    let signal = CanSignal {
-        id: 0x181,
-        extended: None,
-        start_bit: *start_bit,
-        bits: bits % 64 + 1,
-        byte_order: if order % 2 == 0 { ByteOrder::Little } else { ByteOrder::Big },
-        number: [CanNumber::Unsigned, CanNumber::Signed][usize::from(*number) % 2],
-    };
-    if let Some(found) = signal.decode(data) {
-        assert!(found.abs() <= 2f64.powi(i32::from(signal.bits)), "{signal:?}: {found}");
+    let found = at.raw(&registers);
+    assert_eq!(found.is_some(), registers.len() == usize::from(at.count()));
+    if let Some(raw) = found.filter(|raw| raw.is_finite()) {
+        assert_eq!(at.encode(raw).as_ref(), Some(&registers), "{at:?}: {raw}");
     }
 }
 
@@ -287,7 +269,7 @@ pub fn can(bytes: &[u8]) {
 pub fn lines(bytes: &[u8]) {
     let mut buffer = LineBuffer::default();
     for piece in bytes.chunks(7) {
-        buffer.push(piece, |line| drop(std::hint::black_box(line)));
+        buffer.split(piece, |line| drop(std::hint::black_box(parse_cells(line, false))));
     }
 }
 

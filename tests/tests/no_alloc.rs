@@ -111,7 +111,7 @@ fn source_of_several_sensors_does_not_allocate() {
         assert_eq!(COUNT.get() - before, 0, "allocations after {readings} readings");
         if let Poll::Reading(reading) = polled {
             readings += 1;
-            with_gap += u32::from(reading.gap_mm == 40.0);
+            with_gap += u32::from(reading.sample.gap_mm == 40.0);
         }
     }
     assert!(with_gap > 100, "{with_gap} of {readings} readings had a value of the other sensor");

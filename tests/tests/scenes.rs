@@ -379,7 +379,7 @@ fn documented_sensor_scene_is_valid() {
     assert_eq!(source.unwrap().devices().len(), 4);
     // An example of every kind, there or in the shipped scene.
     let shipped = std::fs::read_to_string(root.join("config/scenes/bench.toml")).unwrap();
-    for kind in ["modbus", "lines", "iio"] {
+    for kind in ["modbus", "lines"] {
         assert!([text, &shipped].iter().any(|scene| scene.contains(&format!("kind = \"{kind}\""))), "{kind}");
     }
 }

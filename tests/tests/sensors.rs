@@ -49,7 +49,7 @@ fn silent_sensor_holds_the_twin_and_killed_bridge_ends_its_program() {
         (0.03, 40.0, 0.25, 0)
     );
     assert_eq!((whole.age_count, whole.marker_values), (11, 3));
-    let pid = whole.markers_mm[0] as i32;
+    let pid = whole.markers_mm[0].x as i32;
     assert!(runs(pid));
 
     // The scale is silent: its value becomes absent, the twin continues.
@@ -66,7 +66,7 @@ fn silent_sensor_holds_the_twin_and_killed_bridge_ends_its_program() {
     assert!(
         held_up.pressure_mpa.is_nan() && held_up.gap_mm.is_nan() && held_up.stale_values & 0b1011 == 0b1011
     );
-    assert!((300_000_000..600_000_000).contains(&held_up.ages_ns[0]), "{held_up:?}");
+    assert!((300_000_000..600_000_000).contains(&held_up.ages_ns.pressure), "{held_up:?}");
     wait_until("the held state", || {
         states.newest().unwrap().filter(|state| state.outcome == Outcome::HeldSensorFault.code())
     });

@@ -97,8 +97,8 @@ def test_outputs_are_those_of_the_tool_to_the_bit(twin, tmp_path):
         said, fields = json.loads(done.stdout), np.load(tmp_path / "state.npy")
         assert twin.get("contact_force_n", "force_by_pressure_mpa", "force_by_gap_mm", "domain_distance") == [
             said["contact_force_n"],
-            said["dforce_dpressure_n_per_mpa"],
-            said["dforce_dgap_n_per_mm"],
+            said["force_by_pressure_n_per_mpa"],
+            said["force_by_gap_n_per_mm"],
             said["domain_distance"],
         ]
         assert twin.get("onset_pressure_mpa")[0] == (np.inf if said["onset_pressure_mpa"] is None else said["onset_pressure_mpa"])

@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define SOFTTWIN_LAYOUT_VERSION 6u /* Part of every type name. */
+#define SOFTTWIN_LAYOUT_VERSION 1u /* Part of every type name. */
 #define SOFTTWIN_FIELD_SLOTS 16u /* Most fields in one sample. */
 #define SOFTTWIN_COEFFICIENTS_MAX 128u /* Most modal coefficients in one state. */
 #define SOFTTWIN_GROUPS_MAX 8u /* Most groups of fields in one state. */
@@ -145,7 +145,6 @@ typedef struct {
   uint32_t input_count; /**< Named inputs below; 0: none. */
   uint64_t ages_ns[11]; /**< Age at `t_sensor_ns` of pressure, gap, force, first marker, second, ...; of an absent value that of the last one. Unit: ns. */
   uint64_t stale_total; /**< Values that were left out because of their age since the start of the bridge. */
-  uint64_t reserved_more[2]; /**< Zero; for later values. */
   double inputs[6]; /**< Measured values of further model inputs, in the unit at the end of their names; NaN where one is absent. */
   uint8_t input_names[192]; /**< Names of these inputs, 32 bytes each, zero-padded; a longer name is cut from the left. A twin takes those of its model by name. */
   uint64_t input_ages_ns[6]; /**< Age at `t_sensor_ns` of these inputs; of an absent value that of the last one. Unit: ns. */
@@ -191,30 +190,30 @@ typedef struct {
   uint64_t t_sensor_ns; /**< When that reading was taken. Unit: ns. */
   uint64_t t_publish_ns; /**< When the state was sent. Unit: ns. */
   uint64_t age_ns; /**< Age of that reading when the state was sent. Unit: ns. */
-  double pressure_mpa; /**< Pressure of that reading; where the twin estimates the gauge's bias, the estimated one. Unit: MPa. */
-  double gap_mm; /**< Gap of that reading; where the twin estimates the gap, the estimated one. Unit: mm. */
-  double contact_force_n; /**< Predicted contact force; 0 in the free regime. Unit: N. */
-  double force_by_pressure_n_per_mpa; /**< Gradient of the force by the pressure; NaN when not configured. Unit: N/MPa. */
-  double force_by_gap_n_per_mm; /**< Gradient of the force by the gap; NaN when not configured. Unit: N/mm. */
-  double onset_pressure_mpa; /**< Pressure of first contact at this gap; infinite when the plate is out of reach. Unit: MPa. */
   double measured_force_n; /**< Measured contact force; NaN when there is none. Unit: N. */
+  uint32_t outcome; /**< Outcome of the newest reading. */
+  uint32_t reserved; /**< Zero. */
+  uint8_t input_sources[8]; /**< Source of the value of each input. */
+  uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
+  double pressure_mpa; /**< Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias. Unit: MPa. */
+  double gap_mm; /**< Gap: of the reading, given, found or estimated. Unit: mm. */
+  double contact_force_n; /**< Predicted contact force; 0 in the free regime. Unit: N. */
+  double force_by_pressure_n_per_mpa; /**< Derivative of the force with respect to the pressure; NaN when not configured. Unit: N/MPa. */
+  double force_by_gap_n_per_mm; /**< Derivative of the force with respect to the gap; NaN when not configured. Unit: N/mm. */
+  double onset_pressure_mpa; /**< Pressure of first contact at this gap; infinite when the plate is out of reach. Unit: MPa. */
   float force_halfwidth_n; /**< Half-width of the force; NaN when not configured. Unit: N. */
   float displacement_halfwidth_mm; /**< Half-width of the displacement; NaN when not configured. Unit: mm. */
   float von_mises_halfwidth_mpa; /**< Half-width of the stress; NaN when not configured. Unit: MPa. */
   float domain_distance; /**< Distance to the sampled states, over inputs scaled to [0, 1]: 0 inside, never negative. */
   uint32_t regime; /**< Regime. */
-  uint32_t outcome; /**< Outcome of the newest reading. */
-  uint32_t domain_status; /**< Where the inputs lie among the sampled states: 0 inside, 1 near the edge, 2 outside. */
+  uint32_t domain_status; /**< Position of the inputs relative to the sampled states: 0 inside, 1 near the edge, 2 outside. */
   uint32_t coefficient_count; /**< Coefficients in use. */
-  uint8_t group_sizes[8]; /**< Coefficients of each group, in the model's order; the rest 0. More in all than fit below: flag `coefficients-cut`. */
-  float coefficients[128]; /**< Modal coefficients, group by group; the rest 0. */
-  uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
   uint32_t input_count; /**< Inputs of the model. */
-  uint32_t reserved; /**< Zero. */
-  double inputs[8]; /**< The model's inputs that the values stand for, in its order and units. */
-  double force_by_input[8]; /**< Gradient of the force by each input, N per unit of the input; NaN when not configured. */
+  uint8_t group_sizes[8]; /**< Coefficients of each group, in the model's order; the rest 0. With more in all than fit below the flag `coefficients-cut` is set. */
+  float coefficients[128]; /**< Modal coefficients, group by group; the rest 0. */
+  double inputs[8]; /**< The model's inputs, in its order and units; NaN without an answer. */
+  double force_by_input[8]; /**< Derivative of the force with respect to each input, N per unit of the input; NaN when not configured. */
   uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
-  uint8_t input_sources[8]; /**< Where the value of each input comes from. */
 } softtwin_state;
 
 /** Counters since the start of the twin and latencies of the last interval. `received` is the sum of all outcomes. */
@@ -269,7 +268,6 @@ typedef struct {
   double forces_n[8]; /**< Force of each finger; the rest 0. Unit: N. */
   double pressures_mpa[8]; /**< Pressure of each finger; the rest 0. Unit: MPa. */
   double force_halfwidth_n; /**< Half-width of the forces. Unit: N. */
-  uint64_t reserved[3]; /**< Zero; for later values. */
   uint8_t scene[32]; /**< Name of the scene, zero-padded. */
 } softtwin_grasp;
 
@@ -280,7 +278,6 @@ typedef struct {
   uint64_t t_sensor_ns; /**< When the reading that the command answers was taken; 0: it answers none. Unit: ns. */
   uint64_t t_publish_ns; /**< When it was sent. Unit: ns. */
   double pressure_mpa; /**< Gauge pressure that is wanted. Unit: MPa. */
-  uint64_t reserved; /**< Zero; for later values. */
 } softtwin_command;
 
 /** Estimated quantities after one reading, with what the reading said about model and sensors. */
@@ -312,7 +309,6 @@ typedef struct {
   uint8_t names[256]; /**< Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left. */
   uint32_t suspects; /**< What the alarm names: bit 0 the first input (the pressure) or quantity; of measurements the bits of `rejected`. */
   uint32_t reserved; /**< Zero. */
-  uint64_t reserved_more[2]; /**< Zero; for later values. */
 } softtwin_estimate;
 
 /** One setpoint. Hold-to-run: it counts until `valid_for_ns` after `t_publish_ns`; without a newer one the valve then takes its safe value. On the topic `override` it is the operator's and wins over the setpoint's until it is released. */
@@ -324,7 +320,6 @@ typedef struct {
   uint64_t valid_for_ns; /**< How long it counts from then on. Of an override 0: until it is released. Unit: ns. */
   double pressure_mpa; /**< Gauge pressure that is wanted; NaN: none. Of an override NaN: released. Unit: MPa. */
   uint8_t owner[32]; /**< Name of the owner, zero-padded. */
-  uint64_t reserved[2]; /**< Zero; for later values. */
 } softtwin_setpoint;
 
 /** What the bridge has written to the valve of an actuator, one for each write or attempt. */
@@ -348,7 +343,6 @@ typedef struct {
   uint64_t failures; /**< Writes that have failed since the start. */
   uint64_t timeouts; /**< Times that the setpoint was not renewed in its time. */
   uint64_t interlocks; /**< Times that an interlock has closed. */
-  uint64_t reserved_more[2]; /**< Zero; for later values. */
 } softtwin_valve;
 
 /** One question. What its kind does not need is NaN. */
@@ -371,39 +365,39 @@ typedef struct {
   uint32_t layout_version; /**< Layout version. */
   uint32_t status; /**< 0: answered, else the reason why there is no answer. */
   uint8_t model_hash[16]; /**< First 16 bytes of the model file's hash. */
-  uint32_t kind; /**< What was asked for. */
-  uint32_t regime; /**< Regime. */
-  uint32_t domain_status; /**< Where the inputs lie among the sampled states: 0 inside, 1 near the edge, 2 outside. */
+  uint32_t kind; /**< Kind of the question. */
   uint32_t flags; /**< Set flags. */
   uint64_t compute_ns; /**< Time that the answer took to compute. Unit: ns. */
-  double pressure_mpa; /**< Pressure: given or found. Unit: MPa. */
-  double gap_mm; /**< Gap: given or found. Unit: mm. */
-  double contact_force_n; /**< Contact force at that pressure and gap. Unit: N. */
-  double force_by_pressure_n_per_mpa; /**< Gradient of the force by the pressure. Unit: N/MPa. */
-  double force_by_gap_n_per_mm; /**< Gradient of the force by the gap. Unit: N/mm. */
-  double onset_pressure_mpa; /**< Pressure of first contact at this gap; infinite when the plate is out of reach. Unit: MPa. */
   double uncertainty; /**< Half-width of what was found (pressure in MPa, gap in mm); NaN for a what-if. */
   double low; /**< Lower end of what explains the question within the half-widths, cut at the sampled states; NaN for a what-if. */
   double high; /**< Upper end of it; NaN for a what-if. */
   double limit; /**< The number that belongs to `status`; NaN when answered. */
-  float force_halfwidth_n; /**< Half-width of the force. Unit: N. */
-  float displacement_halfwidth_mm; /**< Half-width of the displacement. Unit: mm. */
-  float von_mises_halfwidth_mpa; /**< Half-width of the stress. Unit: MPa. */
-  float domain_distance; /**< Distance to the sampled states, over inputs scaled to [0, 1]: 0 inside, never negative. */
-  uint32_t coefficient_count; /**< Coefficients in use. */
   uint32_t node_count; /**< Nodes of the field; 0: none was wanted. */
   uint32_t field_count; /**< Fields of the field sample. */
-  uint32_t max_von_mises_node; /**< Node (number in the model) of the largest stress; 4294967295 without a field. */
   double max_von_mises_mpa; /**< Largest von Mises stress among the nodes of the field; NaN without a field. Unit: MPa. */
+  uint32_t max_von_mises_node; /**< Node (number in the model) of the largest stress; 4294967295 without a field. */
+  uint32_t reserved; /**< Zero. */
   uint8_t field_ids[16]; /**< Which field is where; unused slots are 0. */
-  uint8_t group_sizes[8]; /**< Coefficients of each group, in the model's order; the rest 0. */
-  float coefficients[128]; /**< Modal coefficients, group by group; the rest 0. */
   uint8_t node_set[32]; /**< Name of the node set of the field, zero-padded. */
   uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
+  double pressure_mpa; /**< Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias. Unit: MPa. */
+  double gap_mm; /**< Gap: of the reading, given, found or estimated. Unit: mm. */
+  double contact_force_n; /**< Predicted contact force; 0 in the free regime. Unit: N. */
+  double force_by_pressure_n_per_mpa; /**< Derivative of the force with respect to the pressure; NaN when not configured. Unit: N/MPa. */
+  double force_by_gap_n_per_mm; /**< Derivative of the force with respect to the gap; NaN when not configured. Unit: N/mm. */
+  double onset_pressure_mpa; /**< Pressure of first contact at this gap; infinite when the plate is out of reach. Unit: MPa. */
+  float force_halfwidth_n; /**< Half-width of the force; NaN when not configured. Unit: N. */
+  float displacement_halfwidth_mm; /**< Half-width of the displacement; NaN when not configured. Unit: mm. */
+  float von_mises_halfwidth_mpa; /**< Half-width of the stress; NaN when not configured. Unit: MPa. */
+  float domain_distance; /**< Distance to the sampled states, over inputs scaled to [0, 1]: 0 inside, never negative. */
+  uint32_t regime; /**< Regime. */
+  uint32_t domain_status; /**< Position of the inputs relative to the sampled states: 0 inside, 1 near the edge, 2 outside. */
+  uint32_t coefficient_count; /**< Coefficients in use. */
   uint32_t input_count; /**< Inputs of the model. */
-  uint32_t reserved; /**< Zero. */
-  double inputs[8]; /**< The model's inputs that the answer stands for, in its order and units; NaN where there is no answer. */
-  double force_by_input[8]; /**< Gradient of the force by each input, N per unit of the input. */
+  uint8_t group_sizes[8]; /**< Coefficients of each group, in the model's order; the rest 0. With more in all than fit below the flag `coefficients-cut` is set. */
+  float coefficients[128]; /**< Modal coefficients, group by group; the rest 0. */
+  double inputs[8]; /**< The model's inputs, in its order and units; NaN without an answer. */
+  double force_by_input[8]; /**< Derivative of the force with respect to each input, N per unit of the input; NaN when not configured. */
   uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_answer;
 
@@ -413,7 +407,7 @@ typedef struct {
 #else
 #define SOFTTWIN_CHECK(condition) _Static_assert(condition, #condition)
 #endif
-SOFTTWIN_CHECK(sizeof(softtwin_sensor_sample) == 672);
+SOFTTWIN_CHECK(sizeof(softtwin_sensor_sample) == 656);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, boot_id) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, seq) == 8);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, t_sensor_ns) == 16);
@@ -430,10 +424,9 @@ SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, fault_values) == 264);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, input_count) == 268);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, ages_ns) == 272);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, stale_total) == 360);
-SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, reserved_more) == 368);
-SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, inputs) == 384);
-SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, input_names) == 432);
-SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, input_ages_ns) == 624);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, inputs) == 368);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, input_names) == 416);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, input_ages_ns) == 608);
 SOFTTWIN_CHECK(sizeof(softtwin_field_header) == 504);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, flags) == 4);
@@ -470,30 +463,30 @@ SOFTTWIN_CHECK(offsetof(softtwin_state, sensor_seq) == 48);
 SOFTTWIN_CHECK(offsetof(softtwin_state, t_sensor_ns) == 56);
 SOFTTWIN_CHECK(offsetof(softtwin_state, t_publish_ns) == 64);
 SOFTTWIN_CHECK(offsetof(softtwin_state, age_ns) == 72);
-SOFTTWIN_CHECK(offsetof(softtwin_state, pressure_mpa) == 80);
-SOFTTWIN_CHECK(offsetof(softtwin_state, gap_mm) == 88);
-SOFTTWIN_CHECK(offsetof(softtwin_state, contact_force_n) == 96);
-SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_pressure_n_per_mpa) == 104);
-SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_gap_n_per_mm) == 112);
-SOFTTWIN_CHECK(offsetof(softtwin_state, onset_pressure_mpa) == 120);
-SOFTTWIN_CHECK(offsetof(softtwin_state, measured_force_n) == 128);
-SOFTTWIN_CHECK(offsetof(softtwin_state, force_halfwidth_n) == 136);
-SOFTTWIN_CHECK(offsetof(softtwin_state, displacement_halfwidth_mm) == 140);
-SOFTTWIN_CHECK(offsetof(softtwin_state, von_mises_halfwidth_mpa) == 144);
-SOFTTWIN_CHECK(offsetof(softtwin_state, domain_distance) == 148);
-SOFTTWIN_CHECK(offsetof(softtwin_state, regime) == 152);
-SOFTTWIN_CHECK(offsetof(softtwin_state, outcome) == 156);
-SOFTTWIN_CHECK(offsetof(softtwin_state, domain_status) == 160);
-SOFTTWIN_CHECK(offsetof(softtwin_state, coefficient_count) == 164);
-SOFTTWIN_CHECK(offsetof(softtwin_state, group_sizes) == 168);
-SOFTTWIN_CHECK(offsetof(softtwin_state, coefficients) == 176);
-SOFTTWIN_CHECK(offsetof(softtwin_state, actuator) == 688);
-SOFTTWIN_CHECK(offsetof(softtwin_state, input_count) == 720);
-SOFTTWIN_CHECK(offsetof(softtwin_state, reserved) == 724);
-SOFTTWIN_CHECK(offsetof(softtwin_state, inputs) == 728);
-SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_input) == 792);
-SOFTTWIN_CHECK(offsetof(softtwin_state, input_names) == 856);
-SOFTTWIN_CHECK(offsetof(softtwin_state, input_sources) == 1112);
+SOFTTWIN_CHECK(offsetof(softtwin_state, measured_force_n) == 80);
+SOFTTWIN_CHECK(offsetof(softtwin_state, outcome) == 88);
+SOFTTWIN_CHECK(offsetof(softtwin_state, reserved) == 92);
+SOFTTWIN_CHECK(offsetof(softtwin_state, input_sources) == 96);
+SOFTTWIN_CHECK(offsetof(softtwin_state, actuator) == 104);
+SOFTTWIN_CHECK(offsetof(softtwin_state, pressure_mpa) == 136);
+SOFTTWIN_CHECK(offsetof(softtwin_state, gap_mm) == 144);
+SOFTTWIN_CHECK(offsetof(softtwin_state, contact_force_n) == 152);
+SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_pressure_n_per_mpa) == 160);
+SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_gap_n_per_mm) == 168);
+SOFTTWIN_CHECK(offsetof(softtwin_state, onset_pressure_mpa) == 176);
+SOFTTWIN_CHECK(offsetof(softtwin_state, force_halfwidth_n) == 184);
+SOFTTWIN_CHECK(offsetof(softtwin_state, displacement_halfwidth_mm) == 188);
+SOFTTWIN_CHECK(offsetof(softtwin_state, von_mises_halfwidth_mpa) == 192);
+SOFTTWIN_CHECK(offsetof(softtwin_state, domain_distance) == 196);
+SOFTTWIN_CHECK(offsetof(softtwin_state, regime) == 200);
+SOFTTWIN_CHECK(offsetof(softtwin_state, domain_status) == 204);
+SOFTTWIN_CHECK(offsetof(softtwin_state, coefficient_count) == 208);
+SOFTTWIN_CHECK(offsetof(softtwin_state, input_count) == 212);
+SOFTTWIN_CHECK(offsetof(softtwin_state, group_sizes) == 216);
+SOFTTWIN_CHECK(offsetof(softtwin_state, coefficients) == 224);
+SOFTTWIN_CHECK(offsetof(softtwin_state, inputs) == 736);
+SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_input) == 800);
+SOFTTWIN_CHECK(offsetof(softtwin_state, input_names) == 864);
 SOFTTWIN_CHECK(sizeof(softtwin_health) == 416);
 SOFTTWIN_CHECK(offsetof(softtwin_health, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_health, flags) == 4);
@@ -521,7 +514,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_health, compute_p99_ns) == 176);
 SOFTTWIN_CHECK(offsetof(softtwin_health, compute_max_ns) == 184);
 SOFTTWIN_CHECK(offsetof(softtwin_health, outcomes) == 192);
 SOFTTWIN_CHECK(offsetof(softtwin_health, actuator) == 384);
-SOFTTWIN_CHECK(sizeof(softtwin_grasp) == 312);
+SOFTTWIN_CHECK(sizeof(softtwin_grasp) == 288);
 SOFTTWIN_CHECK(offsetof(softtwin_grasp, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_grasp, flags) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_grasp, boot_id) == 8);
@@ -542,16 +535,14 @@ SOFTTWIN_CHECK(offsetof(softtwin_grasp, stop_pressure_halfwidth_mpa) == 112);
 SOFTTWIN_CHECK(offsetof(softtwin_grasp, forces_n) == 120);
 SOFTTWIN_CHECK(offsetof(softtwin_grasp, pressures_mpa) == 184);
 SOFTTWIN_CHECK(offsetof(softtwin_grasp, force_halfwidth_n) == 248);
-SOFTTWIN_CHECK(offsetof(softtwin_grasp, reserved) == 256);
-SOFTTWIN_CHECK(offsetof(softtwin_grasp, scene) == 280);
-SOFTTWIN_CHECK(sizeof(softtwin_command) == 48);
+SOFTTWIN_CHECK(offsetof(softtwin_grasp, scene) == 256);
+SOFTTWIN_CHECK(sizeof(softtwin_command) == 40);
 SOFTTWIN_CHECK(offsetof(softtwin_command, boot_id) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_command, seq) == 8);
 SOFTTWIN_CHECK(offsetof(softtwin_command, t_sensor_ns) == 16);
 SOFTTWIN_CHECK(offsetof(softtwin_command, t_publish_ns) == 24);
 SOFTTWIN_CHECK(offsetof(softtwin_command, pressure_mpa) == 32);
-SOFTTWIN_CHECK(offsetof(softtwin_command, reserved) == 40);
-SOFTTWIN_CHECK(sizeof(softtwin_estimate) == 640);
+SOFTTWIN_CHECK(sizeof(softtwin_estimate) == 624);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, status) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, model_hash) == 8);
@@ -579,8 +570,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_estimate, actuator) == 328);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, names) == 360);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, suspects) == 616);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, reserved) == 620);
-SOFTTWIN_CHECK(offsetof(softtwin_estimate, reserved_more) == 624);
-SOFTTWIN_CHECK(sizeof(softtwin_setpoint) == 96);
+SOFTTWIN_CHECK(sizeof(softtwin_setpoint) == 80);
 SOFTTWIN_CHECK(offsetof(softtwin_setpoint, boot_id) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_setpoint, seq) == 8);
 SOFTTWIN_CHECK(offsetof(softtwin_setpoint, t_sensor_ns) == 16);
@@ -588,8 +578,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_setpoint, t_publish_ns) == 24);
 SOFTTWIN_CHECK(offsetof(softtwin_setpoint, valid_for_ns) == 32);
 SOFTTWIN_CHECK(offsetof(softtwin_setpoint, pressure_mpa) == 40);
 SOFTTWIN_CHECK(offsetof(softtwin_setpoint, owner) == 48);
-SOFTTWIN_CHECK(offsetof(softtwin_setpoint, reserved) == 80);
-SOFTTWIN_CHECK(sizeof(softtwin_valve) == 176);
+SOFTTWIN_CHECK(sizeof(softtwin_valve) == 160);
 SOFTTWIN_CHECK(offsetof(softtwin_valve, boot_id) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_valve, seq) == 8);
 SOFTTWIN_CHECK(offsetof(softtwin_valve, t_sensor_ns) == 16);
@@ -609,7 +598,6 @@ SOFTTWIN_CHECK(offsetof(softtwin_valve, writes) == 128);
 SOFTTWIN_CHECK(offsetof(softtwin_valve, failures) == 136);
 SOFTTWIN_CHECK(offsetof(softtwin_valve, timeouts) == 144);
 SOFTTWIN_CHECK(offsetof(softtwin_valve, interlocks) == 152);
-SOFTTWIN_CHECK(offsetof(softtwin_valve, reserved_more) == 160);
 SOFTTWIN_CHECK(sizeof(softtwin_query) == 320);
 SOFTTWIN_CHECK(offsetof(softtwin_query, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_query, kind) == 4);
@@ -627,36 +615,36 @@ SOFTTWIN_CHECK(offsetof(softtwin_answer, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, status) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, model_hash) == 8);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, kind) == 24);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, regime) == 28);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, domain_status) == 32);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, flags) == 36);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, compute_ns) == 40);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, pressure_mpa) == 48);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, gap_mm) == 56);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, contact_force_n) == 64);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, force_by_pressure_n_per_mpa) == 72);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, force_by_gap_n_per_mm) == 80);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, onset_pressure_mpa) == 88);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, uncertainty) == 96);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, low) == 104);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, high) == 112);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, limit) == 120);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, force_halfwidth_n) == 128);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, displacement_halfwidth_mm) == 132);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, von_mises_halfwidth_mpa) == 136);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, domain_distance) == 140);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, coefficient_count) == 144);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, node_count) == 148);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, field_count) == 152);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, max_von_mises_node) == 156);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, max_von_mises_mpa) == 160);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, field_ids) == 168);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, group_sizes) == 184);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, coefficients) == 192);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, node_set) == 704);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, actuator) == 736);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, input_count) == 768);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, reserved) == 772);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, flags) == 28);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, compute_ns) == 32);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, uncertainty) == 40);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, low) == 48);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, high) == 56);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, limit) == 64);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, node_count) == 72);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, field_count) == 76);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, max_von_mises_mpa) == 80);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, max_von_mises_node) == 88);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, reserved) == 92);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, field_ids) == 96);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, node_set) == 112);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, actuator) == 144);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, pressure_mpa) == 176);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, gap_mm) == 184);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, contact_force_n) == 192);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, force_by_pressure_n_per_mpa) == 200);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, force_by_gap_n_per_mm) == 208);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, onset_pressure_mpa) == 216);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, force_halfwidth_n) == 224);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, displacement_halfwidth_mm) == 228);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, von_mises_halfwidth_mpa) == 232);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, domain_distance) == 236);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, regime) == 240);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, domain_status) == 244);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, coefficient_count) == 248);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, input_count) == 252);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, group_sizes) == 256);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, coefficients) == 264);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, inputs) == 776);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, force_by_input) == 840);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, input_names) == 904);

@@ -40,7 +40,7 @@ pub extern "C" fn softtwin_last_error() -> *const c_char {
 /// Layout version of this library; it must be that of the header, see `SOFTTWIN_LAYOUT_VERSION`.
 #[unsafe(no_mangle)]
 pub extern "C" fn softtwin_layout_version() -> u32 {
-    wire::layout::VERSION
+    wire::layout::LAYOUT_VERSION
 }
 
 /// The wire's clock: ns of the machine's monotonic clock, the same in every process.

@@ -34,7 +34,7 @@ use endpoint::list;
 use link::{Counters, Link};
 use liveness::Liveness;
 use queries::QueryHandler;
-use recording::ThreadGroup;
+use wire::thread_group::ThreadGroup;
 use runtime::config::ConfigError;
 use runtime::{metrics, service};
 use std::net::SocketAddr;

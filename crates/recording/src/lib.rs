@@ -21,7 +21,6 @@ mod retention;
 mod rotate;
 mod series;
 mod store;
-pub mod thread_group;
 mod writer;
 
 pub use contents::{ChannelInfo, Item, Message};
@@ -33,7 +32,6 @@ pub use retention::{FreeSpace, Retention};
 pub use rotate::{DiskUse, RotateOptions, RotateSummary, RotatingWriter};
 pub use series::{ReadItems, Series, SeriesReader};
 pub use store::Store;
-pub use thread_group::{StopFlag, ThreadEnded, ThreadGroup, ThreadResult};
 pub use writer::{Channel, ChannelId, WriteError, Writer};
 
 /// Metadata at the head of every file.

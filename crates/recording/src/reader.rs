@@ -8,7 +8,7 @@ use mcap::records::op;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
 use thiserror::Error;
-use wire::layout::VERSION;
+use wire::layout::LAYOUT_VERSION;
 
 use crate::contents::{Contents, Item};
 use crate::parse;
@@ -39,7 +39,7 @@ pub enum ReadError {
     },
     /// A recording of another version.
     #[error(
-        "expected a recording of layout {VERSION}, found {found}; record again with `softtwin record` of this version"
+        "expected a recording of layout {LAYOUT_VERSION}, found {found}; record again with `softtwin record` of this version"
     )]
     Layout {
         /// The recording's layout.
@@ -230,7 +230,7 @@ impl<R: Read> Reader<R> {
 fn check_layout(item: &Item) -> Result<(), ReadError> {
     match item {
         Item::Metadata { name, entries } if name == crate::ABOUT => match entries.get(crate::LAYOUT) {
-            Some(found) if *found == VERSION.to_string() => Ok(()),
+            Some(found) if *found == LAYOUT_VERSION.to_string() => Ok(()),
             found => Err(ReadError::Layout { found: found.map_or("none", String::as_str).into() }),
         },
         _ => Ok(()),

@@ -22,11 +22,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use wire::layout::VERSION;
+use wire::layout::LAYOUT_VERSION;
 use wire::{Domain, KeyExpr, Topic, TopicKind, WireError, now_ns};
 
 use crate::rotate::{RotateOptions, RotatingWriter};
-use crate::thread_group::{ThreadEnded, ThreadGroup, WAIT};
+use wire::thread_group::{ThreadEnded, ThreadGroup, WAIT};
 pub use queue::FLUSH_EVERY;
 use queue::{Queue, WriterThread};
 use scan::{ScanResult, TopicScan};
@@ -204,7 +204,7 @@ fn about(options: &RecorderOptions, offset_ns: u64) -> BTreeMap<String, String> 
     let keys: Vec<&str> = options.keys.iter().map(KeyExpr::as_str).collect();
     BTreeMap::from([
         ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
-        (crate::LAYOUT.to_owned(), VERSION.to_string()),
+        (crate::LAYOUT.to_owned(), LAYOUT_VERSION.to_string()),
         ("keys".to_owned(), keys.join(" ")),
         // Added to a stamp of the monotonic clock it gives the time since 1970.
         ("wall_minus_monotonic_ns".to_owned(), offset_ns.to_string()),

@@ -7,4 +7,3 @@ mod messages;
 mod recorder;
 mod reference;
 mod series;
-mod threads;

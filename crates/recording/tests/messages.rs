@@ -5,7 +5,7 @@ use recording::Channel;
 use recording::message::{FieldMessage, Recorded, channel, decode, decode_field, decode_reading};
 use serde_json::Value;
 use wire::layout::{
-    COEFFICIENTS_MAX, FINGERS_MAX, GROUPS_MAX, Layout, PARAMETERS_MAX, PAYLOADS, Payload, VERSION,
+    COEFFICIENTS_MAX, FINGERS_MAX, GROUPS_MAX, Layout, PARAMETERS_MAX, PAYLOADS, Payload, LAYOUT_VERSION,
     input_source, pack_name, set_slot, value_bits,
 };
 use wire::{
@@ -169,7 +169,7 @@ fn the_json_form_of_a_state_is_fixed() {
 fn ages_and_faults_of_a_reading_come_back() {
     let mut aged =
         SensorSample { age_count: 11, stale_values: 0b1010, fault_values: 1, ..SensorSample::default() };
-    (aged.ages_ns[2], aged.stale_total, aged.boot_id, aged.gap_mm) = (7_000_000, 12, 255, 40.0);
+    (aged.ages_ns.force, aged.stale_total, aged.boot_id, aged.gap_mm) = (7_000_000, 12, 255, 40.0);
     let mut bytes = Vec::new();
     aged.view().encode(&mut bytes);
     let value: Value = serde_json::from_slice(&bytes).expect("JSON");
@@ -219,7 +219,7 @@ fn a_wrong_property_is_named_with_what_is_expected() {
 fn states_healths_grasps_and_headers_come_back() {
     let mut bytes = Vec::new();
     let mut state =
-        State { layout_version: VERSION, coefficient_count: COEFFICIENTS_MAX as u32, ..State::default() };
+        State { layout_version: LAYOUT_VERSION, coefficient_count: COEFFICIENTS_MAX as u32, ..State::default() };
     for (index, coefficient) in state.coefficients.iter_mut().enumerate() {
         *coefficient = f32::from_bits(0x3f00_0001 + 0x0101_7f3b_u32.wrapping_mul(index as u32) % 0x3000_0000);
     }
@@ -270,14 +270,16 @@ proptest! {
     #[test]
     fn markers_are_read_back_bit_identical(values in prop::collection::vec(any::<u64>(), 0..=24)) {
         let mut sample = SensorSample { seq: 1, marker_values: values.len() as u32, ..SensorSample::default() };
-        for (to, from) in sample.markers_mm.iter_mut().zip(&values) {
+        let coordinates = sample.markers_mm.iter_mut().flat_map(|marker| [&mut marker.x, &mut marker.y, &mut marker.z]);
+        for (to, from) in coordinates.zip(&values) {
             *to = f64::from_bits(*from);
         }
         let mut bytes = Vec::new();
         sample.view().encode(&mut bytes);
         let back = decode_reading(&bytes).expect("readable");
         prop_assert_eq!(back.marker_values, sample.marker_values);
-        for (back, was) in back.markers_mm.iter().zip(&sample.markers_mm) {
+        let coordinates = |sample: &SensorSample| sample.markers_mm.map(|marker| [marker.x, marker.y, marker.z]);
+        for (back, was) in coordinates(&back).as_flattened().iter().zip(coordinates(&sample).as_flattened()) {
             prop_assert!(back.to_bits() == was.to_bits() || (back.is_nan() && was.is_nan()));
         }
     }

@@ -104,7 +104,7 @@ fn what_is_published_is_in_the_file() {
         metadata.iter().find(|(name, _)| name == "softtwin.model.finger").expect("the model is named");
     assert_eq!(model.1["model_hash"], "ab".repeat(16));
     let (_, about) = metadata.iter().find(|(name, _)| name == "softtwin.recording").expect("metadata");
-    assert_eq!(about["layout"], wire::layout::VERSION.to_string());
+    assert_eq!(about["layout"], wire::layout::LAYOUT_VERSION.to_string());
     drop((sensor, state, bus));
     domain.remove_leftovers().expect("removed");
 }

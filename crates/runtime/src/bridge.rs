@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
 use std::time::Duration;
-use wire::{Bus, SensorWriter, Topic, WireError, boot_id, now_ns};
+use wire::{Bus, SensorSample, SensorWriter, Topic, WireError, boot_id, now_ns};
 
 /// The devices behind a bridge's sources: actuator, name of the sensor (empty where the scene names none), counters.
 pub type BridgeDevices = Vec<(String, String, Arc<SensorCounters>)>;
@@ -184,7 +184,7 @@ impl Line {
                 }
             };
             self.seq += 1;
-            let sent = self.writer.publish(reading.sample(boot_id, self.seq));
+            let sent = self.writer.publish(SensorSample { boot_id, seq: self.seq, ..reading.sample });
             let counter = if sent.is_ok() { &counters.sent } else { &counters.failed };
             counter.fetch_add(1, Ordering::Relaxed);
             // A device's reading has no due time (NaN) and is never late.

@@ -1,8 +1,8 @@
 //! The estimator of an actuator: the scene's unknowns and sensors, the model's predictions of what they measure.
 
-use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, PRESSURE_BIAS};
+use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, PRESSURE_BIAS, Sigmas};
+use crate::load::Needs;
 use crate::measured::MeasuredInputs;
-use crate::source::{FORCE, Reading};
 use estimate::{
     Alarm, Filter, InputRole, MAX_INPUTS, Measurement, Predicted, Row, Setup, Status, Unknown, Update,
 };
@@ -12,7 +12,7 @@ use rom::model::Model;
 use rom::probe::{MeshPoint, ProbePosition, Probes};
 use rom::regime::LastOnset;
 use rom::snapshots::RegimeKind;
-use wire::layout::{AGES_MAX, estimate_alarm, estimate_status};
+use wire::layout::{MARKERS_MAX, Marker, estimate_alarm, estimate_status};
 use wire::{Estimate, SensorSample};
 
 /// Standard deviations of a normal distribution within the model's half-widths, which hold for 90 % of the states.
@@ -27,7 +27,6 @@ const MAX_BIAS: f64 = 1e3;
 pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
     let inputs = &model.header.inputs;
     let sigmas = spec.sigmas();
-    let [pressure_sigma, gap_sigma, ..] = sigmas;
     let keys: Vec<String> = inputs.iter().map(InputSpec::key).collect();
     let names: Vec<&str> = keys.iter().map(String::as_str).chain(BIASES).collect();
     let mut problems: Vec<String> = Vec::new();
@@ -63,18 +62,18 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
              {{ sigma = ... }} here; found none"
         ));
     }
-    let needs = [model.header.needs(PRESSURE), model.header.needs(GAP)];
+    let needs = Needs::of(&model.header);
     let role = |(input, key): (usize, &String)| match (input, position(key), spec.gap_mm) {
-        (PRESSURE, ..) if !needs[0] => InputRole::Given(0.0),
+        (PRESSURE, ..) if !needs.pressure => InputRole::Given(0.0),
         (PRESSURE, ..) => InputRole::Measured {
-            sigma: pressure_sigma,
+            sigma: sigmas.pressure_mpa,
             bias: position(PRESSURE_BIAS),
             rate_change: spec.sigma.pressure_rate_mpa_per_s,
         },
         (_, Some(unknown), _) => InputRole::Estimated(unknown),
         (GAP, None, Gap::Fixed(gap_mm)) => InputRole::Given(gap_mm),
-        (GAP, None, _) if !needs[1] => InputRole::Given(f64::INFINITY),
-        (GAP, None, _) => InputRole::Measured { sigma: gap_sigma, bias: None, rate_change: None },
+        (GAP, None, _) if !needs.gap => InputRole::Given(f64::INFINITY),
+        (GAP, None, _) => InputRole::Measured { sigma: sigmas.gap_mm, bias: None, rate_change: None },
         _ if is_measured(key) => {
             let sigma = spec.input_sigma(key).unwrap_or(f64::NAN);
             InputRole::Measured { sigma, bias: None, rate_change: None }
@@ -95,9 +94,7 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
 }
 
 /// The force, then x, y, z of each marker.
-fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>, sigmas: &[f64]) -> Vec<Row> {
-    let mut sigmas = sigmas.iter().copied().skip(FORCE);
-    let mut sigma = || sigmas.next().unwrap_or(f64::NAN);
+fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>, sigmas: &Sigmas) -> Vec<Row> {
     let regimes = model.header.regimes.iter();
     let (force, displacement) = regimes.fold((0.0_f64, 0.0_f64), |(force, displacement), regime| {
         (force.max(regime.halfwidths.force_n), displacement.max(regime.halfwidths.displacement_mm))
@@ -105,15 +102,16 @@ fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>, sigmas: &
     let force = Row {
         name: "measured_force_n".into(),
         block: 0,
-        sigma: sigma(),
+        sigma: sigmas.force_n,
         model_sigma: spec.sigma.model_force_n.unwrap_or(force / HALFWIDTH_SIGMAS),
         bias: force_bias,
     };
     let marker = |(at, marker): (usize, &crate::config::MarkerSpec)| {
-        ["x", "y", "z"].map(|axis| Row {
+        let Marker { x, y, z } = sigmas.markers_mm.get(at).copied().unwrap_or(Marker::ABSENT);
+        [("x", x), ("y", y), ("z", z)].map(|(axis, sigma)| Row {
             name: format!("{} {axis}", marker.name),
             block: at + 1,
-            sigma: sigma(),
+            sigma,
             model_sigma: spec.sigma.model_mm.unwrap_or(displacement / HALFWIDTH_SIGMAS),
             bias: None,
         })
@@ -217,22 +215,40 @@ pub struct Estimator {
     used: Used,
 }
 
-/// When force and markers that were used last were taken, ns: a measurement counts once, also where a slow sensor's value is
-/// in many readings.
+/// Times of the force and the markers that were used last, ns: a measurement counts once, although the readings repeat a slow
+/// sensor's value.
 #[derive(Debug, Clone, Default)]
-struct Used([u64; AGES_MAX - FORCE]);
+struct Used {
+    force_ns: u64,
+    markers_ns: [u64; MARKERS_MAX],
+}
+
+/// Values of a reading that were not used before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct New {
+    force: bool,
+    markers: [bool; MARKERS_MAX],
+}
 
 impl Used {
-    /// Which of force and markers are new in this reading; they count as used from now on.
-    fn new_in(&mut self, sample: &SensorSample) -> [bool; AGES_MAX - FORCE] {
-        let mut is_new = [true; AGES_MAX - FORCE];
-        let ages = sample.ages_ns.iter().take(sample.age_count as usize).skip(FORCE);
-        for ((age_ns, used_ns), is_new) in ages.zip(&mut self.0).zip(&mut is_new) {
-            let taken_ns = sample.t_sensor_ns.saturating_sub(*age_ns);
-            *is_new = taken_ns > *used_ns;
-            *used_ns = taken_ns.max(*used_ns);
+    /// Values that are new in this reading; they count as used from now on. Without ages all are new.
+    fn new_in(&mut self, sample: &SensorSample) -> New {
+        let mut new = New { force: true, markers: [true; MARKERS_MAX] };
+        if sample.age_count == 0 {
+            return new;
         }
-        is_new
+        let is_new = |age_ns: u64, used_ns: &mut u64| {
+            let taken_ns = sample.t_sensor_ns.saturating_sub(age_ns);
+            let is_new = taken_ns > *used_ns;
+            *used_ns = taken_ns.max(*used_ns);
+            is_new
+        };
+        new.force = is_new(sample.ages_ns.force, &mut self.force_ns);
+        let markers = sample.ages_ns.markers.iter().zip(&mut self.markers_ns);
+        for (new, (age_ns, used_ns)) in new.markers.iter_mut().zip(markers) {
+            *new = is_new(*age_ns, used_ns);
+        }
+        new
     }
 }
 
@@ -259,11 +275,11 @@ impl Estimator {
     /// Takes a reading into account; allocates nothing.
     /// `inputs`: what it says of the model's inputs.
     pub(crate) fn update(&mut self, sample: &SensorSample, inputs: &Inputs) -> Update {
-        let is_new = self.used.new_in(sample);
-        let once = |value: f64, is_new: Option<&bool>| if is_new == Some(&true) { value } else { f64::NAN };
-        let markers = sample.markers_mm.iter().take(sample.marker_values as usize);
-        let markers = markers.enumerate().map(|(at, value)| once(*value, is_new.get(1 + at / 3)));
-        let force_n = once(sample.measured_force_n, is_new.first());
+        let new = self.used.new_in(sample);
+        let count = sample.marker_values as usize / 3;
+        let markers = sample.markers_mm.iter().zip(new.markers).take(count);
+        let markers = markers.map(|(marker, is_new)| if is_new { *marker } else { Marker::ABSENT });
+        let force_n = if new.force { sample.measured_force_n } else { f64::NAN };
         let measurement = measured(sample.t_sensor_ns as f64 * 1e-9, *inputs.values(), force_n, markers);
         let update = self.filter.update(&measurement, &mut self.sensors);
         self.rejected_total += u64::from(update.rejected.count_ones());
@@ -321,7 +337,7 @@ impl Estimator {
 }
 
 /// A reading as the estimator takes it; `named`: which inputs it carries by name.
-pub fn measurement(t_s: f64, reading: &Reading, named: &MeasuredInputs) -> Measurement {
+pub fn measurement(t_s: f64, reading: &SensorSample, named: &MeasuredInputs) -> Measurement {
     let operating = Inputs::new(reading.pressure_mpa, reading.gap_mm);
     let values = named.of(reading.input_count, &reading.input_names, &reading.inputs);
     let inputs = values.fold(operating, |inputs, measured| inputs.with(measured.input, measured.value));
@@ -333,32 +349,15 @@ fn measured(
     t_s: f64,
     inputs: [f64; MAX_INPUTS],
     force_n: f64,
-    markers_mm: impl Iterator<Item = f64>,
+    markers_mm: impl Iterator<Item = Marker>,
 ) -> Measurement {
     let mut out = Measurement::at(t_s);
     out.inputs = inputs;
-    out.rows.iter_mut().zip(std::iter::once(force_n).chain(markers_mm)).for_each(|(to, from)| *to = from);
+    let coordinates = markers_mm.flat_map(|marker| [marker.x, marker.y, marker.z]);
+    out.rows.iter_mut().zip(std::iter::once(force_n).chain(coordinates)).for_each(|(to, from)| *to = from);
     out
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_measurement_in_many_readings_is_new_once() {
-        let mut used = Used::default();
-        let mut reading =
-            SensorSample { age_count: AGES_MAX as u32, t_sensor_ns: 1000, ..SensorSample::default() };
-        (reading.ages_ns[FORCE], reading.ages_ns[FORCE + 2]) = (10, 300);
-        assert_eq!(used.new_in(&reading), [true; AGES_MAX - FORCE]);
-        (reading.t_sensor_ns, reading.ages_ns) = (1500, [500; AGES_MAX]);
-        reading.ages_ns[FORCE] = 510; // the same force
-        reading.ages_ns[FORCE + 2] = 400; // a new measurement of the second marker
-        let is_new = used.new_in(&reading);
-        assert_eq!((is_new[0], is_new[2]), (false, true));
-        // A single device's readings have no ages: all of each is new.
-        let single = SensorSample { t_sensor_ns: 10, ..SensorSample::default() };
-        assert_eq!(used.new_in(&single), [true; AGES_MAX - FORCE]);
-    }
-}
+#[path = "../tests/unit/estimation.rs"]
+mod tests;

@@ -2,7 +2,7 @@
 
 use crate::latency;
 use crate::load::Loaded;
-use crate::payload;
+use crate::publish;
 use rom::inputs::{InputSpec, Inputs};
 use rom::snapshots::RegimeKind;
 use serde::Serialize;
@@ -132,7 +132,7 @@ pub fn explain(loaded: &Loaded) -> Explained {
 /// The parameters with their values, in the model's order.
 pub fn inputs(loaded: &Loaded) -> Vec<ExplainedInput> {
     let inputs = loaded.evaluator.inputs();
-    let sources = payload::input_sources(&loaded.spec, inputs);
+    let sources = publish::input_sources(&loaded.spec, inputs);
     let one = |(spec, source): (&InputSpec, u8)| {
         let value = spec.value?;
         let prior = loaded.spec.estimate.get(&spec.name).map(|unknown| unknown.prior);

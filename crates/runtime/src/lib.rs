@@ -36,8 +36,8 @@ pub mod load;
 pub mod machine;
 pub mod measured;
 pub mod metrics;
-pub mod payload;
 pub mod process;
+pub mod publish;
 pub mod query;
 pub mod realtime;
 pub mod service;
@@ -46,5 +46,4 @@ pub mod source;
 pub mod twin;
 pub mod valve;
 
-pub use recording::thread_group;
-pub use wire;
+pub use wire::{self, thread_group};

@@ -33,13 +33,29 @@ pub struct Loaded {
     /// Estimator, if the scene has one.
     pub estimator: Option<Estimator>,
     /// Whether the model's answers depend on pressure and gap.
-    pub needs: [bool; 2],
+    pub needs: Needs,
     /// Regimes that can occur.
     pub regimes: Vec<RegimeKind>,
     /// Blocks read from the model file.
     pub read: Vec<ReadBlock>,
     /// Bytes of all blocks of the file.
     pub file_block_bytes: u64,
+}
+
+/// Whether a model's answers depend on pressure and gap.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Needs {
+    /// On the pressure.
+    pub pressure: bool,
+    /// On the gap.
+    pub gap: bool,
+}
+
+impl Needs {
+    /// Of a model.
+    pub fn of(header: &ModelHeader) -> Self {
+        Self { pressure: header.needs(PRESSURE), gap: header.needs(GAP) }
+    }
 }
 
 /// One field topic, ready to compute.
@@ -100,8 +116,8 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     for (name, _) in spec.measured_inputs() {
         header.parameter(name).map_err(|error| at(format!("inputs: {error}")))?;
     }
-    let needs = [header.needs(PRESSURE), header.needs(GAP)];
-    if !spec.sensors.is_empty() && needs[0] && !spec.has_sensor_of("pressure_mpa") {
+    let needs = Needs::of(&header);
+    if !spec.sensors.is_empty() && needs.pressure && !spec.has_sensor_of("pressure_mpa") {
         return Err(vec![
             "sensors: expected a sensor with pressure_mpa, an input of the model; found none".into(),
         ]);

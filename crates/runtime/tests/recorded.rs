@@ -2,7 +2,7 @@
 
 use recording::message::{Recorded, channel};
 use recording::{RotateOptions, RotatingWriter};
-use runtime::source::{InputNames, Poll, SourceSpec, Trace, TraceError};
+use runtime::source::{InputNames, Poll, Reading, SourceSpec, Trace, TraceError};
 use std::path::{Path, PathBuf};
 use wire::{Payload, SensorSample};
 
@@ -42,13 +42,13 @@ fn recording(topics: &[&str], count: u64) -> (tempfile::TempDir, PathBuf) {
 #[test]
 fn a_recording_is_replayed_to_the_bit() {
     let (_folder, path) = recording(&["softtwin/finger/sensor"], 12);
-    let mut source = SourceSpec::replay_of(path).open(Path::new("/")).unwrap();
+    let mut source = SourceSpec::replay_of(path).open(Path::new("/"), &InputNames::default()).unwrap();
     for seq in 0..12 {
-        let Poll::Reading(reading) = source.poll(f64::INFINITY) else { panic!("reading {seq} is missing") };
+        let Poll::Reading(Reading { sample: reading, due_s }) = source.poll(f64::INFINITY) else { panic!("reading {seq} is missing") };
         let sent = sample(seq);
         assert_eq!(reading.pressure_mpa.to_bits(), sent.pressure_mpa.to_bits());
         assert_eq!((reading.gap_mm, reading.status), (sent.gap_mm, sent.status));
-        assert!((reading.due_s - seq as f64 * 0.005).abs() < 1e-9, "original timing, {}", reading.due_s);
+        assert!((due_s - seq as f64 * 0.005).abs() < 1e-9, "original timing, {due_s}");
     }
     assert_eq!(source.poll(f64::INFINITY), Poll::End);
 }

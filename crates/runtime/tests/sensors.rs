@@ -3,8 +3,8 @@
 
 use proptest::prelude::*;
 use runtime::source::{
-    Encoding, FilterSpec, LinesSpec, ModbusSpec, Reading, RegisterSpec, SensorCounters, SerialSpec,
-    SourceReader, SourceSpec, Table, WordOrder,
+    Cell, Devices, Encoding, FilterSpec, InputNames, LinesSensor, ModbusSensor, RegisterAt, SensorCounters,
+    SensorSpec, Sensors, SerialSpec, Source, SourceReader, Table, ValueSpec, Values, WordOrder, open_sensors,
 };
 use std::fs::File;
 use std::future::{Ready, ready};
@@ -21,6 +21,7 @@ use std::time::{Duration, Instant};
 use tokio_modbus::server::Service;
 use tokio_modbus::{ExceptionCode, Request, Response, SlaveRequest};
 use tokio_serial::{SerialPort, SerialStream};
+use wire::SensorSample;
 
 /// Longest wait for something that must come; a failing test ends there.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -58,44 +59,43 @@ impl Service for Device {
     }
 }
 
-fn register(unit_id: u8, register: u16, table: Table, encoding: Encoding) -> RegisterSpec {
-    RegisterSpec {
-        unit_id,
-        register,
-        table,
-        encoding,
-        word_order: WordOrder::Big,
-        scale: 1.0,
-        offset: 0.0,
-        unit: None,
-    }
+fn register(unit_id: u8, register: u16, table: Table, encoding: Encoding) -> RegisterAt {
+    RegisterAt { unit_id, register, table, encoding, word_order: WordOrder::Big }
 }
 
-fn pressure() -> RegisterSpec {
-    RegisterSpec { scale: 0.1, unit: Some("kPa".into()), ..register(1, 2, Table::Input, Encoding::I16) }
+fn value<P>(from: P, scale: f64, unit: &str) -> ValueSpec<P> {
+    let (offset, points, filter, unit) = (0.0, Vec::new(), FilterSpec::Off, Some(unit.to_owned()));
+    ValueSpec { from, scale, offset, points, unit, filter, sigma: None }
 }
 
-/// Polls fast and gives up fast, so that the tests do.
-fn modbus() -> ModbusSpec {
-    ModbusSpec {
+fn pressure() -> ValueSpec<RegisterAt> {
+    value(register(1, 2, Table::Input, Encoding::I16), 0.1, "kPa")
+}
+
+/// Polls fast and gives up fast, so that the tests do; no value is too old.
+fn modbus() -> ModbusSensor {
+    ModbusSensor {
         tcp: None,
         serial: None,
-        poll_hz: 200.0,
+        rate_hz: 200.0,
         timeout_ms: 300.0,
         backoff_max_ms: 50.0,
-        filter: FilterSpec::Off,
-        pressure: pressure(),
-        gap: None,
-        force: None,
+        age_limit_ms: 600_000.0,
+        values: Values::from([("pressure_mpa".to_owned(), pressure())]),
     }
 }
 
-fn start(spec: SourceSpec) -> SourceReader {
-    SourceReader::start(spec.open(Path::new("")).unwrap()).unwrap()
+fn open(spec: SensorSpec) -> Result<Box<dyn Source>, Vec<String>> {
+    let sensors = Sensors::from([("device".to_owned(), spec)]);
+    open_sensors(&sensors, None, Path::new(""), &Devices::default(), &InputNames::default())
+}
+
+fn start(spec: SensorSpec) -> SourceReader {
+    SourceReader::start(open(spec).unwrap()).unwrap()
 }
 
 /// The first reading that fits; readings before it may be older news.
-fn wait_for(source: &mut SourceReader, what: &str, fits: impl Fn(&Reading) -> bool) -> Reading {
+fn wait_for(source: &mut SourceReader, what: &str, fits: impl Fn(&SensorSample) -> bool) -> SensorSample {
     let end = Instant::now() + PATIENCE;
     loop {
         let left = end.saturating_duration_since(Instant::now());
@@ -145,17 +145,12 @@ fn serve_tcp(device: Device) -> SocketAddr {
 fn a_device_over_tcp_with_three_quantities_and_an_exception() {
     let device = Device::default();
     device.steps.store(450, Ordering::SeqCst);
-    let spec = ModbusSpec {
-        tcp: Some(serve_tcp(device.clone()).to_string()),
-        gap: Some(RegisterSpec {
-            word_order: WordOrder::Little,
-            ..register(1, 10, Table::Holding, Encoding::F32)
-        }),
-        force: Some(RegisterSpec { unit: Some("mN".into()), ..register(7, 0, Table::Input, Encoding::I32) }),
-        ..modbus()
-    };
-    assert_eq!(spec.problems(), Vec::<String>::new());
-    let mut source = start(SourceSpec::Modbus(spec));
+    let mut spec = ModbusSensor { tcp: Some(serve_tcp(device.clone()).to_string()), ..modbus() };
+    let gap = register(1, 10, Table::Holding, Encoding::F32);
+    let gap = value(RegisterAt { word_order: WordOrder::Little, ..gap }, 1.0, "mm");
+    let force = value(register(7, 0, Table::Input, Encoding::I32), 1.0, "mN");
+    spec.values.extend([("gap_mm".to_owned(), gap), ("force_n".to_owned(), force)]);
+    let mut source = start(SensorSpec::Modbus(spec));
     let reading = wait_for(&mut source, "first reading", |reading| reading.status == 0);
     assert!((reading.pressure_mpa - 0.045).abs() < 1e-15, "{reading:?}: 450 x 0.1 kPa");
     assert_eq!(reading.gap_mm, 40.25);
@@ -199,7 +194,7 @@ fn a_device_over_a_serial_line() {
         });
     });
     let spec = receiver.recv_timeout(PATIENCE).unwrap();
-    let mut source = start(SourceSpec::Modbus(ModbusSpec { serial: Some(spec), ..modbus() }));
+    let mut source = start(SensorSpec::Modbus(ModbusSensor { serial: Some(spec), ..modbus() }));
     let reading = wait_for(&mut source, "first reading", |reading| reading.status == 0);
     assert!((reading.pressure_mpa - 0.07).abs() < 1e-15, "{reading:?}");
     device.fault.store(2, Ordering::SeqCst);
@@ -344,8 +339,8 @@ fn answer(mut stream: TcpStream, mischief: Mischief, silent: &Mutex<Vec<TcpStrea
 fn every_mischief_of_a_device_ends_in_good_readings() {
     for mischief in MISCHIEFS {
         let (address, _) = misbehave(vec![mischief; 2]);
-        let spec = ModbusSpec { tcp: Some(address.to_string()), timeout_ms: 200.0, ..modbus() };
-        let mut source = start(SourceSpec::Modbus(spec));
+        let spec = ModbusSensor { tcp: Some(address.to_string()), timeout_ms: 200.0, ..modbus() };
+        let mut source = start(SensorSpec::Modbus(spec));
         let is_exception = mischief == Mischief::UnknownException;
         let (end, mut good) = (Instant::now() + PATIENCE, 0);
         while good < 5 && !(is_exception && counter(&source, "exceptions") > 2) {
@@ -375,7 +370,7 @@ fn after_each_mischief_there_is_a_new_connection() {
         Mischief::CloseInTheMiddle,
     ];
     let (address, connections) = misbehave(plan.to_vec());
-    let mut source = start(SourceSpec::Modbus(ModbusSpec { tcp: Some(address.to_string()), ..modbus() }));
+    let mut source = start(SensorSpec::Modbus(ModbusSensor { tcp: Some(address.to_string()), ..modbus() }));
     let reading = source.next(PATIENCE).expect("a good reading in the end");
     assert!(
         (reading.pressure_mpa - 0.045).abs() < 1e-15 && reading.status == 0,
@@ -424,8 +419,8 @@ fn a_serial_device_with_bad_frames_ends_in_good_readings() {
         drop(held);
     });
     let serial = receiver.recv_timeout(PATIENCE).unwrap();
-    let spec = ModbusSpec { serial: Some(serial), timeout_ms: 150.0, ..modbus() };
-    let mut source = start(SourceSpec::Modbus(spec));
+    let spec = ModbusSensor { serial: Some(serial), timeout_ms: 150.0, ..modbus() };
+    let mut source = start(SensorSpec::Modbus(spec));
     let reading = source.next(PATIENCE).expect("a good reading in the end");
     assert!((reading.pressure_mpa - 0.045).abs() < 1e-15 && reading.status == 0, "{reading:?}");
     let failures = ["timeouts", "garbage", "disconnects"].map(|name| counter(&source, name));
@@ -437,7 +432,7 @@ fn a_device_that_is_not_there_is_tried_again_until_it_is() {
     let reserved = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = reserved.local_addr().unwrap();
     drop(reserved);
-    let mut source = start(SourceSpec::Modbus(ModbusSpec { tcp: Some(address.to_string()), ..modbus() }));
+    let mut source = start(SensorSpec::Modbus(ModbusSensor { tcp: Some(address.to_string()), ..modbus() }));
     wait_for_count(&source, "refusals");
     let listener = TcpListener::bind(address).unwrap();
     thread::spawn(move || {
@@ -460,9 +455,19 @@ fn a_line_protocol_over_a_serial_line_with_garbage_between() {
         drop(held);
     });
     let serial = receiver.recv_timeout(PATIENCE).unwrap();
-    let spec = LinesSpec { serial: Some(serial), pressure_unit: Some("bar".into()), ..LinesSpec::default() };
-    assert_eq!(spec.problems(), Vec::<String>::new());
-    let mut source = start(SourceSpec::Lines(spec));
+    let spec = LinesSensor {
+        serial: Some(serial),
+        tcp: None,
+        udp: None,
+        command: None,
+        comma_separates: false,
+        age_limit_ms: 600_000.0,
+        values: Values::from([
+            ("pressure_mpa".to_owned(), value(Cell::Number(1), 1.0, "bar")),
+            ("gap_mm".to_owned(), value(Cell::Number(2), 1.0, "mm")),
+        ]),
+    };
+    let mut source = start(SensorSpec::Lines(spec));
     // What is sent before the sensor has opened the line is cleared away; so the first line is repeated until heard.
     let first = loop {
         say.send(b"0.31,40\n").unwrap();
@@ -472,7 +477,7 @@ fn a_line_protocol_over_a_serial_line_with_garbage_between() {
     };
     assert!((first.pressure_mpa - 0.031).abs() < 1e-15 && first.gap_mm == 40.0, "{first:?}");
     say.send(b"E\xfcRR 99\n\n# note\n").unwrap();
-    say.send(b"{\"pressure\": 0.5, \"gap\": 15}\r\n").unwrap();
+    say.send(b"0.5; 15\r\n").unwrap();
     let second = wait_for(&mut source, "the line after the garbage", |reading| reading.gap_mm == 15.0);
     assert!((second.pressure_mpa - 0.05).abs() < 1e-15);
     assert!(counter(&source, "garbage") >= 1);
@@ -486,17 +491,13 @@ fn dup(stream: &SerialStream) -> std::os::fd::OwnedFd {
 
 #[test]
 fn a_specification_tells_all_its_problems_at_once() {
-    let bad = ModbusSpec {
-        tcp: Some("nowhere".into()),
-        poll_hz: f64::NAN,
-        timeout_ms: -1.0,
-        filter: FilterSpec::Median(4),
-        pressure: RegisterSpec { unit: Some("N".into()), ..pressure() },
-        ..modbus()
-    };
-    let problems = bad.problems();
+    let mut bad =
+        ModbusSensor { tcp: Some("nowhere".into()), rate_hz: f64::NAN, timeout_ms: -1.0, ..modbus() };
+    let wrong = ValueSpec { filter: FilterSpec::Median(4), unit: Some("N".into()), ..pressure() };
+    bad.values.insert("pressure_mpa".to_owned(), wrong);
+    let problems = open(SensorSpec::Modbus(bad)).unwrap_err();
     assert_eq!(problems.len(), 5, "{problems:#?}");
-    let neither = modbus().problems();
+    let neither = open(SensorSpec::Modbus(modbus())).unwrap_err();
     assert!(neither[0].contains("exactly one"), "{neither:?}");
 }
 
@@ -518,8 +519,8 @@ proptest! {
             let (stream, _) = listener.accept().unwrap();
             answer(stream, Mischief::Behave, &Mutex::default());
         });
-        let spec = ModbusSpec { tcp: Some(address.to_string()), ..modbus() };
-        let mut source = start(SourceSpec::Modbus(spec));
+        let spec = ModbusSensor { tcp: Some(address.to_string()), ..modbus() };
+        let mut source = start(SensorSpec::Modbus(spec));
         let good = wait_for(&mut source, "a good reading", |reading| (reading.pressure_mpa - 0.045).abs() < 1e-15);
         prop_assert_eq!(good.status, 0);
         drop(source);

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use runtime::source::{
-    Devices, InputNames, Poll, Profile, Reading, ReplaySpec, SimulateSpec, Source, SourceSpec, Trace,
+    InputNames, Poll, Profile, Reading, ReplaySpec, SimulateSpec, Source, SourceSpec, Trace,
     TraceError,
 };
 use std::path::Path;
@@ -63,7 +63,7 @@ fn take(mut source: Box<dyn Source>, count: usize) -> Vec<Reading> {
 fn every_source_keeps_the_contract() {
     let folder = folder();
     for spec in all_specs() {
-        let open = || spec.open(folder.path()).unwrap();
+        let open = || spec.open(folder.path(), &InputNames::default()).unwrap();
         let readings = take(open(), 1000);
         assert!(!readings.is_empty(), "{spec:?} gives nothing");
         assert!(readings[0].due_s >= 0.0, "{spec:?} begins before 0");
@@ -71,7 +71,7 @@ fn every_source_keeps_the_contract() {
             assert!(pair[1].due_s >= pair[0].due_s, "{spec:?} goes back in time: {pair:?}");
         }
         let bits = |readings: &[Reading]| -> Vec<[u64; 3]> {
-            readings.iter().map(|r| [r.due_s, r.pressure_mpa, r.gap_mm].map(f64::to_bits)).collect()
+            readings.iter().map(|r| [r.due_s, r.sample.pressure_mpa, r.sample.gap_mm].map(f64::to_bits)).collect()
         };
         assert_eq!(bits(&readings), bits(&take(open(), 1000)), "{spec:?} is not repeatable");
         let mut source = open();
@@ -97,7 +97,7 @@ fn replay_keeps_the_timing_and_knows_speed_part_and_rounds() {
     let folder = folder();
     let open = |spec: ReplaySpec| {
         let spec = ReplaySpec { trace: "trace.csv".into(), ..spec };
-        take(SourceSpec::Replay(spec).open(folder.path()).unwrap(), 6)
+        take(SourceSpec::Replay(spec).open(folder.path(), &InputNames::default()).unwrap(), 6)
     };
     let due = |readings: &[Reading]| -> Vec<f64> {
         readings.iter().map(|r| (r.due_s * 1e6).round() / 1e6).collect()
@@ -106,7 +106,7 @@ fn replay_keeps_the_timing_and_knows_speed_part_and_rounds() {
     assert_eq!(due(&open(ReplaySpec { speed: 2.0, ..ReplaySpec::default() })), [0.0, 0.0025, 0.005, 0.25]);
     let part = open(ReplaySpec { from_s: 0.005, to_s: 0.1, ..ReplaySpec::default() });
     assert_eq!(due(&part), [0.0, 0.005]);
-    assert_eq!(part[0].t_trace_s, 0.005);
+    assert_eq!(part[0].sample.t_trace_s, 0.005);
     let rounds = open(ReplaySpec { repeat: true, ..ReplaySpec::default() });
     assert_eq!(
         due(&rounds),
@@ -147,13 +147,13 @@ fn wrong_specifications_are_refused_with_all_problems() {
         profile: Profile::Ramp { from_mpa: f64::NAN, to_mpa: 0.0, rise_s: 0.0 },
         ..SimulateSpec::default()
     };
-    let problems = SourceSpec::Simulate(spec).open(Path::new(".")).unwrap_err();
+    let problems = SourceSpec::Simulate(spec).open(Path::new("."), &InputNames::default()).unwrap_err();
     assert_eq!(problems.len(), 5, "{problems:#?}");
-    let missing = SourceSpec::replay_of("no-such-file.csv".into()).open(Path::new(".")).unwrap_err();
+    let missing = SourceSpec::replay_of("no-such-file.csv".into()).open(Path::new("."), &InputNames::default()).unwrap_err();
     assert!(missing[0].contains("cannot read the trace"), "{missing:?}");
     let folder = folder();
     let nothing = ReplaySpec { trace: "trace.csv".into(), from_s: 9.0, ..ReplaySpec::default() };
-    let problems = SourceSpec::Replay(nothing).open(folder.path()).unwrap_err();
+    let problems = SourceSpec::Replay(nothing).open(folder.path(), &InputNames::default()).unwrap_err();
     assert!(problems[0].contains("no row of the trace lies within 9"), "{problems:?}");
 }
 
@@ -189,7 +189,7 @@ fn named_inputs_are_columns_of_a_trace() {
     let text = "t_s,shift_mm,measured_force_n,load_n\n0,1.5,7,2.25\n0.1,nan,8,-inf\n";
     let trace = Trace::parse_named(text, &names).unwrap();
     let [first, second] = &trace.rows[..] else { panic!("{:?}", trace.rows) };
-    let named: Vec<(String, f64)> = first.sample(1, 1).inputs().collect();
+    let named: Vec<(String, f64)> = first.inputs().collect();
     assert_eq!(named, [("load_n".to_owned(), 2.25), ("shift_mm".to_owned(), 1.5)]);
     assert!(first.pressure_mpa.is_nan() && first.measured_force_n == 7.0);
     assert!(second.inputs[0] == f64::NEG_INFINITY && second.inputs[1].is_nan());
@@ -203,7 +203,7 @@ fn named_inputs_are_columns_of_a_trace() {
     let unnamed = Trace::parse("t_s,pressure_mpa,load_n\n0,0.1,1\n").unwrap();
     assert_eq!(unnamed.rows[0].input_count, 0, "other columns are passed over, as ever");
     let source = SourceSpec::Simulate(SimulateSpec::default());
-    let refused = source.open_among(Path::new("."), &Devices::default(), &names).unwrap_err();
+    let refused = source.open(Path::new("."), &names).unwrap_err();
     assert!(refused[0].contains("expected one that can have load_n"), "{refused:?}");
 }
 

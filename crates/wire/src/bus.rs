@@ -3,7 +3,7 @@
 use crate::leftover::{Places, Watch};
 use crate::port::retry::{self, Refusal};
 use crate::port::segment::require_headroom;
-use crate::transport::Ipc;
+use crate::sys::Ipc;
 use crate::{Domain, KeyExpr, OwnFiles, Removed, Topic, WireError};
 use iceoryx2::prelude::*;
 use std::path::PathBuf;

@@ -106,7 +106,7 @@ pub enum WireError {
     /// A program of another layout or version made the topic.
     #[error(
         "{topic}: made by a program of another version ({cause}); this one speaks layout version {}. Run the same release everywhere",
-        crate::layout::VERSION
+        crate::layout::LAYOUT_VERSION
     )]
     Incompatible {
         /// The topic.

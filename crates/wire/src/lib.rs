@@ -20,9 +20,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-mod background;
 mod bus;
-mod clock;
 mod domain;
 mod error;
 mod keyexpr;
@@ -32,13 +30,12 @@ mod own_files;
 mod port;
 pub mod qos;
 mod selector;
+mod sys;
+pub mod thread_group;
 mod topic;
-mod transport;
 mod wake;
 
-pub use background::background_thread;
 pub use bus::{Bus, TopicInfo};
-pub use clock::{boot_id, now_ns};
 pub use domain::Domain;
 pub use error::WireError;
 pub use keyexpr::{KeyExpr, KeyExprError};
@@ -49,11 +46,12 @@ pub use layout::{
 pub use leftover::Removed;
 pub use own_files::OwnFiles;
 pub use port::{
-    AnswerSample, AnyReader, AnySample, CommandReader, CommandWriter, EstimateReader, EstimateWriter,
+    AnswerSample, AnyReader, AnySample, Carried, CommandReader, CommandWriter, EstimateReader, EstimateWriter,
     FieldLoan, FieldReader, FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter,
     QueryClient, QueryServer, Question, Reader, SensorReader, SensorWriter, SetpointReader, SetpointWriter,
     Stamp, StateReader, StateWriter, ValveReader, ValveWriter, Writer,
 };
 pub use selector::{Selector, SelectorError};
+pub use sys::{background_thread, boot_id, now_ns};
 pub use topic::{Topic, TopicKind};
 pub use wake::{Wake, WakeSet, Wakeable, Waker, Waking};

@@ -33,6 +33,20 @@ pub enum TopicKind {
 }
 
 impl TopicKind {
+    /// All kinds.
+    pub const ALL: [Self; 10] = [
+        Self::Sensor,
+        Self::Field,
+        Self::State,
+        Self::Health,
+        Self::Grasp,
+        Self::Command,
+        Self::Estimate,
+        Self::Setpoint,
+        Self::Override,
+        Self::Valve,
+    ];
+
     /// The chunk in a topic's name.
     pub fn as_str(self) -> &'static str {
         match self {
@@ -147,19 +161,8 @@ impl Topic {
             return None;
         }
         let actuator = chunks.next()?;
-        let kind = match chunks.next()? {
-            "sensor" => TopicKind::Sensor,
-            "field" => TopicKind::Field,
-            "state" => TopicKind::State,
-            "health" => TopicKind::Health,
-            "grasp" => TopicKind::Grasp,
-            "command" => TopicKind::Command,
-            "estimate" => TopicKind::Estimate,
-            "setpoint" => TopicKind::Setpoint,
-            "override" => TopicKind::Override,
-            "valve" => TopicKind::Valve,
-            _ => return None,
-        };
+        let name = chunks.next()?;
+        let kind = TopicKind::ALL.into_iter().find(|kind| kind.as_str() == name)?;
         let node_set = chunks.next();
         if chunks.next().is_some() || (node_set.is_some() && kind != TopicKind::Field) {
             return None;

@@ -1,7 +1,7 @@
 //! Waiting until one of several readers has something.
 
 use crate::error::WireError;
-use crate::transport::Ipc;
+use crate::sys::Ipc;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::FileDescriptorBased;
 use std::os::fd::{AsRawFd, FromRawFd, OwnedFd};

@@ -3,3 +3,4 @@
 mod keyexpr;
 mod leftovers;
 mod ports;
+mod threads;

@@ -7,7 +7,7 @@ use std::time::{Duration, SystemTime};
 use wire::layout::{field_id, flags, pack_name, unpack_name};
 use wire::{
     Bus, Domain, Estimate, EstimateReader, EstimateWriter, FieldHeader, FieldReader, FieldWriter, KeyExpr,
-    SensorReader, SensorSample, SensorWriter, State, StateReader, StateWriter, Topic, Wake, WakeSet,
+    Payload, SensorReader, SensorSample, SensorWriter, State, StateReader, StateWriter, Topic, Wake, WakeSet,
     Wakeable, Waking, WireError,
 };
 
@@ -224,7 +224,7 @@ fn topics_are_found_by_key_expression() {
     assert_eq!(names("softtwin/*/state"), ["softtwin/left/state"]);
     assert!(names("softtwin/nobody/**").is_empty());
     let tip = bus.topics(&KeyExpr::new("**/tip").unwrap()).unwrap().remove(0);
-    assert_eq!(tip.header_type, "softtwin.FieldHeader.v6");
+    assert_eq!(tip.header_type, FieldHeader::LAYOUT.type_name);
     assert_eq!(
         (tip.writers.as_slice(), tip.readers.as_slice()),
         ([std::process::id()].as_slice(), [std::process::id()].as_slice())

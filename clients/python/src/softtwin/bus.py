@@ -129,7 +129,7 @@ class Bus:
                 if "Incompatible" in cause or "DoesNotSupport" in cause or "VersionMismatch" in cause:
                     raise VersionMismatch(
                         f"{name}: made by a program of another version ({cause}); this client speaks layout version "
-                        f"{layout.VERSION} over iceoryx2 0.10. Use the client of the twin's release"
+                        f"{layout.LAYOUT_VERSION} over iceoryx2 0.10. Use the client of the twin's release"
                     ) from error
                 if time.monotonic() > end:
                     raise SofttwinError(f"{name}: cannot be opened: {cause}") from error

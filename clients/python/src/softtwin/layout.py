@@ -9,7 +9,7 @@ from typing import Dict, List, Type
 
 from .payload import Payload, pack, text
 
-VERSION = 6
+LAYOUT_VERSION = 1
 """Layout version; it is part of every type name."""
 
 FIELD_NAMES: Dict[int, str] = {
@@ -186,7 +186,7 @@ QUERY_KINDS: Dict[str, int] = {name: number for number, name in KINDS.items()}
 class SensorSample(Payload):
     """One reading of the sensors of one actuator, stamped by the bridge."""
 
-    _type = "softtwin.SensorSample.v6"
+    _type = "softtwin.SensorSample.v1"
     _fields_ = [
         ("boot_id", u64),  # The run of the bridge that sent it.
         ("seq", u64),  # Counts up by one per reading within a run, beginning at 1.
@@ -204,7 +204,6 @@ class SensorSample(Payload):
         ("input_count", u32),  # Named inputs below; 0: none.
         ("ages_ns", u64 * 11),  # ns: Age at `t_sensor_ns` of pressure, gap, force, first marker, second, ...; of an absent value that of the last one.
         ("stale_total", u64),  # Values that were left out because of their age since the start of the bridge.
-        ("reserved_more", u64 * 2),  # Zero; for later values.
         ("inputs", f64 * 6),  # Measured values of further model inputs, in the unit at the end of their names; NaN where one is absent.
         ("input_names", u8 * 192),  # Names of these inputs, 32 bytes each, zero-padded; a longer name is cut from the left. A twin takes those of its model by name.
         ("input_ages_ns", u64 * 6),  # ns: Age at `t_sensor_ns` of these inputs; of an absent value that of the last one.
@@ -216,7 +215,7 @@ class SensorSample(Payload):
 class FieldHeader(Payload):
     """Header of one field sample. The payload behind it is `node_count x field_count` `f32`, field-major: all nodes of the first field in `field_ids`, then all of the second, and so on."""
 
-    _type = "softtwin.FieldHeader.v6"
+    _type = "softtwin.FieldHeader.v1"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags.
@@ -252,7 +251,7 @@ class FieldHeader(Payload):
 class State(Payload):
     """Force, gradients, coefficients and domain status of one evaluation."""
 
-    _type = "softtwin.State.v6"
+    _type = "softtwin.State.v1"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags.
@@ -264,41 +263,41 @@ class State(Payload):
         ("t_sensor_ns", u64),  # ns: When that reading was taken.
         ("t_publish_ns", u64),  # ns: When the state was sent.
         ("age_ns", u64),  # ns: Age of that reading when the state was sent.
-        ("pressure_mpa", f64),  # MPa: Pressure of that reading; where the twin estimates the gauge's bias, the estimated one.
-        ("gap_mm", f64),  # mm: Gap of that reading; where the twin estimates the gap, the estimated one.
-        ("contact_force_n", f64),  # N: Predicted contact force; 0 in the free regime.
-        ("force_by_pressure_n_per_mpa", f64),  # N/MPa: Gradient of the force by the pressure; NaN when not configured.
-        ("force_by_gap_n_per_mm", f64),  # N/mm: Gradient of the force by the gap; NaN when not configured.
-        ("onset_pressure_mpa", f64),  # MPa: Pressure of first contact at this gap; infinite when the plate is out of reach.
         ("measured_force_n", f64),  # N: Measured contact force; NaN when there is none.
+        ("outcome", u32),  # Outcome of the newest reading.
+        ("reserved", u32),  # Zero.
+        ("input_sources", u8 * 8),  # Source of the value of each input.
+        ("actuator", u8 * 32),  # Name of the actuator, zero-padded.
+        ("pressure_mpa", f64),  # MPa: Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias.
+        ("gap_mm", f64),  # mm: Gap: of the reading, given, found or estimated.
+        ("contact_force_n", f64),  # N: Predicted contact force; 0 in the free regime.
+        ("force_by_pressure_n_per_mpa", f64),  # N/MPa: Derivative of the force with respect to the pressure; NaN when not configured.
+        ("force_by_gap_n_per_mm", f64),  # N/mm: Derivative of the force with respect to the gap; NaN when not configured.
+        ("onset_pressure_mpa", f64),  # MPa: Pressure of first contact at this gap; infinite when the plate is out of reach.
         ("force_halfwidth_n", f32),  # N: Half-width of the force; NaN when not configured.
         ("displacement_halfwidth_mm", f32),  # mm: Half-width of the displacement; NaN when not configured.
         ("von_mises_halfwidth_mpa", f32),  # MPa: Half-width of the stress; NaN when not configured.
         ("domain_distance", f32),  # Distance to the sampled states, over inputs scaled to [0, 1]: 0 inside, never negative.
         ("regime", u32),  # Regime.
-        ("outcome", u32),  # Outcome of the newest reading.
-        ("domain_status", u32),  # Where the inputs lie among the sampled states: 0 inside, 1 near the edge, 2 outside.
+        ("domain_status", u32),  # Position of the inputs relative to the sampled states: 0 inside, 1 near the edge, 2 outside.
         ("coefficient_count", u32),  # Coefficients in use.
-        ("group_sizes", u8 * 8),  # Coefficients of each group, in the model's order; the rest 0. More in all than fit below: flag `coefficients-cut`.
-        ("coefficients", f32 * 128),  # Modal coefficients, group by group; the rest 0.
-        ("actuator", u8 * 32),  # Name of the actuator, zero-padded.
         ("input_count", u32),  # Inputs of the model.
-        ("reserved", u32),  # Zero.
-        ("inputs", f64 * 8),  # The model's inputs that the values stand for, in its order and units.
-        ("force_by_input", f64 * 8),  # Gradient of the force by each input, N per unit of the input; NaN when not configured.
+        ("group_sizes", u8 * 8),  # Coefficients of each group, in the model's order; the rest 0. With more in all than fit below the flag `coefficients-cut` is set.
+        ("coefficients", f32 * 128),  # Modal coefficients, group by group; the rest 0.
+        ("inputs", f64 * 8),  # The model's inputs, in its order and units; NaN without an answer.
+        ("force_by_input", f64 * 8),  # Derivative of the force with respect to each input, N per unit of the input; NaN when not configured.
         ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
-        ("input_sources", u8 * 8),  # Where the value of each input comes from.
     ]
     _texts = {"actuator"}
     _text_lists = {"input_names": "input_count"}
     _hashes = {"model_hash"}
-    _names = {"flags": FLAGS, "regime": REGIMES, "outcome": OUTCOMES, "input_sources": INPUT_SOURCES}
+    _names = {"flags": FLAGS, "outcome": OUTCOMES, "input_sources": INPUT_SOURCES, "regime": REGIMES}
 
 
 class Health(Payload):
     """Counters since the start of the twin and latencies of the last interval. `received` is the sum of all outcomes."""
 
-    _type = "softtwin.Health.v6"
+    _type = "softtwin.Health.v1"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags as in the newest state.
@@ -335,7 +334,7 @@ class Health(Payload):
 class Grasp(Payload):
     """The grasp of one scene: `n` fingers hold an object by friction when `n mu min(F) >= s m g`. The smallest finger force counts for all of them: what one finger pushes more than the others moves the object instead of holding it."""
 
-    _type = "softtwin.Grasp.v6"
+    _type = "softtwin.Grasp.v1"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags of all fingers.
@@ -357,7 +356,6 @@ class Grasp(Payload):
         ("forces_n", f64 * 8),  # N: Force of each finger; the rest 0.
         ("pressures_mpa", f64 * 8),  # MPa: Pressure of each finger; the rest 0.
         ("force_halfwidth_n", f64),  # N: Half-width of the forces.
-        ("reserved", u64 * 3),  # Zero; for later values.
         ("scene", u8 * 32),  # Name of the scene, zero-padded.
     ]
     _texts = {"scene"}
@@ -367,21 +365,20 @@ class Grasp(Payload):
 class Command(Payload):
     """One pressure command, from a controller to a valve or a simulated plant."""
 
-    _type = "softtwin.Command.v6"
+    _type = "softtwin.Command.v1"
     _fields_ = [
         ("boot_id", u64),  # The run of the controller that sent it.
         ("seq", u64),  # Counts up by one per command within a run, beginning at 1.
         ("t_sensor_ns", u64),  # ns: When the reading that the command answers was taken; 0: it answers none.
         ("t_publish_ns", u64),  # ns: When it was sent.
         ("pressure_mpa", f64),  # MPa: Gauge pressure that is wanted.
-        ("reserved", u64),  # Zero; for later values.
     ]
 
 
 class Estimate(Payload):
     """Estimated quantities after one reading, with what the reading said about model and sensors."""
 
-    _type = "softtwin.Estimate.v6"
+    _type = "softtwin.Estimate.v1"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("status", u32),  # What became of the reading.
@@ -410,7 +407,6 @@ class Estimate(Payload):
         ("names", u8 * 256),  # Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left.
         ("suspects", u32),  # What the alarm names: bit 0 the first input (the pressure) or quantity; of measurements the bits of `rejected`.
         ("reserved", u32),  # Zero.
-        ("reserved_more", u64 * 2),  # Zero; for later values.
     ]
     _texts = {"actuator"}
     _text_lists = {"names": "unknown_count"}
@@ -421,7 +417,7 @@ class Estimate(Payload):
 class Setpoint(Payload):
     """One setpoint. Hold-to-run: it counts until `valid_for_ns` after `t_publish_ns`; without a newer one the valve then takes its safe value. On the topic `override` it is the operator's and wins over the setpoint's until it is released."""
 
-    _type = "softtwin.Setpoint.v6"
+    _type = "softtwin.Setpoint.v1"
     _fields_ = [
         ("boot_id", u64),  # The run of the owner that sent it.
         ("seq", u64),  # Counts up by one per setpoint within a run, beginning at 1.
@@ -430,7 +426,6 @@ class Setpoint(Payload):
         ("valid_for_ns", u64),  # ns: How long it counts from then on. Of an override 0: until it is released.
         ("pressure_mpa", f64),  # MPa: Gauge pressure that is wanted; NaN: none. Of an override NaN: released.
         ("owner", u8 * 32),  # Name of the owner, zero-padded.
-        ("reserved", u64 * 2),  # Zero; for later values.
     ]
     _texts = {"owner"}
 
@@ -438,7 +433,7 @@ class Setpoint(Payload):
 class Valve(Payload):
     """What the bridge has written to the valve of an actuator, one for each write or attempt."""
 
-    _type = "softtwin.Valve.v6"
+    _type = "softtwin.Valve.v1"
     _fields_ = [
         ("boot_id", u64),  # The run of the bridge.
         ("seq", u64),  # Counts up by one per sample within a run, beginning at 1.
@@ -459,7 +454,6 @@ class Valve(Payload):
         ("failures", u64),  # Writes that have failed since the start.
         ("timeouts", u64),  # Times that the setpoint was not renewed in its time.
         ("interlocks", u64),  # Times that an interlock has closed.
-        ("reserved_more", u64 * 2),  # Zero; for later values.
     ]
     _texts = {"owner"}
     _names = {"valve_reason": VALVE_REASONS, "valve_interlock": VALVE_INTERLOCKS, "valve_limit": VALVE_LIMITS}
@@ -468,7 +462,7 @@ class Valve(Payload):
 class Query(Payload):
     """One question. What its kind does not need is NaN."""
 
-    _type = "softtwin.Query.v6"
+    _type = "softtwin.Query.v1"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("kind", u32),  # What is asked for.
@@ -490,50 +484,50 @@ class Query(Payload):
 class Answer(Payload):
     """The answer. The payload behind it is the field (`node_count x field_count` `f32`, field-major as on the field topic), or empty when none was wanted."""
 
-    _type = "softtwin.Answer.v6"
+    _type = "softtwin.Answer.v1"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("status", u32),  # 0: answered, else the reason why there is no answer.
         ("model_hash", u8 * 16),  # First 16 bytes of the model file's hash.
-        ("kind", u32),  # What was asked for.
-        ("regime", u32),  # Regime.
-        ("domain_status", u32),  # Where the inputs lie among the sampled states: 0 inside, 1 near the edge, 2 outside.
+        ("kind", u32),  # Kind of the question.
         ("flags", u32),  # Set flags.
         ("compute_ns", u64),  # ns: Time that the answer took to compute.
-        ("pressure_mpa", f64),  # MPa: Pressure: given or found.
-        ("gap_mm", f64),  # mm: Gap: given or found.
-        ("contact_force_n", f64),  # N: Contact force at that pressure and gap.
-        ("force_by_pressure_n_per_mpa", f64),  # N/MPa: Gradient of the force by the pressure.
-        ("force_by_gap_n_per_mm", f64),  # N/mm: Gradient of the force by the gap.
-        ("onset_pressure_mpa", f64),  # MPa: Pressure of first contact at this gap; infinite when the plate is out of reach.
         ("uncertainty", f64),  # Half-width of what was found (pressure in MPa, gap in mm); NaN for a what-if.
         ("low", f64),  # Lower end of what explains the question within the half-widths, cut at the sampled states; NaN for a what-if.
         ("high", f64),  # Upper end of it; NaN for a what-if.
         ("limit", f64),  # The number that belongs to `status`; NaN when answered.
-        ("force_halfwidth_n", f32),  # N: Half-width of the force.
-        ("displacement_halfwidth_mm", f32),  # mm: Half-width of the displacement.
-        ("von_mises_halfwidth_mpa", f32),  # MPa: Half-width of the stress.
-        ("domain_distance", f32),  # Distance to the sampled states, over inputs scaled to [0, 1]: 0 inside, never negative.
-        ("coefficient_count", u32),  # Coefficients in use.
         ("node_count", u32),  # Nodes of the field; 0: none was wanted.
         ("field_count", u32),  # Fields of the field sample.
-        ("max_von_mises_node", u32),  # Node (number in the model) of the largest stress; 4294967295 without a field.
         ("max_von_mises_mpa", f64),  # MPa: Largest von Mises stress among the nodes of the field; NaN without a field.
+        ("max_von_mises_node", u32),  # Node (number in the model) of the largest stress; 4294967295 without a field.
+        ("reserved", u32),  # Zero.
         ("field_ids", u8 * 16),  # Which field is where; unused slots are 0.
-        ("group_sizes", u8 * 8),  # Coefficients of each group, in the model's order; the rest 0.
-        ("coefficients", f32 * 128),  # Modal coefficients, group by group; the rest 0.
         ("node_set", u8 * 32),  # Name of the node set of the field, zero-padded.
         ("actuator", u8 * 32),  # Name of the actuator, zero-padded.
+        ("pressure_mpa", f64),  # MPa: Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias.
+        ("gap_mm", f64),  # mm: Gap: of the reading, given, found or estimated.
+        ("contact_force_n", f64),  # N: Predicted contact force; 0 in the free regime.
+        ("force_by_pressure_n_per_mpa", f64),  # N/MPa: Derivative of the force with respect to the pressure; NaN when not configured.
+        ("force_by_gap_n_per_mm", f64),  # N/mm: Derivative of the force with respect to the gap; NaN when not configured.
+        ("onset_pressure_mpa", f64),  # MPa: Pressure of first contact at this gap; infinite when the plate is out of reach.
+        ("force_halfwidth_n", f32),  # N: Half-width of the force; NaN when not configured.
+        ("displacement_halfwidth_mm", f32),  # mm: Half-width of the displacement; NaN when not configured.
+        ("von_mises_halfwidth_mpa", f32),  # MPa: Half-width of the stress; NaN when not configured.
+        ("domain_distance", f32),  # Distance to the sampled states, over inputs scaled to [0, 1]: 0 inside, never negative.
+        ("regime", u32),  # Regime.
+        ("domain_status", u32),  # Position of the inputs relative to the sampled states: 0 inside, 1 near the edge, 2 outside.
+        ("coefficient_count", u32),  # Coefficients in use.
         ("input_count", u32),  # Inputs of the model.
-        ("reserved", u32),  # Zero.
-        ("inputs", f64 * 8),  # The model's inputs that the answer stands for, in its order and units; NaN where there is no answer.
-        ("force_by_input", f64 * 8),  # Gradient of the force by each input, N per unit of the input.
+        ("group_sizes", u8 * 8),  # Coefficients of each group, in the model's order; the rest 0. With more in all than fit below the flag `coefficients-cut` is set.
+        ("coefficients", f32 * 128),  # Modal coefficients, group by group; the rest 0.
+        ("inputs", f64 * 8),  # The model's inputs, in its order and units; NaN without an answer.
+        ("force_by_input", f64 * 8),  # Derivative of the force with respect to each input, N per unit of the input; NaN when not configured.
         ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
     ]
     _texts = {"node_set", "actuator"}
     _text_lists = {"input_names": "input_count"}
     _hashes = {"model_hash"}
-    _names = {"kind": KINDS, "regime": REGIMES, "flags": FLAGS}
+    _names = {"kind": KINDS, "flags": FLAGS, "regime": REGIMES}
 
 
 PAYLOADS: List[Type[Payload]] = [

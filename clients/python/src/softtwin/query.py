@@ -80,7 +80,7 @@ class Client:
         return self._ask("gap", field, inputs, pressure_mpa=pressure_mpa, force_n=force_n, force_halfwidth_n=force_halfwidth_n)
 
     def _ask(self, kind: str, field: Optional[str], inputs: Inputs, **given: float) -> Union[layout.Answer, Field]:
-        query = layout.Query(layout_version=layout.VERSION, kind=layout.QUERY_KINDS[kind])
+        query = layout.Query(layout_version=layout.LAYOUT_VERSION, kind=layout.QUERY_KINDS[kind])
         for name in ("pressure_mpa", "gap_mm", "force_n", "force_halfwidth_n"):
             setattr(query, name, given.get(name, math.nan))
         if field is not None:

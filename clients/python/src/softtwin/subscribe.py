@@ -9,7 +9,7 @@ import iceoryx2 as iox2
 from .bus import Bus, default_bus, kind_of, payload_type
 from .errors import SofttwinError, TwinRestarted, TwinSilent
 from .field import Field, copy_of
-from .layout import VERSION, FieldHeader
+from .layout import LAYOUT_VERSION, FieldHeader
 from .qos import QOS
 
 _SLICE_S = 0.2  # a wait is cut into slices, so that Ctrl-C is heard
@@ -73,7 +73,7 @@ class Subscription:
         else:
             header = copy_of(FieldHeader, sample.user_header_ptr)
             found = sample.header.number_of_elements
-            if header.layout_version != VERSION or header.node_count * header.field_count != found:
+            if header.layout_version != LAYOUT_VERSION or header.node_count * header.field_count != found:
                 raise SofttwinError(f"{self.topic}: {found} values do not fit their header {header!r}")
             value = Field(sample, header, sample.payload_ptr)
             boot_seq = (header.boot_id, header.seq)

@@ -16,7 +16,7 @@ use wire::{
 use super::summary::{RecordError, RecordSummary};
 use crate::message::{self, FieldMessage, GapCounter, GapMessage, Recorded};
 use crate::rotate::{RotateSummary, RotatingWriter};
-use crate::thread_group::{ThreadEnded, panic_cause};
+use wire::thread_group::{ThreadEnded, panic_cause};
 use crate::writer::{Channel, WriteError};
 
 /// Longest time between receiving a sample and having it on disk.

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use wire::{Bus, Domain, KeyExpr, Topic, WireError};
 
-use crate::thread_group::StopFlag;
+use wire::thread_group::StopFlag;
 
 /// How often the domain is scanned.
 const EVERY: Duration = Duration::from_millis(250);

@@ -6,7 +6,7 @@ use thiserror::Error;
 use wire::WireError;
 
 use crate::rotate::{DiskUse, RotateSummary};
-use crate::thread_group::ThreadEnded;
+use wire::thread_group::ThreadEnded;
 use crate::writer::WriteError;
 
 /// Error that ended a recording.

@@ -7,7 +7,7 @@ use std::time::Duration;
 use wire::{AnyReader, Bus, Domain, WakeSet, Wakeable, Waking, WireError, now_ns};
 
 use super::queue::QueueSink;
-use crate::thread_group::{StopFlag, WAIT};
+use wire::thread_group::{StopFlag, WAIT};
 
 /// Pause before a topic that cannot be read is tried again.
 const RETRY: Duration = Duration::from_secs(1);

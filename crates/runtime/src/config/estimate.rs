@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use wire::layout::MARKERS_MAX;
+use wire::layout::{MARKERS_MAX, Marker};
 
 /// Estimated quantities by name: a model input (`gap_mm`, `"elastomer.law.mu_mpa"`), `pressure_bias_mpa`, `force_bias_n`.
 pub type EstimateSpec = BTreeMap<String, UnknownSpec>;
@@ -165,4 +165,13 @@ mod tests {
             }
         }
     }
+}
+
+/// Standard deviations of the noise of a reading's values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Sigmas {
+    pub(crate) pressure_mpa: f64,
+    pub(crate) gap_mm: f64,
+    pub(crate) force_n: f64,
+    pub(crate) markers_mm: [Marker; MARKERS_MAX],
 }

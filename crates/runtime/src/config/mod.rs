@@ -9,7 +9,7 @@ mod scene;
 mod settings;
 
 pub use error::{ConfigError, collect, read};
-pub(crate) use estimate::PRESSURE_BIAS;
+pub(crate) use estimate::{PRESSURE_BIAS, Sigmas};
 pub use estimate::{BIASES, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec, UnknownSpec};
 pub use grasp::{BlockSpec, GraspSpec, PlaceSpec};
 pub use input::{InputFrom, InputSpecs, Measured, WithinSpec};

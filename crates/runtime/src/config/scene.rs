@@ -1,15 +1,17 @@
 //! Scenes: what is there, and what is wanted of it. The twin loads and computes exactly that.
 
 use super::error::{ConfigError, read};
-use super::estimate::{self, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec};
+use super::estimate::{self, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec, Sigmas};
 use super::grasp::{BlockSpec, GraspSpec, PlaceSpec, plate_problems};
 use super::input::{self, InputSpecs, Measured, WithinSpec};
-use crate::source::{Devices, InputNames, PaceSpec, QUANTITIES, Sensors, Source, SourceSpec, open_sensors};
+use crate::source::{Devices, InputNames, PaceSpec, Sensors, Source, SourceSpec, open_sensors, value_mut};
 use crate::valve::{self, ValveSpec};
 use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use wire::SensorSample;
+use wire::layout::{MARKERS_MAX, Marker};
 
 /// A scene file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -328,7 +330,7 @@ impl ActuatorSpec {
         devices: &Devices,
     ) -> Option<Result<Box<dyn Source>, Vec<String>>> {
         match &self.source {
-            Some(source) => Some(source.open_among(folder, devices, &self.input_names())),
+            Some(source) => Some(source.open(folder, &self.input_names())),
             None if self.sensors.is_empty() => None,
             None => {
                 Some(open_sensors(&self.sensors, self.pace.as_ref(), folder, devices, &self.input_names()))
@@ -369,19 +371,21 @@ impl ActuatorSpec {
         self.source.iter().map(|source| format!("from {}", source.describe())).chain(sensors).collect()
     }
 
-    /// Standard deviations of the sensors' noise by value, in the order of [`QUANTITIES`]: the sensor's own where it has
-    /// one, otherwise that of `sigma`.
-    pub(crate) fn sigmas(&self) -> [f64; QUANTITIES.len()] {
-        let mut sigmas = [self.sigma.marker_mm; QUANTITIES.len()];
-        let SigmaSpec { pressure_mpa, gap_mm, force_n, .. } = self.sigma;
-        sigmas.iter_mut().zip([pressure_mpa, gap_mm, force_n]).for_each(|(to, from)| *to = from);
+    /// Standard deviations of the sensors' noise: the sensor's own if it has one, otherwise that of `sigma`.
+    pub(crate) fn sigmas(&self) -> Sigmas {
+        let SigmaSpec { pressure_mpa, gap_mm, force_n, marker_mm, .. } = self.sigma;
+        let mut sigmas =
+            SensorSample { pressure_mpa, gap_mm, measured_force_n: force_n, ..SensorSample::default() };
+        sigmas.markers_mm = [Marker { x: marker_mm, y: marker_mm, z: marker_mm }; MARKERS_MAX];
         let names = self.input_names();
         for (name, sigma) in self.sensors.values().flat_map(|sensor| sensor.values()) {
-            if let (Some(to), Some(sigma)) = (names.slot(name).and_then(|slot| sigmas.get_mut(slot)), sigma) {
-                *to = sigma;
+            let value = names.slot(name).and_then(|slot| value_mut(&mut sigmas, slot));
+            if let (Some(value), Some(sigma)) = (value, sigma) {
+                *value = sigma;
             }
         }
-        sigmas
+        let SensorSample { pressure_mpa, gap_mm, measured_force_n: force_n, markers_mm, .. } = sigmas;
+        Sigmas { pressure_mpa, gap_mm, force_n, markers_mm }
     }
 
     /// What is wrong with the sensors by themselves and among those of the whole scene.

@@ -12,7 +12,7 @@ use crate::config::{self, ActuatorSpec, ConfigError, Gap, Queries, Scene, StateS
 use crate::file;
 use crate::load::{GroupSizes, Loaded, LoadedOutput, load};
 use crate::measured::MeasuredInputs;
-use crate::payload::{self, InputNames};
+use crate::publish::{self, PackedNames};
 use crate::side_service::SideService;
 use rom::inputs::{GAP, Inputs, PARAMETERS, PRESSURE};
 use rom::model::{ModelHeader, ModelReader};
@@ -36,7 +36,7 @@ pub struct Answerer {
     /// Default pressure: any value if the model does not depend on it; otherwise `None`.
     default_pressure_mpa: Option<f64>,
     /// Names of the inputs, and default values of the parameters; NaN for a measured one, which every query must name.
-    names: InputNames,
+    names: PackedNames,
     inputs: Inputs,
     measured: MeasuredInputs,
     group_sizes: GroupSizes,
@@ -69,14 +69,14 @@ impl Answerer {
         let inputs = used.fold(Inputs::new(f64::NAN, f64::NAN), |inputs, (at, value)| inputs.with(at, value));
         let measured = MeasuredInputs::new(spec, specs);
         let inputs = measured.positions().fold(inputs, |inputs, at| inputs.with(at, f64::NAN));
-        let names = payload::input_names(specs);
+        let names = PackedNames::new(specs);
         let constant_mm = (gap_mm[0] == gap_mm[1]).then_some(gap_mm[0]);
         Self {
             name: loaded.spec.name,
             model_hash: loaded.model_hash,
             solver: Solver::new(loaded.evaluator, pressure_mpa, gap_mm),
             default_gap_mm: fixed_mm.or(constant_mm),
-            default_pressure_mpa: (!loaded.needs[PRESSURE]).then_some(0.0),
+            default_pressure_mpa: (!loaded.needs.pressure).then_some(0.0),
             names,
             inputs,
             measured,
@@ -92,10 +92,9 @@ impl Answerer {
 
     /// The state that a twin would publish at this pressure and gap.
     pub fn state(&mut self, pressure_mpa: f64, gap_mm: f64) -> State {
-        let (input_count, input_names) = self.names;
-        let mut state = State { input_count, input_names, ..State::default() };
+        let mut state = self.names.state();
         let evaluation = self.solver.evaluate(pressure_mpa, gap_mm);
-        payload::fill_state(&mut state, evaluation, &self.group_sizes, StateSpec::default());
+        publish::fill_state(&mut state, evaluation, &self.group_sizes, StateSpec::default());
         state
     }
 
@@ -119,7 +118,7 @@ impl Answerer {
         let begin = Instant::now();
         let mut answer = Answer { kind: query.kind, actuator: pack_name(&self.name), ..Answer::default() };
         answer.model_hash = self.model_hash;
-        (answer.input_count, answer.input_names) = self.names;
+        (answer.input_count, answer.input_names) = (self.names.count, self.names.names);
         match self.take_parameters(query).and_then(|()| self.find(query)) {
             Ok((pressure_mpa, gap_mm, solution)) => {
                 if let Some(Solution { uncertainty, low, high, .. }) = solution {
@@ -140,7 +139,7 @@ impl Answerer {
         let refuse = |status| NoSolution { status, limit: f64::NAN };
         let mut inputs = self.inputs;
         for (name, value) in query.parameters() {
-            let mut known = self.names.1.as_chunks::<32>().0.iter().take(self.names.0 as usize);
+            let mut known = self.names.names.as_chunks::<32>().0.iter().take(self.names.count as usize);
             let at = known.position(|known| known == name).filter(|at| *at >= PARAMETERS);
             inputs = inputs.with(at.ok_or_else(|| refuse(QueryStatus::UnknownInput))?, value);
             if !value.is_finite() {
@@ -190,8 +189,8 @@ impl Answerer {
             return;
         }
         let evaluation = self.solver.evaluation();
-        if payload::is_finite(evaluation) {
-            payload::fill_answer(answer, evaluation, &self.group_sizes);
+        if publish::is_finite(evaluation) {
+            publish::fill_answer(answer, evaluation, &self.group_sizes);
         } else {
             answer.status = QueryStatus::Model.code();
         }
@@ -206,7 +205,7 @@ impl Answerer {
             return;
         };
         match output.reconstructor.reconstruct_into(self.solver.evaluation(), values) {
-            Ok(peaks) => payload::fill_answer_field(answer, output, &peaks),
+            Ok(peaks) => publish::fill_answer_field(answer, output, &peaks),
             Err(_) => answer.status = QueryStatus::Model.code(),
         }
     }

@@ -1,29 +1,37 @@
-//! Where readings come from. One file a source, one variant of [`SourceSpec`]; a conformance test runs over all of them.
+//! Sources of readings: traces, formulas, devices.
+//!
+//! A device path (an address, a serial port, a program) has a thread (`devices.rs`; Tokio for the waiting, one thread, no pool).
+//! Each sensor sends its answers to the bridge through a bounded queue (`sensor.rs`); `mixed.rs` combines the newest values of
+//! all sensors into readings. The values of a device that fails grow old, or the twin notices the silence by its deadline.
+//! Failures are counted in [`SensorCounters`] and logged when they change.
 
-mod named;
+mod devices;
+mod lines;
+mod mixed;
+mod modbus;
+mod plugin;
 mod reading;
 mod recorded;
 mod replay;
-mod replay_rows;
 mod sensor;
+mod serial;
 mod simulate;
+mod spec;
+mod stream;
 mod trace;
-mod trace_error;
-mod value;
 
-pub use named::InputNames;
-pub use reading::{BridgeWaker, Poll, Reading, SensorCounters, Source, SourceReader};
+pub use devices::Devices;
+pub use lines::{Cells, LineBuffer, LineError, MAX_LINE_BYTES, parse_cells};
+pub use modbus::{Encoding, ModbusConnection, RegisterAt, Table, WordOrder};
+pub use reading::{BridgeWaker, InputNames, Poll, Reading, SensorCounters, Source, SourceReader};
+pub(crate) use reading::value_mut;
 pub use replay::ReplaySpec;
-pub use sensor::{
-    ByteOrder, CanNumber, CanSensor, CanSignal, Cell, Devices, Encoding, Filter, FilterSpec, IioSensor,
-    LineBuffer, LineError, LinesSensor, LinesSpec, MAX_LINE_BYTES, ModbusConnection, ModbusPath,
-    ModbusSensor, ModbusSpec, PaceSpec, Parity, Quantity, RegisterAt, RegisterSpec, SensorSpec, Sensors,
-    SerialSpec, Table, ValueSpec, Values, WordOrder, open as open_sensors, parse_line,
-};
+pub use sensor::{Filter, FilterSpec, Quantity, ValueSpec, Values};
+pub use serial::{ModbusPath, Parity, SerialSpec};
 pub use simulate::{Profile, SimulateSpec};
-pub use trace::Trace;
-pub use trace_error::TraceError;
-pub(crate) use value::{FORCE, QUANTITIES};
+pub use spec::{LinesSensor, ModbusSensor, PaceSpec, SensorSpec, Sensors, open as open_sensors};
+pub use stream::Cell;
+pub use trace::{Trace, TraceError};
 
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -36,63 +44,33 @@ pub enum SourceSpec {
     Replay(ReplaySpec),
     /// A formula.
     Simulate(SimulateSpec),
-    /// Modbus sensors, over TCP or a serial line.
-    Modbus(ModbusSpec),
-    /// Lines of text, from a serial line or standard input.
-    Lines(LinesSpec),
 }
 
 impl SourceSpec {
-    /// Opens the source. Relative paths are taken from `folder` (the scene file's).
+    /// Opens the source. Relative paths are taken from `folder` (the scene file's). `inputs`: names of the measured inputs of its
+    /// readings.
     ///
     /// # Errors
-    /// Every problem of the specification and of the trace it names, as text for the user.
-    pub fn open(&self, folder: &Path) -> Result<Box<dyn Source>, Vec<String>> {
-        self.open_among(folder, &Devices::default(), &InputNames::default())
-    }
-
-    /// The same, sharing device paths with the other sources of a scene. `inputs`: what its readings are to carry beside
-    /// pressure, gap, force and markers.
-    ///
-    /// # Errors
-    /// As [`Self::open`]; also a path that another source uses otherwise, and a source that has no such inputs.
-    pub fn open_among(
-        &self,
-        folder: &Path,
-        devices: &Devices,
-        inputs: &InputNames,
-    ) -> Result<Box<dyn Source>, Vec<String>> {
-        let plain = || match inputs.iter().next() {
-            None => Ok(()),
-            Some(name) => Err(vec![format!(
+    /// Every problem of the specification and of the trace it names; a formula with `inputs`.
+    pub fn open(&self, folder: &Path, inputs: &InputNames) -> Result<Box<dyn Source>, Vec<String>> {
+        match (self, inputs.iter().next()) {
+            (Self::Replay(spec), _) => spec.open(folder, inputs),
+            (Self::Simulate(spec), None) => spec.open(),
+            (Self::Simulate(_), Some(name)) => Err(vec![format!(
                 "source: expected one that can have {name}, which `inputs` says is measured: [actuator.sensors.NAME] or a \
                  trace; found {}",
                 self.describe()
             )]),
-        };
-        match self {
-            Self::Replay(spec) => spec.open(folder, inputs),
-            Self::Simulate(spec) => plain().and_then(|()| spec.open()),
-            Self::Modbus(spec) => plain().and_then(|()| spec.open(devices)),
-            Self::Lines(spec) => plain().and_then(|()| spec.open(devices)),
         }
     }
 
     /// The source in words, for logs.
     pub fn describe(&self) -> String {
-        let port = |serial: &Option<SerialSpec>, without: &str| {
-            serial.as_ref().map_or_else(|| without.to_owned(), |serial| serial.port.display().to_string())
-        };
         match self {
             Self::Replay(spec) => {
                 format!("the trace {} at {} times its speed", spec.trace.display(), spec.speed)
             }
             Self::Simulate(spec) => format!("a formula, {} readings a second", spec.rate_hz),
-            Self::Modbus(spec) => {
-                let place = spec.tcp.clone().unwrap_or_else(|| port(&spec.serial, "no port"));
-                format!("Modbus at {place}, {} polls a second", spec.poll_hz)
-            }
-            Self::Lines(spec) => format!("lines of text from {}", port(&spec.serial, "standard input")),
         }
     }
 

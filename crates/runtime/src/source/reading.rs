@@ -1,110 +1,139 @@
-//! The one type of a reading, and the one trait of whatever gives readings.
+//! A reading, its values by place and name, and the trait of a source of readings.
 
 use std::fmt::Debug;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
-use wire::layout::{AGES_MAX, MARKERS_MAX, PARAMETERS_MAX};
+use wire::layout::{AGES_MAX, MARKERS_MAX, PARAMETERS_MAX, set_slot};
 use wire::{SensorSample, now_ns};
 
-/// One reading of an actuator's sensors.
+/// One reading of an actuator's sensors. The bridge fills `boot_id` and `seq` of its sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// When it was taken, see [`wire::now_ns`].
-    pub t_sensor_ns: u64,
-    /// Seconds after the start of the source at which it is due; NaN for a device, which sends when it has something.
+    /// The values, as they are sent.
+    pub sample: SensorSample,
+    /// Seconds from the start of the source to the time of sending; NaN for a device, which sends on arrival.
     pub due_s: f64,
-    /// Time in the source's own trace, s; NaN when it has none.
-    pub t_trace_s: f64,
-    /// Gauge pressure, MPa. Any value that a gauge can send, NaN too: the twin validates it.
-    pub pressure_mpa: f64,
-    /// Gap, mm; NaN when the source does not measure it.
-    pub gap_mm: f64,
-    /// Measured contact force, N; NaN when there is no load cell.
-    pub measured_force_n: f64,
-    /// Measured x, y, z of each marker in the camera's frame, mm; NaN where there is none.
-    pub markers_mm: [f64; 3 * MARKERS_MAX],
-    /// Coordinates that the source has; 0 without markers.
-    pub marker_values: u32,
-    /// 0: good; anything else is a fault code, see [`SensorSample::status`].
-    pub status: u32,
-    /// Entries of `ages_ns` that count: 0, all values are as old as the reading.
-    pub age_count: u32,
-    /// Age of pressure, gap, force and each marker at `t_sensor_ns`, ns.
-    pub ages_ns: [u64; AGES_MAX],
-    /// Values that are absent because they are too old, see [`wire::layout::value_bits`].
-    pub stale_values: u32,
-    /// Values that are absent because of a fault of their sensor.
-    pub fault_values: u32,
-    /// Values left out because of their age since the source's start.
-    pub stale_total: u64,
-    /// Named inputs that the source has; 0 without any.
-    pub input_count: u32,
-    /// Measured values of further model inputs, in the unit at the end of their names; NaN where there is none.
-    pub inputs: [f64; PARAMETERS_MAX],
-    /// Their names, 32 bytes each, see [`SensorSample::input_names`].
-    pub input_names: [u8; 32 * PARAMETERS_MAX],
-    /// Their ages at `t_sensor_ns`, ns.
-    pub input_ages_ns: [u64; PARAMETERS_MAX],
 }
 
-impl Reading {
-    /// A reading with the time of now and nothing else.
-    pub fn now() -> Self {
-        Self { t_sensor_ns: now_ns(), ..Self::default() }
-    }
+/// Number of values of one reading: pressure, gap, force, x, y, z of each marker, then the named inputs.
+pub(super) const SLOTS: usize = NAMED + PARAMETERS_MAX;
+/// Slot of the pressure.
+pub(super) const PRESSURE: usize = 0;
+/// Slot of the gap.
+pub(super) const GAP: usize = 1;
+/// Slot of the measured force.
+pub(super) const FORCE: usize = 2;
+/// Slot of the first marker's x.
+pub(super) const MARKERS: usize = 3;
+/// Slot of the first named input, whose name is defined by the scene ([`InputNames`]).
+pub(super) const NAMED: usize = MARKERS + 3 * MARKERS_MAX;
 
-    /// The reading as it goes on the wire.
-    pub fn sample(&self, boot_id: u64, seq: u64) -> SensorSample {
-        SensorSample {
-            boot_id,
-            seq,
-            t_sensor_ns: self.t_sensor_ns,
-            pressure_mpa: self.pressure_mpa,
-            gap_mm: self.gap_mm,
-            measured_force_n: self.measured_force_n,
-            t_trace_s: self.t_trace_s,
-            status: self.status,
-            markers_mm: self.markers_mm,
-            marker_values: self.marker_values,
-            age_count: self.age_count,
-            ages_ns: self.ages_ns,
-            stale_values: self.stale_values,
-            fault_values: self.fault_values,
-            stale_total: self.stale_total,
-            input_count: self.input_count,
-            inputs: self.inputs,
-            input_names: self.input_names,
-            input_ages_ns: self.input_ages_ns,
-            ..SensorSample::default()
+/// Names of the values by slot, as in scenes; those of the markers are also columns of traces.
+pub(super) const QUANTITIES: [&str; NAMED] = [
+    "pressure_mpa",
+    "gap_mm",
+    "force_n",
+    "marker1_x_mm",
+    "marker1_y_mm",
+    "marker1_z_mm",
+    "marker2_x_mm",
+    "marker2_y_mm",
+    "marker2_z_mm",
+    "marker3_x_mm",
+    "marker3_y_mm",
+    "marker3_z_mm",
+    "marker4_x_mm",
+    "marker4_y_mm",
+    "marker4_z_mm",
+    "marker5_x_mm",
+    "marker5_y_mm",
+    "marker5_z_mm",
+    "marker6_x_mm",
+    "marker6_y_mm",
+    "marker6_z_mm",
+    "marker7_x_mm",
+    "marker7_y_mm",
+    "marker7_z_mm",
+    "marker8_x_mm",
+    "marker8_y_mm",
+    "marker8_z_mm",
+];
+
+/// Slot of a value that every reading has, by name.
+pub(super) fn slot(name: &str) -> Option<usize> {
+    QUANTITIES.iter().position(|known| *known == name)
+}
+
+/// Bit of a value in `stale_values` and `fault_values` ([`wire::layout::value_bits`]); a marker has one bit.
+pub(super) fn bit(slot: usize) -> u32 {
+    let number = match slot {
+        ..MARKERS => slot,
+        MARKERS..NAMED => MARKERS + (slot - MARKERS) / 3,
+        _ => AGES_MAX + (slot - NAMED).min(PARAMETERS_MAX - 1),
+    };
+    1 << number
+}
+
+/// The value of a slot.
+pub(crate) fn value_mut(sample: &mut SensorSample, slot: usize) -> Option<&mut f64> {
+    match slot {
+        PRESSURE => Some(&mut sample.pressure_mpa),
+        GAP => Some(&mut sample.gap_mm),
+        FORCE => Some(&mut sample.measured_force_n),
+        MARKERS..NAMED => {
+            let marker = sample.markers_mm.get_mut((slot - MARKERS) / 3)?;
+            Some([&mut marker.x, &mut marker.y, &mut marker.z].into_iter().nth((slot - MARKERS) % 3)?)
         }
+        _ => sample.inputs.get_mut(slot - NAMED),
     }
 }
 
-/// A reading with nothing known.
-impl Default for Reading {
-    fn default() -> Self {
-        Self {
-            t_sensor_ns: 0,
-            due_s: f64::NAN,
-            t_trace_s: f64::NAN,
-            pressure_mpa: f64::NAN,
-            gap_mm: f64::NAN,
-            measured_force_n: f64::NAN,
-            markers_mm: [f64::NAN; 3 * MARKERS_MAX],
-            marker_values: 0,
-            status: 0,
-            age_count: 0,
-            ages_ns: [0; AGES_MAX],
-            stale_values: 0,
-            fault_values: 0,
-            stale_total: 0,
-            input_count: 0,
-            inputs: [f64::NAN; PARAMETERS_MAX],
-            input_names: [0; 32 * PARAMETERS_MAX],
-            input_ages_ns: [0; PARAMETERS_MAX],
-        }
+/// The age of a slot's value, ns; a marker has one age.
+pub(super) fn age_mut(sample: &mut SensorSample, slot: usize) -> Option<&mut u64> {
+    let ages = &mut sample.ages_ns;
+    match slot {
+        PRESSURE => Some(&mut ages.pressure),
+        GAP => Some(&mut ages.gap),
+        FORCE => Some(&mut ages.force),
+        MARKERS..NAMED => ages.markers.get_mut((slot - MARKERS) / 3),
+        _ => sample.input_ages_ns.get_mut(slot - NAMED),
+    }
+}
+
+/// Names of the measured model inputs in addition to pressure and gap, in the order of the readings; at most
+/// [`PARAMETERS_MAX`].
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct InputNames(Vec<String>);
+
+impl InputNames {
+    /// The first [`PARAMETERS_MAX`] of `names` (scenes with more are refused).
+    pub fn new<'a>(names: impl IntoIterator<Item = &'a str>) -> Self {
+        Self(names.into_iter().take(PARAMETERS_MAX).map(str::to_owned).collect())
+    }
+
+    /// The names in their order.
+    pub fn iter(&self) -> impl Iterator<Item = &str> {
+        self.0.iter().map(String::as_str)
+    }
+
+    /// Whether there are no names.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Slot of a value by name. A named input precedes a value that every reading has: a model's `force_n` is a load, not the
+    /// contact force.
+    pub(crate) fn slot(&self, name: &str) -> Option<usize> {
+        self.iter().position(|known| known == name).map(|at| NAMED + at).or_else(|| slot(name))
+    }
+
+    /// A sample with these names and no values.
+    pub(super) fn sample(&self) -> SensorSample {
+        let mut sample = SensorSample { input_count: self.0.len() as u32, ..SensorSample::default() };
+        self.iter().enumerate().for_each(|(at, name)| set_slot(&mut sample.input_names, at, name));
+        sample
     }
 }
 
@@ -173,7 +202,8 @@ impl<I: Iterator<Item = Reading> + Debug + Send> Source for Scheduled<I> {
             return Poll::Waiting { until_s: next.due_s };
         }
         self.next = self.readings.next();
-        Poll::Reading(Reading { t_sensor_ns: now_ns(), ..next })
+        let sample = SensorSample { t_sensor_ns: now_ns(), ..next.sample };
+        Poll::Reading(Reading { sample, ..next })
     }
 }
 
@@ -198,12 +228,12 @@ impl SourceReader {
         Ok(Self { source, wakes })
     }
 
-    /// The next reading; `None` at the end, or when a device sends none within `patience`.
-    pub fn next(&mut self, patience: Duration) -> Option<Reading> {
+    /// Values of the next reading; `None` at the end, or when a device sends none within `patience`.
+    pub fn next(&mut self, patience: Duration) -> Option<SensorSample> {
         let end = Instant::now() + patience;
         loop {
             match self.source.poll(f64::INFINITY) {
-                Poll::Reading(reading) => return Some(reading),
+                Poll::Reading(reading) => return Some(reading.sample),
                 Poll::Waiting { .. } => {
                     let left = end.saturating_duration_since(Instant::now());
                     // The device's end wakes without a reading; the channel closes with the device. A reading that is due by

@@ -1,7 +1,6 @@
 //! Traces out of recordings: the readings as they were published, to the bit. A recording is a file or a folder of rotated files.
 
-use super::reading::Reading;
-use super::trace_error::TraceError;
+use super::trace::TraceError;
 use crate::file;
 use recording::message::decode_reading;
 use recording::{Item, ReadItems, Series, SeriesReader};
@@ -26,7 +25,7 @@ pub(super) fn is_recording(path: &Path) -> std::io::Result<bool> {
 }
 
 /// The readings of one sensor topic, `topic` or the only one. A recording that stops early gives what it has.
-pub(super) fn rows(path: &Path, topic: Option<&str>) -> Result<Vec<Reading>, Vec<TraceError>> {
+pub(super) fn rows(path: &Path, topic: Option<&str>) -> Result<Vec<SensorSample>, Vec<TraceError>> {
     let mut rows = Rows::open(path, topic).map_err(|error| vec![error])?;
     let mut all = Vec::new();
     while let Some(row) = rows.next_row().map_err(|error| vec![error])? {
@@ -68,7 +67,7 @@ impl Rows {
     }
 
     /// The next reading of the topic, in order of time.
-    pub(super) fn next_row(&mut self) -> Result<Option<Reading>, TraceError> {
+    pub(super) fn next_row(&mut self) -> Result<Option<SensorSample>, TraceError> {
         while let Some(item) = self.next_item()? {
             let message = match item {
                 Item::Message(message) => message,
@@ -95,31 +94,14 @@ impl Rows {
         self.reader.next_item().map_err(|error| TraceError::Unreadable { cause: error.to_string() })
     }
 
-    fn row(&mut self, data: &[u8]) -> Result<Reading, TraceError> {
+    fn row(&mut self, data: &[u8]) -> Result<SensorSample, TraceError> {
         self.number += 1;
         let reading = decode_reading(data)
             .map_err(|error| TraceError::NotAReading { number: self.number, cause: error.to_string() })?;
         let t_ns = reading.t_sensor_ns.wrapping_add(self.offset_ns);
         let begin_ns = *self.begin_ns.get_or_insert(t_ns);
-        let row = Reading {
-            t_trace_s: t_ns.wrapping_sub(begin_ns).cast_signed() as f64 * 1e-9,
-            pressure_mpa: reading.pressure_mpa,
-            gap_mm: reading.gap_mm,
-            measured_force_n: reading.measured_force_n,
-            status: reading.status,
-            markers_mm: reading.markers_mm,
-            marker_values: reading.marker_values,
-            age_count: reading.age_count,
-            ages_ns: reading.ages_ns,
-            stale_values: reading.stale_values,
-            fault_values: reading.fault_values,
-            stale_total: reading.stale_total,
-            input_count: reading.input_count,
-            inputs: reading.inputs,
-            input_names: reading.input_names,
-            input_ages_ns: reading.input_ages_ns,
-            ..Reading::default()
-        };
+        let t_trace_s = t_ns.wrapping_sub(begin_ns).cast_signed() as f64 * 1e-9;
+        let row = SensorSample { t_trace_s, boot_id: 0, seq: 0, t_sensor_ns: 0, ..reading };
         let (before, found) = (self.last_s, row.t_trace_s);
         if found < before {
             return Err(TraceError::TimeOrder { line: self.number, before, found });

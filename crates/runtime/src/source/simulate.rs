@@ -3,6 +3,7 @@
 use super::reading::{Reading, Scheduled, Source};
 use rom::rng::Rng;
 use serde::{Deserialize, Serialize};
+use wire::SensorSample;
 
 /// Pressure of the surrounding air, MPa.
 const AMBIENT_MPA: f64 = 0.101325;
@@ -211,12 +212,12 @@ impl Iterator for Simulation {
         self.count += 1;
         let noisy = self.spec.profile.pressure_mpa(t_s) + self.spec.noise_mpa * self.rng.normal();
         let resolution = self.spec.resolution_mpa;
-        Some(Reading {
-            due_s: t_s,
+        let sample = SensorSample {
             t_trace_s: t_s,
             pressure_mpa: if resolution > 0.0 { (noisy / resolution).round() * resolution } else { noisy },
             gap_mm: self.spec.gap_mm,
-            ..Reading::default()
-        })
+            ..SensorSample::default()
+        };
+        Some(Reading { sample, due_s: t_s })
     }
 }

@@ -6,20 +6,17 @@
 //!
 //! `nan` and `inf` are values (gauges send them); text that is no number is an error.
 
-use super::named::InputNames;
-use super::reading::Reading;
+use super::reading::{InputNames, MARKERS, QUANTITIES, value_mut};
 use super::recorded;
-use super::trace_error::{MAX_BYTES, TraceError};
-use super::value::{MARKERS, QUANTITIES};
 use crate::file;
 use std::path::Path;
-use wire::layout::{MARKERS_MAX, PARAMETERS_MAX};
+use wire::SensorSample;
 
 /// A trace in memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trace {
     /// Readings in order of their time in the trace; at least one.
-    pub rows: Vec<Reading>,
+    pub rows: Vec<SensorSample>,
     /// Median time between rows (of the first 65,537), s; 0 for a single row.
     pub period_s: f64,
     /// Places where time jumps by more than 5 periods: (line, seconds); at most 1000.
@@ -98,7 +95,7 @@ impl Trace {
         let (header_line, header) = lines.next().ok_or_else(|| vec![TraceError::Empty { what: "header" }])?;
         let columns = Columns::find(header_line, header, inputs)?;
         let mut problems = Vec::new();
-        let mut rows: Vec<Reading> = Vec::new();
+        let mut rows: Vec<SensorSample> = Vec::new();
         let mut line_of = Vec::new();
         for (line, text) in lines {
             match columns.row(line, text, rows.last().map(|row| row.t_trace_s)) {
@@ -122,7 +119,7 @@ impl Trace {
     }
 
     /// Adds what is known about time as a whole.
-    fn of_rows(rows: Vec<Reading>, line_of: Vec<usize>) -> Self {
+    fn of_rows(rows: Vec<SensorSample>, line_of: Vec<usize>) -> Self {
         let mut survey = Survey::default();
         rows.iter().for_each(|row| survey.take(row.t_trace_s));
         let (period_s, gaps) = survey.finish();
@@ -210,7 +207,7 @@ impl Columns {
         }
     }
 
-    fn row(&self, line: usize, text: &str, before: Option<f64>) -> Result<Reading, TraceError> {
+    fn row(&self, line: usize, text: &str, before: Option<f64>) -> Result<SensorSample, TraceError> {
         let cell = |column: &str, place: usize| {
             let found = text.split(',').nth(place).unwrap_or("").trim();
             found.parse::<f64>().map_err(|_| TraceError::NotANumber {
@@ -220,30 +217,25 @@ impl Columns {
             })
         };
         let optional = |column, place: Option<usize>| place.map_or(Ok(f64::NAN), |place| cell(column, place));
-        let mut markers_mm = [f64::NAN; 3 * MARKERS_MAX];
-        let mut marker_values = 0;
-        let columns = self.markers.iter().zip(marker_columns());
-        for (at, (value, (column, name))) in markers_mm.iter_mut().zip(columns).enumerate() {
-            let Some(place) = *column else { continue };
-            // A marker that was not seen leaves its cells empty.
-            let is_empty = text.split(',').nth(place).is_some_and(|cell| cell.trim().is_empty());
-            *value = if is_empty { f64::NAN } else { cell(name, place)? };
-            marker_values = 3 * (at as u32 / 3) + 3;
-        }
-        let mut inputs = [f64::NAN; PARAMETERS_MAX];
-        for (value, (place, name)) in inputs.iter_mut().zip(self.inputs.iter().zip(self.names.iter())) {
-            *value = cell(name, *place)?;
-        }
-        let row = self.names.name(Reading {
+        let mut row = SensorSample {
             t_trace_s: cell("t_s", self.t_s)?,
             pressure_mpa: optional("pressure_mpa", self.pressure_mpa)?,
             gap_mm: optional("gap_mm", self.gap_mm)?,
             measured_force_n: optional("measured_force_n", self.measured_force_n)?,
-            markers_mm,
-            marker_values,
-            inputs,
-            ..Reading::default()
-        });
+            ..self.names.sample()
+        };
+        for ((slot, column), name) in (MARKERS..).zip(&self.markers).zip(marker_columns()) {
+            let Some(place) = *column else { continue };
+            // A marker that was not seen leaves its cells empty.
+            let is_empty = text.split(',').nth(place).is_some_and(|cell| cell.trim().is_empty());
+            if let Some(value) = value_mut(&mut row, slot) {
+                *value = if is_empty { f64::NAN } else { cell(name, place)? };
+            }
+            row.marker_values = 3 * ((slot - MARKERS) as u32 / 3) + 3;
+        }
+        for (value, (place, name)) in row.inputs.iter_mut().zip(self.inputs.iter().zip(self.names.iter())) {
+            *value = cell(name, *place)?;
+        }
         let before = before.unwrap_or(f64::NEG_INFINITY);
         if !row.t_trace_s.is_finite() || row.t_trace_s < before {
             return Err(TraceError::TimeOrder { line, before, found: row.t_trace_s });
@@ -256,4 +248,88 @@ fn median(steps: &[f64]) -> f64 {
     let mut steps = steps.to_vec();
     steps.sort_by(f64::total_cmp);
     steps.get(steps.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Largest accepted file: a day at 200 Hz is 430 MB, and that belongs into a recording.
+const MAX_BYTES: u64 = 1 << 29;
+
+/// Error in a trace.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TraceError {
+    /// The file could not be read.
+    #[error("cannot read the trace: {cause}")]
+    Unreadable {
+        /// The system's message.
+        cause: String,
+    },
+    /// No header or no rows.
+    #[error(
+        "the trace has no {what}; expected the header `t_s,pressure_mpa,gap_mm` and at least one row, or a recording with readings"
+    )]
+    Empty {
+        /// `header`, `rows` or `readings`.
+        what: &'static str,
+    },
+    /// A required column is missing.
+    #[error("line {line}: the column `{column}` is missing; expected `{expected}`, found `{found}`")]
+    MissingColumn {
+        /// Line of the header.
+        line: usize,
+        /// The column.
+        column: String,
+        /// A header that would do.
+        expected: String,
+        /// The header as found.
+        found: String,
+    },
+    /// A cell that is no number.
+    #[error("line {line}, column `{column}`: expected a number, found `{found}`")]
+    NotANumber {
+        /// Line.
+        line: usize,
+        /// Column.
+        column: String,
+        /// The text.
+        found: String,
+    },
+    /// A message of a recording that is no reading.
+    #[error("reading {number} of the recording cannot be read: {cause}")]
+    NotAReading {
+        /// Which reading, from 1.
+        number: usize,
+        /// What is wrong with it.
+        cause: String,
+    },
+    /// A recording of several actuators.
+    #[error("the recording has several sensors ({found}); choose one with `topic`")]
+    SeveralTopics {
+        /// Their topics.
+        found: String,
+    },
+    /// The topic that was asked for is not there.
+    #[error("the recording has no readings on `{topic}`; found: {found}")]
+    NoSuchTopic {
+        /// Asked for.
+        topic: String,
+        /// What there is.
+        found: String,
+    },
+    /// More than fits into memory.
+    #[error(
+        "the recording has more than {limit} readings; record with --rotate-minutes and replay the part you need"
+    )]
+    TooManyRows {
+        /// The limit.
+        limit: usize,
+    },
+    /// Time is not finite or runs backwards.
+    #[error("line {line}: time goes from {before} s to {found} s; expected rows in order of time")]
+    TimeOrder {
+        /// Line.
+        line: usize,
+        /// Time of the row above.
+        before: f64,
+        /// Time found.
+        found: f64,
+    },
 }

@@ -1,7 +1,7 @@
 //! Validation of a reading before anything is computed from it.
 
 use crate::config::{ActuatorSpec, Gap, Limits, ms_to_ns};
-use crate::load::Loaded;
+use crate::load::{Loaded, Needs};
 use crate::measured::{MeasuredInputs, MeasuredValue};
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use wire::{Outcome, SensorSample};
@@ -16,8 +16,8 @@ const NEW_ORDER: u64 = 3;
 #[derive(Debug, Clone)]
 pub(super) struct Needed {
     gap: Gap,
-    /// Whether the model's answers depend on pressure and gap. Where they do not, one that is absent is 0 or no obstacle.
-    depends: [bool; 2],
+    /// Inputs that the model's answers depend on. An absent other one is 0 or no obstacle.
+    depends: Needs,
     measured: MeasuredInputs,
 }
 
@@ -41,8 +41,14 @@ pub(super) struct Validator {
     boot_id: u64,
     last_seq: u64,
     last_t_sensor_ns: u64,
-    /// The last reading out of order, and how many there are in a row with it.
-    out_of_order: (u64, u64),
+    out_of_order: OutOfOrder,
+}
+
+/// Readings out of order that follow each other.
+#[derive(Debug, Clone, Copy, Default)]
+struct OutOfOrder {
+    last_seq: u64,
+    count: u64,
 }
 
 /// The result of validating one reading.
@@ -58,7 +64,7 @@ pub(super) struct SampleCheck {
 
 impl Validator {
     pub(super) fn new(limits: Limits, needed: Needed) -> Self {
-        Self { limits, needed, boot_id: 0, last_seq: 0, last_t_sensor_ns: 0, out_of_order: (0, 0) }
+        Self { limits, needed, boot_id: 0, last_seq: 0, last_t_sensor_ns: 0, out_of_order: OutOfOrder::default() }
     }
 
     /// Continues with other needs; what came before stays known.
@@ -73,7 +79,7 @@ impl Validator {
             self.boot_id = sample.boot_id;
             self.last_seq = sample.seq.wrapping_sub(1); // what an earlier run sent is not missing from this one
             self.last_t_sensor_ns = 0;
-            self.out_of_order = (0, 0);
+            self.out_of_order = OutOfOrder::default();
         }
         let check = |rejection, missed| SampleCheck { rejection, missed, restarted };
         let missed = match self.order(sample) {
@@ -97,20 +103,21 @@ impl Validator {
         } else if sample.t_sensor_ns < self.last_t_sensor_ns {
             return Err(Outcome::DroppedBackInTime);
         } else if step <= MAX_JUMP {
-            self.out_of_order = (0, 0);
+            self.out_of_order = OutOfOrder::default();
             return Ok(step - 1);
         } else if sample.seq < self.last_seq {
             Outcome::DroppedBackInTime
         } else {
             Outcome::DroppedSequenceJump
         };
-        let (before, count) = self.out_of_order;
-        let count = if count > 0 && sample.seq == before.wrapping_add(1) { count + 1 } else { 1 };
-        self.out_of_order = (sample.seq, count);
+        let before = self.out_of_order;
+        let follows = before.count > 0 && sample.seq == before.last_seq.wrapping_add(1);
+        let count = if follows { before.count + 1 } else { 1 };
+        self.out_of_order = OutOfOrder { last_seq: sample.seq, count };
         if count < NEW_ORDER {
             return Err(outcome);
         }
-        self.out_of_order = (0, 0);
+        self.out_of_order = OutOfOrder::default();
         // A sequence that went back has lost nothing that can be counted.
         Ok(if outcome == Outcome::DroppedSequenceJump { step - NEW_ORDER } else { 0 })
     }
@@ -146,8 +153,7 @@ impl Validator {
 
     /// The pressure that counts: the reading's, or 0 where there is none and no answer depends on it.
     fn pressure_mpa(&self, sample: &SensorSample) -> f64 {
-        let [is_needed, _] = self.needed.depends;
-        if sample.pressure_mpa.is_nan() && !is_needed { 0.0 } else { sample.pressure_mpa }
+        if sample.pressure_mpa.is_nan() && !self.needed.depends.pressure { 0.0 } else { sample.pressure_mpa }
     }
 
     /// The gap that counts: the scene's where it is fixed, the reading's otherwise; infinite where there is none and no answer
@@ -162,8 +168,7 @@ impl Validator {
 
     /// Whether nobody says a gap, and no answer depends on it.
     fn has_no_obstacle(&self, sample: &SensorSample) -> bool {
-        let [_, is_needed] = self.needed.depends;
-        !is_needed && !matches!(self.needed.gap, Gap::Fixed(_)) && sample.gap_mm.is_nan()
+        !self.needed.depends.gap && !matches!(self.needed.gap, Gap::Fixed(_)) && sample.gap_mm.is_nan()
     }
 
     fn measured<'a>(&'a self, sample: &'a SensorSample) -> impl Iterator<Item = MeasuredValue> + 'a {
@@ -178,10 +183,9 @@ impl Validator {
 
     /// Estimated inputs, where no answer depends on pressure or gap with what the reading `said` of it.
     pub(super) fn with_idle(&self, estimated: Inputs, said: &Inputs) -> Inputs {
-        let said =
-            [(PRESSURE, said.pressure_mpa()), (GAP, said.gap_mm())].into_iter().zip(self.needed.depends);
-        let idle = said.filter(|(_, is_needed)| !is_needed);
-        idle.fold(estimated, |inputs, ((at, value), _)| inputs.with(at, value))
+        let Needs { pressure, gap } = self.needed.depends;
+        let inputs = if pressure { estimated } else { estimated.with(PRESSURE, said.pressure_mpa()) };
+        if gap { inputs } else { inputs.with(GAP, said.gap_mm()) }
     }
 }
 

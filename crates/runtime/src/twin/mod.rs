@@ -1,40 +1,55 @@
-//! The twin: waits for readings, answers each with a state and fields. One thread for any number of actuators.
+//! The twin: waits for readings and answers each with a state and fields. One thread for any number of actuators.
 //!
-//! Every reading goes through these steps, in this order (`actuator.rs` calls them):
+//! Steps of every reading, in this order ([`ActuatorTwin`] calls them):
 //!
 //! | step | file |
 //! | --- | --- |
-//! | 1. poll: take it from the sensor topic | `actuator.rs` |
+//! | 1. poll: take it from the sensor topic | `mod.rs` |
 //! | 2. ingest: validate it; a good one waits for its answer | `ingest.rs` |
-//! | 3. evaluate: coefficients, force, gradients, half-widths; fill the state | `actuator.rs`, `payload.rs` |
-//! | 4. reconstruct: write each field into a sample on loan | `reconstruct.rs` |
-//! | 5. publish: send state and fields | `actuator.rs`, `reconstruct.rs` |
+//! | 3. evaluate: coefficients, force, gradients, half-widths; fill the state | `mod.rs`, `../publish.rs` |
+//! | 4. reconstruct: write each field into a sample on loan | `../publish.rs` |
+//! | 5. publish: send state and fields | `mod.rs`, `../publish.rs` |
 //! | 6. record the outcome: count it once, after its outputs | `record.rs` |
 //!
-//! After start the loop allocates nothing of its own (a test counts: what remains is the transport's small handle for each
-//! loaned sample), takes no lock, writes no log: its events go through a channel; its only system calls are the wait and the wake-up of
-//! readers.
+//! After start the loop allocates nothing (except the transport's handle for each loaned sample, which a test counts), takes no
+//! lock and writes no log: its events go through a channel. Its only system calls are the wait and the wake-up of readers.
 
-mod actuator;
-mod events;
-mod force_watch;
 mod ingest;
-mod reconstruct;
 mod record;
 mod swap;
 
-pub use events::{Event, EventKind, EventSender, event_channel};
+pub use record::{Event, EventKind, EventSender, event_channel};
 pub use swap::{Retired, SwapError};
 
-use crate::config::Settings;
-use crate::load::Loaded;
-use actuator::ActuatorTwin;
+use crate::config::{Limits, OutsideDomain, Settings, StateSpec, ms_to_ns};
+use crate::estimation::{Estimator, HALFWIDTH_SIGMAS};
+use crate::load::{GroupSizes, Loaded};
+use crate::publish::{self, FieldError, FieldOutput, PackedNames};
+use ingest::{Needed, Validator};
+use record::{ForceWatch, Record};
+use rom::evaluation::Evaluation;
+use rom::hull::DomainStatus;
+use rom::hysteresis::{HysteresisEvaluator, RegimeLabel};
+use rom::inputs::{GAP, Inputs, PRESSURE};
+use rom::snapshots::RegimeKind;
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
-use wire::{Bus, Health, WakeSet, Wakeable, WireError, boot_id, now_ns};
+use swap::Running;
+use wire::layout::{INPUTS_MAX, LAYOUT_VERSION, flags, input_source, pack_name};
+use wire::{
+    Bus, Estimate, EstimateWriter, Health, HealthWriter, Outcome, SensorReader, SensorSample, State, StateWriter,
+    Topic, WakeSet, Wakeable, WireError, boot_id, now_ns,
+};
 
 /// Longest sleep: the stop flag is checked that often, and the watchdog sees progress.
 const MAX_WAIT: Duration = Duration::from_millis(100);
+
+/// Readings taken in one turn: a publisher that is faster than the loop must not keep it from its stop flag.
+const MAX_BATCH: usize = 1024;
+
+/// A load cell is within so many standard deviations of the force.
+const WATCH_SIGMAS: f64 = 2.0;
 
 /// A running twin with all its topics open.
 #[derive(Debug)]
@@ -117,5 +132,412 @@ impl Twin {
     /// Counters of every actuator.
     pub fn health(&self) -> impl Iterator<Item = &Health> {
         self.actuators.iter().map(ActuatorTwin::health)
+    }
+}
+
+/// One actuator of a running twin.
+#[derive(Debug)]
+struct ActuatorTwin {
+    reader: SensorReader,
+    state_writer: StateWriter,
+    outputs: Vec<FieldOutput>,
+    parts: Parts,
+    evaluation: Evaluation,
+    label: RegimeLabel,
+    validator: Validator,
+    /// Good readings that are not answered yet; never more than the backlog.
+    waiting: VecDeque<Taken>,
+    force_watch: ForceWatch,
+    limits: Limits,
+    /// `None` if the scene estimates nothing.
+    estimation: Option<Estimation>,
+    /// The last state, sent again with flags when readings are held or stay away.
+    state: State,
+    record: Record,
+    /// When the last good reading was taken; the start before there was one.
+    last_good_ns: u64,
+    next_deadline_ns: u64,
+}
+
+/// A good reading with the time of taking it from the topic.
+#[derive(Debug, Clone, Copy)]
+struct Taken {
+    sample: SensorSample,
+    taken_ns: u64,
+}
+
+/// Filter, topic and last estimate of an actuator.
+#[derive(Debug)]
+struct Estimation {
+    estimator: Estimator,
+    writer: EstimateWriter,
+    estimate: Estimate,
+}
+
+/// Everything of scene and model that a start and a reload set in the same way.
+#[derive(Debug)]
+struct Parts {
+    model_hash: [u8; 16],
+    evaluator: HysteresisEvaluator,
+    group_sizes: GroupSizes,
+    needed: Needed,
+    names: PackedNames,
+    /// Source of the value of each input, for readings without absent values.
+    input_sources: [u8; INPUTS_MAX],
+    backlog: usize,
+    wanted: StateSpec,
+    /// Standard deviation of the load cell, N.
+    force_sigma_n: f64,
+}
+
+impl Parts {
+    /// Of a loaded actuator whose outputs and estimator have been taken.
+    fn new(loaded: Loaded) -> Self {
+        let inputs = loaded.evaluator.inputs();
+        Self {
+            model_hash: loaded.model_hash,
+            needed: Needed::of(&loaded),
+            names: PackedNames::new(inputs),
+            input_sources: publish::input_sources(&loaded.spec, inputs),
+            backlog: loaded.spec.backlog,
+            wanted: loaded.spec.state,
+            force_sigma_n: loaded.spec.sigmas().force_n,
+            group_sizes: loaded.group_sizes,
+            evaluator: HysteresisEvaluator::new(loaded.evaluator),
+        }
+    }
+
+    /// Writes model and inputs into the state and the health.
+    fn describe(&self, state: &mut State, health: &mut Health) {
+        (state.model_hash, health.model_hash) = (self.model_hash, self.model_hash);
+        (state.input_count, state.input_names) = (self.names.count, self.names.names);
+        state.input_sources = self.input_sources;
+    }
+}
+
+impl ActuatorTwin {
+    /// Becomes the twin of the actuator: opens its topics, reserves their memory.
+    fn start(
+        bus: &Bus,
+        number: u32,
+        mut loaded: Loaded,
+        limits: Limits,
+        boot_id: u64,
+        events: EventSender,
+    ) -> Result<Self, WireError> {
+        let (name, model_hash) = (loaded.spec.name.clone(), loaded.model_hash);
+        let actuator = pack_name(&name);
+        // The state topic is opened first: a second twin is refused there.
+        let state_writer = StateWriter::create(bus, &Topic::state(&name)?)?;
+        let health_writer = HealthWriter::create(bus, &Topic::health(&name)?)?;
+        let outputs = std::mem::take(&mut loaded.outputs)
+            .into_iter()
+            .map(|output| FieldOutput::start(bus, &name, model_hash, boot_id, output))
+            .collect::<Result<_, WireError>>()?;
+        let estimation = loaded
+            .estimator
+            .take()
+            .map(|estimator| {
+                let writer = EstimateWriter::create(bus, &Topic::estimate(&name)?)?;
+                let estimate = Estimate { model_hash, boot_id, actuator, ..estimator.payload() };
+                Ok::<_, WireError>(Estimation { estimator, writer, estimate })
+            })
+            .transpose()?;
+        let reader = SensorReader::attach(bus, &Topic::sensor(loaded.spec.sensor())?)?;
+        let evaluation = loaded.evaluator.evaluation();
+        let parts = Parts::new(loaded);
+        let mut state = State { boot_id, actuator, ..State::default() };
+        let mut health = Health { boot_id, actuator, ..Health::default() };
+        parts.describe(&mut state, &mut health);
+        let record = Record::new(number, health_writer, health, events);
+        let last_good_ns = record.start_ns();
+        Ok(Self {
+            reader,
+            state_writer,
+            outputs,
+            evaluation,
+            estimation,
+            label: RegimeLabel { regime: RegimeKind::Free, held: false },
+            validator: Validator::new(limits, parts.needed.clone()),
+            waiting: VecDeque::with_capacity(parts.backlog),
+            force_watch: ForceWatch::default(),
+            parts,
+            limits,
+            state,
+            record,
+            last_good_ns,
+            next_deadline_ns: last_good_ns + ms_to_ns(limits.deadline_ms),
+        })
+    }
+
+    /// What its readers hold on to.
+    fn running(&self) -> Running<'_> {
+        Running {
+            name: self.state_writer.topic().actuator(),
+            sensor: self.reader.topic().actuator(),
+            outputs: self.outputs.iter().map(FieldOutput::shape).collect(),
+            estimates: self.estimation.is_some(),
+        }
+    }
+
+    /// Continues with another model; the caller has checked that names and shapes are the same.
+    fn swap(&mut self, mut loaded: Loaded, retired: &mut Retired) {
+        let model_hash = loaded.model_hash;
+        for (output, new) in self.outputs.iter_mut().zip(std::mem::take(&mut loaded.outputs)) {
+            retired.reconstructors.push(output.swap(model_hash, new));
+        }
+        if let (Some(Estimation { estimator, estimate, .. }), Some(new)) =
+            (&mut self.estimation, loaded.estimator.take())
+        {
+            // Estimates of another model or other priors do not apply.
+            let Estimate { boot_id, actuator, seq, .. } = *estimate;
+            *estimate = Estimate { model_hash, boot_id, actuator, seq, ..new.payload() };
+            retired.estimators.push(std::mem::replace(estimator, new));
+        }
+        self.evaluation = loaded.evaluator.evaluation();
+        let old = std::mem::replace(&mut self.parts, Parts::new(loaded));
+        retired.evaluators.push(old.evaluator);
+        self.validator.set_needed(self.parts.needed.clone());
+        self.waiting.reserve(self.parts.backlog.saturating_sub(self.waiting.len()));
+        self.parts.describe(&mut self.state, &mut self.record.health);
+    }
+
+    /// When this actuator must be served again at the latest.
+    fn next_due_ns(&self) -> u64 {
+        self.next_deadline_ns.min(self.record.next_health_ns())
+    }
+
+    /// Takes the waiting readings, answers the newest good ones (one unless the scene says more), then does what is due by
+    /// the clock.
+    fn serve(&mut self) {
+        for _ in 0..MAX_BATCH {
+            let Some(sample) = self.poll() else { break };
+            self.ingest(sample);
+        }
+        self.answer_waiting();
+        let now = now_ns();
+        if now >= self.next_deadline_ns {
+            self.miss_deadline(now);
+        }
+        self.record.send_health(now, self.last_good_ns);
+    }
+
+    /// Step 1: the oldest reading that waits on the sensor topic.
+    fn poll(&mut self) -> Option<SensorSample> {
+        let received = self.reader.next();
+        received.unwrap_or_else(|_| {
+            self.record.failed(EventKind::ReceiveFailed);
+            None
+        })
+    }
+
+    /// Step 2: validates. A good reading waits for its answer; any other ends here.
+    fn ingest(&mut self, sample: SensorSample) {
+        let now = now_ns();
+        let check = self.validator.validate(&sample, now);
+        self.record.ingested(&sample, &check);
+        match check.rejection {
+            None => {
+                if self.waiting.len() == self.parts.backlog {
+                    self.waiting.pop_front();
+                    self.record.record_outcome(Outcome::DroppedSuperseded);
+                }
+                self.waiting.push_back(Taken { sample, taken_ns: now });
+            }
+            Some(outcome) => {
+                if outcome.is_held() {
+                    // The good readings before it come first: their states must not be sent after the held one.
+                    self.answer_waiting();
+                    self.hold(outcome, now);
+                }
+                self.record.record_outcome(outcome);
+            }
+        }
+    }
+
+    /// Steps 3 to 6 for every good reading that waits.
+    fn answer_waiting(&mut self) {
+        while let Some(Taken { sample, taken_ns }) = self.waiting.pop_front() {
+            let outcome = match self.evaluate(&sample) {
+                Ok(()) => self.publish(&sample, taken_ns),
+                Err(outcome) => {
+                    if outcome.is_held() {
+                        self.hold(outcome, taken_ns);
+                    }
+                    outcome
+                }
+            };
+            self.record.record_outcome(outcome);
+            // Not while a reading waits for its answer: the next samples are on loan before the next reading comes.
+            self.outputs.iter_mut().for_each(FieldOutput::loan_ahead);
+        }
+    }
+
+    /// Step 3: force, gradients and half-widths of the reading. The coefficients wait for the fields unless states carry them.
+    fn evaluate(&mut self, sample: &SensorSample) -> Result<(), Outcome> {
+        let mut inputs = self.validator.inputs(sample);
+        if let Some(Estimation { estimator, estimate, .. }) = &mut self.estimation {
+            let update = estimator.update(sample, &inputs);
+            estimator.fill(&update, estimate);
+            inputs = self.validator.with_idle(Inputs::from(update.inputs), &inputs);
+        }
+        self.label = self.parts.evaluator.state(inputs, &mut self.evaluation);
+        if self.parts.wanted.coefficients {
+            self.parts.evaluator.complete(&mut self.evaluation);
+        }
+        if !publish::is_finite(&self.evaluation) {
+            return Err(Outcome::DroppedModel);
+        }
+        match (self.evaluation.domain, self.limits.outside_domain) {
+            (DomainStatus::Outside, OutsideDomain::Hold) => Err(Outcome::HeldOutsideDomain),
+            (DomainStatus::Outside, OutsideDomain::Refuse) => Err(Outcome::DroppedOutsideDomain),
+            _ => Ok(()),
+        }
+    }
+
+    /// Steps 4 and 5: sends the state, which waits for no field, then reconstructs each field into its loan and sends it.
+    /// Returns what became of the reading.
+    fn publish(&mut self, sample: &SensorSample, taken_ns: u64) -> Outcome {
+        self.describe(sample, taken_ns);
+        let mut outcome = if self.send_state() { Outcome::Published } else { Outcome::DroppedNotSent };
+        self.send_estimate(sample);
+        for output in self.outputs.iter_mut().filter(|output| output.is_due(sample.t_sensor_ns)) {
+            self.parts.evaluator.complete(&mut self.evaluation);
+            let field = output.reconstruct(&self.evaluation);
+            match field.and_then(|field| output.publish(field, &self.state)) {
+                Ok(()) => self.record.health.fields_sent += 1,
+                Err(FieldError::Reconstruction) => {
+                    self.record.failed(EventKind::ReconstructionFailed);
+                    outcome = Outcome::DroppedReconstruction;
+                }
+                Err(FieldError::Transport) => {
+                    self.record.failed(EventKind::SendFailed);
+                    if outcome == Outcome::Published {
+                        outcome = Outcome::DroppedNotSent;
+                    }
+                }
+            }
+        }
+        self.record.answered(sample, taken_ns);
+        // A good reading came: the deadline begins anew.
+        self.record.good(self.state.flags, taken_ns.saturating_sub(self.last_good_ns));
+        self.last_good_ns = taken_ns;
+        self.next_deadline_ns = taken_ns + ms_to_ns(self.limits.deadline_ms);
+        outcome
+    }
+
+    /// Fills the state from the evaluation and the reading.
+    fn describe(&mut self, sample: &SensorSample, taken_ns: u64) {
+        let (evaluation, state) = (&mut self.evaluation, &mut self.state);
+        if let Some(Estimation { estimator, estimate, .. }) = &mut self.estimation {
+            estimate.force_sigma_n = estimator.force_sigma_n(evaluation);
+            let of_estimate_n = HALFWIDTH_SIGMAS * estimate.force_sigma_n;
+            evaluation.halfwidths.force_n = evaluation.halfwidths.force_n.hypot(of_estimate_n);
+        }
+        let (regime_before, flags_before) = (state.regime, self.record.health.flags);
+        publish::fill_state(state, evaluation, &self.parts.group_sizes, self.parts.wanted);
+        publish::fill_label(state, self.label);
+        state.outcome = Outcome::Published.code();
+        state.sensor_boot_id = sample.boot_id;
+        state.sensor_seq = sample.seq;
+        state.t_sensor_ns = sample.t_sensor_ns;
+        state.measured_force_n = sample.measured_force_n;
+        state.input_sources = self.parts.input_sources;
+        // A pressure or a gap that no answer depends on may be absent.
+        for (at, value) in [(PRESSURE, sample.pressure_mpa), (GAP, sample.gap_mm)] {
+            let source = state.input_sources.get_mut(at);
+            if let Some(source) = source.filter(|source| value.is_nan() && **source == input_source::MEASURED)
+            {
+                *source = input_source::NOMINAL;
+            }
+        }
+        let residual_n = sample.measured_force_n - evaluation.contact_force_n;
+        let after_ns = ms_to_ns(self.limits.force_mismatch_ms);
+        let allowed_n = evaluation.halfwidths.force_n.hypot(WATCH_SIGMAS * self.parts.force_sigma_n);
+        let mismatch = self.force_watch.update(sample.t_sensor_ns, residual_n, allowed_n, after_ns);
+        let late = taken_ns.saturating_sub(sample.t_sensor_ns) > ms_to_ns(self.limits.late_ms);
+        for (bit, set) in [
+            (flags::FORCE_MEASURED, sample.measured_force_n.is_finite()),
+            (flags::FORCE_MISMATCH, mismatch),
+            (flags::LATE, late),
+        ] {
+            state.flags |= if set { bit } else { 0 };
+        }
+        self.record.health.late += u64::from(late);
+        if (state.flags ^ flags_before) & flags::FORCE_MISMATCH != 0 {
+            self.record.event(EventKind::ForceMismatch, u64::from(mismatch));
+        }
+        if regime_before != state.regime {
+            self.record.event(EventKind::Regime, state.regime.into());
+        }
+    }
+
+    /// Sends the state as it is, with its age; a failure is counted.
+    fn send_state(&mut self) -> bool {
+        let now = now_ns();
+        self.state.layout_version = LAYOUT_VERSION;
+        self.state.seq += 1;
+        self.state.t_publish_ns = now;
+        self.state.age_ns = match self.state.t_sensor_ns {
+            0 => now.saturating_sub(self.record.start_ns()),
+            t_sensor_ns => now.saturating_sub(t_sensor_ns),
+        };
+        let sent = self.state_writer.publish(self.state).is_ok();
+        self.record.health.states_sent += u64::from(sent);
+        if !sent {
+            self.record.failed(EventKind::SendFailed);
+        }
+        sent
+    }
+
+    /// Sends the estimate that belongs to the state.
+    fn send_estimate(&mut self, sample: &SensorSample) {
+        let Some(Estimation { writer, estimate, .. }) = &mut self.estimation else { return };
+        estimate.seq += 1;
+        estimate.sensor_boot_id = sample.boot_id;
+        estimate.sensor_seq = sample.seq;
+        estimate.t_sensor_ns = sample.t_sensor_ns;
+        estimate.t_publish_ns = now_ns();
+        if writer.publish(*estimate).is_err() {
+            self.record.failed(EventKind::SendFailed);
+        }
+    }
+
+    /// Sends the last good values again, marked as held, with the reason.
+    fn hold(&mut self, outcome: Outcome, now: u64) {
+        self.state.flags |= flags::HELD;
+        self.state.outcome = outcome.code();
+        // Past the deadline, the stale state that is about to be sent carries both flags.
+        if now < self.next_deadline_ns {
+            self.send_state();
+        }
+    }
+
+    /// No good reading within the deadline: sends a stale state, once every deadline, with the growing age.
+    fn miss_deadline(&mut self, now: u64) {
+        if self.state.flags & flags::STALE == 0 {
+            self.record.health.deadline_misses += 1;
+            self.record.event(EventKind::Stale, now.saturating_sub(self.last_good_ns));
+        }
+        self.state.flags |= flags::STALE;
+        self.record.health.flags = self.state.flags;
+        self.send_state();
+        // Estimates come with readings only; whoever begins to read in between gets the last one.
+        if let Some(Estimation { writer, .. }) = &self.estimation
+            && writer.serve_late_readers().is_err()
+        {
+            self.record.failed(EventKind::SendFailed);
+        }
+        self.next_deadline_ns = now + ms_to_ns(self.limits.deadline_ms);
+    }
+
+    /// The wait for readings failed.
+    fn wait_failed(&mut self) {
+        self.record.failed(EventKind::WaitFailed);
+    }
+
+    /// The counters so far.
+    fn health(&self) -> &Health {
+        &self.record.health
     }
 }

@@ -1,10 +1,11 @@
-//! What a twin counts: outcomes of readings, latencies, failures. Everything leaves the loop through the health topic and the
-//! event channel.
+//! Counters, latencies, failures and alarms of a twin. They leave the loop through the health topic and the event channel.
 
-use super::events::{Event, EventKind, EventSender};
 use super::ingest::SampleCheck;
 use crate::{latency, service};
 use hdrhistogram::Histogram;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use wire::layout::flags;
 use wire::{Health, HealthWriter, Outcome, SensorSample, now_ns};
 
@@ -141,3 +142,109 @@ impl Record {
         }
     }
 }
+
+/// A change that belongs in the log. Repetitions are not sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Event {
+    /// When, see [`wire::now_ns`].
+    pub t_ns: u64,
+    /// Which actuator, by its place in the scene.
+    pub actuator: u32,
+    /// What.
+    pub kind: EventKind,
+    /// Its number, see [`EventKind`].
+    pub value: u64,
+}
+
+/// What happened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EventKind {
+    /// Readings now end otherwise than before; value: [`wire::Outcome::code`].
+    Outcome,
+    /// The regime changed; value: its number.
+    Regime,
+    /// No good reading within the deadline; value: age of the last one, ns.
+    Stale,
+    /// Good readings again; value: how long there were none, ns.
+    Fresh,
+    /// The bridge runs anew (or for the first time); value: its boot id.
+    SensorStarted,
+    /// Readings never arrived; value: how many.
+    Missed,
+    /// The measured force left its half-width around the predicted one, or is back in it; value: 1 left, 0 back.
+    ForceMismatch,
+    /// Readings could not be received; value: failures of this kind so far, as for all that follow.
+    ReceiveFailed,
+    /// A state, field or health could not be sent.
+    SendFailed,
+    /// The model gave no field for an evaluation.
+    ReconstructionFailed,
+    /// The wait for readings failed.
+    WaitFailed,
+}
+
+impl EventKind {
+    /// Kinds of events.
+    pub(super) const COUNT: usize = Self::WaitFailed as usize + 1;
+}
+
+/// Events that wait for the reporter, at most; more are counted as lost.
+const CAPACITY: usize = 1024;
+
+/// The loop's end of the channel. The channel has its memory from the start, and nobody waits in it: sending is a few atomic
+/// operations.
+#[derive(Debug, Clone)]
+pub struct EventSender {
+    events: SyncSender<Event>,
+    lost: Arc<AtomicU64>,
+}
+
+/// A channel from the loop to the reporter, who must not wait in it (`try_recv`).
+pub fn event_channel() -> (EventSender, Receiver<Event>) {
+    let (events, receiver) = sync_channel(CAPACITY);
+    (EventSender { events, lost: Arc::default() }, receiver)
+}
+
+impl EventSender {
+    /// Sends an event, or counts it as lost when the reporter is behind.
+    pub(super) fn send(&self, event: Event) {
+        if self.events.try_send(event).is_err() {
+            self.lost.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Events lost so far.
+    pub(super) fn lost(&self) -> u64 {
+        self.lost.load(Ordering::Relaxed)
+    }
+}
+
+/// Raises an alarm when the residual stays outside the half-width for longer than a given time: a leak, a wrong gap, a torn
+/// chamber. A single outlier, or the moment of touching, is none.
+#[derive(Debug, Clone, Default)]
+pub(super) struct ForceWatch {
+    outside_since_ns: Option<u64>,
+}
+
+impl ForceWatch {
+    /// Takes the residual of a reading taken at `t_sensor_ns`; true while the alarm stands. Without a measured force or
+    /// without a half-width (NaN) nothing can be said, and the time begins anew.
+    pub(super) fn update(
+        &mut self,
+        t_sensor_ns: u64,
+        residual_n: f64,
+        halfwidth_n: f64,
+        after_ns: u64,
+    ) -> bool {
+        if residual_n.is_nan() || halfwidth_n.is_nan() || residual_n.abs() <= halfwidth_n {
+            self.outside_since_ns = None;
+            return false;
+        }
+        let since_ns = *self.outside_since_ns.get_or_insert(t_sensor_ns);
+        t_sensor_ns.saturating_sub(since_ns) >= after_ns
+    }
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/twin_record.rs"]
+mod tests;

@@ -1,9 +1,9 @@
 //! Another model, or another scene, between two readings. Topics, sequence numbers and counters continue; readers see a new
 //! model hash and nothing else.
 
-use super::reconstruct::shape;
 use crate::estimation::Estimator;
 use crate::load::Loaded;
+use crate::publish::shape;
 use rom::hysteresis::HysteresisEvaluator;
 use rom::reconstructor::Reconstructor;
 

@@ -2,7 +2,7 @@
 //! a late answer is not taken for the next one.
 
 use super::spec::{IioValve, LinesValve, ModbusValve, ValveSpec};
-use crate::source::{ModbusConnection, Quantity, SerialSpec};
+use crate::source::{ModbusConnection, SerialSpec};
 use std::io::Write;
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
@@ -90,7 +90,7 @@ fn write_modbus(
     pressure_mpa: f64,
 ) -> Result<(), String> {
     let limit = Duration::from_secs_f64(spec.timeout_ms * 1e-3);
-    let unit_id = spec.value.unit_id;
+    let unit_id = spec.value.from.unit_id;
     let watchdog = |number: u64| match spec.watchdog {
         Some(watchdog) => connection.write(unit_id, watchdog.register, &[watchdog.raw], limit),
         None => Ok(number),
@@ -98,9 +98,9 @@ fn write_modbus(
     if *number == 0 {
         *number = watchdog(0)?;
     }
-    let words = spec.value.encode(Quantity::Pressure, pressure_mpa);
+    let words = spec.registers(pressure_mpa);
     let words = words.ok_or_else(|| format!("{pressure_mpa} MPa does not fit into the register"))?;
-    let found = connection.write(unit_id, spec.value.register, &words, limit)?;
+    let found = connection.write(unit_id, spec.value.from.register, &words, limit)?;
     if found != *number {
         *number = watchdog(found)?;
     }

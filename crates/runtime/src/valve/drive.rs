@@ -4,7 +4,7 @@ use super::decide::{Decision, Governor};
 use super::device::Device;
 use super::spec::ValveSpec;
 use crate::source::{Devices, ModbusConnection, ModbusPath};
-use recording::thread_group::{StopFlag, ThreadGroup};
+use wire::thread_group::{StopFlag, ThreadGroup};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -111,7 +111,7 @@ fn run(
     counters: &ValveCounters,
     opened: SyncSender<Result<(), ValveError>>,
     end: &StopFlag,
-) -> recording::thread_group::ThreadResult {
+) -> wire::thread_group::ThreadResult {
     let mut drive = match Drive::open(actuator, spec, modbus, domain) {
         Ok(drive) => drive,
         Err(error) => {
@@ -178,7 +178,7 @@ impl Drive {
         })
     }
 
-    fn turn(&mut self, counters: &ValveCounters) -> recording::thread_group::ThreadResult {
+    fn turn(&mut self, counters: &ValveCounters) -> wire::thread_group::ThreadResult {
         self.setpoint = self.setpoints.newest()?.or(self.setpoint);
         self.operator = self.overrides.newest()?.or(self.operator);
         self.state = self.states.newest()?.or(self.state);
@@ -189,7 +189,7 @@ impl Drive {
     }
 
     /// The safe value, whatever the device says to it.
-    fn close(&mut self, counters: &ValveCounters) -> recording::thread_group::ThreadResult {
+    fn close(&mut self, counters: &ValveCounters) -> wire::thread_group::ThreadResult {
         let (reason, wanted_mpa) = (valve_reason::NO_SETPOINT, f64::NAN);
         let pressure_mpa = self.safe_mpa;
         self.write(Decision { pressure_mpa, wanted_mpa, reason, interlock: 0, limit: 0 }, counters)
@@ -199,7 +199,7 @@ impl Drive {
         &mut self,
         decision: Decision,
         counters: &ValveCounters,
-    ) -> recording::thread_group::ThreadResult {
+    ) -> wire::thread_group::ThreadResult {
         let written = self.device.as_mut().map_or(Ok(()), |device| device.write(decision.pressure_mpa));
         let before = (self.sample.valve_reason, self.sample.valve_interlock);
         let reason = if written.is_ok() { decision.reason } else { valve_reason::DEVICE_ERROR };

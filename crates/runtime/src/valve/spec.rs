@@ -1,6 +1,6 @@
 //! `[actuator.valve]` of a scene: the device behind a setpoint, its limits, and what closes it.
 
-use crate::source::{ModbusPath, Quantity, RegisterSpec, SerialSpec};
+use crate::source::{FilterSpec, ModbusPath, Quantity, RegisterAt, SerialSpec, ValueSpec};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -53,8 +53,8 @@ pub struct ModbusValve {
     pub tcp: Option<String>,
     /// Modbus RTU.
     pub serial: Option<SerialSpec>,
-    /// Where the value is written, as a holding register; value = raw x scale + offset, in `unit`.
-    pub value: RegisterSpec,
+    /// Holding register of the value; value = raw x scale + offset, in `unit`. Without points, filter and sigma.
+    pub value: ValueSpec<RegisterAt>,
     /// The device's own time-out: what is written there once a connection, raw.
     pub watchdog: Option<WatchdogSpec>,
     /// Longest wait for the answer to one write, ms.
@@ -205,16 +205,29 @@ impl ModbusValve {
         ModbusPath::problems(self.tcp.as_deref(), self.serial.as_ref(), key, problems);
         in_range(&format!("{key}.timeout_ms"), self.timeout_ms, 0.1, 60_000.0, problems);
         let before = problems.len();
-        self.value.problems(&format!("{key}.value"), Quantity::Pressure, problems);
+        self.value.from.problems(&format!("{key}.value.from"), problems);
+        self.value.problems(&format!("{key}.value"), problems);
+        Quantity::Pressure.check_unit(&format!("{key}.value.unit"), self.value.unit.as_deref(), problems);
+        let ValueSpec { points, filter, sigma, .. } = &self.value;
+        if !points.is_empty() || *filter != FilterSpec::Off || sigma.is_some() {
+            problems.push(format!("{key}.value: expected scale, offset and unit only, found points, filter or sigma"));
+        }
         if problems.len() == before {
-            for end in
-                range_mpa.into_iter().filter(|end| self.value.encode(Quantity::Pressure, *end).is_none())
-            {
+            for end in range_mpa.into_iter().filter(|end| self.registers(*end).is_none()) {
                 problems.push(format!(
                     "{key}.value: {end} MPa of range_mpa does not fit into a register of this encoding, scale and offset"
                 ));
             }
         }
+    }
+}
+
+impl ModbusValve {
+    /// The registers of a pressure; `None` if it does not fit.
+    pub fn registers(&self, pressure_mpa: f64) -> Option<Vec<u16>> {
+        let ValueSpec { from, scale, offset, unit, .. } = &self.value;
+        let factor = Quantity::Pressure.factor(unit.as_deref())?;
+        from.encode((pressure_mpa / factor - offset) / scale)
     }
 }
 

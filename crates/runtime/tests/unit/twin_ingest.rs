@@ -18,7 +18,7 @@ fn good(seq: u64) -> SensorSample {
 
 /// A model over pressure and gap.
 fn needed(gap: Gap) -> Needed {
-    Needed { gap, depends: [true; 2], measured: MeasuredInputs::default() }
+    Needed { gap, depends: Needs { pressure: true, gap: true }, measured: MeasuredInputs::default() }
 }
 
 fn validator() -> Validator {
@@ -146,7 +146,7 @@ fn structure() -> Validator {
         input("load_n", "N", Some(2.0), [1.0, 4.0]),
     ];
     let measured = MeasuredInputs::new(&spec, &inputs);
-    Validator::new(Limits::default(), Needed { gap: spec.gap_mm, depends: [false; 2], measured })
+    Validator::new(Limits::default(), Needed { gap: spec.gap_mm, depends: Needs { pressure: false, gap: false }, measured })
 }
 
 /// A reading of that structure, with other values before the load.

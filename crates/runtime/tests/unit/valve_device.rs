@@ -24,7 +24,7 @@ fn device(text: &str, devices: &Devices) -> Device {
 fn everything_that_is_wrong_is_said_at_once() {
     let spec: ValveSpec = toml::from_str(
         "range_mpa = [0.0, 0.9]\nsafe_mpa = 2.0\nwrite_hz = 0.0\nforce_max_n = -1.0\n\
-         [modbus]\nvalue = { register = 3, encoding = \"u16\", scale = 1e-6 }\n\
+         [modbus]\nvalue = { from = { register = 3, encoding = \"u16\" }, scale = 1e-6 }\n\
          [lines]\ntcp = \"here\"\nformat = \"P\"\n[iio]\ndevice = \"\"\nscale = 0.0\nraw_max = 4095",
     )
     .unwrap();
@@ -152,7 +152,7 @@ fn registers_are_written_with_the_devices_own_time_out() {
     let modbus = |unit_id: u8| {
         format!(
             "[modbus]\ntcp = \"{address}\"\ntimeout_ms = 5000.0\nwatchdog = {{ register = 7, raw = 80 }}\n\
-             value = {{ unit_id = {unit_id}, register = 2, encoding = \"u16\", scale = 0.1, unit = \"mbar\" }}"
+             value = {{ from = {{ unit_id = {unit_id}, register = 2, encoding = \"u16\" }}, scale = 0.1, unit = \"mbar\" }}"
         )
     };
     let (mut valve, mut refusing) = (device(&modbus(4), &devices), device(&modbus(9), &devices));

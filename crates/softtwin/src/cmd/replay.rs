@@ -5,13 +5,13 @@ use crate::live::DomainArgs;
 use crate::output;
 use anyhow::{Result, anyhow};
 use runtime::bridge::{Bridge, BridgeCounters};
-use runtime::source::{Devices, InputNames, Poll, Reading, ReplaySpec, Source, SourceSpec};
+use runtime::source::{InputNames, Poll, Reading, ReplaySpec, Source, SourceSpec};
 use serde_json::json;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use wire::layout::PARAMETERS_MAX;
-use wire::{Bus, SensorWriter, Topic, boot_id, now_ns};
+use wire::{Bus, SensorSample, SensorWriter, Topic, boot_id, now_ns};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -86,7 +86,7 @@ impl Args {
         };
         let inputs = inputs(&self.file)?;
         let source = SourceSpec::Replay(spec)
-            .open_among(Path::new(""), &Devices::default(), &inputs)
+            .open(Path::new(""), &inputs)
             .map_err(|problems| configuration(anyhow!("{}", problems.join("\n  "))))?;
         let stop = runtime::service::stop_flag()?;
         let bus = self.domain.join()?;
@@ -154,19 +154,19 @@ fn step(
     let mut sent = 0;
     let mut lines = std::io::stdin().lock().lines();
     while !stop.load(Ordering::Relaxed) {
-        let Poll::Reading(reading) = source.poll(f64::INFINITY) else { break };
+        let Poll::Reading(Reading { sample, .. }) = source.poll(f64::INFINITY) else { break };
         let values = if inputs.is_empty() {
-            format!("{} MPa  {} mm", reading.pressure_mpa, reading.gap_mm)
+            format!("{} MPa  {} mm", sample.pressure_mpa, sample.gap_mm)
         } else {
-            let pairs = inputs.iter().zip(reading.inputs);
+            let pairs = inputs.iter().zip(sample.inputs);
             pairs.map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>().join("  ")
         };
-        output!("{:.6} s  {values}  (Enter sends it)", reading.t_trace_s)?;
+        output!("{:.6} s  {values}  (Enter sends it)", sample.t_trace_s)?;
         if lines.next().transpose()?.is_none() {
             break;
         }
         sent += 1;
-        writer.publish(Reading { t_sensor_ns: now_ns(), ..reading }.sample(boot_id, sent))?;
+        writer.publish(SensorSample { boot_id, seq: sent, t_sensor_ns: now_ns(), ..sample })?;
     }
     Ok(sent)
 }

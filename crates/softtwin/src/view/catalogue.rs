@@ -10,7 +10,7 @@ use rom::model::{Nodes, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::Footprint;
 use runtime::config::{ActuatorSpec, BlockSpec, PlaceSpec, Scene};
-use runtime::payload::state_of;
+use runtime::publish::state_of;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,70 +1,68 @@
 //! What a twin estimates beside what it is told.
 
 use super::payload::payload;
-use super::{INPUTS_MAX, VERSION, estimate_alarm, estimate_status, set_slot, slot};
+use super::{INPUTS_MAX, LAYOUT_VERSION, estimate_alarm, estimate_status, set_slot, slot};
 
 /// Most quantities that one twin estimates.
 pub const UNKNOWNS_MAX: usize = 8;
 
 payload! {
     /// Estimated quantities after one reading, with what the reading said about model and sensors.
-    Estimate "softtwin.Estimate" 640 {
+    Estimate "softtwin.Estimate" {
         /// Layout version.
-        0 layout_version: u32 = VERSION, "";
+        layout_version: u32 = LAYOUT_VERSION, "";
         /// What became of the reading.
-        4 status: u32 = estimate_status::NONE, "", Show::Code(estimate_status::ALL);
+        status: u32 = estimate_status::NONE, "", Show::Code(estimate_status::ALL);
         /// First 16 bytes of the model file's hash.
-        8 model_hash: [u8; 16] = [0; 16], "", Show::Hex;
+        model_hash: [u8; 16] = [0; 16], "", Show::Hex;
         /// The run of the twin.
-        24 boot_id: u64 = 0, "", Show::Hex;
+        boot_id: u64 = 0, "", Show::Hex;
         /// Counts up by one per estimate within a run, beginning at 1.
-        32 seq: u64 = 0, "";
+        seq: u64 = 0, "";
         /// The run of the bridge that sent the reading.
-        40 sensor_boot_id: u64 = 0, "", Show::Hex;
+        sensor_boot_id: u64 = 0, "", Show::Hex;
         /// Sequence number of the reading.
-        48 sensor_seq: u64 = 0, "";
+        sensor_seq: u64 = 0, "";
         /// When the reading was taken.
-        56 t_sensor_ns: u64 = 0, "ns";
+        t_sensor_ns: u64 = 0, "ns";
         /// When the estimate was sent.
-        64 t_publish_ns: u64 = 0, "ns";
+        t_publish_ns: u64 = 0, "ns";
         /// Normalised innovation squared of the values used; NaN when none was used.
-        72 nis: f64 = f64::NAN, "";
+        nis: f64 = f64::NAN, "";
         /// Below this in 2.5 % of all readings where model and sensors are as good as stated.
-        80 nis_low: f64 = f64::NAN, "";
+        nis_low: f64 = f64::NAN, "";
         /// Above this in 2.5 % of all readings where model and sensors are as good as stated.
-        88 nis_high: f64 = f64::NAN, "";
+        nis_high: f64 = f64::NAN, "";
         /// Measured values of the reading that were used.
-        96 used_values: u32 = 0, "";
+        used_values: u32 = 0, "";
         /// Measurements rejected as contradictory: bit 0 the force, bit 1 the first marker, bit 2 the second, ...
-        100 rejected: u32 = 0, "";
+        rejected: u32 = 0, "";
         /// Measurements rejected since the start.
-        104 rejected_total: u64 = 0, "";
+        rejected_total: u64 = 0, "";
         /// Quantities that are estimated.
-        112 unknown_count: u32 = 0, "";
+        unknown_count: u32 = 0, "";
         /// Bit 0: the readings tell the first quantity, and so on; 0: the value rests on what was known before.
-        116 identifiable: u32 = 0, "";
+        identifiable: u32 = 0, "";
         /// Estimated values, in the units of their names.
-        120 values: [f64; UNKNOWNS_MAX] = [f64::NAN; UNKNOWNS_MAX], "", Show::Counted("unknown_count");
+        values: [f64; UNKNOWNS_MAX] = [f64::NAN; UNKNOWNS_MAX], "", Show::Counted("unknown_count");
         /// Standard deviations of the estimated values.
-        184 sigmas: [f64; UNKNOWNS_MAX] = [f64::NAN; UNKNOWNS_MAX], "", Show::Counted("unknown_count");
+        sigmas: [f64; UNKNOWNS_MAX] = [f64::NAN; UNKNOWNS_MAX], "", Show::Counted("unknown_count");
         /// Model inputs that explain the reading best, in the model's order; state and fields are those of these inputs.
-        248 inputs: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
+        inputs: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
         /// Inputs of the model.
-        312 input_count: u32 = 0, "";
+        input_count: u32 = 0, "";
         /// What has not fitted for the last second or so.
-        316 alarm: u32 = estimate_alarm::NONE, "", Show::Code(estimate_alarm::ALL);
+        alarm: u32 = estimate_alarm::NONE, "", Show::Code(estimate_alarm::ALL);
         /// Standard deviation of the force that follows from those of the estimated values.
-        320 force_sigma_n: f64 = f64::NAN, "N";
+        force_sigma_n: f64 = f64::NAN, "N";
         /// Name of the actuator, zero-padded.
-        328 actuator: [u8; 32] = [0; 32], "", Show::Name;
+        actuator: [u8; 32] = [0; 32], "", Show::Name;
         /// Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left.
-        360 names: [u8; 32 * UNKNOWNS_MAX] = [0; 32 * UNKNOWNS_MAX], "", Show::Names("unknown_count");
+        names: [u8; 32 * UNKNOWNS_MAX] = [0; 32 * UNKNOWNS_MAX], "", Show::Names("unknown_count");
         /// What the alarm names: bit 0 the first input (the pressure) or quantity; of measurements the bits of `rejected`.
-        616 suspects: u32 = 0, "";
+        suspects: u32 = 0, "";
         /// Zero.
-        620 reserved: u32 = 0, "";
-        /// Zero; for later values.
-        624 reserved_more: [u64; 2] = [0; 2], "";
+        reserved: u32 = 0, "";
     }
     json [
         seq, sensor_seq, t_sensor_ns, t_publish_ns, status, names, values, sigmas, identifiable, inputs, force_sigma_n, nis,

@@ -1,66 +1,66 @@
 //! How a twin is doing, once a second.
 
 use super::payload::payload;
-use super::{Outcome, VERSION, flags};
+use super::{Outcome, LAYOUT_VERSION, flags};
 
 /// Slots for counters, one per [`Outcome`] and some for later ones.
 pub const OUTCOME_SLOTS: usize = 24;
 
 payload! {
     /// Counters since the start of the twin and latencies of the last interval. `received` is the sum of all outcomes.
-    Health "softtwin.Health" 416 {
+    Health "softtwin.Health" {
         /// Layout version.
-        0 layout_version: u32 = VERSION, "";
+        layout_version: u32 = LAYOUT_VERSION, "";
         /// Set flags as in the newest state.
-        4 flags: u32 = flags::NO_DATA, "", Show::Flags(flags::ALL);
+        flags: u32 = flags::NO_DATA, "", Show::Flags(flags::ALL);
         /// First 16 bytes of the model file's hash.
-        8 model_hash: [u8; 16] = [0; 16], "", Show::Hex;
+        model_hash: [u8; 16] = [0; 16], "", Show::Hex;
         /// The run of the twin.
-        24 boot_id: u64 = 0, "", Show::Hex;
+        boot_id: u64 = 0, "", Show::Hex;
         /// Counts up by one per health sample, beginning at 1.
-        32 seq: u64 = 0, "";
+        seq: u64 = 0, "";
         /// When it was sent.
-        40 t_publish_ns: u64 = 0, "ns";
+        t_publish_ns: u64 = 0, "ns";
         /// Time since the twin started.
-        48 uptime_ns: u64 = 0, "ns";
+        uptime_ns: u64 = 0, "ns";
         /// The run of the bridge that sent the newest reading; 0: none yet.
-        56 sensor_boot_id: u64 = 0, "", Show::Hex;
+        sensor_boot_id: u64 = 0, "", Show::Hex;
         /// Readings taken from the sensor topic; the sum of all outcomes.
-        64 received: u64 = 0, "";
+        received: u64 = 0, "";
         /// Readings that never arrived, by gaps in the sequence numbers.
-        72 missed: u64 = 0, "";
+        missed: u64 = 0, "";
         /// Restarts of the bridge seen.
-        80 sensor_restarts: u64 = 0, "";
+        sensor_restarts: u64 = 0, "";
         /// Times that the deadline passed without a usable reading.
-        88 deadline_misses: u64 = 0, "";
+        deadline_misses: u64 = 0, "";
         /// Fields sent over all node sets.
-        96 fields_sent: u64 = 0, "";
+        fields_sent: u64 = 0, "";
         /// States sent.
-        104 states_sent: u64 = 0, "";
+        states_sent: u64 = 0, "";
         /// Readings whose field was sent later than the configured limit after their stamp.
-        112 late: u64 = 0, "";
+        late: u64 = 0, "";
         /// Events and lines that are missing in the log: the reporter was behind, or a line could not be written.
-        120 log_lost: u64 = 0, "";
+        log_lost: u64 = 0, "";
         /// Age of the newest good reading.
-        128 age_ns: u64 = 0, "ns";
+        age_ns: u64 = 0, "ns";
         /// Readings per second over the last interval.
-        136 rate_hz: f64 = 0.0, "Hz";
+        rate_hz: f64 = 0.0, "Hz";
         /// From sensor stamp to sent, over the last interval: median.
-        144 latency_p50_ns: u64 = 0, "ns";
+        latency_p50_ns: u64 = 0, "ns";
         /// From sensor stamp to sent, over the last interval: 99th percentile.
-        152 latency_p99_ns: u64 = 0, "ns";
+        latency_p99_ns: u64 = 0, "ns";
         /// From sensor stamp to sent, over the last interval: slowest.
-        160 latency_max_ns: u64 = 0, "ns";
+        latency_max_ns: u64 = 0, "ns";
         /// From taking the reading to sent, over the last interval: median.
-        168 compute_p50_ns: u64 = 0, "ns";
+        compute_p50_ns: u64 = 0, "ns";
         /// From taking the reading to sent, over the last interval: 99th percentile.
-        176 compute_p99_ns: u64 = 0, "ns";
+        compute_p99_ns: u64 = 0, "ns";
         /// From taking the reading to sent, over the last interval: slowest.
-        184 compute_max_ns: u64 = 0, "ns";
+        compute_max_ns: u64 = 0, "ns";
         /// Readings by outcome, indexed by the outcome's number.
-        192 outcomes: [u64; OUTCOME_SLOTS] = [0; OUTCOME_SLOTS], "", Show::PerCode(Outcome::CODES);
+        outcomes: [u64; OUTCOME_SLOTS] = [0; OUTCOME_SLOTS], "", Show::PerCode(Outcome::CODES);
         /// Name of the actuator, zero-padded.
-        384 actuator: [u8; 32] = [0; 32], "", Show::Name;
+        actuator: [u8; 32] = [0; 32], "", Show::Name;
     }
     json [
         seq, t_publish_ns, uptime_ns, received, missed, sensor_restarts, deadline_misses, fields_sent, states_sent, late,

@@ -9,49 +9,38 @@
 /// The layout version as a literal, for type names.
 macro_rules! layout_version {
     () => {
-        6
+        1
     };
 }
 
 mod codes;
-mod command;
+mod driving;
 mod estimate;
-mod field;
 mod grasp;
 mod health;
-mod input;
 mod numbers;
-mod outcome;
 mod payload;
 mod query;
-mod query_status;
-mod sensor;
-mod setpoint;
-mod state;
-mod valve;
+mod topics;
 
 pub use codes::{Code, Codes};
-pub use command::Command;
+pub use driving::{Command, Setpoint, Valve};
 pub use estimate::{Estimate, UNKNOWNS_MAX};
-pub use field::{FIELD_SLOTS, FieldHeader};
 pub use grasp::{FINGERS_MAX, Grasp};
 pub use health::{Health, OUTCOME_SLOTS};
-pub use input::InputValue;
 pub use numbers::{
-    domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status, input_source, query_kind,
-    regime, value_bits, valve_interlock, valve_limit, valve_reason,
+    InputValue, Outcome, QueryStatus, domain_status, estimate_alarm, estimate_status, field_id, flags,
+    grasp_status, input_source, query_kind, regime, value_bits, valve_interlock, valve_limit, valve_reason,
 };
-pub use outcome::Outcome;
 pub use payload::{Field, Layout, Number, Payload, Scalar, Show, View};
 pub use query::{Answer, Query};
-pub use query_status::QueryStatus;
-pub use sensor::{AGES_MAX, MARKERS_MAX, SensorSample};
-pub use setpoint::Setpoint;
-pub use state::{COEFFICIENTS_MAX, GROUPS_MAX, State};
-pub use valve::Valve;
+pub use topics::{
+    AGES_MAX, Ages, COEFFICIENTS_MAX, FIELD_SLOTS, FieldHeader, GROUPS_MAX, MARKERS_MAX, Marker, SensorSample,
+    State,
+};
 
 /// Version of all layouts. Raised with any change of size, offset or meaning; it is part of every type name.
-pub const VERSION: u32 = layout_version!();
+pub const LAYOUT_VERSION: u32 = layout_version!();
 
 /// Every payload.
 pub const PAYLOADS: [&Layout; 11] = [

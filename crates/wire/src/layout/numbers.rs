@@ -1,6 +1,7 @@
-//! What the numbers in payloads stand for.
+//! Codes in payloads, and the values of one model input.
 
-use super::codes::codes;
+use super::codes::{coded_enum, codes};
+use super::{INPUTS_MAX, slot};
 
 codes! {
     /// Bits of `flags`.
@@ -261,4 +262,126 @@ codes! {
     pub fn names(bits: u32) -> impl Iterator<Item = &'static str> {
         ALL.iter().filter(move |code| bits & code.number != 0).map(|code| code.name)
     }
+}
+
+coded_enum! {
+    /// The outcome of one reading. Its number is in [`super::State`] and is the index of [`super::Health::outcomes`].
+    Outcome {
+        /// Evaluated and sent.
+        Published = 0, "published";
+        /// Pressure, gap or another measured input is absent, NaN or infinite: the last good state stands.
+        HeldNotFinite = 1, "held: not finite";
+        /// Pressure or gap is beyond what any such actuator can have: the last good state stands.
+        HeldAbsurd = 2, "held: absurd value";
+        /// The sensor itself reports a fault: the last good state stands.
+        HeldSensorFault = 3, "held: sensor fault";
+        /// Older than the configured limit when it arrived: the last good state stands.
+        HeldStale = 4, "held: stale";
+        /// Stamped later than now by more than the configured limit: the last good state stands.
+        HeldFuture = 5, "held: stamped in the future";
+        /// The gap is outside the range that the scene said can occur (what it needs was not loaded): the last good state
+        /// stands.
+        HeldOutsideScene = 6, "held: gap outside the scene's range";
+        /// The same sequence number again.
+        DroppedDuplicate = 7, "dropped: duplicate";
+        /// A sequence number or time stamp before the last one.
+        DroppedBackInTime = 8, "dropped: back in time";
+        /// A newer reading was already waiting: the newest wins.
+        DroppedSuperseded = 9, "dropped: superseded";
+        /// An output could not be sent (no memory left, or the port failed).
+        DroppedNotSent = 10, "dropped: could not be sent";
+        /// The model gave a value that is not finite.
+        DroppedModel = 11, "dropped: model gave no finite value";
+        /// The reading lies outside the model's domain and the settings say to hold: the last good state stands.
+        HeldOutsideDomain = 12, "held: outside the model's domain";
+        /// The reading lies outside the model's domain and the settings say to reject it.
+        DroppedOutsideDomain = 13, "dropped: outside the model's domain";
+        /// The model gave no field for an output; the state was sent.
+        DroppedReconstruction = 14, "dropped: field could not be reconstructed";
+        /// The sequence number is far from the one before; readings that go on from there are used from the third on.
+        DroppedSequenceJump = 15, "dropped: sequence number jumps";
+        /// A measured input beside pressure and gap is outside the range that the scene said can occur: the last good state stands.
+        HeldInputOutsideScene = 16, "held: input outside the scene's range";
+    }
+}
+
+impl Outcome {
+    /// Whether the last good state stands in its place.
+    pub fn is_held(self) -> bool {
+        matches!(self, Outcome::HeldOutsideDomain | Outcome::HeldInputOutsideScene)
+            || (Outcome::HeldNotFinite.code()..=Outcome::HeldOutsideScene.code()).contains(&self.code())
+    }
+
+    /// Whether nothing came of it.
+    pub fn is_dropped(self) -> bool {
+        self != Outcome::Published && !self.is_held()
+    }
+}
+
+impl std::fmt::Display for Outcome {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+coded_enum! {
+    /// How one question ended; see [`super::Answer::status`]. The text is a sentence in which `{limit}` stands for [`super::Answer::limit`].
+    QueryStatus {
+        /// There is an answer.
+        Answered = 0, "answered";
+        /// A quantity that the question needs is missing, NaN or infinite.
+        NotFinite = 1, "a quantity that this question needs is missing or not finite";
+        /// The plate is out of reach at this gap; limit: the largest gap that can be reached, mm.
+        OutOfReach = 2, "the plate is out of reach at this gap; the largest gap that can be reached is {limit} mm";
+        /// More force than the sampled states give here; limit: the largest force, N.
+        ForceTooHigh = 3, "more force than the sampled states give here: at most {limit} N";
+        /// Less force than the sampled states give here; limit: the smallest force, N.
+        ForceTooLow = 4, "less force than the sampled states give here: at least {limit} N";
+        /// No force, so no contact: any gap from the limit on explains it; limit: that gap, mm.
+        NoContact = 5, "without a force there is no contact: every gap from {limit} mm on explains it";
+        /// No sampled state has this gap (or, when the gap is asked, this pressure); limit: the nearest that has one.
+        OutsideDomain = 6, "no sampled state is there; the nearest sampled value is {limit}";
+        /// The gap is no input of this model (all samples share one); limit: that gap, mm.
+        GapIsFixed = 7, "the gap is no input of this model: all samples have {limit} mm";
+        /// The twin offers no field of that name: the scene's `queries` or its outputs say no.
+        NoSuchField = 8, "the twin offers no field of these nodes; see `queries` and the outputs of its scene";
+        /// No shared memory for the field; limit: bytes needed.
+        NoMemory = 9, "not enough shared memory for the field: {limit} bytes are needed in /dev/shm";
+        /// The kind of question is unknown to this twin.
+        UnknownKind = 10, "this twin does not know that kind of question";
+        /// The model gave a value that is not finite.
+        Model = 11, "the model gave no finite value";
+        /// A parameter of the question is none of the model's.
+        UnknownInput = 12, "a parameter of the question is no input of this model, which has {inputs}";
+    }
+}
+
+/// One input of a model, as a payload carries it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InputValue {
+    /// Its name; of a name of more than 31 bytes the end.
+    pub name: String,
+    /// The value, in the unit at the end of the name.
+    pub value: f64,
+    /// Gradient of the force by it, N per unit; NaN when not known.
+    pub force_by: f64,
+    /// Where the value comes from: a number of [`super::input_source`].
+    pub source: u8,
+}
+
+/// The inputs of a payload, `count` of them.
+pub(super) fn inputs_of<'a>(
+    count: u32,
+    names: &'a [u8; 32 * INPUTS_MAX],
+    values: &'a [f64; INPUTS_MAX],
+    force_by: &'a [f64; INPUTS_MAX],
+    sources: &'a [u8; INPUTS_MAX],
+) -> impl Iterator<Item = InputValue> + 'a {
+    let all = values.iter().zip(force_by).zip(sources).take(count as usize);
+    all.enumerate().map(|(at, ((value, force_by), source))| InputValue {
+        name: slot(names, at),
+        value: *value,
+        force_by: *force_by,
+        source: *source,
+    })
 }

@@ -36,7 +36,7 @@ pub(super) mod sealed {
 pub struct Layout {
     /// Name in Rust and Python, such as `State`.
     pub name: &'static str,
-    /// Name in shared memory, with the layout version, such as `softtwin.State.v6`.
+    /// Name in shared memory, with the layout version, such as `softtwin.State.v1`.
     pub type_name: &'static str,
     /// Name of its JSON schema, such as `softtwin.State`.
     pub schema: &'static str,
@@ -239,22 +239,22 @@ const fn is_same(left: &[u8], right: &[u8]) -> bool {
 /// ```text
 /// payload! {
 ///     /// What it is.
-///     Name "schema" size {
+///     Name "schema" {
 ///         /// What the value means.
-///         offset name: type = value when it is not known, "unit", how it is shown;
+///         name: type = value when it is not known, "unit", how it is shown;
 ///     }
 ///     json [key, key: field, key: field as how it is shown]
 /// }
 /// ```
 ///
-/// A value is shown as a number unless told otherwise. Sizes and offsets are checked at compile time.
+/// A value is shown as a number by default. A definition with padding does not compile.
 macro_rules! payload {
     (
         $(#[doc = $about:literal])+
-        $name:ident $schema:literal $size:literal {
+        $name:ident $schema:literal {
             $(
                 $(#[doc = $doc:literal])+
-                $offset:literal $field:ident: $type:ty = $absent:expr, $unit:literal $(, $show:expr)?;
+                $field:ident: $type:ty = $absent:expr, $unit:literal $(, $show:expr)?;
             )+
         }
         json [$($key:ident $(: $source:ident $(as $how:expr)?)?),+ $(,)?]
@@ -267,10 +267,8 @@ macro_rules! payload {
         }
 
         const _: () = {
-            assert!(size_of::<$name>() == $size);
             assert!(align_of::<$name>() == 8);
-            $(assert!(std::mem::offset_of!($name, $field) == $offset);)+
-            assert!(0 $(+ size_of::<$type>())+ == $size, "padding");
+            assert!(0 $(+ size_of::<$type>())+ == size_of::<$name>(), "padding");
         };
 
         impl Default for $name {
@@ -284,7 +282,7 @@ macro_rules! payload {
                 use $crate::layout::payload::{Field, Layout, Show, Value, named};
                 const FIELDS: &[Field] = &[$(Field {
                     name: stringify!($field),
-                    offset: $offset,
+                    offset: std::mem::offset_of!($name, $field),
                     scalar: <$type as Value>::SCALAR,
                     count: <$type as Value>::COUNT,
                     unit: $unit,
@@ -296,7 +294,7 @@ macro_rules! payload {
                     type_name: concat!("softtwin.", stringify!($name), ".v", layout_version!()),
                     schema: $schema,
                     meaning: concat!($($about),+),
-                    size: $size,
+                    size: size_of::<$name>(),
                     fields: FIELDS,
                     json: &[$((
                         stringify!($key),

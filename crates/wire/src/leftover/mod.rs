@@ -8,7 +8,6 @@
 //! operating system closes it at the program's end: [`unused`] queries whether any process has a file open.
 
 mod events;
-mod half_made;
 mod lock;
 mod nodes;
 mod places;

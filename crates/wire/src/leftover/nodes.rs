@@ -1,12 +1,12 @@
 //! The members of a domain (iceoryx2's nodes): which of them are dead, and their removal.
 
-use super::half_made::service_is_half_made;
 use super::places::{Places, files, name};
 use super::unused;
-use crate::transport::Ipc;
+use crate::sys::Ipc;
 use iceoryx2::node::{DeadNodeView, Node, NodeDetails, NodeState, NodeView};
 use iceoryx2::prelude::CallbackProgression;
 use std::collections::BTreeSet;
+use std::fs::Metadata;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -108,7 +108,7 @@ impl Places {
             [("", &[][..], 0o600), ("_owner_lock", &[], 0o600), ("_context", &NOBODY, 0o400)]
         {
             let path = self.monitor(id, part);
-            let complete = |found: std::fs::Metadata| {
+            let complete = |found: Metadata| {
                 found.mode() & 0o777 == mode && found.len() >= content.len() as u64
             };
             if !std::fs::metadata(&path).is_ok_and(complete) {
@@ -141,4 +141,33 @@ fn rewrite(path: &Path, content: &[u8], mode: u32) -> std::io::Result<()> {
     let mut file = std::fs::OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)?;
     std::io::Write::write_all(&mut file, content)?;
     file.set_permissions(std::fs::Permissions::from_mode(mode))
+}
+
+impl Places {
+    /// Removes half-made resources whose creator is dead; returns how many. Needs no lock: a creator that lives has the file
+    /// open, from its creation on.
+    pub(crate) fn remove_half_made(&self) -> usize {
+        let segments = self.segments().into_iter().filter(|path| has(path, segment_is_half_made));
+        let services = self.service_files().into_iter().filter(|path| has(path, service_is_half_made));
+        segments.chain(services).filter(|path| unused::remove(path)).count()
+    }
+
+    /// A shared-memory file of the domain without a size. iceoryx2 waits for ever for such a file to grow.
+    pub(crate) fn empty_segment(&self) -> Option<PathBuf> {
+        self.segments().into_iter().find(|path| has(path, |metadata| metadata.len() == 0))
+    }
+}
+
+fn has(path: &Path, property: impl Fn(&Metadata) -> bool) -> bool {
+    std::fs::symlink_metadata(path).is_ok_and(|metadata| property(&metadata))
+}
+
+/// Shared memory is write-only until it is complete.
+fn segment_is_half_made(metadata: &Metadata) -> bool {
+    metadata.len() == 0 || metadata.mode() & 0o400 == 0
+}
+
+/// Descriptions are written once and read-only from then on.
+fn service_is_half_made(metadata: &Metadata) -> bool {
+    metadata.mode() & 0o200 != 0
 }

@@ -1,6 +1,6 @@
 //! Places and names of a shared-memory domain's files.
 
-use crate::transport::SHM_DIR;
+use crate::sys::SHM_DIR;
 use iceoryx2::prelude::{Config, SemanticString};
 use std::path::{Path, PathBuf};
 

@@ -5,7 +5,7 @@
 //! docs/iceoryx2.md.
 
 use super::places::{Places, name};
-use crate::transport::SHM_DIR;
+use crate::sys::SHM_DIR;
 use std::ffi::CString;
 use std::fs::Metadata;
 use std::os::unix::ffi::OsStrExt;

@@ -2,7 +2,7 @@
 
 use super::places::{Places, files, is_counter};
 use super::unused;
-use crate::transport::SHM_DIR;
+use crate::sys::SHM_DIR;
 use std::ops::AddAssign;
 use std::path::Path;
 use std::sync::Mutex;

@@ -1,7 +1,6 @@
 //! A reader of any kind of topic, for programs that treat all topics alike.
 
-use super::field::{FieldReader, FieldSample};
-use super::sized::Reader;
+use super::topic::{FieldReader, FieldSample, Reader};
 use crate::bus::Bus;
 use crate::error::WireError;
 use crate::layout::{Command, Estimate, Grasp, Health, Payload, SensorSample, Setpoint, State, Valve, View};

@@ -2,7 +2,7 @@
 
 use crate::WireError;
 use crate::leftover::Places;
-use crate::transport::SHM_DIR;
+use crate::sys::SHM_DIR;
 use std::path::Path;
 
 /// Names what is used up; `None`: it was something else.

@@ -8,7 +8,7 @@ use crate::error::WireError;
 use crate::layout::{Answer, Query};
 use crate::qos;
 use crate::topic::{ROOT, check_name};
-use crate::transport::Ipc;
+use crate::sys::Ipc;
 use crate::wake::{Wake, WakeSet, Wakeable, Waker};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;

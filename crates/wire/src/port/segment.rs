@@ -5,7 +5,7 @@
 
 use super::exhausted;
 use crate::leftover::Places;
-use crate::transport::SHM_DIR;
+use crate::sys::SHM_DIR;
 use crate::{Topic, WireError};
 use std::fs::{File, OpenOptions};
 use std::os::fd::AsRawFd;

@@ -2,7 +2,7 @@
 
 use super::retry::{self, Refusal};
 use crate::bus::Bus;
-use crate::transport::Ipc;
+use crate::sys::Ipc;
 use crate::wake::{Waker, Waking};
 use crate::{KeyExpr, Topic, TopicInfo, TopicKind, WireError, layout, qos};
 use iceoryx2::port::listener::Listener;
@@ -18,15 +18,18 @@ use std::fmt::Debug;
 
 /// Whether a missing topic is made or reported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Missing {
+pub enum Missing {
     Create,
     Refuse,
 }
 
-pub(crate) type PubSub<P, H> = publish_subscribe::PortFactory<Ipc, P, H>;
+pub type PubSub<P, H> = publish_subscribe::PortFactory<Ipc, P, H>;
 pub(crate) type Events = event::PortFactory<Ipc>;
-/// Subscriber and waker of a reader.
-pub(crate) type Ends<P, H> = (Subscriber<Ipc, P, H>, Waker);
+/// The ports of a reader.
+pub(crate) struct Ends<P: Debug + IceoryxSend + ?Sized + 'static, H: Debug + ZeroCopySend + 'static> {
+    pub(crate) subscriber: Subscriber<Ipc, P, H>,
+    pub(crate) waker: Waker,
+}
 
 /// The publish-subscribe service of a topic with a fixed-size payload.
 pub(crate) fn sized<P: Debug + ZeroCopySend>(
@@ -114,7 +117,7 @@ fn with_qos<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend>(
 }
 
 /// A reader's two ends. The listener comes first: a sample sent in between then wakes us for nothing instead of never.
-pub(crate) fn reader<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend>(
+pub(crate) fn reader<P: Debug + IceoryxSend + ?Sized + 'static, H: Debug + ZeroCopySend + 'static>(
     bus: &Bus,
     topic: &Topic,
     service: &PubSub<P, H>,
@@ -129,7 +132,7 @@ pub(crate) fn reader<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend>(
         let builder = service.subscriber_builder().buffer_size(qos.buffer).history_request(qos.history);
         builder.create().map_err(|error| reader_failed(topic, error))
     })?;
-    Ok((subscriber, Waker::new(listener)))
+    Ok(Ends { subscriber, waker: Waker::new(listener) })
 }
 
 pub(crate) fn service_name(name: &str) -> Result<ServiceName, WireError> {

@@ -51,7 +51,7 @@ fn constants(out: &mut String) {
     let mut define = |name: &str, value: u32, meaning: &str| {
         writeln!(out, "#define SOFTTWIN_{name} {value}u /* {} */", line(meaning)).expect("memory");
     };
-    define("LAYOUT_VERSION", layout::VERSION, "Part of every type name.");
+    define("LAYOUT_VERSION", layout::LAYOUT_VERSION, "Part of every type name.");
     for (name, length, meaning) in [
         ("FIELD_SLOTS", layout::FIELD_SLOTS, "Most fields in one sample."),
         ("COEFFICIENTS_MAX", layout::COEFFICIENTS_MAX, "Most modal coefficients in one state."),

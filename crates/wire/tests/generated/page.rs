@@ -8,19 +8,6 @@ use wire::layout::{
 };
 use wire::{Outcome, QueryStatus, TopicKind, qos};
 
-const KINDS: [TopicKind; 10] = [
-    TopicKind::Sensor,
-    TopicKind::Field,
-    TopicKind::State,
-    TopicKind::Health,
-    TopicKind::Grasp,
-    TopicKind::Command,
-    TopicKind::Estimate,
-    TopicKind::Setpoint,
-    TopicKind::Override,
-    TopicKind::Valve,
-];
-
 /// The page with all tables as the definitions say.
 pub fn generated(page: &str, payloads: &[Described]) -> String {
     let mut page = page.to_owned();
@@ -31,12 +18,25 @@ pub fn generated(page: &str, payloads: &[Described]) -> String {
         let to = from + page[from..].find(end).unwrap_or_else(|| panic!("{name} has no end"));
         page.replace_range(from..to, &format!("\n{body}\n"));
     }
-    let versions =
-        page.split("`softtwin.").skip(1).filter_map(|rest| rest.split('`').next()?.rsplit_once(".v"));
-    for (name, version) in versions {
-        assert_eq!(version, layout::VERSION.to_string(), "softtwin.{name}: the version of the page");
+    with_version(&page)
+}
+
+/// The text with the version of the definitions in every type name (`softtwin.State.v1`).
+fn with_version(page: &str) -> String {
+    let mut out = String::new();
+    for (at, part) in page.split("`softtwin.").enumerate() {
+        if at > 0 {
+            out.push_str("`softtwin.");
+        }
+        match part.split_once(".v") {
+            Some((name, rest)) if at > 0 && name.chars().all(char::is_alphanumeric) => {
+                let rest = rest.trim_start_matches(|letter: char| letter.is_ascii_digit());
+                write!(out, "{name}.v{}{rest}", layout::LAYOUT_VERSION).expect("memory");
+            }
+            _ => out.push_str(part),
+        }
     }
-    page
+    out
 }
 
 fn settings() -> String {
@@ -44,7 +44,7 @@ fn settings() -> String {
         "| kind | subscribers = listeners | buffer | borrowed samples | history | nodes |\n\
          | --- | --- | --- | --- | --- | --- |\n",
     );
-    for kind in KINDS {
+    for kind in TopicKind::ALL {
         let q = qos::of(kind);
         let cells = [q.max_readers, q.buffer, q.max_borrowed, q.history, q.max_nodes].map(|n| n.to_string());
         writeln!(out, "| {} | {} |", kind.as_str(), cells.join(" | ")).expect("memory");

@@ -16,8 +16,8 @@ pub fn layout(payloads: &[Described]) -> String {
         "\"\"\"The wire's payloads as ctypes structures, and what their numbers stand for. {NOTE}\"\"\"\n\n\
          from ctypes import c_double as f64\nfrom ctypes import c_float as f32\nfrom ctypes import c_uint8 as u8\n\
          from ctypes import c_uint32 as u32\nfrom ctypes import c_uint64 as u64\nfrom typing import Dict, List, Type\n\n\
-         from .payload import Payload, pack, text\n\nVERSION = {}\n\"\"\"Layout version; it is part of every type name.\"\"\"\n\n",
-        layout::VERSION
+         from .payload import Payload, pack, text\n\nLAYOUT_VERSION = {}\n\"\"\"Layout version; it is part of every type name.\"\"\"\n\n",
+        layout::LAYOUT_VERSION
     );
     let own_fields: Vec<_> = field_id::ALL
         .iter()
@@ -145,18 +145,7 @@ pub fn qos() -> String {
          \"\"\"Settings of one kind of topic.\"\"\"\n\n    max_readers: int\n    buffer: int\n    max_borrowed: int\n    \
          history: int\n    max_nodes: int\n\n\nQOS: Dict[str, Qos] = {{\n"
     );
-    for kind in [
-        TopicKind::Sensor,
-        TopicKind::Field,
-        TopicKind::State,
-        TopicKind::Health,
-        TopicKind::Grasp,
-        TopicKind::Command,
-        TopicKind::Estimate,
-        TopicKind::Setpoint,
-        TopicKind::Override,
-        TopicKind::Valve,
-    ] {
+    for kind in TopicKind::ALL {
         let q = qos::of(kind);
         writeln!(
             out,

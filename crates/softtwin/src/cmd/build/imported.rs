@@ -123,7 +123,7 @@ fn scene_text(name: &str, inputs: &[(usize, &InputSpec)]) -> String {
          name = \"{name}\"\n\
          model = \"{name}.twin\"\n\
          queries = \"fields\"\n{table}\n\
-         [actuator.source]                # a sweep; put your sensor here (kind = \"modbus\" or \"lines\")\n\
+         [actuator.source]                # a sweep; for a device: [actuator.sensors.NAME]\n\
          kind = \"replay\"\n\
          trace = \"sweep.csv\"\n\n\
          [[actuator.output]]              # softtwin/{name}/field\n\

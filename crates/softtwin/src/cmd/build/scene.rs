@@ -20,7 +20,7 @@ pub fn text(actuator: &Actuator, plan: &Plan, pressures: &Pressures) -> String {
          model = \"{name}.twin\"\n\
          plate = {{ x_mm = {:?}, z_mm = {:?} }} # mm, its extent in actuator.toml\n\
          queries = \"fields\"\n\n\
-         [actuator.source]                # readings by formula; put your sensor here (kind = \"modbus\" or \"lines\")\n\
+         [actuator.source]                # readings by formula; for a device: [actuator.sensors.NAME]\n\
          kind = \"simulate\"\n\
          rate_hz = 100.0\n\
          gap_mm = {gap:?}\n\

@@ -4,7 +4,8 @@ use super::finding::Finding;
 use runtime::config::Scene;
 use runtime::load::load_scene;
 use runtime::source::SensorCounters;
-use runtime::source::{Devices, Reading, Source, SourceReader};
+use runtime::source::{Devices, Source, SourceReader};
+use runtime::wire::SensorSample;
 use runtime::wire::layout::value_bits;
 use std::path::Path;
 use std::sync::Arc;
@@ -45,7 +46,7 @@ fn models(scene: &Scene, path: &Path) -> Finding {
 }
 
 /// The first reading in which no value is missing; the last one if none comes in time.
-fn complete(source: &mut SourceReader) -> Option<Reading> {
+fn complete(source: &mut SourceReader) -> Option<SensorSample> {
     let (end, mut last) = (Instant::now() + SENSOR_TIMEOUT, None);
     while let Some(reading) = source.next(end.saturating_duration_since(Instant::now())) {
         last = Some(reading);
@@ -57,15 +58,14 @@ fn complete(source: &mut SourceReader) -> Option<Reading> {
 }
 
 /// The values that a reading has: `0.03 MPa, gap 40 mm, load_n 2.6`.
-fn values(reading: &Reading) -> String {
+fn values(reading: &SensorSample) -> String {
     let own = [
         (format!("{} MPa", reading.pressure_mpa), reading.pressure_mpa),
         (format!("gap {} mm", reading.gap_mm), reading.gap_mm),
         (format!("force {} N", reading.measured_force_n), reading.measured_force_n),
     ];
     let own = own.into_iter().filter(|(_, value)| !value.is_nan()).map(|(text, _)| text);
-    let sample = reading.sample(0, 0);
-    let named = sample.inputs().map(|(name, value)| format!("{name} {value}"));
+    let named = reading.inputs().map(|(name, value)| format!("{name} {value}"));
     own.chain(named).collect::<Vec<_>>().join(", ")
 }
 

@@ -1,0 +1,308 @@
+//! From an evaluation to what is published: states, answers, field headers, and the field topics of a twin.
+
+use crate::config::{ActuatorSpec, Gap, PRESSURE_BIAS, StateSpec};
+use crate::load::{GroupSizes, LoadedOutput};
+use rom::evaluation::Evaluation;
+use rom::hull::DomainStatus;
+use rom::hysteresis::RegimeLabel;
+use rom::inputs::{GAP, InputSpec, PARAMETERS, PRESSURE};
+use rom::kernel::Peaks;
+use rom::reconstructor::Reconstructor;
+use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, flags, input_source, pack_name, set_slot};
+use wire::{Answer, Bus, FieldHeader, FieldLoan, FieldWriter, State, Topic, WireError};
+
+/// Writes an evaluation into a payload: [`State`] and [`Answer`] have these values in common.
+macro_rules! write_evaluation {
+    ($payload:ident, $evaluation:expr, $groups:expr) => {{
+        let e: &Evaluation = $evaluation;
+        $payload.flags = flags_of(e);
+        $payload.pressure_mpa = e.inputs.pressure_mpa();
+        $payload.gap_mm = e.inputs.gap_mm();
+        $payload.regime = e.regime.number();
+        $payload.inputs = *e.inputs.values();
+        $payload.force_by_input = e.force_gradient;
+        $payload.contact_force_n = e.contact_force_n;
+        $payload.force_by_pressure_n_per_mpa = e.force_by_pressure_n_per_mpa();
+        $payload.force_by_gap_n_per_mm = e.force_by_gap_n_per_mm();
+        $payload.onset_pressure_mpa = e.onset_pressure_mpa.unwrap_or(f64::INFINITY);
+        $payload.force_halfwidth_n = e.halfwidths.force_n as f32;
+        $payload.displacement_halfwidth_mm = e.halfwidths.displacement_mm as f32;
+        $payload.von_mises_halfwidth_mpa = e.halfwidths.stress_mpa as f32;
+        $payload.domain_distance = e.domain_distance as f32;
+        $payload.domain_status = domain_number(e.domain);
+        $payload.coefficient_count = e.coefficients.len().min(COEFFICIENTS_MAX) as u32;
+        $payload.coefficients = [0.0; COEFFICIENTS_MAX];
+        for (to, from) in $payload.coefficients.iter_mut().zip(&e.coefficients) {
+            *to = *from as f32;
+        }
+        let sizes = $groups.iter().find(|(kind, _)| *kind == e.regime);
+        $payload.group_sizes = sizes.map(|(_, sizes)| *sizes).unwrap_or_default();
+    }};
+}
+
+/// Writes what a field consists of into a payload: [`FieldHeader`] and [`Answer`] have these values in common.
+macro_rules! write_shape {
+    ($payload:ident, $output:expr) => {{
+        let output: &LoadedOutput = $output;
+        $payload.node_count = output.reconstructor.rows() as u32;
+        $payload.field_count = output.reconstructor.field_count() as u32;
+        $payload.field_ids = output.field_ids;
+        $payload.node_set = pack_name(output.spec.topic_name().unwrap_or("all"));
+    }};
+}
+
+/// Writes the largest stress of a field and its node into a payload.
+macro_rules! write_peaks {
+    ($payload:ident, $peaks:expr) => {{
+        let stress = $peaks.stress_mpa;
+        $payload.max_von_mises_mpa = stress.map_or(f64::NAN, |peak| peak.value.into());
+        $payload.max_von_mises_node = stress.map_or(u32::MAX, |peak| peak.node);
+    }};
+}
+
+/// Number and packed names of a model's inputs, as in states, fields and answers.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PackedNames {
+    pub(crate) count: u32,
+    pub(crate) names: [u8; 32 * INPUTS_MAX],
+}
+
+impl PackedNames {
+    pub(crate) fn new(inputs: &[InputSpec]) -> Self {
+        let mut names = [0; 32 * INPUTS_MAX];
+        inputs.iter().enumerate().for_each(|(at, input)| set_slot(&mut names, at, &input.key()));
+        Self { count: inputs.len().min(INPUTS_MAX) as u32, names }
+    }
+
+    /// A state of a model with these inputs and no values.
+    pub(crate) fn state(&self) -> State {
+        State { input_count: self.count, input_names: self.names, ..State::default() }
+    }
+}
+
+/// Where the value of each input comes from in this scene: numbers of [`input_source`].
+pub(crate) fn input_sources(spec: &ActuatorSpec, inputs: &[InputSpec]) -> [u8; INPUTS_MAX] {
+    let mut sources = [input_source::UNKNOWN; INPUTS_MAX];
+    for ((at, input), source) in inputs.iter().enumerate().zip(&mut sources) {
+        let key = input.key();
+        let is_estimated =
+            spec.estimate.contains_key(&key) || (at == PRESSURE && spec.estimate.contains_key(PRESSURE_BIAS));
+        let from = spec.inputs.get(&key);
+        let is_given = (at == GAP && matches!(spec.gap_mm, Gap::Fixed(_)))
+            || from.is_some_and(|from| from.given().is_some());
+        *source = match (is_estimated, is_given) {
+            (true, _) => input_source::ESTIMATED,
+            (false, true) => input_source::GIVEN,
+            (false, false) if at < PARAMETERS || from.is_some() => input_source::MEASURED,
+            (false, false) => input_source::NOMINAL,
+        };
+    }
+    sources
+}
+
+/// Fills a state from an evaluation; without the extras that are not wanted.
+pub(crate) fn fill_state(state: &mut State, evaluation: &Evaluation, groups: &GroupSizes, wanted: StateSpec) {
+    write_evaluation!(state, evaluation, groups);
+    if !wanted.gradients {
+        state.force_by_pressure_n_per_mpa = f64::NAN;
+        state.force_by_gap_n_per_mm = f64::NAN;
+        state.force_by_input = [f64::NAN; INPUTS_MAX];
+    }
+    if !wanted.bars {
+        state.force_halfwidth_n = f32::NAN;
+        state.displacement_halfwidth_mm = f32::NAN;
+        state.von_mises_halfwidth_mpa = f32::NAN;
+    }
+}
+
+/// A state with the values of an evaluation of a model with these inputs and nothing else: no reading, no run, no times.
+pub fn state_of(evaluation: &Evaluation, inputs: &[InputSpec]) -> State {
+    let mut state = PackedNames::new(inputs).state();
+    fill_state(
+        &mut state,
+        evaluation,
+        &GroupSizes::new(),
+        StateSpec { gradients: true, bars: true, coefficients: true },
+    );
+    state
+}
+
+/// Puts the label with hysteresis in place of the evaluation's own regime.
+pub(crate) fn fill_label(state: &mut State, label: RegimeLabel) {
+    state.regime = label.regime.number();
+    state.flags |= if label.held { flags::REGIME_HELD } else { 0 };
+}
+
+/// Fills an answer from an evaluation.
+pub(crate) fn fill_answer(answer: &mut Answer, evaluation: &Evaluation, groups: &GroupSizes) {
+    write_evaluation!(answer, evaluation, groups);
+}
+
+/// Adds the field of an answer.
+pub(crate) fn fill_answer_field(answer: &mut Answer, output: &LoadedOutput, peaks: &Peaks) {
+    write_shape!(answer, output);
+    write_peaks!(answer, peaks);
+}
+
+/// The part of a field's header that is the same for every sample.
+pub(crate) fn field_header(output: &LoadedOutput) -> FieldHeader {
+    let mut header = FieldHeader::default();
+    write_shape!(header, output);
+    header
+}
+
+/// Fills the header of a field sample from the state that it belongs to.
+pub(crate) fn fill_field_header(header: &mut FieldHeader, state: &State, peaks: &Peaks) {
+    header.flags = state.flags;
+    header.sensor_boot_id = state.sensor_boot_id;
+    header.sensor_seq = state.sensor_seq;
+    header.t_sensor_ns = state.t_sensor_ns;
+    header.pressure_mpa = state.pressure_mpa;
+    header.gap_mm = state.gap_mm;
+    header.contact_force_n = state.contact_force_n;
+    header.regime = state.regime;
+    header.inputs = state.inputs;
+    header.input_names = state.input_names;
+    (header.input_count, header.input_sources) = (state.input_count, state.input_sources);
+    write_peaks!(header, peaks);
+}
+
+/// Whether all numbers of an evaluation are finite; a model that gives others has no answer.
+pub(crate) fn is_finite(evaluation: &Evaluation) -> bool {
+    evaluation.contact_force_n.is_finite() && evaluation.coefficients.iter().all(|a| a.is_finite())
+}
+
+fn flags_of(evaluation: &Evaluation) -> u32 {
+    let bits = [
+        (flags::NEAR_EDGE, evaluation.domain == DomainStatus::Near),
+        (flags::OUTSIDE_DOMAIN, evaluation.domain == DomainStatus::Outside),
+        (flags::COEFFICIENTS_CUT, evaluation.coefficients.len() > COEFFICIENTS_MAX),
+        (flags::FORCE_CLAMPED, evaluation.flags.force_clamped),
+    ];
+    bits.iter().filter(|(_, set)| *set).map(|(bit, _)| bit).sum()
+}
+
+fn domain_number(status: DomainStatus) -> u32 {
+    match status {
+        DomainStatus::Inside => 0,
+        DomainStatus::Near => 1,
+        DomainStatus::Outside => 2,
+    }
+}
+
+/// A field topic of a running twin.
+#[derive(Debug)]
+pub(crate) struct FieldOutput {
+    writer: FieldWriter,
+    reconstructor: Reconstructor,
+    /// The values that are the same in every header, and the number of the last sample.
+    header: FieldHeader,
+    /// The sample that the next field is written into.
+    next: Option<FieldLoan>,
+    period_ns: u64,
+    next_due_ns: u64,
+}
+
+/// Why a field was not sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum FieldError {
+    /// The model has no field for this evaluation.
+    Reconstruction,
+    /// No sample is free, or the port failed.
+    Transport,
+}
+
+impl FieldOutput {
+    pub(crate) fn start(
+        bus: &Bus,
+        actuator: &str,
+        model_hash: [u8; 16],
+        boot_id: u64,
+        loaded: LoadedOutput,
+    ) -> Result<Self, WireError> {
+        let topic = Topic::field(actuator, loaded.spec.topic_name())?;
+        let mut output = Self {
+            writer: FieldWriter::create(bus, &topic, loaded.reconstructor.entries())?,
+            header: FieldHeader { model_hash, boot_id, ..field_header(&loaded) },
+            period_ns: period_ns(&loaded),
+            reconstructor: loaded.reconstructor,
+            next: None,
+            next_due_ns: 0,
+        };
+        output.loan_ahead();
+        Ok(output)
+    }
+
+    /// Last chunk of the topic and values of a sample, for messages.
+    pub(crate) fn shape(&self) -> String {
+        shape(self.writer.topic().node_set(), self.writer.entries())
+    }
+
+    /// Continues with another model on the same topic; returns the old one, so that it is freed elsewhere. The caller has
+    /// checked that a sample has as many values as before.
+    pub(crate) fn swap(&mut self, model_hash: [u8; 16], loaded: LoadedOutput) -> Reconstructor {
+        let (boot_id, seq) = (self.header.boot_id, self.header.seq);
+        self.header = FieldHeader { model_hash, boot_id, seq, ..field_header(&loaded) };
+        self.period_ns = period_ns(&loaded);
+        self.next_due_ns = 0;
+        std::mem::replace(&mut self.reconstructor, loaded.reconstructor)
+    }
+
+    /// Whether a reading of this time is to be published here.
+    pub(crate) fn is_due(&self, t_sensor_ns: u64) -> bool {
+        t_sensor_ns >= self.next_due_ns
+    }
+
+    /// Step 4: writes the field into a sample on loan.
+    pub(crate) fn reconstruct(&mut self, evaluation: &Evaluation) -> Result<(FieldLoan, Peaks), FieldError> {
+        if !is_finite(evaluation) {
+            return Err(FieldError::Reconstruction);
+        }
+        let mut loan = match self.next.take() {
+            Some(loan) => loan,
+            None => self.writer.loan().map_err(|_| FieldError::Transport)?,
+        };
+        let peaks = self.reconstructor.reconstruct_into(evaluation, loan.values_mut());
+        Ok((loan, peaks.map_err(|_| FieldError::Reconstruction)?))
+    }
+
+    /// Step 5: sends the field with the header that belongs to `state`.
+    pub(crate) fn publish(
+        &mut self,
+        (loan, peaks): (FieldLoan, Peaks),
+        state: &State,
+    ) -> Result<(), FieldError> {
+        self.header.seq += 1;
+        fill_field_header(&mut self.header, state, &peaks);
+        loan.send(self.header).map_err(|_| FieldError::Transport)?;
+        if self.period_ns > 0 {
+            // Keeps the rate on average; after a pause it begins anew instead of catching up.
+            let next = self.next_due_ns + self.period_ns;
+            self.next_due_ns =
+                if next > state.t_sensor_ns { next } else { state.t_sensor_ns + self.period_ns };
+        }
+        Ok(())
+    }
+
+    /// Takes the next sample on loan. Without one (all in use) the next reading tries again.
+    pub(crate) fn loan_ahead(&mut self) {
+        if self.next.is_none() {
+            self.next = self.writer.loan().ok();
+        }
+    }
+
+    /// Maps all pages ahead of use.
+    pub(crate) fn prefault(&self) -> std::io::Result<u64> {
+        self.writer.prefault()
+    }
+}
+
+/// Last chunk of a field topic and values of a sample, for messages.
+pub(crate) fn shape(node_set: Option<&str>, entries: usize) -> String {
+    format!("{} ({entries})", node_set.unwrap_or("all"))
+}
+
+/// Time between two fields; 0: every reading.
+fn period_ns(loaded: &LoadedOutput) -> u64 {
+    if loaded.spec.rate_hz > 0.0 { (1e9 / loaded.spec.rate_hz) as u64 } else { 0 }
+}

@@ -1,0 +1,136 @@
+//! Lines of text: numbers between separators, or a JSON object.
+
+use serde_json::{Map, Value};
+
+/// Longest accepted line; what is longer is skipped to its end.
+pub const MAX_LINE_BYTES: usize = 2048;
+
+/// Why a line is no reading.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum LineError {
+    /// Longer than [`MAX_LINE_BYTES`].
+    #[error("a line has more than {MAX_LINE_BYTES} bytes")]
+    TooLong,
+    /// Not text.
+    #[error("a line is not UTF-8")]
+    NotText,
+    /// A cell that is no number.
+    #[error("expected a number, found `{found}`")]
+    NotANumber {
+        /// The cell.
+        found: String,
+    },
+    /// A cell that the scene names is empty or missing.
+    #[error("cell {cell} is empty or missing, the line has {found}")]
+    NoCell {
+        /// Number of the cell, from 1.
+        cell: usize,
+        /// How many there are.
+        found: usize,
+    },
+    /// None of the values that the scene names.
+    #[error("the line has none of the values that the scene names")]
+    NoValue,
+    /// A comma that may be a decimal comma.
+    #[error(
+        "`{found}`: a comma between digits may be a decimal comma; expected a decimal point, and `;` or `, ` between numbers \
+         (or `comma_separates = true` of the sensor)"
+    )]
+    Comma {
+        /// The line.
+        found: String,
+    },
+    /// A JSON line without what is needed.
+    #[error("expected JSON such as {{\"pressure\": 0.03, \"gap\": 40}}: {cause}")]
+    Json {
+        /// The parser's message.
+        cause: String,
+    },
+}
+
+/// What stands in a line.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Cells {
+    /// Numbers between separators; `None` where there is nothing.
+    Numbers(Vec<Option<f64>>),
+    /// A JSON object.
+    Json(Map<String, Value>),
+}
+
+/// Takes one line without its end apart. `None` for empty lines and comments (`#`).
+///
+/// # Errors
+/// [`LineError`].
+pub fn parse_cells(line: &[u8], comma_separates: bool) -> Result<Option<Cells>, LineError> {
+    let Some(text) = text_of(line)? else { return Ok(None) };
+    if text.starts_with('{') {
+        let object = serde_json::from_str(text);
+        return object.map(|object| Some(Cells::Json(object))).map_err(json_error);
+    }
+    if !comma_separates && has_doubtful_comma(text) {
+        return Err(LineError::Comma { found: text.chars().take(40).collect() });
+    }
+    let number = |cell: &str| match cell.trim() {
+        "" => Ok(None),
+        cell => cell.parse().map(Some).map_err(|_| not_a_number(cell)),
+    };
+    text.split([',', ';', '\t'])
+        .map(number)
+        .collect::<Result<_, _>>()
+        .map(|cells| Some(Cells::Numbers(cells)))
+}
+
+fn not_a_number(cell: &str) -> LineError {
+    LineError::NotANumber { found: cell.chars().take(40).collect() }
+}
+
+fn json_error(error: serde_json::Error) -> LineError {
+    LineError::Json { cause: error.to_string() }
+}
+
+/// The text of a line; `None` for empty lines and comments.
+fn text_of(line: &[u8]) -> Result<Option<&str>, LineError> {
+    if line.len() > MAX_LINE_BYTES {
+        return Err(LineError::TooLong);
+    }
+    let text = std::str::from_utf8(line).map_err(|_| LineError::NotText)?.trim();
+    Ok((!text.is_empty() && !text.starts_with('#')).then_some(text))
+}
+
+/// Whether a comma between two digits may be a decimal comma: nothing else in the line is a decimal point, or something else
+/// separates its numbers.
+fn has_doubtful_comma(text: &str) -> bool {
+    let mut three = text.as_bytes().windows(3);
+    let is_tight =
+        three.any(|bytes| matches!(bytes, [a, b',', b] if a.is_ascii_digit() && b.is_ascii_digit()));
+    is_tight && (!text.contains('.') || text.contains([';', '\t']) || text.contains(", "))
+}
+
+/// Cuts a stream of bytes into lines without ever keeping more than [`MAX_LINE_BYTES`] + 1 of them.
+#[derive(Debug, Default)]
+pub struct LineBuffer {
+    line: Vec<u8>,
+}
+
+impl LineBuffer {
+    /// Takes bytes as they come and calls `each` with every finished line, without its end.
+    pub fn split(&mut self, bytes: &[u8], mut each: impl FnMut(&[u8])) {
+        for byte in bytes {
+            match byte {
+                b'\n' | b'\r' => {
+                    if !self.line.is_empty() {
+                        each(&self.line);
+                    }
+                    self.line.clear();
+                }
+                // One byte too many is kept: it makes the line an error when its end comes.
+                byte if self.line.len() <= MAX_LINE_BYTES => self.line.push(*byte),
+                _ => {}
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/source_lines.rs"]
+mod tests;

@@ -1,0 +1,525 @@
+//! From the raw numbers of a device to measured values: unit, calibration, filter, and the queue to the bridge.
+
+use super::reading::{
+    BridgeWaker, FORCE, GAP, InputNames, MARKERS, NAMED, PRESSURE, QUANTITIES, SensorCounters,
+};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, VecDeque};
+use std::fmt::Debug;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+use wire::now_ns;
+
+/// Kind of a measured quantity; each has a base unit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// MPa.
+    Pressure,
+    /// mm.
+    Gap,
+    /// N.
+    Force,
+}
+
+impl Quantity {
+    /// Units by name with their size in the base unit.
+    pub fn units(self) -> &'static [(&'static str, f64)] {
+        match self {
+            Self::Pressure => &[
+                ("MPa", 1.0),
+                ("kPa", 1e-3),
+                ("Pa", 1e-6),
+                ("bar", 0.1),
+                ("mbar", 1e-4),
+                ("psi", 0.006_894_757_293_168),
+            ],
+            Self::Gap => &[("mm", 1.0), ("um", 1e-3), ("m", 1e3)],
+            Self::Force => &[("N", 1.0), ("mN", 1e-3), ("gf", 0.009_806_65), ("kgf", 9.806_65)],
+        }
+    }
+
+    /// Size of `unit` in the base unit; the base unit itself when none is named.
+    pub fn factor(self, unit: Option<&str>) -> Option<f64> {
+        let Some(unit) = unit else { return Some(1.0) };
+        self.units().iter().find(|(name, _)| *name == unit).map(|(_, factor)| *factor)
+    }
+
+    /// Adds a problem if `unit` is not one of this quantity.
+    pub fn check_unit(self, key: &str, unit: Option<&str>, problems: &mut Vec<String>) {
+        if self.factor(unit).is_none() {
+            let known: Vec<&str> = self.units().iter().map(|(name, _)| *name).collect();
+            let found = unit.unwrap_or_default();
+            problems.push(format!("{key}: expected one of {}, found `{found}`", known.join(", ")));
+        }
+    }
+}
+
+/// One value of a sensor as written in a scene file; `P` says where the device has it.
+///
+/// value = (raw x `scale` + `offset`), or `points` at raw, in `unit`; then filtered.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ValueSpec<P> {
+    /// Where the device has it.
+    pub from: P,
+    /// Factor on the raw number.
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// Added after the factor, in `unit`.
+    #[serde(default)]
+    pub offset: f64,
+    /// In place of factor and offset: raw numbers, rising, each with its value in `unit`; straight lines between them.
+    #[serde(default)]
+    pub points: Vec<[f64; 2]>,
+    /// Unit of the result: Pa, kPa, MPa, mbar, bar, psi; um, mm, m; mN, N, gf, kgf. Default: MPa, mm or N; for a model input that
+    /// is no pressure, length or force the unit at the end of its name, and no other.
+    #[serde(default)]
+    pub unit: Option<String>,
+    /// Smoothing.
+    #[serde(default)]
+    pub filter: FilterSpec,
+    /// Standard deviation of its noise, MPa, mm or N; default: that of the actuator's `sigma`.
+    #[serde(default)]
+    pub sigma: Option<f64>,
+}
+
+/// The values of a sensor by name: `pressure_mpa`, `gap_mm`, `force_n`, `marker1_x_mm`, ..., and measured model inputs.
+pub type Values<P> = BTreeMap<String, ValueSpec<P>>;
+
+fn one() -> f64 {
+    1.0
+}
+
+/// What kind of quantity a value at a place of a reading is; `None` for an input that is no pressure, length or force.
+fn quantity(slot: usize, name: &str) -> Option<Quantity> {
+    match slot {
+        PRESSURE => Some(Quantity::Pressure),
+        FORCE => Some(Quantity::Force),
+        GAP | MARKERS..NAMED => Some(Quantity::Gap), // lengths
+        _ if name.contains("_per_") => None,
+        _ => match name.rsplit_once('_')?.1 {
+            "mpa" => Some(Quantity::Pressure),
+            "mm" => Some(Quantity::Gap),
+            "n" => Some(Quantity::Force),
+            _ => None,
+        },
+    }
+}
+
+/// Size of `unit` in the unit of a value; `None` where it is no unit of it.
+fn factor(quantity: Option<Quantity>, unit: Option<&str>) -> Option<f64> {
+    match (quantity, unit) {
+        (Some(quantity), unit) => quantity.factor(unit),
+        (None, None) => Some(1.0),
+        (None, Some(_)) => None,
+    }
+}
+
+/// Everything that is wrong with the values of a sensor; `place` checks where the device has one.
+pub(super) fn problems<P>(
+    values: &Values<P>,
+    inputs: &InputNames,
+    key: &str,
+    problems: &mut Vec<String>,
+    mut place: impl FnMut(&P, &str, &mut Vec<String>),
+) {
+    if values.is_empty() {
+        problems.push(format!("{key}: expected at least one value, such as pressure_mpa, found none"));
+    }
+    for (name, value) in values {
+        let key = format!("{key}.{name}");
+        let unit = value.unit.as_deref();
+        match inputs.slot(name).map(|slot| quantity(slot, name)) {
+            Some(Some(quantity)) => quantity.check_unit(&format!("{key}.unit"), unit, problems),
+            Some(None) => {
+                if let Some(unit) = unit {
+                    problems.push(format!(
+                        "{key}.unit: expected none, the value is in the unit of its name; found `{unit}`; use scale"
+                    ));
+                }
+            }
+            None => {
+                let known = QUANTITIES.into_iter().chain(inputs.iter());
+                let near = known.max_by(|a, b| similar(a, name).total_cmp(&similar(b, name)));
+                let near = near.unwrap_or_default();
+                problems.push(format!(
+                    "{key}: expected pressure_mpa, gap_mm, force_n, marker1_x_mm to marker8_z_mm or an input that \
+                     [actuator.inputs] calls measured, found `{name}`; did you mean `{near}`?"
+                ));
+            }
+        }
+        place(&value.from, &format!("{key}.from"), problems);
+        value.problems(&key, problems);
+    }
+}
+
+/// How many characters two names have in common at their beginning, by their length.
+fn similar(a: &str, b: &str) -> f64 {
+    let same = a.chars().zip(b.chars()).take_while(|(a, b)| a == b).count();
+    same as f64 / a.len().max(b.len()).max(1) as f64
+}
+
+impl<P> ValueSpec<P> {
+    pub(crate) fn problems(&self, key: &str, problems: &mut Vec<String>) {
+        if !(self.scale.is_finite() && self.scale != 0.0) {
+            problems
+                .push(format!("{key}.scale: expected a finite number other than 0, found {}", self.scale));
+        }
+        if !self.offset.is_finite() {
+            problems.push(format!("{key}.offset: expected a finite number, found {}", self.offset));
+        }
+        if !self.points.is_empty() {
+            let finite = self.points.iter().flatten().all(|number| number.is_finite());
+            let rising = self.points.windows(2).all(|pair| matches!(pair, [a, b] if a[0] < b[0]));
+            if self.points.len() < 2 || !finite || !rising {
+                problems.push(format!(
+                    "{key}.points: expected at least two pairs [raw, value] of finite numbers, raw rising, found {:?}",
+                    self.points
+                ));
+            }
+            if self.scale != 1.0 || self.offset != 0.0 {
+                problems.push(format!(
+                    "{key}.points: expected either points or scale and offset, found both; put the points' own scale into them"
+                ));
+            }
+        }
+        if let Some(sigma) = self.sigma.filter(|sigma| !(sigma.is_finite() && *sigma > 0.0)) {
+            problems.push(format!("{key}.sigma: expected a number above 0, found {sigma}"));
+        }
+        self.filter.problems(&format!("{key}.filter"), problems);
+    }
+
+    /// What makes a value of the raw number; `None` for a name or a unit that is none.
+    pub(super) fn channel(&self, name: &str, inputs: &InputNames) -> Option<Channel> {
+        let slot = inputs.slot(name)?;
+        let factor = factor(quantity(slot, name), self.unit.as_deref())?;
+        let calibration =
+            Calibration { scale: self.scale, offset: self.offset, points: self.points.clone(), factor };
+        Some(Channel { slot, calibration, filter: Filter::new(self.filter) })
+    }
+}
+
+/// Raw numbers to base units.
+#[derive(Debug, Clone)]
+pub(super) struct Calibration {
+    pub(super) scale: f64,
+    pub(super) offset: f64,
+    pub(super) points: Vec<[f64; 2]>,
+    /// Size of the unit in the base unit.
+    pub(super) factor: f64,
+}
+
+impl Calibration {
+    /// The value in its base unit; `None` outside the table. What is not finite stays so.
+    pub(super) fn apply(&self, raw: f64) -> Option<f64> {
+        if !raw.is_finite() {
+            return Some(raw);
+        }
+        if self.points.is_empty() {
+            return Some((raw * self.scale + self.offset) * self.factor);
+        }
+        let between = self.points.windows(2).find_map(|pair| match pair {
+            [[x0, y0], [x1, y1]] if (*x0..=*x1).contains(&raw) => {
+                Some(y0 + (y1 - y0) * (raw - x0) / (x1 - x0))
+            }
+            _ => None,
+        });
+        between.map(|value| value * self.factor)
+    }
+}
+
+/// One value of a sensor on its way from the device to the reading.
+#[derive(Debug)]
+pub(super) struct Channel {
+    /// Its place in the reading.
+    pub(super) slot: usize,
+    pub(super) calibration: Calibration,
+    pub(super) filter: Filter,
+}
+
+#[cfg(test)]
+impl Channel {
+    /// A value in base units after multiplication by `factor`, not filtered.
+    pub(super) fn plain(slot: usize, factor: f64) -> Self {
+        let calibration = Calibration { scale: 1.0, offset: 0.0, points: Vec::new(), factor };
+        Self { slot, calibration, filter: Filter::Off }
+    }
+}
+
+/// A filter as written in a scene file.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FilterSpec {
+    /// Readings pass as they are.
+    #[default]
+    Off,
+    /// Median of the last so many readings; odd, 3-99. Delays by half of them.
+    Median(usize),
+    /// First-order low-pass with this corner frequency, Hz.
+    LowPassHz(f64),
+}
+
+impl FilterSpec {
+    /// Everything that is wrong with it.
+    pub fn problems(&self, key: &str, problems: &mut Vec<String>) {
+        match *self {
+            Self::Median(count) if count.is_multiple_of(2) || !(3..=99).contains(&count) => {
+                problems
+                    .push(format!("{key}.median: expected an odd number of readings, 3-99, found {count}"));
+            }
+            Self::LowPassHz(corner) if !(corner.is_finite() && corner > 0.0) => {
+                problems
+                    .push(format!("{key}.low-pass-hz: expected a finite frequency above 0, found {corner}"));
+            }
+            _ => {}
+        }
+    }
+}
+
+/// A filter with its memory.
+///
+/// Numbers that are not finite pass through and leave no trace: the twin is to see and count them, and one NaN must not
+/// stay in a low-pass without end.
+#[derive(Debug)]
+pub enum Filter {
+    /// Nothing to remember.
+    Off,
+    /// The newest readings.
+    Median {
+        /// How many.
+        count: usize,
+        /// Oldest first.
+        recent: VecDeque<f64>,
+    },
+    /// The last output.
+    LowPass {
+        /// Time constant, s.
+        tau_s: f64,
+        /// When, ns, and what.
+        last: Option<(u64, f64)>,
+    },
+}
+
+impl Filter {
+    /// An empty filter.
+    pub fn new(spec: FilterSpec) -> Self {
+        match spec {
+            FilterSpec::Off => Self::Off,
+            FilterSpec::Median(count) => Self::Median { count, recent: VecDeque::with_capacity(count) },
+            FilterSpec::LowPassHz(corner) => {
+                Self::LowPass { tau_s: 1.0 / (std::f64::consts::TAU * corner), last: None }
+            }
+        }
+    }
+
+    /// The filtered value of a reading taken at `t_ns`.
+    pub fn apply(&mut self, t_ns: u64, value: f64) -> f64 {
+        if !value.is_finite() {
+            return value;
+        }
+        match self {
+            Self::Off => value,
+            Self::Median { count, recent } => {
+                if recent.len() >= *count {
+                    recent.pop_front();
+                }
+                recent.push_back(value);
+                let mut sorted: Vec<f64> = recent.iter().copied().collect();
+                sorted.sort_by(f64::total_cmp);
+                sorted.get(sorted.len() / 2).copied().unwrap_or(value)
+            }
+            Self::LowPass { tau_s, last } => {
+                let smooth = match *last {
+                    None => value,
+                    Some((before_ns, before)) => {
+                        let step_s = t_ns.saturating_sub(before_ns) as f64 * 1e-9;
+                        before + (value - before) * (1.0 - (-step_s / *tau_s).exp())
+                    }
+                };
+                *last = Some((t_ns, smooth));
+                smooth
+            }
+        }
+    }
+}
+
+/// One measured value, in its base unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Measured {
+    /// Position among the values of a reading, see [`InputNames::slot`].
+    pub(super) slot: usize,
+    /// NaN with a fault.
+    pub(super) value: f64,
+    /// Time of the device's answer, ns.
+    pub(super) t_ns: u64,
+    /// Fault code as in [`wire::SensorSample::status`]; 0: none.
+    pub(super) fault: u32,
+}
+
+/// The values of one answer of a device.
+pub(super) type Answer = Vec<Measured>;
+
+/// Most answers that wait for the bridge. A full queue means that the bridge hangs.
+const QUEUE: usize = 1024;
+/// Fault code of a value outside its calibration, see [`wire::SensorSample::status`].
+const OUTSIDE_CALIBRATION: u32 = 257;
+
+/// How the thread of a device ended: nothing yet, as it should be, or a panic with its text.
+pub(super) type Ended = Arc<OnceLock<Option<String>>>;
+
+/// The device's end of the way.
+#[derive(Debug)]
+pub(super) struct Feed {
+    /// Text for the log: the sensor's name, the address.
+    place: String,
+    channels: Vec<Channel>,
+    queue: SyncSender<Answer>,
+    waker: Arc<OnceLock<BridgeWaker>>,
+    counters: Arc<SensorCounters>,
+    stop: Arc<AtomicBool>,
+    trouble: Option<String>,
+}
+
+/// The bridge's end of the way. Dropping it stops the sensor.
+#[derive(Debug)]
+pub(super) struct Inbox {
+    pub(super) queue: Receiver<Answer>,
+    pub(super) counters: Arc<SensorCounters>,
+    /// The slots of its values.
+    pub(super) slots: Vec<usize>,
+    pub(super) ended: Ended,
+    stop: Arc<AtomicBool>,
+    /// Keeps the device path open for others that join, as long as this sensor lives.
+    pub(super) path: Option<Box<dyn Debug + Send>>,
+}
+
+impl Drop for Inbox {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Both ends for a sensor at `place` that delivers these values.
+pub(super) fn connect(
+    place: String,
+    channels: Vec<Channel>,
+    waker: Arc<OnceLock<BridgeWaker>>,
+    ended: Ended,
+) -> (Feed, Inbox) {
+    let (sender, queue) = sync_channel(QUEUE);
+    let (counters, stop) = (Arc::<SensorCounters>::default(), Arc::<AtomicBool>::default());
+    let slots = channels.iter().map(|channel| channel.slot).collect();
+    let inbox = Inbox { queue, counters: counters.clone(), slots, ended, stop: stop.clone(), path: None };
+    (Feed { place, channels, queue: sender, waker, counters, stop, trouble: None }, inbox)
+}
+
+impl Feed {
+    pub(super) fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Calibrates, filters and hands over raw numbers, each with the position of its value, taken at `t_ns`.
+    pub(super) fn send(&mut self, t_ns: u64, raw: impl IntoIterator<Item = (usize, f64)>) {
+        let (mut answer, mut outside) = (Answer::new(), None);
+        for (position, raw) in raw {
+            let Some(channel) = self.channels.get_mut(position) else { continue };
+            let value = channel.calibration.apply(raw).map(|value| channel.filter.apply(t_ns, value));
+            if value.is_none() {
+                outside = Some(raw);
+            }
+            let fault = if value.is_none() { OUTSIDE_CALIBRATION } else { 0 };
+            answer.push(Measured { slot: channel.slot, value: value.unwrap_or(f64::NAN), t_ns, fault });
+        }
+        match outside {
+            None => self.recovered(),
+            Some(raw) => {
+                self.failed(|c| &c.garbage, &format!("{raw} lies outside the points of its calibration"))
+            }
+        }
+        self.hand_over(answer);
+    }
+
+    /// Hands over the fault code of a device that cannot measure.
+    pub(super) fn fault(&mut self, code: u32) {
+        let (t_ns, fault) = (now_ns(), code.max(1));
+        let faulty = |channel: &Channel| Measured { slot: channel.slot, value: f64::NAN, t_ns, fault };
+        self.hand_over(self.channels.iter().map(faulty).collect());
+    }
+
+    fn hand_over(&self, answer: Answer) {
+        match self.queue.try_send(answer) {
+            Ok(()) => count(&self.counters.readings),
+            Err(TrySendError::Full(_)) => count(&self.counters.overflows),
+            // The bridge has ended.
+            Err(TrySendError::Disconnected(_)) => self.stop.store(true, Ordering::Relaxed),
+        }
+        self.wake();
+    }
+
+    fn wake(&self) {
+        if let Some(waker) = self.waker.get() {
+            let _woken_already = waker.try_send(());
+        }
+    }
+
+    /// Counts a failure; logs it when it is not the same as before.
+    pub(super) fn failed(&mut self, counter: impl Fn(&SensorCounters) -> &AtomicU64, what: &str) {
+        count(counter(self.counters.as_ref()));
+        let what = format!("{}: {what}", self.place);
+        if self.trouble.as_ref() != Some(&what) {
+            tracing::warn!("{what}");
+            self.trouble = Some(what);
+        }
+    }
+
+    /// Logs the end of the failures.
+    pub(super) fn recovered(&mut self) {
+        if let Some(before) = self.trouble.take() {
+            tracing::info!("the sensor answers again (before: {before})");
+        }
+    }
+}
+
+fn count(counter: &AtomicU64) {
+    counter.fetch_add(1, Ordering::Relaxed);
+}
+
+/// Waits longer after each failure, up to a limit; begins with the first pause again after a success.
+#[derive(Debug)]
+pub(super) struct Backoff {
+    next: Duration,
+    max: Duration,
+}
+
+/// First pause after a failure; longer than the silence that ends a serial frame at any usual speed.
+const FIRST_PAUSE: Duration = Duration::from_millis(20);
+/// Longest wait without a look at the stop flag.
+pub(super) const STOP_CHECK: Duration = Duration::from_millis(50);
+
+impl Backoff {
+    pub(super) fn new(max: Duration) -> Self {
+        Self { next: FIRST_PAUSE, max: max.max(FIRST_PAUSE) }
+    }
+
+    pub(super) fn reset(&mut self) {
+        self.next = FIRST_PAUSE;
+    }
+
+    /// The pause after this failure; the next is twice as long.
+    pub(super) fn take(&mut self) -> Duration {
+        let pause = self.next.min(self.max);
+        self.next = (pause * 2).min(self.max);
+        pause
+    }
+
+    /// Longest pause.
+    pub(super) fn max(&self) -> Duration {
+        self.max
+    }
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/source_sensor.rs"]
+mod tests;

@@ -1,0 +1,151 @@
+//! Serial lines, and the paths of Modbus devices.
+
+use serde::{Deserialize, Serialize};
+use std::io;
+use std::path::PathBuf;
+use tokio_serial::{ClearBuffer, DataBits, SerialPort, SerialPortBuilderExt, SerialStream, StopBits};
+
+/// A serial line as written in a scene file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SerialSpec {
+    /// Device, such as `/dev/ttyUSB0`.
+    pub port: PathBuf,
+    /// Bits per second.
+    #[serde(default = "usual_baud")]
+    pub baud: u32,
+    /// Bits of a character: 7 or 8.
+    #[serde(default = "eight")]
+    pub data_bits: u8,
+    /// Parity bit.
+    #[serde(default)]
+    pub parity: Parity,
+    /// Stop bits: 1 or 2.
+    #[serde(default = "one")]
+    pub stop_bits: u8,
+}
+
+fn usual_baud() -> u32 {
+    9600
+}
+
+fn eight() -> u8 {
+    8
+}
+
+fn one() -> u8 {
+    1
+}
+
+/// Parity bit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Parity {
+    /// None.
+    #[default]
+    None,
+    /// Even.
+    Even,
+    /// Odd.
+    Odd,
+}
+
+impl SerialSpec {
+    /// Opens the line and forgets what was waiting on it: a late answer must not pass for the next one.
+    ///
+    /// # Errors
+    /// The system's refusal.
+    pub fn open(&self) -> io::Result<SerialStream> {
+        let parity = match self.parity {
+            Parity::None => tokio_serial::Parity::None,
+            Parity::Even => tokio_serial::Parity::Even,
+            Parity::Odd => tokio_serial::Parity::Odd,
+        };
+        let stream = tokio_serial::new(self.port.to_string_lossy(), self.baud)
+            .data_bits(if self.data_bits == 7 { DataBits::Seven } else { DataBits::Eight })
+            .parity(parity)
+            .stop_bits(if self.stop_bits == 2 { StopBits::Two } else { StopBits::One })
+            .open_native_async()?;
+        stream.clear(ClearBuffer::Input)?;
+        Ok(stream)
+    }
+
+    /// Everything that is wrong with it.
+    pub fn problems(&self, key: &str, problems: &mut Vec<String>) {
+        if self.port.as_os_str().is_empty() {
+            problems.push(format!("{key}.port: expected a device such as /dev/ttyUSB0, found nothing"));
+        }
+        if !(300..=4_000_000).contains(&self.baud) {
+            problems.push(format!("{key}.baud: expected 300 to 4000000, found {}", self.baud));
+        }
+        if !matches!(self.data_bits, 7 | 8) {
+            problems.push(format!("{key}.data_bits: expected 7 or 8, found {}", self.data_bits));
+        }
+        if !matches!(self.stop_bits, 1 | 2) {
+            problems.push(format!("{key}.stop_bits: expected 1 or 2, found {}", self.stop_bits));
+        }
+    }
+}
+
+/// Where Modbus devices are reached.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ModbusPath {
+    /// Modbus TCP: `host:port`.
+    Tcp(String),
+    /// Modbus RTU.
+    Serial(SerialSpec),
+}
+
+impl ModbusPath {
+    /// The path of a checked specification; `None` unless exactly one of the two is there.
+    pub fn new(tcp: Option<&str>, serial: Option<&SerialSpec>) -> Option<Self> {
+        match (tcp, serial) {
+            (Some(address), None) => Some(Self::Tcp(address.to_owned())),
+            (None, Some(serial)) => Some(Self::Serial(serial.clone())),
+            _ => None,
+        }
+    }
+
+    /// Notes what is wrong with the two keys at `key`.
+    pub(crate) fn problems(
+        tcp: Option<&str>,
+        serial: Option<&SerialSpec>,
+        key: &str,
+        problems: &mut Vec<String>,
+    ) {
+        if tcp.is_some() == serial.is_some() {
+            let found = if tcp.is_some() { "both" } else { "neither" };
+            problems.push(format!("{key}.tcp, {key}.serial: expected exactly one of them, found {found}"));
+        }
+        if let Some(address) = tcp {
+            check_address(address, &format!("{key}.tcp"), problems);
+        }
+        if let Some(serial) = serial {
+            serial.problems(&format!("{key}.serial"), problems);
+        }
+    }
+
+    /// Names the path among those of a scene.
+    pub(super) fn key(&self) -> String {
+        match self {
+            Self::Tcp(address) => format!("modbus tcp {address}"),
+            Self::Serial(serial) => format!("serial {}", serial.port.display()),
+        }
+    }
+
+    /// Text for the log.
+    pub(super) fn place(&self) -> String {
+        match self {
+            Self::Tcp(address) => address.clone(),
+            Self::Serial(serial) => serial.port.display().to_string(),
+        }
+    }
+}
+
+/// Notes a problem unless it is `host:port`.
+pub(super) fn check_address(address: &str, key: &str, problems: &mut Vec<String>) {
+    let parts = address.rsplit_once(':');
+    if !parts.is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok()) {
+        problems.push(format!("{key}: expected `host:port`, found `{address}`"));
+    }
+}
