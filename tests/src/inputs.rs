@@ -321,7 +321,7 @@ pub fn pvd(bytes: &[u8]) {
 /// An Abaqus input file.
 pub fn inp(bytes: &[u8]) {
     let Ok(mesh) = formats::abaqus::parse(&String::from_utf8_lossy(bytes)) else { return };
-    std::hint::black_box(formats::cells::surface(&mesh.points, &mesh.blocks()));
+    std::hint::black_box(formats::cells::surface(&mesh.points, &mesh.blocks));
 }
 
 /// Total forces that CalculiX prints.

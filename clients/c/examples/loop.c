@@ -20,7 +20,7 @@ int main(int argc, char **argv) {
     softtwin_reader *states = NULL, *fields = NULL;
     check(softtwin_bus_open(NULL, NULL, &bus), "domain");
     check(softtwin_reader_attach(bus, actuator, "state", NULL, 1, &states), "state");
-    check(softtwin_reader_attach(bus, actuator, "field", NULL, 0, &fields), "field"); /* looked at, never woken by */
+    check(softtwin_reader_attach(bus, actuator, "field", NULL, 0, &fields), "field"); /* polled, never woken by */
 
     softtwin_reader *readers[] = {states, fields};
     softtwin_waiter *waiter = NULL;
@@ -34,7 +34,7 @@ int main(int argc, char **argv) {
     double force_n = 0;
     float largest_mpa = 0;
     while (received < wanted) {
-        if (poll(&event, 1, 10000) <= 0) { /* beside other descriptors of the program */
+        if (poll(&event, 1, 10000) <= 0) { /* with other descriptors of the program */
             fputs("nothing came within 10 s\n", stderr);
             return 1;
         }

@@ -34,7 +34,7 @@ int main(int argc, char **argv) {
     check(softtwin_field_values(field, SOFTTWIN_FIELD_VON_MISES, &stress, &nodes), "von Mises stress");
     float largest = 0;
     for (size_t node = 0; node < nodes; node++) largest = fmaxf(largest, stress[node]);
-    printf("field: %zu nodes, largest stress %.4f MPa (the header says %.4f)\n", nodes, largest,
+    printf("field: %zu nodes, largest stress %.4f MPa (header: %.4f)\n", nodes, largest,
            softtwin_field_get_header(field)->max_von_mises_mpa);
     softtwin_field_release(field);
     softtwin_field_reader_close(fields);

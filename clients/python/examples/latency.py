@@ -24,7 +24,7 @@ def listen(topic, seconds):
         sample = samples.next()
         header = getattr(sample, "header", sample)
         if header is not sample:
-            sample.values[-1, -1]  # the view is made and looked at
+            sample.values[-1, -1]  # the view is made and read
         latencies.append(softtwin.now_ns() - header.t_publish_ns)
         del sample
     return latencies, samples.lost

@@ -47,7 +47,7 @@ pressure_axes.set_xlabel("time, s")
 
 
 def draw():
-    """The window, with the force's error bar as a band."""
+    """The window, with the force's half-width as a band."""
     now = history[-1][0]
     times = [time - now for time, *_ in history]
     force_line.set_data(times, [force for _, force, _, _ in history])

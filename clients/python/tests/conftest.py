@@ -1,4 +1,4 @@
-"""A live twin for every test that asks for one: our own programs, in a domain that nobody else is in."""
+"""Live twin for tests: the programs of this repository in a separate shared-memory domain."""
 
 import os
 import pathlib
@@ -17,7 +17,7 @@ PATIENCE_S = 60.0
 
 
 class Stage:
-    """A domain with programs in it."""
+    """Shared-memory domain with programs in it."""
 
     def __init__(self, folder: pathlib.Path) -> None:
         self.folder = folder
@@ -63,7 +63,7 @@ class Stage:
         )
 
     def environment(self) -> dict:
-        """Environment of programs in this domain."""
+        """Environment of programs in this shared-memory domain."""
         return dict(os.environ, SOFTTWIN_DOMAIN=self.domain, SOFTTWIN_ROOT=self.root)
 
     def start(self, *arguments: str) -> subprocess.Popen:

@@ -31,7 +31,7 @@ def counts(run):
 
 
 def imported(folder, name, *options):
-    """What `softtwin import results` says of a converted file."""
+    """Report of `softtwin import results` on a converted file."""
     command = [PROGRAMS / "softtwin", "import", "results", name, "--out", "db", "--length-unit", "mm", "--stress-unit", "mpa", "--json"]
     done = subprocess.run([*command, *options], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -202,7 +202,7 @@ def test_converged_states_of_febio_have_means_at_the_nodes():
     assert [time for time, _ in run.states] == [0.0, 0.5, 1.0] and len(run.left_out) == 1
     _, last = run.states[2]
     np.testing.assert_allclose(last["displacement"][28], np.float32([2.8, -1.4, 7.84]))
-    # One element, two of a domain, two of two domains, the tetrahedron with a node within it.
+    # Nodes of one element, of two in one region, of two regions, of the tetrahedron with an inner node.
     assert last["stress"][[0, 4, 8, 13, 28], 0].tolist() == [1.0, 1.5, 2.0, 2.0, 3.0]
     half = run.states[1][1]
     assert half["density"].tolist() == [10.0 * n for n in range(29)] and half["own flux"][:, 0].tolist() == list(range(29))
@@ -222,7 +222,7 @@ def test_compressed_states_and_the_other_byte_order_are_the_same(tmp_path):
     same(plain, read(DATA / "compressed.xplt"))
     words = (DATA / "plain.xplt").read_bytes()
     (tmp_path / "big.xplt").write_bytes(np.frombuffer(words, "<u4").astype(">u4").tobytes())
-    swapped = read(tmp_path / "big.xplt")  # names are texts and swapped too
+    swapped = read(tmp_path / "big.xplt")  # names are swapped too
     assert len(swapped.states) == 3 and counts(swapped) == counts(plain) and (swapped.points == plain.points).all()
 
 

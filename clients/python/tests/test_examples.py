@@ -53,7 +53,7 @@ def test_a_python_controller_holds_the_force(stage):
 def test_the_pages_programs_run(live, number, tmp_path):
     page = (REPOSITORY / "docs/clients/python.md").read_text()
     programs = re.findall(r"```python\n(.*?)```", page, re.S)
-    assert len(programs) == 4, "the page has four programs"
+    assert len(programs) == 4, "docs/clients/python.md has four programs"
     path = tmp_path / f"program{number}.py"
     path.write_text(programs[number])
     if "SensorPublisher" in programs[number]:

@@ -241,7 +241,7 @@ def test_the_declarations_are_those_of_the_standard_and_of_the_library(archive, 
 def test_a_step_is_fast(twin):
     """Prints what a step in contact costs, without FMPy's own work: a step with the same inputs, for which nothing is computed.
 
-    20 us are promised of a machine that does nothing else; here a step is held against a whole field of the same model in the same run.
+    The goal of 20 us is for an idle machine; here a step is held against a whole field of the same model in the same run.
     """
     twin.put(gap_mm=30.0)
     model = softtwin.Model(MODEL)

@@ -29,7 +29,7 @@ def test_fields_are_read_only_views_that_keep_their_sample(live):
         assert float(field.von_mises.max()) == pytest.approx(field.header.max_von_mises_mpa, rel=1e-6)
         assert int(field.von_mises.argmax()) == field.header.max_von_mises_node
         if held is None:
-            # Only one row lives on: it alone must keep the shared memory as it is.
+            # Only one row lives on: it alone must keep the shared memory unchanged.
             held, copied, first_seq = field.y, field.y.copy(), field.header.seq
             del field
             gc.collect()
@@ -188,15 +188,15 @@ def written(raw, wanted):
 
 @pytest.mark.parametrize("with_control", [False, True])
 def test_a_valve_has_one_owner(stage, converter, with_control):
-    if with_control:  # a domain in which drivers are a group of their own
+    if with_control:  # drivers are a separate group
         os.mkdir(f"{stage.root}/control")
-    valve = softtwin.SetpointPublisher("finger", owner="story", bus=stage.bus)
+    valve = softtwin.SetpointPublisher("finger", owner="driver", bus=stage.bus)
     writes = softtwin.subscribe("softtwin/finger/valve", timeout_s=WAIT_S, bus=stage.bus)
     sent = valve.send(0.02, valid_for_s=10 * WAIT_S, t_sensor_ns=7)
     write = next(write for write in writes if write.name_of("valve_reason") == "following")
-    assert (write.setpoint_seq, write.t_sensor_ns, write.to_dict()["owner"]) == (sent, 7, "story")
+    assert (write.setpoint_seq, write.t_sensor_ns, write.to_dict()["owner"]) == (sent, 7, "driver")
     written(converter, "1000")
-    holder = rf"\(`story`, process {os.getpid()}\)"
+    holder = rf"\(`driver`, process {os.getpid()}\)"
     with pytest.raises(softtwin.AlreadyPublished, match=holder):
         softtwin.SetpointPublisher("finger", owner="second", bus=stage.bus)
     second = [str(PROGRAMS / "softtwin"), "setpoint", "finger", "--pressure-mpa", "0.05"]
@@ -219,12 +219,12 @@ def test_the_owner_of_another_language_is_named(stage, converter):
     assert any("following: 0.0400 MPa" in line for line in owner.stdout)
     written(converter, "2000")
     with pytest.raises(softtwin.AlreadyPublished, match=rf"\(`set_pressure.py`, process {owner.pid}\)"):
-        softtwin.SetpointPublisher("finger", owner="story", bus=stage.bus)
+        softtwin.SetpointPublisher("finger", owner="driver", bus=stage.bus)
     owner.kill()
     written(converter, "0")
 
 
-@pytest.mark.parametrize("owner, valid_for_s", [("", 0.1), ("a\nb", 0.1), ("x" * 32, 0.1), ("story", 0.0), ("story", math.nan)])
+@pytest.mark.parametrize("owner, valid_for_s", [("", 0.1), ("a\nb", 0.1), ("x" * 32, 0.1), ("driver", 0.0), ("driver", math.nan)])
 def test_mistakes_of_an_owner_are_named(stage, owner, valid_for_s):
     with pytest.raises(ValueError, match="expected"):
         softtwin.SetpointPublisher("finger", owner=owner, bus=stage.bus).send(0.01, valid_for_s)
@@ -265,7 +265,7 @@ def test_a_restart_is_said(stage, on_restart):
     stage.stop(twin)
     stage.twin(scene)
     if on_restart == "raise":
-        with pytest.raises(softtwin.TwinRestarted, match="runs anew") as restarted:
+        with pytest.raises(softtwin.TwinRestarted, match="restarted") as restarted:
             while True:
                 states.next()
         assert restarted.value.sample.boot_id != before.boot_id

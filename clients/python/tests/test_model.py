@@ -1,4 +1,4 @@
-"""Models without a daemon: the same bits as `softtwin predict`, by name, over arrays, as meshes and tables."""
+"""Models without a daemon: bit-identical to `softtwin predict`, by name, over arrays, as meshes and tables."""
 
 import json
 import subprocess
@@ -20,7 +20,7 @@ def model():
 
 
 def predicted(folder, pressure_mpa, gap_mm):
-    """What `softtwin predict` says of a state, and its fields, shape (fields, nodes)."""
+    """Answer of `softtwin predict` at a state, and its fields, shape (fields, nodes)."""
     gap = [] if np.isinf(gap_mm) else ["--gap-mm", repr(gap_mm)]
     command = [PROGRAMS / "softtwin", "predict", "--model", MODEL, "--pressure-mpa", repr(pressure_mpa), *gap]
     done = subprocess.run([*command, "--out", folder / "state.npy"], capture_output=True, text=True)

@@ -1,4 +1,4 @@
-"""What only the built wheel carries; scripts/check.sh install tries the wheel itself."""
+"""Files of the built wheel only; scripts/check.sh install tests the wheel."""
 
 import pytest
 import softtwin

@@ -1,4 +1,4 @@
-//! Arrays of one's own as a database that a model can be trained on, read back, and one state as a file for ParaView.
+//! Arrays as a database for training, read back, and one state as a file for ParaView.
 
 use formats::database::{self, ObstacleKind};
 use formats::export::{Label, Moment, Series};

@@ -1,117 +1,57 @@
 //! Abaqus input files (`.inp`): nodes, tetrahedra, hexahedra, wedges, shells, node sets.
 //!
-//! Only the mesh is read; materials, steps and the like are passed over. An element type that is not known is refused by
-//! its name, and so is what would change the meaning of node numbers: a second part, `*INCLUDE`, generated nodes.
+//! Materials, steps and the like are ignored. Unknown element types are errors, as are keywords that change the meaning of node
+//! numbers: a second part, `*INCLUDE`, generated nodes.
 
-use crate::cells::{Block as Cells, Kind as Shape};
+use crate::cells::{Block as Cells, Kind};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
-use crate::mesh_file::MeshFile;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-/// Diagnostics after which reading stops: a file of another kind has one in every line.
+/// Diagnostics after which reading stops.
 const MAX_DIAGNOSTICS: usize = 50;
-/// Largest step count of a `GENERATE` line; real sets stay far below, and a typing error must not fill the memory.
+/// Largest number of nodes of a `GENERATE` line; bounds the memory.
 const MAX_GENERATED: u64 = 10_000_000;
 
-/// The mesh of an input file. Indices are 0-based positions in `points`; node order within elements is VTK's, which is
-/// Abaqus' own for these types.
+/// Mesh of an input file. Indices are 0-based positions in `points`; node order within elements is VTK's, which is Abaqus' too for
+/// these types.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AbaqusMesh {
     /// Node positions in the file's unit of length.
     pub points: Vec<[f64; 3]>,
     /// The file's node numbers.
     pub labels: Vec<u64>,
-    /// 10-node tetrahedra (`C3D10` and its variants).
-    pub tets: Vec<[u32; 10]>,
-    /// 20-node hexahedra (`C3D20` and its variants).
-    pub hexahedra: Vec<[u32; 20]>,
-    /// First-order solids and wedges, by VTK's number of the kind.
-    pub others: BTreeMap<u8, Vec<u32>>,
-    /// Shells and membranes: 3, 4, 6 or 8 nodes each.
-    pub shells: Vec<Vec<u32>>,
+    /// Elements as VTK's cells, one block per kind.
+    pub blocks: Vec<Cells>,
     /// Named node sets, ascending.
     pub node_sets: BTreeMap<String, Vec<u32>>,
 }
 
-impl AbaqusMesh {
-    /// The body alone; shells have no volume and are passed over.
-    ///
-    /// # Errors
-    /// A mesh that holds hexahedra, or no tetrahedra at all.
-    pub fn tetrahedra(self) -> Result<MeshFile, Diagnostic> {
-        if self.tets.is_empty() || !self.hexahedra.is_empty() || !self.others.is_empty() {
-            let (tets, hexahedra) = (self.tets.len(), self.hexahedra.len());
-            let found =
-                format!("{tets} tetrahedra, {hexahedra} hexahedra and {} other kinds", self.others.len());
-            return Err(Diagnostic::new("elements", "10-node tetrahedra only (C3D10...)", found));
-        }
-        Ok(MeshFile { points_mm: self.points, tets: self.tets, ..MeshFile::default() })
-    }
-
-    /// All elements as VTK's cells, one block a kind.
-    pub fn blocks(&self) -> Vec<Cells> {
-        let mut blocks = vec![
-            Cells { kind: 24, nodes_per_cell: 10, nodes: self.tets.as_flattened().to_vec() },
-            Cells { kind: 25, nodes_per_cell: 20, nodes: self.hexahedra.as_flattened().to_vec() },
-        ];
-        for (kind, nodes) in &self.others {
-            let nodes_per_cell = Shape::of((*kind).into()).map_or(1, |shape| shape.nodes);
-            blocks.push(Cells { kind: *kind, nodes_per_cell, nodes: nodes.clone() });
-        }
-        for (nodes_per_cell, kind) in [(3, 5), (4, 9), (6, 22), (8, 23)] {
-            let cells = self.shells.iter().filter(|shell| shell.len() == nodes_per_cell);
-            blocks.push(Cells { kind, nodes_per_cell, nodes: cells.flatten().copied().collect() });
-        }
-        blocks.retain(|block| !block.nodes.is_empty());
-        blocks
-    }
+/// Kind of cell of an element type.
+fn kind_of(name: &str) -> Option<Kind> {
+    Kind::of(match name {
+        "C3D4" | "C3D4H" => 10,
+        "C3D10" | "C3D10H" | "C3D10M" | "C3D10MH" | "C3D10HS" => 24,
+        "C3D8" | "C3D8H" | "C3D8I" | "C3D8IH" | "C3D8R" | "C3D8RH" => 12,
+        "C3D20" | "C3D20H" | "C3D20R" | "C3D20RH" => 25,
+        "C3D6" | "C3D6H" => 13,
+        "C3D15" | "C3D15H" => 26,
+        "S3" | "S3R" | "S3RS" | "M3D3" => 5,
+        "S4" | "S4R" | "S4RS" | "S4R5" | "M3D4" | "M3D4R" => 9,
+        "STRI65" | "M3D6" => 22,
+        "S8R" | "S8R5" | "M3D8" | "M3D8R" => 23,
+        _ => return None,
+    })
 }
 
-/// What an element type is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    Tetrahedron,
-    Hexahedron,
-    /// VTK's number and nodes.
-    Other(u8, usize),
-    Shell(usize),
-}
-
-impl Kind {
-    fn of(name: &str) -> Option<Self> {
-        match name {
-            "C3D10" | "C3D10H" | "C3D10M" | "C3D10MH" | "C3D10HS" => Some(Self::Tetrahedron),
-            "C3D20" | "C3D20H" | "C3D20R" | "C3D20RH" => Some(Self::Hexahedron),
-            "C3D4" | "C3D4H" => Some(Self::Other(10, 4)),
-            "C3D6" | "C3D6H" => Some(Self::Other(13, 6)),
-            "C3D8" | "C3D8H" | "C3D8I" | "C3D8IH" | "C3D8R" | "C3D8RH" => Some(Self::Other(12, 8)),
-            "C3D15" | "C3D15H" => Some(Self::Other(26, 15)),
-            "S3" | "S3R" | "S3RS" | "M3D3" => Some(Self::Shell(3)),
-            "S4" | "S4R" | "S4RS" | "S4R5" | "M3D4" | "M3D4R" => Some(Self::Shell(4)),
-            "STRI65" | "M3D6" => Some(Self::Shell(6)),
-            "S8R" | "S8R5" | "M3D8" | "M3D8R" => Some(Self::Shell(8)),
-            _ => None,
-        }
-    }
-
-    fn nodes(self) -> usize {
-        match self {
-            Self::Tetrahedron => 10,
-            Self::Hexahedron => 20,
-            Self::Shell(nodes) | Self::Other(_, nodes) => nodes,
-        }
-    }
-}
-
-/// The block that data lines belong to.
+/// Block of data lines.
 enum Block {
-    /// Lines that are not the mesh's.
+    /// Lines without mesh data.
     Other,
-    /// Node lines, also collected into a set when one is named.
+    /// Node lines; added to a set if one is named.
     Nodes(Option<String>),
-    /// Element lines and the numbers of the element begun.
+    /// Element lines, and the numbers of an incomplete element.
     Elements(Kind, Vec<u64>),
     /// Members of a node set; with `GENERATE`: first, last, step.
     Set { name: String, generate: bool },
@@ -120,7 +60,7 @@ enum Block {
 /// Reads a file.
 ///
 /// # Errors
-/// The operating system's refusal, or everything that is wrong with the content.
+/// I/O error, or all errors in the content.
 pub fn read(path: &Path) -> Result<AbaqusMesh, FormatError> {
     let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
     parse(&String::from_utf8_lossy(&bytes))
@@ -130,7 +70,7 @@ pub fn read(path: &Path) -> Result<AbaqusMesh, FormatError> {
 /// [`read`] from memory. Cost and memory are linear in the text.
 ///
 /// # Errors
-/// Everything that is wrong, with line numbers; never empty.
+/// All errors, with line numbers; never empty.
 pub fn parse(text: &str) -> Result<AbaqusMesh, Vec<Diagnostic>> {
     let mut reader = Reader::default();
     for (number, line) in text.lines().enumerate() {
@@ -185,7 +125,7 @@ impl Reader {
             "PART" => {
                 self.parts += 1;
                 if self.parts > 1 {
-                    self.report("one part (node numbers begin anew in each)", "a second *PART");
+                    self.report("one part (node numbers are repeated in each)", "a second *PART");
                 }
                 Block::Other
             }
@@ -198,7 +138,7 @@ impl Reader {
     }
 
     fn elements_of(&mut self, kind: &str) -> Block {
-        if let Some(kind) = Kind::of(kind) {
+        if let Some(kind) = kind_of(kind) {
             return Block::Elements(kind, Vec::new());
         }
         let expected = "tetrahedra (C3D4, C3D10...), hexahedra (C3D8, C3D20...), wedges (C3D6, C3D15) or shells (S3, S4, \
@@ -215,7 +155,7 @@ impl Reader {
             }
             Some(Block::Elements(kind, mut numbers)) => {
                 numbers.extend(self.integers(line));
-                if numbers.len() > kind.nodes() {
+                if numbers.len() > kind.nodes {
                     self.elements.push((kind, std::mem::take(&mut numbers), self.number));
                 }
                 self.block = Some(Block::Elements(kind, numbers));
@@ -258,7 +198,7 @@ impl Reader {
         for word in line.split(',').map(str::trim).filter(|word| !word.is_empty()) {
             match word.parse() {
                 Ok(number) => numbers.push(number),
-                Err(_) => self.report("whole numbers", word),
+                Err(_) => self.report("integers", word),
             }
         }
         numbers
@@ -283,12 +223,12 @@ impl Reader {
         self.sets.entry(name.to_owned()).or_default().extend(members);
     }
 
-    /// A keyword ends the element before it, complete or not.
+    /// Ends the element before a keyword; an incomplete one is an error.
     fn close_element(&mut self) {
         if let Some(Block::Elements(kind, numbers)) = self.block.take()
             && !numbers.is_empty()
         {
-            self.report(format!("{} nodes", kind.nodes()), numbers.len() - 1);
+            self.report(format!("{} nodes", kind.nodes), numbers.len() - 1);
         }
     }
 
@@ -313,17 +253,11 @@ impl Reader {
 
     fn element(&mut self, kind: Kind, labels: &[u64]) {
         let missing = labels.iter().find(|label| !self.place.contains_key(label)).copied();
-        if missing.is_some() || labels.len() != kind.nodes() {
+        if missing.is_some() || labels.len() != kind.nodes {
             let found = missing
                 .map_or(format!("{} nodes", labels.len()), |label| format!("node {label}, which is nowhere"));
-            return self.report(format!("{} nodes of the *NODE block", kind.nodes()), found);
+            return self.report(format!("{} nodes of the *NODE block", kind.nodes), found);
         }
-        let nodes: Vec<u32> = labels.iter().map(|label| self.place[label]).collect();
-        match kind {
-            Kind::Tetrahedron => self.mesh.tets.push(std::array::from_fn(|k| nodes[k])),
-            Kind::Hexahedron => self.mesh.hexahedra.push(std::array::from_fn(|k| nodes[k])),
-            Kind::Other(kind, _) => self.mesh.others.entry(kind).or_default().extend(nodes),
-            Kind::Shell(_) => self.mesh.shells.push(nodes),
-        }
+        Cells::add(&mut self.mesh.blocks, kind, labels.iter().map(|label| self.place[label]));
     }
 }

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 pub struct Block {
     /// VTK's number of the kind: 24 for 10-node tetrahedra, 25 for 20-node hexahedra, ...
     pub kind: u8,
-    /// Nodes a cell.
+    /// Nodes per cell.
     pub nodes_per_cell: usize,
     /// `cells x nodes_per_cell`.
     pub nodes: Vec<u32>,
@@ -20,20 +20,32 @@ impl Block {
     pub fn count(&self) -> usize {
         self.nodes.len() / self.nodes_per_cell.max(1)
     }
+
+    /// Adds a cell of `kind` to its block among `blocks`.
+    pub(crate) fn add(blocks: &mut Vec<Self>, kind: Kind, nodes: impl IntoIterator<Item = u32>) {
+        match blocks.iter_mut().find(|block| block.kind == kind.number) {
+            Some(block) => block.nodes.extend(nodes),
+            None => blocks.push(Self {
+                kind: kind.number,
+                nodes_per_cell: kind.nodes,
+                nodes: nodes.into_iter().collect(),
+            }),
+        }
+    }
 }
 
-/// A kind of cell.
+/// Kind of cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kind {
     /// VTK's number.
     pub number: u8,
     /// Nodes.
     pub nodes: usize,
-    /// Its shape in the plural (`tetrahedra`).
+    /// Shape in the plural (`tetrahedra`).
     pub shape: &'static str,
-    /// Whether it has a volume.
+    /// True if it has a volume.
     pub is_solid: bool,
-    /// The name that meshio gives it.
+    /// meshio's name.
     pub meshio: &'static str,
 }
 
@@ -41,7 +53,7 @@ const fn kind(number: u8, nodes: usize, shape: &'static str, is_solid: bool, mes
     Kind { number, nodes, shape, is_solid, meshio }
 }
 
-/// All kinds that are read: solids, then faces.
+/// Supported kinds: solids, then faces.
 pub const KINDS: [Kind; 12] = [
     kind(10, 4, "tetrahedra", true, "tetra"),
     kind(24, 10, "tetrahedra", true, "tetra10"),
@@ -58,13 +70,13 @@ pub const KINDS: [Kind; 12] = [
 ];
 
 impl Kind {
-    /// The kind of that number.
+    /// Kind by VTK's number.
     #[must_use]
     pub fn of(number: usize) -> Option<Self> {
         KINDS.into_iter().find(|kind| usize::from(kind.number) == number)
     }
 
-    /// Faces as corners, then mid-sides, with the normal out of the cell; a face is its own.
+    /// Faces as corners, then mid-sides, with the normal out of the cell; of a face, itself.
     fn faces(self) -> Vec<Vec<usize>> {
         let corners = |faces: &[&[usize]]| -> Vec<Vec<usize>> {
             faces.iter().map(|face| face[..face.len() / 2].to_vec()).collect()
@@ -110,7 +122,7 @@ const PYRAMID: [&[usize]; 5] = [
     &[3, 0, 4, 8, 9, 12],
 ];
 
-/// The flat triangles of a face by its number of nodes, oriented as it is.
+/// Flat triangles of a face by its number of nodes, with its orientation.
 fn facets(nodes: usize) -> &'static [[usize; 3]] {
     match nodes {
         3 => &[[0, 1, 2]],
@@ -167,7 +179,7 @@ fn corners(face: &[u32]) -> &[u32] {
     &face[..if matches!(face.len(), 4 | 8) { 4 } else { 3 }]
 }
 
-/// The same for the two cells that share a face.
+/// Key of a face, equal for the two cells at it.
 fn key(face: &[u32]) -> [u32; 4] {
     let mut key = [u32::MAX; 4];
     key.iter_mut().zip(corners(face)).for_each(|(to, from)| *to = *from);

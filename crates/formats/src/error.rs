@@ -1,4 +1,4 @@
-//! One error type for all files: a refusal of the operating system, or the list of everything that is wrong.
+//! Error type of all files: an I/O error, or the list of all errors in the content.
 
 use std::fmt::{self, Display};
 use std::io;
@@ -7,19 +7,19 @@ use std::path::{Path, PathBuf};
 /// How many diagnostics a message lists before it only counts the others.
 const SHOWN: usize = 12;
 
-/// One thing that is wrong with a file.
+/// Error in the content of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// Where: a key, a row and column, a byte range.
+    /// Place: a key, a row and column, a byte range.
     pub place: String,
-    /// What belongs there.
+    /// Expected content.
     pub expected: String,
-    /// What is there.
+    /// Content found.
     pub found: String,
 }
 
 impl Diagnostic {
-    /// A diagnostic at `place`.
+    /// Creates a diagnostic at `place`.
     pub fn new(place: impl Display, expected: impl Display, found: impl Display) -> Self {
         Self { place: place.to_string(), expected: expected.to_string(), found: found.to_string() }
     }
@@ -31,10 +31,10 @@ impl Display for Diagnostic {
     }
 }
 
-/// Why a file was refused.
+/// Error of a file.
 #[derive(Debug, thiserror::Error)]
 pub enum FormatError {
-    /// The operating system refused.
+    /// I/O error.
     #[error("cannot {action} {path}")]
     Io {
         /// `read`, `write`, `list`.
@@ -49,18 +49,18 @@ pub enum FormatError {
     Content {
         /// The file.
         path: PathBuf,
-        /// What is wrong, in file order; never empty.
+        /// Errors in file order; never empty.
         diagnostics: Vec<Diagnostic>,
     },
 }
 
 impl FormatError {
-    /// The operating system's refusal to read.
+    /// I/O error on reading.
     pub fn read(path: &Path, source: io::Error) -> Self {
         Self::Io { action: "read", path: path.into(), source }
     }
 
-    /// The operating system's refusal to write.
+    /// I/O error on writing.
     pub fn write(path: &Path, source: io::Error) -> Self {
         Self::Io { action: "write", path: path.into(), source }
     }

@@ -1,4 +1,4 @@
-//! Access to files: reading within a stated size, and replacing a file whole.
+//! Access to files: reading up to a maximum size, and atomic replacement.
 
 use crate::error::{Diagnostic, FormatError};
 use serde::de::DeserializeOwned;
@@ -15,7 +15,7 @@ pub const MAX_DATA_BYTES: u64 = 8 << 30;
 /// Opens a regular file of at most `limit` bytes and returns it with its length in bytes.
 ///
 /// # Errors
-/// The operating system's refusal; a folder, device or pipe; a longer file.
+/// I/O error; a folder, device or pipe; a longer file.
 pub fn open(path: &Path, limit: u64) -> Result<(File, u64), FormatError> {
     let unreadable = |error| FormatError::read(path, error);
     // Asked before the file is opened: opening a pipe waits for its writer.
@@ -31,7 +31,7 @@ pub fn open(path: &Path, limit: u64) -> Result<(File, u64), FormatError> {
     Ok((File::open(path).map_err(unreadable)?, metadata.len()))
 }
 
-/// The content of a regular file of at most `limit` bytes.
+/// Reads a regular file of at most `limit` bytes.
 ///
 /// # Errors
 /// As [`open`]; a file that does not fit into memory.
@@ -45,7 +45,7 @@ pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, FormatError> {
     Ok(bytes)
 }
 
-/// The text of a regular file of at most `limit` bytes.
+/// Reads a regular file of at most `limit` bytes as UTF-8.
 ///
 /// # Errors
 /// As [`read_bytes`]; bytes that are not UTF-8.
@@ -55,10 +55,10 @@ pub fn read_text(path: &Path, limit: u64) -> Result<String, FormatError> {
         .map_err(|_| FormatError::one(path, Diagnostic::new("content", "UTF-8 text", "other bytes")))
 }
 
-/// A typed value from a TOML file of at most [`MAX_TEXT_BYTES`]; `expected` says which keys it has.
+/// Reads a typed value from a TOML file of at most [`MAX_TEXT_BYTES`]; `expected` describes its keys.
 ///
 /// # Errors
-/// As [`read_text`]; text that is not TOML of that shape.
+/// As [`read_text`]; content that is not TOML with these keys.
 pub(crate) fn read_toml<T: DeserializeOwned>(path: &Path, expected: &str) -> Result<T, FormatError> {
     let text = read_text(path, MAX_TEXT_BYTES)?;
     toml::from_str(&text).map_err(|error| {
@@ -66,12 +66,12 @@ pub(crate) fn read_toml<T: DeserializeOwned>(path: &Path, expected: &str) -> Res
     })
 }
 
-/// Replaces a file as a whole: a reader sees the old content or the new one, never a part, also after a crash.
+/// Replaces a file atomically: a reader sees the old content or the new one, also after a crash.
 ///
 /// Through a symbolic link its target is replaced. Devices and pipes (`/dev/stdout`) are written to directly.
 ///
 /// # Errors
-/// The operating system's refusal; the old file is untouched then.
+/// I/O error; the old file is unchanged then.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
     let write = || -> io::Result<()> {
         let target = fs::canonicalize(path).unwrap_or_else(|_| path.into());
@@ -94,7 +94,7 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
 /// Copies a file.
 ///
 /// # Errors
-/// The operating system's refusal.
+/// I/O error.
 pub fn copy(from: &Path, to: &Path) -> Result<(), FormatError> {
     fs::copy(from, to).map(drop).map_err(|error| FormatError::write(to, error))
 }
@@ -102,12 +102,12 @@ pub fn copy(from: &Path, to: &Path) -> Result<(), FormatError> {
 /// Creates a folder with its parents.
 ///
 /// # Errors
-/// The operating system's refusal.
+/// I/O error.
 pub fn create_folder(path: &Path) -> Result<(), FormatError> {
     fs::create_dir_all(path).map_err(|error| FormatError::write(path, error))
 }
 
-/// Whether a name is that of a file in the same folder, without any way out of it.
+/// True if `name` is a file name without folders.
 #[must_use]
 pub fn is_plain_name(name: &str) -> bool {
     let mut parts = Path::new(name).components();

@@ -1,27 +1,29 @@
-//! What a mesh file holds, whatever its format: nodes, 10-node tetrahedra, named surfaces; and the order of the nodes.
+//! Content of a mesh file in any format: nodes, 10-node tetrahedra, named surfaces; order of the nodes.
 
+use crate::cells::{Block, Kind};
+use crate::error::Diagnostic;
 use std::collections::BTreeMap;
 
-/// A 10-node tetrahedron: four corners, then the mid-sides of 01, 12, 02, 03, 13 and 23.
+/// 10-node tetrahedron: four corners, then the mid-sides of 01, 12, 02, 03, 13 and 23.
 pub type Tet10 = [u32; 10];
 
-/// A 6-node triangle: three corners, then the mid-sides of 01, 12 and 20.
+/// 6-node triangle: three corners, then the mid-sides of 01, 12 and 20.
 pub type Tri6 = [u32; 6];
 
-/// Corners of the edge of each mid-side node 4 to 9 of a [`Tet10`].
+/// Corners of the edges with the mid-side nodes 4 to 9 of a [`Tet10`].
 pub const TET_EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
 
-/// Corners of the edge of each mid-side node 3 to 5 of a [`Tri6`].
+/// Corners of the edges with the mid-side nodes 3 to 5 of a [`Tri6`].
 pub const TRI_EDGES: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
 
-/// The four faces of a [`Tet10`] as [`Tri6`], with the normal out of the tetrahedron.
+/// Faces of a [`Tet10`] as [`Tri6`], with the normal out of the tetrahedron.
 pub const TET_FACES: [[usize; 6]; 4] =
     [[0, 2, 1, 6, 5, 4], [0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6]];
 
-/// The four flat triangles between the nodes of a [`Tri6`], oriented as it is.
+/// Four flat triangles between the nodes of a [`Tri6`], with its orientation.
 pub const TRI_FACETS: [[usize; 3]; 4] = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]];
 
-/// A second-order tetrahedral mesh as read. Indices are 0-based and below the number of nodes; nothing else is checked.
+/// Second-order tetrahedral mesh. Indices are 0-based and below the number of nodes; nothing else is checked.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshFile {
     /// Node positions, mm.
@@ -30,4 +32,22 @@ pub struct MeshFile {
     pub tets: Vec<Tet10>,
     /// Triangles of each named surface.
     pub surfaces: BTreeMap<String, Vec<Tri6>>,
+}
+
+impl MeshFile {
+    /// Mesh of the solids among `blocks`; points, lines and faces are ignored.
+    ///
+    /// # Errors
+    /// Solids other than 10-node tetrahedra, or none.
+    pub fn of_solids(points_mm: Vec<[f64; 3]>, blocks: &[Block]) -> Result<Self, Diagnostic> {
+        let is_solid = |block: &&Block| Kind::of(block.kind.into()).is_some_and(|kind| kind.is_solid);
+        let solids: Vec<&Block> = blocks.iter().filter(is_solid).collect();
+        let [Block { kind: 24, nodes, .. }] = solids.as_slice() else {
+            let count = |block: &&Block| format!("{} of type {}", block.count(), block.kind);
+            let found = solids.iter().map(count).collect::<Vec<_>>().join(", ");
+            let found = if found.is_empty() { "no solids".to_owned() } else { found };
+            return Err(Diagnostic::new("cells", "10-node tetrahedra only (VTK's type 24, C3D10)", found));
+        };
+        Ok(Self { points_mm, tets: nodes.as_chunks::<10>().0.to_vec(), ..Self::default() })
+    }
 }

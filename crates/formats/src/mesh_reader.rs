@@ -1,6 +1,6 @@
 //! Reads a mesh in any of the formats known here.
 
-use crate::cells::Block;
+use crate::cells::{Block, Kind};
 use crate::error::FormatError;
 use crate::foreign;
 use crate::mesh_file::MeshFile;
@@ -10,13 +10,14 @@ use std::path::Path;
 /// Reads a mesh of 10-node tetrahedra: `.vtu`, gmsh's `.msh` or Abaqus' `.inp`, by the ending of its name.
 ///
 /// # Errors
-/// Another ending, or what the reader of the format refuses.
+/// Another ending, or an error of the format's reader.
 pub fn read_mesh(path: &Path) -> Result<MeshFile, FormatError> {
     match path.extension().and_then(|ending| ending.to_str()) {
         Some("vtu") => vtu::read(path),
         Some("msh") => msh::read(path),
         Some("inp") => {
-            abaqus::read(path)?.tetrahedra().map_err(|diagnostic| FormatError::one(path, diagnostic))
+            let mesh = abaqus::read(path)?;
+            MeshFile::of_solids(mesh.points, &mesh.blocks).map_err(|error| FormatError::one(path, error))
         }
         _ => Err(foreign::error(path, "a mesh as .vtu, .msh or .inp", "vtu")),
     }
@@ -29,13 +30,14 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, FormatError> {
 pub fn read_blocks(path: &Path) -> Result<(Vec<[f64; 3]>, Vec<Block>), FormatError> {
     match path.extension().and_then(|ending| ending.to_str()) {
         Some("vtu") => vtu::read_content(path).map(|content| (content.points, content.blocks)),
-        Some("inp") => abaqus::read(path).map(|mesh| {
-            let blocks = mesh.blocks();
-            (mesh.points, blocks)
-        }),
-        _ => read_mesh(path).map(|mesh| {
-            let nodes = mesh.tets.into_flattened();
-            (mesh.points_mm, vec![Block { kind: 24, nodes_per_cell: 10, nodes }])
-        }),
+        Some("inp") => abaqus::read(path).map(|mesh| (mesh.points, mesh.blocks)),
+        _ => {
+            let mesh = read_mesh(path)?;
+            let mut blocks = Vec::new();
+            if let Some(kind) = Kind::of(24) {
+                Block::add(&mut blocks, kind, mesh.tets.into_flattened());
+            }
+            Ok((mesh.points_mm, blocks))
+        }
     }
 }

@@ -6,7 +6,7 @@ use std::fmt::{Display, Write as _};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// A table in memory; cells are trimmed.
+/// Table in memory; cells are trimmed.
 #[derive(Clone, Debug)]
 pub struct Table {
     header: Vec<String>,
@@ -14,11 +14,11 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads a table of at most [`file::MAX_TEXT_BYTES`]. Blank lines are passed over, and with `comments` also those
-    /// that begin with `#`. Cost: the bytes.
+    /// Reads a table of at most [`file::MAX_TEXT_BYTES`]. Blank lines are ignored, and with `comments` also those
+    /// that begin with `#`. Cost: linear in the bytes.
     ///
     /// # Errors
-    /// The operating system's refusal; text that is not comma-separated.
+    /// I/O error; content that is not comma-separated.
     pub fn read(path: &Path, comments: bool) -> Result<Self, FormatError> {
         let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
         Self::parse(&text, comments).map_err(|diagnostic| FormatError::one(path, diagnostic))
@@ -27,7 +27,7 @@ impl Table {
     /// [`Table::read`] from memory.
     ///
     /// # Errors
-    /// Text that is not comma-separated.
+    /// Content that is not comma-separated.
     pub fn parse(text: &str, comments: bool) -> Result<Self, Diagnostic> {
         let kept = |line: &&str| {
             let is_comment = comments && line.starts_with('#');
@@ -50,7 +50,7 @@ impl Table {
         Ok(Self { header: header.iter().map(str::to_owned).collect(), rows })
     }
 
-    /// The same cells with the header given, and the first line as a row: for a table that was written without one.
+    /// Table with the given header and the first line as a row, for files without a header.
     #[must_use]
     pub fn with_header(mut self, header: &[&str]) -> Self {
         let first = std::mem::replace(&mut self.header, header.iter().map(|&name| name.to_owned()).collect());
@@ -64,24 +64,24 @@ impl Table {
         &self.header
     }
 
-    /// The rows below the header.
+    /// Rows below the header.
     pub fn rows(&self) -> impl Iterator<Item = Row<'_>> {
         self.rows.iter().map(|(line, record)| Row { line: *line, header: &self.header, record })
     }
 
-    /// Position of the column of that name.
+    /// Position of the column `name`.
     ///
     /// # Errors
-    /// There is none.
+    /// No such column.
     pub fn column(&self, name: &str) -> Result<usize, Diagnostic> {
         let found = self.header.iter().position(|column| column == name);
         found.ok_or_else(|| Diagnostic::new("header", format!("a column `{name}`"), "none of that name"))
     }
 
-    /// Positions of the columns named, in that order.
+    /// Positions of the named columns.
     ///
     /// # Errors
-    /// A diagnostic for each column that is missing.
+    /// A diagnostic per missing column.
     pub fn columns<const N: usize>(&self, names: [&str; N]) -> Result<[usize; N], Vec<Diagnostic>> {
         let mut missing = Vec::new();
         let found = names.map(|name| collect(self.column(name), &mut missing).unwrap_or_default());
@@ -89,7 +89,7 @@ impl Table {
     }
 }
 
-/// A row of a [`Table`].
+/// Row of a [`Table`].
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
     line: usize,
@@ -98,13 +98,13 @@ pub struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// `line 7`, as an editor counts.
+    /// `line 7`, counted from 1.
     #[must_use]
     pub fn place(&self) -> String {
         format!("line {}", self.line)
     }
 
-    /// Whether the row has as many cells as the header; with `or_fewer`, cells may be missing at its end.
+    /// Checks that the row has as many cells as the header; with `or_fewer`, at most as many.
     ///
     /// # Errors
     /// A diagnostic with both numbers.
@@ -117,13 +117,13 @@ impl<'a> Row<'a> {
         Err(Diagnostic::new(self.place(), format!("{limit}{expected} cells"), found))
     }
 
-    /// A cell; empty where the row is too short.
+    /// Cell; empty if the row is too short.
     #[must_use]
     pub fn text(&self, column: usize) -> &'a str {
         self.record.get(column).unwrap_or("")
     }
 
-    /// What is wrong with a cell.
+    /// Error in a cell.
     #[must_use]
     pub fn diagnostic(&self, column: usize, expected: &str) -> Diagnostic {
         let name = self.header.get(column).map_or("", String::as_str);
@@ -131,7 +131,7 @@ impl<'a> Row<'a> {
         Diagnostic::new(place, expected, format!("`{}`", self.text(column)))
     }
 
-    /// A finite number.
+    /// Finite number of a cell.
     ///
     /// # Errors
     /// Anything else.
@@ -140,7 +140,7 @@ impl<'a> Row<'a> {
         number.ok_or_else(|| self.diagnostic(column, "a finite number"))
     }
 
-    /// A finite number; `None` where the cell is empty.
+    /// Finite number of a cell; `None` if it is empty.
     ///
     /// # Errors
     /// Anything else.
@@ -148,10 +148,10 @@ impl<'a> Row<'a> {
         if self.text(column).is_empty() { Ok(None) } else { self.number(column).map(Some) }
     }
 
-    /// The value of the word in the cell.
+    /// Value of the word in a cell.
     ///
     /// # Errors
-    /// A word that is not among the choices.
+    /// A word that is not a choice.
     pub fn choice<T: Copy>(&self, column: usize, choices: &[(&str, T)]) -> Result<T, Diagnostic> {
         let found = choices.iter().find(|(word, _)| *word == self.text(column)).map(|(_, value)| *value);
         found.ok_or_else(|| {
@@ -161,14 +161,14 @@ impl<'a> Row<'a> {
     }
 }
 
-/// Writes a comma-separated table; cells are quoted where they need it.
+/// Writer of a comma-separated table; cells are quoted if necessary.
 pub struct TableWriter<W: Write> {
     out: csv::Writer<W>,
     cell: String,
 }
 
 impl<W: Write> TableWriter<W> {
-    /// A table behind what `out` holds already.
+    /// Creates a writer that appends to `out`.
     pub fn new(out: W) -> Self {
         Self { out: csv::WriterBuilder::new().flexible(true).from_writer(out), cell: String::new() }
     }
@@ -176,7 +176,7 @@ impl<W: Write> TableWriter<W> {
     /// Adds a row.
     ///
     /// # Errors
-    /// The writer's.
+    /// I/O error of the writer.
     pub fn row(&mut self, cells: impl IntoIterator<Item = impl Display>) -> io::Result<()> {
         for cell in cells {
             self.cell.clear();
@@ -186,16 +186,16 @@ impl<W: Write> TableWriter<W> {
         Ok(self.out.write_record(None::<&[u8]>)?)
     }
 
-    /// Passes on what is buffered and gives `out` back.
+    /// Flushes the buffer and returns `out`.
     ///
     /// # Errors
-    /// The writer's.
+    /// I/O error of the writer.
     pub fn finish(self) -> io::Result<W> {
         self.out.into_inner().map_err(|error| error.into_error())
     }
 }
 
-/// A whole table as text; with an empty header the rows alone.
+/// Whole table as a string; with an empty header the rows alone.
 #[must_use]
 pub fn to_text<T: Display>(
     header: &[&str],

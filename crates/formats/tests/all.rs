@@ -1,4 +1,4 @@
-//! Files read and written, by format. One program: linked once, and its tests run beside each other.
+//! Files read and written, by format. One program: linked once, tests in parallel.
 
 mod authors;
 mod common;

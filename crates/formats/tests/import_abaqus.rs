@@ -1,9 +1,10 @@
 //! Abaqus input files: what is read, what is refused and by which name.
 
 use formats::abaqus::{self, AbaqusMesh};
+use formats::mesh_file::MeshFile;
 use proptest::prelude::*;
 
-/// A 10-node tetrahedron whose node numbers begin at 11, with whatever stands in a real file around it.
+/// A 10-node tetrahedron whose node numbers begin at 11, with the surrounding content of a real file.
 const TET: &str = "*Heading\n** a comment\n*Part, name=FINGER\n*Node, nset=ALL\n 11, 0., 0., 0.\n 12, 1., 0., 0.\n 13, 0., 1.,\n\
  14, 0., 0., 1.\n15,.5,0,0\n16,.5,.5,0\n17,0,.5,0\n18,0,0,.5\n19,.5,0,.5\n20,0,.5,.5\n*ELEMENT, type=c3d10h, elset=BODY\n\
  1, 11, 12, 13, 14, 15, 16,\n 17, 18, 19, 20\n*Nset, nset=tip, generate\n 12, 16, 2\n*Nset, nset=ends\n11, 14\n\
@@ -16,9 +17,10 @@ fn refused(text: &str) -> String {
 
 #[test]
 fn nodes_elements_over_several_lines_and_sets_are_read() {
-    let AbaqusMesh { points, labels, tets, node_sets, .. } = abaqus::parse(TET).expect("a mesh");
+    let AbaqusMesh { points, labels, blocks, node_sets } = abaqus::parse(TET).expect("a mesh");
     assert_eq!((points.len(), labels[0], points[2]), (10, 11, [0.0, 1.0, 0.0]));
-    assert_eq!(tets, [[0, 1, 2, 3, 4, 5, 6, 7, 8, 9]]);
+    let mesh = MeshFile::of_solids(points, &blocks).expect("tetrahedra");
+    assert_eq!(mesh.tets, [[0, 1, 2, 3, 4, 5, 6, 7, 8, 9]]);
     assert_eq!(node_sets["TIP"], [1, 3, 5]);
     assert_eq!(node_sets["ENDS"], [0, 3]);
     assert_eq!(node_sets["ALL"].len(), 10);
@@ -47,9 +49,10 @@ fn hexahedra_and_shells_are_read_but_are_no_body_of_tetrahedra() {
         row(6)
     );
     let mesh = abaqus::parse(&text).expect("a mesh");
-    let kinds: Vec<(u8, usize)> = mesh.blocks().iter().map(|b| (b.kind, b.nodes_per_cell)).collect();
-    assert_eq!(kinds, [(25, 20), (22, 6), (23, 8)]);
-    assert!(mesh.tetrahedra().expect_err("no tetrahedra").to_string().contains("1 hexahedra"));
+    let kinds: Vec<(u8, usize)> = mesh.blocks.iter().map(|b| (b.kind, b.nodes_per_cell)).collect();
+    assert_eq!(kinds, [(25, 20), (23, 8), (22, 6)]);
+    let refused = MeshFile::of_solids(mesh.points, &mesh.blocks).expect_err("no tetrahedra");
+    assert_eq!((refused.place.as_str(), refused.found.as_str()), ("cells", "1 of type 25"));
 }
 
 proptest! {

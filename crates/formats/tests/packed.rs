@@ -34,7 +34,7 @@ fn every_value_keeps_its_bound_and_the_file_is_small() {
     let bytes = pack(&original, &FIELDS).unwrap();
     let back = unpack(&bytes, Some(&mesh())).unwrap();
     assert_eq!(back.shape, original.shape);
-    // f32 itself rounds by 4e-6 at 100 mm; a distance of three rounded coordinates errs by at most sqrt(3) of one.
+    // f32 itself rounds by 4e-6 at 100 mm; the error of a distance of three rounded coordinates is at most sqrt(3) times theirs.
     let bounds = [1.01e-3, 1.01e-3, 1.01e-3, 1.75e-3, 1.01e-5];
     for (i, (a, b)) in original.values.iter().zip(&back.values).enumerate() {
         assert!((a - b).abs() <= bounds[i % 5], "value {i}: {a} became {b}");

@@ -22,7 +22,7 @@ struct Style {
     big_endian: bool,
 }
 
-/// One tetrahedron with its mid-sides, written in the given style by code that shares nothing with the reader.
+/// One tetrahedron with its mid-sides, written in the given style by code independent of the reader.
 fn one_tet(style: Style) -> Vec<u8> {
     let points: Vec<f64> = (0..30).map(|i| f64::from(i) * 0.25 - 1.0).collect();
     let order = |mut bytes: Vec<u8>| {
@@ -180,6 +180,7 @@ fn refusals_say_where_what_is_and_what_should_be() {
             "vtkLZ4DataCompressor",
         ),
         (good.replace(">\n24\n<", ">\n12\n<"), "type 12 with 10 nodes"),
+        (good.replace(">\n24\n<", ">\n21\n<"), "no solids"),
         (good.replace("0 1 2 3 4 5 6 7 8 9", "0 1 2 3 4 5 6 7 8 10"), "nodes 0 .. 10"),
         (good.replace("0 1 2 3 4 5 6 7 8 9", "0 1 2 3 4 5 6 7 8"), "9 numbers"),
         (good.replace("-0.75", "nan"), "node 0"),

@@ -31,7 +31,7 @@ def now_ns() -> int:
 
 
 class Bus:
-    """Membership in a domain. One is made on demand for the functions of this package; make your own to name the domain.
+    """Membership in a shared-memory domain. The functions of this package create one on demand; create another to name the domain.
 
     The default domain is `$SOFTTWIN_DOMAIN` (with its folder `$SOFTTWIN_ROOT`), or iceoryx2's own: the same rule as of the
     programs `softtwin` and `softtwind`.
@@ -41,7 +41,7 @@ class Bus:
         domain = domain or os.environ.get("SOFTTWIN_DOMAIN") or None
         root = root or os.environ.get("SOFTTWIN_ROOT") or None
         iox2.set_log_level(iox2.LogLevel.Fatal)  # failures come back as exceptions
-        # The host's configuration file is not read, so that every program of a domain agrees.
+        # The host's configuration file is not read, so that all programs of a shared-memory domain agree.
         config = iox2.config.default()
         prefix = f"iox2_{domain}_" if domain else "iox2_"
         self.places = Places(prefix, root or DEFAULT_ROOT)
@@ -124,7 +124,7 @@ class Bus:
                 cause = str(error)
                 if "DoesNotExist" in cause:
                     raise TwinAbsent(
-                        f"{name}: nothing is there; is the twin running in this domain? `softtwin list` shows what is"
+                        f"{name}: not found; does the twin run in this shared-memory domain? `softtwin list` shows what is"
                     ) from error
                 if "Incompatible" in cause or "DoesNotSupport" in cause or "VersionMismatch" in cause:
                     raise VersionMismatch(

@@ -20,10 +20,10 @@ from .model import Model
 
 
 class HoldForce(gymnasium.Env):  # type: ignore[type-arg]
-    """Observed: wanted force, load cell (N), gauge, command (MPa), as shares of the largest force and of the supply.
+    """Observed: wanted force, load cell (N), gauge, command (MPa), as fractions of the largest force and of the supply.
 
-    The action, -1 .. 1, is the commanded pressure from 0 to the supply. The reward is minus the force's error as a share of the wanted
-    force, less a hundredth of the command's change. An episode has `steps` steps of `step_s`; wanted force and gap are drawn anew for each,
+    The action, -1 .. 1, is the commanded pressure from 0 to the supply. The reward is minus the force's error as a fraction of the wanted
+    force, minus 0.01 times the command's change. An episode has `steps` steps of `step_s`; wanted force and gap are drawn for each,
     or given by `reset(options={"force_n": 0.3, "gap_mm": 30.0})`.
     """
 

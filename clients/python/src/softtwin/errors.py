@@ -1,4 +1,4 @@
-"""What can go wrong, as exceptions that say what to do."""
+"""Exceptions; each message names the remedy."""
 
 
 class SofttwinError(Exception):
@@ -6,7 +6,7 @@ class SofttwinError(Exception):
 
 
 class TwinAbsent(SofttwinError):
-    """Nobody made the topic, or nobody answers questions there."""
+    """The topic does not exist, or no process answers its queries."""
 
 
 class VersionMismatch(SofttwinError):
@@ -18,7 +18,7 @@ class TwinSilent(SofttwinError, TimeoutError):
 
 
 class TwinRestarted(SofttwinError):
-    """The twin (or bridge) runs anew: sequence numbers begin again and its model may be another one."""
+    """The twin or bridge restarted: sequence numbers begin again and the model may differ."""
 
     def __init__(self, message: str, sample: object) -> None:
         super().__init__(message)

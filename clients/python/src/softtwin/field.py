@@ -32,7 +32,7 @@ def view(sample: Any, address: int, fields: int, nodes: int) -> np.ndarray:
 
 
 class Field:
-    """One field sample: `field.x`, `field.von_mises`, ... are read-only views of shared memory, one value a node.
+    """One field sample: `field.x`, `field.von_mises`, ... are read-only views of shared memory, one value per node.
 
     A view keeps its sample: at most four samples of a topic can be held at the same time, so drop them (or copy) before
     asking for more.

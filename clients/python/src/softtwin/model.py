@@ -1,6 +1,6 @@
 """A model in this process: `softtwin.Model("finger.twin").predict(0.05, 30.0)`, without a daemon.
 
-The answers are those of `softtwin predict`, to the bit. The library writes them straight into numpy's memory.
+The answers are bit-identical to those of `softtwin predict`. The library writes them straight into numpy's memory.
 """
 
 import ctypes
@@ -33,7 +33,7 @@ class Input:
     max: float
     """Largest training value."""
     value: Optional[float]
-    """What is taken when nothing is given; None for pressure and gap."""
+    """Default value; None for pressure and gap."""
 
 
 class Model:
@@ -145,9 +145,9 @@ class Model:
         A parameter's dots are written as underscores (`elastomer_law_mu_mpa=0.6`) or passed by `**{"elastomer.law.mu_mpa": 0.6}`;
         one that is left out has the model's value. Arrays are broadcast against each other; the answer has their shape, its
         fields that shape and (fields, nodes) behind it. `fields=False`: force, gradients and half-widths only. `out`: float32
-        memory for the fields, to be used again and again.
+        memory for the fields, for repeated use.
 
-        Raises `ValueError` for values that are no numbers, `TypeError` for names that the model does not have. Outside the
+        Raises `ValueError` for NaN, `TypeError` for names that the model does not have. Outside the
         training states the answer is an extrapolation and `domain` says so; nothing is clamped.
         """
         names, states = self._states(pressure_mpa, gap_mm, inputs)

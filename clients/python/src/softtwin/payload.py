@@ -1,4 +1,4 @@
-"""What all payloads share; the payloads themselves are in `layout`, which is generated."""
+"""Base class of all payloads; the payloads are in `layout`, which is generated."""
 
 import ctypes
 from typing import Dict, List, Set, Tuple
@@ -57,7 +57,7 @@ class Payload(ctypes.Structure):
 
     @property
     def input_values(self) -> Dict[str, Tuple[float, str]]:
-        """Of each model input the value that a state, field or answer stands for, and where it comes from: `measured`, `given`,
+        """Value of each model input of a state, field or answer, and its source: `measured`, `given`,
         `nominal`, `estimated`; `unknown` in an answer. Of a reading its named inputs. Empty for other payloads."""
         if "input_names" not in self._text_lists:
             return {}

@@ -1,4 +1,4 @@
-"""What a model answers at one state or at an array of states."""
+"""Answer of a model at one state or at an array of states."""
 
 from typing import Any, Dict, List, Mapping, Optional
 
@@ -27,9 +27,9 @@ class Prediction:
     contact_force_n: Any
     """Contact force, N."""
     onset_pressure_mpa: Any
-    """Pressure at which contact begins, MPa: 0 by its own weight, infinite out of reach."""
+    """Pressure at which contact begins, MPa: 0 if weight alone closes the gap, infinite out of reach."""
     force_halfwidth_n: Any
-    """Half-width that covers the share `coverage` of states, N; it does not hold outside the training states."""
+    """Half-width that covers the fraction `coverage` of states, N; invalid outside the training range."""
     displacement_halfwidth_mm: Any
     """The same of the worst node's displacement, mm."""
     von_mises_halfwidth_mpa: Any
@@ -74,7 +74,7 @@ class Prediction:
 
     @property
     def force_gradient(self) -> Dict[str, Any]:
-        """The force's derivative by each input, N per unit of the input."""
+        """Derivative of the force with respect to each input, N per unit of the input."""
         return {name: self._rows["force_gradient"][..., at][()] for at, name in enumerate(self._inputs)}
 
     @property

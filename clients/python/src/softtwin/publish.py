@@ -70,7 +70,7 @@ class SensorPublisher(_Writer):
         t_sensor_ns: Optional[int] = None,
     ) -> int:
         """Sends one reading (stamped now unless told otherwise) and returns its sequence number. `inputs`: measured model inputs
-        beside pressure and gap by name, at most six.
+        other than pressure and gap by name, at most six.
         """
         self._seq += 1
         reading = SensorSample(

@@ -27,7 +27,7 @@ QOS: Dict[str, Qos] = {
     "override": Qos(max_readers=8, buffer=16, max_borrowed=4, history=0, max_nodes=32),
     "valve": Qos(max_readers=16, buffer=2048, max_borrowed=4, history=1, max_nodes=64),
 }
-"""By kind of topic."""
+"""Settings by kind of topic."""
 
 MAX_CLIENTS = 32
 """Programs that may ask one twin at the same time."""

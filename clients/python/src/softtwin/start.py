@@ -1,4 +1,4 @@
-"""Starting beside others: the start lock, what killed programs left half-made, the lock of a topic's writer.
+"""Start next to other programs: the start lock, incomplete files of killed programs, the lock of a topic's writer.
 
 The same rules as of the programs `softtwin` and `softtwind`; docs/iceoryx2.md says why.
 """
@@ -22,7 +22,7 @@ _F_SETSIG, _F_SETLEASE = 10, 1024
 
 
 class Places:
-    """Where the files of a domain are."""
+    """Places of the files of a shared-memory domain."""
 
     def __init__(self, prefix: str, root: str) -> None:
         self.prefix = prefix
@@ -30,13 +30,13 @@ class Places:
         found = len(self.prefix.encode()) + len(self.root.encode())
         if found > _LONGEST:
             raise SofttwinError(
-                f"the domain's folder `{self.root}` and its prefix `{prefix}` have {found} bytes together, at most {_LONGEST} "
+                f"the shared-memory domain's folder `{self.root}` and its prefix `{prefix}` have {found} bytes together, at most {_LONGEST} "
                 "are allowed; choose a shorter SOFTTWIN_ROOT or SOFTTWIN_DOMAIN"
             )
 
     @contextmanager
     def starting(self) -> Iterator[None]:
-        """While something is created: nobody takes it for a leftover. Removes what is half-made first."""
+        """Holds the start lock during a creation, so that no other program removes the new files. Removes incomplete files first."""
         path = f"{self.root}/softtwin.lock"
         os.makedirs(self.root, mode=0o755, exist_ok=True)
         lock = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
@@ -61,7 +61,7 @@ class Places:
             os.close(lock)
 
     def remove_half_made(self) -> None:
-        """Removes files that were never completed and that nobody has open."""
+        """Removes incomplete files that no process has open."""
         for path in self._segments():
             _remove_if_unused(path, lambda found: found.st_size == 0 or not found.st_mode & 0o400)
         pattern = re.compile(re.escape(self.prefix) + r"[0-9a-f]{40}\.service")
@@ -69,7 +69,7 @@ class Places:
             _remove_if_unused(path, lambda found: bool(found.st_mode & 0o200))
 
     def writer_lock(self, topic: str) -> str:
-        """The lock file of a topic's writer. Who may drive a valve may be a group of its own: it has the folder `control`."""
+        """The lock file of a topic's writer. Writers of valves may be a separate group, with the folder `control`."""
         file = f"{_number(topic):016x}.writer"
         if topic.rsplit("/", 1)[-1] in _DRIVING and os.path.isdir(f"{self.root}/control"):
             return f"{self.root}/control/{file}"
@@ -89,7 +89,7 @@ class Places:
 
 
 class WriterLock:
-    """The right to write a topic; given back with `close`, or by the kernel when the program ends."""
+    """The right to write a topic; released by `close`, or by the operating system when the program ends."""
 
     def __init__(self, places: Places, topic: str, owner: str = "") -> None:
         self._path = places.writer_lock(topic)
@@ -135,7 +135,7 @@ def _files(folder: str, pattern: "re.Pattern[str]") -> list:
 
 
 def _remove_if_unused(path: str, half_made) -> None:  # type: ignore[no-untyped-def]
-    """The kernel grants a write lease only for a file that is open nowhere else."""
+    """The operating system grants a write lease only for a file that is open nowhere else."""
     try:
         found = os.lstat(path)
         if not half_made(found):
@@ -143,7 +143,7 @@ def _remove_if_unused(path: str, half_made) -> None:  # type: ignore[no-untyped-
         mode = os.O_RDONLY if found.st_mode & 0o400 else os.O_WRONLY
         file = os.open(path, mode | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
-        return  # gone, or somebody else's
+        return  # gone, or another user's
     try:
         fcntl.fcntl(file, _F_SETSIG, signal.SIGURG)
         fcntl.fcntl(file, _F_SETLEASE, fcntl.F_WRLCK)

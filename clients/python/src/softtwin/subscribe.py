@@ -83,7 +83,7 @@ class Subscription:
     def next(self, timeout_s: Optional[float] = None) -> Any:
         """The oldest waiting sample; waits for one by event, at most `timeout_s` (the subscription's when None).
 
-        Raises `TwinSilent` when the time is over and `TwinRestarted` when the sender runs anew.
+        Raises `TwinSilent` when the time is over and `TwinRestarted` when the sender restarted.
         """
         waits = self._waits(timeout_s)
         while True:
@@ -93,7 +93,7 @@ class Subscription:
             self._listener.timed_wait(next(waits))
 
     def _waits(self, timeout_s: Optional[float]) -> Iterator[Any]:
-        """How long to wait, again and again, never 0 (without end); raises `TwinSilent` when the time is over."""
+        """Times to wait, never 0 (no timeout); raises `TwinSilent` when the time is over."""
         limit = self._timeout_s if timeout_s is None else timeout_s
         end = None if limit is None else time.monotonic() + limit
         while True:
@@ -139,7 +139,7 @@ class Subscription:
         self.restarts += 1
         if self._on_restart == "raise":
             raise TwinRestarted(
-                f"{self.topic}: the sender runs anew (run {boot_seq[0]:016x}); subscribe with on_restart='continue' to "
+                f"{self.topic}: the sender restarted (run {boot_seq[0]:016x}); subscribe with on_restart='continue' to "
                 "go on, the sample is in `.sample`",
                 value,
             )
@@ -155,7 +155,7 @@ def subscribe(
 ) -> Subscription:
     """Reads a topic: `for field in softtwin.subscribe("softtwin/finger/field"): ...`.
 
-    Options: `timeout_s` (None: wait for ever), `wait_for_twin` (True: the topic may come into being later),
+    Options: `timeout_s` (None: no timeout), `wait_for_twin` (True: the topic may come into being later),
     `on_restart` ("raise" or "continue"), `bus`. Raises `TwinAbsent` and `VersionMismatch`.
     """
     return Subscription(topic, timeout_s=timeout_s, wait_for_twin=wait_for_twin, on_restart=on_restart, bus=bus)

@@ -1,4 +1,4 @@
-//! All states as one table: a row for each node of each state.
+//! All states as one table: one row per node and state.
 
 use super::label::Label;
 use super::series::{Layout, Moment, Series};
@@ -8,13 +8,13 @@ use std::io::{self, Write};
 
 pub(crate) struct Csv<'a>(pub(crate) Series<'a>);
 
-/// Columns that are the same in every row of a state.
+/// Names of the columns that are constant within a state.
 pub(super) fn heading(label: &Label) -> impl Iterator<Item = String> {
     let name = Some("case".to_owned()).filter(|_| !label.name.is_empty());
     label.numbers.iter().map(|(name, _)| name.clone()).chain(name)
 }
 
-/// Their values; an absent one is empty.
+/// Values of these columns; empty if not finite.
 pub(super) fn cells(label: &Label) -> Vec<String> {
     let number = |value: f64| if value.is_finite() { value.to_string() } else { String::new() };
     let name = Some(label.name.clone()).filter(|name| !name.is_empty());
@@ -22,7 +22,7 @@ pub(super) fn cells(label: &Label) -> Vec<String> {
 }
 
 impl Layout for Csv<'_> {
-    /// The heading names the numbers of the states, so it is written with the first of them.
+    /// Writes nothing: the heading needs the names in the first state.
     fn begin(&mut self, _: &mut dyn Write) -> io::Result<()> {
         Ok(())
     }

@@ -1,19 +1,18 @@
-//! What belongs to a state as a whole: its name, and its inputs and results that are one number each.
+//! Name of a state and its scalar inputs and results.
 
 use std::fmt::{self, Display};
 
-/// A state's name and numbers; every state of a series has the same names of numbers in the same order.
+/// Name and scalars of a state; all states of a series have the same names of scalars in the same order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Label {
-    /// The name of a case; empty where a state has none.
+    /// Name of a case; may be empty.
     pub name: String,
     /// Names with unit (`pressure_mpa`) and values; a value that is not finite is absent (`gap_mm` without an obstacle).
     pub numbers: Vec<(String, f64)>,
 }
 
 impl Label {
-    /// A state of the actuator by the names that every file gives them: pressure, gap (none without an obstacle), the further inputs,
-    /// contact force.
+    /// Label of a state of the actuator: pressure, gap (`None` without an obstacle), further inputs, contact force.
     pub fn of_state(
         pressure_mpa: f64,
         gap_mm: Option<f64>,
@@ -28,7 +27,7 @@ impl Label {
         Self { name: String::new(), numbers }
     }
 
-    /// The numbers that are there.
+    /// Finite scalars.
     pub(crate) fn present(&self) -> impl Iterator<Item = (&str, f64)> {
         self.numbers
             .iter()
@@ -37,7 +36,7 @@ impl Label {
     }
 }
 
-/// One line for people: `A: pressure_mpa = 0.05, gap_mm = 40`.
+/// One line: `A: pressure_mpa = 0.05, gap_mm = 40`.
 impl Display for Label {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let numbers: Vec<String> = self.present().map(|(name, value)| format!("{name} = {value}")).collect();

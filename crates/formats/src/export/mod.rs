@@ -1,6 +1,6 @@
-//! One state or many as files that people open: VTU with a PVD index (ParaView), Tecplot ASCII, XDMF, CSV, NPY.
+//! States as files of other programs: VTU with a PVD index (ParaView), Tecplot ASCII, XDMF, CSV, NPY.
 //!
-//! States are taken one after the other and written as they come: one state is in memory at a time.
+//! States are written one after the other: one state is in memory at a time.
 
 mod csv;
 mod label;

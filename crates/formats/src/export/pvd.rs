@@ -1,4 +1,4 @@
-//! ParaView's collection: a `.pvd` that lists one `.vtu` a state, with its time.
+//! ParaView's collection: a `.pvd` that lists one `.vtu` per state, with its time.
 
 use super::series::{Layout, Moment, Series};
 use crate::error::{Diagnostic, FormatError};
@@ -6,7 +6,7 @@ use crate::vtu;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes `NAME_0000.vtu`, `NAME_0001.vtu`, ... beside `NAME.pvd`.
+/// Writer of `NAME_0000.vtu`, `NAME_0001.vtu`, ... in the folder of `NAME.pvd`.
 pub(crate) struct Pvd<'a> {
     path: PathBuf,
     series: Series<'a>,
@@ -18,7 +18,7 @@ impl<'a> Pvd<'a> {
     }
 }
 
-/// The file of a state.
+/// File of a state.
 pub(crate) fn state_file(path: &Path, index: usize) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!("{stem}_{index:04}.vtu"))
@@ -46,7 +46,7 @@ impl Layout for Pvd<'_> {
     }
 }
 
-/// One state as a VTK unstructured grid of the deformed body.
+/// Writes a state as a VTK unstructured grid of the deformed body.
 ///
 /// # Errors
 /// A state without coordinates, or as [`vtu::write`].

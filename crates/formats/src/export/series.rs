@@ -1,4 +1,4 @@
-//! A series of states: what they share, and one of them.
+//! Series of states: common properties, one state, and the trait of its formats.
 
 use super::label::Label;
 use crate::error::Diagnostic;
@@ -6,36 +6,36 @@ use crate::vtu::Cells;
 use rom::snapshots::{FieldKind, FieldSpec};
 use std::io::{self, Write};
 
-/// One state of a series.
+/// State of a series.
 #[derive(Clone, Debug)]
 pub struct Moment {
-    /// Its place in the series as viewers show it: seconds of a recording, the number of a case.
+    /// Time shown by viewers: seconds of a recording, or the number of a case.
     pub time: f64,
-    /// Its name and the numbers that belong to the whole state.
+    /// Name and scalars of the state.
     pub label: Label,
     /// Field-major: all nodes of the first field, then of the next.
     pub values: Vec<f32>,
-    /// How far parameters have moved the undeformed nodes from [`Series::undeformed`], by axis in mm; none: not at all.
+    /// Displacement of the undeformed nodes from [`Series::undeformed`] by parameters, by axis in mm; `None`: zero.
     pub moved: Option<[Vec<f32>; 3]>,
 }
 
-/// What all states share.
+/// Properties common to all states.
 #[derive(Clone, Copy, Debug)]
 pub struct Series<'a> {
     /// Fields in order; x, y and z must be among them.
     pub fields: &'a [FieldSpec],
-    /// Nodes a field.
+    /// Nodes per field.
     pub nodes: usize,
     /// Cells of the body, or facets of its surface.
     pub cells: Cells<'a>,
-    /// Undeformed coordinates by axis in mm, where known.
+    /// Undeformed coordinates by axis in mm, if known.
     pub undeformed: Option<[&'a [f32]; 3]>,
-    /// How many states will come.
+    /// Number of states.
     pub count: usize,
 }
 
 impl<'a> Series<'a> {
-    /// Everything that does not fit together.
+    /// Inconsistencies of the series.
     pub(super) fn diagnostics(&self) -> Vec<Diagnostic> {
         let mut diagnostics = Vec::new();
         if self.count == 0 {
@@ -62,10 +62,10 @@ impl<'a> Series<'a> {
         diagnostics
     }
 
-    /// Whether a state has a value for each node and field.
+    /// Checks that a state has a value for each node and field.
     ///
     /// # Errors
-    /// Both numbers.
+    /// Expected and found numbers of values.
     pub(super) fn check_length(&self, place: &str, values: &[f32]) -> Result<(), Diagnostic> {
         let expected = self.nodes * self.fields.len();
         if values.len() == expected {
@@ -79,17 +79,17 @@ impl<'a> Series<'a> {
         self.fields.iter().map(|field| format!("{}_{}", field.name, field.unit.to_lowercase()))
     }
 
-    /// Position of the field deformed along an axis.
+    /// Position of the deformed coordinate along an axis.
     pub(super) fn axis(&self, axis: u8) -> Option<usize> {
         self.fields.iter().position(|field| field.kind == FieldKind::Coordinate(axis))
     }
 
-    /// One field of a state, node by node.
+    /// Field of a state, by node.
     pub(super) fn field<'m>(&self, values: &'m [f32], field: usize) -> &'m [f32] {
         &values[field * self.nodes..(field + 1) * self.nodes]
     }
 
-    /// All fields at a node.
+    /// Values of all fields at a node.
     pub(super) fn at_node<'m>(&self, values: &'m [f32], node: usize) -> impl Iterator<Item = f32> + 'm {
         values.iter().skip(node).step_by(self.nodes.max(1)).copied()
     }
@@ -107,23 +107,27 @@ impl<'a> Series<'a> {
     }
 }
 
-/// One format; the file is opened and closed by the writer.
+/// Format of a series; the writer opens and closes the file.
 pub(crate) trait Layout {
-    /// What stands before the first state.
+    /// Writes the part before the first state.
     fn begin(&mut self, out: &mut dyn Write) -> io::Result<()>;
 
-    /// One state; `index` counts from 0.
+    /// Writes one state; `index` counts from 0.
     fn state(&mut self, out: &mut dyn Write, index: usize, moment: &Moment) -> io::Result<()>;
 
-    /// What stands behind the last state.
+    /// Writes the part after the last state.
     fn end(&mut self, _out: &mut dyn Write) -> io::Result<()> {
         Ok(())
     }
 }
 
-/// Numbers in lines of so many, each with a space behind it.
-pub(crate) fn lines(out: &mut dyn Write, values: &[impl std::fmt::Display], a_line: usize) -> io::Result<()> {
-    for line in values.chunks(a_line) {
+/// Writes numbers, `per_line` on each line, each followed by a space.
+pub(crate) fn lines(
+    out: &mut dyn Write,
+    values: &[impl std::fmt::Display],
+    per_line: usize,
+) -> io::Result<()> {
+    for line in values.chunks(per_line) {
         line.iter().try_for_each(|value| write!(out, "{value} "))?;
         writeln!(out)?;
     }

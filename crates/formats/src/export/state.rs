@@ -1,4 +1,4 @@
-//! One reconstructed state as a file people open, by the name's end: `.npy` (f32, nodes x fields), `.csv`, `.vtu`, or
+//! Reconstructed state as a file, by the ending of its name: `.npy` (f32, nodes x fields), `.csv`, `.vtu`, or
 //! a series of one state as Tecplot ASCII (`.dat`) or XDMF.
 
 use super::csv;
@@ -10,12 +10,12 @@ use crate::error::{Diagnostic, FormatError};
 use crate::{file, npy, table};
 use std::path::Path;
 
-/// Formats a state can be written in.
+/// Formats of a state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StateFormat {
     /// NumPy: f32, nodes x fields.
     Npy,
-    /// One row a node, one column a field, with a heading.
+    /// One row per node, one column per field, with a heading.
     Csv,
     /// VTK unstructured grid of the deformed body.
     Vtu,
@@ -24,7 +24,7 @@ pub enum StateFormat {
 }
 
 impl StateFormat {
-    /// The format a file name asks for.
+    /// Format by the ending of a file name.
     ///
     /// # Errors
     /// Any other ending.
@@ -46,10 +46,10 @@ impl StateFormat {
 }
 
 impl Series<'_> {
-    /// Writes a single state in the format its name asks for; [`Series::count`] and the state's time have no meaning here.
+    /// Writes one state in the format of the name's ending; ignores [`Series::count`] and the state's time.
     ///
     /// # Errors
-    /// An unknown ending, a state that does not fit together, or the operating system's refusal.
+    /// An unknown ending, a state of inconsistent sizes, or an I/O error.
     pub fn write_state(&self, path: &Path, state: &Moment) -> Result<(), FormatError> {
         let Moment { label, values, .. } = state;
         self.check_length("state", values).map_err(|diagnostic| FormatError::one(path, diagnostic))?;
@@ -68,7 +68,7 @@ impl Series<'_> {
     }
 }
 
-/// A row a node.
+/// Table with one row per node.
 fn table_of(series: &Series<'_>, values: &[f32], label: &Label) -> String {
     let first = std::iter::once("node".to_owned());
     let header: Vec<String> = first.chain(series.columns()).chain(csv::heading(label)).collect();

@@ -1,14 +1,13 @@
-//! Tecplot ASCII: one finite-element zone a state, nodes and connectivity as the authors' post-processing reads them.
+//! Tecplot ASCII: one finite-element zone per state, nodes and connectivity as the authors' post-processing reads them.
 //!
-//! Tecplot has no quadratic tetrahedra, so each is split into eight linear ones over all its ten nodes; every node keeps
-//! its number and its value. Every zone has its own connectivity, because only Tecplot itself reads shared ones.
+//! Tecplot has no quadratic tetrahedra, so each is split into eight linear ones over its ten nodes; nodes keep their numbers and
+//! values. Every zone has a connectivity, because other readers do not support shared ones.
 
 use super::series::{Layout, Moment, Series, lines};
 use crate::vtu::Cells;
 use std::io::{self, Write};
 
-/// The eight linear tetrahedra of a quadratic one: four at its corners, four around the diagonal from the mid-side of
-/// 02 to that of 13.
+/// Eight linear tetrahedra of a quadratic one: four at its corners, four around the diagonal from the mid-side of 02 to that of 13.
 const EIGHT: [[usize; 4]; 8] = [
     [0, 4, 6, 7],
     [4, 1, 5, 8],
@@ -20,7 +19,7 @@ const EIGHT: [[usize; 4]; 8] = [
     [6, 7, 4, 8],
 ];
 
-/// Numbers on a line; Tecplot reads lines of up to 32,000 characters, people shorter ones.
+/// Numbers per line; Tecplot reads up to 32,000 characters.
 const A_LINE: usize = 10;
 
 pub(crate) struct Tecplot<'a> {
@@ -38,7 +37,7 @@ impl<'a> Tecplot<'a> {
 }
 
 impl Layout for Tecplot<'_> {
-    /// Upper-case names for the coordinates, and name with unit for the rest.
+    /// Writes upper-case names for the coordinates, and name with unit for the rest.
     fn begin(&mut self, out: &mut dyn Write) -> io::Result<()> {
         let quantities = self.series.quantities().map(|(_, name)| name);
         let names: Vec<String> = ["X", "Y", "Z"].map(String::from).into_iter().chain(quantities).collect();

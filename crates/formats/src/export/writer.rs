@@ -1,4 +1,4 @@
-//! Writes a series in the format that the ending of the file's name asks for.
+//! Writes a series in the format given by the ending of the file name.
 
 use super::series::{Layout, Moment, Series};
 use super::{csv, npy, pvd, tecplot, xdmf};
@@ -7,23 +7,23 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// Formats a series can be written in.
+/// Formats of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SeriesFormat {
-    /// One `.vtu` a state and a `.pvd` that lists them.
+    /// One `.vtu` per state and a `.pvd` that lists them.
     Pvd,
-    /// Tecplot ASCII, one zone a state.
+    /// Tecplot ASCII, one zone per state.
     Tecplot,
     /// XDMF 3, a temporal collection with inline numbers.
     Xdmf,
-    /// One row a node and state.
+    /// One row per node and state.
     Csv,
     /// NumPy: f32, states x nodes x fields.
     Npy,
 }
 
 impl SeriesFormat {
-    /// The format a file name asks for.
+    /// Format by the ending of a file name.
     ///
     /// # Errors
     /// Any other ending.
@@ -54,12 +54,11 @@ impl SeriesFormat {
 }
 
 impl Series<'_> {
-    /// Writes the series in the format its name asks for; returns the files it wrote, `path` first. Cost and output are
-    /// linear in states x nodes x fields.
+    /// Writes the series in the format of the name's ending; returns the files written, `path` first. Cost and output are linear in
+    /// states x nodes x fields.
     ///
     /// # Errors
-    /// An unknown ending, a series that does not fit together, an error among the states, or the operating system's
-    /// refusal.
+    /// An unknown ending, an inconsistent series, an error among the states, or an I/O error.
     pub fn write<E: From<FormatError>>(
         &self,
         path: &Path,

@@ -1,4 +1,4 @@
-//! XDMF 3: a temporal collection of grids; numbers stand in the file itself.
+//! XDMF 3: a temporal collection of grids with inline numbers.
 
 use super::series::{Layout, Moment, Series, lines};
 use crate::vtu::Cells;

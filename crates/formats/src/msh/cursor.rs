@@ -1,12 +1,12 @@
-//! Numbers of a .msh file, one after the other, whether they are text or binary.
+//! Sequential reader of the numbers of a .msh file, ASCII or binary.
 
 use crate::error::Diagnostic;
 use std::str::FromStr;
 
-/// Longest word that can be a number, a version or a section's name.
+/// Longest word: a number, a version or a section's name.
 const LONGEST_WORD: usize = 64;
 
-/// A position in the file.
+/// Position in the file.
 pub(super) struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -20,7 +20,7 @@ impl<'a> Cursor<'a> {
         Self { bytes, at: 0, binary: false, big_endian: false, section: String::new() }
     }
 
-    /// The position, for messages.
+    /// Position for messages.
     pub(crate) fn place(&self) -> String {
         format!("{}, byte {}", self.section, self.at)
     }
@@ -29,7 +29,7 @@ impl<'a> Cursor<'a> {
         Diagnostic::new(self.place(), expected, found)
     }
 
-    /// The next section's name; `None` at the end of the file.
+    /// Name of the next section; `None` at the end of the file.
     pub(crate) fn section(&mut self) -> Result<Option<String>, Diagnostic> {
         self.skip_blanks();
         if self.at == self.bytes.len() {
@@ -44,7 +44,7 @@ impl<'a> Cursor<'a> {
         Ok(Some(name.to_owned()))
     }
 
-    /// Goes past `$EndName`, over whatever is left of the section.
+    /// Skips the rest of the section and `$EndName`.
     pub(crate) fn end_of(&mut self, name: &str) -> Result<(), Diagnostic> {
         let end = format!("$End{name}");
         let rest = &self.bytes[self.at..];
@@ -56,7 +56,7 @@ impl<'a> Cursor<'a> {
         Ok(())
     }
 
-    /// From here numbers are binary; the byte order is that of the integer 1 that follows.
+    /// Switches to binary numbers; the integer 1 that follows gives the byte order.
     pub(crate) fn binary(&mut self) -> Result<(), Diagnostic> {
         self.skip_line_end();
         let one: [u8; 4] = self.take("the integer 1")?;
@@ -68,22 +68,22 @@ impl<'a> Cursor<'a> {
         Ok(())
     }
 
-    /// A signed tag, dimension or type.
+    /// Reads a signed tag, dimension or type.
     pub(crate) fn int(&mut self) -> Result<i64, Diagnostic> {
         self.number("an integer", |bytes| i32::from_le_bytes(bytes).into())
     }
 
-    /// A count or a node's tag.
+    /// Reads a count or a node's tag.
     pub(crate) fn size(&mut self) -> Result<u64, Diagnostic> {
         self.number("a size", u64::from_le_bytes)
     }
 
-    /// A coordinate.
+    /// Reads a coordinate.
     pub(crate) fn double(&mut self) -> Result<f64, Diagnostic> {
         self.number("a number", f64::from_le_bytes)
     }
 
-    /// A number in text, or in binary from little-endian bytes.
+    /// Reads a number in ASCII, or in binary from little-endian bytes.
     fn number<T: FromStr, const N: usize>(
         &mut self,
         expected: &str,
@@ -99,13 +99,13 @@ impl<'a> Cursor<'a> {
         Ok(value(bytes))
     }
 
-    /// A number in text, also where the rest of the file is binary.
+    /// Reads a number in ASCII, in binary files too.
     pub(crate) fn text_number<T: FromStr>(&mut self) -> Result<T, Diagnostic> {
         let word = self.word()?;
         word.parse().map_err(|_| self.diagnostic("a number", format!("`{word}`")))
     }
 
-    /// The next word of text.
+    /// Reads the next word.
     pub(crate) fn word(&mut self) -> Result<String, Diagnostic> {
         self.skip_blanks();
         let rest = &self.bytes[self.at..];
@@ -118,7 +118,7 @@ impl<'a> Cursor<'a> {
         Ok(String::from_utf8_lossy(&rest[..length]).into_owned())
     }
 
-    /// A name in double quotes.
+    /// Reads a name in double quotes.
     pub(crate) fn quoted(&mut self) -> Result<String, Diagnostic> {
         self.skip_blanks();
         let rest = &self.bytes[self.at..];

@@ -1,4 +1,4 @@
-//! gmsh's .msh, version 4.1, text or binary: 10-node tetrahedra and the triangles of named physical surfaces.
+//! gmsh's .msh, version 4.1, ASCII or binary: 10-node tetrahedra and the triangles of named physical surfaces.
 
 mod cursor;
 
@@ -9,26 +9,26 @@ use cursor::Cursor;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Nodes of gmsh's element types that may stand in a tetrahedral mesh: points, lines, triangles, tetrahedra.
+/// Nodes of gmsh's element types that a tetrahedral mesh may contain: points, lines, triangles, tetrahedra.
 const NODES_OF: [(i64, usize); 7] = [(15, 1), (1, 2), (8, 3), (2, 3), (TRI6, 6), (4, 4), (TET10, 10)];
 const TRI6: i64 = 9;
 const TET10: i64 = 11;
-/// gmsh lists the mid-sides of 23 and 13 the other way round.
+/// Node order: gmsh exchanges the mid-sides of 23 and 13.
 const TET_ORDER: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
 
 /// Reads nodes, 10-node tetrahedra and the triangles of every named physical surface.
 ///
 /// # Errors
-/// The operating system's refusal, or what is wrong with the content and where.
+/// I/O error, or the first error in the content with its place.
 pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
     let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
     parse(&bytes).map_err(|diagnostic| FormatError::one(path, diagnostic))
 }
 
-/// [`read`] from memory. Cost and memory are linear in the bytes given, whatever counts they announce.
+/// [`read`] from memory. Cost and memory are linear in the number of bytes, for any counts in them.
 ///
 /// # Errors
-/// What is wrong and at which byte.
+/// Error and its byte.
 pub fn parse(bytes: &[u8]) -> Result<MeshFile, Diagnostic> {
     let mut file = Raw::default();
     let mut cursor = Cursor::new(bytes);
@@ -74,7 +74,7 @@ fn format(cursor: &mut Cursor) -> Result<(), Diagnostic> {
 /// A triangle or tetrahedron by node tags, with the surface entity it lies on.
 type Element<const N: usize> = (i64, [u64; N]);
 
-/// The sections as they stand, before tags are resolved.
+/// Content of the sections, before tags are resolved.
 #[derive(Default)]
 struct Raw {
     surface_names: HashMap<i64, String>,
@@ -84,12 +84,12 @@ struct Raw {
     points_mm: Vec<[f64; 3]>,
     tets: Vec<Element<10>>,
     triangles: Vec<Element<6>>,
-    /// First-order elements found, to say so when no others are there.
+    /// Number of first-order elements, for the error if there are no others.
     linear: usize,
 }
 
 impl Raw {
-    /// This section is text even in a binary file.
+    /// Reads the section `PhysicalNames`, which is ASCII in binary files too.
     fn physical_names(&mut self, cursor: &mut Cursor) -> Result<(), Diagnostic> {
         let count: usize = cursor.text_number()?;
         for _ in 0..count {

@@ -1,11 +1,11 @@
-//! The header: `{'descr': '<f4', 'fortran_order': False, 'shape': (146, 25022, 5), }`.
+//! Header: `{'descr': '<f4', 'fortran_order': False, 'shape': (146, 25022, 5), }`.
 
 use crate::error::{Diagnostic, FormatError};
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
-/// NumPy itself never writes longer headers for plain arrays.
+/// Longest header; NumPy's headers of plain arrays are shorter.
 const MAX_TEXT: usize = 10_000;
 const MAX_AXES: usize = 32;
 
@@ -37,14 +37,14 @@ impl Element {
     }
 }
 
-/// A header that has been checked against the file's length.
+/// Header that agrees with the file's length.
 pub(crate) struct Header {
     pub(crate) element: Element,
     pub(crate) shape: Vec<usize>,
     pub(crate) elements: usize,
 }
 
-/// A header that ends too early is a fault of the content, every other failure one of the operating system.
+/// Error of reading a header: a header cut short is an error in the content, any other an I/O error.
 fn read_exact(input: &mut impl Read, path: &Path, bytes: &mut [u8]) -> Result<(), FormatError> {
     input.read_exact(bytes).map_err(|error| match error.kind() {
         ErrorKind::UnexpectedEof => {
@@ -62,19 +62,19 @@ impl Header {
         let wrong = |diagnostic| FormatError::one(path, diagnostic);
         let (element, shape) = parse(&text).map_err(wrong)?;
         let values = shape.iter().try_fold(1_u64, |n, axis| n.checked_mul(*axis as u64));
-        let promised = values
+        let stated = values
             .and_then(|n| n.checked_mul(element.bytes() as u64))
             .and_then(|n| n.checked_add((prefix + text.len()) as u64));
-        if promised != Some(file_bytes) {
+        if stated != Some(file_bytes) {
             let expected =
-                promised.map_or("a size below 2^64".into(), |n| format!("{n} bytes for shape {shape:?}"));
+                stated.map_or("a size below 2^64".into(), |n| format!("{n} bytes for shape {shape:?}"));
             return Err(wrong(Diagnostic::new("file length", expected, format!("{file_bytes} bytes"))));
         }
         Ok(Self { element, elements: shape.iter().product(), shape })
     }
 }
 
-/// Magic, version and text: `(bytes before the text, text)`.
+/// Reads magic number, version and literal: `(bytes before the literal, literal)`.
 fn read_text(input: &mut impl Read, path: &Path) -> Result<(usize, String), FormatError> {
     let wrong = |place, expected: &str, found: String| {
         Err(FormatError::one(path, Diagnostic::new(place, expected, found)))
@@ -103,7 +103,7 @@ fn read_text(input: &mut impl Read, path: &Path) -> Result<(usize, String), Form
     }
 }
 
-/// Type and shape from the text of the header.
+/// Type and shape in the literal.
 fn parse(text: &str) -> Result<(Element, Vec<usize>), Diagnostic> {
     let inner = text.trim().strip_prefix('{').and_then(|t| t.strip_suffix('}'));
     let mut rest = inner.ok_or_else(|| Diagnostic::new("header", "{'descr': ..., }", text.trim()))?.trim();
@@ -146,14 +146,14 @@ fn parse_order(value: &str) -> Result<bool, Diagnostic> {
 }
 
 fn parse_shape(value: &str) -> Result<Vec<usize>, Diagnostic> {
-    let bad = || Diagnostic::new("shape", "a tuple of at most 32 whole numbers", value);
+    let bad = || Diagnostic::new("shape", "a tuple of at most 32 integers", value);
     let inner = value.trim().strip_prefix('(').and_then(|t| t.strip_suffix(')')).ok_or_else(bad)?;
     let axes = inner.split(',').map(str::trim).filter(|axis| !axis.is_empty());
     let shape = axes.map(|axis| axis.parse().map_err(|_| bad())).collect::<Result<Vec<usize>, _>>()?;
     if shape.len() > MAX_AXES { Err(bad()) } else { Ok(shape) }
 }
 
-/// The header NumPy would write: version 1, padded so that the values start at a multiple of 64 bytes.
+/// Header as NumPy writes it: version 1, padded so that the values start at a multiple of 64 bytes.
 pub(crate) fn compose(element: Element, shape: &[usize]) -> Vec<u8> {
     let axes: Vec<String> = shape.iter().map(usize::to_string).collect();
     let tuple = if axes.len() == 1 { format!("({},)", axes[0]) } else { format!("({})", axes.join(", ")) };

@@ -1,8 +1,7 @@
 //! NumPy's `.npy`: little-endian f32 and f64 arrays (i32 and i64 to read) in C order, format versions 1 to 3.
 //!
-//! The header is a Python literal, but of one shape only, so it is read by a parser of that shape (`header.rs`) and not
-//! by a general one, which a hostile file could drive into deep recursion. The array is allocated only when the file's
-//! length is what the header says.
+//! The header is a Python literal of one form, which `header.rs` parses without recursion. The array is allocated only if the file's
+//! length agrees with the header.
 
 mod header;
 
@@ -13,10 +12,10 @@ use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::Path;
 
-/// Elements read at a time: large enough to be fast, small enough to stay in cache.
+/// Elements per read; fits into the cache.
 const CHUNK: usize = 1 << 14;
 
-/// An array as stored: C order, the last index fastest.
+/// Array in C order, the last index fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array<T> {
     /// Length of each axis.
@@ -28,7 +27,7 @@ pub struct Array<T> {
 /// Reads an array of f32, f64, i32 or i64 as f32. `O(elements)`; at most one array and one chunk in memory.
 ///
 /// # Errors
-/// The operating system's; a file that is not `.npy`, another type, Fortran order, a shape that does not match the file's
+/// I/O error; a file that is not `.npy`, another type, Fortran order, a shape that does not match the file's
 /// length.
 pub fn read_f32(path: &Path) -> Result<Array<f32>, FormatError> {
     read(path, |v| v as f32, |v| v)
@@ -85,7 +84,7 @@ fn read_from<T>(
 /// Writes an f32 array.
 ///
 /// # Errors
-/// The operating system's; a shape whose product is not `data.len()` is refused.
+/// I/O error; a shape whose product is not `data.len()`.
 pub fn write_f32(path: &Path, shape: &[usize], data: &[f32]) -> Result<(), FormatError> {
     let count: usize = shape.iter().product();
     if count != data.len() {
@@ -96,10 +95,10 @@ pub fn write_f32(path: &Path, shape: &[usize], data: &[f32]) -> Result<(), Forma
     write_f32_to(&mut out, shape, data).and_then(|()| out.flush()).map_err(io)
 }
 
-/// Writes the header of an f32 array and its values to anything: the header alone with `data` empty.
+/// Writes the header of an f32 array and its values; with empty `data` the header alone.
 ///
 /// # Errors
-/// The writer's.
+/// I/O error of the writer.
 pub fn write_f32_to(out: &mut (impl Write + ?Sized), shape: &[usize], data: &[f32]) -> io::Result<()> {
     out.write_all(&header::compose(Element::F32, shape))?;
     let mut bytes = Vec::with_capacity(CHUNK * 4);

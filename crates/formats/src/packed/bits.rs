@@ -1,4 +1,4 @@
-//! Counts, numbers and lists of whole numbers; the lists as byte planes, deflated.
+//! Counts, numbers and lists of integers; the lists as byte planes, deflated.
 
 use crate::error::Diagnostic;
 use flate2::bufread::ZlibDecoder;
@@ -24,7 +24,7 @@ impl Writer {
         self.0.extend(value.to_le_bytes());
     }
 
-    /// Zigzag (small magnitudes become small), then the four bytes of all numbers apart: the upper planes are zeros.
+    /// Appends integers: zigzag (small for small magnitudes), then one plane per byte; the upper planes are zeros.
     pub(crate) fn integers(&mut self, values: &[i32]) {
         let zigzag: Vec<u32> = values.iter().map(|v| ((v << 1) ^ (v >> 31)) as u32).collect();
         let planes = (0..4).map(|p| zigzag.iter().map(|z| (z >> (8 * p)) as u8).collect());
@@ -44,7 +44,7 @@ impl Writer {
 pub(super) struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
-    /// A reader behind the head, and the version found there.
+    /// Reader after the head, and the version in the head.
     pub(crate) fn new(bytes: &'a [u8], magic: &[u8; 8], versions: &[u32]) -> Result<(Self, u32), Diagnostic> {
         let rest = bytes
             .strip_prefix(magic)
@@ -77,10 +77,10 @@ impl<'a> Reader<'a> {
         Ok(f64::from_le_bytes(self.take(what)?))
     }
 
-    /// As many whole numbers as expected.
+    /// Reads a list of `expected` integers.
     pub(crate) fn integers(&mut self, expected: usize) -> Result<Vec<i32>, Diagnostic> {
         let length = self.count("block")?;
-        let wrong = |found: String| Diagnostic::new("block", format!("{expected} whole numbers"), found);
+        let wrong = |found: String| Diagnostic::new("block", format!("{expected} integers"), found);
         let (packed, rest) =
             self.0.split_at_checked(length).ok_or_else(|| wrong(format!("{} bytes left", self.0.len())))?;
         self.0 = rest;
@@ -118,8 +118,8 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// One zlib stream of all planes. What is left of a prediction repeats nothing but zeros: only runs are looked for, and every
-/// plane has a code of its own, which is a tenth smaller than what looks for everything.
+/// One zlib stream of all planes. Remainders of a prediction repeat only zeros: a search for runs with a separate code per plane
+/// is 10 % smaller than a search for all repetitions.
 fn deflate(planes: &[Vec<u8>]) -> Vec<u8> {
     let mut out = Vec::new();
     let flags = create_comp_flags_from_zip_params(9, 15, CompressionStrategy::RLE as i32);
@@ -135,7 +135,7 @@ fn deflate(planes: &[Vec<u8>]) -> Vec<u8> {
     out
 }
 
-/// FNV-1a (Fowler, Noll, Vo), 64 bits: detects accidental damage. Deliberate changes are caught by the checks behind it.
+/// FNV-1a (Fowler, Noll, Vo), 64 bits: detects accidental damage. The reader's checks detect deliberate changes.
 fn checksum(bytes: &[u8]) -> u64 {
     bytes
         .iter()

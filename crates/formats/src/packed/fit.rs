@@ -1,4 +1,4 @@
-//! The linear prediction of a case from earlier ones. Reader and writer run the same operations in the same order.
+//! Linear prediction of a case from earlier ones. Reader and writer run the same operations in the same order.
 
 /// Indices of the earlier cases nearest to `target` (mean square over a few nodes), nearest first, at most `most`.
 pub(super) fn nearest(known: &[Vec<i32>], target: &[i32], most: usize) -> Vec<usize> {
@@ -13,8 +13,8 @@ pub(super) fn nearest(known: &[Vec<i32>], target: &[i32], most: usize) -> Vec<us
     order.into_iter().take(most).map(|(_, i)| i).collect()
 }
 
-/// Least-squares weights of the basis, by elimination of the normal equations with a little damping: an inexact weight
-/// costs bytes, never accuracy.
+/// Least-squares weights of the basis, by elimination of the damped normal equations. Inexact weights affect the size of the file, not its
+/// accuracy.
 pub(super) fn weights(known: &[Vec<i32>], basis: &[usize], target: &[i32]) -> Vec<f64> {
     let n = basis.len();
     let dot = |a: &[i32], b: &[i32]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();
@@ -47,7 +47,7 @@ pub(super) fn weights(known: &[Vec<i32>], basis: &[usize], target: &[i32]) -> Ve
     if weights.iter().all(|w| w.is_finite()) { weights } else { vec![0.0; n] }
 }
 
-/// The prediction in whole steps.
+/// Prediction in integer steps.
 pub(super) fn predict(known: &[Vec<i32>], basis: &[usize], weights: &[f64], nodes: usize) -> Vec<i32> {
     let mut sum = vec![0.0_f64; nodes];
     for (case, weight) in basis.iter().zip(weights) {

@@ -1,8 +1,8 @@
-//! Snapshots packed for a repository: a bound on the error of every value, a fifth of the size or less.
+//! Snapshots packed for a repository: a bound on the error of every value, at most 20 % of the size.
 //!
-//! Every value is stored as a whole number of steps, `v = k * step`, so that no error exceeds `step / 2`. A case is
-//! predicted as the linear combination of its nearest earlier cases that fits best (least squares; earlier cases as the
-//! reader will see them, so errors do not add up); what is left is small whole numbers, which deflate well. Fields that
+//! Every value is stored as an integer number of steps, `v = k * step`, so that no error exceeds `step / 2`. A case is
+//! predicted as the linear combination of its nearest earlier cases that fits best (least squares; of the earlier cases
+//! as stored, so errors do not accumulate); the remainders are small integers, which deflate well. Fields that
 //! follow from others (the displacement magnitude) are not stored.
 
 mod bits;
@@ -18,17 +18,17 @@ const MAGIC: [u8; 8] = *b"STWNPACK";
 const VERSION: u32 = 3;
 /// Version of files whose steps differ from case to case.
 const SHARES_VERSION: u32 = 4;
-/// Earlier cases a case is predicted from, at most.
+/// Largest number of earlier cases in a prediction.
 const BASIS: usize = 32;
 /// Largest number of values in a file (8 GB as f32).
 const MAX_VALUES: usize = 1 << 31;
 
-/// One field of a packed file.
+/// Storage of a field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stored {
     /// Rounded to steps of this size; the error is at most half of it.
     Steps(f64),
-    /// Rounded, in each case, to steps that keep this share of the case's largest value as the error.
+    /// Rounded, in each case, with an error of at most this fraction of the case's largest value.
     Share(f64),
     /// Not stored: the distance between fields 0 to 2 and the undeformed coordinates.
     Distance,
@@ -39,11 +39,11 @@ pub enum Stored {
 pub struct Snapshots {
     /// Cases, nodes, fields.
     pub shape: [usize; 3],
-    /// The values.
+    /// Values.
     pub values: Vec<f32>,
 }
 
-/// Packs snapshots; `fields` says how each is stored. Cost `O(cases x basis^2 x nodes)`.
+/// Packs snapshots with the storage of each field. Cost `O(cases x basis^2 x nodes)`.
 ///
 /// # Errors
 /// Shapes that do not fit, values that are not finite or too large for their step.
@@ -69,7 +69,7 @@ pub fn pack(snapshots: &Snapshots, fields: &[Stored]) -> Result<Vec<u8>, Diagnos
     Ok(out.finish())
 }
 
-/// Step of each case of a field, at least one; 0 where the field is not stored.
+/// Step of a field for each case, at least one entry; 0 if the field is not stored.
 fn steps(snapshots: &Snapshots, field: usize, stored: &Stored) -> Vec<f64> {
     let [cases, nodes, count] = snapshots.shape;
     let share = match stored {
@@ -126,7 +126,7 @@ fn pack_field(
 /// Unpacks; `undeformed_mm` gives the fields that follow from the coordinates. Memory is bounded by the file's size.
 ///
 /// # Errors
-/// What is wrong with the bytes, or a missing or foreign mesh.
+/// Damaged bytes, or a missing or foreign mesh.
 pub fn unpack(bytes: &[u8], undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapshots, Diagnostic> {
     let (mut input, version) = Reader::new(bytes, &MAGIC, &[VERSION, SHARES_VERSION])?;
     let shape = [input.count("cases")?, input.count("nodes")?, input.count("fields")?];
@@ -200,7 +200,7 @@ fn distances(snapshots: &mut Snapshots, field: usize, mesh: Option<&[[f64; 3]]>)
 /// Writes a packed file.
 ///
 /// # Errors
-/// As [`pack`], or the operating system's.
+/// As [`pack`], or an I/O error.
 pub fn write(path: &Path, snapshots: &Snapshots, fields: &[Stored]) -> Result<(), FormatError> {
     let bytes = pack(snapshots, fields).map_err(|p| FormatError::one(path, p))?;
     file::replace(path, &bytes)
@@ -209,7 +209,7 @@ pub fn write(path: &Path, snapshots: &Snapshots, fields: &[Stored]) -> Result<()
 /// Reads a packed file.
 ///
 /// # Errors
-/// As [`unpack`], or the operating system's.
+/// As [`unpack`], or an I/O error.
 pub fn read(path: &Path, undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapshots, FormatError> {
     let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
     unpack(&bytes, undeformed_mm).map_err(|p| FormatError::one(path, p))

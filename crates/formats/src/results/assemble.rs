@@ -1,4 +1,4 @@
-//! From finished simulations to a database: units, the fields by name, the nodes that cells have.
+//! Database from finished simulations: units, fields by name, nodes with cells.
 
 use super::run::{Quantity, Run, Step};
 use crate::cells::{self, Block};
@@ -7,34 +7,34 @@ use rom::inputs::Parameter;
 use rom::snapshots::{Case, Database, FieldKind, FieldSpec, Footprint};
 use std::path::Path;
 
-/// Names under which programs write the displacement, lower case.
+/// Usual names of the displacement, lower case.
 const DISPLACEMENT: [&str; 4] = ["disp", "u", "displacement", "displacements"];
-/// Names of the stress tensor and of its equivalent value, lower case.
+/// Usual names of the stress tensor and of its equivalent value, lower case.
 const STRESS: [&str; 8] =
     ["stress", "s", "von_mises", "mises", "vonmises", "s_mises", "von mises stress", "seqv"];
-/// Components of a displacement.
+/// Numbers of components of a displacement.
 const VECTOR: [usize; 1] = [3];
-/// Components of a stress: the equivalent one, a symmetric tensor, a full one.
+/// Numbers of components of a stress: equivalent value, symmetric tensor, full tensor.
 const STRESS_SIZES: [usize; 3] = [1, 6, 9];
-/// Meshes are one when no node is farther away than this share of their size.
+/// Distance of nodes up to which two meshes are equal, as a fraction of their size.
 const SAME_SHARE: f64 = 1e-6;
 
-/// What is taken from the files, and in which units they are.
+/// Quantities taken from the files, and their units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wanted {
     /// Millimetres in the files' unit of length.
     pub length_mm: f64,
-    /// MPa in the files' unit of stress; needed where there is a stress.
+    /// MPa in the files' unit of stress; required if there is a stress.
     pub stress_mpa: Option<f64>,
-    /// Name of the displacement, where it is none of the usual ones.
+    /// Name of the displacement; default: the usual names.
     pub displacement: Option<String>,
-    /// Name of the stress (a tensor, or the von Mises stress itself), likewise.
+    /// Name of the stress, a tensor or the von Mises stress; default: the usual names.
     pub stress: Option<String>,
-    /// Further fields: `NAME` of a scalar or `NAME.COMPONENT`, with the unit that they are in.
+    /// Further fields: `NAME` of a scalar or `NAME.COMPONENT`, with their unit.
     pub fields: Vec<(String, String)>,
 }
 
-/// Where the fields are in the quantities of a step.
+/// Quantities of a step that are fields.
 #[derive(Clone, Debug)]
 struct Chosen {
     displacement: String,
@@ -43,12 +43,12 @@ struct Chosen {
     further: Vec<(String, usize, FieldSpec)>,
 }
 
-/// A database that grows by one state at a time.
+/// Database to which states are added.
 #[derive(Debug)]
 pub struct Assembly {
     wanted: Wanted,
     chosen: Option<Chosen>,
-    /// Nodes that cells have, by their position in the files.
+    /// Positions in the files of the nodes with cells.
     used: Vec<u32>,
     points_mm: Vec<[f64; 3]>,
     blocks: Vec<Block>,
@@ -59,7 +59,7 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    /// An empty one.
+    /// Creates an empty database.
     #[must_use]
     pub fn new(wanted: Wanted) -> Self {
         Self {
@@ -75,22 +75,22 @@ impl Assembly {
         }
     }
 
-    /// Nodes of a state.
+    /// Number of nodes of a state.
     #[must_use]
     pub fn nodes(&self) -> usize {
         self.used.len()
     }
 
-    /// Whether the undeformed nodes lie elsewhere in some simulation: a length is an input.
+    /// True if the undeformed nodes differ between simulations: a length is an input.
     #[must_use]
     pub fn shape_varies(&self) -> bool {
         self.shape_varies
     }
 
-    /// Takes a state. Answers why it was left out where it is no solution: values that are no numbers.
+    /// Adds a state. Returns the reason if it is left out: values that are missing or not finite.
     ///
     /// # Errors
-    /// Another mesh than the first simulation's, quantities that are missing, a stress without a unit.
+    /// A mesh that differs from the first simulation's, missing quantities, a stress without a unit.
     pub fn add(
         &mut self,
         path: &Path,
@@ -115,7 +115,7 @@ impl Assembly {
         let snapshot = self.snapshot(run, step, &chosen).map_err(wrong)?;
         let bad = snapshot.iter().filter(|value| !value.is_finite()).count();
         if bad > 0 {
-            return Ok(Some(format!("{}: {bad} values are missing or no numbers", step.name)));
+            return Ok(Some(format!("{}: {bad} values are missing or not finite", step.name)));
         }
         let moved = self.used.iter().zip(&self.points_mm).any(|(node, first_mm)| {
             let point = run.points[*node as usize];
@@ -134,7 +134,7 @@ impl Assembly {
         SAME_SHARE * last
     }
 
-    /// The mesh of the first simulation, without the nodes that no cell has.
+    /// Takes the mesh of the first simulation, without nodes that have no cell.
     fn first(&mut self, run: &Run) -> Result<(), Diagnostic> {
         let mut is_used = vec![false; run.points.len()];
         run.blocks.iter().flat_map(|block| &block.nodes).for_each(|node| is_used[*node as usize] = true);
@@ -149,7 +149,7 @@ impl Assembly {
         Ok(())
     }
 
-    /// `nodes x fields`.
+    /// Snapshot of a step, `nodes x fields`.
     fn snapshot(&self, run: &Run, step: &Step, chosen: &Chosen) -> Result<Vec<f32>, Diagnostic> {
         let find = |name: &str| {
             let found = step.quantities.iter().find(|quantity| quantity.name == name);
@@ -186,10 +186,10 @@ impl Assembly {
             .ok_or_else(|| Diagnostic::new(place, "its unit (--stress-unit mpa, pa, ...)", "none"))
     }
 
-    /// The database and the cells of its mesh, which goes with the first simulation.
+    /// Database, and the cells of its mesh (the first simulation's).
     ///
     /// # Errors
-    /// No state at all.
+    /// No states.
     pub fn finish(
         self,
         actuator: String,
@@ -200,7 +200,7 @@ impl Assembly {
         };
         let mut fields = FieldSpec::of_the_paper();
         if self.shape_varies {
-            // No longer the distance from one undeformed mesh: a field of its own.
+            // Not the distance from one undeformed mesh: a separate kind of field.
             fields[3].kind = FieldKind::Other;
         }
         fields.truncate(if chosen.stress.is_some() { 5 } else { 4 });
@@ -230,7 +230,7 @@ impl Assembly {
     }
 }
 
-/// The von Mises stress of a tensor, or the value itself.
+/// Von Mises stress of a tensor, or the scalar itself.
 fn equivalent(quantity: &Quantity, node: usize) -> f64 {
     let count = quantity.components.len();
     let s = &quantity.values[node * count..][..count];
@@ -247,7 +247,7 @@ fn equivalent(quantity: &Quantity, node: usize) -> f64 {
 /// Finds the quantities by their names in the first state.
 fn choose(wanted: &Wanted, step: &Step) -> Result<Chosen, Diagnostic> {
     let by_name = |name: &str| step.quantities.iter().find(|quantity| quantity.name == name);
-    // Of several with a usual name one of a size that fits: principal stresses S1, S2, S3 stand beside the equivalent stress.
+    // Of several with a usual name the one of a suitable size: principal stresses S1, S2, S3 may come before the equivalent stress.
     let usual = |names: &[&str], sizes: &[usize]| {
         let known = |quantity: &&Quantity| names.contains(&quantity.name.to_lowercase().as_str());
         let fits = |quantity: &&Quantity| known(quantity) && sizes.contains(&quantity.components.len());

@@ -1,14 +1,14 @@
-//! Total forces that CalculiX prints into `job.dat`, beside `job.frd`, for `*NODE PRINT, NSET=PLATE, TOTALS=ONLY` with `RF`.
+//! Total forces that CalculiX prints into `job.dat`, next to `job.frd`, for `*NODE PRINT, NSET=PLATE, TOTALS=ONLY` with `RF`.
 
 use super::run::Total;
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use std::path::Path;
 
-/// What stands before the name of the set, and between it and the time.
+/// Words before the name of the set, and between it and the time.
 const KEYS: [&str; 2] = ["total force (fx,fy,fz) for set ", " and time "];
 
-/// Reads the `.dat` beside a `.frd`; nothing where there is none.
+/// Reads the `.dat` of a `.frd`; empty if there is none.
 pub(super) fn beside(frd: &Path) -> Result<Vec<Total>, FormatError> {
     let path = frd.with_extension("dat");
     if !path.is_file() {
@@ -19,7 +19,7 @@ pub(super) fn beside(frd: &Path) -> Result<Vec<Total>, FormatError> {
         .map_err(|diagnostics| FormatError::Content { path, diagnostics: vec![diagnostics] })
 }
 
-/// Reads the text of a file; everything else in it is passed over. The end of a killed job's file may be cut.
+/// Reads the content of a file; other output is ignored. The file of a killed job may be cut short.
 ///
 /// # Errors
 /// A total without a time, or without its three numbers.

@@ -1,7 +1,7 @@
-//! CalculiX results (`.frd`) as text, which ccx writes for `*NODE FILE` and `*EL FILE`.
+//! CalculiX results (`.frd`, ASCII), which ccx writes for `*NODE FILE` and `*EL FILE`.
 //!
-//! Columns are fixed, numbers touch each other: `-1`, the node in 10 (short form: 5) characters, 12 characters a value.
-//! A job that fails stores the state of the failed increment and leaves out the line `9999` that ends the file.
+//! Columns are fixed, without separators: `-1`, the node in 10 (short form: 5) characters, 12 characters per value.
+//! A job that fails stores the state of the failed increment and omits the last line, `9999`.
 
 use super::dat;
 use super::run::{Quantity, Run, Step};
@@ -15,7 +15,7 @@ use std::path::Path;
 const MAX_DIAGNOSTICS: usize = 20;
 /// Characters of a value.
 const VALUE: usize = 12;
-/// A quantity at less than one in so many nodes is passed over.
+/// A quantity at fewer than one in `SPARSE` nodes is ignored.
 const SPARSE: usize = 16;
 /// Values of a line.
 const VALUES: usize = 6;
@@ -27,10 +27,10 @@ pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
     Ok(Run { totals: dat::beside(path)?, ..run })
 }
 
-/// Reads the text of a file. Cost and memory are linear in the bytes.
+/// Reads the content of a file. Cost and memory are linear in the bytes.
 ///
 /// # Errors
-/// Everything that is wrong, with line numbers; never empty.
+/// All errors, with line numbers; never empty.
 pub fn parse(bytes: &[u8]) -> Result<Run, Vec<Diagnostic>> {
     let mut reader = Reader::default();
     // A job that was killed leaves half a line.
@@ -57,16 +57,16 @@ pub fn parse(bytes: &[u8]) -> Result<Run, Vec<Diagnostic>> {
     reader.finish()
 }
 
-/// What the lines below belong to.
+/// Block of the lines that follow.
 #[derive(Default)]
 enum Section {
     #[default]
     Other,
-    /// Nodes, with the characters of their numbers.
+    /// Nodes, with the width of their numbers.
     Nodes(usize),
-    /// Elements, with the same and the element begun.
+    /// Elements, with the width of the numbers and an incomplete element.
     Elements(usize, Option<Element>),
-    /// The characters, a quantity with its values in the order of the lines, and their nodes.
+    /// Width of the numbers, a quantity with its values in the order of the lines, and their nodes.
     Values(usize, Quantity, Vec<u32>),
 }
 
@@ -130,7 +130,7 @@ impl Reader {
         }
     }
 
-    /// Characters of a node's number, by the form that the header's last word gives.
+    /// Width of a node's number in the form given by the header's last word.
     fn width(&mut self, line: &str) -> Option<usize> {
         match line.split_whitespace().last() {
             Some("0") => Some(5),
@@ -270,13 +270,10 @@ impl Reader {
             26 => nodes[9..].rotate_left(3),
             _ => {}
         }
-        match self.run.blocks.iter_mut().find(|block| block.kind == kind.number) {
-            Some(block) => block.nodes.extend(nodes),
-            None => self.run.blocks.push(Block { kind: kind.number, nodes_per_cell: kind.nodes, nodes }),
-        }
+        Block::add(&mut self.run.blocks, kind, nodes);
     }
 
-    /// The section ends.
+    /// Ends the section.
     fn close(&mut self) {
         match std::mem::take(&mut self.section) {
             Section::Elements(_, element) => self.element(element),
@@ -285,7 +282,7 @@ impl Reader {
         }
     }
 
-    /// Sorts the values of a quantity by node; one that is known at a few nodes only is no field.
+    /// Sorts the values of a quantity by node; a quantity at few nodes is ignored.
     fn values(&mut self, mut quantity: Quantity, rows: &[u32]) {
         let (nodes, count) = (self.run.points.len(), quantity.components.len());
         if quantity.values.len() != rows.len() * count {

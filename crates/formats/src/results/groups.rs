@@ -1,13 +1,13 @@
-//! Which columns of a table are the components of one quantity.
+//! Grouping of a table's columns into quantities.
 
 use std::collections::{HashMap, HashSet};
 
-/// Endings of components by which they are sorted.
+/// Endings of components in their order.
 const ORDERS: [&[&str]; 2] =
     [&["1", "2", "3", "11", "22", "33", "12", "13", "23"], &["x", "y", "z", "xy", "yz", "xz"]];
-/// Endings of which all three must be there before letters count as components: `energy` is none.
+/// Endings that must all exist before letters count as components: `energy` has no component.
 const AXES: [&str; 3] = ["x", "y", "z"];
-/// What may stand between a name and the number of a component.
+/// Characters allowed between a name and the number of a component.
 const BETWEEN: [char; 4] = ['-', '.', '_', ':'];
 
 /// Columns by the name without the number or the axes of the component; quantities in the order of the table, their components

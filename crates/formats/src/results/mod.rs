@@ -2,7 +2,7 @@
 //!
 //! | ending | content | reader |
 //! | --- | --- | --- |
-//! | `.frd` | CalculiX, text; an unconverged last state is left out | `frd.rs` |
+//! | `.frd` | CalculiX, ASCII; an unconverged last state is left out | `frd.rs` |
 //! | `.dat` of the same name | total forces of node sets | `dat.rs` |
 //! | `.vtu` | VTK, one step | `vtk.rs` |
 //! | `.pvd` | ParaView's list of `.vtu` files, one step each | `vtk.rs` |

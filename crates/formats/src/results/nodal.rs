@@ -27,12 +27,11 @@ pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
         return Err(FormatError::one(path, Diagnostic::new("results", expected, found)));
     };
     let mesh = abaqus::read(path)?;
-    let blocks = mesh.blocks();
     if results.extension().is_some_and(|ending| ending == "npz") {
         let steps = stacks::read_fields(results, mesh.points.len())?;
-        return Ok(Run { points: mesh.points, blocks, steps, ..Run::default() });
+        return Ok(Run { points: mesh.points, blocks: mesh.blocks, steps, ..Run::default() });
     }
-    with_table(mesh.points, &mesh.labels, blocks, results)
+    with_table(mesh.points, &mesh.labels, mesh.blocks, results)
 }
 
 fn with_table(

@@ -1,8 +1,8 @@
-//! What the readers give: mesh and states.
+//! Result of the readers: mesh and states.
 
 use crate::cells::Block;
 
-/// One finished simulation.
+/// Finished simulation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Run {
     /// Undeformed node positions in the file's unit of length.
@@ -13,14 +13,14 @@ pub struct Run {
     pub steps: Vec<Step>,
     /// Steps that were left out, with the reason.
     pub left_out: Vec<String>,
-    /// Total forces of node sets, where the program prints them.
+    /// Total forces of node sets, if the program prints them.
     pub totals: Vec<Total>,
 }
 
 /// Total force of a node set at a time of the solver, in the file's unit of force.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Total {
-    /// The set.
+    /// Name of the set.
     pub set: String,
     /// Time of the solver.
     pub time: f64,
@@ -28,14 +28,14 @@ pub struct Total {
     pub force: [f64; 3],
 }
 
-/// Times of two files of one job agree to so much, as a share: they are printed with six and with seven digits.
+/// Relative difference up to which times of two files of one job are equal: they have six and seven digits.
 const SAME_TIME: f64 = 1e-4;
 
 impl Run {
-    /// Length of a set's total force at a step; `Err` has the sets that there are at its time.
+    /// Magnitude of a set's total force at a step; `Err` contains the sets with a total at its time.
     ///
     /// # Errors
-    /// There is no total of that set at that time.
+    /// No total of this set at this time.
     pub fn total_force(&self, set: &str, step: &Step) -> Result<f64, Vec<&str>> {
         let time = step.time.unwrap_or(f64::NAN);
         let there = || self.totals.iter().filter(|total| (total.time - time).abs() <= SAME_TIME * time.abs());
@@ -45,10 +45,10 @@ impl Run {
     }
 }
 
-/// One state of a simulation.
+/// State of a simulation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Step {
-    /// How messages call it (`step 1 increment 4`).
+    /// Name in messages (`step 1 increment 4`).
     pub name: String,
     /// Time of the solver.
     pub time: Option<f64>,
@@ -56,7 +56,7 @@ pub struct Step {
     pub quantities: Vec<Quantity>,
 }
 
-/// A quantity at the nodes; NaN where a file gives no value.
+/// Quantity at the nodes; NaN: no value in the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quantity {
     /// Name in the file.
@@ -67,7 +67,7 @@ pub struct Quantity {
     pub values: Vec<f64>,
 }
 
-/// Names of the components of a quantity that a file only counts.
+/// Numbers as names of unnamed components.
 pub(super) fn counted(components: usize) -> Vec<String> {
     (1..=components).map(|k| k.to_string()).collect()
 }

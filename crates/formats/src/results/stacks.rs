@@ -1,5 +1,5 @@
-//! A folder of NumPy arrays, or the same arrays in one `.npz`: `points.npy` (nodes x 3), one array of cells for each kind by meshio's name (`tetra10.npy`), and
-//! quantities by name (`displacement.npy`), steps x nodes or steps x nodes x components. `time.npy` may give the times.
+//! NumPy arrays in a folder or in one `.npz`: `points.npy` (nodes x 3), an array per kind of cell by meshio's name (`tetra10.npy`),
+//! quantities by name (`displacement.npy`), steps x nodes or steps x nodes x components, and optionally `time.npy`.
 
 use super::run::{Quantity, Run, Step, counted};
 use crate::cells::{Block, KINDS};
@@ -31,7 +31,7 @@ pub(super) fn read_archive(path: &Path) -> Result<Run, FormatError> {
     from_archive(file, path)
 }
 
-/// [`super::read`] of a `.npz` in memory.
+/// Reads a `.npz` in memory.
 ///
 /// # Errors
 /// As [`super::read`]; messages call it `bytes.npz`.
@@ -39,7 +39,7 @@ pub fn parse_archive(bytes: &[u8]) -> Result<Run, FormatError> {
     from_archive(Cursor::new(bytes), Path::new("bytes.npz"))
 }
 
-/// Reads a `.npz` of fields alone, for a mesh of so many nodes from another file, in the order of its nodes.
+/// Reads a `.npz` of fields alone, for a mesh of `nodes` nodes from another file, in the order of its nodes.
 pub(super) fn read_fields(path: &Path, nodes: usize) -> Result<Vec<Step>, FormatError> {
     let (file, _) = file::open(path, file::MAX_DATA_BYTES)?;
     let mut arrays = arrays_of(file, path)?;

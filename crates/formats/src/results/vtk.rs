@@ -7,7 +7,7 @@ use quick_xml::Reader;
 use quick_xml::events::Event;
 use std::path::Path;
 
-/// A single file: one step.
+/// Reads a single file: one step.
 pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
     let content = vtu::read_content(path)?;
     let quantity = |found: vtu::Quantity| Quantity {
@@ -20,7 +20,7 @@ pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
     Ok(Run { points: content.points, blocks: content.blocks, steps: vec![step], ..Run::default() })
 }
 
-/// All files of a list, which must have one mesh.
+/// Reads all files of a list, which must have one mesh.
 pub(super) fn read_series(path: &Path) -> Result<Run, FormatError> {
     let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
     let entries = parse_list(&text).map_err(|diagnostic| FormatError::one(path, diagnostic))?;
@@ -47,7 +47,7 @@ pub(super) fn read_series(path: &Path) -> Result<Run, FormatError> {
 /// Time and file of every entry of a `.pvd`.
 ///
 /// # Errors
-/// Text that is not such a list; several parts at one time.
+/// Content that is not such a list; several parts at one time.
 pub fn parse_list(text: &str) -> Result<Vec<(f64, String)>, Diagnostic> {
     let mut reader = Reader::from_str(text);
     let mut entries: Vec<(f64, String)> = Vec::new();
@@ -69,7 +69,7 @@ pub fn parse_list(text: &str) -> Result<Vec<(f64, String)>, Diagnostic> {
             return Err(Diagnostic::new(place, "a DataSet with timestep and file", "one without"));
         };
         if entries.last().is_some_and(|(last, _)| *last == time) {
-            let expected = "one file a time step (in ParaView: Merge Blocks, then save again)";
+            let expected = "one file per time step (in ParaView: Merge Blocks, then save again)";
             return Err(Diagnostic::new(place, expected, format!("several at time {time}")));
         }
         entries.push((time, name));

@@ -5,7 +5,7 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use flate2::bufread::ZlibDecoder;
 use std::io::Read;
 
-/// The last part of truncated text has no padding.
+/// Base64 without padding, for the end of truncated data.
 const PADDED_OR_NOT: GeneralPurpose = GeneralPurpose::new(
     &base64::alphabet::STANDARD,
     GeneralPurposeConfig::new()
@@ -13,18 +13,18 @@ const PADDED_OR_NOT: GeneralPurpose = GeneralPurpose::new(
         .with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// How a file writes its arrays (attributes of `VTKFile`).
+/// Encoding of a file's arrays (attributes of `VTKFile`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Coding {
     /// Most significant byte first.
     pub(crate) big_endian: bool,
     /// Lengths take 8 bytes instead of 4.
     pub(crate) long_header: bool,
-    /// Arrays are zlib blocks.
+    /// Arrays in zlib blocks.
     pub(crate) zlib: bool,
 }
 
-/// An element type of VTK's arrays.
+/// Element type of VTK's arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Element {
     Float(usize),
@@ -58,12 +58,12 @@ impl Element {
         }
     }
 
-    /// All values of an array.
+    /// Values of an array.
     pub(crate) fn values(self, bytes: &[u8], big_endian: bool) -> Vec<f64> {
         bytes.chunks_exact(self.size()).map(|element| self.value(element, big_endian)).collect()
     }
 
-    /// The value of one element; integers above 2^53 lose digits, which no index in memory reaches.
+    /// Value of one element; integers above 2^53 lose digits.
     fn value(self, bytes: &[u8], big_endian: bool) -> f64 {
         let word = word(bytes, big_endian);
         match self {
@@ -78,7 +78,7 @@ impl Element {
     }
 }
 
-/// Decodes at most `expected` elements of an encoded block; an error is what was found instead.
+/// Decodes at most `expected` elements of an encoded block; an error describes the content found.
 pub(super) fn elements(
     block: &[u8],
     element: Element,
@@ -116,7 +116,7 @@ fn inflate(block: &[u8], coding: Coding, wanted: usize) -> Result<Vec<u8>, Strin
     if total != Some(wanted) {
         return Err(total.map_or_else(|| "a size beyond any memory".into(), |bytes| format!("{bytes} bytes")));
     }
-    let mut out = Vec::new(); // grows with what is really there, whatever the header promises
+    let mut out = Vec::new(); // grows with the data, not with the header
     for index in 0..count {
         let (compressed, next) = length(sizes, coding)?;
         sizes = next;
@@ -138,7 +138,7 @@ fn length(bytes: &[u8], coding: Coding) -> Result<(usize, &[u8]), String> {
     Ok((value, rest))
 }
 
-/// At most 8 bytes as an integer.
+/// Integer of at most 8 bytes.
 fn word(bytes: &[u8], big_endian: bool) -> u64 {
     let mut wide = [0_u8; 8];
     for (i, byte) in bytes.iter().enumerate() {
@@ -148,7 +148,7 @@ fn word(bytes: &[u8], big_endian: bool) -> u64 {
 }
 
 /// Base64 without its white space. VTK encodes the length header of compressed data apart from the data, so padding may
-/// stand in the middle: each padded part is decoded by itself. Ends at the first byte that is not base64; the caller
+/// occur in the middle: each padded part is decoded by itself. Ends at the first byte that is not base64; the caller
 /// checks lengths.
 pub(super) fn base64(text: &[u8]) -> Vec<u8> {
     let digits = |byte: &u8| byte.is_ascii_alphanumeric() || b"+/=".contains(byte);

@@ -1,4 +1,4 @@
-//! The reader: one piece of 10-node tetrahedra, or of any cells with what is known at their nodes; arrays as text, base64 or raw appended, plain or zlib, either byte order.
+//! Reader: one piece of 10-node tetrahedra, or of any cells with quantities at their nodes; arrays in ASCII, base64 or raw appended, plain or zlib, either byte order.
 
 use super::codec::{self, Coding, Element};
 use crate::cells::{Block, Kind};
@@ -10,18 +10,14 @@ use quick_xml::events::{BytesStart, Event};
 use std::collections::HashMap;
 use std::path::Path;
 
-const QUADRATIC_TETRA: usize = 24;
-const TETRA: usize = 10;
-/// Cells without a volume (points, lines, faces) are passed over.
-const FLAT: [usize; 9] = [1, 2, 3, 4, 5, 9, 21, 22, 23];
 const POINTS_AND_LINES: [usize; 5] = [1, 2, 3, 4, 21];
-/// No VTK cell has more nodes than the 27 of a triquadratic hexahedron.
+/// Largest number of nodes of a cell: the triquadratic hexahedron.
 const MAX_NODES: usize = 27;
 
 /// Reads nodes and 10-node tetrahedra; VTK's node order is the project's. A `.vtu` has no named surfaces.
 ///
 /// # Errors
-/// The operating system's refusal, or everything that is wrong with the content.
+/// I/O error, or all errors in the content.
 pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
     let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
     parse(&bytes).map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })
@@ -30,32 +26,32 @@ pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
 /// [`read`] from memory. Cost and memory are linear in the bytes given (zlib expands them at most a thousandfold).
 ///
 /// # Errors
-/// Everything that is wrong with the content; never empty.
+/// All errors in the content; never empty.
 pub fn parse(bytes: &[u8]) -> Result<MeshFile, Vec<Diagnostic>> {
     let raw = Raw::decode(&File::scan(bytes).map_err(|diagnostic| vec![diagnostic])?)?;
-    let tets = tets(&raw.types, &raw.offsets, &raw.connectivity, raw.points.len())?;
-    Ok(MeshFile { points_mm: raw.points, tets, ..MeshFile::default() })
+    let blocks = raw.blocks()?;
+    MeshFile::of_solids(raw.points, &blocks).map_err(|diagnostic| vec![diagnostic])
 }
 
-/// What a file holds: mesh and quantities at its nodes.
+/// Mesh of a file and quantities at its nodes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Content {
     /// Node positions in the file's unit.
     pub points: Vec<[f64; 3]>,
-    /// Cells; points and lines are passed over.
+    /// Cells; points and lines are ignored.
     pub blocks: Vec<Block>,
-    /// Quantities at the nodes, those of other types than numbers left out.
+    /// Numeric quantities at the nodes.
     pub point_data: Vec<Quantity>,
-    /// The time that the file gives itself (`TimeValue`).
+    /// Time in the file (`TimeValue`).
     pub time: Option<f64>,
 }
 
-/// A quantity at the nodes.
+/// Quantity at the nodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Quantity {
     /// Name in the file.
     pub name: String,
-    /// Values a node.
+    /// Values per node.
     pub components: usize,
     /// `nodes x components`.
     pub values: Vec<f64>,
@@ -73,7 +69,7 @@ pub fn read_content(path: &Path) -> Result<Content, FormatError> {
 /// [`read_content`] from memory; cost as [`parse`].
 ///
 /// # Errors
-/// Everything that is wrong with the content; never empty.
+/// All errors in the content; never empty.
 pub fn parse_content(bytes: &[u8]) -> Result<Content, Vec<Diagnostic>> {
     let file = File::scan(bytes).map_err(|diagnostic| vec![diagnostic])?;
     let raw = Raw::decode(&file)?;
@@ -93,7 +89,7 @@ pub fn parse_content(bytes: &[u8]) -> Result<Content, Vec<Diagnostic>> {
     if diagnostics.is_empty() { Ok(content) } else { Err(diagnostics) }
 }
 
-/// The mesh as the file stores it.
+/// Mesh in the arrays of the file.
 struct Raw {
     points: Vec<[f64; 3]>,
     types: Vec<f64>,
@@ -156,62 +152,13 @@ impl Raw {
             if let Some(bad) = members.iter().find(|n| !(**n >= 0.0 && (**n as usize) < points)) {
                 return Err(vec![Diagnostic::new(place(), format!("nodes 0 .. {points}"), bad)]);
             }
-            let members = members.iter().map(|node| *node as u32);
-            match blocks.iter_mut().find(|block| block.kind == kind.number) {
-                Some(block) => block.nodes.extend(members),
-                None => blocks.push(Block {
-                    kind: kind.number,
-                    nodes_per_cell: kind.nodes,
-                    nodes: members.collect(),
-                }),
-            }
+            Block::add(&mut blocks, kind, members.iter().map(|node| *node as u32));
         }
         Ok(blocks)
     }
 }
 
-fn tets(
-    types: &[f64],
-    offsets: &[f64],
-    nodes: &[f64],
-    points: usize,
-) -> Result<Vec<[u32; TETRA]>, Vec<Diagnostic>> {
-    let mut tets = Vec::new();
-    let mut diagnostics = Vec::new();
-    let mut start = 0;
-    for (cell, (kind, end)) in types.iter().zip(offsets).enumerate() {
-        let end = *end as usize;
-        let Some(members) = nodes.get(start..end) else {
-            diagnostics.push(Diagnostic::new(format!("offsets, cell {cell}"), "rising offsets", end));
-            break;
-        };
-        start = end;
-        let kind = *kind as usize;
-        if FLAT.contains(&kind) {
-            continue;
-        }
-        if kind != QUADRATIC_TETRA || members.len() != TETRA {
-            let found = format!("type {kind} with {} nodes", members.len());
-            diagnostics.push(Diagnostic::new(
-                format!("cell {cell}"),
-                "a 10-node tetrahedron (type 24)",
-                found,
-            ));
-        } else if let Some(bad) = members.iter().find(|n| !(**n >= 0.0 && (**n as usize) < points)) {
-            diagnostics.push(Diagnostic::new(format!("cell {cell}"), format!("nodes 0 .. {points}"), bad));
-        } else {
-            let mut tet = [0; TETRA];
-            tet.iter_mut().zip(members).for_each(|(to, from)| *to = *from as u32);
-            tets.push(tet);
-        }
-    }
-    if diagnostics.is_empty() && tets.is_empty() {
-        diagnostics.push(Diagnostic::new("Cells", "10-node tetrahedra (type 24)", "none"));
-    }
-    if diagnostics.is_empty() { Ok(tets) } else { Err(diagnostics) }
-}
-
-/// Where an array's data are.
+/// Place of an array's data.
 enum Place<'a> {
     Ascii(&'a [u8]),
     Inline(&'a [u8]),
@@ -223,25 +170,25 @@ struct Array<'a> {
     place: Place<'a>,
 }
 
-/// The appended section, from the byte after its underscore.
+/// Appended section, from the byte after its underscore.
 struct Appended<'a> {
     data: &'a [u8],
     base64: bool,
 }
 
-/// What the XML says, before any array is decoded.
+/// Content of the XML, before any array is decoded.
 struct File<'a> {
     coding: Coding,
     points: usize,
     cells: usize,
     arrays: HashMap<String, Array<'a>>,
-    /// Name, values a node and place of the quantities at the nodes.
+    /// Name, values per node and place of the quantities at the nodes.
     point_data: Vec<(String, usize, Array<'a>)>,
     appended: Option<Appended<'a>>,
 }
 
 impl<'a> File<'a> {
-    /// One pass over the XML. Raw appended data are no XML, so the pass ends where they begin.
+    /// Reads the XML in one pass, which ends at raw appended data.
     fn scan(bytes: &'a [u8]) -> Result<Self, Diagnostic> {
         let mut file = Self {
             coding: Coding { big_endian: false, long_header: false, zlib: false },
@@ -337,7 +284,7 @@ impl<'a> File<'a> {
         Ok((name, Array { element, place }))
     }
 
-    /// Decodes the array of that name, which must have `expected` entries.
+    /// Decodes the array `name`, which must have `expected` entries.
     fn array(&self, name: &str, expected: usize) -> Result<Vec<f64>, Diagnostic> {
         let diagnostic = |found: String| {
             Diagnostic::new(format!("DataArray {name}"), format!("{expected} numbers"), found)

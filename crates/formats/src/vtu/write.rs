@@ -1,4 +1,4 @@
-//! The writer: one piece, inline binary arrays (base64, 64-bit lengths, uncompressed), which every reader understands.
+//! Writer: one piece, inline binary arrays (base64, 64-bit lengths, uncompressed), which every reader understands.
 
 use crate::cells::Block;
 use crate::error::{Diagnostic, FormatError};
@@ -23,13 +23,13 @@ pub enum Cells<'a> {
 }
 
 impl Cells<'_> {
-    /// Whether there are none.
+    /// True without cells.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.parts().iter().all(|part| part.2.is_empty())
     }
 
-    /// For each kind of cell: VTK's number of the kind, nodes a cell, and all their nodes.
+    /// Per kind of cell: VTK's number of the kind, nodes per cell, and all their nodes.
     fn parts(&self) -> Vec<(u8, usize, &[u32])> {
         match self {
             Self::QuadraticTets(cells) => vec![(QUADRATIC_TETRA, 10, cells.as_flattened())],
@@ -41,7 +41,7 @@ impl Cells<'_> {
     }
 }
 
-/// A named quantity with `components` values a node.
+/// Named quantity with `components` values per node.
 #[derive(Clone, Copy, Debug)]
 pub struct PointData<'a> {
     /// Name with unit, as shown in a viewer (`von_mises [MPa]`).
@@ -52,7 +52,7 @@ pub struct PointData<'a> {
     pub values: &'a [f32],
 }
 
-/// What is written.
+/// Content of a file.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid<'a> {
     /// Node positions in mm.
@@ -66,12 +66,12 @@ pub struct Grid<'a> {
 /// Writes a grid.
 ///
 /// # Errors
-/// A cell that names a node that does not exist, point data of the wrong length, or the operating system's refusal.
+/// A cell with a node that does not exist, point data of the wrong length, or an I/O error.
 pub fn write(path: &Path, grid: &Grid<'_>) -> Result<(), FormatError> {
     write_labelled(path, grid, "", &[])
 }
 
-/// Writes a grid with what belongs to it as a whole: a name (field data `case`, none when empty) and named numbers.
+/// Writes a grid with field data: a name (`case`, omitted if empty) and named numbers.
 ///
 /// # Errors
 /// As [`write()`].
@@ -85,7 +85,7 @@ pub fn write_labelled(
     file::replace(path, compose(grid, &field_data(name, numbers)).as_bytes())
 }
 
-/// The name stands as its bytes: VTK's own arrays of text are refused by other readers (meshio).
+/// The name is written as its bytes: other readers (meshio) refuse VTK's arrays of strings.
 fn field_data(name: &str, numbers: &[(&str, f64)]) -> String {
     let mut xml = String::new();
     if name.is_empty() && numbers.is_empty() {

@@ -32,7 +32,7 @@ pub fn bar(cubes: usize) -> (Vec<[f64; 3]>, Vec<[u32; 10]>) {
     (points, tets)
 }
 
-/// A database of the bar with one snapshot a case.
+/// Database of the bar with one snapshot per case.
 pub fn database(cases: Vec<Case>) -> (Database, Vec<[u32; 10]>) {
     let (points, tets) = bar(3);
     let mut snapshots = Vec::new();

@@ -64,7 +64,7 @@ def block(lines: Iterator[Tuple[int, str]], is_free: bool = False) -> Iterator[T
 
 
 def cell_of(name: int, nodes: List[int], place: str) -> Optional[Tuple[str, List[int]]]:
-    """Kind and nodes of an element; None for elements that are no solid or shell. Node 0: no mid-side."""
+    """Kind and nodes of an element; None if the element is neither solid nor shell. Node 0: no mid-side."""
     if name not in ELEMENTS:
         return None
     family = "brick" if name == 285 and len(nodes) == 8 else ELEMENTS[name][0]

@@ -79,7 +79,7 @@ def convert(path: pathlib.Path, out: pathlib.Path, models: Sequence[pathlib.Path
             pass  # the recorder was killed: the file ends without its footer
     if not fields:
         raise Refused("expected fields in the recording (softtwin record --fields), found none")
-    surfaces = "" if any(field.triangles is not None for field in fields.values()) else "; no surface: --model or --scene names the model"
+    surfaces = "" if any(map(Field.has_surface, fields.values())) else "; no surface: --model or --scene names the model"
     return f"{drawn} pictures of {len(fields)} field topics, {copied} other messages{surfaces}"
 
 
@@ -99,6 +99,9 @@ class Field:
         self.points = channels.PointCloudChannel(f"{base}/points", context=context)
         self.surface = channels.SceneUpdateChannel(f"{base}/surface", context=context)
         self.frame = channels.FrameTransformsChannel(f"{base}/frame", context=context)
+
+    def has_surface(self) -> bool:
+        return self.triangles is not None
 
     def draw(self, message: Any) -> int:
         """Writes the picture of a sample if one is due: 1 or 0."""

@@ -1,4 +1,4 @@
-"""What every reader of the converter returns, and the files that softtwin reads."""
+"""Result of a reader of the converter, and the files that softtwin reads."""
 
 import pathlib
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Values at nodes as text: tables, listings of Ansys' PRNSOL, field reports of Abaqus."""
+"""Values at nodes in text files: tables, listings of Ansys' PRNSOL, field reports of Abaqus."""
 
 import csv
 import pathlib

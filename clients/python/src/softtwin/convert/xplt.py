@@ -183,7 +183,7 @@ def means(regions: List[Tuple[int, Block]], item: Item, domains: List[Array], no
         if not 1 <= number <= len(domains):
             raise Refused(f"{place}: expected domains 1 to {len(domains)}, found {number}")
         domain, found = domains[number - 1], region.floats()
-        if item.place == 0:  # at each node of the domain, in the order in which its elements name them first
+        if item.place == 0:  # at each node of the region, in the order in which its elements first name them
             members = np.array(list(dict.fromkeys(domain.ravel().tolist())), np.int64)
             found = sized(found, len(members), item, place)
         else:

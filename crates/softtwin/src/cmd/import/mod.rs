@@ -21,7 +21,7 @@ Examples:
 
 From Abaqus: nodes, tetrahedra (C3D4, C3D10...), hexahedra (C3D8, C3D20...) and wedges (C3D6, C3D15...), shells and membranes \
 (S3, S4, STRI65, S8R, M3D...); any other element is refused by its name. \
-From gmsh (.msh 4.1) and VTK (.vtu): 10-node tetrahedra. Other formats: softtwin-convert of the Python client. \
+From gmsh (.msh 4.1): 10-node tetrahedra. From VTK (.vtu): all these and pyramids. Other formats: softtwin-convert of the Python client. \
 Finished simulations: `softtwin import results --help`. No import is needed for what `softtwin train --database DIR` reads as \
 it is: our layout and the authors' tables (authors.toml).";
 
@@ -62,14 +62,7 @@ impl Args {
         if out.extension().is_none_or(|ending| ending != "vtu") {
             return Err(usage(format!("--out: expected a name that ends in .vtu, found {}", out.display())));
         }
-        let has_kinds = mesh.extension().is_some_and(|ending| ending == "inp");
-        let (points, blocks) = if has_kinds {
-            formats::read_blocks(&mesh).map_err(refusal)?
-        } else {
-            let mesh = formats::read_mesh(&mesh).map_err(refusal)?;
-            let nodes = mesh.tets.as_flattened().to_vec();
-            (mesh.points_mm, vec![Block { kind: 24, nodes_per_cell: 10, nodes }])
-        };
+        let (points, blocks) = formats::read_blocks(&mesh).map_err(refusal)?;
         let grid = Grid { points_mm: &points, cells: Cells::Mixed(&blocks), point_data: &[] };
         vtu::write(&out, &grid).map_err(refusal)?;
         let counts: Vec<(String, usize)> = blocks.iter().map(|block| (name(block), block.count())).collect();
