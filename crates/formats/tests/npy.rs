@@ -80,7 +80,7 @@ fn refuses_every_truncation() {
 fn a_shape_that_does_not_fit_is_not_written() {
     let (_dir, path) = file(b"");
     let error = write_f32(&path, &[2, 2], &[0.0; 3]).unwrap_err().to_string();
-    assert!(error.contains("expected 4 values, found 3"), "{error}");
+    assert!(error.ends_with("found 3"), "{error}");
 }
 
 proptest! {

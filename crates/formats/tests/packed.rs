@@ -53,12 +53,12 @@ fn packing_twice_changes_nothing_more() {
 fn what_cannot_be_packed_or_unpacked_is_refused() {
     let mut broken = bending(2);
     broken.values[7] = f32::NAN;
-    assert!(pack(&broken, &FIELDS).unwrap_err().to_string().contains("case 0, field 2"));
+    assert_eq!(pack(&broken, &FIELDS).unwrap_err().place, "case 0, field 2");
     broken.values[7] = 1e9;
-    assert!(pack(&broken, &FIELDS).unwrap_err().to_string().contains("within 5e8 steps"));
+    assert_eq!(pack(&broken, &FIELDS).unwrap_err().found, "1000000000");
     assert!(pack(&bending(2), &FIELDS[..4]).is_err());
     let bytes = pack(&bending(2), &FIELDS).unwrap();
-    assert!(unpack(&bytes, None).unwrap_err().to_string().contains("undeformed mesh"));
+    assert_eq!(unpack(&bytes, None).unwrap_err().place, "mesh");
     assert!(unpack(&bytes, Some(&mesh()[1..])).is_err());
     assert!(unpack(&[], None).is_err());
 }
@@ -90,8 +90,7 @@ fn a_small_file_that_announces_a_huge_one_is_refused() {
     for at in [12, 20, 28] {
         let mut bytes = pack(&bending(2), &FIELDS).unwrap();
         bytes[at..at + 8].copy_from_slice(&(u64::MAX / 3).to_le_bytes());
-        let problem = unpack(&sealed(bytes), Some(&mesh())).unwrap_err().to_string();
-        assert!(problem.contains("shape"), "{problem}");
+        assert_eq!(unpack(&sealed(bytes), Some(&mesh())).unwrap_err().place, "shape");
     }
 }
 

@@ -112,7 +112,7 @@ class Bus:
         return self._retry(name, builder.open)
 
     def _retry(self, name: str, attempt: Any) -> Any:
-        """Tries again while others come and go; turns the rest into exceptions that say what to do."""
+        """Retries while other programs start or stop; raises exceptions with the remedy."""
         end = time.monotonic() + _FLUX_S
         while True:
             try:
@@ -158,7 +158,7 @@ _default: Optional[Bus] = None
 
 
 def default_bus() -> Bus:
-    """The bus of the functions that were given none."""
+    """Default bus of the functions."""
     global _default
     if _default is None:
         _default = Bus()

@@ -2,7 +2,7 @@
 
 
 class SofttwinError(Exception):
-    """Anything that the client itself refuses or cannot do."""
+    """Base class of the client's errors."""
 
 
 class TwinAbsent(SofttwinError):
@@ -14,7 +14,7 @@ class VersionMismatch(SofttwinError):
 
 
 class TwinSilent(SofttwinError, TimeoutError):
-    """Nothing came within the time that was given."""
+    """No sample or answer within the timeout."""
 
 
 class TwinRestarted(SofttwinError):
@@ -27,7 +27,7 @@ class TwinRestarted(SofttwinError):
 
 
 class Refused(SofttwinError):
-    """The twin has no answer; the text is its reason, `answer` what it sent."""
+    """The twin has no answer; the message is its reason, `answer` the message that it sent."""
 
     def __init__(self, message: str, answer: object) -> None:
         super().__init__(message)

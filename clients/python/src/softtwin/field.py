@@ -1,4 +1,4 @@
-"""Fields as numpy views that keep the shared memory they look at."""
+"""Fields as numpy views that keep their shared memory."""
 
 import ctypes
 from typing import Any, Dict, List, Union
@@ -9,7 +9,7 @@ from .layout import FIELD_NAMES, Answer, FieldHeader, text
 
 
 class _Keeper:
-    """Memory of a sample as something numpy can look at: as long as any view lives, so does the sample.
+    """Memory of a sample for numpy: the sample lives as long as any view.
 
     numpy keeps the object whose `__array_interface__` it read; that object keeps the sample.
     """
@@ -39,7 +39,7 @@ class Field:
     """
 
     def __init__(self, sample: Any, header: Union[FieldHeader, Answer], address: int) -> None:
-        #: What stands before the field; a copy, so that it stays valid by itself.
+        #: Header of the field; a copy, valid without the sample.
         self.header = header
         #: All values, shape (fields, nodes).
         self.values = view(sample, address, header.field_count, header.node_count)

@@ -1,4 +1,4 @@
-"""libsofttwin, the C library, as far as models need it: its structures and functions through ctypes."""
+"""libsofttwin, the C library: structures and functions for models through ctypes."""
 
 import ctypes
 import os
@@ -106,7 +106,7 @@ def _declare(found: ctypes.CDLL) -> None:
 
 
 def check(status: int) -> None:
-    """Raises what a status means, with the library's text."""
+    """Raises the exception of a status, with the library's message."""
     if status == 0:
         return
     text = (library().softtwin_last_error() or b"").decode("utf-8", "replace")

@@ -162,7 +162,7 @@ class Model:
         return Prediction(self.inputs, self.fields, names, states, rows, values, self.nodes)
 
     def _states(self, pressure_mpa: Number, gap_mm: Number, further: Mapping[str, Number]) -> Tuple[List[str], "np.ndarray[Any, Any]"]:
-        """Names given, and the states with one more axis: all inputs in order, NaN where none was given."""
+        """Names given, and the states with one more axis: all inputs in order, NaN: default."""
         given: Dict[str, Any] = {"pressure_mpa": pressure_mpa, "gap_mm": gap_mm}
         for name, value in further.items():
             given[self._name(name)] = value

@@ -12,7 +12,7 @@ def text(packed: "ctypes.Array[u8]") -> str:
 
 
 def pack(name: str) -> "ctypes.Array[u8]":
-    """A name as it travels: at most 31 bytes, zero-padded."""
+    """Name in a payload: at most 31 bytes, zero-padded."""
     raw = name.encode()
     if len(raw) > 31:
         raise ValueError(f"`{name}` has {len(raw)} bytes; expected at most 31")

@@ -31,13 +31,13 @@ class Prediction:
     force_halfwidth_n: Any
     """Half-width that covers the fraction `coverage` of states, N; invalid outside the training range."""
     displacement_halfwidth_mm: Any
-    """The same of the worst node's displacement, mm."""
+    """Half-width of the worst node's displacement, mm."""
     von_mises_halfwidth_mpa: Any
-    """The same of the worst node's stress, MPa."""
+    """Half-width of the worst node's stress, MPa."""
     coverage: Any
-    """Share of states that the half-widths cover."""
+    """Fraction of states that the half-widths cover."""
     domain_distance: Any
-    """Distance to the training states over inputs scaled to [0, 1]; 0 among them."""
+    """Distance to the training range over inputs scaled to [0, 1]; 0 inside."""
     max_displacement_mm: Any
     """Largest displacement of the fields, mm; NaN without that field."""
     max_von_mises_mpa: Any
@@ -84,17 +84,17 @@ class Prediction:
 
     @property
     def domain(self) -> Any:
-        """Where the state lies: `inside`, `near-edge` or `outside-domain` of the training states."""
+        """Place of the state: `inside`, `near-edge` or `outside-domain` of the training range."""
         return _words(DOMAIN_STATUSES, self._rows["domain_status"])
 
     @property
     def in_domain(self) -> Any:
-        """Whether the state lies among the training states."""
+        """True inside the training range."""
         return self._rows["domain_status"] == 0
 
     @property
     def force_clamped(self) -> Any:
-        """Whether the interpolated force was negative and was set to 0."""
+        """True if the interpolated force is negative and set to 0."""
         return self._rows["force_clamped"] != 0
 
     def __getitem__(self, name: str) -> "np.ndarray[Any, Any]":

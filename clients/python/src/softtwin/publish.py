@@ -15,7 +15,7 @@ from .start import WriterLock
 
 
 def _boot_id() -> int:
-    """A number that no other run of a program on this machine shares; never zero."""
+    """Number that differs between runs of programs on this machine; never zero."""
     mixed = (now_ns() << 20 | now_ns() >> 44) & 0xFFFF_FFFF_FFFF_FFFF
     return (mixed ^ os.getpid() << 1) | 1
 
@@ -69,7 +69,7 @@ class SensorPublisher(_Writer):
         status: int = 0,
         t_sensor_ns: Optional[int] = None,
     ) -> int:
-        """Sends one reading (stamped now unless told otherwise) and returns its sequence number. `inputs`: measured model inputs
+        """Sends one reading (stamped now by default) and returns its sequence number. `inputs`: measured model inputs
         other than pressure and gap by name, at most six.
         """
         self._seq += 1
@@ -124,8 +124,8 @@ class SetpointPublisher(_Writer):
         super().__init__(f"softtwin/{actuator}/setpoint", bus, owner)
 
     def send(self, pressure_mpa: float, valid_for_s: float = 0.1, t_sensor_ns: int = 0) -> int:
-        """Sends one setpoint and returns its sequence number. It counts for `valid_for_s`; nobody renews it: the valve takes its safe
-        value. NaN: none is wanted, the valve takes its safe value at once. `t_sensor_ns`: the stamp of the reading that it answers.
+        """Sends one setpoint and returns its sequence number. It is valid for `valid_for_s`; then the valve takes its safe value unless
+        another setpoint follows. NaN: the valve takes its safe value at once. `t_sensor_ns`: the stamp of the reading that it answers.
         """
         if not 0.0 < valid_for_s < math.inf:
             raise ValueError(f"valid_for_s: expected more than 0 seconds, found {valid_for_s}")

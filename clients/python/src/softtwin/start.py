@@ -116,7 +116,7 @@ class WriterLock:
             return False
 
     def close(self) -> None:
-        """Gives the right back."""
+        """Releases the right."""
         if self._file is not None:
             if self._is_named():
                 os.unlink(self._path)

@@ -36,7 +36,7 @@ class Subscription:
         qos = QOS[kind_of(topic)]
         #: The topic's name.
         self.topic = topic
-        #: Samples that never came (jumps in the sequence numbers).
+        #: Missing samples (jumps in the sequence numbers).
         self.lost = 0
         #: Restarts of the sender seen.
         self.restarts = 0
@@ -45,7 +45,7 @@ class Subscription:
         self._last: Optional[tuple] = None
         self._kind = None if kind_of(topic) == "field" else payload_type(topic)
         service = bus.open_topic(topic, create=wait_for_twin)
-        # The listener comes first: a sample sent in between then wakes us for nothing instead of never.
+        # The listener is created first, so that a sample sent in between causes a spurious wake-up instead of none.
         events = bus.open_topic_events(topic)
         with bus.places.starting():
             self._listener = events.listener_builder().create()
@@ -121,7 +121,7 @@ class Subscription:
         return self
 
     async def __anext__(self) -> Any:
-        """As `next`, for `async for`: a thread of asyncio's waits for the event, so that other tasks go on."""
+        """As `next`, for `async for`: a thread of asyncio's waits for the event, so that other tasks continue."""
         waits = self._waits(None)
         while True:
             value = self.try_next()

@@ -1,5 +1,5 @@
-//! Arrays of a database and the mesh that belongs to them: snapshots and derivatives, packed or `.npy`; `sensitivities.csv`, whose
-//! row `i` names the case and input of row `i` of the derivatives.
+//! Arrays of a database and their mesh: snapshots and derivatives, packed or `.npy`; `sensitivities.csv`, whose row `i` names the
+//! case and input of row `i` of the derivatives.
 
 use super::cases::Row;
 use super::manifest::{FILE, Kind, Manifest};
@@ -15,18 +15,18 @@ use std::path::Path;
 /// Ending of packed snapshots, see [`packed`].
 pub const PACKED: &str = "pack";
 
-/// The table of rows, in the same folder.
+/// Table of the rows, in the same folder.
 const TABLE: &str = "sensitivities.csv";
 const COLUMNS: [&str; 3] = ["case", "input", "contact_force_n_per_unit"];
 /// Name of an array that is not packed.
 const ARRAY: &str = "sensitivities.npy";
-/// The name of a packed array.
+/// Name of a packed array.
 const PACKED_ARRAY: &str = "sensitivities.pack";
 
-/// Snapshots as an array or, by the ending [`PACKED`], packed; then the mesh gives the fields that follow from it.
+/// Reads snapshots from `.npy` or, by the ending [`PACKED`], packed; then fields may follow from the mesh.
 ///
 /// # Errors
-/// Not readable, or not of three dimensions.
+/// An unreadable array, or one that does not have three dimensions.
 pub fn read_snapshots(path: &Path, mesh: Option<&Path>) -> Result<Snapshots, FormatError> {
     if path.extension().is_some_and(|e| e == PACKED) {
         let mesh = mesh.map(vtu::read).transpose()?;
@@ -58,7 +58,7 @@ pub(crate) fn complete(mut database: Database, mesh: Option<&Path>) -> Result<Da
     Ok(database)
 }
 
-/// Named node sets every mesh has: its underside, which meets the plate, and its skin.
+/// Node sets of every mesh: underside and surface.
 fn node_sets(points_mm: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<NodeSet> {
     let mut skin: Vec<u32> = triangles.iter().flatten().copied().collect();
     skin.sort_unstable();
@@ -69,14 +69,14 @@ fn node_sets(points_mm: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<NodeSet> {
     ]
 }
 
-/// Nodes on the lowest plane of the undeformed body: what meets the plate first.
+/// Nodes on the lowest plane of the undeformed body, which touches the plate first.
 pub fn bottom_nodes(points_mm: &[[f64; 3]]) -> Vec<u32> {
     let lowest = points_mm.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
-    // Meshers round coordinates; a micrometre is far below any feature of an actuator.
+    // Tolerance of 1 um: mesh generators round coordinates.
     (0..points_mm.len() as u32).filter(|i| points_mm[*i as usize][1] - lowest < 1e-3).collect()
 }
 
-/// Reads and checks both files against the cases; none where the manifest names no array.
+/// Reads and checks both files against the cases; `None` if the manifest names no array.
 pub(super) fn read_sensitivities(
     dir: &Path,
     manifest: &Manifest,
@@ -140,7 +140,7 @@ fn one(
     Some(Sensitivity { case: case?, input: input?, contact_force_n_per_unit: force? })
 }
 
-/// The derivatives of the cases that are kept, renumbered.
+/// Derivatives of the selected cases, renumbered.
 pub(super) fn of_cases(all: Sensitivities, kept: &[bool], nodes: usize) -> Sensitivities {
     let entries = nodes * all.fields.len();
     let mut rest = Sensitivities { rows: Vec::new(), fields: all.fields, values: Vec::new() };
@@ -171,9 +171,8 @@ pub(super) fn write_sensitivities(
     npy::write_f32(&dir.join(ARRAY), &shape, &derivatives.values)
 }
 
-/// Packs the derivatives of a folder's training states into another folder, each row and field within a share of its largest
-/// value, with the table that says whose they are. Training reads no others. Returns the bytes of the array; none where the
-/// manifest names no array.
+/// Packs the derivatives of a folder's training states into another folder with their table, each row and field within a fraction
+/// of its largest value. Training reads no others. Returns the bytes of the array; `None` if the manifest names no array.
 ///
 /// # Errors
 /// As [`super::read`], for both tables and the array, or no training state has derivatives.
@@ -209,7 +208,7 @@ pub fn pack_sensitivities(
     Ok(Some(bytes.len()))
 }
 
-/// A row of the table.
+/// Row of the table.
 fn line(case: &str, manifest: &Manifest, row: &Sensitivity) -> [String; 3] {
     [case.to_owned(), manifest.input[row.input].name.clone(), row.contact_force_n_per_unit.to_string()]
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// What the actuator can touch. It decides about gravity as well, so one model holds the cases of one kind.
+/// Kind of obstacle. It determines gravity too, so a model has the cases of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ObstacleKind {
@@ -24,7 +24,7 @@ impl ObstacleKind {
     /// All kinds.
     pub const ALL: [Self; 2] = [Self::Plate, Self::Block];
 
-    /// Name on the command line: that of its scene.
+    /// Name on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -33,7 +33,7 @@ impl ObstacleKind {
         }
     }
 
-    /// Where the obstacle is, unless a database says otherwise.
+    /// Default place of the obstacle; a database may contain another.
     pub(super) const fn footprint(self) -> Footprint {
         match self {
             Self::Plate => Footprint::PLATE,
@@ -42,18 +42,18 @@ impl ObstacleKind {
     }
 }
 
-/// Regimes as tables name them, with their meaning.
+/// Names of regimes in tables.
 pub const REGIMES: [(&str, (ObstacleKind, RegimeKind)); 3] = [
     ("free", (ObstacleKind::Plate, RegimeKind::Free)),
     ("contact", (ObstacleKind::Plate, RegimeKind::Contact)),
     ("gripper", (ObstacleKind::Block, RegimeKind::Contact)),
 ];
 
-/// Words for a regime in a table, as a message names them.
+/// Names of regimes for messages.
 pub const ANY_REGIME: &str = "free, contact or gripper; a structure with several shapes (buckled, snapped) needs one database and \
                               one model per shape";
 
-/// Splits as tables name them, the most urgent first.
+/// Names of splits in tables.
 pub const SPLITS: [(&str, Split); 3] =
     [("train", Split::Train), ("test", Split::Test), ("check", Split::Check)];
 
@@ -62,10 +62,10 @@ fn split_name(split: Split) -> &'static str {
     SPLITS.iter().find(|(_, value)| *value == split).map_or("", |(name, _)| name)
 }
 
-/// Columns every table has, in the order [`write()`] gives them.
+/// Columns of every table, in the order of [`write()`].
 const COLUMNS: [&str; 6] = ["case", "regime", "split", "pressure_mpa", "gap_mm", "contact_force_n"];
 
-/// A row of the table.
+/// Row of the table.
 pub(crate) struct Row {
     pub(crate) case: Case,
     pub(crate) obstacle: ObstacleKind,
@@ -104,7 +104,7 @@ struct Columns {
     parameters: Vec<usize>,
 }
 
-/// Where each standard column and each parameter is; all others must be declared.
+/// Finds the standard columns and the parameters; all others must be declared.
 fn columns(table: &Table, manifest: &Manifest) -> Result<Columns, Vec<Diagnostic>> {
     let [first @ .., pressure, gap, force] = COLUMNS;
     let found = table.columns(first);

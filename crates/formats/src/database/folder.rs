@@ -1,4 +1,4 @@
-//! The project's own layout: `database.toml`, `cases.csv`, `snapshots.npy` or packed, `mesh.vtu`.
+//! The project's layout: `database.toml`, `cases.csv`, `snapshots.npy` or packed, `mesh.vtu`.
 
 use super::arrays;
 use super::cases::{self, ObstacleKind, Row};
@@ -57,7 +57,7 @@ pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
     arrays::complete(database, mesh.as_deref())
 }
 
-/// The change of the undeformed mesh per unit of each parameter.
+/// Reads the derivative of the undeformed mesh with respect to each parameter.
 fn undeformed_by(path: &Path, parameters: usize, nodes: usize) -> Result<Vec<Vec<[f32; 3]>>, FormatError> {
     let array = npy::read_f32(path)?;
     let expected = [parameters, nodes, 3];
@@ -69,7 +69,7 @@ fn undeformed_by(path: &Path, parameters: usize, nodes: usize) -> Result<Vec<Vec
     Ok(points.chunks_exact(nodes).map(<[_]>::to_vec).collect())
 }
 
-/// Kinds of obstacle for which a folder has cases: what `--scene` can choose.
+/// Kinds of obstacle with cases in a folder.
 ///
 /// # Errors
 /// As [`super::read`], for the manifest and the table of cases.
@@ -83,7 +83,7 @@ pub fn obstacle_kinds(dir: &Path) -> Result<Vec<ObstacleKind>, FormatError> {
 /// Writes a database folder; `cells` of the undeformed mesh make the mesh file. Existing files are replaced.
 ///
 /// # Errors
-/// The operating system's.
+/// I/O error.
 pub fn write(dir: &Path, database: &Database, cells: vtu::Cells<'_>) -> Result<(), FormatError> {
     file::create_folder(dir)?;
     let mut manifest = Manifest::new(&database.actuator, database.node_count, &database.fields);

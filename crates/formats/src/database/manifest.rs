@@ -1,4 +1,4 @@
-//! `database.toml`: what the folder holds.
+//! `database.toml`: description of the folder.
 
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
@@ -9,12 +9,12 @@ use std::path::Path;
 
 /// Name of the file in its folder.
 pub const FILE: &str = "database.toml";
-/// The layout this version reads and writes.
+/// Layout that is read and written.
 const LAYOUT: u32 = 1;
-/// The inputs that every model has, with their units; a database without them leaves them out.
+/// Inputs of every model, with their units; a database may omit them.
 const OPERATING: [(&str, &str); PARAMETERS] = [("pressure_mpa", "MPa"), ("gap_mm", "mm")];
 
-/// The checked content of `database.toml`.
+/// Checked content of `database.toml`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
@@ -22,7 +22,7 @@ pub struct Manifest {
     pub layout: u32,
     /// Actuator (`pneunet`).
     pub actuator: String,
-    /// Nodes a field.
+    /// Nodes per field.
     pub nodes: usize,
     /// File of the cases, in the same folder.
     pub cases: String,
@@ -31,36 +31,35 @@ pub struct Manifest {
     /// File of the undeformed mesh, in the same folder.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mesh: Option<String>,
-    /// File of the change of the undeformed mesh per unit of each parameter (`parameters x nodes x 3`, mm per unit), in the same
-    /// folder, where parameters move it.
+    /// File of the derivative of the undeformed mesh with respect to each parameter (`parameters x nodes x 3`, mm per unit), in the
+    /// same folder, if parameters move it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub undeformed_by: Option<String>,
-    /// Where the mesh comes from; free text.
+    /// Origin of the mesh; any string.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mesh_origin: Option<String>,
-    /// What computed the cases; free text.
+    /// Solver of the cases; any string.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solver: Option<String>,
-    /// File of the derivatives by inputs, in the same folder.
+    /// File of the derivatives with respect to inputs, in the same folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensitivities: Option<String>,
-    /// Fields in the order of that file; all fields when absent.
+    /// Fields in the order of that file; default: all fields.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensitivity_fields: Option<Vec<String>>,
-    /// What can be touched; the paper's plate (or, for the gripper, its block) when absent.
+    /// Obstacle; default: the paper's plate, for the gripper its block.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub obstacle: Option<Footprint>,
     /// Fields in the order of the snapshots.
     pub field: Vec<Field>,
-    /// Inputs: `pressure_mpa`, `gap_mm` (each only where there is one), then parameters, by their key in the actuator's
-    /// description where there is one.
+    /// Inputs: `pressure_mpa`, `gap_mm` (each optional), then parameters, by their key in the actuator's description if it has one.
     pub input: Vec<Input>,
-    /// Columns of the case table beyond the standard ones, for people and other tools.
+    /// Further columns of the case table, for other tools.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub extra: Vec<Extra>,
 }
 
-/// A field of the snapshots.
+/// Field of the snapshots.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Field {
@@ -72,7 +71,7 @@ pub struct Field {
     pub kind: Kind,
 }
 
-/// Meaning of a field, as written in the file.
+/// Meaning of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -82,11 +81,11 @@ pub enum Kind {
     Magnitude,
     /// Equivalent stress, never negative.
     Stress,
-    /// Anything else.
+    /// Other quantity.
     Other,
 }
 
-/// An input of the cases.
+/// Input of the cases.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
@@ -94,12 +93,12 @@ pub struct Input {
     pub name: String,
     /// Unit.
     pub unit: String,
-    /// A parameter's value in the actuator as described.
+    /// A parameter's value in the actuator's description.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nominal: Option<f64>,
 }
 
-/// A column of the case table.
+/// Column of the case table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Extra {
@@ -113,17 +112,17 @@ impl Manifest {
     /// Reads and checks the file.
     ///
     /// # Errors
-    /// Not readable, not TOML of this shape, or values that do not fit; all of them at once.
+    /// An unreadable file, other keys, or inconsistent values; all errors.
     pub fn read(path: &Path) -> Result<Self, FormatError> {
         let manifest: Self = file::read_toml(path, "the keys of layout 1")?;
         let diagnostics = manifest.diagnostics();
         FormatError::check(manifest, path, diagnostics)
     }
 
-    /// Writes the file, with a comment that says what it is.
+    /// Writes the file, with a comment that describes it.
     ///
     /// # Errors
-    /// The operating system's.
+    /// I/O error.
     pub fn write(&self, path: &Path) -> Result<(), FormatError> {
         let body = toml::to_string(self).map_err(|e| FormatError::write(path, std::io::Error::other(e)))?;
         let text = format!(
@@ -132,7 +131,7 @@ impl Manifest {
         file::replace(path, text.as_bytes())
     }
 
-    /// The description of a database with the usual file names, without a mesh.
+    /// Description of a database with the usual file names, without a mesh.
     #[must_use]
     pub fn new(actuator: &str, nodes: usize, fields: &[FieldSpec]) -> Self {
         Self {
@@ -159,7 +158,7 @@ impl Manifest {
     /// Copies this description from its file to another, with other names of files; comments are kept.
     ///
     /// # Errors
-    /// The operating system's.
+    /// I/O error.
     pub fn copy_with_names(&self, from: &Path, to: &Path, names: &[(&str, &str)]) -> Result<(), FormatError> {
         let text = file::read_text(from, file::MAX_TEXT_BYTES)?;
         let renamed = |text: String, (old, new): &(&str, &str)| {
@@ -168,12 +167,12 @@ impl Manifest {
         file::replace(to, names.iter().fold(text, renamed).as_bytes())
     }
 
-    /// Fields as the model knows them.
+    /// Fields for the model.
     pub fn field_specs(&self) -> Vec<FieldSpec> {
         self.field.iter().map(Field::spec).collect()
     }
 
-    /// The inputs beside pressure and gap, in the order of the file.
+    /// Inputs other than pressure and gap, in the order of the file.
     pub fn parameters(&self) -> Vec<Parameter> {
         let further = self.input.iter().filter(|input| operating(&input.name).is_none());
         further
@@ -238,7 +237,7 @@ impl Manifest {
         check(
             count <= MAX_INPUTS,
             "[[input]]".into(),
-            "at most 6 beside pressure and gap",
+            "at most 6 other than pressure and gap",
             count.to_string(),
         );
         for (i, input) in self.input.iter().enumerate() {
@@ -267,7 +266,7 @@ impl Manifest {
     }
 }
 
-/// The position of pressure and gap in the inputs of every model.
+/// Position of pressure and gap in the inputs of every model.
 fn operating(name: &str) -> Option<usize> {
     OPERATING.iter().position(|(wanted, _)| *wanted == name)
 }
@@ -289,7 +288,7 @@ impl Field {
 
     fn spec(&self) -> FieldSpec {
         let kind = match self.kind {
-            // A coordinate without an axis in its name was refused by `diagnostics`.
+            // `diagnostics` refuses a coordinate without an axis in its name.
             Kind::Coordinate => axis_of(&self.name).map_or(FieldKind::Other, FieldKind::Coordinate),
             Kind::Magnitude => FieldKind::Magnitude,
             Kind::Stress => FieldKind::Stress,

@@ -1,7 +1,7 @@
 //! Databases of snapshots: the project's folder and the authors' tables.
 //!
-//! [`read`] checks every file against the others and reports all that is wrong at once; [`write()`] makes a folder that
-//! [`read`] accepts. The values themselves (NaN, duplicates, constants) are checked by training.
+//! [`read`] checks every file against the others and reports all errors; [`write()`] makes a folder that [`read`] accepts. Training
+//! checks the values (NaN, duplicates, constants).
 
 mod arrays;
 mod authors;
@@ -22,7 +22,7 @@ use std::path::Path;
 /// authors'. `O(bytes)`.
 ///
 /// # Errors
-/// A file that cannot be read, or everything that is wrong with the folder's files and with how they fit together.
+/// A file that cannot be read, or all errors in the folder's files and between them.
 pub fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, FormatError> {
     if !dir.join(manifest::FILE).exists() && dir.join(authors::FILE).exists() {
         return authors::read(dir, obstacle);

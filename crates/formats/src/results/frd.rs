@@ -178,7 +178,7 @@ impl Reader {
     fn component(&mut self, line: &str) {
         if let Section::Values(_, quantity, _) = &mut self.section {
             let words: Vec<&str> = line.get(3..).unwrap_or_default().split_whitespace().collect();
-            // A sixth word is the sign of a value that viewers compute, such as ALL: it has no column.
+            // Value 6 of a component marks one that viewers compute, such as ALL, without a column.
             if let Some(name) = words.first().filter(|_| words.get(5).is_none()) {
                 quantity.components.push((*name).to_owned());
             }

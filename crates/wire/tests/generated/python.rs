@@ -161,7 +161,7 @@ pub fn qos() -> String {
     }
     write!(
         out,
-        "}}\n\"\"\"By kind of topic.\"\"\"\n\nMAX_CLIENTS = {}\n\"\"\"Programs that may ask one twin at the same time.\"\"\"\n\
+        "}}\n\"\"\"Settings by kind of topic.\"\"\"\n\nMAX_CLIENTS = {}\n\"\"\"Programs that may ask one twin at the same time.\"\"\"\n\
          MAX_QUERY_NODES = {}\n\"\"\"Programs around one twin's questions at the same time.\"\"\"\n\
          MAX_LOANS = {}\n\"\"\"Samples that a writer may have on loan.\"\"\"\n",
         qos::MAX_CLIENTS,

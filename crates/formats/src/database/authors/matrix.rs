@@ -4,10 +4,10 @@ use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use std::path::Path;
 
-/// Wrong cells that are collected before reading stops: a file of another kind would otherwise fill memory with them.
+/// Number of errors after which reading stops.
 const MAX_DIAGNOSTICS: usize = 50;
 
-/// A table of finite numbers.
+/// Table of finite numbers.
 pub(crate) struct Matrix {
     /// Rows.
     pub(crate) rows: usize,
@@ -16,7 +16,7 @@ pub(crate) struct Matrix {
 }
 
 impl Matrix {
-    /// Reads a table with this many columns.
+    /// Reads a table with `columns` columns.
     pub(crate) fn read(path: &Path, columns: usize) -> Result<Self, FormatError> {
         let text = file::read_text(path, file::MAX_DATA_BYTES)?;
         let (mut values, mut diagnostics, mut rows) = (Vec::new(), Vec::new(), 0);
@@ -55,12 +55,12 @@ impl Matrix {
         FormatError::check(Self { rows, columns, values }, path, diagnostics)
     }
 
-    /// One value.
+    /// Value at a row and column.
     pub(crate) fn at(&self, row: usize, column: usize) -> f32 {
         self.values[row * self.columns + column]
     }
 
-    /// One column from top to bottom.
+    /// Values of a column.
     pub(crate) fn column(&self, column: usize) -> impl Iterator<Item = f32> + '_ {
         self.values.iter().skip(column).step_by(self.columns).copied()
     }

@@ -1,16 +1,16 @@
-//! The layouts of the paper's authors, described by an `authors.toml` in the folder:
+//! Layouts of the paper's authors, described by an `authors.toml` in the folder:
 //!
 //! ```toml
 //! actuator = "pneunet"
 //! mesh = "mesh.vtu"                   # optional: the undeformed mesh in the same node order
 //! [[set]]                             # one for each regime
 //! regime = "free"                     # free, contact or gripper
-//! parameters = "samples_free.csv"     # one row a case: pressure_mpa, gap_mm, contact_force_n, split; or numbers alone
-//! stacked = "free.csv"                # rows: X, Y, Z, U, S of node 0, then of node 1, ...; one column a case; no header
+//! parameters = "samples_free.csv"     # one row per case: pressure_mpa, gap_mm, contact_force_n, split; or numbers alone
+//! stacked = "free.csv"                # rows: X, Y, Z, U, S of node 0, then of node 1, ...; one column per case; no header
 //! [[set]]
 //! regime = "contact"
 //! parameters = "samples_contact.csv"
-//! fields = { x = "X.csv", y = "Y.csv", z = "Z.csv", displacement = "U.csv", von_mises = "S.csv" }  # or a file a field
+//! fields = { x = "X.csv", y = "Y.csv", z = "Z.csv", displacement = "U.csv", von_mises = "S.csv" }  # or a file per field
 //! ```
 
 mod matrix;
@@ -56,7 +56,7 @@ struct Fields {
 }
 
 impl Set {
-    /// The kind of obstacle and regime of the set.
+    /// Kind of obstacle and regime of the set.
     fn kind(&self) -> Result<(ObstacleKind, RegimeKind), Diagnostic> {
         let found = REGIMES.iter().find(|(name, _)| *name == self.regime).map(|(_, kind)| *kind);
         found.ok_or_else(|| {
@@ -74,7 +74,7 @@ impl Fields {
 /// Reads a folder in the authors' layouts. `O(bytes)`.
 ///
 /// # Errors
-/// Files that cannot be read, cells that are no finite numbers (row and column are named), sets that do not fit together.
+/// Files that cannot be read, cells that are not finite numbers (with row and column), inconsistent sets.
 pub(crate) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, FormatError> {
     let path = dir.join(FILE);
     let wrong = |diagnostic| FormatError::one(&path, diagnostic);
@@ -144,7 +144,7 @@ impl Collected {
     }
 }
 
-/// `(nodes, cases x nodes x 5)` from one file with all fields.
+/// Reads `(nodes, cases x nodes x 5)` from one file with all fields.
 fn stacked(path: &Path, cases: usize) -> Result<(usize, Vec<f32>), FormatError> {
     let matrix = Matrix::read(path, cases)?;
     if matrix.rows % 5 != 0 {
@@ -155,7 +155,7 @@ fn stacked(path: &Path, cases: usize) -> Result<(usize, Vec<f32>), FormatError> 
     Ok((matrix.rows / 5, snapshots))
 }
 
-/// `(nodes, cases x nodes x 5)` from a file a field.
+/// Reads `(nodes, cases x nodes x 5)` from a file per field.
 fn per_field(dir: &Path, fields: &Fields, cases: usize) -> Result<(usize, Vec<f32>), FormatError> {
     let mut matrices: Vec<Matrix> = Vec::new();
     for file in fields.files() {

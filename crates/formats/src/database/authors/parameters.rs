@@ -1,4 +1,4 @@
-//! The parameter list: one row a case, in the order of the snapshots' columns.
+//! Parameter list: one row per case, in the order of the snapshots' columns.
 
 use crate::database::cases::SPLITS;
 use crate::error::{Diagnostic, FormatError, collect};
@@ -24,7 +24,7 @@ pub(crate) fn read(path: &Path, regime: RegimeKind, first: usize) -> Result<Vec<
         collect(table.column(name), &mut diagnostics);
     }
     let mut cases = Vec::new();
-    // With a wrong header every row would be wrong.
+    // A wrong header makes every row an error.
     if diagnostics.is_empty() {
         let columns = COLUMNS.map(|name| table.column(name).ok());
         for row in table.rows() {
