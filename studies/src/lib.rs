@@ -6,6 +6,7 @@ mod bench;
 mod control;
 mod estimation;
 mod hard_cases;
+mod jumps;
 mod learning;
 mod measure;
 mod peers;

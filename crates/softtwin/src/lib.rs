@@ -8,7 +8,6 @@ mod card;
 mod cmd;
 pub mod draws;
 pub mod files;
-pub mod jumps;
 mod live;
 mod load;
 pub mod options;

@@ -419,10 +419,6 @@ fn a_sealed_evaluation_looks_once_and_leaves_nothing_behind() {
     let free = states.iter().filter(|case| case["gap_mm"].is_null()).count();
     assert_eq!((states.len(), free), (10, 1), "{found}");
     assert!(states.iter().all(|case| case["domain"] == "inside"), "{found}");
-    let quarters = found["sealed"]["quarters"].as_array().unwrap();
-    let counted: u64 = quarters.iter().map(|quarter| quarter["states"].as_u64().unwrap()).sum();
-    assert_eq!((counted, found["sealed"]["seed"].as_u64()), (9, Some(5)), "{found}");
-    assert!(found["sealed"]["stress_jump"].as_f64().unwrap() > 0.0);
     let inputs = |found: &Value| -> Vec<String> {
         let cases = found["cases"].as_array().unwrap().iter();
         cases.map(|case| format!("{} {}", case["pressure_mpa"], case["gap_mm"])).collect()

@@ -1,11 +1,11 @@
-//! How a command ends. Commands return `anyhow::Result`; what is the user's mistake is marked where it is found.
+//! Exit codes. Commands return `anyhow::Result`; errors of usage and configuration are marked where they are found.
 
 use std::error::Error;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
-/// A mistake of the user, which no repetition of the command will cure.
+/// An error of usage or configuration.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]
 struct Mistake {

@@ -3,10 +3,10 @@
 use super::sealed::{ERRORS, OUTSIDE, Sealed};
 use super::study::{REGIMES, Study, percent, test_mse};
 use super::switch::GAPS;
+use crate::jumps;
 use crate::sweep::extent::MAX_STRESS_JUMP;
 use rom::model::Model;
 use rom::snapshots::{FieldKind, RegimeKind, Split};
-use softtwin::jumps;
 use std::fmt::Write as _;
 use train::evaluate::{Report, spread};
 

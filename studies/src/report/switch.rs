@@ -1,7 +1,7 @@
 //! Continuity at the contact onset.
 
 use super::study::{Study, percent};
-use softtwin::jumps::jumps;
+use crate::jumps::jumps;
 
 /// Gaps at which both sides of the onset are compared.
 pub const GAPS: usize = 100;

@@ -1,5 +1,6 @@
 //! Checks of a model over many random states: what must hold wherever it answers.
 
+use crate::jumps::jumps;
 use anyhow::Context;
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
@@ -8,7 +9,6 @@ use rom::model::Model;
 use rom::snapshots::RegimeKind;
 use serde::Serialize;
 use softtwin::draws::Draws;
-use softtwin::jumps::jumps;
 
 /// Step between two states that are compared, as a fraction of an input's range.
 const STEP: f64 = 2e-3;

@@ -9,15 +9,9 @@ use runtime::grasp::GraspModel;
 use std::path::PathBuf;
 use wire::Payload;
 
-/// The paper's gripper: force per finger in N, at a pressure in MPa, object in g, smallest friction.
-const PAPER: (f64, f64, f64, f64) = (0.58, 0.079, 17.0, 0.2);
-
 const EXAMPLES: &str = "\
 Examples:
     softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.079
-  Compared with the paper:
-    softtwin grasp --scene config/scenes/gripper.toml --paper \\
-      --pressure-mpa 0.079
   Another object, for a script:
     softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.05 \\
       --friction 0.3 --mass-g 30 --json
@@ -47,9 +41,6 @@ pub struct Args {
     /// Safety factor instead of the scene's.
     #[arg(long, value_name = "S", value_parser = crate::range::number(0.0, 1e6))]
     safety: Option<f64>,
-    /// Compare with the figures of the paper (0.58 N per finger at 0.079 MPa, 17 g, friction above 0.2).
-    #[arg(long)]
-    paper: bool,
     /// One JSON object.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -88,16 +79,6 @@ impl Args {
             grasp.margin * 100.0
         )?;
         output!("  these forces hold it from a friction coefficient of {:.3} on", grasp.needed_friction)?;
-        if self.paper {
-            let (force_n, pressure_mpa, mass_g, friction) = PAPER;
-            output!(
-                "  the paper: {force_n} N per finger at {pressure_mpa} MPa, {mass_g} g, friction above {friction}"
-            )?;
-            output!(
-                "  this scene: {:+.1} % against its force",
-                (grasp.least_force_n / force_n - 1.0) * 100.0
-            )?;
-        }
         Ok(())
     }
 }

@@ -1,6 +1,5 @@
 //! `softtwin evaluate`.
 
-mod fresh;
 mod sealed;
 
 use crate::options::SceneArg;
@@ -22,11 +21,6 @@ Examples:
     softtwin evaluate --model finger.twin \\
       --database models/pneunet/database --split held-out --json \\
       --picture errors.svg
-  On 12 new states, drawn at random inside the model's training range and simulated now (about 10 s each) into a new \
-  folder:
-    softtwin evaluate --model models/pneunet/pneunet.twin \\
-      --actuator models/pneunet/actuator.toml \\
-      --simulate 12 --seed 7 --database fresh
   Sealed evaluation: 200 states over the whole training range, 10 % of them free, simulated, evaluated once and deleted:
     softtwin evaluate --model models/pneunet/pneunet.twin --sealed 200 \\
       --seed 20261122
@@ -47,27 +41,24 @@ pub struct Args {
     /// Model file.
     #[arg(long, value_name = "FILE.twin")]
     model: PathBuf,
-    /// Database folder of the same actuator and mesh; with --simulate: the folder of the new states.
+    /// Database folder of the same actuator and mesh.
     #[arg(long, value_name = "DIR", required_unless_present = "sealed", conflicts_with = "sealed")]
     database: Option<PathBuf>,
-    /// Number of contact states to draw at random inside the model's training range, simulate and evaluate on.
-    #[arg(long, value_name = "N", requires = "actuator", value_parser = clap::value_parser!(u64).range(1..=10_000), help_heading = "Sampling")]
-    simulate: Option<u64>,
     /// Number of states to draw over the whole training range, 10 % of them free, simulate into the system's folder for temporary
     /// files, evaluate on and remove.
-    #[arg(long, value_name = "N", requires = "seed", conflicts_with_all = ["simulate", "split"], value_parser = clap::value_parser!(u64).range(10..=10_000), help_heading = "Sampling")]
+    #[arg(long, value_name = "N", requires = "seed", conflicts_with = "split", value_parser = clap::value_parser!(u64).range(10..=10_000), help_heading = "Sampling")]
     sealed: Option<u64>,
-    /// Seed of the random states; 1 when left out (--sealed asks for it).
-    #[arg(long, value_name = "N", help_heading = "Computing")]
+    /// Seed of the random states.
+    #[arg(long, value_name = "N", requires = "sealed", help_heading = "Computing")]
     seed: Option<u64>,
-    /// Actuator that is simulated; with --sealed: the actuator.toml beside the model when left out.
-    #[arg(long, value_name = "FILE.toml")]
+    /// Actuator that is simulated [default: actuator.toml in the model's folder].
+    #[arg(long, value_name = "FILE.toml", requires = "sealed")]
     actuator: Option<PathBuf>,
     /// States simulated at the same time; about 1 GB each (1 to 256).
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = crate::range::threads, help_heading = "Computing")]
     threads: usize,
     /// Cases to evaluate on; when left out those of split test, or of check where there are none.
-    #[arg(long, value_enum, conflicts_with = "simulate", help_heading = "Sampling")]
+    #[arg(long, value_enum, help_heading = "Sampling")]
     split: Option<SplitArg>,
     /// Whose cases are used.
     #[arg(long, value_enum, default_value_t)]
@@ -117,27 +108,14 @@ impl Args {
     /// Evaluates and prints.
     pub fn run(self) -> anyhow::Result<()> {
         let model = files::model(&self.model)?;
-        let drawn = self.simulate.or(self.sealed).is_some();
-        for (given, name) in [(self.seed.is_some(), "--seed"), (self.actuator.is_some(), "--actuator")] {
-            if given && !drawn {
-                return Err(crate::failure::usage(format!(
-                    "{name}: expected --simulate N or --sealed N beside it"
-                )));
-            }
-        }
         if let Some(count) = self.sealed {
             return self.sealed(&model, count as usize);
         }
         let folder = self.database.as_deref().unwrap_or(Path::new(""));
-        if let Some(count) = self.simulate {
-            self.simulate(&model, count as usize, folder)?;
-        }
         let database = files::database(folder, ObstacleKind::from(self.scene))?;
         let split = match self.split {
             Some(split) => split,
-            None if self.simulate.is_none() && database.of_split(Split::Test).next().is_some() => {
-                SplitArg::Test
-            }
+            None if database.of_split(Split::Test).next().is_some() => SplitArg::Test,
             None => SplitArg::Check,
         };
         if self.errors.is_some() && split.has(Split::Train) {
@@ -150,15 +128,15 @@ impl Args {
         if cases.is_empty() {
             return Err(crate::failure::usage(format!(
                 "--split: {} has no such cases; it has {}. Hold states back (split check in its list of cases), take new ones \
-                 (--simulate 12 --actuator FILE.toml --database fresh), or look at those trained on (--split train)",
+                 (--sealed 12 --seed 1), or use those trained on (--split train)",
                 folder.display(),
                 splits(&database)
             )));
         }
-        self.show(&model, &evaluate(&model, &database, &cases, self.floor)?, None)
+        self.show(&model, &evaluate(&model, &database, &cases, self.floor)?)
     }
 
-    fn show(&self, model: &Model, report: &Report, sealed: Option<&serde_json::Value>) -> anyhow::Result<()> {
+    fn show(&self, model: &Model, report: &Report) -> anyhow::Result<()> {
         if let Some(path) = &self.errors {
             unseen_errors::write(path, model, &report.cases)?;
         }
@@ -167,7 +145,7 @@ impl Args {
             picture(report).save(path)?;
         }
         if self.json {
-            return output::json(&Printed { report, leave_one_out: left_out, sealed });
+            return output::json(&Printed { report, leave_one_out: left_out });
         }
         text(report, &left_out)
     }
@@ -183,8 +161,6 @@ struct Printed<'a> {
     #[serde(flatten)]
     report: &'a Report,
     leave_one_out: Vec<LeftOut>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    sealed: Option<&'a serde_json::Value>,
 }
 
 /// Leave-one-out errors of a regime's training cases: mean, 95th percentile, maximum over cases of the worst node's.

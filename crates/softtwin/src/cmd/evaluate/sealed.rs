@@ -1,47 +1,22 @@
-//! Sealed evaluation: test states that are evaluated once and not stored.
+//! Sealed evaluation: test states, drawn at random in a model's training range, simulated, evaluated once and not stored.
 
 use super::Args;
-use super::fresh::random_states;
+use crate::cmd::simulate::batch;
+use crate::draws::Draws;
 use crate::failure::usage;
-use crate::jumps::jumps;
-use crate::{files, output};
+use crate::files;
+use fem::cases::Case;
 use formats::database::ObstacleKind;
-use rom::inputs::{GAP, PARAMETERS, PRESSURE};
+use rom::inputs::{Inputs, PARAMETERS};
 use rom::model::Model;
 use rom::snapshots::RegimeKind;
-use serde::Serialize;
 use std::path::Path;
-use train::evaluate::{CaseReport, Covered, Report, evaluate};
+use train::evaluate::evaluate;
 
 /// One of this number of states is free: there is one input then.
 const FREE_SHARE: usize = 10;
-/// Gaps at which both sides of the onset are compared.
-const ONSET_GAPS: usize = 100;
-/// The contact states below this pressure are counted apart: weight and pressure are of one size there.
-const LOW_MPA: f64 = 0.005;
-
-/// Figures of test states besides their errors.
-#[derive(Debug, Serialize)]
-struct Sealed {
-    seed: u64,
-    /// Contact states below 5 kPa.
-    below_5_kpa: usize,
-    /// Contact states within the half-widths, by half of the pressure range and half of the gap range.
-    quarters: Vec<Quarter>,
-    /// Largest jumps at the onset of contact: of a coordinate, of stress over the state's largest, of the force.
-    jump_mm: f64,
-    stress_jump: f64,
-    jump_n: f64,
-}
-
-#[derive(Debug, Serialize)]
-struct Quarter {
-    pressure: &'static str,
-    gap: &'static str,
-    states: usize,
-    /// Share within the half-widths: displacement, stress, force; none without states.
-    coverage: Option<[f64; 3]>,
-}
+/// Draws per list: a training range of 1 % of its bounding box is still found.
+const TRIES: usize = 100_000;
 
 impl Args {
     /// Draws, simulates, evaluates, removes.
@@ -52,11 +27,11 @@ impl Args {
                  --parameter`, `softtwin simulate` it and evaluate on that folder",
             ));
         }
-        let beside = self.model.with_file_name("actuator.toml");
-        let actuator = self.actuator.as_deref().unwrap_or(&beside);
+        let default = self.model.with_file_name("actuator.toml");
+        let actuator = self.actuator.as_deref().unwrap_or(&default);
         if !actuator.is_file() {
             return Err(usage(format!(
-                "--sealed: expected the actuator that the model is of, found no {}; name it by --actuator",
+                "--sealed: expected the model's actuator, found no {}; give it by --actuator",
                 actuator.display()
             )));
         }
@@ -70,79 +45,65 @@ impl Args {
         let hash = wire::layout::hex(&files::model_and_hash(&self.model)?.1[..8]);
         let folder = std::env::temp_dir().join(format!("softtwin-sealed-{hash}-{seed}-{count}"));
         self.solve(model, &cases, &folder, actuator)?;
-        let report = self.judge(model, &folder)?;
-        let found = Sealed::of(model, &report, seed)?;
+        let database = files::database(&folder, scene)?;
+        let all: Vec<usize> = (0..database.cases.len()).collect();
+        let report = evaluate(model, &database, &all, self.floor)?;
         std::fs::remove_dir_all(&folder)?;
-        self.show(model, &report, Some(&serde_json::to_value(&found)?))?;
-        if self.json { Ok(()) } else { found.print() }
+        self.show(model, &report)
     }
 
-    fn judge(&self, model: &Model, folder: &Path) -> anyhow::Result<Report> {
-        let database = files::database(folder, ObstacleKind::from(self.scene))?;
-        let all: Vec<usize> = (0..database.cases.len()).collect();
-        Ok(evaluate(model, &database, &all, self.floor)?)
+    /// Simulates a list into a folder, on the model's own mesh.
+    fn solve(&self, model: &Model, cases: &[Case], folder: &Path, actuator: &Path) -> anyhow::Result<()> {
+        let family = files::family(actuator)?;
+        let nodes = family.problem.mesh().nodes_mm.len();
+        if nodes != model.header.node_count {
+            return Err(usage(format!(
+                "--actuator {}: its mesh has {nodes} nodes, expected the model's {}; the model was trained on another mesh",
+                actuator.display(),
+                model.header.node_count
+            )));
+        }
+        let threads = self.threads;
+        let options = batch::Options { threads, sensitivities: false, settings: Vec::new() };
+        let outcome = batch::solve(&family, cases, folder, &options)?;
+        for (index, reason) in &outcome.failed {
+            tracing::warn!("state {} could not be simulated: {reason}", cases[*index].name);
+        }
+        Ok(())
     }
 }
 
-impl Sealed {
-    fn of(model: &Model, report: &Report, seed: u64) -> anyhow::Result<Self> {
-        let range = model.header.onset.as_ref().map_or([0.0; 2], |onset| [onset.sag_mm(), onset.reach_mm()]);
-        let jumps = jumps(model, range, ONSET_GAPS)?;
-        let contact: Vec<&CaseReport> = report.cases.iter().filter(|c| c.gap_mm.is_some()).collect();
-        let middle = |input| {
-            let range = model.regime(RegimeKind::Contact).and_then(|regime| regime.inputs.range(input));
-            range.map_or(f64::INFINITY, |[low, high]| 0.5 * (low + high))
-        };
-        let middles = [middle(PRESSURE), middle(GAP)];
-        let quarter = |(pressure, gap): (bool, bool)| {
-            let within = |c: &&&CaseReport| {
-                [c.pressure_mpa > middles[0], c.gap_mm.is_some_and(|gap| gap > middles[1])] == [pressure, gap]
-            };
-            let cases: Vec<&Covered> = contact.iter().filter(within).map(|c| &c.covered).collect();
-            let share =
-                |of: fn(&Covered) -> bool| cases.iter().filter(|c| of(c)).count() as f64 / cases.len() as f64;
-            let name = |upper: bool| if upper { "upper" } else { "lower" };
-            Quarter {
-                pressure: name(pressure),
-                gap: name(gap),
-                states: cases.len(),
-                coverage: (!cases.is_empty())
-                    .then(|| [share(|c| c.displacement), share(|c| c.stress), share(|c| c.force)]),
-            }
-        };
-        let quarters = [(false, false), (false, true), (true, false), (true, true)].map(quarter).into();
-        Ok(Self {
-            seed,
-            below_5_kpa: contact.iter().filter(|c| c.pressure_mpa < LOW_MPA).count(),
-            quarters,
-            jump_mm: jumps.length_mm,
-            stress_jump: jumps.stress_share,
-            jump_n: jumps.force_n,
-        })
+/// Random states inside the training range of a regime, uniform in pressure and gap.
+fn random_states(
+    model: &Model,
+    kind: RegimeKind,
+    count: usize,
+    seed: u64,
+    scene: ObstacleKind,
+) -> anyhow::Result<Vec<Case>> {
+    // What is simulated is what is written: rounded as a list of cases would round it.
+    let rounded = |value: f64, per: f64| (value * per).round() / per;
+    let written = |at: Inputs| Inputs::new(rounded(at.pressure_mpa(), 1e6), rounded(at.gap_mm(), 1e4));
+    let mut draws = Draws::new(model, kind, seed)?;
+    let states: Vec<Inputs> = (0..TRIES).filter_map(|_| draws.draw(written)).take(count).collect();
+    if states.len() < count {
+        let kind = kind.name();
+        anyhow::bail!(
+            "only {} of {count} random states are inside the training range of regime {kind}",
+            states.len()
+        );
     }
-
-    fn print(&self) -> anyhow::Result<()> {
-        output!("\nsealed states of seed {}; {} contact states below 5 kPa", self.seed, self.below_5_kpa)?;
-        output!(
-            "within the half-widths by half of the pressure and gap range (displacement, stress, force):"
-        )?;
-        for quarter in &self.quarters {
-            let shares = quarter.coverage.map_or("-".into(), |shares| {
-                shares.map(|share| format!("{:.0} %", 100.0 * share)).join(", ")
-            });
-            output!(
-                "  {} pressures, {} gaps: {} states: {shares}",
-                quarter.pressure,
-                quarter.gap,
-                quarter.states
-            )?;
-        }
-        output!(
-            "largest jump at the onset: {:.4} mm, stress {:.3} % of the state's largest, {:.1e} N",
-            self.jump_mm,
-            100.0 * self.stress_jump,
-            self.jump_n
-        )?;
-        Ok(())
-    }
+    let regime = match (kind, scene) {
+        (RegimeKind::Contact, ObstacleKind::Block) => "gripper",
+        (kind, _) => kind.name(),
+    };
+    let case = |(k, state): (usize, Inputs)| Case {
+        name: format!("fresh{seed}-{regime}{k:03}"),
+        regime: regime.into(),
+        split: "check".into(),
+        pressure_mpa: state.pressure_mpa(),
+        gap_mm: (kind == RegimeKind::Contact).then(|| state.gap_mm()),
+        settings: Vec::new(),
+    };
+    Ok(states.into_iter().enumerate().map(case).collect())
 }
