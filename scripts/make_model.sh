@@ -1,6 +1,6 @@
 #!/bin/sh
 # Makes databases, models and gauge traces from nothing: mesh -> states -> database -> trained model; cavity volumes -> traces.
-#   scripts/make_model.sh [pneunet|gripper|stiffness|design|traces|cylinder ...]     default: pneunet gripper
+#   scripts/make_model.sh [pneunet|gripper|design|traces|cylinder ...]     default: pneunet gripper
 #   MESH=1 scripts/make_model.sh                           builds the mesh again too (needs gmsh, see scripts/mesh.py)
 # Stop it and start it again as you like: solved states are kept in target/database/*/states.
 set -eu
@@ -62,14 +62,6 @@ for name in "$@"; do
         solve_and_check design "$list" models/pneunet-design/pneunet-design.twin 60 14142135 "$@"
         continue
     fi
-    if [ "$name" = stiffness ]; then
-        # Pressure, gap and the silicone's stiffness.
-        list=models/pneunet-stiffness/cases.csv
-        set -- --parameter elastomer.law.mu_mpa=0.6:1.0
-        softtwin sample --actuator models/pneunet/actuator.toml --kind sequence --regime both --n 140 --seed 3 --prefix m "$@" --out "$list"
-        solve_and_check stiffness "$list" models/pneunet-stiffness/pneunet-stiffness.twin 30 20261122 "$@"
-        continue
-    fi
     if [ "$name" = cylinder ]; then
         # A small actuator over a cylinder whose radius is an input; some minutes on one core.
         actuator=models/cylinder/actuator.toml folder=target/database/cylinder
@@ -90,9 +82,10 @@ for name in "$@"; do
     # The gripper's derivatives gain little (docs/accuracy.md) and would be a third of its data.
     case $name in gripper) scene=gripper derivatives= ;; *) scene=plate derivatives=--sensitivities ;; esac
     softtwin simulate --actuator "$model/actuator.toml" --cases "$model/cases.csv" $derivatives --out "$database"
-    softtwin pack --database "$database" --out "$model/database"
-    # Half-widths from held-out states, if errors.csv exists (see docs/accuracy.md).
-    errors=
-    [ ! -f "$model/errors.csv" ] || errors="--errors $model/errors.csv"
-    softtwin train --database "$model/database" --scene "$scene" $(config_of "$model") $errors --out "$model/$name.twin"
+    # The gripper's database is not part of the repository.
+    if [ "$name" != gripper ]; then
+        softtwin pack --database "$database" --out "$model/database"
+        database="$model/database"
+    fi
+    softtwin train --database "$database" --scene "$scene" $(config_of "$model") --out "$model/$name.twin"
 done

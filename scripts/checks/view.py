@@ -251,20 +251,20 @@ def what_if_answers_sliders_without_a_twin_and_its_colours_are_the_published_max
 
 @check
 def what_if_has_a_slider_for_every_input_and_numbers_show_the_parameters(stage, program):
-    view, url = stage.view("--model", "models/pneunet-stiffness/pneunet-stiffness.twin")
+    view, url = stage.view("--model", "models/pneunet-design/pneunet-design.twin")
     page = Page(program, url)
     try:
         wait(lambda: page.run("softtwin.state.models.size > 0"), "the model")
         page.click("whatif-toggle")
         wait(lambda: page.shown("predicted"), "a prediction")
-        assert page.run("document.querySelectorAll('.slider input').length") == 3
+        assert page.run("document.querySelectorAll('.slider input').length") == 7
         value = lambda: page.run("softtwin.chosen()?.shown?.inputs?.[2] ?? null")
         assert value() == 0.8, f"a parameter begins at its nominal value, found {value()}"
         page.slide("input-gap", 30)
         page.slide("input-pressure", 0.07)
         page.slide("input-elastomer.law.mu_mpa", 0.7)
         wait(lambda: value() == 0.7, "the slider's stiffness")
-        answer = json.loads(stage.run("softtwin", "predict", "--model", "models/pneunet-stiffness/pneunet-stiffness.twin", "--pressure-mpa", "0.07",
+        answer = json.loads(stage.run("softtwin", "predict", "--model", "models/pneunet-design/pneunet-design.twin", "--pressure-mpa", "0.07",
                                       "--gap-mm", "30", "--set", "elastomer.law.mu_mpa=0.7").stdout)
         assert abs(page.shown("contact_force_n") - answer["contact_force_n"]) < 1e-9, answer
         numbers = page.run("[...document.querySelectorAll('.number')].map((box) => box.textContent).join(' | ')")

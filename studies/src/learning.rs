@@ -127,7 +127,7 @@ pub fn curve(
 /// As `softtwin train`, with every mode that lowers the leave-one-out error: what is compared is what the states know, not how
 /// much of it is kept.
 fn as_many_modes_as_pay() -> TrainConfig {
-    let mut config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
+    let mut config = TrainConfig::default();
     for regime in [&mut config.free, &mut config.contact] {
         (regime.modes, regime.max_modes) = (ModeChoice::LeaveOneOut(1.0), usize::MAX);
     }

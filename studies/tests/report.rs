@@ -2,9 +2,9 @@
 
 use formats::vtu::Cells;
 use rom::snapshots::{Database, RegimeKind, Split};
-use rom::synthetic::{database, training_states};
 use std::path::Path;
 use std::process::{Command, Output};
+use studies::synthetic::{database, training_states};
 
 /// An actuator of formulas with test cases and states that no training sees.
 fn plate() -> Database {

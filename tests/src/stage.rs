@@ -32,12 +32,7 @@ fn train(kernel: KernelKind) -> Vec<u8> {
         kernels: vec![KernelSpec { kernel, tail: Tail::Linear }],
         ..RegimeConfig::default()
     };
-    let config = TrainConfig {
-        free: regime(),
-        contact: regime(),
-        full_leave_one_out: false,
-        ..TrainConfig::default()
-    };
+    let config = TrainConfig { free: regime(), contact: regime(), ..TrainConfig::default() };
     let (model, _) = train::train(&synthetic::plate(), &config, &mut |_| {}).expect("the beam trains");
     model.to_bytes().expect("the beam can be written")
 }

@@ -148,8 +148,8 @@ fn fit_of_gap_and_bias_writes_a_scene_that_runs() {
 #[test]
 fn fit_finds_stiffness_gap_and_bias() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut softer = committed("pneunet-stiffness");
-    softer.header.give([("elastomer.law.mu_mpa", 0.71)]).expect("a parameter");
+    let mut softer = committed("pneunet-design");
+    softer.header.set_parameters([("elastomer.law.mu_mpa", 0.71)]).expect("a parameter");
     let table = table(&softer, &inflation(), [46.0, 0.0012, 0.0], true);
     let output = calibrate_with(folder.path(), Stiffness::Unknown, &table, &[]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -8,8 +8,7 @@ use tests::{Program, Stage};
 use wire::layout::input_source;
 use wire::{FieldReader, SensorSample, SensorWriter, Topic, now_ns};
 
-const MODEL: &str =
-    concat!(env!("CARGO_MANIFEST_DIR"), "/../models/pneunet-stiffness/pneunet-stiffness.twin");
+const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/pneunet-design/pneunet-design.twin");
 const STIFFNESS: &str = "elastomer.law.mu_mpa";
 const PRESSURE_MPA: f64 = 0.06;
 const GAP_MM: f64 = 40.0;

@@ -45,10 +45,6 @@ static ALLOCATOR: Counting = Counting;
 fn twin_loop_allocates_only_the_transports_sample_handles() {
     let stage = Stage::new("alloc");
     let path = stage.finger("kind = \"simulate\"");
-    // The whole field from rows of different widths, the tip from f32.
-    let text = std::fs::read_to_string(&path).unwrap();
-    std::fs::write(&path, text.replace("nodes = \"all\"", "nodes = \"all\"\nprecision = \"budget\""))
-        .unwrap();
     let scene = Scene::load(&path).unwrap();
     let bus = stage.bus();
     let loaded = load_scene(&scene, &path).unwrap();

@@ -92,7 +92,7 @@ fn stiffness_is_an_input_of_the_twin() {
         );
         let force = |value: &Value| value["contact_force_n"].as_f64().expect("a force");
         let off = (force(&predicted) - force(&simulated)).abs();
-        let halfwidth = predicted["bars"]["force_n"].as_f64().expect("a half-width");
+        let halfwidth = predicted["half_widths"]["force_n"].as_f64().expect("a half-width");
         // Half-widths cover nine of ten states; the widest of ten is within twice of it.
         assert!(off < 2.0 * halfwidth && off < 0.02 * force(&simulated), "{state}: {off} N, {predicted}");
         let field = |name: &str| npy::read_f32(&folder.join(name)).expect("an array").data;
@@ -101,7 +101,7 @@ fn stiffness_is_an_input_of_the_twin() {
             found.chunks(5).zip(exact.chunks(5)).map(move |(a, b)| f64::from(a[axis] - b[axis]))
         };
         let worst = (0..3).flat_map(of_axis).fold(0.0_f64, |worst, off| worst.max(off.abs()));
-        let halfwidth = predicted["bars"]["displacement_mm"].as_f64().expect("a half-width");
+        let halfwidth = predicted["half_widths"]["displacement_mm"].as_f64().expect("a half-width");
         assert!(worst < 2.0 * halfwidth, "{state}: {worst} mm, {predicted}");
     }
     a_stiffness_is_found_for_a_force(folder);

@@ -133,7 +133,7 @@ def test_named_inputs_from_python_are_measured_inputs(stage):
             name = "py"
             [[actuator]]
             name = "finger"
-            model = "{REPOSITORY / "models/pneunet-stiffness/pneunet-stiffness.twin"}"
+            model = "{REPOSITORY / "models/pneunet-design/pneunet-design.twin"}"
             [actuator.inputs]
             "elastomer.law.mu_mpa" = "measured"
             """

@@ -41,10 +41,10 @@ def test_the_answers_are_those_of_the_tool_to_the_bit(model, tmp_path):
         assert found.regime == said["regime"] == many.regime[at]
         assert found.onset_pressure_mpa == (np.inf if said["onset_pressure_mpa"] is None else said["onset_pressure_mpa"])
         assert found.domain.split("-")[0] == said["domain"] and found.in_domain == said["in_domain"]
-        assert found.domain_distance == said["domain_distance"] and found.coverage == said["bars"]["coverage"]
-        assert found.force_halfwidth_n == said["bars"]["force_n"]
-        assert found.displacement_halfwidth_mm == said["bars"]["displacement_mm"]
-        assert found.von_mises_halfwidth_mpa == said["bars"]["stress_mpa"]
+        assert found.domain_distance == said["domain_distance"] and found.coverage == said["half_widths"]["coverage"]
+        assert found.force_halfwidth_n == said["half_widths"]["force_n"]
+        assert found.displacement_halfwidth_mm == said["half_widths"]["displacement_mm"]
+        assert found.von_mises_halfwidth_mpa == said["half_widths"]["stress_mpa"]
         assert found.max_von_mises_mpa == np.float32(said["max_von_mises_mpa"])
         assert found.max_von_mises_node == said["max_von_mises_node"] == found.von_mises.argmax()
         assert found.max_displacement_node == said["max_displacement_node"] == found.displacement.argmax()

@@ -6,8 +6,8 @@ use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
-use rom::kernel::Peaks;
 use rom::model::{BlockKind, Model, ModelReader, Nodes, Selection};
+use rom::reconstructor::Peaks;
 use rom::reconstructor::Reconstructor;
 use std::borrow::Cow;
 use std::ffi::{CStr, CString, c_char};
@@ -174,7 +174,7 @@ impl softtwin_model {
 }
 
 fn prediction(e: &Evaluation, peaks: &Peaks) -> softtwin_prediction {
-    let peak = |found: Option<rom::kernel::Peak>| {
+    let peak = |found: Option<rom::reconstructor::Peak>| {
         found.map_or((f64::NAN, u32::MAX), |peak| (f64::from(peak.value), peak.node))
     };
     let (displacement, stress) = (peak(peaks.displacement_mm), peak(peaks.stress_mpa));
@@ -328,7 +328,7 @@ pub unsafe extern "C" fn softtwin_model_predict(
             let state = model.state(at, given)?;
             if !evaluator.has_values(&state) {
                 let refused = |error| argument(&format!("state {at}: {error}"));
-                evaluator.to_mut().give(&state, &mut evaluation).map_err(refused)?;
+                evaluator.to_mut().set_parameters(&state, &mut evaluation).map_err(refused)?;
             }
             evaluator.evaluate(state, &mut evaluation);
             let mut peaks = Peaks::default();

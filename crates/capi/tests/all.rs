@@ -2,3 +2,6 @@
 
 mod header;
 mod live;
+#[allow(dead_code, reason = "shared by several test programs")]
+#[path = "../../../tests/src/synthetic/mod.rs"]
+mod synthetic;

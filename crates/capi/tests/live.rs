@@ -1,10 +1,10 @@
 //! The C and C++ examples, compiled and run with a twin.
 
+use crate::synthetic::design;
 use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::Split;
-use rom::synthetic::design;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tests::skip::{Missing, skipped};
@@ -256,7 +256,7 @@ fn named_inputs_of_a_reading_arrive_and_wrong_ones_are_refused() {
 /// Expected output of `model.c`, computed by the Rust API.
 fn said_of(model: &Model, settings: &[(&str, f64)], inputs: Inputs) -> Vec<String> {
     let mut model = model.clone();
-    model.header.give(settings.iter().copied()).unwrap();
+    model.header.set_parameters(settings.iter().copied()).unwrap();
     let mut state = ModelState::new(&model, &Selection::default()).unwrap();
     let peak = state.update(inputs).unwrap().stress_mpa.unwrap();
     let (specs, fields) = (&model.header.inputs, &model.header.fields);

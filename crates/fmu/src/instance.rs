@@ -52,7 +52,11 @@ impl Instance {
         let stress = fields.clone().position(|field| field.spec.kind == FieldKind::Stress);
         let others = (0..fields.len()).filter(|field| Some(*field) != stress).collect();
         let others = Part::new(&model, &evaluator, others, &nodes)?;
-        let stress = Part::new(&model, &evaluator, stress.into_iter().collect(), &nodes)?;
+        let of_field = |field| match Part::new(&model, &evaluator, vec![field], &nodes)? {
+            Some(part) => Stress::new(&model, part, field).map(Some),
+            None => Ok(None),
+        };
+        let stress = stress.map(of_field).transpose()?.flatten();
         Ok(Self {
             keys: model.header.inputs.iter().map(|input| input.key()).collect(),
             start,
@@ -62,7 +66,7 @@ impl Instance {
             is_current: false,
             outputs: variables::outputs(&model.header, &nodes),
             others,
-            stress: stress.map(|part| Stress::new(&model, part)).transpose()?.flatten(),
+            stress,
             evaluator,
         })
     }
@@ -102,7 +106,9 @@ impl Instance {
         if self.is_current {
             return Ok(());
         }
-        self.evaluator.give(&self.inputs, &mut self.evaluation).map_err(|error| error.to_string())?;
+        self.evaluator
+            .set_parameters(&self.inputs, &mut self.evaluation)
+            .map_err(|error| error.to_string())?;
         self.evaluator.state(self.inputs, &mut self.evaluation);
         if !self.evaluator.has_regime(self.evaluation.regime) {
             let name = self.evaluation.regime.name();

@@ -5,7 +5,6 @@ use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::model::{Model, Nodes, Selection};
 use rom::reconstructor::Reconstructor;
-use rom::stress_peak::StressPeak;
 
 /// Some of the fields with their own coefficients, so that none is computed for fields that nobody reads, and none twice.
 pub(crate) struct Part {
@@ -93,29 +92,33 @@ impl AtNodes {
 /// The stress: at the chosen nodes, and the largest of all.
 pub(crate) struct Stress {
     pub part: Part,
-    search: StressPeak,
+    reconstructor: Reconstructor,
+    values: Vec<f32>,
     largest_mpa: Option<f32>,
 }
 
 impl Stress {
-    pub fn new(model: &Model, part: Part) -> Result<Option<Self>, String> {
-        let search = StressPeak::new(model).map_err(|error| error.to_string())?;
-        Ok(search.map(|search| Self { part, search, largest_mpa: None }))
+    /// Reconstructs `field`, the stress that `part` interpolates.
+    pub fn new(model: &Model, part: Part, field: usize) -> Result<Self, String> {
+        let name = model.header.fields[field].spec.name.clone();
+        let selection = Selection { fields: Some(vec![name]), nodes: Nodes::All };
+        let reconstructor = Reconstructor::new(model, &selection).map_err(|error| error.to_string())?;
+        Ok(Self { part, values: vec![0.0; reconstructor.entries()], reconstructor, largest_mpa: None })
     }
 
-    /// Nothing holds any more.
+    /// Discards the values of the state before.
     pub fn forget(&mut self) {
         self.part.forget();
         self.largest_mpa = None;
     }
 
-    /// The largest of all nodes, MPa.
+    /// Largest stress of all nodes, MPa.
     pub fn largest_mpa(&mut self, state: &Evaluation) -> Result<f32, String> {
         if let Some(known) = self.largest_mpa {
             return Ok(known);
         }
-        let peak = self.search.find(self.part.at(state)).map_err(|error| error.to_string())?;
-        self.largest_mpa = Some(peak.value);
-        Ok(peak.value)
+        let peaks = self.reconstructor.reconstruct_into(self.part.at(state), &mut self.values);
+        let peak = peaks.map_err(|error| error.to_string())?.stress_mpa;
+        Ok(*self.largest_mpa.insert(peak.map_or(f32::NAN, |peak| peak.value)))
     }
 }

@@ -10,5 +10,8 @@ mod npy;
 mod packed;
 mod results;
 mod results_beside;
+#[allow(dead_code, reason = "shared by several test programs")]
+#[path = "../../../tests/src/synthetic/mod.rs"]
+mod synthetic;
 mod vtu_reader;
 mod vtu_writer;

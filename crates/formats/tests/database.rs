@@ -192,7 +192,7 @@ proptest! {
 }
 
 fn with_parameters(folder: &Path) -> rom::snapshots::Database {
-    use rom::synthetic::design;
+    use crate::synthetic::design;
     let states: Vec<_> = design::states(0, 12).into_iter().map(|s| (Split::Train, s)).collect();
     let made = design::database(&states, true);
     write(folder, &made, formats::vtu::Cells::QuadraticTets(&[])).expect("writable");

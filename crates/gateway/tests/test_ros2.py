@@ -147,7 +147,7 @@ def test_without_the_model_there_is_no_marker(stage):
 
 
 def test_a_twin_of_another_model_has_no_marker_and_the_log_says_so(stage):
-    other = REPOSITORY / "models/pneunet-stiffness/pneunet-stiffness.twin"
+    other = REPOSITORY / "models/pneunet-design/pneunet-design.twin"
     stage.live(200.0, WITHOUT_MODEL + f'models = ["{other}"]\n')
     with stage.session("client") as session:
         marker, markers = subscribe(session, key("softtwin/finger/all/marker", "visualization_msgs/msg/Marker"))

@@ -10,7 +10,7 @@ use crate::inputs::{GAP, InputMap, Inputs, MAX_INPUTS, PRESSURE};
 use crate::kernel::weigh::Weights;
 use crate::model::{Clearance, RegimeModel};
 use crate::regime::{LastOnset, Onset, OnsetAt, OnsetTable};
-use crate::sums::{Room, Sums};
+use crate::sums::{Scratch, Sums};
 
 /// Largest residual `|D(P_c, q) - gap|` of an onset pressure, mm.
 pub const TOLERANCE_MM: f64 = 1e-9;
@@ -57,15 +57,15 @@ impl OnsetSolver {
     }
 
     /// Scratch memory of one evaluation.
-    pub(crate) fn memory(&self) -> Room {
-        let mut room = Room::of([&self.sums].into_iter());
-        room.reserve_for(&self.heights);
-        room
+    pub(crate) fn memory(&self) -> Scratch {
+        let mut scratch = Scratch::of([&self.sums].into_iter());
+        scratch.reserve_for(&self.heights);
+        scratch
     }
 
     /// Evaluation with the capacity that the solver needs.
-    pub fn room(&self) -> Evaluation {
-        Evaluation::with_room(self.modes, self.memory())
+    pub fn scratch(&self) -> Evaluation {
+        Evaluation::with_scratch(self.modes, self.memory())
     }
 
     /// The clearance, as the model stores it.
@@ -90,28 +90,28 @@ impl OnsetSolver {
     fn lowest(&self, inputs: &Inputs, out: &mut Evaluation, with_gradient: bool) -> (usize, f64) {
         out.coefficients.resize(self.modes, 0.0);
         let gradient = with_gradient.then(|| out.gradients.each_mut().map(Vec::as_mut_slice));
-        self.sums.evaluate(&self.inputs.scale(inputs), &mut out.room, &mut out.coefficients, gradient);
-        let sums = out.room.weighted(&self.heights, &out.coefficients);
+        self.sums.evaluate(&self.inputs.scale(inputs), &mut out.scratch, &mut out.coefficients, gradient);
+        let sums = out.scratch.weighted(&self.heights, &out.coefficients);
         let heights = self.clearance.mean_mm.iter().zip(sums.as_flattened()).map(|(mean, sum)| mean + sum);
         heights.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, f64::NAN))
     }
 
     /// Depth of the lowest node at a state's pressure and parameters, mm.
-    pub fn depth_mm(&self, inputs: &Inputs, room: &mut Evaluation) -> f64 {
-        -self.lowest(inputs, room, false).1
+    pub fn depth_mm(&self, inputs: &Inputs, scratch: &mut Evaluation) -> f64 {
+        -self.lowest(inputs, scratch, false).1
     }
 
     /// Onset at a state. `table`: a known onset table, and whether it was made for the state's parameters. If so, it
-    /// provides the ends of the search, otherwise only the first guess. No allocation if `room` is from the
+    /// provides the ends of the search, otherwise only the first guess. No allocation if `scratch` is from the
     /// model's evaluator; at most 160 evaluations of the free model's height, 2 to 5 with a table.
     pub fn onset(
         &self,
         inputs: &Inputs,
         table: Option<(&OnsetTable, bool)>,
-        room: &mut Evaluation,
+        scratch: &mut Evaluation,
     ) -> OnsetAt {
         let gap_mm = inputs.gap_mm();
-        let mut depth = |p: f64| self.depth(&inputs.with(PRESSURE, p), room);
+        let mut depth = |p: f64| self.depth(&inputs.with(PRESSURE, p), scratch);
         if let Some((other, false)) = table
             && let Some(found) = self.near(other.pressure_and_slope(gap_mm).0, gap_mm, &mut depth)
         {
@@ -159,14 +159,14 @@ impl OnsetSolver {
         &self,
         inputs: &Inputs,
         last: &LastOnset,
-        room: &mut Evaluation,
+        scratch: &mut Evaluation,
     ) -> Option<OnsetAt> {
         let mut p = last.continued_mpa(inputs)?;
         for _ in 0..NEAR_STEPS {
             if p.is_nan() || p <= 0.0 || p >= self.clearance.max_pressure_mpa {
                 return None;
             }
-            let here = self.depth(&inputs.with(PRESSURE, p), room);
+            let here = self.depth(&inputs.with(PRESSURE, p), scratch);
             let (off_mm, slope) = (here.mm - inputs.gap_mm(), here.gradient[PRESSURE]);
             if slope.is_nan() || slope <= 0.0 {
                 return None;
@@ -214,11 +214,11 @@ impl OnsetSolver {
     }
 
     /// Onset table at fixed parameters; `None` if the free model moves down at no pressure.
-    pub fn table(&self, inputs: &Inputs, room: &mut Evaluation) -> Option<OnsetTable> {
+    pub fn table(&self, inputs: &Inputs, scratch: &mut Evaluation) -> Option<OnsetTable> {
         let (mut gaps, mut pressures): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         for step in 0..=TABLE_STEPS {
             let pressure = self.clearance.max_pressure_mpa * step as f64 / TABLE_STEPS as f64;
-            let depth = self.depth(&inputs.with(PRESSURE, pressure), room).mm;
+            let depth = self.depth(&inputs.with(PRESSURE, pressure), scratch).mm;
             if depth.is_finite() && gaps.last().is_none_or(|deepest| depth > deepest + TOLERANCE_MM) {
                 gaps.push(depth);
                 pressures.push(pressure);

@@ -27,20 +27,6 @@ impl Dense {
         self.size
     }
 
-    /// `log2 det A` of a positive definite matrix; no number where it is not. Cost `O(size^3)`.
-    pub(crate) fn log2_determinant(mut self) -> f64 {
-        let (n, mut sum) = (self.size, 0.0);
-        for k in 0..n {
-            let pivot = self[(k, k)];
-            sum += pivot.log2();
-            for i in k + 1..n {
-                let factor = self[(i, k)] / pivot;
-                subtract_row(&mut self.values, n, (i, k), k + 1, factor);
-            }
-        }
-        sum
-    }
-
     /// Solves `A X = B` in place of `right`, which holds `size x columns` values row by row. None where a pivot is zero or no number.
     /// Cost `O(size^3 + size^2 columns)`.
     pub fn solve(mut self, right: &mut [f64], columns: usize) -> Option<()> {

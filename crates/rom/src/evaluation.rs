@@ -4,7 +4,7 @@ use crate::halfwidths::HalfWidths;
 use crate::hull::DomainStatus;
 use crate::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
 use crate::snapshots::RegimeKind;
-use crate::sums::Room;
+use crate::sums::Scratch;
 
 /// Warnings about an evaluation. Every correction of a value sets a flag.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -40,12 +40,12 @@ pub struct Evaluation {
     pub flags: Flags,
     /// Derivatives of the coefficients, one row per input; empty unless requested.
     pub(crate) gradients: [Vec<f64>; MAX_INPUTS],
-    pub(crate) room: Room,
+    pub(crate) scratch: Scratch,
 }
 
 impl Evaluation {
     /// Evaluation with capacity for `coefficients` modal coefficients.
-    pub(crate) fn with_room(coefficients: usize, room: Room) -> Self {
+    pub(crate) fn with_scratch(coefficients: usize, scratch: Scratch) -> Self {
         Self {
             inputs: Inputs::new(f64::NAN, f64::NAN),
             regime: RegimeKind::Free,
@@ -58,7 +58,7 @@ impl Evaluation {
             halfwidths: HalfWidths::default(),
             flags: Flags::default(),
             gradients: std::array::from_fn(|_| Vec::with_capacity(coefficients)),
-            room,
+            scratch,
         }
     }
 

@@ -2,13 +2,13 @@
 
 use crate::clearance::OnsetSolver;
 use crate::evaluation::{Evaluation, Flags};
-use crate::hull::{Domain, DomainStatus};
+use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, PARAMETERS, PRESSURE, Point};
 use crate::interpolant::Interpolant;
 use crate::model::{GroupModel, ModelError, ModelHeader, RegimeModel};
 use crate::regime::{LastOnset, Onset, OnsetAt, OnsetTable};
 use crate::snapshots::RegimeKind;
-use crate::sums::{Room, Sums};
+use crate::sums::{Scratch, Sums};
 use std::ops::Range;
 
 /// One regime, ready to run.
@@ -59,7 +59,7 @@ pub struct Evaluator {
     hysteresis_mpa: f64,
     /// Largest number of coefficients of a regime, and memory for any interpolant.
     coefficients: usize,
-    room: Room,
+    scratch: Scratch,
 }
 
 impl Evaluator {
@@ -75,36 +75,36 @@ impl Evaluator {
         let free = header.regimes.iter().find(|regime| regime.kind == RegimeKind::Free);
         let solver =
             header.clearance.clone().zip(free).map(|(clearance, free)| OnsetSolver::new(clearance, free));
-        let mut room = Room::of(parts.iter().flat_map(RegimePart::all));
-        solver.iter().for_each(|solver| room.reserve(&solver.memory()));
+        let mut scratch = Scratch::of(parts.iter().flat_map(RegimePart::all));
+        solver.iter().for_each(|solver| scratch.reserve(&solver.memory()));
         let mut evaluator = Self {
             inputs: header.inputs.clone(),
             coefficients: parts.iter().map(|part| part.coefficient_count).max().unwrap_or(0),
-            room,
+            scratch,
             parts,
             onset: header.onset.clone(),
             solver,
             values,
             hysteresis_mpa: header.hysteresis_mpa,
         };
-        let mut room = evaluator.evaluation();
-        evaluator.tabulate(&mut room)?;
+        let mut scratch = evaluator.evaluation();
+        evaluator.tabulate(&mut scratch)?;
         Ok(evaluator)
     }
 
     /// Sets the default values of the parameters to those of a state; NaN leaves a default unchanged. States with these values then
-    /// read their onset from a table, bit-identical to that of [`ModelHeader::give`]. Cost: one table unless the values are in use.
+    /// read their onset from a table, bit-identical to that of [`ModelHeader::set_parameters`]. Cost: one table unless the values are in use.
     ///
     /// # Errors
     /// [`ModelError::Inconsistent`] when the free model moves down at no pressure at these parameters; the defaults are then unchanged.
-    pub fn give(&mut self, inputs: &Inputs, room: &mut Evaluation) -> Result<(), ModelError> {
+    pub fn set_parameters(&mut self, inputs: &Inputs, scratch: &mut Evaluation) -> Result<(), ModelError> {
         let inputs = inputs.or(&self.values);
         if self.has_values(&inputs) {
             return Ok(());
         }
         let values = *inputs.with(PRESSURE, f64::NAN).with(GAP, f64::NAN).values();
         let before = std::mem::replace(&mut self.values, values);
-        self.tabulate(room).inspect_err(|_| self.values = before)
+        self.tabulate(scratch).inspect_err(|_| self.values = before)
     }
 
     /// True if the parameters of a state have the default values.
@@ -113,10 +113,10 @@ impl Evaluator {
     }
 
     /// Tabulates the onset at the default values if it depends on parameters.
-    fn tabulate(&mut self, room: &mut Evaluation) -> Result<(), ModelError> {
+    fn tabulate(&mut self, scratch: &mut Evaluation) -> Result<(), ModelError> {
         if let Some(solver) = &self.solver {
-            room.room.reserve(&self.room);
-            let table = solver.table(&Inputs::new(0.0, 0.0).or(&self.values), room);
+            scratch.scratch.reserve(&self.scratch);
+            let table = solver.table(&Inputs::new(0.0, 0.0).or(&self.values), scratch);
             let what = || "the free model sinks at no pressure at these parameters".to_owned();
             self.onset = Some(table.ok_or_else(|| ModelError::Inconsistent(what()))?);
         }
@@ -145,15 +145,15 @@ impl Evaluator {
 
     /// Evaluation with capacity for any state.
     pub fn evaluation(&self) -> Evaluation {
-        Evaluation::with_room(self.coefficients, self.room.clone())
+        Evaluation::with_scratch(self.coefficients, self.scratch.clone())
     }
 
     /// The onset at a state.
-    fn onset_at(&self, inputs: &Inputs, room: &mut Evaluation) -> OnsetAt {
+    fn onset_at(&self, inputs: &Inputs, scratch: &mut Evaluation) -> OnsetAt {
         let constant = |onset| OnsetAt { onset, pressure_mpa: 0.0, gradient: [0.0; MAX_INPUTS] };
         match (&self.solver, &self.onset, self.parts.first()) {
             (Some(solver), table, _) => {
-                solver.onset(inputs, table.as_ref().map(|table| (table, self.has_values(inputs))), room)
+                solver.onset(inputs, table.as_ref().map(|table| (table, self.has_values(inputs))), scratch)
             }
             (None, Some(table), _) => table.at(inputs.gap_mm()),
             (None, None, Some(part)) if part.model.kind == RegimeKind::Contact => constant(Onset::Always),
@@ -163,11 +163,11 @@ impl Evaluator {
 
     /// Largest gap that a state's pressure and parameters close, in mm. `None` for a model
     /// of one regime or if the free model has no finite answer. Cost: at most one evaluation of the free model.
-    pub fn closed_gap_mm(&self, inputs: Inputs, room: &mut Evaluation) -> Option<f64> {
+    pub fn closed_gap_mm(&self, inputs: Inputs, scratch: &mut Evaluation) -> Option<f64> {
         let inputs = inputs.or(&self.values);
-        room.room.reserve(&self.room);
+        scratch.scratch.reserve(&self.scratch);
         let gap_mm = match (&self.solver, &self.onset) {
-            (Some(solver), _) => solver.depth_mm(&inputs, room),
+            (Some(solver), _) => solver.depth_mm(&inputs, scratch),
             (None, table) => table.as_ref()?.closed_gap_mm(inputs.pressure_mpa()),
         };
         gap_mm.is_finite().then_some(gap_mm)
@@ -255,7 +255,7 @@ impl Evaluator {
     /// [`Self::differentiate`] near the state of the last one: the onset's pressure is that of the search to some 1e-4 mm of gap.
     pub(crate) fn differentiate_near(&self, inputs: Inputs, last: &mut LastOnset, out: &mut Evaluation) {
         let inputs = inputs.or(&self.values);
-        out.room.reserve(&self.room);
+        out.scratch.reserve(&self.scratch);
         let near = self.solver.as_ref().and_then(|solver| solver.onset_near(&inputs, last, out));
         let at = near.unwrap_or_else(|| self.onset_at(&inputs, out));
         last.0 = Some((inputs, at));
@@ -278,14 +278,14 @@ impl Evaluator {
 
     /// Where a state with all inputs lies, and the regime that answers there.
     fn place(&self, inputs: Inputs, out: &mut Evaluation) -> (OnsetAt, Option<&RegimePart>) {
-        out.room.reserve(&self.room);
+        out.scratch.reserve(&self.scratch);
         let at = self.onset_at(&inputs, out);
         (at, self.place_at(inputs, &at, out))
     }
 
     /// Regime at a known onset, without its force.
     fn regime_at(&self, inputs: Inputs, at: &OnsetAt, out: &mut Evaluation) -> Option<&RegimePart> {
-        out.room.reserve(&self.room);
+        out.scratch.reserve(&self.scratch);
         let onset = at.onset;
         out.inputs = inputs;
         out.regime = onset.regime(inputs.pressure_mpa());
@@ -307,7 +307,7 @@ impl Evaluator {
             }
             _ => f64::INFINITY,
         };
-        out.domain = Domain::status(out.domain_distance);
+        out.domain = TrainingRange::status(out.domain_distance);
         out.flags.extrapolated = out.domain != DomainStatus::Inside;
         part
     }
@@ -320,7 +320,7 @@ fn coefficients(part: &RegimePart, x: &Point, out: &mut Evaluation, gradient: bo
     out.coefficients.resize(part.coefficient_count, 0.0);
     for (sums, range) in &part.groups {
         let rows = gradient.then(|| out.gradients.each_mut().map(|row| &mut row[range.clone()]));
-        sums.evaluate(x, &mut out.room, &mut out.coefficients[range.clone()], rows);
+        sums.evaluate(x, &mut out.scratch, &mut out.coefficients[range.clone()], rows);
     }
     // From scaled axes to the model's inputs: positions only grow, so the last axis moves first.
     for (at, row) in out.gradients.iter_mut().enumerate() {
@@ -341,7 +341,7 @@ fn coefficients(part: &RegimePart, x: &Point, out: &mut Evaluation, gradient: bo
 fn force(part: &RegimePart, onset: &OnsetAt, x: &Point, out: &mut Evaluation) {
     let (Some(model), Some(sums)) = (&part.model.force, &part.force) else { return };
     let (mut h, mut rows) = ([0.0], [[0.0]; MAX_INPUTS]);
-    sums.evaluate(x, &mut out.room, &mut h, Some(rows.each_mut().map(|row| row.as_mut_slice())));
+    sums.evaluate(x, &mut out.scratch, &mut h, Some(rows.each_mut().map(|row| row.as_mut_slice())));
     let (h, mut force, mut gradient) = (h[0], h[0], [0.0; MAX_INPUTS]);
     for (axis, row) in part.model.inputs.axes.iter().zip(rows) {
         gradient[axis.input] = row[0] / (axis.max - axis.min);

@@ -25,16 +25,38 @@ pub struct HalfWidths {
     pub force_n: f64,
 }
 
-/// Errors of a case: displacement in mm, stress in MPa, force in N.
-pub type Errors = [f64; 3];
+/// Errors of a case, at its worst node.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    /// Displacement (coordinates included) in mm.
+    pub displacement_mm: f64,
+    /// Stress in MPa.
+    pub stress_mpa: f64,
+    /// Contact force in N.
+    pub force_n: f64,
+}
+
+impl Errors {
+    /// Displacement, stress, force.
+    pub const fn values(self) -> [f64; 3] {
+        [self.displacement_mm, self.stress_mpa, self.force_n]
+    }
+}
+
+impl From<[f64; 3]> for Errors {
+    fn from([displacement_mm, stress_mpa, force_n]: [f64; 3]) -> Self {
+        Self { displacement_mm, stress_mpa, force_n }
+    }
+}
 
 impl HalfWidths {
     /// Constant half-widths from the errors of all cases. Cases on the hull represent states near the edge.
     pub fn of_all(errors: &[Errors], coverage: f64) -> Self {
-        Self::new(coverage, [0, 1, 2].map(|k| quantile(errors.iter().map(|e| e[k]).collect(), coverage)))
+        let of = |k: usize| quantile(errors.iter().map(|e| e.values()[k]).collect(), coverage);
+        Self::new(coverage, [0, 1, 2].map(of))
     }
 
-    fn new(coverage: f64, [displacement_mm, stress_mpa, force_n]: Errors) -> Self {
+    fn new(coverage: f64, [displacement_mm, stress_mpa, force_n]: [f64; 3]) -> Self {
         Self { coverage, displacement_mm, stress_mpa, force_n }
     }
 }
@@ -53,31 +75,32 @@ pub struct LocalHalfWidths {
     /// around the places.
     pub errors: [Vec<f64>; 3],
     /// Smallest local mean of each.
-    pub least: [f64; 3],
+    pub least: Errors,
     /// Half-width over local mean of each.
-    pub factors: [f64; 3],
+    pub factors: Errors,
 }
 
 impl LocalHalfWidths {
     /// Half-widths with all factors 1; `points` are the cases or the places.
     fn without_factors(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
-        let of = |k: usize| -> Vec<f64> { errors.iter().map(|e| e[k]).collect() };
+        let of = |k: usize| -> Vec<f64> { errors.iter().map(|e| e.values()[k]).collect() };
         Self {
             coverage,
             inputs: (0..dimensions).flat_map(|i| points.iter().map(move |x| x[i])).collect(),
             errors: [of(0), of(1), of(2)],
-            least: [0, 1, 2].map(|k| (MIN_FRACTION * quantile(of(k), 0.5)).max(f64::MIN_POSITIVE)),
-            factors: [1.0; 3],
+            least: [0, 1, 2].map(|k| (MIN_FRACTION * quantile(of(k), 0.5)).max(f64::MIN_POSITIVE)).into(),
+            factors: [1.0; 3].into(),
         }
     }
 
     /// Calibrates on the errors of the cases at these scaled inputs. Cost `O(cases^2)`.
     pub fn calibrate(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
         let mut local = Self::without_factors(dimensions, points, errors, coverage);
-        let means: Vec<Errors> = (0..points.len()).map(|i| mean_of_others(points, errors, i)).collect();
+        let means: Vec<[f64; 3]> = (0..points.len()).map(|i| mean_of_others(points, errors, i)).collect();
+        let least = local.least.values();
         let ratios =
-            |k: usize| errors.iter().zip(&means).map(|(e, m)| e[k] / m[k].max(local.least[k])).collect();
-        local.factors = [0, 1, 2].map(|k| quantile(ratios(k), coverage));
+            |k: usize| errors.iter().zip(&means).map(|(e, m)| e.values()[k] / m[k].max(least[k])).collect();
+        local.factors = [0, 1, 2].map(|k| quantile(ratios(k), coverage)).into();
         local
     }
 
@@ -86,12 +109,13 @@ impl LocalHalfWidths {
         let places = unseen::places(points);
         let of_places: Vec<Point> = places.iter().map(|place| points[*place]).collect();
         let mut local = Self::without_factors(dimensions, &of_places, errors, coverage);
-        for k in 0..3 {
-            let (errors, least) = (&local.errors[k], local.least[k]);
+        let mut factors = [0.0; 3];
+        for (k, least) in local.least.values().into_iter().enumerate() {
+            let errors = &std::mem::take(&mut local.errors[k]);
             let scale = Unseen { points, places: &places, errors, least, coverage }.scale();
-            (local.factors[k], local.errors[k]) = (scale.factor, scale.at_places);
+            (factors[k], local.errors[k]) = (scale.factor, scale.at_places);
         }
-        local
+        Self { factors: factors.into(), ..local }
     }
 
     /// True if the lengths fit a regime of `dimensions` inputs.
@@ -105,18 +129,18 @@ impl LocalHalfWidths {
         let around = Around { inputs: &self.inputs, values: &self.errors, square: SMOOTHING * SMOOTHING };
         let [weights, sums @ ..] = around.sums(x);
         let mean = |k: usize| if weights > 0.0 { sums[k] / weights } else { 0.0 };
-        let means = [0, 1, 2].map(|k| mean(k).max(self.least[k]));
-        HalfWidths::new(self.coverage, [0, 1, 2].map(|k| self.factors[k] * means[k]))
+        let (least, factors) = (self.least.values(), self.factors.values());
+        HalfWidths::new(self.coverage, [0, 1, 2].map(|k| factors[k] * mean(k).max(least[k])))
     }
 }
 
 /// Weighted means of the errors of all cases but one, at its inputs.
-fn mean_of_others(points: &[Point], errors: &[Errors], without: usize) -> Errors {
+fn mean_of_others(points: &[Point], errors: &[Errors], without: usize) -> [f64; 3] {
     let (mut weights, mut sums) = (0.0, [0.0; 3]);
     for (_, (point, errors)) in points.iter().zip(errors).enumerate().filter(|(case, _)| *case != without) {
         let weight = unseen::weight(point, &points[without], SMOOTHING);
         weights += weight;
-        sums.iter_mut().zip(errors).for_each(|(sum, error)| *sum += weight * error);
+        sums.iter_mut().zip(errors.values()).for_each(|(sum, error)| *sum += weight * error);
     }
     sums.map(|sum| if weights > 0.0 { sum / weights } else { 0.0 })
 }
@@ -132,7 +156,7 @@ mod tests {
             let mut x = Point::default();
             (x[0], x[1]) = (rng.uniform(), rng.uniform());
             let scatter = rng.uniform().powf(1.0 + 4.0 * x[1]);
-            (x, [(1.0 + x[0]) * scatter, scatter, 0.0])
+            (x, Errors::from([(1.0 + x[0]) * scatter, scatter, 0.0]))
         };
         (0..states).map(|_| one()).unzip()
     }
@@ -147,8 +171,9 @@ mod tests {
         let mut within = [[0.0; 2]; 2];
         for (point, errors) in points.iter().zip(&errors) {
             let widths = local.at(point);
-            let is_within = errors[0] <= widths.displacement_mm && errors[1] <= widths.stress_mpa;
-            assert!(errors[2] <= widths.force_n, "an error of 0 is within");
+            let is_within =
+                errors.displacement_mm <= widths.displacement_mm && errors.stress_mpa <= widths.stress_mpa;
+            assert!(errors.force_n <= widths.force_n, "an error of 0 is within");
             within[usize::from(point[0] > 0.5)][usize::from(point[1] > 0.5)] +=
                 f64::from(u8::from(is_within));
         }
@@ -161,7 +186,7 @@ mod tests {
     #[test]
     fn equal_errors_at_one_place_give_that_error_as_half_width() {
         let at = Point::default();
-        let alike = LocalHalfWidths::of_unseen(1, &[at; 20], &[[1.0, 2.0, 0.0]; 20], 0.9).at(&at);
+        let alike = LocalHalfWidths::of_unseen(1, &[at; 20], &[[1.0, 2.0, 0.0].into(); 20], 0.9).at(&at);
         assert!((alike.displacement_mm, alike.stress_mpa) == (1.0, 2.0), "{alike:?}");
     }
 }

@@ -13,7 +13,7 @@ use std::fmt::{self, Display};
 pub enum DomainStatus {
     /// Within the hull.
     Inside,
-    /// Outside by at most [`Domain::NEAR`] of the sampled range.
+    /// Outside by at most [`TrainingRange::NEAR`] of the sampled range.
     Near,
     /// Further out: extrapolation.
     Outside,
@@ -31,7 +31,7 @@ impl Display for DomainStatus {
 
 /// Training range over scaled inputs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Domain {
+pub enum TrainingRange {
     /// One input: `[min, max]`.
     Interval([f64; 2]),
     /// Two inputs: hull vertices, counter-clockwise.
@@ -55,7 +55,7 @@ pub enum Domain {
 /// Rounding error within which a point lies in a hull.
 const ROUNDING: f64 = 1e-9;
 
-impl Domain {
+impl TrainingRange {
     /// Scaled distance up to which a state outside counts as near.
     pub const NEAR: f64 = 0.05;
 

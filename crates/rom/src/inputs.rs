@@ -42,6 +42,15 @@ pub struct Parameter {
     pub nominal: f64,
 }
 
+/// Inputs that a model's answers depend on, of the two that every model has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Needs {
+    /// Any answer depends on the pressure.
+    pub pressure: bool,
+    /// Any answer depends on the gap.
+    pub gap: bool,
+}
+
 /// An input as the model declares it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InputSpec {
@@ -53,8 +62,7 @@ pub struct InputSpec {
     /// regime was trained over it.
     pub range: [f64; 2],
     /// What a state takes that says nothing about it: a parameter's nominal value, or the value that a scene gives it; none
-    /// for pressure and gap. The model file keeps it apart (`model/further.rs`).
-    #[serde(skip)]
+    /// for pressure and gap.
     pub value: Option<f64>,
 }
 

@@ -59,7 +59,7 @@ impl Metric {
     }
 
     /// `M^T g`: a gradient over `M x` as a gradient over `x`.
-    pub(crate) fn pull_back<const D: usize>(&self, mut g: [f64; D]) -> [f64; D] {
+    pub fn pull_back<const D: usize>(&self, mut g: [f64; D]) -> [f64; D] {
         g.iter_mut().zip(&self.scale).for_each(|(g, s)| *g *= s);
         if D > 1 {
             g[1] += self.shear * g[0];
@@ -72,6 +72,7 @@ impl Metric {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Interpolant {
     /// Kernel.
+    #[serde(with = "crate::radial::numbered")]
     pub kernel: KernelKind,
     /// Polynomial tail.
     pub tail: Tail,
@@ -93,8 +94,7 @@ pub struct Interpolant {
     pub condition: f64,
     /// Relative residual of the solution.
     pub residual: f64,
-    /// Derivatives that it was fitted to, ordered by centre. The model file keeps them apart (`model/further.rs`).
-    #[serde(skip)]
+    /// Derivatives that it was fitted to, ordered by centre.
     pub slopes: Vec<Slope>,
 }
 
@@ -108,7 +108,7 @@ pub struct Slope {
 }
 
 /// First and second derivatives of a kernel over `D` scaled inputs at one distance from a centre.
-pub(crate) struct Curvature<'a, const D: usize> {
+pub struct Curvature<'a, const D: usize> {
     metric: &'a Metric,
     /// `g'(r) / r` and `(g'(r) / r)' / r`.
     over_r: f64,
@@ -119,7 +119,7 @@ pub(crate) struct Curvature<'a, const D: usize> {
 
 impl<'a, const D: usize> Curvature<'a, D> {
     /// At `d = M (x - x_k)`.
-    pub(crate) fn at(kernel: KernelKind, metric: &'a Metric, d: &[f64; D]) -> Self {
+    pub fn at(kernel: KernelKind, metric: &'a Metric, d: &[f64; D]) -> Self {
         let r2 = d.iter().map(|d| d * d).sum();
         let [_, over_r, second] = kernel.derivatives(r2);
         Self { metric, over_r, second, pulled: metric.pull_back(*d) }
@@ -127,7 +127,7 @@ impl<'a, const D: usize> Curvature<'a, D> {
 
     /// The term of a derivative by input `axis` of the centre, and its gradient: `-d g / d x_axis` and the derivatives of
     /// that.
-    pub(crate) fn row(&self, axis: usize) -> (f64, [f64; D]) {
+    pub fn row(&self, axis: usize) -> (f64, [f64; D]) {
         let mut column = [0.0; D]; // M e_axis, then M^T M e_axis
         column[axis] = self.metric.scale[axis];
         if axis == 1 {

@@ -12,7 +12,6 @@
 //! P_c(gap, parameters)                      clearance.rs       the same, solved from the free model
 //! F = (P - P_c(gap)) h(P, gap)              evaluator.rs       contact force, 0 on the onset exactly
 //! y = mean + Phi a                          reconstructor.rs   fields, straight into the caller's memory
-//!                                           parts.rs           and from a basis for the part of the domain that the inputs are in
 //! ```
 //!
 //! ```
@@ -32,13 +31,11 @@
 
 #![deny(unsafe_code)] // the reconstruction kernel alone may allow it
 
-mod accepted;
 pub mod clearance;
 mod contract;
 pub mod dense;
 pub mod evaluation;
 pub mod evaluator;
-mod give;
 pub mod goal;
 pub mod halfwidths;
 pub mod hull;
@@ -50,15 +47,12 @@ pub mod interpolant;
 pub mod kernel;
 pub mod model;
 pub mod model_state;
-mod parts;
+mod parameters;
 pub mod probe;
 pub mod radial;
 pub mod reconstructor;
 pub mod regime;
 pub mod rng;
 pub mod snapshots;
-pub mod stress_peak;
 mod sums;
-pub mod synthetic;
-pub mod system;
 mod unseen;

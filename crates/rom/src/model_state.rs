@@ -3,9 +3,8 @@
 use crate::evaluation::Evaluation;
 use crate::evaluator::Evaluator;
 use crate::inputs::Inputs;
-use crate::kernel::{Peaks, Precision, ReconstructError};
 use crate::model::{Model, ModelError, Selection};
-use crate::reconstructor::{Reconstructor, Storage};
+use crate::reconstructor::{BasisOptions, Peaks, ReconstructError, Reconstructor};
 
 /// Evaluates and reconstructs in one call, for programs that want whole states one after the other.
 #[derive(Clone, Debug)]
@@ -17,24 +16,24 @@ pub struct ModelState {
 }
 
 impl ModelState {
-    /// Prepares a model for a selection of fields and nodes, in f32. Cost `O(nodes x modes)`.
+    /// Prepares a model for a selection of fields and nodes with the default [`BasisOptions`].
     ///
     /// # Errors
     /// As [`Reconstructor::new`].
     pub fn new(model: &Model, selection: &Selection) -> Result<Self, ModelError> {
-        Self::with_precision(model, selection, Precision::F32)
+        Self::with_options(model, selection, BasisOptions::default())
     }
 
-    /// As [`Self::new`], with the basis stored in the given precision, or within an error.
+    /// As [`Self::new`], with the given number format and accepted error.
     ///
     /// # Errors
-    /// As [`Reconstructor::with_precision`].
-    pub fn with_precision(
+    /// As [`Reconstructor::with_options`].
+    pub fn with_options(
         model: &Model,
         selection: &Selection,
-        storage: impl Into<Storage>,
+        options: BasisOptions,
     ) -> Result<Self, ModelError> {
-        let reconstructor = Reconstructor::with_precision(model, selection, storage)?;
+        let reconstructor = Reconstructor::with_options(model, selection, options)?;
         let evaluator = Evaluator::new(&model.header)?;
         let (evaluation, fields) = (evaluator.evaluation(), vec![0.0; reconstructor.entries()]);
         Ok(Self { evaluator, reconstructor, evaluation, fields })

@@ -195,7 +195,7 @@ impl Probes {
         Ok(Self { evaluator: Evaluator::new(&header)?, regimes, inputs: header.inputs.len() })
     }
 
-    /// An evaluation with room for any answer.
+    /// An evaluation with scratch for any answer.
     pub fn evaluation(&self) -> Evaluation {
         self.evaluator.evaluation()
     }
@@ -245,8 +245,8 @@ impl Probes {
     }
 
     /// [`Evaluator::closed_gap_mm`] of the model.
-    pub fn closed_gap_mm(&self, inputs: Inputs, room: &mut Evaluation) -> Option<f64> {
-        self.evaluator.closed_gap_mm(inputs, room)
+    pub fn closed_gap_mm(&self, inputs: Inputs, scratch: &mut Evaluation) -> Option<f64> {
+        self.evaluator.closed_gap_mm(inputs, scratch)
     }
 }
 
@@ -264,21 +264,15 @@ fn coordinate(
     let field = field.ok_or_else(|| missing(format!("coordinate {axis}"), 0))?;
     let group = regime.groups.iter().position(|group| group.fields.contains(&field));
     let group = group.ok_or_else(|| missing(format!("coordinate {axis}"), 0))?;
-    let modes = regime.groups[group].coefficients.len();
-    let (regime, field) = (regime.kind, field as u32);
-    let block = |kind: BlockKind, rows: usize| {
-        let values = model.f32_block(kind).unwrap_or(&[]);
-        if values.len() == rows * nodes {
-            Ok(values)
-        } else {
-            Err(missing(format!("{kind:?}"), values.len()))
-        }
+    let (kind, field) = (regime.kind, field as u32);
+    let mean = model.f32_block(BlockKind::Mean { regime: kind, field }).unwrap_or(&[]);
+    if mean.len() != nodes {
+        return Err(missing(format!("mean of coordinate {axis}"), mean.len()));
+    }
+    let modes = model.modes(kind, field)?;
+    let weighted = |value: &dyn Fn(usize) -> f64| -> f64 {
+        point.weights.iter().map(|(node, weight)| weight * value(*node as usize)).sum()
     };
-    let mean = block(BlockKind::Mean { regime, field }, 1)?;
-    let modes = block(BlockKind::Modes { regime, field }, modes)?;
-    let weighted = |values: &[f32]| -> f64 {
-        point.weights.iter().map(|(node, weight)| weight * f64::from(values[*node as usize])).sum()
-    };
-    let weights = modes.chunks_exact(nodes.max(1)).map(weighted).collect();
-    Ok((weighted(mean), Output { group, weights }))
+    let weights = (0..modes.count()).map(|mode| weighted(&|node| modes.value(mode, node))).collect();
+    Ok((weighted(&|node| f64::from(mean[node])), Output { group, weights }))
 }

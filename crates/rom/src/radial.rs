@@ -38,8 +38,6 @@ pub enum KernelKind {
         /// Shape parameter over scaled inputs, > 0.
         shape: f64,
     },
-    /// Gaussian process: Matern 5/2 with one length a dimension, by maximum likelihood.
-    Matern52,
     /// Matern 7/2 of one length over scaled inputs: between quintic (long) and a process that forgets (short).
     Matern72 {
         /// Length over scaled inputs, > 0.
@@ -62,7 +60,6 @@ impl Display for KernelKind {
             Self::Cubic => f.write_str("cubic"),
             Self::Quintic => f.write_str("quintic"),
             Self::Gaussian { shape } => write!(f, "Gaussian of shape {shape:.3}"),
-            Self::Matern52 => f.write_str("Matern 5/2"),
             Self::Matern72 { length } => write!(f, "Matern 7/2 of length {length:.3}"),
             Self::CubicQuintic { crossover } => write!(f, "cubic, quintic beyond {crossover:.3}"),
         }
@@ -120,11 +117,6 @@ impl KernelKind {
                 let second = 9.8 / (3.0 * length.powi(4)) * (1.0 + s) * e;
                 [(1.0 + s + s * s * (0.4 + s / 15.0)) * e, over_r, second]
             }
-            Self::Matern52 => {
-                let s = (5.0 * r2).sqrt();
-                let e = (-s).exp();
-                [(1.0 + s + s * s / 3.0) * e, -5.0 / 3.0 * (1.0 + s) * e, 25.0 / 3.0 * e]
-            }
         }
     }
 
@@ -146,10 +138,42 @@ impl KernelKind {
             Self::Cubic => "cubic",
             Self::Quintic => "quintic",
             Self::Gaussian { .. } => "gaussian",
-            Self::Matern52 => "matern-5/2 process",
             Self::Matern72 { .. } => "matern-7/2",
             Self::CubicQuintic { .. } => "cubic-quintic",
         }
+    }
+}
+
+/// Kernels in model files: their number and their parameter, 0 for those without one. A number is never given to another kernel.
+pub(crate) mod numbered {
+    use super::KernelKind;
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(kernel: &KernelKind, to: S) -> Result<S::Ok, S::Error> {
+        let number_and_parameter: (u32, f64) = match *kernel {
+            KernelKind::Linear => (0, 0.0),
+            KernelKind::ThinPlate => (1, 0.0),
+            KernelKind::Cubic => (2, 0.0),
+            KernelKind::Quintic => (3, 0.0),
+            KernelKind::Gaussian { shape } => (4, shape),
+            KernelKind::Matern72 { length } => (5, length),
+            KernelKind::CubicQuintic { crossover } => (6, crossover),
+        };
+        number_and_parameter.serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<KernelKind, D::Error> {
+        Ok(match <(u32, f64)>::deserialize(from)? {
+            (0, _) => KernelKind::Linear,
+            (1, _) => KernelKind::ThinPlate,
+            (2, _) => KernelKind::Cubic,
+            (3, _) => KernelKind::Quintic,
+            (4, shape) => KernelKind::Gaussian { shape },
+            (5, length) => KernelKind::Matern72 { length },
+            (6, crossover) => KernelKind::CubicQuintic { crossover },
+            (number, _) => return Err(D::Error::custom(format!("kernel {number}, expected 0 to 6"))),
+        })
     }
 }
 
@@ -165,7 +189,7 @@ impl Tail {
     }
 
     /// Calls `with` for the terms in use at `u`: value and gradient of `1`, of every input, of every product of two.
-    pub(crate) fn each_term(self, dimensions: usize, u: &Point, mut with: impl FnMut(f64, Point)) {
+    pub fn each_term(self, dimensions: usize, u: &Point, mut with: impl FnMut(f64, Point)) {
         let order = match self {
             Self::None => return,
             Self::Constant => 0,

@@ -1,70 +1,228 @@
 //! Coefficients -> fields, for one selection of fields and nodes. Nothing is allocated after construction.
 
-use crate::accepted::{OwnErrors, added, least_share, typical_coefficients};
 use crate::evaluation::Evaluation;
+use crate::kernel::plan::Plan;
+use crate::kernel::sweep::{self, RawPeaks, Rows};
 use crate::kernel::{
-    Affine, Basis, BasisError, Budget, Field, MAX_ROWS, Peaks, Precision, ReconstructError, Role, Shift,
-    Shortfall, Source, Spec, Values,
+    Affine, BasisError, Field, Isa, MAX_ROWS, Modes, NotFinite, Precision, Role, Shift, Source, Spec,
 };
 use crate::model::{BlockKind, Model, ModelError, RegimeModel, Selection};
-use crate::parts::Parts;
 use crate::snapshots::{FieldKind, RegimeKind};
 use std::mem::MaybeUninit;
+use thiserror::Error;
 
-/// How the bases of a model are stored.
+/// Number format and number of the modes in use.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Storage {
-    /// All rows alike.
-    Uniform(Precision),
-    /// In as few bytes as let the model's own error grow by no more than this share (0.01: 1 %): every group of nodes has modes of
-    /// its own, each in 32, 16 or 8 bits. The own error of a field is its leave-one-out error, of all states the
-    /// median, with what the modes leave out. Both, and what storage adds at the training states and between them, are root mean
-    /// squares over the nodes.
-    Within {
-        /// The share.
-        share: f64,
-        /// A field of which f32 already adds more stays in f32; otherwise that is an error.
-        or_f32: bool,
-        /// Into how many parts the domain of a regime is divided at most, each with a basis of its own, of which a reconstruction reads
-        /// one; fewer where there are few states, and one where the basis is small.
-        parts: usize,
+pub struct BasisOptions {
+    /// Number format of the modes in memory.
+    pub precision: Precision,
+    /// Accepted growth of the leave-one-out error, relative to that of all modes: the last modes of a field are left out
+    /// within it. 0 keeps all modes.
+    pub accepted_error: f64,
+}
+
+impl BasisOptions {
+    /// Accepted growth of the leave-one-out error by default.
+    pub const ACCEPTED_ERROR: f64 = 0.05;
+
+    /// All modes in one number format.
+    pub const fn all_modes(precision: Precision) -> Self {
+        Self { precision, accepted_error: 0.0 }
+    }
+}
+
+impl Default for BasisOptions {
+    fn default() -> Self {
+        Self { precision: Precision::I16, accepted_error: Self::ACCEPTED_ERROR }
+    }
+}
+
+/// Largest value of a field and its node.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peak {
+    /// The value, in the unit of its field.
+    pub value: f32,
+    /// Index of the node in the model, not in the node set; the lowest of equals.
+    pub node: u32,
+}
+
+/// Largest values of a reconstruction.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Peaks {
+    /// Largest displacement magnitude, mm, when the basis publishes one.
+    pub displacement_mm: Option<Peak>,
+    /// Largest von Mises stress, MPa, when the basis publishes it.
+    pub stress_mpa: Option<Peak>,
+}
+
+/// Slices that do not fit the basis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum ReconstructError {
+    /// Fewer coefficients than the modes refer to.
+    #[error("found {found} coefficients; this basis needs at least {expected}")]
+    Coefficients {
+        /// Length given.
+        found: usize,
+        /// Least length.
+        expected: usize,
+    },
+    /// An output of another length.
+    #[error("the output holds {found} values; this basis writes {expected}")]
+    Output {
+        /// Length given.
+        found: usize,
+        /// Length needed.
+        expected: usize,
     },
 }
 
-impl Storage {
-    /// Share by which the own error may grow where nothing else is accepted: on new states, where derivatives make the error
-    /// several times smaller than by leave-one-out, it then grows by less than 2 % (a test).
-    pub const AS_GOOD_SHARE: f64 = 0.004;
-    /// As good as in full: the own error grows by at most [`Self::AS_GOOD_SHARE`], or a field stays in f32.
-    pub const AS_GOOD: Self = Self::Within { share: Self::AS_GOOD_SHARE, or_f32: true, parts: Self::PARTS };
-    /// Into how many parts domains are divided where nothing else is said.
-    pub const PARTS: usize = 8;
+/// Modes, means and rest shape of the published fields over a node set, ready for the kernel.
+///
+/// [`Basis::reconstruct`] neither allocates nor locks and can be called from any thread.
+#[derive(Debug, Clone)]
+pub struct Basis {
+    plan: Plan,
+    rows: Rows,
+    isa: Isa,
+    nodes: Option<Box<[u32]>>,
+}
 
-    /// Exactly this share, or an error.
-    pub fn within(share: f64) -> Self {
-        Self::Within { share, or_f32: false, parts: Self::PARTS }
+impl Basis {
+    /// Prepares the basis for this processor. Over all nodes and in their own number format modes are shared with the
+    /// model, otherwise copied: cost `O(nodes modes)`.
+    ///
+    /// # Errors
+    /// [`BasisError`] when slices do not fit each other, a node is not in the model, or a value is not finite.
+    pub fn build(spec: &Spec<'_>, precision: Precision) -> Result<Self, BasisError> {
+        Self::build_for(spec, precision, Isa::detect())
     }
 
-    /// The same with domains in at most so many parts; other storage knows none.
-    #[must_use]
-    pub fn in_parts(self, parts: usize) -> Self {
-        match self {
-            Self::Within { share, or_f32, .. } => Self::Within { share, or_f32, parts },
-            Self::Uniform(precision) => Self::Uniform(precision),
+    /// The same for a chosen instruction set: for tests and comparisons.
+    ///
+    /// # Errors
+    /// As [`Basis::build`], and [`BasisError::IsaMissing`].
+    pub fn build_for(spec: &Spec<'_>, precision: Precision, isa: Isa) -> Result<Self, BasisError> {
+        if !isa.is_available() {
+            return Err(BasisError::IsaMissing { isa, detected: Isa::detect() });
+        }
+        let plan = Plan::new(spec)?;
+        let mut modes = Vec::new();
+        for op in &plan.ops {
+            let Source::Affine(affine) = &spec.fields[op.field].source else { continue };
+            if spec.nodes.is_none() && affine.modes.precision() == precision {
+                modes.push(affine.modes.clone());
+                continue;
+            }
+            let value = |mode, i| affine.modes.value(mode, spec.source_node(i));
+            let copied = Modes::new(precision, plan.nodes, op.modes, value);
+            modes.push(copied.map_err(|NotFinite { node, value }| {
+                let node = spec.source_node(node);
+                BasisError::NotFinite { field: op.field, node, value }
+            })?);
+        }
+        let constants = plan.constant_rows(spec)?;
+        let rows = Rows::new(&plan, modes, &constants);
+        Ok(Self { rows, plan, isa, nodes: spec.nodes.map(Into::into) })
+    }
+
+    /// Writes all published fields, field-major (all nodes of the first field, then of the second ...), and returns
+    /// the peaks.
+    ///
+    /// `coefficients` are the model's modal coefficients; each is rounded to f32 once. NaN in a coefficient comes out
+    /// as NaN in the fields and never wins a peak; when every value of a field is NaN its peak is minus infinity.
+    ///
+    /// # Errors
+    /// [`ReconstructError`] when a slice has the wrong length; nothing is written then.
+    pub fn reconstruct(&self, coefficients: &[f64], out: &mut [f32]) -> Result<Peaks, ReconstructError> {
+        self.check(coefficients, out.len())?;
+        Ok(self.peaks(sweep::run_into(self.isa, &self.plan, &self.rows, coefficients, out)))
+    }
+
+    /// The same into memory that was never written, such as a slice loaned from shared memory. On `Ok` every element
+    /// of `out` is initialised; unsafe code may rely on it.
+    ///
+    /// # Errors
+    /// [`ReconstructError`] when a slice has the wrong length; nothing is written then.
+    pub fn reconstruct_uninit(
+        &self,
+        coefficients: &[f64],
+        out: &mut [MaybeUninit<f32>],
+    ) -> Result<Peaks, ReconstructError> {
+        self.check(coefficients, out.len())?;
+        Ok(self.peaks(sweep::run(self.isa, &self.plan, &self.rows, coefficients, out)))
+    }
+
+    fn check(&self, coefficients: &[f64], output: usize) -> Result<(), ReconstructError> {
+        let (found, expected) = (coefficients.len(), self.plan.coefficients);
+        if found < expected {
+            return Err(ReconstructError::Coefficients { found, expected });
+        }
+        if output != self.plan.entries() {
+            return Err(ReconstructError::Output { found: output, expected: self.plan.entries() });
+        }
+        Ok(())
+    }
+
+    fn peaks(&self, raw: RawPeaks) -> Peaks {
+        let peak = |(value, node): (f32, usize)| Peak {
+            value,
+            node: self.nodes.as_ref().map_or(node as u32, |nodes| nodes[node]),
+        };
+        let has = |role| self.plan.ops.iter().any(|op| op.role == role);
+        let displacement = self.plan.magnitude_slot.is_some() || has(Role::Displacement);
+        Peaks {
+            displacement_mm: displacement.then(|| peak(raw.displacement)),
+            stress_mpa: has(Role::Stress).then(|| peak(raw.stress)),
         }
     }
-}
 
-impl From<Precision> for Storage {
-    fn from(precision: Precision) -> Self {
-        Self::Uniform(precision)
+    /// Values written by a reconstruction: published fields times nodes.
+    pub fn output_len(&self) -> usize {
+        self.plan.entries()
+    }
+
+    /// Published fields.
+    pub fn fields(&self) -> usize {
+        self.plan.published
+    }
+
+    /// Nodes of the node set.
+    pub fn nodes(&self) -> usize {
+        self.plan.nodes
+    }
+
+    /// Modes read by a reconstruction, summed over the fields.
+    pub fn modes(&self) -> usize {
+        self.plan.ops.iter().map(|op| op.modes).sum()
+    }
+
+    /// Bytes read by a reconstruction.
+    pub fn bytes(&self) -> usize {
+        let modes = Modes::bytes_of(self.precision(), self.nodes(), self.modes());
+        modes + self.rows.constant_bytes()
+    }
+
+    /// Bytes in memory, modes shared with the model included.
+    pub fn memory_bytes(&self) -> usize {
+        self.rows.modes.iter().map(|modes| modes.bytes().len()).sum::<usize>() + self.rows.constant_bytes()
+    }
+
+    /// Number format of the modes.
+    pub fn precision(&self) -> Precision {
+        self.rows.precision()
+    }
+
+    /// The instruction set in use.
+    pub fn isa(&self) -> Isa {
+        self.isa
     }
 }
 
-/// The bases of a model, laid out for one selection of fields and nodes.
+/// The bases of a model for one selection of fields and nodes.
 #[derive(Clone, Debug)]
 pub struct Reconstructor {
-    regimes: Vec<RegimeBases>,
+    regimes: Vec<(RegimeKind, Basis)>,
     rows: usize,
     field_count: usize,
     max_coefficients: usize,
@@ -73,35 +231,25 @@ pub struct Reconstructor {
     moving: Vec<(usize, f64)>,
 }
 
-/// The bases of a regime, one for each part of its domain.
-#[derive(Clone, Debug)]
-struct RegimeBases {
-    kind: RegimeKind,
-    /// None where one basis is for the whole domain.
-    parts: Option<Parts>,
-    bases: Vec<Basis>,
-}
-
 impl Reconstructor {
-    /// Lays out what the selection needs, in f32. Cost `O(nodes x modes)` once.
+    /// Prepares what the selection needs with the default [`BasisOptions`].
     ///
     /// # Errors
     /// [`ModelError`] when the selection does not fit the model, is empty, or a block is missing.
     pub fn new(model: &Model, selection: &Selection) -> Result<Self, ModelError> {
-        Self::with_precision(model, selection, Precision::F32)
+        Self::with_options(model, selection, BasisOptions::default())
     }
 
-    /// As [`Self::new`], with the basis stored in the given precision, or within an error. The latter takes longer: it asks
-    /// for the model's own error, `O(samples^3)`.
+    /// As [`Self::new`], with the given number format and accepted error.
     ///
     /// # Errors
-    /// As [`Self::new`], and [`ModelError::AcceptedError`].
-    pub fn with_precision(
+    /// As [`Self::new`].
+    pub fn with_options(
         model: &Model,
         selection: &Selection,
-        storage: impl Into<Storage>,
+        options: BasisOptions,
     ) -> Result<Self, ModelError> {
-        let (header, storage) = (&model.header, storage.into());
+        let header = &model.header;
         header.check().map_err(ModelError::Inconsistent)?;
         let nodes = header.resolve_nodes(&selection.nodes)?;
         let fields = header.resolve_fields(selection.fields.as_deref())?;
@@ -111,9 +259,12 @@ impl Reconstructor {
             return Err(BasisError::Rows { found: max_coefficients + moving.len() }.into());
         }
         let shifts = shifts(model, &moving, max_coefficients);
-        let of = |regime: &RegimeModel| build(model, regime, &fields, nodes.as_deref(), storage, &shifts);
+        let basis = |regime: &RegimeModel| {
+            let basis = basis(model, regime, &fields, nodes.as_deref(), options, &shifts)?;
+            Ok((regime.kind, basis))
+        };
         Ok(Self {
-            regimes: header.regimes.iter().map(of).collect::<Result<_, ModelError>>()?,
+            regimes: header.regimes.iter().map(basis).collect::<Result<_, ModelError>>()?,
             max_coefficients,
             moving,
             rows: nodes.map_or(header.node_count, |n| n.len()),
@@ -121,7 +272,7 @@ impl Reconstructor {
         })
     }
 
-    /// Nodes a field of the output.
+    /// Nodes per field of the output.
     pub fn rows(&self) -> usize {
         self.rows
     }
@@ -136,26 +287,14 @@ impl Reconstructor {
         self.rows * self.field_count
     }
 
-    /// The laid-out bases of a regime, one for each part of its domain; none when the model was not trained in it.
-    pub fn bases(&self, kind: RegimeKind) -> &[Basis] {
-        self.regimes.iter().find(|of| of.kind == kind).map_or(&[], |of| &of.bases)
+    /// The basis of a regime; `None` when the model was not trained in it.
+    pub fn basis(&self, kind: RegimeKind) -> Option<&Basis> {
+        self.regimes.iter().find(|(regime, _)| *regime == kind).map(|(_, basis)| basis)
     }
 
-    /// The one of them that is the most to read; none when the model was not trained in it.
-    pub fn largest_basis(&self, kind: RegimeKind) -> Option<&Basis> {
-        self.bases(kind).iter().max_by_key(|basis| basis.bytes())
-    }
-
-    /// The basis from which the fields of an evaluation are reconstructed: of its regime, and of the part of the domain in which its
-    /// inputs lie. None when the model was not trained in this regime.
-    pub fn basis_of(&self, evaluation: &Evaluation) -> Option<&Basis> {
-        let of = self.regimes.iter().find(|of| of.kind == evaluation.regime)?;
-        of.bases.get(of.parts.as_ref().map_or(0, |parts| parts.of(evaluation.inputs.values())))
-    }
-
-    /// Bytes of all bases.
-    pub fn bytes(&self) -> usize {
-        self.regimes.iter().flat_map(|of| &of.bases).map(Basis::bytes).sum()
+    /// All bases.
+    pub fn bases(&self) -> impl Iterator<Item = &Basis> {
+        self.regimes.iter().map(|(_, basis)| basis)
     }
 
     /// Writes the fields of an evaluation into `out`, field-major (all of the first field, then the next), and returns
@@ -184,8 +323,8 @@ impl Reconstructor {
         self.with_coefficients(evaluation, |basis, coefficients| basis.reconstruct_uninit(coefficients, out))
     }
 
-    /// What [`Basis::reconstruct`] takes for this evaluation: its coefficients, behind them how far each input that moves the
-    /// undeformed mesh is from the model's own.
+    /// Coefficients that [`Basis::reconstruct`] takes for this evaluation: its own, behind them the distance of each input
+    /// that moves the undeformed mesh from the model's value.
     ///
     /// # Errors
     /// An evaluation of another model.
@@ -201,7 +340,7 @@ impl Reconstructor {
         let (own, expected) = (&evaluation.coefficients, self.max_coefficients);
         // An evaluation of another model has no basis here: as if it had no coefficients.
         let none = ReconstructError::Coefficients { found: 0, expected };
-        let basis = self.basis_of(evaluation).ok_or(none)?;
+        let basis = self.basis(evaluation.regime).ok_or(none)?;
         if self.moving.is_empty() {
             return run(basis, own);
         }
@@ -231,12 +370,12 @@ fn moving(model: &Model) -> Vec<(usize, f64)> {
     found
 }
 
-/// What these inputs move; their coefficients come behind those of the modes.
+/// Changes of the undeformed mesh with these inputs; their coefficients come behind those of the modes.
 fn shifts<'a>(model: &'a Model, moving: &[(usize, f64)], first: usize) -> Vec<Shift<'a>> {
     let one = |(at, (input, from)): (usize, &(usize, f64))| {
         let along = |axis| {
             let kind = BlockKind::UndeformedBy { input: *input as u32, axis, from_bits: from.to_bits() };
-            model.f32_block(kind).map(Values::F32)
+            model.f32_block(kind)
         };
         Shift { coefficient: first + at, axes: [0, 1, 2].map(along) }
     };
@@ -245,14 +384,14 @@ fn shifts<'a>(model: &'a Model, moving: &[(usize, f64)], first: usize) -> Vec<Sh
 
 /// Describes the selected fields of a regime to the kernel and lets it lay them out. Coordinates a derived magnitude
 /// needs are computed though not published.
-fn build<'a>(
-    model: &'a Model,
+fn basis(
+    model: &Model,
     regime: &RegimeModel,
     fields: &[usize],
     nodes: Option<&[u32]>,
-    storage: Storage,
-    shifts: &[Shift<'a>],
-) -> Result<RegimeBases, ModelError> {
+    options: BasisOptions,
+    shifts: &[Shift<'_>],
+) -> Result<Basis, ModelError> {
     let derived = fields.iter().filter_map(|f| model.header.fields[*f].magnitude_of).flatten();
     let hidden: Vec<usize> = derived.filter(|axis| !fields.contains(axis)).collect();
     let order: Vec<usize> = fields.iter().chain(&hidden).copied().collect();
@@ -266,161 +405,45 @@ fn build<'a>(
         };
         let first = role == Role::Plain || !roles.contains(&role); // a maximum is reported for one field of a role
         roles.push(role);
-        let source = source(model, regime, &order, field, shifts)?;
         described.push(Field {
-            source,
+            source: source(model, regime, &order, field, options, shifts)?,
             role: if first { role } else { Role::Plain },
             published: at < fields.len(),
         });
     }
     let spec = Spec { node_count: model.header.node_count, nodes, fields: described };
-    match storage {
-        Storage::Uniform(precision) => {
-            Ok(RegimeBases { kind: regime.kind, parts: None, bases: vec![Basis::build(&spec, precision)?] })
-        }
-        Storage::Within { share, or_f32, parts } => {
-            build_within(model, regime, &order, &spec, (share, or_f32, parts))
-        }
-    }
+    Ok(Basis::build(&spec, options.precision)?)
 }
 
-/// The same in as few bytes as an accepted error allows, for each part of the domain; `order` says which field of the model each of the spec is.
-fn build_within(
-    model: &Model,
-    regime: &RegimeModel,
-    order: &[usize],
-    spec: &Spec<'_>,
-    (share, or_f32, parts): (f64, bool, usize),
-) -> Result<RegimeBases, ModelError> {
-    let nodes: Vec<usize> = (0..spec.output_nodes()).map(|i| spec.source_node(i)).collect();
-    let errors = OwnErrors::new(regime);
-    let own = |field: &usize| {
-        let modes = model.f32_block(BlockKind::Modes { regime: regime.kind, field: *field as u32 });
-        modes.map_or(0.0, |modes| errors.of(*field, modes, model.header.node_count, &nodes))
-    };
-    let own: Vec<f64> = order.iter().map(own).collect();
-    let accepted: Vec<f64> = own.iter().map(|own| added(*own, share)).collect();
-    let typical = typical_coefficients(regime);
-    let parts = if parts > 1 && bytes_in_full(spec) > ONE_PART_BYTES {
-        Parts::new(&regime.inputs, &typical, &least_coefficients(regime, spec, &accepted), parts)
-    } else {
-        Parts::one(&regime.inputs)
-    };
-    let (mut bases, mut short) = (Vec::new(), Vec::<Shortfall>::new());
-    let of_part = |part| with_moving(model, regime, parts.near(part, &typical).cloned().collect());
-    let typical: Vec<_> = (0..parts.count()).map(of_part).collect();
-    let budgets: Vec<_> =
-        typical.iter().map(|typical| Budget { typical, accepted: &accepted, or_f32 }).collect();
-    for basis in Basis::build_within_each(spec, &budgets)? {
-        match basis {
-            Ok(basis) => bases.push(basis),
-            Err(BasisError::Budget(of_part)) => {
-                of_part.into_iter().for_each(|found| worst(&mut short, found))
-            }
-            Err(other) => return Err(other.into()),
-        }
-    }
-    if short.is_empty() {
-        return Ok(RegimeBases { kind: regime.kind, parts: Some(parts), bases });
-    }
-    Err(ModelError::AcceptedError {
-        regime: regime.kind.name(),
-        accepted: share,
-        least: short.iter().map(|s| least_share(s, own[s.field])).fold(0.0, f64::max),
-        fields: short.iter().map(|s| shortfall(model, order[s.field], s)).collect(),
-    })
-}
-
-/// A basis that takes no more in f32 stays in a core's own caches as it is.
-const ONE_PART_BYTES: usize = 2 << 20;
-
-/// Bytes of the modes in f32.
-fn bytes_in_full(spec: &Spec<'_>) -> usize {
-    let modes = |field: &Field<'_>| match &field.source {
-        Source::Affine(affine) => affine.coefficients.len(),
-        Source::Magnitude { .. } => 0,
-    };
-    spec.fields.iter().map(modes).sum::<usize>() * spec.output_nodes() * size_of::<f32>()
-}
-
-/// By coefficient: the least that counts, because it makes as large a root mean square as a field may be off by.
-fn least_coefficients(regime: &RegimeModel, spec: &Spec<'_>, accepted: &[f64]) -> Vec<f64> {
-    let mut least = vec![f64::INFINITY; regime.coefficient_count()];
-    for (field, accepted) in spec.fields.iter().zip(accepted) {
-        let Source::Affine(Affine { modes, stride, coefficients, .. }) = &field.source else { continue };
-        for (mode, at) in coefficients.clone().enumerate() {
-            let values = (0..spec.output_nodes()).map(|i| modes.get(mode * stride + spec.source_node(i)));
-            let square = values.map(|value| value * value).sum::<f64>() / spec.output_nodes() as f64;
-            least[at] = least[at].min(accepted / square.sqrt());
-        }
-    }
-    least
-}
-
-/// Behind the coefficients of all regimes come the inputs that move the mesh, as far as they go.
-fn with_moving(model: &Model, regime: &RegimeModel, mut typical: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-    let regimes = &model.header.regimes;
-    let coefficients = regimes.iter().map(RegimeModel::coefficient_count).max().unwrap_or(0);
-    let farthest = moving(model).into_iter().map(|(input, from)| {
-        let range = regime.inputs.range(input).unwrap_or([from; 2]);
-        range.iter().fold(0.0_f64, |most, end| most.max((end - from).abs()))
-    });
-    let farthest: Vec<f64> = farthest.collect();
-    for vector in &mut typical {
-        vector.resize(coefficients, 0.0);
-        vector.extend(&farthest);
-    }
-    typical
-}
-
-/// Keeps what is short in the worst part of each field.
-fn worst(all: &mut Vec<Shortfall>, found: Shortfall) {
-    match all.iter_mut().find(|known| known.field == found.field) {
-        Some(known) if known.least >= found.least => {}
-        Some(known) => *known = found,
-        None => all.push(found),
-    }
-}
-
-fn shortfall(model: &Model, field: usize, short: &Shortfall) -> String {
-    let field = &model.header.fields[field].spec;
-    let Shortfall { accepted, least, .. } = short;
-    format!(
-        "{} may have {accepted:.1e} {unit} added, f32 adds {least:.1e} {unit}",
-        field.name,
-        unit = field.unit
-    )
-}
-
-/// Where a field of a regime comes from; `order` says which field of the model each of the spec is.
-pub(crate) fn source<'a>(
+/// Origin of a field of a regime; `order` says which field of the model each of the spec is.
+fn source<'a>(
     model: &'a Model,
     regime: &RegimeModel,
     order: &[usize],
     field: usize,
+    options: BasisOptions,
     shifts: &[Shift<'a>],
 ) -> Result<Source<'a>, ModelError> {
-    let node_count = model.header.node_count;
-    let block = |kind: BlockKind, expected: usize| {
+    let expected = model.header.node_count;
+    let block = |kind: BlockKind| {
         let values = model.f32_block(kind).unwrap_or(&[]);
-        if values.len() == expected {
-            return Ok(Values::F32(values));
-        }
-        Err(ModelError::MissingBlock { block: format!("{kind:?}"), expected, found: values.len() })
+        let missing =
+            || ModelError::MissingBlock { block: format!("{kind:?}"), expected, found: values.len() };
+        if values.len() == expected { Ok(values) } else { Err(missing()) }
     };
     if let Some(axes) = model.header.fields[field].magnitude_of {
         let at = |axis: usize| order.iter().position(|f| *f == axis).unwrap_or(usize::MAX);
-        let rest = |axis| block(BlockKind::Undeformed(axis), node_count);
+        let rest = |axis| block(BlockKind::Undeformed(axis));
         let rest = [rest(0)?, rest(1)?, rest(2)?];
         return Ok(Source::Magnitude { coordinates: axes.map(at), rest, shifts: shifts.to_vec() });
     }
-    let group = regime.groups.iter().find(|g| g.fields.contains(&field));
-    let coefficients = group.map(|g| g.coefficients.clone()).unwrap_or(0..0);
-    let (regime, field) = (regime.kind, field as u32);
+    let group = regime.group_of(field);
+    let (first, used) =
+        group.map_or((0, 0), |g| (g.coefficients.start, g.modes_within(options.accepted_error)));
+    let (kind, field) = (regime.kind, field as u32);
     Ok(Source::Affine(Affine {
-        mean: Some(block(BlockKind::Mean { regime, field }, node_count)?),
-        modes: block(BlockKind::Modes { regime, field }, node_count * coefficients.len())?,
-        stride: node_count,
-        coefficients,
+        mean: Some(block(BlockKind::Mean { regime: kind, field })?),
+        modes: model.modes(kind, field)?,
+        coefficients: first..first + used,
     }))
 }

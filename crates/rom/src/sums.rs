@@ -24,7 +24,7 @@ pub(crate) struct Sums {
 
 /// Reusable memory of [`Sums::evaluate`].
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Room {
+pub(crate) struct Scratch {
     near: Vec<Near>,
     sums: Vec<[f64; BLOCK]>,
 }
@@ -32,7 +32,7 @@ pub(crate) struct Room {
 /// No centre yet.
 const NOWHERE: Near = [[0.0; BLOCK]; 3 + MAX_INPUTS];
 
-impl Room {
+impl Scratch {
     /// Enlarges the memory to at least that of `other`.
     pub fn reserve(&mut self, other: &Self) {
         grow(&mut self.near, other.near.len(), NOWHERE);
@@ -41,11 +41,11 @@ impl Room {
 
     /// Memory for all of these sums.
     pub fn of<'a>(all: impl Iterator<Item = &'a Sums>) -> Self {
-        let mut room = Self::default();
+        let mut scratch = Self::default();
         for sums in all {
-            room.reserve_for(&sums.weights);
+            scratch.reserve_for(&sums.weights);
         }
-        room
+        scratch
     }
 
     /// Enlarges the memory for sums with these weights.
@@ -122,15 +122,21 @@ impl Sums {
         self.outputs
     }
 
-    /// Value and, if requested, gradient over scaled inputs of every output at `x`. No allocation if `room` was made for these
+    /// Value and, if requested, gradient over scaled inputs of every output at `x`. No allocation if `scratch` was made for these
     /// sums. Cost: see [`weigh`].
-    pub fn evaluate(&self, x: &Point, room: &mut Room, value: &mut [f64], gradient: Option<Gradient<'_>>) {
+    pub fn evaluate(
+        &self,
+        x: &Point,
+        scratch: &mut Scratch,
+        value: &mut [f64],
+        gradient: Option<Gradient<'_>>,
+    ) {
         let u = self.metric.apply(x);
-        let near = &mut room.near[..self.weights.groups()];
+        let near = &mut scratch.near[..self.weights.groups()];
         approach(self.kernel, &u, self.dimensions, &self.centres, near);
-        weigh(&self.weights, near, gradient.is_some(), &mut room.sums);
+        weigh(&self.weights, near, gradient.is_some(), &mut scratch.sums);
         let rows = 1 + self.dimensions;
-        let sum = |k: usize, row: usize| room.sums[k / BLOCK * rows + row][k % BLOCK];
+        let sum = |k: usize, row: usize| scratch.sums[k / BLOCK * rows + row][k % BLOCK];
         value.iter_mut().enumerate().for_each(|(k, value)| *value = sum(k, 0));
         let mut by = gradient;
         if let Some(by) = &mut by {
@@ -166,7 +172,7 @@ impl Interpolant {
         let mut value = vec![0.0; self.outputs];
         let mut rows: [Vec<f64>; MAX_INPUTS] = std::array::from_fn(|_| vec![0.0; self.outputs]);
         let gradient = Some(rows.each_mut().map(Vec::as_mut_slice));
-        sums.evaluate(x, &mut Room::of([&sums].into_iter()), &mut value, gradient);
+        sums.evaluate(x, &mut Scratch::of([&sums].into_iter()), &mut value, gradient);
         (value, rows)
     }
 }

@@ -1,6 +1,5 @@
 //! The reduced-order model: its answers, gradients, files. One program: linked once, and its tests run beside each other.
 
-mod budget;
 mod dense;
 mod footprint;
 mod goal;
@@ -9,4 +8,6 @@ mod model_file;
 mod predict;
 mod probe;
 mod rng;
-mod stress_peak;
+#[allow(dead_code, reason = "shared by several test programs")]
+#[path = "../../../tests/src/synthetic/mod.rs"]
+mod synthetic;

@@ -1,10 +1,10 @@
 //! Inputs for a goal, on the beam of formulas: the formulas themselves judge the answer.
 
+use crate::synthetic::design;
 use rom::evaluator::Evaluator;
 use rom::goal::{Found, Residual, reach};
 use rom::inputs::{Inputs, MAX_INPUTS};
 use rom::snapshots::Split;
-use rom::synthetic::design;
 use std::sync::OnceLock;
 use train::config::TrainConfig;
 use train::train;
@@ -13,7 +13,7 @@ fn evaluator() -> Evaluator {
     static MODEL: OnceLock<Evaluator> = OnceLock::new();
     let made = || {
         let states: Vec<_> = design::states(0, 60).into_iter().map(|state| (Split::Train, state)).collect();
-        let config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
+        let config = TrainConfig::default();
         let (model, _) = train(&design::database(&states, true), &config, &mut |_| {}).expect("trains");
         Evaluator::new(&model.header).expect("consistent")
     };

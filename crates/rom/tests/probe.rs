@@ -26,13 +26,13 @@ fn positions_are_those_of_the_field_and_derivatives_those_of_differences() {
     let probes = Probes::new(&model, &points).expect("probes");
     let mut evaluation = evaluator.evaluation();
     let mut fields = vec![0.0; reconstructor.entries()];
-    let (mut room, mut at) = (probes.evaluation(), [ProbePosition::default(); 3]);
+    let (mut scratch, mut at) = (probes.evaluation(), [ProbePosition::default(); 3]);
     let mut beside = at;
     for (pressure_mpa, gap_mm) in [(0.01, 45.3), (0.05, 30.37), (0.09, 20.21)] {
         evaluator.differentiate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
         reconstructor.reconstruct_into(&evaluation, &mut fields).expect("fields");
-        probes.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut room, &mut at);
-        let force = (room.regime, room.contact_force_n, room.force_gradient);
+        probes.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut scratch, &mut at);
+        let force = (scratch.regime, scratch.contact_force_n, scratch.force_gradient);
         assert_eq!(force, (evaluation.regime, evaluation.contact_force_n, evaluation.force_gradient));
         for (probe, node) in at.iter().zip(nodes) {
             for (axis, position) in probe.position_mm.iter().enumerate() {
@@ -46,7 +46,7 @@ fn positions_are_those_of_the_field_and_derivatives_those_of_differences() {
                 Inputs::new(values[0], values[1]).with(input, values[input] + by)
             };
             let mut difference = |by: f64| {
-                probes.evaluate(moved(by), &mut room, &mut beside);
+                probes.evaluate(moved(by), &mut scratch, &mut beside);
                 beside
             };
             let (above, below) = (difference(step), difference(-step));
@@ -83,27 +83,27 @@ fn a_point_of_the_mesh_has_its_undeformed_place_and_one_beside_it_is_named() {
 /// A walk through inflation, stiffness and gap, of a model whose onset depends on the stiffness.
 #[test]
 fn states_near_one_another_have_the_values_of_the_full_search_and_free_ones_those_of_no_obstacle() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet-stiffness/pneunet-stiffness.twin");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet-design/pneunet-design.twin");
     let model = committed(path);
     let probes = Probes::new(&model, &[MeshPoint::node(&model, 12_000).expect("a node")]).expect("probes");
-    let (mut room, mut near, mut last) = (probes.evaluation(), probes.evaluation(), LastOnset::default());
+    let (mut scratch, mut near, mut last) = (probes.evaluation(), probes.evaluation(), LastOnset::default());
     let mut at = [[ProbePosition::default()]; 2];
     let mut touched = 0;
     for step in 0..400 {
         let t = f64::from(step) / 400.0;
         let wave = (40.0 * t).sin();
         let state = Inputs::new(0.01 + 0.075 * t, 42.0 + 3.0 * wave).with(2, 0.8 + 0.05 * (55.0 * t).cos());
-        probes.evaluate(state, &mut room, &mut at[0]);
+        probes.evaluate(state, &mut scratch, &mut at[0]);
         probes.evaluate_near(state, &mut last, &mut near, &mut at[1]);
-        let force = (near.contact_force_n - room.contact_force_n).abs();
-        assert!(near.regime == room.regime && force < 1e-5, "{state:?}: {force} N");
-        let slopes = near.force_gradient.iter().zip(room.force_gradient);
+        let force = (near.contact_force_n - scratch.contact_force_n).abs();
+        assert!(near.regime == scratch.regime && force < 1e-5, "{state:?}: {force} N");
+        let slopes = near.force_gradient.iter().zip(scratch.force_gradient);
         slopes.for_each(|(near, full)| {
             assert!((near - full).abs() < 1e-3 * full.abs() + 1e-4, "{near} {full}")
         });
         assert_eq!(at[0], at[1], "{state:?}");
         touched += u32::from(near.regime == RegimeKind::Contact);
-        probes.evaluate(state.with(1, f64::INFINITY), &mut room, &mut at[0]);
+        probes.evaluate(state.with(1, f64::INFINITY), &mut scratch, &mut at[0]);
         probes.evaluate_free(state, &mut near, &mut at[1]);
         assert!(near.regime == RegimeKind::Free && near.contact_force_n == 0.0);
         assert_eq!(at[0], at[1], "{state:?}");

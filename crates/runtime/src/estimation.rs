@@ -1,7 +1,6 @@
 //! The estimator of an actuator: the scene's unknowns and sensors, the model's predictions of what they measure.
 
 use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, PRESSURE_BIAS, Sigmas};
-use crate::load::Needs;
 use crate::measured::MeasuredInputs;
 use estimate::{
     Alarm, Filter, InputRole, MAX_INPUTS, Measurement, Predicted, Row, Setup, Status, Unknown, Update,
@@ -62,7 +61,7 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
              {{ sigma = ... }} here; found none"
         ));
     }
-    let needs = Needs::of(&model.header);
+    let needs = model.header.needs();
     let role = |(input, key): (usize, &String)| match (input, position(key), spec.gap_mm) {
         (PRESSURE, ..) if !needs.pressure => InputRole::Given(0.0),
         (PRESSURE, ..) => InputRole::Measured {

@@ -43,9 +43,9 @@ impl KnownModel {
         let hash = trailer_hash(&mut file).map_err(|error| format!("cannot read: {error}"))?;
         let mut reader = ModelReader::open(file).map_err(|error| error.to_string())?;
         let entry = reader.blocks().iter().find(|entry| entry.kind == BlockKind::Surface).cloned();
-        let block = entry.map(|entry| reader.read_block(&entry)).transpose();
-        let surface = match block.map_err(|error| error.to_string())? {
-            Some(BlockData::U32(nodes)) => nodes,
+        let blocks = reader.read_blocks(entry.as_slice()).map_err(|error| error.to_string())?;
+        let surface = match blocks.into_iter().next() {
+            Some((_, BlockData::U32(nodes))) => nodes,
             _ => Vec::new(),
         };
         let header = reader.header();

@@ -1,13 +1,12 @@
 //! From scene to memory: which regimes, fields and nodes are needed, and nothing else.
 
-use crate::config::{self, ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Precision, Scene};
+use crate::config::{self, ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Scene};
 use crate::estimation::Estimator;
 use crate::file;
 use rom::evaluator::Evaluator;
-use rom::inputs::{GAP, PRESSURE};
-use rom::kernel::Precision as KernelPrecision;
-use rom::model::{BlockData, BlockKind, Model, ModelError, ModelHeader, ModelReader, Nodes, Selection};
-use rom::reconstructor::{Reconstructor, Storage};
+use rom::inputs::Needs;
+use rom::model::{BlockData, BlockEntry, BlockKind, Model, ModelHeader, ModelReader, Nodes, Selection};
+use rom::reconstructor::{Basis, BasisOptions, Reconstructor};
 use rom::snapshots::{FieldKind, RegimeKind};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -42,22 +41,6 @@ pub struct Loaded {
     pub file_block_bytes: u64,
 }
 
-/// Whether a model's answers depend on pressure and gap.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Needs {
-    /// On the pressure.
-    pub pressure: bool,
-    /// On the gap.
-    pub gap: bool,
-}
-
-impl Needs {
-    /// Of a model.
-    pub fn of(header: &ModelHeader) -> Self {
-        Self { pressure: header.needs(PRESSURE), gap: header.needs(GAP) }
-    }
-}
-
 /// One field topic, ready to compute.
 #[derive(Debug)]
 pub struct LoadedOutput {
@@ -69,9 +52,9 @@ pub struct LoadedOutput {
     pub fields: Vec<String>,
     /// Their numbers of [`field_id`]; the rest are 0.
     pub field_ids: [u8; FIELD_SLOTS],
-    /// Bytes of the basis in memory, of all regimes and parts of their domains.
+    /// Bytes of the bases of all regimes in memory.
     pub basis_bytes: u64,
-    /// Bytes of it that a sample is made from, at most.
+    /// Bytes that a reconstruction reads, at most.
     pub most_read_bytes: u64,
 }
 
@@ -112,11 +95,11 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     let model_hash = trailer_hash(&mut file).map_err(|error| at(format!("cannot read: {error}")))?;
     let mut reader = ModelReader::open(file).map_err(|error| at(error.to_string()))?;
     let mut header = reader.header().clone();
-    header.give(spec.given_inputs()).map_err(|error| at(format!("inputs: {error}")))?;
+    header.set_parameters(spec.given_inputs()).map_err(|error| at(format!("inputs: {error}")))?;
     for (name, _) in spec.measured_inputs() {
         header.parameter(name).map_err(|error| at(format!("inputs: {error}")))?;
     }
-    let needs = Needs::of(&header);
+    let needs = header.needs();
     if !spec.sensors.is_empty() && needs.pressure && !spec.has_sensor_of("pressure_mpa") {
         return Err(vec![
             "sensors: expected a sensor with pressure_mpa, an input of the model; found none".into(),
@@ -138,17 +121,15 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         needed.extend(needed_blocks(&header, &regimes, &[whole]));
         needed.extend((0..3).map(BlockKind::Undeformed));
     }
-    let mut model = Model { header, blocks: Vec::new() };
-    let mut read = Vec::new();
-    let file_block_bytes = reader.blocks().iter().map(|entry| entry.values * 4).sum();
-    for entry in reader.blocks().to_vec() {
-        let moves = matches!(entry.kind, BlockKind::UndeformedBy { .. });
-        if needed.contains(&entry.kind) || (moves && needed.contains(&BlockKind::Undeformed(0))) {
-            let block = reader.read_block(&entry).map_err(|error| at(error.to_string()))?;
-            read.push(ReadBlock { kind: entry.kind, bytes: entry.values * 4 });
-            model.blocks.push((entry.kind, block));
-        }
-    }
+    let file_block_bytes = reader.blocks().iter().map(|entry| entry.bytes).sum();
+    let moves =
+        |kind| matches!(kind, BlockKind::UndeformedBy { .. }) && needed.contains(&BlockKind::Undeformed(0));
+    let is_needed = |entry: &&BlockEntry| needed.contains(&entry.kind) || moves(entry.kind);
+    let entries: Vec<BlockEntry> = reader.blocks().iter().filter(is_needed).cloned().collect();
+    let read =
+        entries.iter().map(|entry| ReadBlock { kind: entry.kind, bytes: entry.bytes }).collect::<Vec<_>>();
+    let blocks = reader.read_blocks(&entries).map_err(|error| at(error.to_string()))?;
+    let model = Model { header, blocks };
     let mut evaluator = Evaluator::new(&model.header).map_err(|error| at(error.to_string()))?;
     if !spec.state.coefficients {
         let field = |block: &ReadBlock| match block.kind {
@@ -257,7 +238,8 @@ fn nodes_in_box<R: Read + Seek>(
         let entry = reader.blocks().iter().find(|entry| entry.kind == BlockKind::Undeformed(axis)).cloned();
         let entry =
             entry.ok_or("a box needs the undeformed mesh, which this model does not have; use a list")?;
-        let BlockData::F32(values) = reader.read_block(&entry).map_err(|error| error.to_string())? else {
+        let blocks = reader.read_blocks(&[entry]).map_err(|error| error.to_string())?;
+        let Some((_, BlockData::F32(values))) = blocks.into_iter().next() else {
             return Err("the undeformed mesh is not stored as coordinates".into());
         };
         let bounds = min.get(axis as usize).zip(max.get(axis as usize));
@@ -302,19 +284,9 @@ fn outputs(
     let mut problems = Vec::new();
     let mut outputs = Vec::new();
     for (index, (output, selection)) in spec.outputs.iter().zip(selections).enumerate() {
-        let storage = match output.precision {
-            Precision::F32 => Storage::Uniform(KernelPrecision::F32),
-            Precision::I16 => Storage::Uniform(KernelPrecision::I16),
-            Precision::Budget => output
-                .accepted_error_share
-                .map_or(Storage::AS_GOOD, Storage::within)
-                .in_parts(output.domain_parts.unwrap_or(Storage::PARTS)),
-        };
-        match Reconstructor::with_precision(model, &selection, storage) {
+        let (precision, accepted_error) = (output.precision, output.accepted_error);
+        match Reconstructor::with_options(model, &selection, BasisOptions { precision, accepted_error }) {
             Ok(reconstructor) => outputs.push(describe(output, model, &selection, reconstructor)),
-            Err(error @ ModelError::AcceptedError { .. }) => {
-                problems.push(format!("output[{index}].accepted_error_share: {error}"));
-            }
             Err(error) => problems.push(format!("output[{index}]: {error}")),
         }
     }
@@ -330,13 +302,12 @@ fn describe(
     let header = &model.header;
     let numbers = header.resolve_fields(selection.fields.as_deref()).unwrap_or_default();
     let specs = || numbers.iter().filter_map(|number| Some((*number, &header.fields.get(*number)?.spec)));
-    let largest = header.regimes.iter().filter_map(|regime| reconstructor.largest_basis(regime.kind));
-    let most_read_bytes = largest.map(|basis| basis.bytes() as u64).max().unwrap_or(0);
+    let most_read_bytes = reconstructor.bases().map(Basis::bytes).max().unwrap_or(0) as u64;
     LoadedOutput {
         spec: spec.clone(),
         fields: specs().map(|(_, spec)| spec.name.clone()).collect(),
         field_ids: first(&specs().map(|(number, spec)| id_of(number, spec.kind)).collect::<Vec<u8>>()),
-        basis_bytes: reconstructor.bytes() as u64,
+        basis_bytes: reconstructor.bases().map(Basis::memory_bytes).sum::<usize>() as u64,
         most_read_bytes,
         reconstructor,
     }

@@ -6,8 +6,7 @@ use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
 use rom::hysteresis::RegimeLabel;
 use rom::inputs::{GAP, InputSpec, PARAMETERS, PRESSURE};
-use rom::kernel::Peaks;
-use rom::reconstructor::Reconstructor;
+use rom::reconstructor::{Peaks, Reconstructor};
 use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, flags, input_source, pack_name, set_slot};
 use wire::{Answer, Bus, FieldHeader, FieldLoan, FieldWriter, State, Topic, WireError};
 
@@ -108,7 +107,7 @@ pub(crate) fn fill_state(state: &mut State, evaluation: &Evaluation, groups: &Gr
         state.force_by_gap_n_per_mm = f64::NAN;
         state.force_by_input = [f64::NAN; INPUTS_MAX];
     }
-    if !wanted.bars {
+    if !wanted.half_widths {
         state.force_halfwidth_n = f32::NAN;
         state.displacement_halfwidth_mm = f32::NAN;
         state.von_mises_halfwidth_mpa = f32::NAN;
@@ -122,7 +121,7 @@ pub fn state_of(evaluation: &Evaluation, inputs: &[InputSpec]) -> State {
         &mut state,
         evaluation,
         &GroupSizes::new(),
-        StateSpec { gradients: true, bars: true, coefficients: true },
+        StateSpec { gradients: true, half_widths: true, coefficients: true },
     );
     state
 }

@@ -26,7 +26,7 @@ impl Unknowns {
     pub fn load(scene: &Scene, path: &Path, actuator: Option<&str>) -> anyhow::Result<Self> {
         let spec = spec(scene, path, actuator)?.clone();
         let mut model = files::model(&scene.resolve(&spec.model))?;
-        model.header.give(spec.given_inputs()).map_err(configuration)?;
+        model.header.set_parameters(spec.given_inputs()).map_err(configuration)?;
         let setup = estimation::setup(&spec, &model).map_err(problems)?;
         let sensors = SensorModel::new(&spec, &model).map_err(problems)?;
         Ok(Self { spec, setup, sensors, header: model.header })

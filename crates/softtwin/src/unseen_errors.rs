@@ -5,6 +5,7 @@ use crate::files;
 use anyhow::Context;
 use formats::FormatError;
 use formats::table::{Table, to_text};
+use rom::halfwidths::Errors;
 use rom::hull::DomainStatus;
 use rom::inputs::Inputs;
 use rom::model::Model;
@@ -28,7 +29,7 @@ pub fn write(path: &Path, model: &Model, cases: &[CaseReport]) -> anyhow::Result
         let inputs = case.inputs.values()[..keys.len()].iter();
         // No obstacle, or an input that the state does not have: an empty cell.
         let inputs = inputs.map(|value| if value.is_finite() { value.to_string() } else { String::new() });
-        let errors = case.errors.iter().map(|error| format!("{error:.4e}"));
+        let errors = case.errors.values().map(|error| format!("{error:.4e}"));
         let names = [case.case.clone(), case.regime.name().to_owned()];
         names.into_iter().chain(inputs).chain(errors).chain([hash.clone()]).collect::<Vec<_>>()
     };
@@ -92,7 +93,7 @@ pub fn read(path: &Path, model: &Model) -> anyhow::Result<Vec<UnseenState>> {
             regime: row.choice(regime, &names)?,
             inputs: values,
             domain: DomainStatus::Inside,
-            errors: [displacement_mm?, stress_mpa?, force_n?],
+            errors: Errors { displacement_mm: displacement_mm?, stress_mpa: stress_mpa?, force_n: force_n? },
         })
     };
     table.rows().map(|row| state(row).map_err(refused)).collect()

@@ -14,3 +14,6 @@ mod ranges;
 mod recording;
 mod recording_memory;
 mod simulate;
+#[allow(dead_code, reason = "shared by several test programs")]
+#[path = "../../../tests/src/synthetic/mod.rs"]
+mod synthetic;

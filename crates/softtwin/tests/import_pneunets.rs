@@ -78,7 +78,7 @@ fn pneunets_of_another_program_give_a_twin() {
     let done: Value = serde_json::from_str(&succeeds(folder.path(), &import)).expect("JSON");
     assert_eq!(done["states"], cases.len(), "{done}");
     // One kernel: which is the best is not the question.
-    let config = "full_leave_one_out = false\n[contact]\nkernels = [{ kernel = \"cubic\", tail = \"linear\" }]\nshear = [0.0, -0.2]\n";
+    let config = "[contact]\nkernels = [{ kernel = \"cubic\", tail = \"linear\" }]\nshear = [0.0, -0.2]\n";
     fs::write(folder.path().join("train.toml"), config).expect("written");
     succeeds(
         folder.path(),

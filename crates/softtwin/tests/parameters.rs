@@ -1,10 +1,10 @@
 //! Models over parameters from the command line: files of their states, and databases that do not belong together.
 
+use crate::synthetic::design;
 use formats::database::{ObstacleKind, write};
 use formats::npy;
 use formats::vtu::{Cells, Content, read_content};
 use rom::snapshots::{Database, Split};
-use rom::synthetic::design;
 use std::path::Path;
 use std::process::{Command, Output};
 

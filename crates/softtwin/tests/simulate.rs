@@ -433,7 +433,7 @@ fn a_sealed_evaluation_looks_once_and_leaves_nothing_behind() {
 
 #[test]
 fn designs_share_their_parameters_and_onset_points_lie_on_the_onset() {
-    use rom::synthetic::design;
+    use crate::synthetic::design;
     let place = Place::new();
     let states: Vec<_> =
         design::states(0, 100).into_iter().map(|s| (rom::snapshots::Split::Train, s)).collect();

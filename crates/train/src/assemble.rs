@@ -32,7 +32,6 @@ pub(crate) fn assemble(
                 unit: f.unit.clone(),
                 source: if derived.is_some() { "derived from the coordinates" } else { "interpolated" }
                     .into(),
-                i16_error_bound: 0.0,
             })
             .collect(),
         regimes: parts.iter().map(|part| regime_sheet(plan, part, &inputs)).collect(),
@@ -81,12 +80,9 @@ fn field_blocks(database: &Database, plan: &Plan, part: &Part) -> Vec<(BlockKind
     for (group, fit) in plan.groups.iter().zip(&part.groups) {
         for (at, &field) in group.fields.iter().enumerate() {
             let (rows, field) = (at * nodes..(at + 1) * nodes, field as u32);
-            let mean = fit.compact.mean[rows.clone()].iter().map(|v| *v as f32).collect();
-            let modes = (0..fit.choice.modes)
-                .flat_map(|k| fit.basis.col_as_slice(k)[rows.clone()].iter().map(|v| *v as f32))
-                .collect();
+            let mean = fit.compact.mean[rows].iter().map(|v| *v as f32).collect();
             blocks.push((BlockKind::Mean { regime, field }, BlockData::F32(mean)));
-            blocks.push((BlockKind::Modes { regime, field }, BlockData::F32(modes)));
+            blocks.push((BlockKind::Modes { regime, field }, BlockData::Modes(fit.stored[at].clone())));
         }
     }
     blocks
@@ -123,8 +119,7 @@ fn group_sheet(name: &str, fit: &GroupFit) -> FitSheet {
     let entries = fit.compact.mean.len() as f64;
     let (choice, error) = (&fit.choice, fit.choice.error / entries.sqrt());
     let truncation = fit.pod.truncation_error(choice.modes);
-    let sheet = fit_sheet(name, choice.modes, truncation, &choice.fit.interpolant, error, &choice.candidates);
-    FitSheet { leave_one_out_full: fit.full_error.map(|e| e / entries.sqrt()), ..sheet }
+    fit_sheet(name, choice.modes, truncation, &choice.fit.interpolant, error, &choice.candidates)
 }
 
 fn fit_sheet(
@@ -142,7 +137,6 @@ fn fit_sheet(
         condition: fit.condition,
         residual: fit.residual,
         leave_one_out,
-        leave_one_out_full: None,
         candidates: candidates.to_vec(),
     }
 }

@@ -24,7 +24,7 @@ impl OnsetBoundary {
     /// The onset at a state.
     pub fn at(&self, inputs: &Inputs) -> OnsetAt {
         match &self.solver {
-            Some(solver) => solver.onset(inputs, None, &mut solver.room()),
+            Some(solver) => solver.onset(inputs, None, &mut solver.scratch()),
             None => self.table.at(inputs.gap_mm()),
         }
     }
@@ -32,7 +32,7 @@ impl OnsetBoundary {
     /// Depth of the lowest node at pressure and parameters, mm; none without parameters.
     pub fn depth_mm(&self, inputs: &Inputs) -> Option<f64> {
         let solver = self.solver.as_ref()?;
-        Some(solver.depth_mm(inputs, &mut solver.room()))
+        Some(solver.depth_mm(inputs, &mut solver.scratch()))
     }
 
     /// What the data sheet says about it.

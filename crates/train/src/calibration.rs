@@ -22,7 +22,7 @@ pub struct UnseenState {
     /// Position with respect to the training range; only states inside count, since half-widths hold only there.
     pub domain: DomainStatus,
     /// Displacement (mm), stress (MPa), force (N).
-    pub errors: [f64; 3],
+    pub errors: Errors,
 }
 
 /// Why half-widths could not be set.
@@ -57,8 +57,8 @@ pub fn calibrate(
     states: &[UnseenState],
 ) -> Result<(), CalibrationError> {
     for (state, unseen) in states.iter().enumerate() {
-        if let Some(found) = unseen.errors.iter().find(|e| !(e.is_finite() && **e >= 0.0)) {
-            return Err(CalibrationError::NoError { state, found: *found });
+        if let Some(found) = unseen.errors.values().into_iter().find(|e| !(e.is_finite() && *e >= 0.0)) {
+            return Err(CalibrationError::NoError { state, found });
         }
     }
     let mut most = 0;

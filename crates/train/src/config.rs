@@ -1,5 +1,6 @@
 //! What a user can choose about training. Every key has a default; the defaults alone work on any database.
 
+pub use rom::kernel::Precision;
 pub use rom::radial::{KernelKind, Tail};
 
 use rom::snapshots::Footprint;
@@ -47,7 +48,7 @@ pub struct RegimeConfig {
     pub modes: ModeChoice,
     /// Overrides by group name (`von_mises = { fixed = 20 }`).
     pub group_modes: BTreeMap<String, ModeChoice>,
-    /// Never more modes than this.
+    /// Largest number of modes per group.
     pub max_modes: usize,
     /// Candidates among which leave-one-out chooses, per group and for the force. One entry: no choice.
     pub kernels: Vec<KernelSpec>,
@@ -103,7 +104,6 @@ impl KernelSpec {
             spec(KernelKind::Cubic, Tail::Linear),
             spec(KernelKind::Cubic, Tail::Quadratic),
             spec(KernelKind::Quintic, Tail::Quadratic),
-            spec(KernelKind::Matern52, Tail::Linear),
             spec(KernelKind::Matern72 { length }, Tail::Linear),
         ]
     }
@@ -115,6 +115,8 @@ impl KernelSpec {
 pub struct TrainConfig {
     /// One POD a field or one for all.
     pub grouping: Grouping,
+    /// Number format of the modes in the model file: 16-bit integers with a step per mode, or 32-bit floats.
+    pub precision: Precision,
     /// Subtract the mean snapshot before the POD.
     pub centred: bool,
     /// Derive the displacement magnitude from the coordinates where the undeformed mesh is known.
@@ -133,20 +135,19 @@ pub struct TrainConfig {
     pub free: RegimeConfig,
     /// Choices for the contact regime.
     pub contact: RegimeConfig,
-    /// Coverage the error bars promise (0.9 = 90 %).
+    /// Nominal coverage of the half-widths (0.9 = 90 %).
     pub coverage: f64,
     /// Pressure by which the onset must be undercut before contact is left, in MPa.
     pub hysteresis_mpa: f64,
     /// Two training inputs closer than this fraction of the range are one state twice: merged or refused.
     pub duplicate_distance: f64,
-    /// Also repeat the POD for every left-out case and report how far the closed form is from it (up to 250 states).
-    pub full_leave_one_out: bool,
 }
 
 impl Default for TrainConfig {
     fn default() -> Self {
         Self {
             grouping: Grouping::PerField,
+            precision: Precision::I16,
             centred: true,
             derive_magnitude: true,
             split_at_onset: true,
@@ -158,7 +159,6 @@ impl Default for TrainConfig {
             coverage: 0.9,
             hysteresis_mpa: 2e-4,
             duplicate_distance: 1e-3,
-            full_leave_one_out: true,
         }
     }
 }
@@ -183,7 +183,6 @@ impl TrainConfig {
             free: regime(4),
             contact: regime(6),
             duplicate_distance: 0.0,
-            full_leave_one_out: false,
             ..Self::default()
         }
     }
@@ -224,18 +223,15 @@ impl RegimeConfig {
                 "kernels, anisotropy, smoothing: expected at least one each; max_modes: at least 1".into(),
             );
         }
-        for kernel in &self.kernels {
-            let (KernelKind::Gaussian { shape: width }
-            | KernelKind::Matern72 { length: width }
-            | KernelKind::CubicQuintic { crossover: width }) = kernel.kernel
-            else {
-                continue;
+        for KernelSpec { kernel, .. } in &self.kernels {
+            let parameter = match *kernel {
+                KernelKind::Linear | KernelKind::ThinPlate | KernelKind::Cubic | KernelKind::Quintic => None,
+                KernelKind::Gaussian { shape } => Some(("shape", shape)),
+                KernelKind::Matern72 { length } => Some(("length", length)),
+                KernelKind::CubicQuintic { crossover } => Some(("crossover", crossover)),
             };
-            if !(width.is_finite() && width > 0.0) {
-                problems.push(format!(
-                    "{}: expected a shape, length or crossover > 0, found {width}",
-                    kernel.kernel.name()
-                ));
+            if let Some((name, value)) = parameter.filter(|(_, value)| !(value.is_finite() && *value > 0.0)) {
+                problems.push(format!("{}: expected a {name} > 0, found {value}", kernel.name()));
             }
         }
         if self.shear.iter().any(|s| !s.is_finite()) {

@@ -38,9 +38,6 @@ pub struct FieldSheet {
     pub unit: String,
     /// `interpolated` or `derived from the coordinates`.
     pub source: String,
-    /// What storing the basis as 16-bit integers adds to the error of a value at most, over the training states, in the
-    /// field's unit.
-    pub i16_error_bound: f64,
 }
 
 /// One regime.
@@ -59,7 +56,7 @@ pub struct RegimeSheet {
     /// Contact force.
     pub force: Option<FitSheet>,
     /// Half-widths that cover the stated share of states.
-    #[serde(rename = "bars")]
+    #[serde(rename = "half_widths")]
     pub halfwidths: HalfWidths,
     /// States that no training saw and by whose errors the half-widths are set; 0: by leave-one-out.
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -99,8 +96,6 @@ pub struct FitSheet {
     /// Leave-one-out error, closed form, in the field's unit: root mean square over nodes, mean over cases inside the
     /// hull (for the force: root mean square over those cases).
     pub leave_one_out: f64,
-    /// The same with the POD redone for every left-out case, when asked for.
-    pub leave_one_out_full: Option<f64>,
     /// Candidates, best first.
     pub candidates: Vec<Candidate>,
 }

@@ -2,7 +2,6 @@
 
 use crate::fit::FitError;
 use crate::pod::PodError;
-use rom::model::ModelError;
 use thiserror::Error;
 
 /// Why a model could not be trained.
@@ -39,7 +38,4 @@ pub enum TrainError {
         "the onset pressure cannot be derived: {0}; add coordinate fields, or train one regime by leaving the other's cases out"
     )]
     Onset(String),
-    /// The trained model does not answer.
-    #[error("the trained model cannot predict: {0}")]
-    Predict(#[from] ModelError),
 }

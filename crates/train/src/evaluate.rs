@@ -6,6 +6,7 @@
 //! case. *Truncation* is what the modes alone cannot represent: the distance of the true field from its best
 //! approximation in the basis; *interpolation* is the distance of the prediction from that best approximation.
 
+use rom::halfwidths::Errors;
 use rom::hull::DomainStatus;
 use rom::inputs::{Inputs, PARAMETERS};
 use rom::model::{BlockKind, Model, ModelError, RegimeModel, Selection};
@@ -92,7 +93,7 @@ pub struct CaseReport {
     /// Relative force error; none where the true force is 0.
     pub force_relative: Option<f64>,
     /// Displacement (mm, the length of the coordinate error) and stress (MPa) of the worst node, force (N).
-    pub errors: [f64; 3],
+    pub errors: Errors,
     /// Whether they are within the half-widths.
     pub covered: Covered,
 }
@@ -233,7 +234,7 @@ fn one_case(
         regime: evaluation.regime,
         sampled: case.regime,
         inputs: case.inputs(),
-        errors: [error_mm, stress, error_n],
+        errors: Errors { displacement_mm: error_mm, stress_mpa: stress, force_n: error_n },
         pressure_mpa: case.pressure_mpa,
         gap_mm: case.gap_mm,
         domain: evaluation.domain,
@@ -257,12 +258,13 @@ fn best_approximation(model: &Model, regime: &RegimeModel, field: usize, truth: 
     let group = regime.groups.iter().find(|g| g.fields == [field])?;
     let (kind, field) = (regime.kind, field as u32);
     let mean = model.f32_block(BlockKind::Mean { regime: kind, field })?;
-    let modes = model.f32_block(BlockKind::Modes { regime: kind, field })?;
+    let modes = model.modes(kind, field).ok()?;
     let mut best: Vec<f64> = mean.iter().map(|m| f64::from(*m)).collect();
     let deviation: Vec<f64> = truth.iter().zip(&best).map(|(t, m)| t - m).collect();
-    for mode in modes.chunks_exact(truth.len()).take(group.coefficients.len()) {
-        let a: f64 = mode.iter().zip(&deviation).map(|(phi, d)| f64::from(*phi) * d).sum();
-        best.iter_mut().zip(mode).for_each(|(b, phi)| *b += a * f64::from(*phi));
+    for mode in 0..group.coefficients.len() {
+        let mode: Vec<f64> = (0..truth.len()).map(|node| modes.value(mode, node)).collect();
+        let a: f64 = mode.iter().zip(&deviation).map(|(phi, d)| phi * d).sum();
+        best.iter_mut().zip(&mode).for_each(|(b, phi)| *b += a * phi);
     }
     Some(best)
 }

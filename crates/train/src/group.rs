@@ -2,11 +2,11 @@
 
 use crate::config::{Grouping, ModeChoice, RegimeConfig, TrainConfig};
 use crate::error::TrainError;
-use crate::full::full_leave_one_out;
-use crate::pod::{Compact, Pod, decompose};
+use crate::pod::{Compact, Pod, PodError, decompose};
 use crate::select::{Choice, States, Task, choose};
 use faer::Mat;
 use rom::inputs::Point;
+use rom::kernel::{Modes, Precision};
 use rom::snapshots::{Database, FieldKind, Split};
 
 /// One group: a name and the fields it stacks.
@@ -20,8 +20,6 @@ pub(crate) struct Group {
 /// A stored magnitude is derived where it is the distance within this: above the rounding of a database, below any change of
 /// shape that matters.
 const DERIVED_WITHIN_MM: f64 = 1.0e-2;
-/// Beyond this many states the POD is not redone for every left-out one.
-const MAX_FULL_STATES: usize = 250;
 
 /// What is decomposed and what is derived.
 pub(crate) struct Plan {
@@ -90,12 +88,12 @@ fn follows(database: &Database, field: usize, axes: [usize; 3]) -> bool {
 pub(crate) struct GroupFit {
     pub compact: Compact,
     pub pod: Pod,
-    /// Full-length modes, `fields x nodes` by `modes`.
+    /// Modes of each field as the model file stores them.
+    pub stored: Vec<Modes>,
+    /// The same with the fields stacked, `fields x nodes` by `modes`.
     pub basis: Mat<f64>,
     /// Kernel, modes, residuals, runners-up.
     pub choice: Choice,
-    /// Mean leave-one-out error with the POD redone, in the norm of a whole field; none unless asked for.
-    pub full_error: Option<f64>,
 }
 
 /// The columns of a decomposition, in this order.
@@ -190,7 +188,7 @@ pub(crate) fn fit_groups(
     states: States,
     regime: &str,
     config: &RegimeConfig,
-    options: &TrainConfig,
+    precision: Precision,
 ) -> Result<Vec<GroupFit>, TrainError> {
     let together = |g: &usize| plan.groups[*g].coordinates;
     let all = 0..plan.groups.len();
@@ -207,23 +205,25 @@ pub(crate) fn fit_groups(
             choices[g] = Some(choice);
         }
     }
-    let full =
-        options.full_leave_one_out && states.inputs.len() <= MAX_FULL_STATES && states.slopes.is_empty();
-    let fits = decomposed.into_iter().zip(choices).filter_map(|(d, choice)| {
-        let choice = choice?;
-        let fit = &choice.fit.interpolant;
-        let full_error = full
-            .then(|| full_leave_one_out(&d.compact, options.centred, choice.modes, fit, states))
-            .flatten();
-        Some(GroupFit {
-            basis: d.compact.modes(&d.pod, choice.modes),
-            compact: d.compact,
-            pod: d.pod,
-            choice,
-            full_error,
-        })
-    });
-    Ok(fits.collect())
+    let mut fits = Vec::new();
+    for ((group, d), choice) in plan.groups.iter().zip(decomposed).zip(choices) {
+        let Some(choice) = choice else { continue };
+        let exact = d.compact.modes(&d.pod, choice.modes);
+        let nodes = exact.nrows() / group.fields.len();
+        let field = |at: usize| {
+            let value = |mode, node| exact[(at * nodes + node, mode)];
+            Modes::new(precision, nodes, choice.modes, value).map_err(|_| TrainError::Pod {
+                group: group.name.clone(),
+                regime: regime.to_owned(),
+                source: PodError::NoConvergence,
+            })
+        };
+        let stored = (0..group.fields.len()).map(field).collect::<Result<Vec<_>, _>>()?;
+        let value = |row: usize, mode| stored[row / nodes].value(mode, row % nodes);
+        let basis = Mat::from_fn(exact.nrows(), choice.modes, value);
+        fits.push(GroupFit { stored, basis, compact: d.compact, pod: d.pod, choice });
+    }
+    Ok(fits)
 }
 
 impl GroupFit {
@@ -246,13 +246,19 @@ impl GroupFit {
         (0..self.choice.modes).map(one).collect()
     }
 
-    /// Leave-one-out error fields of the first `cases` states, one column a case: data minus prediction, closed form.
-    pub fn error_fields(&self, cases: usize) -> Mat<f64> {
+    /// Leave-one-out error fields of the first `cases` states, one column per case: data minus prediction, closed form. The
+    /// prediction is that of the first `used` modes as they are stored.
+    pub fn error_fields(&self, cases: usize, used: usize) -> Mat<f64> {
         let modes = self.choice.modes;
-        let u = self.pod.u.get(.., ..modes);
+        let u = self.pod.u.get(.., ..used);
         let r = self.compact.r.get(.., ..cases);
-        let residual = Mat::from_fn(modes, cases, |k, i| self.choice.fit.residuals[i * modes + k]);
-        let prediction = u * (u.transpose() * r - residual);
-        &self.compact.q * (r - prediction)
+        let residual = Mat::from_fn(used, cases, |k, i| self.choice.fit.residuals[i * modes + k]);
+        &self.compact.q * r - self.basis.get(.., ..used) * (u.transpose() * r - residual)
+    }
+
+    /// Leave-one-out error with the first 0, 1, ... all modes, per entry in the unit of the fields.
+    pub fn leave_one_out(&self) -> Vec<f64> {
+        let entries = self.compact.mean.len() as f64;
+        self.choice.leave_one_out.iter().map(|error| error / entries.sqrt()).collect()
     }
 }

@@ -11,11 +11,12 @@
 //! ```
 //! Pure functions of data: no clock, no threads, no files. What a model answers is [`rom`]'s.
 //!
-//! ```
+//! ```no_run
 //! use rom::{inputs::Inputs, model::Selection, model_state::ModelState};
 //! use train::{config::TrainConfig, train};
 //!
-//! let database = rom::synthetic::plate(); // an actuator made of formulas
+//! # fn read() -> rom::snapshots::Database { unimplemented!() }
+//! let database = read(); // from files by the crate `formats`
 //! let (model, sheet) = train(&database, &TrainConfig::default(), &mut |_step| {})?;
 //! let mut state = ModelState::new(&model, &Selection::default())?;
 //! state.update(Inputs::new(0.06, 17.0))?;
@@ -32,11 +33,8 @@ pub mod config;
 pub mod datasheet;
 mod error;
 pub mod evaluate;
-#[doc(hidden)] // for tests/numerics.rs and tests/slopes.rs, as gp, pod and select
+#[doc(hidden)] // for tests/numerics.rs and tests/slopes.rs, as pod and select
 pub mod fit;
-mod full;
-#[doc(hidden)]
-pub mod gp;
 mod group;
 mod identify;
 mod onset;
@@ -46,7 +44,6 @@ mod regime;
 #[doc(hidden)]
 pub mod select;
 mod sort;
-mod storage;
 
 pub use error::TrainError;
 
@@ -99,8 +96,5 @@ pub fn train(
     }
     progress("assembling the model");
     sorted.remarks.extend(identify::remarks(database, &parts));
-    let (model, mut sheet) = assemble::assemble(database, config, &plan, parts, onset, sorted.remarks);
-    let bounds = storage::i16_bounds(&model, database)?;
-    sheet.fields.iter_mut().zip(bounds).for_each(|(field, bound)| field.i16_error_bound = bound);
-    Ok((model, sheet))
+    Ok(assemble::assemble(database, config, &plan, parts, onset, sorted.remarks))
 }

@@ -9,10 +9,11 @@ use crate::select::{States, Task, choose};
 use crate::sort::{Sorted, varying};
 use faer::Mat;
 use rom::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
-use rom::hull::Domain;
+use rom::hull::TrainingRange;
 use rom::inputs::{GAP, InputMap, Inputs, PRESSURE, Point};
 use rom::interpolant::Slope;
-use rom::model::{FarOnset, ForceModel, GroupModel, RegimeModel};
+use rom::model::{FarOnset, ForceModel, GroupModel, RegimeModel, modes_within};
+use rom::reconstructor::BasisOptions;
 use rom::regime::{OnsetAt, OnsetTable};
 use rom::snapshots::{Database, FieldKind, RegimeKind};
 
@@ -28,7 +29,7 @@ pub(crate) struct Part {
     pub inputs: InputMap,
     pub groups: Vec<GroupFit>,
     pub force: Option<Force>,
-    pub domain: Domain,
+    pub domain: TrainingRange,
     pub halfwidths: HalfWidths,
     pub local_halfwidths: Option<LocalHalfWidths>,
     pub cases: usize,
@@ -54,6 +55,7 @@ impl Part {
                 coefficients,
                 surrogate: fit.choice.fit.interpolant.clone(),
                 singular_values: fit.pod.singular_values.clone(),
+                leave_one_out: fit.leave_one_out(),
             }
         });
         RegimeModel {
@@ -88,7 +90,7 @@ struct Training<'a> {
     scaled: Vec<Point>,
     /// 1 for cases inside the hull of the cases, 0 for the others.
     score: Vec<f64>,
-    domain: Domain,
+    domain: TrainingRange,
     /// States along the whole onset: the modes know them, the kernels do not.
     onset: Vec<Inputs>,
     /// Known derivatives by state, and the rows of the database's sensitivities that hold them.
@@ -252,8 +254,8 @@ impl<'a> Training<'a> {
             .map(|(_, (x, _))| *x)
             .collect();
         let (operating, dimensions) = (inputs.operating(), inputs.dimensions());
-        let domain = Domain::of_points(operating, dimensions, &trusted);
-        let edge = Domain::of_points(operating, dimensions, &scaled[..cases.len()]);
+        let domain = TrainingRange::of_points(operating, dimensions, &trusted);
+        let edge = TrainingRange::of_points(operating, dimensions, &scaled[..cases.len()]);
         let mut score: Vec<f64> = (0..points.len())
             .map(|i| f64::from(u8::from(i < cases.len() && !edge.has_vertex(&scaled[i]))))
             .collect();
@@ -301,7 +303,7 @@ impl<'a> Training<'a> {
             Decomposed::new(group, y, columns, self.name(), choices, config.centred)
         };
         let decomposed = plan.groups.iter().enumerate().map(one).collect::<Result<Vec<_>, _>>()?;
-        fit_groups(plan, decomposed, states, self.name(), choices, config)
+        fit_groups(plan, decomposed, states, self.name(), choices, config.precision)
     }
 
     /// The regime's name.
@@ -422,13 +424,15 @@ impl<'a> Training<'a> {
     }
 
     /// Leave-one-out errors at each case's worst node.
+    /// With the modes that a reconstruction uses by default.
     fn errors(&self, plan: &Plan, groups: &[GroupFit], force: Option<&[f64]>) -> Vec<CaseError> {
         let (cases, nodes) = (self.cases.len(), self.database.node_count);
         let mut displacement = Mat::<f64>::zeros(nodes, cases);
         // Of a magnitude that is interpolated by itself, and of stress.
         let (mut magnitude, mut stress) = (vec![0.0_f64; cases], vec![0.0_f64; cases]);
         for (group, fit) in plan.groups.iter().zip(groups) {
-            let errors = fit.error_fields(cases);
+            let used = modes_within(&fit.choice.leave_one_out, BasisOptions::ACCEPTED_ERROR);
+            let errors = fit.error_fields(cases, used);
             for (at, &field) in group.fields.iter().enumerate() {
                 let part = errors.get(at * nodes..(at + 1) * nodes, ..);
                 let raise = |largest: &mut Vec<f64>| {
@@ -478,7 +482,8 @@ impl<'a> Training<'a> {
         errors: Vec<CaseError>,
         coverage: f64,
     ) -> Part {
-        let all: Vec<Errors> = errors.iter().map(|e| [e.displacement_mm, e.stress_mpa, e.force_n]).collect();
+        let all: Vec<Errors> =
+            errors.iter().map(|e| [e.displacement_mm, e.stress_mpa, e.force_n].into()).collect();
         let (dimensions, cases) = (self.inputs.dimensions(), &self.scaled[..self.cases.len()]);
         let halfwidths = HalfWidths::of_all(&all, coverage);
         let choices = groups.iter().map(|group| &group.choice.idle).chain(force.iter().map(|f| &f.3));

@@ -9,10 +9,9 @@
 //! Groups that belong together (the three coordinates: what counts is the length of their error) are chosen together and
 //! share a kernel; each keeps its own number of modes.
 
-use crate::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig};
+use crate::config::{KernelSpec, ModeChoice, RegimeConfig};
 use crate::datasheet::Candidate;
 use crate::fit::{Fit, FitError, Samples, condition_of, fit};
-use crate::gp::maximum_likelihood;
 use rom::inputs::Point;
 use rom::interpolant::{Interpolant, Metric, Slope};
 use std::ops::Range;
@@ -29,6 +28,8 @@ pub struct Choice {
     pub modes: usize,
     /// The group's own leave-one-out score.
     pub error: f64,
+    /// Leave-one-out error of whole fields with the first 0, 1, ... all modes, geometric mean over the cases.
+    pub leave_one_out: Vec<f64>,
     /// All candidates, best first.
     pub candidates: Vec<Candidate>,
     /// Parameters (by axis) without which left-out states are predicted as well.
@@ -120,7 +121,7 @@ pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<V
     let mut search =
         Search { samples, states, tasks, floor, best: None, refusal: FitError::Empty, trials: Vec::new() };
     for spec in &config.kernels {
-        for (metric, smoothing) in variants(&search.samples, states.operating, *spec, config) {
+        for (metric, smoothing) in variants(states.dimensions, states.operating, config) {
             search.attempt(*spec, metric, smoothing);
         }
     }
@@ -429,10 +430,20 @@ impl<'a> Search<'a> {
         let choice = |(g, task): (usize, &Task)| {
             let (modes, error) = scored.groups[g];
             let kept = first..first + modes;
+            let residual = |i: usize, k: usize| fit.residuals[i * self.samples.outputs + first + k];
+            let mut leave_one_out = levels(task, &case_errors(self.states, task, &residual));
+            leave_one_out.truncate(modes + 1);
             first += task.outputs;
             let candidates =
                 self.trials.iter().map(|t| Candidate { modes: t.modes[g], ..t.row.clone() }).collect();
-            Choice { fit: keep_outputs(&fit, kept), modes, error, candidates, idle: idle.clone() }
+            Choice {
+                fit: keep_outputs(&fit, kept),
+                modes,
+                error,
+                leave_one_out,
+                candidates,
+                idle: idle.clone(),
+            }
         };
         Ok(self.tasks.iter().enumerate().map(choice).collect())
     }
@@ -454,19 +465,10 @@ fn side_by_side(tasks: &[Task], rows: usize, of: impl Fn(&Task) -> &[f64]) -> Ve
     all
 }
 
-/// Metric and smoothing variants of a kernel: fitted lengths for a process, the configured factors otherwise.
-fn variants(
-    samples: &Samples,
-    operating: usize,
-    spec: KernelSpec,
-    config: &RegimeConfig,
-) -> Vec<(Metric, f64)> {
-    if spec.kernel == KernelKind::Matern52 {
-        return maximum_likelihood(samples, spec.tail).map(|l| (l.metric, l.nugget)).into_iter().collect();
-    }
+/// Metric and smoothing variants that every kernel is tried with first.
+fn variants(dimensions: usize, operating: usize, config: &RegimeConfig) -> Vec<(Metric, f64)> {
     let factors = if operating > 1 { config.anisotropy.as_slice() } else { &[1.0] };
-    let start =
-        (operating..samples.dimensions).fold(Metric::IDENTITY, |m, i| m.stretched(i, PARAMETER_SCALE));
+    let start = (operating..dimensions).fold(Metric::IDENTITY, |m, i| m.stretched(i, PARAMETER_SCALE));
     let metric = |f: f64| if operating > 1 { start.stretched(1, f) } else { start };
     factors.iter().flat_map(|f| config.smoothing.iter().map(move |s| (metric(*f), *s))).collect()
 }
@@ -512,13 +514,17 @@ fn modes_to_keep(task: &Task, errors: &[Vec<f64>]) -> usize {
         ModeChoice::Energy(_) => task.modes_for_energy.min(task.outputs),
         ModeChoice::LeaveOneOut(_) if errors.len() < MIN_CASES => task.outputs,
         ModeChoice::LeaveOneOut(factor) => {
-            // Geometric mean over cases: every case asks for the modes it needs at its own level of error. An
-            // arithmetic one would stop at the error of the few cases that are hard to interpolate.
-            let levels: Vec<f64> = (0..=task.outputs).map(|l| geometric_mean(errors, |e| e[l])).collect();
+            let levels = levels(task, errors);
             let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
             levels.iter().position(|e| *e <= factor * least).unwrap_or(task.outputs)
         }
     }
+}
+
+/// Error with 0, 1, ... all modes. Geometric mean over cases: every case asks for the modes it needs at its own level of error.
+/// An arithmetic one would stop at the error of the few cases that are hard to interpolate.
+fn levels(task: &Task, errors: &[Vec<f64>]) -> Vec<f64> {
+    (0..=task.outputs).map(|l| geometric_mean(errors, |e| e[l])).collect()
 }
 
 fn mean<T>(cases: &[T], of: impl Fn(&T) -> f64) -> f64 {

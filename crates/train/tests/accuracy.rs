@@ -1,6 +1,7 @@
 //! Accuracy on the committed finite-element databases, against the bounds this project promises. Test and check cases are
 //! evaluated only: training never sees them.
 
+use crate::synthetic;
 use formats::database::{ObstacleKind, read};
 use rom::hull::DomainStatus;
 use rom::inputs::Inputs;
@@ -25,10 +26,10 @@ struct Plate {
     report: Report,
 }
 
-/// A database of the repository.
-fn database(model: &str, obstacle: ObstacleKind) -> Database {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models").join(model).join("database");
-    read(&folder, obstacle).expect("the committed database")
+/// The database of the repository.
+fn database() -> Database {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/pneunet/database");
+    read(&folder, ObstacleKind::Plate).expect("the committed database")
 }
 
 /// A committed file of the reference actuator's model.
@@ -41,7 +42,7 @@ fn committed(file: &str) -> Vec<u8> {
 fn plate() -> &'static Plate {
     static PLATE: OnceLock<Plate> = OnceLock::new();
     PLATE.get_or_init(|| {
-        let database = database("pneunet", ObstacleKind::Plate);
+        let database = database();
         let sheet: DataSheet = serde_json::from_slice(&committed("pneunet.json")).expect("a data sheet");
         let (model, sheet) = train(&database, &sheet.config, &mut |_| {}).expect("trains");
         let report = test_report(&model, &database);
@@ -209,8 +210,8 @@ fn training_cases_are_reproduced_to_the_truncation_error() {
     let plate = plate();
     let cases: Vec<usize> = plate.database.of_split(Split::Train).collect();
     let report = evaluate(&plate.model, &plate.database, &cases, DEFAULT_FLOOR).expect("evaluates");
-    // What is not truncated is interpolated through the sample, up to the nugget a process keeps for its conditioning.
-    let (mut missed, mut truncated) = ([0.0_f64; 3], [0.0_f64; 3]);
+    // Kept modes are interpolated through the sample; those that a reconstruction leaves out by default and steps of i16 remain.
+    let mut missed = [0.0_f64; 3];
     for case in &report.cases {
         for field in &case.fields {
             let (Some(truncation), Some(interpolation)) = (field.truncation_max, field.interpolation_max)
@@ -224,12 +225,11 @@ fn training_cases_are_reproduced_to_the_truncation_error() {
             };
             let share = field.normalised / field.max.max(f64::MIN_POSITIVE);
             missed[kind] = missed[kind].max(interpolation * share);
-            truncated[kind] = truncated[kind].max(truncation * share);
         }
     }
-    at_most("training cases, coordinates missed beyond truncation", missed[0], truncated[0].min(1e-5));
-    at_most("training cases, stress missed beyond truncation", missed[1], truncated[1].min(1e-3));
-    at_most("the same under the own weight", missed[2], truncated[2].min(1e-3));
+    at_most("training cases, coordinates missed beyond truncation", missed[0], 1e-4);
+    at_most("training cases, stress missed beyond truncation", missed[1], 5e-3);
+    at_most("the same under the own weight", missed[2], 2e-2);
 }
 
 /// Leave-one-out over the contact cases inside the hull: what a state never trained on can expect, over-stated.
@@ -259,19 +259,6 @@ fn left_out_contact_cases_are_predicted() {
         let [found_mean, found_p95, _] = spread(errors);
         at_most(&format!("left-out {name}, mean"), found_mean, mean);
         at_most(&format!("left-out {name}, 95th percentile"), found_p95, p95);
-    }
-}
-
-/// The POD is redone for every left-out state of a database without derivatives; with them that is not offered.
-#[test]
-fn the_closed_form_is_near_the_pod_redone() {
-    let database = Database { sensitivities: None, ..thinned(&plate().database, 8) };
-    let (_, sheet) = train(&database, &TrainConfig::default(), &mut |_| {}).expect("trains");
-    let contact = sheet.regimes.iter().find(|r| r.kind == RegimeKind::Contact).expect("contact");
-    for group in &contact.groups {
-        let full = group.leave_one_out_full.expect("asked for");
-        println!("{}: closed form {:.3e}, POD redone {full:.3e}", group.name, group.leave_one_out);
-        assert!(full >= 0.9 * group.leave_one_out && full < 3.0 * group.leave_one_out, "{}", group.name);
     }
 }
 
@@ -317,7 +304,7 @@ fn halfwidths_cover_what_they_promise_on_held_out_cases() {
     let whole = thinned(&plate().database, 8);
     let touching = |i: &usize| whole.cases[*i].contact_force_n > 0.0;
     let train_cases: Vec<usize> = whole.of_split(Split::Train).filter(touching).collect();
-    let config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
+    let config = TrainConfig::default();
     let (mut held_out, mut covered) = (0, [0; 3]);
     for fold in 0..2 {
         let held: Vec<usize> = train_cases.iter().copied().skip(fold).step_by(3).collect();
@@ -355,13 +342,18 @@ fn outside_the_samples_answers_are_flagged() {
 
 #[test]
 fn a_database_with_one_gap_trains_and_answers() {
-    let database = database("gripper", ObstacleKind::Block);
+    let along = |from: f64, i: usize, count: usize| from + (0.09 - from) * i as f64 / (count - 1) as f64;
+    let free = (0..12).map(|i| (Split::Train, along(0.0, i, 12), None));
+    let contact = (0..16).map(|i| (Split::Train, along(0.012, i, 16), Some(25.0)));
+    let held_out = [0.031, 0.052, 0.077].map(|pressure| (Split::Test, pressure, Some(25.0)));
+    let states: Vec<synthetic::State> = free.chain(contact).chain(held_out).collect();
+    let database = synthetic::database(&states);
     let (model, _) = train(&database, &TrainConfig::default(), &mut |_| {}).expect("trains");
     let contact = model.regime(RegimeKind::Contact).expect("contact");
     assert_eq!(contact.inputs.dimensions(), 1, "a constant gap is no input");
     for case in test_report(&model, &database).cases {
-        at_most("gripper, normalised displacement", normalised(&case, "displacement"), 1e-3);
-        at_most("gripper, normalised stress", normalised(&case, "von_mises"), 1e-2);
-        at_most("gripper, force", case.force_relative.unwrap_or(0.0), 5e-3);
+        at_most("one gap, normalised displacement", normalised(&case, "displacement"), 1e-3);
+        at_most("one gap, normalised stress", normalised(&case, "von_mises"), 1e-2);
+        at_most("one gap, force", case.force_relative.unwrap_or(0.0), 5e-3);
     }
 }

@@ -7,3 +7,6 @@ mod numerics;
 mod parameters;
 mod shipped_design;
 mod slopes;
+#[allow(dead_code, reason = "shared by several test programs")]
+#[path = "../../../tests/src/synthetic/mod.rs"]
+mod synthetic;

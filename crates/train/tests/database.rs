@@ -1,12 +1,12 @@
 //! Bad databases and configurations: every problem is named, all of them at once, and nothing is trained.
 
+use crate::synthetic::{self, database, training_states};
 use rom::snapshots::{Database, RegimeKind, Split};
-use rom::synthetic::{self, database, training_states};
 use train::config::{KernelKind, KernelSpec, ModeChoice, Tail, TrainConfig};
 use train::{TrainError, train};
 
 fn quick() -> TrainConfig {
-    let mut config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
+    let mut config = TrainConfig::default();
     for regime in [&mut config.free, &mut config.contact] {
         regime.kernels = vec![KernelSpec { kernel: KernelKind::Cubic, tail: Tail::Linear }];
     }

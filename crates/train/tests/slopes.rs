@@ -6,11 +6,10 @@ use train::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail};
 use train::fit::{FitError, Samples, fit};
 use train::select::{States, Task, choose};
 
-const KERNELS: [(KernelKind, Tail); 6] = [
+const KERNELS: [(KernelKind, Tail); 5] = [
     (KernelKind::Cubic, Tail::Linear),
     (KernelKind::Quintic, Tail::Quadratic),
     (KernelKind::Gaussian { shape: 3.0 }, Tail::Constant),
-    (KernelKind::Matern52, Tail::Linear),
     (KernelKind::Matern72 { length: 2.0 }, Tail::Linear),
     (KernelKind::CubicQuintic { crossover: 0.4 }, Tail::Quadratic),
 ];

@@ -1,15 +1,14 @@
 //! Kernel and prediction in this process.
 
 use super::measure::{Evictor, Series, gbps};
-use super::paced::{self, Paced};
 use anyhow::Context;
 use rom::evaluator::Evaluator;
 use rom::inputs::{GAP, Inputs, PRESSURE};
-use rom::kernel::{Basis, Precision};
-use rom::model::{BlockKind, Model, ModelError, Nodes, Selection};
+use rom::kernel::Precision;
+use rom::model::{BlockKind, Model, Nodes, Selection};
 use rom::model_state::ModelState;
 use rom::probe::{MeshPoint, ProbePosition, Probes};
-use rom::reconstructor::{Reconstructor, Storage};
+use rom::reconstructor::{Basis, BasisOptions, Reconstructor};
 use rom::rng::Rng;
 use serde::Serialize;
 use softtwin::progress::Progress;
@@ -24,10 +23,12 @@ const EVICTED_SHARE: usize = 10;
 /// Times for readings that jump.
 const JUMPING_SEED: u64 = 1;
 
-/// The kernel with one precision.
+/// One reconstruction of all fields from coefficients.
 #[derive(Debug, Clone, Serialize)]
 pub struct Kernel {
-    /// Bytes of the basis.
+    /// Modes in use, summed over the fields.
+    pub modes: usize,
+    /// Bytes read by a reconstruction.
     pub bytes: usize,
     /// Basis in cache, median.
     pub warm_us_p50: f64,
@@ -35,31 +36,15 @@ pub struct Kernel {
     pub evicted_us_p50: f64,
     /// Basis bytes over `warm_us_p50`.
     pub gbps: f64,
-    /// Reading these bytes and doing nothing else: median, warm.
-    pub read_us_p50: f64,
-    /// The same from memory.
-    pub evicted_read_us_p50: f64,
-    /// Basis bytes over `read_us_p50`.
-    pub read_gbps: f64,
-    /// `gbps / read_gbps`.
-    pub share_of_read: f64,
 }
 
-/// The ways to store the basis.
+/// The kernel with the options of a scene.
 #[derive(Debug, Clone, Serialize)]
 pub struct Kernels {
-    /// 4 bytes an entry.
+    /// i16 modes within the default accepted error.
+    pub default: Kernel,
+    /// All modes in f32.
     pub f32: Kernel,
-    /// 2 bytes a mode's entry.
-    pub i16: Kernel,
-    /// Smallest basis with which the model's error grows by [`Storage::AS_GOOD_SHARE`] at most; `None` if there is none.
-    pub budget: Option<Kernel>,
-    /// Fractions of the last one's rows in f32, i16, i8, and left out.
-    pub budget_widths: Option<[f64; 4]>,
-    /// Parts of the regime's domain, each with such a basis; measured is the largest.
-    pub budget_parts: usize,
-    /// Bytes of all of them.
-    pub budget_parts_bytes: usize,
 }
 
 /// Everything measured in this process.
@@ -75,18 +60,12 @@ pub struct Compute {
     pub entries: usize,
     /// Coefficients of the regime measured.
     pub coefficients: usize,
-    /// Single-core read bandwidth over the bytes of the f32 basis, warm, in this run.
-    pub read_gbps: f64,
     /// The kernel alone.
     pub kernel: Kernels,
-    /// The kernel at 1 kHz, with the basis within its budget (f32 where no basis keeps that).
-    pub paced: Paced,
-    /// Input to full field in memory, f32, median.
+    /// Input to full field in memory with the default options, median.
     pub predict_us_p50: f64,
-    /// The same with the basis within its budget; `None` if there is none.
-    pub predict_budget_us_p50: Option<f64>,
-    /// The same with readings that jump over the whole training range, so that each part's basis is read.
-    pub predict_budget_jumping_us_p50: Option<f64>,
+    /// The same with readings that jump over the whole training range, median.
+    pub jumping_us_p50: f64,
     /// Regime, force, gradients, half-widths; no coefficients, no field: median.
     pub state_only_us_p50: f64,
     /// The same with the position of one node and its derivatives with respect to every input (`rom::probe`): median.
@@ -97,7 +76,7 @@ pub struct Compute {
     pub tip_nodes: usize,
 }
 
-/// Consecutive measured sweeps of one basis, and sweeps before them that are not measured.
+/// Sweeps measured in a row before the other basis, and those before that are not measured.
 const AT_ONCE: usize = 20;
 const UNTIL_WARM: usize = 5;
 
@@ -106,35 +85,18 @@ struct Subject<'a> {
     basis: &'a Basis,
     warm: Series,
     evicted: Series,
-    read: Series,
-    evicted_read: Series,
 }
 
 impl<'a> Subject<'a> {
     fn new(name: &str, basis: &'a Basis) -> Self {
         let series = |what: &str| Series::new(format!("kernel {name}, {what}"));
-        Self {
-            basis,
-            warm: series("warm"),
-            evicted: series("evicted"),
-            read: series("read"),
-            evicted_read: series("evicted read"),
-        }
+        Self { basis, warm: series("warm"), evicted: series("evicted") }
     }
 
     fn result(&self) -> Kernel {
-        let bytes = self.basis.bytes();
-        let (warm, read) = (self.warm.p50(), self.read.p50());
-        Kernel {
-            bytes,
-            warm_us_p50: warm,
-            evicted_us_p50: self.evicted.p50(),
-            gbps: gbps(bytes, warm),
-            read_us_p50: read,
-            evicted_read_us_p50: self.evicted_read.p50(),
-            read_gbps: gbps(bytes, read),
-            share_of_read: read / warm,
-        }
+        let (modes, bytes, warm) = (self.basis.modes(), self.basis.bytes(), self.warm.p50());
+        let evicted_us_p50 = self.evicted.p50();
+        Kernel { modes, bytes, warm_us_p50: warm, evicted_us_p50, gbps: gbps(bytes, warm) }
     }
 }
 
@@ -144,62 +106,43 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     let all = Selection::default();
     let tip = Selection { fields: None, nodes: Nodes::List(tip_nodes(model)) };
     let mut full = ModelState::new(model, &all)?;
-    let small = Reconstructor::with_precision(model, &all, Precision::I16)?;
+    let wide = Reconstructor::with_options(model, &all, BasisOptions::all_modes(Precision::F32))?;
     let mut tip = ModelState::new(model, &tip)?;
     full.update(inputs[0])?;
     let regime = full.evaluation().regime;
     let coefficients = full.reconstructor().coefficients(full.evaluation())?;
-    let basis =
-        |fields: &Reconstructor| fields.largest_basis(regime).cloned().context("the model has no regime");
-    let (wide, narrow) = (basis(full.reconstructor())?, basis(&small)?);
-    let mut within = match ModelState::with_precision(model, &all, Storage::AS_GOOD) {
-        Ok(state) => Some(state),
-        Err(ModelError::AcceptedError { .. }) => None,
-        Err(error) => return Err(error.into()),
-    };
+    let basis = |fields: &Reconstructor| fields.basis(regime).cloned().context("the model has no regime");
+    let (default, wide) = (basis(full.reconstructor())?, basis(&wide)?);
 
     progress.step("kernel and prediction");
-    let uniform = [Subject::new("f32", &wide), Subject::new("i16", &narrow)];
-    let mut subjects: Vec<Subject<'_>> = uniform.into_iter().collect();
-    let budget_basis = within.as_ref().map(|state| basis(state.reconstructor())).transpose()?;
-    subjects.extend(budget_basis.as_ref().map(|basis| Subject::new("budget", basis)));
+    let mut subjects = [Subject::new("default", &default), Subject::new("f32", &wide)];
     kernels(&mut subjects, &coefficients, samples, progress)?;
-    progress.step("kernel at 1 kHz");
-    let (paced, at_pace) = paced::run(budget_basis.as_ref().unwrap_or(&wide), &coefficients, samples)?;
     progress.step("prediction");
     let evaluator = Evaluator::new(&model.header)?;
-    let states = [Some(&mut full), within.as_mut()];
-    let predictions = predictions(&inputs, &evaluator, states, &mut tip, samples)?;
-    let jumping = within.as_mut().map(|state| jumping(model, state, samples)).transpose()?;
+    let predictions = predictions(&inputs, &evaluator, &mut full, &mut tip, samples)?;
+    let jumping = jumping(model, &mut full, samples)?;
     let position = position(model, &inputs, samples)?;
-    let [f32, i16] = [subjects[0].result(), subjects[1].result()];
-    let budget = subjects.get(2).map(Subject::result);
-    let budget_widths = budget_basis.as_ref().map(Basis::widths);
-    let of_parts = || within.iter().flat_map(|state| state.reconstructor().bases(regime));
-    let (budget_parts, budget_parts_bytes) = (of_parts().count(), of_parts().map(Basis::bytes).sum());
+    let [default_figures, f32] = subjects.each_ref().map(Subject::result);
     let compute = Compute {
-        isa: wide.isa().to_string(),
-        nodes: wide.nodes(),
-        fields: wide.fields(),
-        entries: wide.output_len(),
+        isa: default.isa().to_string(),
+        nodes: default.nodes(),
+        fields: default.fields(),
+        entries: default.output_len(),
         coefficients: full.evaluation().coefficients.len(),
-        read_gbps: f32.read_gbps,
-        kernel: Kernels { f32, i16, budget, budget_widths, budget_parts, budget_parts_bytes },
-        paced,
+        kernel: Kernels { default: default_figures, f32 },
         predict_us_p50: predictions[0].p50(),
-        predict_budget_us_p50: budget_basis.is_some().then(|| predictions[1].p50()),
-        predict_budget_jumping_us_p50: jumping.as_ref().map(Series::p50),
-        state_only_us_p50: predictions[2].p50(),
-        tip_us_p50: predictions[3].p50(),
+        jumping_us_p50: jumping.p50(),
+        state_only_us_p50: predictions[1].p50(),
+        tip_us_p50: predictions[2].p50(),
         position_us_p50: position.p50(),
         tip_nodes: tip.reconstructor().rows(),
     };
     let kernels = subjects.into_iter().flat_map(|s| [s.warm, s.evicted]);
-    let predictions = predictions.into_iter().chain(jumping).chain([position]);
-    Ok((compute, kernels.chain([at_pace]).chain(predictions).collect()))
+    let predictions = predictions.into_iter().chain([jumping, position]);
+    Ok((compute, kernels.chain(predictions).collect()))
 }
 
-/// Warm and evicted, all of them in turn.
+/// Warm and evicted, one basis after the other.
 fn kernels(
     subjects: &mut [Subject<'_>],
     coefficients: &[f64],
@@ -217,9 +160,6 @@ fn kernels(
             for _ in 0..AT_ONCE {
                 subject.warm.time(|| basis.reconstruct(coefficients, &mut out));
             }
-            for _ in 0..AT_ONCE {
-                subject.read.time(|| basis.read_once());
-            }
         }
     }
     progress.step("kernel with the caches evicted");
@@ -229,32 +169,27 @@ fn kernels(
             let basis = subject.basis;
             evictor.evict();
             subject.evicted.time(|| basis.reconstruct(coefficients, &mut out));
-            evictor.evict();
-            subject.evicted_read.time(|| basis.read_once());
         }
     }
     Ok(())
 }
 
-/// Full field with each basis in turn, state only, tip set, over inputs that vary.
+/// Full field, state only, tip set, over inputs that vary.
 fn predictions(
     inputs: &[Inputs],
     evaluator: &Evaluator,
-    mut full: [Option<&mut ModelState>; 2],
+    full: &mut ModelState,
     tip: &mut ModelState,
     samples: usize,
-) -> anyhow::Result<[Series; 4]> {
-    let mut series = ["predict", "predict within the budget", "state only", "tip"].map(Series::new);
-    let [predict, within, state, tip_series] = &mut series;
+) -> anyhow::Result<[Series; 3]> {
+    let mut series = ["predict", "state only", "tip"].map(Series::new);
+    let [predict, state, tip_series] = &mut series;
     let mut evaluation = evaluator.evaluation();
-    // Each in a separate loop: a twin has one basis, and small sets stay in the first caches.
-    for (full, series) in full.iter_mut().zip([&mut *predict, &mut *within]) {
-        let Some(full) = full else { continue };
-        for sample in 0..samples {
-            let input = inputs[sample % inputs.len()];
-            full.update(input)?; // brings the basis into the cache
-            series.time(|| full.update(input));
-        }
+    // Each in its own loop: a twin has one basis, and the sets that are small stay in the first caches.
+    for sample in 0..samples {
+        let input = inputs[sample % inputs.len()];
+        full.update(input)?; // brings the basis into the cache
+        predict.time(|| full.update(input));
     }
     for sample in 0..samples {
         let input = inputs[sample % inputs.len()];
@@ -268,12 +203,12 @@ fn predictions(
     Ok(series)
 }
 
-/// Full field over inputs all over the ranges of the last regime, of those that are in it.
+/// Full field over inputs from the whole training range of the last regime, of those that are in it.
 fn jumping(model: &Model, state: &mut ModelState, samples: usize) -> anyhow::Result<Series> {
     let regime = model.header.regimes.last().context("the model has no regime")?;
     let mut rng = Rng::new(JUMPING_SEED);
-    let mut series = Series::new("predict within the budget, jumping");
-    // Where there is no other regime every state is in the last one; otherwise it takes a part of the box of their ranges.
+    let mut series = Series::new("predict, jumping");
+    // Without another regime every state is in the last one; otherwise it takes a part of the box of their ranges.
     for _ in 0..4 * samples {
         let mut inputs = Inputs::new(f64::NAN, f64::INFINITY);
         for axis in &regime.inputs.axes {

@@ -5,7 +5,6 @@ pub mod compute;
 pub mod full_size;
 mod live;
 pub mod measure;
-mod paced;
 mod picture;
 mod report;
 
@@ -21,7 +20,7 @@ Examples:
   Another model, for a script, with a picture of the distributions:
     softtwin-studies bench --model finger.twin --json --picture latency.svg
   What the parameters of a model cost, beside a model without:
-    softtwin-studies bench --model models/pneunet-stiffness/pneunet-stiffness.twin \\
+    softtwin-studies bench --model models/pneunet-design/pneunet-design.twin \\
       --plain models/pneunet/pneunet.twin
   The whole field at 1 kHz, by each way to wait:
     softtwin-studies bench --rates-hz 1000 --payloads all --seconds 20

@@ -2,8 +2,8 @@
 
 use super::case::{HardCase, Probe, Query};
 use super::ending::Ending;
+use crate::synthetic::{State, database, force_n, snapshot, training_states};
 use rom::snapshots::{Database, FieldKind, Split};
-use rom::synthetic::{State, database, force_n, snapshot, training_states};
 use train::config::{KernelKind, KernelSpec, Tail, TrainConfig};
 
 /// Error that counts as correct where nothing but interpolation stands between data and answer.
@@ -30,7 +30,7 @@ pub fn hard_cases() -> Vec<HardCase> {
 
 /// The defaults, without the second leave-one-out that only reports.
 fn config() -> TrainConfig {
-    TrainConfig { full_leave_one_out: false, ..TrainConfig::default() }
+    TrainConfig::default()
 }
 
 fn states() -> Vec<State> {

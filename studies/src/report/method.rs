@@ -1,12 +1,12 @@
-//! Ways to turn an input into fields: the twin's own kernel, with its basis in f32, i16 and within an error, and plain f64 sums beside it.
+//! Ways to turn an input into fields: the twin's own kernel, with its modes in f32 and i16, and plain f64 sums beside it.
 
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inputs::Inputs;
-use rom::kernel::Basis;
+use rom::kernel::Modes;
 use rom::model::{BlockKind, Model, RegimeModel, Selection};
 use rom::model_state::ModelState;
-use rom::reconstructor::Storage;
+use rom::reconstructor::{Basis, BasisOptions};
 use rom::snapshots::{FieldKind, RegimeKind};
 
 /// A way to evaluate and reconstruct states, which is timed and compared.
@@ -17,7 +17,7 @@ pub trait ReconstructionMethod {
     fn value(&self, index: usize) -> f64;
     /// Nodes per field.
     fn rows(&self) -> usize;
-    /// Bytes of mean and modes that a state is computed from, both regimes together; the largest of all parts.
+    /// Bytes of means and modes in use, both regimes together.
     fn bytes(&self) -> usize;
 }
 
@@ -25,8 +25,8 @@ pub trait ReconstructionMethod {
 pub struct Kernel(ModelState);
 
 impl Kernel {
-    pub fn new(model: &Model, selection: &Selection, storage: Storage) -> anyhow::Result<Self> {
-        Ok(Self(ModelState::with_precision(model, selection, storage)?))
+    pub fn new(model: &Model, selection: &Selection, options: BasisOptions) -> anyhow::Result<Self> {
+        Ok(Self(ModelState::with_options(model, selection, options)?))
     }
 }
 
@@ -45,8 +45,7 @@ impl ReconstructionMethod for Kernel {
     }
 
     fn bytes(&self) -> usize {
-        let largest = |regime| self.0.reconstructor().largest_basis(regime);
-        [RegimeKind::Free, RegimeKind::Contact].into_iter().filter_map(largest).map(Basis::bytes).sum()
+        self.0.reconstructor().bases().map(Basis::bytes).sum()
     }
 }
 
@@ -85,7 +84,6 @@ impl Double {
 }
 
 fn fields(model: &Model, regime: &RegimeModel, nodes: &[u32]) -> Vec<Field> {
-    let count = model.header.node_count;
     let pick = |values: &[f32]| nodes.iter().map(|n| f64::from(values[*n as usize])).collect::<Vec<f64>>();
     let block = |kind| model.f32_block(kind).unwrap_or_default();
     let field = |(f, spec): (usize, &rom::model::OutputField)| match spec.magnitude_of {
@@ -95,10 +93,13 @@ fn fields(model: &Model, regime: &RegimeModel, nodes: &[u32]) -> Vec<Field> {
         None => {
             let group = regime.groups.iter().find(|g| g.fields.contains(&f));
             let (kind, field) = (regime.kind, f as u32);
-            let modes = block(BlockKind::Modes { regime: kind, field });
+            let modes = model.modes(kind, field);
+            let of_mode = |modes: &'_ Modes, mode| {
+                nodes.iter().map(|node| modes.value(mode, *node as usize)).collect::<Vec<f64>>()
+            };
             Field::Sum {
                 mean: pick(block(BlockKind::Mean { regime: kind, field })),
-                modes: modes.chunks_exact(count).flat_map(pick).collect(),
+                modes: modes.iter().flat_map(|m| (0..m.count()).flat_map(|k| of_mode(m, k))).collect(),
                 first: group.map_or(0, |g| g.coefficients.start),
                 stress: spec.spec.kind == FieldKind::Stress,
             }

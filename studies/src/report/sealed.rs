@@ -46,12 +46,14 @@ impl Sealed {
             let peaks = predicted.update(state.inputs)?;
             let (evaluation, widths) = (predicted.evaluation(), predicted.evaluation().halfwidths);
             let nominal = [widths.displacement_mm, widths.stress_mpa, widths.force_n];
-            let peak = |peak: Option<rom::kernel::Peak>| peak.map_or(f64::NAN, |peak| f64::from(peak.value));
+            let peak =
+                |peak: Option<rom::reconstructor::Peak>| peak.map_or(f64::NAN, |peak| f64::from(peak.value));
             let scales = [peak(peaks.displacement_mm), peak(peaks.stress_mpa), 1.0];
             largest_n = largest_n.max(evaluation.contact_force_n);
+            let of_state = state.errors.values();
             for k in 0..3 {
-                errors[k].push(state.errors[k] / scales[k]);
-                outside[k] += f64::from(u8::from(state.errors[k] > nominal[k])) / states.len() as f64;
+                errors[k].push(of_state[k] / scales[k]);
+                outside[k] += f64::from(u8::from(of_state[k] > nominal[k])) / states.len() as f64;
             }
         }
         errors[2].iter_mut().for_each(|error| *error /= largest_n);
@@ -62,8 +64,8 @@ impl Sealed {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::synthetic::{database, training_states};
     use rom::snapshots::Split;
-    use rom::synthetic::{database, training_states};
     use train::evaluate::{DEFAULT_FLOOR, evaluate};
 
     #[test]
@@ -92,14 +94,14 @@ mod tests {
 
         // Errors of a thousandfold lie outside every half-width.
         let mut larger = report.cases.clone();
-        larger.iter_mut().for_each(|case| case.errors = case.errors.map(|error| 1e3 * error));
+        larger.iter_mut().for_each(|case| case.errors = case.errors.values().map(|error| 1e3 * error).into());
         unseen_errors::write(&table, &model, &larger).expect("writable");
         let sealed = Sealed::of(&table, &model).expect("a table of its model");
         assert!(sealed.outside.iter().all(|share| *share > OUTSIDE), "{:?}", sealed.outside);
 
         states.truncate(states.len() - 6);
         states.pop();
-        let (other, _) = trained(&rom::synthetic::database(&states)).expect("a model");
+        let (other, _) = trained(&crate::synthetic::database(&states)).expect("a model");
         let refused = Sealed::of(&table, &other).err().expect("errors of another model").to_string();
         assert!(refused.contains("the predictions of this model"), "{refused}");
     }

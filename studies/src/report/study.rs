@@ -36,7 +36,6 @@ impl Study {
             None => TrainConfig::default(),
         };
         // Repeating every POD for a data sheet is left out.
-        let config = TrainConfig { full_leave_one_out: false, ..config };
         let paper = train(&database, &paper(super::published::MODES))?;
         let ours = train(&database, &config)?;
         Ok(Self { database, paper, ours, config, has_sheet: sheet.is_some() })
@@ -98,7 +97,7 @@ pub fn test_mse(model: &Model, database: &Database, regime: RegimeKind) -> anyho
 
 /// The paper's method with the given numbers of modes for free and contact.
 pub fn paper(modes: [usize; 2]) -> TrainConfig {
-    let mut config = TrainConfig { full_leave_one_out: false, ..TrainConfig::paper() };
+    let mut config = TrainConfig::paper();
     config.free.modes = ModeChoice::Fixed(modes[0]);
     config.contact.modes = ModeChoice::Fixed(modes[1]);
     config
@@ -114,7 +113,7 @@ pub fn ours_with(modes: ModeChoice, kernel: KernelKind, tail: Tail) -> TrainConf
         smoothing: vec![0.0],
         ..RegimeConfig::default()
     };
-    TrainConfig { free: regime.clone(), contact: regime, full_leave_one_out: false, ..TrainConfig::default() }
+    TrainConfig { free: regime.clone(), contact: regime, ..TrainConfig::default() }
 }
 
 /// A number for a table.

@@ -4,9 +4,10 @@ use crate::bench::measure::{Series, gbps};
 use crate::bench::{compute, full_size};
 use anyhow::Context;
 use rom::inputs::Inputs;
-use rom::kernel::{Affine, Basis, Field, Precision, Role, Source, Spec, Values};
+use rom::kernel::{Affine, Field, Modes, Precision, Role, Source, Spec};
 use rom::model::{Nodes, Selection};
 use rom::model_state::ModelState;
+use rom::reconstructor::Basis;
 use serde::Serialize;
 use wire::{Bus, Domain, FieldHeader, FieldReader, FieldWriter, Topic};
 
@@ -19,8 +20,6 @@ pub struct Cost {
     pub f32_us: f64,
     /// The same with an i16 basis, us.
     pub i16_us: f64,
-    /// Reading the f32 basis alone, us.
-    pub read_us: f64,
     /// Basis bytes over `f32_us`.
     pub gbps: f64,
 }
@@ -52,24 +51,29 @@ pub struct SubscribersRow {
 /// Values touched per size of basis, so that small ones are measured often and large ones end.
 const WORK: usize = 300_000_000;
 
-/// X, Y, Z, |U| and S of a synthetic body. Its fields share one set of modes as source; the basis stores each field's
-/// own copy, as for a model.
+/// X, Y, Z, |U| and S of a synthetic body.
 pub fn kernel(nodes: usize, modes: usize) -> anyhow::Result<Cost> {
     let wave =
         |len: usize, scale: f32| (0..len).map(|i| scale * (0.37 * i as f32).sin()).collect::<Vec<f32>>();
     let (rest, basis) = (wave(nodes, 100.0), wave(nodes * modes, 0.01));
+    let stored = |precision| {
+        let value = |mode: usize, node: usize| f64::from(basis[mode * nodes + node]);
+        Modes::new(precision, nodes, modes, value).map_err(|found| anyhow::anyhow!("{found:?}"))
+    };
+    // One copy per field, as in a model.
+    let all = [(); 4].map(|()| stored(Precision::F32));
+    let [x, y, z, stress] = all;
+    let of_field = [x?, y?, z?, stress?];
     let field = |index: usize, role| Field {
         source: Source::Affine(Affine {
-            mean: Some(Values::F32(&rest)),
-            modes: Values::F32(&basis),
-            stride: nodes,
+            mean: Some(&rest),
+            modes: &of_field[index],
             coefficients: index * modes..(index + 1) * modes,
         }),
         role,
         published: true,
     };
-    let magnitude =
-        Source::Magnitude { coordinates: [0, 1, 2], rest: [Values::F32(&rest); 3], shifts: Vec::new() };
+    let magnitude = Source::Magnitude { coordinates: [0, 1, 2], rest: [&rest; 3], shifts: Vec::new() };
     let displacement = Field { source: magnitude, role: Role::Displacement, published: true };
     let mut fields: Vec<Field<'_>> = (0..3).map(|axis| field(axis, Role::Plain)).collect();
     fields.extend([displacement, field(3, Role::Stress)]);
@@ -80,17 +84,16 @@ pub fn kernel(nodes: usize, modes: usize) -> anyhow::Result<Cost> {
     let coefficients: Vec<f64> = (0..4 * modes).map(|j| (j as f64).cos()).collect();
     let mut out = vec![0.0; wide.output_len()];
     let samples = (WORK / (nodes * modes * 4)).clamp(7, 2000);
-    let mut series = [(); 3].map(|()| Series::new(""));
-    let [f32, i16, read] = &mut series;
+    let mut series = [(); 2].map(|()| Series::new(""));
+    let [f32, i16] = &mut series;
     for _ in 0..samples {
         wide.reconstruct(&coefficients, &mut out)?;
         f32.time(|| wide.reconstruct(&coefficients, &mut out));
-        read.time(|| wide.read_once());
         narrow.reconstruct(&coefficients, &mut out)?;
         i16.time(|| narrow.reconstruct(&coefficients, &mut out));
     }
     let (bytes, f32_us) = (wide.bytes(), f32.p50());
-    Ok(Cost { bytes, f32_us, i16_us: i16.p50(), read_us: read.p50(), gbps: gbps(bytes, f32_us) })
+    Ok(Cost { bytes, f32_us, i16_us: i16.p50(), gbps: gbps(bytes, f32_us) })
 }
 
 /// Rounds over all actuators.
@@ -107,7 +110,7 @@ pub fn actuators(counts: &[usize]) -> anyhow::Result<Vec<ActuatorsRow>> {
     };
     let (mut full, mut tips) = (make(&Selection::default())?, make(&tip)?);
     let regime = model.header.regimes.last().context("the model has no regime")?.kind;
-    let bytes = full[0].reconstructor().largest_basis(regime).map_or(0, Basis::bytes);
+    let bytes = full[0].reconstructor().basis(regime).map_or(0, Basis::bytes);
     let mut rows = Vec::new();
     for &actuators in counts {
         let full_us = round(&mut full[..actuators], input)?;

@@ -46,13 +46,13 @@ impl Study {
     pub fn print(&self) -> anyhow::Result<()> {
         output!("caches of this core: {}", self.caches)?;
         head(
-            "nodes | basis f32 | f32, us | i16, us | reading alone, us | f32 GB/s | us a 1000 nodes | actuators a core at 1 kHz",
+            "nodes | basis f32 | f32, us | i16, us | f32 GB/s | us a 1000 nodes | actuators a core at 1 kHz",
         )?;
         for NodesRow { nodes, cost, actuators_at_1khz } in &self.nodes {
-            let Cost { f32_us, i16_us, read_us, gbps, .. } = cost;
+            let Cost { f32_us, i16_us, gbps, .. } = cost;
             let (size, per_1000) = (bytes(cost.bytes), 1e3 * f32_us / *nodes as f64);
             output!(
-                "| {nodes} | {size} | {f32_us:.2} | {i16_us:.2} | {read_us:.2} | {gbps:.1} | {per_1000:.2} | {actuators_at_1khz} |"
+                "| {nodes} | {size} | {f32_us:.2} | {i16_us:.2} | {gbps:.1} | {per_1000:.2} | {actuators_at_1khz} |"
             )?;
         }
         head("modes per field | basis f32 | f32, us | i16, us | f32 GB/s")?;

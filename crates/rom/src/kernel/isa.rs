@@ -7,7 +7,7 @@ use std::fmt;
 /// All but [`Isa::Portable`] use fused multiply-add in the same order and give the same bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Isa {
-    /// x86-64 with AVX-512 F and VNNI.
+    /// x86-64 with AVX-512 F.
     Avx512,
     /// x86-64 with AVX2 and FMA.
     Avx2,
@@ -30,7 +30,7 @@ impl Isa {
     pub fn is_available(self) -> bool {
         match self {
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vnni"),
+            Self::Avx512 => is_x86_feature_detected!("avx512f"),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
             #[cfg(target_arch = "aarch64")]

@@ -12,13 +12,13 @@ pub(super) const LINE: usize = 64;
 /// One cache line, so that the storage is aligned to one.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
-pub(super) struct Line(pub [u8; LINE]);
+pub(crate) struct Line(pub [u8; LINE]);
 
 /// A large page: 2 MiB on x86-64, and on aarch64 with pages of 4 KiB.
 const LARGE: usize = 2 << 20;
 
 /// Cache lines in a row.
-pub(super) struct Lines {
+pub(crate) struct Lines {
     start: NonNull<Line>,
     len: usize,
 }
@@ -52,6 +52,20 @@ impl Lines {
             advise(start, layout.size(), FOR_WRITTEN);
         }
         Self { start, len }
+    }
+}
+
+impl Lines {
+    /// The bytes of all lines.
+    pub fn bytes(&self) -> &[u8] {
+        // SAFETY: a line is an array of bytes, and the lines follow one another.
+        unsafe { std::slice::from_raw_parts(self.start.as_ptr().cast(), self.len * LINE) }
+    }
+
+    /// The bytes of all lines, to write.
+    pub fn bytes_mut(&mut self) -> &mut [u8] {
+        // SAFETY: as for `bytes`, borrowed alone.
+        unsafe { std::slice::from_raw_parts_mut(self.start.as_ptr().cast(), self.len * LINE) }
     }
 }
 

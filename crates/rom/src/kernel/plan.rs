@@ -1,24 +1,196 @@
-//! From a [`Spec`] to the order of work inside a tile.
+//! Description of a basis from plain slices, and the order of work inside a tile that follows from it.
 
 use std::ops::Range;
 
-use super::spec::{Affine, BasisError, Field, Role, Source, Spec};
+use thiserror::Error;
+
+use super::modes::Modes;
 use super::{MAX_ROWS, TILE_NODES};
+
+/// `mean + modes · coefficients[range]`: one field of one POD group.
+#[derive(Debug, Clone)]
+pub struct Affine<'a> {
+    /// Mean of the snapshots, one value per node; `None` for an uncentred basis.
+    pub mean: Option<&'a [f32]>,
+    /// Modes of the field, at least as many as `coefficients` is long: the first ones are used.
+    pub modes: &'a Modes,
+    /// Part of the coefficient vector. Fields of a joint POD name the same range.
+    pub coefficients: Range<usize>,
+}
+
+/// Change of the undeformed coordinates with one more coefficient.
+#[derive(Debug, Clone)]
+pub struct Shift<'a> {
+    /// Index in the coefficient vector.
+    pub coefficient: usize,
+    /// Change of x, y, z per unit of the coefficient, one value per node; `None` for no change.
+    pub axes: [Option<&'a [f32]>; 3],
+}
+
+/// Origin of a field.
+#[derive(Debug, Clone)]
+pub enum Source<'a> {
+    /// A linear combination of modes.
+    Affine(Affine<'a>),
+    /// `|x - x0 - sum_i shift_i coefficient_i|` of three affine fields.
+    Magnitude {
+        /// Indices of x, y, z in [`Spec::fields`].
+        coordinates: [usize; 3],
+        /// Undeformed x, y, z, one value per node.
+        rest: [&'a [f32]; 3],
+        /// Changes of the undeformed coordinates.
+        shifts: Vec<Shift<'a>>,
+    },
+}
+
+/// Meaning of a field, as far as the kernel must know.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Written as computed: coordinates, displacement components, strains.
+    Plain,
+    /// Displacement magnitude, mm: at least 0, its maximum is reported.
+    Displacement,
+    /// Von Mises stress, MPa: at least 0, its maximum is reported.
+    Stress,
+}
+
+/// One field of a basis.
+#[derive(Debug, Clone)]
+pub struct Field<'a> {
+    /// Origin.
+    pub source: Source<'a>,
+    /// Meaning.
+    pub role: Role,
+    /// Whether it is written. A coordinate that is not published is still computed when a published magnitude needs
+    /// it, and costs nothing otherwise.
+    pub published: bool,
+}
+
+/// Description of a basis: its fields in the order of output, and its nodes.
+#[derive(Debug, Clone)]
+pub struct Spec<'a> {
+    /// Nodes of the model: the length of each mean and of each mode.
+    pub node_count: usize,
+    /// Nodes to compute, in the order of output; `None` for all. Indices may repeat.
+    pub nodes: Option<&'a [u32]>,
+    /// Fields in the order of output.
+    pub fields: Vec<Field<'a>>,
+}
+
+/// Undeformed coordinate along an axis, and its changes with entries of the coefficient vector.
+type Rest<'a> = (&'a [f32], Vec<(usize, &'a [f32])>);
+
+impl<'a> Spec<'a> {
+    /// The undeformed coordinate that a magnitude measures an affine field from.
+    fn rest_of(&self, field: usize) -> Option<Rest<'a>> {
+        self.fields.iter().find_map(|of| {
+            let Source::Magnitude { coordinates, rest, shifts } = &of.source else { return None };
+            let axis = coordinates.iter().position(|&c| c == field)?;
+            let along = |shift: &Shift<'a>| Some((shift.coefficient, shift.axes[axis]?));
+            Some((rest[axis], shifts.iter().filter_map(along).collect()))
+        })
+    }
+
+    /// Nodes that will be computed.
+    pub fn output_nodes(&self) -> usize {
+        self.nodes.map_or(self.node_count, <[u32]>::len)
+    }
+
+    /// Index in the model of output node `i`.
+    pub fn source_node(&self, i: usize) -> usize {
+        self.nodes.map_or(i, |nodes| nodes[i] as usize)
+    }
+}
+
+/// Why a basis cannot be built.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum BasisError {
+    /// No node, or more than the kernel can number.
+    #[error("the node set has {found} nodes; expected 1 to {}", i32::MAX)]
+    NodeCount {
+        /// Nodes asked for.
+        found: usize,
+    },
+    /// A node index beyond the model.
+    #[error("node {node} is not in the model, which has nodes 0 to {last}; correct the node set", last = .node_count - 1)]
+    NodeIndex {
+        /// The index asked for.
+        node: u32,
+        /// Nodes in the model.
+        node_count: usize,
+    },
+    /// Nothing to publish.
+    #[error("no field is published; ask for at least one")]
+    NothingPublished,
+    /// A slice of the wrong length.
+    #[error("field {field}: {what} has {found} values; expected {expected}")]
+    Length {
+        /// Index of the field.
+        field: usize,
+        /// Which slice.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// The length that fits.
+        expected: usize,
+    },
+    /// A magnitude that refers to something other than an affine field, or a second magnitude.
+    #[error(
+        "field {field}: a magnitude needs three different affine fields, and a basis takes one magnitude"
+    )]
+    Magnitude {
+        /// Index of the field.
+        field: usize,
+    },
+    /// Two fields whose maximum would be reported under one name.
+    #[error("field {field} is the second of role {role:?}; expected one")]
+    DuplicateRole {
+        /// Index of the second field.
+        field: usize,
+        /// The role both claim.
+        role: Role,
+    },
+    /// Too many rows for the stack.
+    #[error("the fields need {found} modes and shifts; expected at most {}", super::MAX_ROWS)]
+    Rows {
+        /// Sum over the fields.
+        found: usize,
+    },
+    /// NaN or infinity, or a value beyond f32.
+    #[error("field {field}, node {node}: {value} cannot be stored as f32; the model is damaged")]
+    NotFinite {
+        /// Index of the field.
+        field: usize,
+        /// Node in the model.
+        node: usize,
+        /// The value found.
+        value: f64,
+    },
+    /// An instruction set this processor does not have.
+    #[error("this processor has no {isa}; let the kernel choose (it would take {detected})")]
+    IsaMissing {
+        /// What was asked for.
+        isa: super::Isa,
+        /// What would be chosen.
+        detected: super::Isa,
+    },
+}
 
 /// One affine field inside a tile: the rows it reads, in this order, and what becomes of the result.
 #[derive(Debug, Clone)]
-pub(super) struct Op {
+pub(crate) struct Op {
     /// Index in the spec.
     pub field: usize,
     /// First entry in the coefficient vector.
     pub first_coefficient: usize,
-    /// Rows of modes.
+    /// Modes in use.
     pub modes: usize,
-    /// A row with the mean comes first; less the rest shape for a component of the displacement.
+    /// A constant row with the mean comes first; less the rest shape for a component of the displacement.
     pub has_mean: bool,
-    /// Behind the modes a row for each shift of the undeformed coordinate: its entry in the coefficient vector.
+    /// Behind it a constant row for each shift of the undeformed coordinate: its entry in the coefficient vector.
     pub shifts: Vec<usize>,
-    /// A row with the undeformed coordinate comes last.
+    /// A constant row with the undeformed coordinate comes last.
     pub has_rest: bool,
     /// The result before the rest row is added is a component of the displacement.
     pub in_magnitude: bool,
@@ -35,37 +207,28 @@ impl Op {
         shifted.max(self.first_coefficient + self.modes)
     }
 
-    /// Which coefficient each of its rows is multiplied by; none for means and the rest shape.
-    pub(super) fn coefficients_of_rows(&self) -> impl Iterator<Item = Option<usize>> {
-        let modes = (0..self.modes).map(|j| Some(self.first_coefficient + j));
-        let mean = std::iter::repeat_n(None, usize::from(self.has_mean));
-        let rest = std::iter::repeat_n(None, usize::from(self.has_rest));
-        mean.chain(modes).chain(self.shifts.iter().map(|&at| Some(at))).chain(rest)
+    /// Rows with a factor.
+    fn factors(&self) -> usize {
+        self.modes + self.shifts.len()
     }
 
-    /// Its rows in the lists that a sweep adds up one after the other: mean and modes, shifts, rest row.
-    pub(super) fn lists(&self) -> impl Iterator<Item = Range<usize>> {
-        let sum = usize::from(self.has_mean) + self.modes;
-        let moved = sum + self.shifts.len();
-        let shifts = self.in_magnitude.then_some(sum..moved);
-        std::iter::once(0..sum).chain(shifts).chain(self.has_rest.then_some(moved..moved + 1))
-    }
-
-    /// Rows it reads.
-    fn rows(&self) -> usize {
-        usize::from(self.has_mean) + self.modes + self.shifts.len() + usize::from(self.has_rest)
+    /// Rows of f32 besides its modes.
+    fn constants(&self) -> usize {
+        usize::from(self.has_mean) + self.shifts.len() + usize::from(self.has_rest)
     }
 }
 
 /// The order of work inside a tile, the same for all tiles of a basis.
 #[derive(Debug, Clone)]
-pub(super) struct Plan {
+pub(crate) struct Plan {
     /// Affine fields in the order of their rows.
     pub ops: Vec<Op>,
     /// Which published field takes the displacement magnitude.
     pub magnitude_slot: Option<usize>,
-    /// Rows a tile: means, modes and rest coordinates.
-    pub rows: usize,
+    /// Constant rows per tile: means, shifts and rest coordinates, in the order of the ops.
+    pub constants: usize,
+    /// Modes and shifts: factors of a reconstruction.
+    pub factors: usize,
     /// Published fields.
     pub published: usize,
     /// Output nodes.
@@ -76,7 +239,7 @@ pub(super) struct Plan {
 
 impl Plan {
     /// Checks the spec and lays out the work.
-    pub(super) fn new(spec: &Spec<'_>) -> Result<Self, BasisError> {
+    pub(crate) fn new(spec: &Spec<'_>) -> Result<Self, BasisError> {
         check_nodes(spec)?;
         check_lengths(spec)?;
         check_roles(spec)?;
@@ -100,14 +263,15 @@ impl Plan {
             }
         }
         let plan = Self {
-            rows: ops.iter().map(Op::rows).sum(),
+            constants: ops.iter().map(Op::constants).sum(),
+            factors: ops.iter().map(Op::factors).sum(),
             coefficients: ops.iter().map(Op::coefficients).max().unwrap_or(0),
             published: slots,
             nodes: spec.output_nodes(),
             magnitude_slot,
             ops,
         };
-        match (slots, plan.rows) {
+        match (slots, plan.factors) {
             (0, _) => Err(BasisError::NothingPublished),
             (_, found) if found > MAX_ROWS => Err(BasisError::Rows { found }),
             _ => Ok(plan),
@@ -115,13 +279,50 @@ impl Plan {
     }
 
     /// Tiles, the last one padded.
-    pub(super) fn tiles(&self) -> usize {
+    pub(crate) fn tiles(&self) -> usize {
         self.nodes.div_ceil(TILE_NODES)
     }
 
     /// Length of the output.
-    pub(super) fn entries(&self) -> usize {
+    pub(crate) fn entries(&self) -> usize {
         self.published * self.nodes
+    }
+
+    /// Values of every constant row over the output nodes, in the order of the ops.
+    ///
+    /// # Errors
+    /// [`BasisError::NotFinite`].
+    pub(crate) fn constant_rows(&self, spec: &Spec<'_>) -> Result<Vec<Vec<f32>>, BasisError> {
+        let mut rows = Vec::new();
+        for op in &self.ops {
+            let Source::Affine(affine) = &spec.fields[op.field].source else { continue };
+            let (rest, shifts) = spec.rest_of(op.field).filter(|_| op.in_magnitude).unzip();
+            let at = |values: Option<&[f32]>, node: usize| values.map_or(0.0, |v| f64::from(v[node]));
+            let mut push = |value: &dyn Fn(usize) -> f64| {
+                let one = |i| {
+                    let node = spec.source_node(i);
+                    let value = value(node);
+                    let is_finite = (value as f32).is_finite();
+                    if is_finite {
+                        Ok(value as f32)
+                    } else {
+                        Err(BasisError::NotFinite { field: op.field, node, value })
+                    }
+                };
+                rows.push((0..spec.output_nodes()).map(one).collect::<Result<Vec<f32>, _>>()?);
+                Ok(())
+            };
+            if op.has_mean {
+                push(&|node| at(affine.mean, node) - at(rest, node))?;
+            }
+            for (_, by) in shifts.iter().flatten() {
+                push(&|node| f64::from(by[node]))?;
+            }
+            if op.has_rest {
+                push(&|node| at(rest, node))?;
+            }
+        }
+        Ok(rows)
     }
 }
 
@@ -162,16 +363,13 @@ fn check_lengths(spec: &Spec<'_>) -> Result<(), BasisError> {
     };
     for (index, field) in spec.fields.iter().enumerate() {
         match &field.source {
-            Source::Affine(affine) => {
-                if let Some(mean) = &affine.mean {
+            Source::Affine(Affine { mean, modes, coefficients }) => {
+                if let Some(mean) = mean {
                     expect(index, "the mean", mean.len(), n, mean.len() == n)?;
                 }
-                expect(index, "the stride between modes", affine.stride, n, affine.stride >= n)?;
-                let modes = affine.coefficients.len();
-                let needed = modes
-                    .checked_sub(1)
-                    .map_or(0, |last| last.saturating_mul(affine.stride).saturating_add(n));
-                expect(index, "the mode matrix", affine.modes.len(), needed, affine.modes.len() >= needed)?;
+                expect(index, "a mode", modes.nodes(), n, modes.nodes() == n)?;
+                let (found, needed) = (modes.count(), coefficients.len());
+                expect(index, "the list of modes", found, needed, found >= needed)?;
             }
             Source::Magnitude { rest, shifts, .. } => {
                 let moves = shifts.iter().flat_map(|shift| shift.axes.iter().flatten());

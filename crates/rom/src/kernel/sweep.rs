@@ -1,64 +1,132 @@
 //! The sweep: every tile once, in order, all fields of a tile at once.
 
-use super::TILE_NODES;
+use std::mem::MaybeUninit;
+
 use super::isa::Isa;
 use super::lanes::{Lanes, portable::Portable};
-use super::pages::{LINE, Line};
-use super::plan::Plan;
-use super::rows::Rows;
-use super::spec::Role;
+use super::modes::{Modes, Precision};
+use super::pages::{LINE, Lines};
+use super::plan::{Op, Plan, Role};
+use super::{MAX_ROWS, TILE_NODES};
 
 /// Largest value and the output node that has it, per peak.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct RawPeaks {
+pub(crate) struct RawPeaks {
     pub displacement: (f32, usize),
     pub stress: (f32, usize),
 }
 
-/// What a sweep works on.
-pub(super) struct Job<'a, R> {
-    pub plan: &'a Plan,
-    /// The first row of the first tile.
-    pub rows: R,
-    /// Valid for writes of `plan.entries()` values.
-    pub out: *mut f32,
+/// Rows of a basis: for every op of the plan its modes, and all constant rows, tile after tile.
+#[derive(Debug, Clone)]
+pub(crate) struct Rows {
+    pub modes: Vec<Modes>,
+    constants: Lines,
 }
 
-/// Runs the sweep with an instruction set that the caller has found to be available.
+/// Cache lines per constant row.
+const CONSTANT_LINES: usize = TILE_NODES * size_of::<f32>() / LINE;
+
+impl Rows {
+    /// Lays the constant rows out, which hold one value per node. All modes are of one precision.
+    pub(crate) fn new(plan: &Plan, modes: Vec<Modes>, constants: &[Vec<f32>]) -> Self {
+        let mut lines = Lines::zeroed(plan.tiles() * constants.len() * CONSTANT_LINES);
+        let values = (0..plan.tiles()).flat_map(|tile| constants.iter().map(move |row| (tile, row)));
+        let rows = lines.bytes_mut().chunks_exact_mut(CONSTANT_LINES * LINE);
+        for (to, (tile, row)) in rows.zip(values) {
+            for (lane, to) in to.chunks_exact_mut(size_of::<f32>()).enumerate() {
+                to.copy_from_slice(&row[(tile * TILE_NODES + lane).min(row.len() - 1)].to_le_bytes());
+            }
+        }
+        Self { modes, constants: lines }
+    }
+
+    /// Bytes of the constant rows.
+    pub(crate) fn constant_bytes(&self) -> usize {
+        self.constants.bytes().len()
+    }
+
+    /// Whether these rows are those of a plan.
+    fn fit(&self, plan: &Plan) -> bool {
+        let precision = self.precision();
+        let fits = |(op, modes): (&Op, &Modes)| {
+            modes.precision() == precision && modes.nodes() == plan.nodes && modes.count() >= op.modes
+        };
+        self.modes.len() == plan.ops.len()
+            && plan.ops.iter().zip(&self.modes).all(fits)
+            && self.constants.len() == plan.tiles() * plan.constants * CONSTANT_LINES
+    }
+
+    /// Number format of all modes.
+    pub(crate) fn precision(&self) -> Precision {
+        self.modes.first().map_or(Precision::I16, Modes::precision)
+    }
+}
+
+/// [`run`] into initialised memory.
+pub(crate) fn run_into(
+    isa: Isa,
+    plan: &Plan,
+    rows: &Rows,
+    coefficients: &[f64],
+    out: &mut [f32],
+) -> RawPeaks {
+    // SAFETY: of the same layout, and `run` writes f32 and nothing else.
+    let out = unsafe { std::slice::from_raw_parts_mut(out.as_mut_ptr().cast(), out.len()) };
+    run(isa, plan, rows, coefficients, out)
+}
+
+/// What a sweep works on.
+struct Job<'a> {
+    plan: &'a Plan,
+    rows: &'a Rows,
+    /// One per mode and shift, in the order of the ops.
+    factors: &'a [f32; MAX_ROWS],
+    out: *mut f32,
+}
+
+/// Reconstructs all published fields; every element of `out` is written.
 ///
-/// # Safety
-/// `isa` is available, `job.rows` are those of `job.plan`, and `job.out` is valid for writes of `plan.entries()` f32, all of
-/// which are written.
-pub(super) unsafe fn run<R: Rows>(isa: Isa, job: Job<'_, R>) -> RawPeaks {
-    // SAFETY: the caller's promises are passed on.
+/// # Panics
+/// When rows, coefficients or output are not those of the plan, or the processor has no such instruction set.
+pub(crate) fn run(
+    isa: Isa,
+    plan: &Plan,
+    rows: &Rows,
+    coefficients: &[f64],
+    out: &mut [MaybeUninit<f32>],
+) -> RawPeaks {
+    assert!(isa.is_available() && rows.fit(plan) && plan.factors <= MAX_ROWS);
+    assert!(coefficients.len() >= plan.coefficients && out.len() == plan.entries());
+    let mut factors = [0.0; MAX_ROWS];
+    let mut next = factors.iter_mut();
+    for (op, modes) in plan.ops.iter().zip(&rows.modes) {
+        let used = coefficients[op.first_coefficient..][..op.modes].iter().enumerate();
+        used.zip(&mut next).for_each(|((mode, a), to)| *to = (a * modes.factor(mode)) as f32);
+        op.shifts.iter().zip(&mut next).for_each(|(at, to)| *to = -coefficients[*at] as f32);
+    }
+    let job = Job { plan, rows, factors: &factors, out: out.as_mut_ptr().cast() };
+    // SAFETY: the instruction set is available, the rows are those of the plan, and the output has its length.
     unsafe {
-        match isa {
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => x86::avx512(job),
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => x86::avx2(job),
-            #[cfg(target_arch = "aarch64")]
-            Isa::Neon => sweep::<super::lanes::neon::Neon, R>(job),
-            _ => sweep::<Portable, R>(job),
+        match rows.precision() {
+            Precision::F32 => dispatch::<F32>(isa, job),
+            Precision::I16 => dispatch::<I16>(isa, job),
         }
     }
 }
 
-/// Reads every cache line once and returns a checksum.
-///
 /// # Safety
-/// `isa` is available.
-pub(super) unsafe fn read(isa: Isa, lines: &[Line]) -> u32 {
-    // SAFETY: the caller's promise is passed on.
+/// `isa` is available, the rows are of the plan and of precision `E`, `out` is valid for writes of `plan.entries()` values.
+unsafe fn dispatch<E: Entry>(isa: Isa, job: Job<'_>) -> RawPeaks {
+    // SAFETY: passed on to the caller.
     unsafe {
         match isa {
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => x86::avx512_read(lines),
+            Isa::Avx512 => x86::avx512::<E>(job),
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => x86::avx2_read(lines),
+            Isa::Avx2 => x86::avx2::<E>(job),
             #[cfg(target_arch = "aarch64")]
-            Isa::Neon => read_lines::<super::lanes::neon::Neon>(lines),
-            _ => read_lines::<Portable>(lines),
+            Isa::Neon => sweep::<super::lanes::neon::Neon, E>(job),
+            _ => sweep::<Portable, E>(job),
         }
     }
 }
@@ -68,27 +136,55 @@ mod x86 {
     //! The sweep compiled with the features of each instruction set, which is all that makes these functions unsafe
     //! beyond the sweep itself.
 
-    use super::*;
+    use super::{Entry, Job, RawPeaks, sweep};
     use crate::kernel::lanes::{avx2::Avx2, avx512::Avx512};
 
-    macro_rules! compiled {
-        ($($features:literal, $lanes:ty: $run:ident, $read:ident;)*) => {$(
-            #[target_feature(enable = $features)]
-            pub(super) unsafe fn $run<R: Rows>(job: Job<'_, R>) -> RawPeaks {
-                // SAFETY: the caller's promises are passed on.
-                unsafe { sweep::<$lanes, R>(job) }
-            }
-
-            #[target_feature(enable = $features)]
-            pub(super) unsafe fn $read(lines: &[Line]) -> u32 {
-                // SAFETY: the caller's promises are passed on.
-                unsafe { read_lines::<$lanes>(lines) }
-            }
-        )*};
+    #[target_feature(enable = "avx512f")]
+    pub(super) unsafe fn avx512<E: Entry>(job: Job<'_>) -> RawPeaks {
+        // SAFETY: passed on to the caller.
+        unsafe { sweep::<Avx512, E>(job) }
     }
-    compiled! {
-        "avx512f,avx512vnni", Avx512: avx512, avx512_read;
-        "avx2,fma", Avx2: avx2, avx2_read;
+
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) unsafe fn avx2<E: Entry>(job: Job<'_>) -> RawPeaks {
+        // SAFETY: passed on to the caller.
+        unsafe { sweep::<Avx2, E>(job) }
+    }
+}
+
+/// How one value of a mode is stored.
+///
+/// # Safety
+/// Loads need an aligned row at the pointer and the instruction set of `V`.
+trait Entry {
+    const PRECISION: Precision;
+    /// A row, in steps of its storage.
+    unsafe fn load<V: Lanes>(from: *const u8) -> V;
+}
+
+/// 32-bit floats.
+struct F32;
+
+impl Entry for F32 {
+    const PRECISION: Precision = Precision::F32;
+
+    #[inline(always)]
+    unsafe fn load<V: Lanes>(from: *const u8) -> V {
+        // SAFETY: see the trait.
+        unsafe { V::load(from.cast()) }
+    }
+}
+
+/// Pairs of 16-bit integers.
+struct I16;
+
+impl Entry for I16 {
+    const PRECISION: Precision = Precision::I16;
+
+    #[inline(always)]
+    unsafe fn load<V: Lanes>(from: *const u8) -> V {
+        // SAFETY: see the trait.
+        unsafe { V::load_pairs(from.cast()) }
     }
 }
 
@@ -137,28 +233,30 @@ impl<V: Lanes> LanePeak<V> {
 
 /// State of a sweep.
 struct Sweep<'a, V> {
-    plan: &'a Plan,
-    out: *mut f32,
+    job: Job<'a>,
+    /// Next constant row.
+    constants: *const f32,
     displacement: LanePeak<V>,
     stress: LanePeak<V>,
 }
 
 /// # Safety
-/// As for [`run`], with the instruction set of `V`.
+/// As for [`dispatch`], with the instruction set of `V`.
 #[inline(always)]
-unsafe fn sweep<V: Lanes, R: Rows>(job: Job<'_, R>) -> RawPeaks {
-    let Job { plan, mut rows, out } = job;
-    // SAFETY: whole tiles write one row a field inside `out`; the last, partial one goes through a buffer. The
+unsafe fn sweep<V: Lanes, E: Entry>(job: Job<'_>) -> RawPeaks {
+    let plan = job.plan;
+    // SAFETY: whole tiles write one row per field inside `out`; the last, partial one goes through a buffer. The
     // storage holds `plan.tiles()` tiles.
     unsafe {
         let (displacement, stress) = (LanePeak::<V>::new(), LanePeak::new());
-        let mut sweep = Sweep { plan, out, displacement, stress };
+        let constants = job.rows.constants.as_ptr().cast();
+        let mut sweep = Sweep { job, constants, displacement, stress };
         let whole = plan.nodes / TILE_NODES;
         for index in 0..whole {
-            sweep.tile::<R, WholeTile>(&mut rows, index);
+            sweep.tile::<E, WholeTile>(index);
         }
         if whole < plan.tiles() {
-            sweep.tile::<R, PartialTile>(&mut rows, whole);
+            sweep.tile::<E, PartialTile>(whole);
         }
         RawPeaks {
             displacement: sweep.displacement.reduce(plan.nodes),
@@ -169,21 +267,42 @@ unsafe fn sweep<V: Lanes, R: Rows>(job: Job<'_, R>) -> RawPeaks {
 
 impl<V: Lanes> Sweep<'_, V> {
     #[inline(always)]
-    unsafe fn tile<R: Rows, W: Write>(&mut self, rows: &mut R, index: usize) {
-        let (plan, out) = (self.plan, self.out);
-        // SAFETY: the rows follow the plan that laid out the tile, and each slot is below `published`.
+    unsafe fn constant(&mut self) -> V {
+        // SAFETY: the plan that laid out the constant rows drives the sweep, so an aligned row is here.
+        unsafe {
+            let row = V::load(self.constants);
+            self.constants = self.constants.add(TILE_NODES);
+            row
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn tile<E: Entry, W: Write>(&mut self, index: usize) {
+        let (plan, out) = (self.job.plan, self.job.out);
+        let mut factors = self.job.factors.as_ptr();
+        // SAFETY: rows and factors follow the plan, and each slot is below `published`.
         unsafe {
             let number = V::splat(f32::from_bits(index as u32));
             let mut squares = V::splat(0.0);
-            rows.begin_tile::<V>();
-            for op in &plan.ops {
-                let mut value = rows.combine::<V>(op);
+            for (op, modes) in plan.ops.iter().zip(&self.job.rows.modes) {
+                let row_bytes = E::PRECISION.row_bytes();
+                let first: *const u8 = modes.lines().as_ptr().cast();
+                let mut row = first.add(index * modes.count() * row_bytes);
+                let mut value = if op.has_mean { self.constant() } else { V::splat(0.0) };
+                for _ in 0..op.modes {
+                    value = E::load::<V>(row).mul_add(V::splat(*factors), value);
+                    (row, factors) = (row.add(row_bytes), factors.add(1));
+                }
                 if op.in_magnitude {
-                    let moved = rows.shift(op, value);
+                    let mut moved = value;
+                    for _ in 0..op.shifts.len() {
+                        moved = self.constant().mul_add(V::splat(*factors), moved);
+                        factors = factors.add(1);
+                    }
                     squares = moved.mul_add(moved, squares);
                 }
                 if op.has_rest {
-                    value = rows.add_rest(value);
+                    value = self.constant().add(value);
                 }
                 let value = self.finish::<W>(op.role, value, number, index);
                 if let Some(slot) = op.slot {
@@ -208,7 +327,7 @@ impl<V: Lanes> Sweep<'_, V> {
         // SAFETY: the instruction set is available.
         unsafe {
             let value = value.at_least_zero();
-            let existing = W::existing(value, self.plan, tile);
+            let existing = W::existing(value, self.job.plan, tile);
             if role == Role::Stress {
                 self.stress.update(existing, number);
             } else {
@@ -269,33 +388,5 @@ impl Write for PartialTile {
             let to = out.add(slot * plan.nodes + start);
             std::ptr::copy_nonoverlapping(buffer.as_ptr(), to, plan.nodes - start);
         }
-    }
-}
-
-/// Running sums over four rows, so that the additions never wait for each other.
-#[inline(always)]
-unsafe fn read_lines<V: Lanes>(lines: &[Line]) -> u32 {
-    const SUMS: usize = 4;
-    const ROW_LINES: usize = TILE_NODES * size_of::<f32>() / LINE;
-    let mut words = [0.0f32; TILE_NODES];
-    // SAFETY: every row lies inside the slice of aligned lines.
-    unsafe {
-        let mut sums = [V::splat(0.0); SUMS];
-        let mut groups = lines.chunks_exact(SUMS * ROW_LINES);
-        for group in &mut groups {
-            let first: *const f32 = group.as_ptr().cast();
-            for (k, sum) in sums.iter_mut().enumerate() {
-                *sum = sum.fold(first.add(k * TILE_NODES));
-            }
-        }
-        let mut total = 0u32;
-        for sum in sums {
-            sum.store(words.as_mut_ptr());
-            total = words.iter().fold(total, |total, word| total.wrapping_add(word.to_bits()));
-        }
-        let rest = groups.remainder().iter().flat_map(|line| line.0.chunks_exact(4));
-        rest.fold(total, |total, word| {
-            total.wrapping_add(u32::from_ne_bytes([word[0], word[1], word[2], word[3]]))
-        })
     }
 }

@@ -36,8 +36,14 @@ pub(crate) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::header::OutputField;
-    use crate::snapshots::{FieldKind, FieldSpec};
+    use crate::halfwidths::HalfWidths;
+    use crate::hull::TrainingRange;
+    use crate::inputs::{InputAxis, InputMap, InputSpec};
+    use crate::interpolant::{Interpolant, Metric, Slope};
+    use crate::model::header::{FarOnset, ForceModel, GroupModel, ModelHeader, OutputField, RegimeModel};
+    use crate::radial::{KernelKind, Tail};
+    use crate::regime::OnsetTable;
+    use crate::snapshots::{FieldKind, FieldSpec, NodeSet, RegimeKind};
 
     /// Bytes of a known value, written out by hand: lengths and indices u64, variants u32, options one byte, all
     /// little-endian.
@@ -55,6 +61,107 @@ mod tests {
         .concat();
         assert_eq!(encode(&field).expect("encodes"), golden);
         assert_eq!(decode::<OutputField>(&golden).expect("decodes"), field);
+    }
+
+    #[test]
+    fn kernels_and_tails_keep_their_numbers() {
+        let interpolant = |kernel, tail| Interpolant {
+            kernel,
+            tail,
+            dimensions: 1,
+            metric: Metric::IDENTITY,
+            centres: vec![],
+            weights: vec![],
+            tail_weights: vec![],
+            outputs: 0,
+            smoothing: 0.0,
+            condition: 0.0,
+            residual: 0.0,
+            slopes: vec![],
+        };
+        let kernels = [
+            (KernelKind::Linear, 0.0),
+            (KernelKind::ThinPlate, 0.0),
+            (KernelKind::Cubic, 0.0),
+            (KernelKind::Quintic, 0.0),
+            (KernelKind::Gaussian { shape: 1.5 }, 1.5),
+            (KernelKind::Matern72 { length: 2.5 }, 2.5),
+            (KernelKind::CubicQuintic { crossover: 3.5 }, 3.5),
+        ];
+        let tails = [Tail::None, Tail::Constant, Tail::Linear, Tail::Quadratic];
+        for (number, (kernel, parameter)) in (0_u32..).zip(kernels) {
+            for (tail_number, tail) in (0_u32..).zip(tails) {
+                let fit = interpolant(kernel, tail);
+                let bytes = encode(&fit).expect("encodes");
+                assert_eq!(bytes[..4], number.to_le_bytes(), "{kernel:?}");
+                assert_eq!(bytes[4..12], f64::to_le_bytes(parameter), "{kernel:?}");
+                assert_eq!(bytes[12..16], tail_number.to_le_bytes(), "{tail:?}");
+                assert_eq!(decode::<Interpolant>(&bytes).expect("decodes"), fit);
+            }
+        }
+        let mut unknown = encode(&interpolant(KernelKind::Linear, Tail::None)).expect("encodes");
+        unknown[0] = 7;
+        assert!(decode::<Interpolant>(&unknown).is_err_and(|e| e.contains("kernel 7")));
+    }
+
+    /// A header with one of everything: its bytes change only with the version of the file.
+    #[test]
+    fn the_bytes_of_a_header_are_those_of_version_1() {
+        let fit = Interpolant {
+            kernel: KernelKind::Cubic,
+            tail: Tail::Linear,
+            dimensions: 1,
+            metric: Metric::IDENTITY.stretched(0, 0.5),
+            centres: vec![0.0, 1.0],
+            weights: vec![1.0, 2.0, 3.0],
+            tail_weights: vec![4.0, 5.0],
+            outputs: 1,
+            smoothing: 1e-9,
+            condition: 10.0,
+            residual: 1e-16,
+            slopes: vec![Slope { centre: 1, axis: 0 }],
+        };
+        let axis = InputAxis { input: 0, min: 0.0, max: 0.1 };
+        let regime = RegimeModel {
+            kind: RegimeKind::Contact,
+            inputs: InputMap { axes: vec![axis], constants: vec![(1, 20.0)] },
+            groups: vec![GroupModel {
+                name: "x".into(),
+                fields: vec![0],
+                coefficients: 0..1,
+                surrogate: fit.clone(),
+                singular_values: vec![2.0, 1.0],
+                leave_one_out: vec![0.5, 0.25],
+            }],
+            force: Some(ForceModel { surrogate: fit, times_excess_pressure: true }),
+            domain: TrainingRange::Interval([0.0, 1.0]),
+            halfwidths: HalfWidths { coverage: 0.9, displacement_mm: 0.1, stress_mpa: 0.2, force_n: 0.3 },
+            local_halfwidths: None,
+            far_onset: Some(FarOnset { gap_mm: vec![1.0, 2.0], corrections: vec![0.0, 0.5] }),
+        };
+        let spec = FieldSpec { name: "x".into(), unit: "mm".into(), kind: FieldKind::Coordinate(0) };
+        let input =
+            |name: &str, value| InputSpec { name: name.into(), unit: "MPa".into(), range: [0.0, 1.0], value };
+        let header = ModelHeader {
+            actuator: "finger".into(),
+            inputs: vec![input("pressure", None), input("gap", None), input("mu", Some(0.8))],
+            fields: vec![OutputField { spec, magnitude_of: None }],
+            node_count: 3,
+            regimes: vec![regime],
+            onset: Some(OnsetTable::new(vec![0.0, 1.0, 2.0], vec![0.0, 0.1, 0.3])),
+            hysteresis_mpa: 2e-4,
+            node_sets: vec![NodeSet { name: "tip".into(), nodes: vec![2] }],
+            database_hash: [7; 32],
+            clearance: None,
+        };
+        let bytes = encode(&header).expect("encodes");
+        assert_eq!(decode::<ModelHeader>(&bytes).expect("decodes"), header);
+        let hash = blake3::hash(&bytes).to_hex();
+        assert_eq!(
+            (bytes.len(), &hash.as_str()[..16]),
+            (1006, "124c3b9a03b21da0"),
+            "another version of the file"
+        );
     }
 
     #[test]

@@ -7,33 +7,28 @@
 //! 16     header length h, u64 little-endian       8
 //! 24     blake3 of the header                    32
 //! 56     zero                                     8
-//! 64     header: block table and model header     h   (codec.rs), from version 4 on what further.rs adds
+//! 64     header: block table and model header     h   (codec.rs)
 //!        zeros up to a multiple of 64
 //! d      blocks, each from a multiple of 64, little-endian, zeros between
 //! end-32 blake3 of everything before             32
 //! ```
 //! Offsets in the block table count from `d`. Header and blocks carry their own blake3, so that a reader who needs
-//! one block checks that block and no more.
+//! one block checks that block and no more. Modes are stored in the order of the kernel and read straight into place.
 
-use super::further::Further;
+use super::codec;
 use super::header::{BlockData, BlockKind, Model, ModelHeader};
 use super::selection::{ModelError, Selection};
-use super::{codec, version2};
 use crate::halfwidths::HalfWidths;
+use crate::kernel::{Modes, Precision, Shape};
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::io::{Read, Seek, SeekFrom};
 use thiserror::Error;
 
 /// First bytes of a model file.
 pub const MAGIC: [u8; 8] = *b"SOFTTWIN";
-/// The newest version: parameters that move the undeformed mesh. Models without are written as [`FIXED_VERSION`].
-pub const VERSION: u32 = 5;
-/// Parameters, interpolants with derivatives. Models without are written as [`PLAIN_VERSION`].
-pub const FIXED_VERSION: u32 = 4;
-/// Pressure and gap, local half-widths.
-pub const PLAIN_VERSION: u32 = 3;
-/// The oldest version that it reads: pressure and gap. Models are made again in seconds, so older layouts are refused.
-const OLDEST_VERSION: u32 = 2;
+/// Version of the layout.
+pub const VERSION: u32 = 1;
 const ALIGN: usize = 64;
 const TRAILER: u64 = 32;
 
@@ -54,10 +49,9 @@ pub enum ModelFileError {
         /// First bytes.
         found: Vec<u8>,
     },
-    /// Written by an older or a newer program.
+    /// Of another version of the layout.
     #[error(
-        "the model file has version {found}, expected {OLDEST_VERSION} to {VERSION}; {}",
-        if *.found > VERSION { "update this program" } else { "train the model again: `softtwin train`" }
+        "the model file has version {found}, expected {VERSION}; train the model again: `softtwin train`"
     )]
     Version {
         /// Version in the file.
@@ -94,19 +88,37 @@ pub enum ModelFileError {
     Io(#[from] std::io::Error),
 }
 
-/// Where a block lies and what it holds.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// Place and content of a block.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BlockEntry {
-    /// What it is.
+    /// Meaning.
     pub kind: BlockKind,
-    /// Whether its values are f32; u32 otherwise.
-    pub is_f32: bool,
+    /// Number format.
+    pub encoding: Encoding,
     /// First byte, counted from the first block.
     pub offset: u64,
-    /// Values, 4 bytes each.
-    pub values: u64,
+    /// Bytes.
+    pub bytes: u64,
     /// blake3 of its bytes.
     pub hash: [u8; 32],
+}
+
+/// Number format of a block.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Encoding {
+    /// 32-bit floats.
+    F32,
+    /// 32-bit unsigned integers.
+    U32,
+    /// Modes in the order of the kernel.
+    Modes {
+        /// Number format of the rows.
+        precision: Precision,
+        /// Number of modes.
+        count: u32,
+        /// Step of each mode; none for f32.
+        steps: Vec<f64>,
+    },
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -138,28 +150,21 @@ impl Model {
         let (mut table, mut data) = (Vec::new(), Vec::new());
         for (kind, block) in &self.blocks {
             data.resize(data.len().next_multiple_of(ALIGN), 0);
-            let bytes = block.to_le_bytes();
+            let (encoding, bytes) = block.encoded();
             table.push(BlockEntry {
                 kind: *kind,
-                is_f32: matches!(block, BlockData::F32(_)),
+                encoding,
                 offset: data.len() as u64,
-                values: block.len() as u64,
+                bytes: bytes.len() as u64,
                 hash: *blake3::hash(&bytes).as_bytes(),
             });
-            data.extend(bytes);
+            data.extend_from_slice(&bytes);
         }
         let header = FileHeader { blocks: table, model: &self.header };
-        let moving = header.blocks.iter().any(|block| matches!(block.kind, BlockKind::UndeformedBy { .. }));
-        let further = Further::of(&self.header);
-        let (version, header) = match further.is_empty() {
-            true => (PLAIN_VERSION, codec::encode(&header)),
-            false if moving => (VERSION, codec::encode(&(header, further))),
-            false => (FIXED_VERSION, codec::encode(&(header, further))),
-        };
-        let header = header.map_err(ModelFileError::Header)?;
+        let header = codec::encode(&header).map_err(ModelFileError::Header)?;
         let mut out = Vec::with_capacity(2 * ALIGN + header.len() + data.len() + TRAILER as usize);
         out.extend(MAGIC);
-        out.extend(version.to_le_bytes());
+        out.extend(VERSION.to_le_bytes());
         out.extend([0; 4]);
         out.extend((header.len() as u64).to_le_bytes());
         out.extend(blake3::hash(&header).as_bytes());
@@ -185,23 +190,28 @@ impl Model {
 }
 
 impl BlockData {
-    /// Number of values.
-    pub fn len(&self) -> usize {
+    /// Bytes in a file.
+    pub fn byte_count(&self) -> usize {
         match self {
-            Self::F32(values) => values.len(),
-            Self::U32(values) => values.len(),
+            Self::F32(values) => 4 * values.len(),
+            Self::U32(values) => 4 * values.len(),
+            Self::Modes(modes) => modes.bytes().len(),
         }
     }
 
-    /// True when there is no value.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    fn to_le_bytes(&self) -> Vec<u8> {
+    fn encoded(&self) -> (Encoding, Cow<'_, [u8]>) {
         match self {
-            Self::F32(values) => values.iter().flat_map(|v| v.to_le_bytes()).collect(),
-            Self::U32(values) => values.iter().flat_map(|v| v.to_le_bytes()).collect(),
+            Self::F32(values) => {
+                (Encoding::F32, values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>().into())
+            }
+            Self::U32(values) => {
+                (Encoding::U32, values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>().into())
+            }
+            Self::Modes(modes) => {
+                let (precision, count) = (modes.precision(), modes.count() as u32);
+                let steps = modes.steps().to_vec();
+                (Encoding::Modes { precision, count, steps }, modes.bytes().into())
+            }
         }
     }
 }
@@ -230,7 +240,7 @@ impl<R: Read + Seek> ModelReader<R> {
         }
         fits("the preamble", ALIGN as u64 + TRAILER, length)?;
         let version = u32::from_le_bytes([preamble[8], preamble[9], preamble[10], preamble[11]]);
-        if !(OLDEST_VERSION..=VERSION).contains(&version) {
+        if version != VERSION {
             return Err(ModelFileError::Version { found: version });
         }
         let mut word = [0; 8];
@@ -247,16 +257,14 @@ impl<R: Read + Seek> ModelReader<R> {
         let mut bytes = vec![0; header_bytes as usize];
         reader.read_exact(&mut bytes)?;
         verify("the header", &preamble[24..56], &bytes)?;
-        let header = decode(version, &bytes).map_err(ModelFileError::Header)?;
+        let header: FileHeader<ModelHeader> = codec::decode(&bytes).map_err(ModelFileError::Header)?;
         header.model.check().map_err(ModelFileError::Header)?;
         let data_start = (ALIGN as u64 + header_bytes).next_multiple_of(ALIGN as u64);
+        let all = header.blocks.iter().fold(0, |all: u64, block| all.saturating_add(block.bytes));
+        fits("all blocks", all.saturating_add(data_start + TRAILER), length)?;
         for block in &header.blocks {
-            belongs(block.kind, header.model.fields.len()).map_err(ModelFileError::Header)?;
-            let needed = block
-                .values
-                .saturating_mul(4)
-                .saturating_add(block.offset)
-                .saturating_add(data_start + TRAILER);
+            block.check(&header.model).map_err(ModelFileError::Header)?;
+            let needed = block.bytes.saturating_add(block.offset).saturating_add(data_start + TRAILER);
             fits(&format!("block {:?}", block.kind), needed, length)?;
         }
         Ok(Self { reader, header, data_start })
@@ -272,20 +280,47 @@ impl<R: Read + Seek> ModelReader<R> {
         &self.header.blocks
     }
 
-    /// Reads one block and verifies its checksum.
+    /// Reads blocks and verifies their checksums; modes go into one piece of memory.
     ///
     /// # Errors
     /// [`ModelFileError`].
-    pub fn read_block(&mut self, entry: &BlockEntry) -> Result<BlockData, ModelFileError> {
+    pub fn read_blocks(
+        &mut self,
+        entries: &[BlockEntry],
+    ) -> Result<Vec<(BlockKind, BlockData)>, ModelFileError> {
+        let nodes = self.header.model.node_count;
+        let mut read: Vec<Option<(BlockKind, BlockData)>> = entries.iter().map(|_| None).collect();
+        let (mut shapes, mut of_modes) = (Vec::new(), Vec::new());
+        for (at, entry) in entries.iter().enumerate() {
+            if let Encoding::Modes { precision, count, steps } = &entry.encoding {
+                shapes.push(Shape { precision: *precision, nodes, count: *count as usize, steps });
+                of_modes.push(at);
+                continue;
+            }
+            let mut bytes = vec![0; entry.bytes as usize]; // within the file's length: checked by `open`
+            self.fill(entry, &mut bytes)?;
+            let words = bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
+            let data = match entry.encoding {
+                Encoding::U32 => BlockData::U32(words.map(u32::from_le_bytes).collect()),
+                _ => BlockData::F32(words.map(f32::from_le_bytes).collect()),
+            };
+            read[at] = Some((entry.kind, data));
+        }
+        let modes = Modes::filled(&shapes, |of, bytes| self.fill(&entries[of_modes[of]], bytes))?;
+        for (at, modes) in of_modes.into_iter().zip(modes) {
+            let kind = entries[at].kind;
+            if let Some(found) = modes.not_finite() {
+                return Err(ModelFileError::Header(format!("block {kind:?}: {found:?}")));
+            }
+            read[at] = Some((kind, BlockData::Modes(modes)));
+        }
+        Ok(read.into_iter().flatten().collect())
+    }
+
+    fn fill(&mut self, entry: &BlockEntry, bytes: &mut [u8]) -> Result<(), ModelFileError> {
         self.reader.seek(SeekFrom::Start(self.data_start + entry.offset))?;
-        let mut bytes = vec![0; entry.values as usize * 4]; // within the file's length: checked by `open`
-        self.reader.read_exact(&mut bytes)?;
-        verify(&format!("block {:?}", entry.kind), &entry.hash, &bytes)?;
-        let words = bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
-        Ok(match entry.is_f32 {
-            true => BlockData::F32(words.map(f32::from_le_bytes).collect()),
-            false => BlockData::U32(words.map(u32::from_le_bytes).collect()),
-        })
+        self.reader.read_exact(bytes)?;
+        verify(&format!("block {:?}", entry.kind), &entry.hash, bytes)
     }
 
     /// Loads what a selection needs: its fields (and the coordinates a derived magnitude needs), undeformed mesh,
@@ -308,34 +343,36 @@ impl<R: Read + Seek> ModelReader<R> {
         };
         let entries: Vec<BlockEntry> =
             self.header.blocks.iter().filter(|b| needed(&b.kind)).cloned().collect();
-        let mut blocks = Vec::with_capacity(entries.len());
-        for entry in entries {
-            blocks.push((entry.kind, self.read_block(&entry)?));
-        }
+        let blocks = self.read_blocks(&entries)?;
         Ok(Model { header, blocks })
     }
 }
 
-fn decode(version: u32, bytes: &[u8]) -> Result<FileHeader<ModelHeader>, String> {
-    if version >= FIXED_VERSION {
-        let (mut header, further): (FileHeader<ModelHeader>, Further) = codec::decode(bytes)?;
-        further.add_to(&mut header.model)?;
-        return Ok(header);
-    }
-    if version == PLAIN_VERSION {
-        return codec::decode(bytes);
-    }
-    let FileHeader { blocks, model } = codec::decode::<FileHeader<version2::Header>>(bytes)?;
-    Ok(FileHeader { blocks, model: model.into() })
-}
-
-/// A block of a field that is not there would be passed over, and so would its damage.
-fn belongs(kind: BlockKind, fields: usize) -> Result<(), String> {
-    match kind {
-        BlockKind::Mean { field, .. } | BlockKind::Modes { field, .. } if field as usize >= fields => {
-            Err(format!("block {kind:?}: expected one of the {fields} fields, counted from 0"))
+impl BlockEntry {
+    /// Refuses a block that the model has no use for, or whose bytes are not those of its encoding.
+    fn check(&self, model: &ModelHeader) -> Result<(), String> {
+        let fields = model.fields.len();
+        if let BlockKind::Mean { field, .. } | BlockKind::Modes { field, .. } = self.kind
+            && field as usize >= fields
+        {
+            return Err(format!(
+                "block {:?}: expected one of the {fields} fields, counted from 0",
+                self.kind
+            ));
         }
-        _ => Ok(()),
+        let fits = match &self.encoding {
+            Encoding::F32 | Encoding::U32 => self.bytes.is_multiple_of(4),
+            Encoding::Modes { precision, count, steps } => {
+                let (precision, nodes, count) = (*precision, model.node_count, *count as usize);
+                let shape = Shape { precision, nodes, count, steps };
+                self.bytes == shape.bytes() as u64 && shape.is_sound()
+            }
+        };
+        let is_modes = matches!(self.encoding, Encoding::Modes { .. });
+        if fits && is_modes == matches!(self.kind, BlockKind::Modes { .. }) {
+            return Ok(());
+        }
+        Err(format!("block {:?}: {} bytes are not those of its encoding", self.kind, self.bytes))
     }
 }
 

@@ -1,9 +1,11 @@
 //! What a trained model consists of.
 
+use super::selection::ModelError;
 use crate::halfwidths::{HalfWidths, LocalHalfWidths};
-use crate::hull::Domain;
+use crate::hull::TrainingRange;
 use crate::inputs::{InputMap, InputSpec, Inputs};
 use crate::interpolant::Interpolant;
+use crate::kernel::Modes;
 use crate::regime::OnsetTable;
 use crate::snapshots::{FieldSpec, NodeSet, RegimeKind};
 use serde::{Deserialize, Serialize};
@@ -30,8 +32,7 @@ pub struct ModelHeader {
     pub node_sets: Vec<NodeSet>,
     /// blake3 of the database it was trained on.
     pub database_hash: [u8; 32],
-    /// What the onset is solved from where it depends on parameters. The file keeps it apart (`further.rs`).
-    #[serde(skip)]
+    /// Free model of the lowest nodes, from which an onset that depends on parameters is solved.
     pub clearance: Option<Clearance>,
 }
 
@@ -56,13 +57,20 @@ pub struct RegimeModel {
     /// Contact force; none where nothing is touched.
     pub force: Option<ForceModel>,
     /// Where it was trained.
-    pub domain: Domain,
+    pub domain: TrainingRange,
     /// Half-widths that cover the stated share of states, the same everywhere.
     pub halfwidths: HalfWidths,
     /// Half-widths that follow the error over the inputs; none in a model of an older version.
     pub local_halfwidths: Option<LocalHalfWidths>,
     /// Contact beyond the last onset state that was trained on; none where there is no such gap.
     pub far_onset: Option<FarOnset>,
+}
+
+impl RegimeModel {
+    /// The group that holds a field.
+    pub fn group_of(&self, field: usize) -> Option<&GroupModel> {
+        self.groups.iter().find(|group| group.fields.contains(&field))
+    }
 }
 
 /// Keeps fields continuous across the onset where contact was not trained: a correction of the coefficients by gap,
@@ -137,13 +145,29 @@ pub struct GroupModel {
     pub surrogate: Interpolant,
     /// All singular values of the (centred) snapshot matrix, largest first.
     pub singular_values: Vec<f64>,
+    /// Leave-one-out error with the first 0, 1, ... all modes: root mean square over nodes, geometric mean over cases, in
+    /// the unit of the group's fields.
+    pub leave_one_out: Vec<f64>,
 }
 
 impl GroupModel {
+    /// Fewest modes whose leave-one-out error exceeds that of all modes by at most this fraction.
+    pub fn modes_within(&self, accepted_error: f64) -> usize {
+        modes_within(&self.leave_one_out, accepted_error)
+    }
+
     /// Share of the snapshots' energy beyond the first `modes` (Eq. 4).
     pub fn truncation_error(&self, modes: usize) -> f64 {
         truncation_error(&self.singular_values, modes)
     }
+}
+
+/// Fewest modes whose error exceeds that of all modes by at most this fraction; `errors` are those of 0, 1, ... all modes.
+pub fn modes_within(errors: &[f64], accepted_error: f64) -> usize {
+    let all = errors.len().saturating_sub(1);
+    let limit = errors.last().map_or(f64::NAN, |error| (1.0 + accepted_error) * error);
+    let enough = errors.iter().position(|error| *error <= limit).filter(|_| accepted_error > 0.0);
+    enough.unwrap_or(all)
 }
 
 /// Truncation error of Eq. (4), summed from the small end so that 1e-16 is still seen: the paper's `1 - sum/sum`
@@ -164,7 +188,7 @@ pub enum BlockKind {
         /// Output field.
         field: u32,
     },
-    /// Modes of an output field in a regime: `modes x node_count` f32, one mode after the other.
+    /// Modes of an output field in a regime ([`Modes`]).
     Modes {
         /// Regime.
         regime: RegimeKind,
@@ -193,6 +217,8 @@ pub enum BlockData {
     F32(Vec<f32>),
     /// Node indices.
     U32(Vec<u32>),
+    /// Modes in the order of the kernel.
+    Modes(Modes),
 }
 
 /// A trained model in memory.
@@ -215,6 +241,28 @@ impl Model {
         self.blocks.iter().find_map(|(k, data)| match data {
             BlockData::F32(values) if *k == kind => Some(values.as_slice()),
             _ => None,
+        })
+    }
+
+    /// The modes of an output field in a regime, as many as its group has.
+    ///
+    /// # Errors
+    /// [`ModelError::MissingBlock`] when they were not loaded or do not fit the header.
+    pub fn modes(&self, regime: RegimeKind, field: u32) -> Result<&Modes, ModelError> {
+        let kind = BlockKind::Modes { regime, field };
+        let found = self.blocks.iter().find_map(|(k, data)| match data {
+            BlockData::Modes(modes) if *k == kind => Some(modes),
+            _ => None,
+        });
+        let group = self.regime(regime).and_then(|of| of.group_of(field as usize));
+        let expected = group.map_or(0, |group| group.coefficients.len());
+        let nodes = self.header.node_count;
+        found.filter(|modes| modes.count() == expected && modes.nodes() == nodes).ok_or_else(|| {
+            ModelError::MissingBlock {
+                block: format!("{kind:?}"),
+                expected: expected * nodes,
+                found: found.map_or(0, |modes| modes.count() * modes.nodes()),
+            }
         })
     }
 

@@ -3,14 +3,12 @@
 mod check;
 mod codec;
 mod file;
-mod further;
 mod header;
 mod selection;
-mod version2;
 
-pub use file::{BlockEntry, FIXED_VERSION, MAGIC, ModelFileError, ModelReader, PLAIN_VERSION, VERSION};
+pub use file::{BlockEntry, Encoding, MAGIC, ModelFileError, ModelReader, VERSION};
 pub use header::{
     BlockData, BlockKind, Clearance, FarOnset, ForceModel, GroupModel, Model, ModelHeader, OutputField,
-    RegimeModel, truncation_error,
+    RegimeModel, modes_within, truncation_error,
 };
 pub use selection::{ModelError, Nodes, Selection};

@@ -86,22 +86,6 @@ pub enum ModelError {
     /// The kernel cannot lay the basis out.
     #[error("the basis cannot be laid out: {0}")]
     Basis(#[from] BasisError),
-    /// Even f32 lets the model's own error grow by more than was accepted.
-    #[error(
-        "{regime}: the model's own error may grow by a share of {accepted:.1e}, which no basis keeps: {}; {}",
-        .fields.join(", "),
-        if .least.is_finite() { format!("accept a share of {least:.1e} or more, or take precision f32") } else { "take precision f32".into() }
-    )]
-    AcceptedError {
-        /// Regime.
-        regime: &'static str,
-        /// Share asked for.
-        accepted: f64,
-        /// Least share that can be kept; infinite where a field has no error of its own.
-        least: f64,
-        /// By field that is short: name, what may be added and what f32 adds, in its unit.
-        fields: Vec<String>,
-    },
     /// The header contradicts itself.
     #[error("the model is inconsistent: {0}")]
     Inconsistent(String),

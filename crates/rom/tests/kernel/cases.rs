@@ -2,20 +2,20 @@
 
 use std::ops::Range;
 
-use rom::kernel::{Affine, Field, Isa, Role, Shift, Source, Spec, Values};
+use rom::kernel::{Affine, Field, Isa, Modes, Precision, Role, Shift, Source, Spec};
 
 /// Data that a [`Spec`] can borrow from.
 #[derive(Debug, Clone)]
 pub struct Body {
     pub nodes: usize,
     pub modes: usize,
-    pub rest: [Vec<f64>; 3],
-    pub means: [Vec<f64>; 4],
-    pub bases: [Vec<f64>; 4],
+    pub rest: [Vec<f32>; 3],
+    pub means: [Vec<f32>; 4],
+    pub bases: [Modes; 4],
     /// Modal coefficients, behind them two that move the undeformed coordinates.
     pub coefficients: Vec<f64>,
-    /// What these move: x and y by the first, z by the second.
-    pub moves: [Vec<f64>; 3],
+    /// Shifts of the undeformed coordinates: x and y by the first, z by the second.
+    pub moves: [Vec<f32>; 3],
 }
 
 /// A small generator, so that a case is its seed.
@@ -31,31 +31,31 @@ impl Lcg {
     pub fn vector(&mut self, len: usize, scale: f64) -> Vec<f64> {
         (0..len).map(|_| scale * self.next()).collect()
     }
+
+    pub fn floats(&mut self, len: usize, scale: f64) -> Vec<f32> {
+        (0..len).map(|_| (scale * self.next()) as f32).collect()
+    }
 }
 
 impl Body {
-    pub fn new(nodes: usize, modes: usize, seed: u64) -> Self {
+    pub fn new(nodes: usize, modes: usize, seed: u64, precision: Precision) -> Self {
         let mut random = Lcg(seed);
-        let rest = std::array::from_fn(|_| random.vector(nodes, 115.0));
+        let rest = std::array::from_fn(|_| random.floats(nodes, 115.0));
         let means = std::array::from_fn(|field: usize| match rest.get(field) {
             Some(rest) => {
-                let rest: &Vec<f64> = rest;
-                rest.iter().map(|x| x + 10.0 * random.next()).collect()
+                let rest: &Vec<f32> = rest;
+                rest.iter().map(|x| x + (10.0 * random.next()) as f32).collect()
             }
-            None => random.vector(nodes, 0.1),
+            None => random.floats(nodes, 0.1),
         });
-        let bases = std::array::from_fn(|_| random.vector(nodes * modes, 0.02));
+        let bases = std::array::from_fn(|_| {
+            let values = random.floats(nodes * modes, 0.02);
+            Modes::new(precision, nodes, modes, |mode, node| f64::from(values[mode * nodes + node])).unwrap()
+        });
         let mut coefficients = random.vector(4 * modes, 500.0);
         coefficients.extend(random.vector(2, 0.4));
-        let moves = std::array::from_fn(|_| random.vector(nodes, 5.0));
+        let moves = std::array::from_fn(|_| random.floats(nodes, 5.0));
         Self { nodes, modes, rest, means, bases, coefficients, moves }
-    }
-
-    /// Coefficient vectors in use: the body's own among others of its size that have nothing to do with each other.
-    pub fn typical(&self) -> Vec<Vec<f64>> {
-        let mut random = Lcg(self.nodes as u64);
-        let mut other = || self.coefficients.iter().map(|a| a * 2.0 * random.next()).collect();
-        (0..4 * self.modes + 20).map(|_| other()).chain(std::iter::once(self.coefficients.clone())).collect()
     }
 
     fn range(&self, field: usize) -> Range<usize> {
@@ -66,16 +66,15 @@ impl Body {
     pub fn spec<'a>(&'a self, published: [bool; 5], nodes: Option<&'a [u32]>) -> Spec<'a> {
         let affine = |field: usize, role: Role, published: bool| Field {
             source: Source::Affine(Affine {
-                mean: Some(Values::F64(&self.means[field])),
-                modes: Values::F64(&self.bases[field]),
-                stride: self.nodes,
+                mean: Some(&self.means[field]),
+                modes: &self.bases[field],
                 coefficients: self.range(field),
             }),
             role,
             published,
         };
-        let rest = [0, 1, 2].map(|axis| Values::F64(&self.rest[axis]));
-        let [x, y, z] = [0, 1, 2].map(|axis| Some(Values::F64(&self.moves[axis])));
+        let rest = [0, 1, 2].map(|axis| &self.rest[axis][..]);
+        let [x, y, z] = [0, 1, 2].map(|axis| Some(&self.moves[axis][..]));
         let shift = |at: usize, axes| Shift { coefficient: 4 * self.modes + at, axes };
         let shifts = vec![shift(0, [x, y, None]), shift(1, [None, None, z])];
         let fields = vec![

@@ -2,9 +2,9 @@
 
 use super::cases::{Body, available};
 use rom::kernel::{
-    Affine, Basis, BasisError, Budget, Field, Isa, MAX_ROWS, Precision, ReconstructError, Role, Source, Spec,
-    Values,
+    Affine, BasisError, Field, Isa, MAX_ROWS, Modes, NotFinite, Precision, Role, Source, Spec,
 };
+use rom::reconstructor::{Basis, ReconstructError};
 
 const ALL: [bool; 5] = [true; 5];
 
@@ -12,16 +12,20 @@ fn error(spec: &Spec<'_>) -> BasisError {
     Basis::build(spec, Precision::F32).unwrap_err()
 }
 
-/// One plain field of one node with these modes.
-fn single<'a>(modes: &'a [f64], count: usize, stride: usize) -> Spec<'a> {
-    let source =
-        Source::Affine(Affine { mean: None, modes: Values::F64(modes), stride, coefficients: 0..count });
+/// One plain field of one node with the first `count` of these modes.
+fn single(modes: &Modes, count: usize) -> Spec<'_> {
+    let source = Source::Affine(Affine { mean: None, modes, coefficients: 0..count });
     Spec { node_count: 1, nodes: None, fields: vec![Field { source, role: Role::Plain, published: true }] }
+}
+
+/// Modes of one node, all 1.
+fn ones(count: usize) -> Modes {
+    Modes::new(Precision::F32, 1, count, |_, _| 1.0).unwrap()
 }
 
 #[test]
 fn node_sets_that_do_not_fit_are_refused() {
-    let body = Body::new(20, 2, 1);
+    let body = Body::new(20, 2, 1, Precision::F32);
     assert_eq!(error(&body.spec(ALL, Some(&[]))), BasisError::NodeCount { found: 0 });
     assert_eq!(error(&body.spec(ALL, Some(&[3, 20]))), BasisError::NodeIndex { node: 20, node_count: 20 });
     assert_eq!(error(&body.spec([false; 5], None)), BasisError::NothingPublished);
@@ -29,21 +33,20 @@ fn node_sets_that_do_not_fit_are_refused() {
 
 #[test]
 fn slices_that_do_not_fit_are_refused_with_their_field() {
-    let mut body = Body::new(20, 2, 1);
-    body.bases[3].pop();
+    let mut body = Body::new(20, 2, 1, Precision::F32);
+    body.bases[3] = Modes::new(Precision::F32, 19, 2, |_, _| 1.0).unwrap();
     let refused = error(&body.spec(ALL, None));
-    assert_eq!(refused, BasisError::Length { field: 4, what: "the mode matrix", found: 39, expected: 40 });
+    assert_eq!(refused, BasisError::Length { field: 4, what: "a mode", found: 19, expected: 20 });
+    body.bases[3] = Modes::new(Precision::F32, 20, 1, |_, _| 1.0).unwrap();
+    let refused = error(&body.spec(ALL, None));
+    assert_eq!(refused, BasisError::Length { field: 4, what: "the list of modes", found: 1, expected: 2 });
     body.means[1].push(0.0);
     assert!(matches!(error(&body.spec(ALL, None)), BasisError::Length { field: 1, what: "the mean", .. }));
-    assert!(matches!(
-        error(&single(&[1.0], 1, 0)),
-        BasisError::Length { what: "the stride between modes", .. }
-    ));
 }
 
 #[test]
 fn magnitudes_and_roles_that_make_no_sense_are_refused() {
-    let body = Body::new(20, 2, 1);
+    let body = Body::new(20, 2, 1, Precision::F32);
     for coordinates in [[0, 1, 1], [0, 1, 3], [0, 1, 9]] {
         let mut spec = body.spec(ALL, None);
         if let Source::Magnitude { coordinates: c, .. } = &mut spec.fields[3].source {
@@ -59,32 +62,38 @@ fn magnitudes_and_roles_that_make_no_sense_are_refused() {
 #[test]
 fn values_that_are_no_f32_are_refused_with_their_node() {
     for value in [f64::NAN, f64::INFINITY, 1e300] {
-        let mut body = Body::new(40, 2, 1);
-        body.bases[1][40 + 17] = value;
-        let refused = error(&body.spec(ALL, None));
-        assert!(matches!(refused, BasisError::NotFinite { field: 1, node: 17, .. }), "{refused}");
+        for precision in [Precision::F32, Precision::I16] {
+            let at = |mode: usize, node: usize| if (mode, node) == (1, 17) { value } else { 0.0 };
+            let NotFinite { node, .. } = Modes::new(precision, 40, 2, at).unwrap_err();
+            assert_eq!(node, 17);
+        }
     }
+    let mut body = Body::new(40, 2, 1, Precision::F32);
+    body.means[1][17] = f32::NAN;
+    let refused = error(&body.spec(ALL, None));
+    assert!(matches!(refused, BasisError::NotFinite { field: 1, node: 17, .. }), "{refused}");
 }
 
 #[test]
 fn more_rows_than_the_stack_takes_are_refused() {
-    let modes = vec![1.0; MAX_ROWS + 1];
-    assert!(Basis::build(&single(&modes, MAX_ROWS, 1), Precision::F32).is_ok());
-    let refused = error(&single(&modes, MAX_ROWS + 1, 1));
+    let modes = ones(MAX_ROWS + 1);
+    assert!(Basis::build(&single(&modes, MAX_ROWS), Precision::F32).is_ok());
+    let refused = error(&single(&modes, MAX_ROWS + 1));
     assert_eq!(refused, BasisError::Rows { found: MAX_ROWS + 1 });
 }
 
 #[test]
 fn an_instruction_set_that_is_missing_is_refused() {
+    let modes = ones(1);
     for isa in Isa::ALL {
-        let built = Basis::build_for(&single(&[1.0], 1, 1), Precision::F32, isa);
+        let built = Basis::build_for(&single(&modes, 1), Precision::F32, isa);
         assert_eq!(built.is_ok(), isa.is_available());
     }
 }
 
 #[test]
 fn wrong_lengths_write_nothing() {
-    let body = Body::new(20, 2, 1);
+    let body = Body::new(20, 2, 1, Precision::F32);
     let basis = Basis::build(&body.spec(ALL, None), Precision::F32).unwrap();
     let mut out = vec![7.0; 99];
     let refused = basis.reconstruct(&body.coefficients, &mut out).unwrap_err();
@@ -97,7 +106,7 @@ fn wrong_lengths_write_nothing() {
 
 #[test]
 fn nan_comes_out_as_nan_and_wins_no_peak() {
-    let mut body = Body::new(20, 2, 1);
+    let mut body = Body::new(20, 2, 1, Precision::F32);
     body.coefficients[7] = f64::NAN; // the last mode of the stress
     for isa in available() {
         let basis = Basis::build_for(&body.spec(ALL, None), Precision::F32, isa).unwrap();
@@ -111,19 +120,16 @@ fn nan_comes_out_as_nan_and_wins_no_peak() {
 
 #[test]
 fn fields_of_a_joint_pod_share_coefficients() {
-    // Two fields of two nodes stacked in each mode, as the paper stacks X, Y, Z, U, S.
-    let modes = [1.0, 2.0, 3.0, 4.0, 10.0, 20.0, 30.0, 40.0];
-    let field = |offset: usize| Field {
-        source: Source::Affine(Affine {
-            mean: None,
-            modes: Values::F64(&modes[offset..]),
-            stride: 4,
-            coefficients: 1..3,
-        }),
+    // Two fields of two nodes, as the paper stacks X, Y, Z, U, S.
+    let values = [[1.0, 2.0, 3.0, 4.0], [10.0, 20.0, 30.0, 40.0]];
+    let of_field = |field: usize| Modes::new(Precision::F32, 2, 2, |k, i| values[k][2 * field + i]).unwrap();
+    let modes = [of_field(0), of_field(1)];
+    let field = |at: usize| Field {
+        source: Source::Affine(Affine { mean: None, modes: &modes[at], coefficients: 1..3 }),
         role: Role::Plain,
         published: true,
     };
-    let spec = Spec { node_count: 2, nodes: None, fields: vec![field(0), field(2)] };
+    let spec = Spec { node_count: 2, nodes: None, fields: vec![field(0), field(1)] };
     let basis = Basis::build(&spec, Precision::F32).unwrap();
     let mut out = [0.0; 4];
     let peaks = basis.reconstruct(&[9.0, 1.0, 0.5], &mut out).unwrap();
@@ -132,126 +138,63 @@ fn fields_of_a_joint_pod_share_coefficients() {
 }
 
 #[test]
-fn a_coordinate_that_only_the_magnitude_needs_costs_no_rest_row() {
-    let body = Body::new(64, 3, 1);
-    let bytes = |published| Basis::build(&body.spec(published, None), Precision::F32).unwrap().bytes();
-    let row = 256;
-    assert_eq!(bytes([false, false, false, true, false]), 3 * (1 + 3 + 1) * row); // one moves it
-    assert_eq!(bytes([true, true, true, true, false]), 3 * (1 + 3 + 1 + 1) * row);
-    assert_eq!(bytes([true, true, true, false, false]), 3 * (1 + 3) * row);
-    assert_eq!(bytes([false, false, false, false, true]), (1 + 3) * row);
-}
-
-#[test]
-fn i16_halves_the_bytes_and_states_its_error() {
-    let body = Body::new(1600, 6, 3);
-    let spec = body.spec(ALL, None);
-    let wide = Basis::build(&spec, Precision::F32).unwrap();
-    let narrow = Basis::build(&spec, Precision::I16).unwrap();
-    // Four means, three rest coordinates, what moves each of them, four times six modes.
-    assert_eq!(wide.bytes(), 1600 * (10 + 24) * 4);
-    assert_eq!(narrow.bytes(), 1600 * (10 + 24) * 2);
-    assert_eq!(wide.error_bound(0, &body.coefficients), 0.0);
-    // Half a step of: a mean within 10 of the rest shape, a rest shape within 115, six modes of 0.02 times 500 at most.
-    let bound = |terms: f64| terms / 32767.0 / 2.0;
-    let coordinate = narrow.error_bound(0, &body.coefficients);
-    assert!(
-        coordinate > bound(100.0) && coordinate < bound(10.0 + 115.0 + 6.0 * 0.02 * 500.0),
-        "{coordinate}"
-    );
-    // The displacement is summed before the rest shape comes in, so it does not carry its step.
-    let displacement = narrow.error_bound(3, &body.coefficients);
-    assert!(
-        displacement > 0.0 && displacement < 3f64.sqrt() * bound(10.0 + 2.0 + 6.0 * 0.02 * 500.0),
-        "{displacement}"
-    );
-}
-
-/// A budget over the coefficients of a body, the same for all fields.
-fn within(body: &Body, spec: &Spec<'_>, accepted: f64) -> Result<Basis, BasisError> {
-    let typical = body.typical();
-    Basis::build_within(spec, &Budget { typical: &typical, accepted: &[accepted; 5], or_f32: false })
-}
-
-#[test]
-fn the_more_error_is_accepted_the_fewer_bytes_are_read() {
-    let body = Body::new(1600, 6, 3);
-    let spec = body.spec(ALL, None);
-    let bytes = [1e-4, 1e-3, 1e-2, 1e-1, 1.0].map(|accepted| within(&body, &spec, accepted).unwrap().bytes());
-    assert!(bytes.is_sorted_by(|more, less| more > less), "{bytes:?}");
-    assert!(bytes[0] < Basis::build(&spec, Precision::F32).unwrap().bytes());
-    let nothing = within(&body, &spec, 1e6).unwrap();
-    assert_eq!(nothing.widths(), [0.0, 0.0, 0.0, 1.0]);
-    let mut out = vec![7.0; 5 * 1600];
-    nothing.reconstruct(&body.coefficients, &mut out).unwrap();
-    assert!(out.iter().all(|&value| value == 0.0), "a basis without rows is 0 everywhere");
-}
-
-#[test]
-fn a_row_below_what_is_accepted_is_left_out_and_others_keep_their_bits() {
-    let mut body = Body::new(640, 3, 5);
-    body.bases[3][640..1280].iter_mut().for_each(|value| *value *= 1e-6);
-    body.coefficients[9..12].copy_from_slice(&[100.0, 100.0, 100.0]);
-    let spec = body.spec([false, false, false, false, true], None);
-    let [wide, half, quarter, none] = within(&body, &spec, 1e-3).unwrap().widths();
-    assert_eq!((wide, none), (0.0, 0.25), "one of the mean and three modes");
-    assert_eq!(half + quarter, 0.75);
-}
-
-#[test]
-fn a_budget_that_f32_does_not_keep_is_refused_by_field() {
-    let body = Body::new(100, 2, 1);
-    let spec = body.spec(ALL, None);
-    let refused = within(&body, &spec, 1e-9).unwrap_err();
-    let BasisError::Budget(short) = &refused else { panic!("{refused}") };
-    assert_eq!(short.iter().map(|s| s.field).collect::<Vec<_>>(), [0, 1, 2, 4]);
-    assert!(short.iter().all(|s| s.accepted == 1e-9 && s.least > 1e-9 && s.least < 1e-4), "{short:?}");
-    let least = short.iter().fold(0.0, |most: f64, s| most.max(s.least));
-    assert!(within(&body, &spec, 1.001 * least).is_ok(), "the least that it names can be kept");
-    assert!(within(&body, &spec, f64::NAN).is_err());
-}
-
-#[test]
-fn a_field_that_no_budget_keeps_stays_in_f32_where_that_is_asked_for() {
-    let body = Body::new(640, 2, 1);
-    let spec = body.spec([false, false, false, false, true], None);
-    let typical = body.typical();
-    let budget = Budget { typical: &typical, accepted: &[0.0; 5], or_f32: true };
-    let basis = Basis::build_within(&spec, &budget).unwrap();
-    assert_eq!(basis.widths(), [1.0, 0.0, 0.0, 0.0]);
-    let (mut found, mut full) = (vec![0.0; 640], vec![0.0; 640]);
-    basis.reconstruct(&body.coefficients, &mut found).unwrap();
-    Basis::build(&spec, Precision::F32).unwrap().reconstruct(&body.coefficients, &mut full).unwrap();
-    assert_eq!(found, full);
-}
-
-#[test]
-fn every_instruction_set_reads_the_same_bytes() {
-    let body = Body::new(333, 5, 9);
-    let (spec, typical) = (body.spec(ALL, None), body.typical());
-    let budget = Budget { typical: &typical, accepted: &[0.1; 5], or_f32: false };
-    let read = |isa| {
-        let uniform = Basis::build_for(&spec, Precision::I16, isa).unwrap();
-        let local = Basis::build_within_for(&spec, &budget, isa).unwrap();
-        [uniform.read_once(), local.read_once()]
+fn bytes_are_those_of_the_modes_in_use_and_of_means_shifts_and_rest_shape() {
+    let bytes = |precision, published| {
+        let body = Body::new(64, 3, 1, precision);
+        let basis = Basis::build(&body.spec(published, None), precision).unwrap();
+        (basis.bytes(), basis.memory_bytes())
     };
-    let sums: Vec<[u32; 2]> = available().into_iter().map(read).collect();
-    assert!(!sums[0].contains(&0) && sums.iter().all(|&sum| sum == sums[0]), "{sums:?}");
+    let constant = 256;
+    for (precision, mode) in [(Precision::F32, 256), (Precision::I16, 128)] {
+        let cases = [
+            // One shift per coordinate; a coordinate that only the magnitude needs has no rest row.
+            ([false, false, false, true, false], 3 * (3 * mode + 2 * constant)),
+            ([true, true, true, true, false], 3 * (3 * mode + 3 * constant)),
+            ([true, true, true, false, false], 3 * (3 * mode + constant)),
+            ([false, false, false, false, true], 3 * mode + constant),
+        ];
+        for (published, expected) in cases {
+            assert_eq!(bytes(precision, published), (expected, expected), "{published:?}");
+        }
+    }
+    let body = Body::new(64, 3, 1, Precision::I16);
+    let mut spec = body.spec([false, false, false, false, true], None);
+    if let Source::Affine(affine) = &mut spec.fields[4].source {
+        affine.coefficients.end -= 2;
+    }
+    let basis = Basis::build(&spec, Precision::I16).unwrap();
+    assert_eq!((basis.bytes(), basis.memory_bytes()), (128 + 256, 3 * 128 + 256));
 }
 
 #[test]
-fn a_basis_is_read_ahead_as_a_whole_in_steps_of_half_a_mebibyte() {
-    let body = Body::new(8000, 40, 9);
-    let (spec, typical) = (body.spec(ALL, None), body.typical());
-    let budget = Budget { typical: &typical, accepted: &[0.1; 5], or_f32: false };
-    let uniform = Basis::build(&spec, Precision::I16).unwrap();
-    let local = Basis::build_within(&spec, &budget).unwrap();
-    for basis in [uniform, local] {
-        let steps: Vec<usize> =
-            (0..).map(|step| basis.read_ahead(step)).take_while(|&bytes| bytes > 0).collect();
-        let (last, whole) = steps.split_last().unwrap();
-        assert!(whole.len() > 1 && whole.iter().all(|&bytes| bytes == 512 * 1024), "{steps:?}");
-        assert_eq!(whole.len() * 512 * 1024 + last, basis.bytes());
-        assert_eq!(basis.read_ahead(usize::MAX), 0);
+fn a_basis_in_another_format_has_its_values() {
+    let body = Body::new(100, 4, 7, Precision::I16);
+    let spec = body.spec(ALL, None);
+    let mut out = [vec![0.0; 500], vec![0.0; 500]];
+    for (precision, out) in [Precision::I16, Precision::F32].into_iter().zip(&mut out) {
+        let basis = Basis::build(&spec, precision).unwrap();
+        assert_eq!(basis.precision(), precision);
+        basis.reconstruct(&body.coefficients, out).unwrap();
+    }
+    let [narrow, wide] = out;
+    for (narrow, wide) in narrow.iter().zip(&wide) {
+        assert!((narrow - wide).abs() < 1e-4 * (1.0 + wide.abs()), "{narrow} {wide}");
+    }
+}
+
+#[test]
+fn modes_of_zeros_and_no_modes_give_the_mean() {
+    for count in [0, 2] {
+        let modes = Modes::new(Precision::I16, 70, count, |_, _| 0.0).unwrap();
+        let mean = vec![1.5; 70];
+        let source = Source::Affine(Affine { mean: Some(&mean), modes: &modes, coefficients: 0..count });
+        let field = Field { source, role: Role::Plain, published: true };
+        let spec = Spec { node_count: 70, nodes: None, fields: vec![field] };
+        for isa in available() {
+            let basis = Basis::build_for(&spec, Precision::I16, isa).unwrap();
+            let mut out = vec![0.0; 70];
+            basis.reconstruct(&[3.0; 2][..count], &mut out).unwrap();
+            assert_eq!(out, mean);
+        }
     }
 }

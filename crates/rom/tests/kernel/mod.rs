@@ -2,6 +2,5 @@
 
 mod cases;
 mod edges;
-mod peaks;
 mod properties;
 mod reference;

@@ -24,11 +24,12 @@ pub fn reconstruct(spec: &Spec<'_>, coefficients: &[f64]) -> Vec<Reference> {
                         let Source::Affine(affine) = &spec.fields[coordinate].source else { continue };
                         let x = combine(affine, coefficients, node);
                         let moves = shifts.iter().filter_map(|shift| {
-                            shift.axes[axis].map(|by| by.get(node) * coefficients[shift.coefficient])
+                            shift.axes[axis].map(|by| f64::from(by[node]) * coefficients[shift.coefficient])
                         });
                         let (moved, terms) = moves.fold((0.0, 0.0), |(m, t), by| (m + by, t + by.abs()));
-                        squares.value += (x.value - rest.get(node) - moved).powi(2);
-                        squares.terms += (x.terms + rest.get(node).abs() + terms).powi(2);
+                        let rest = f64::from(rest[node]);
+                        squares.value += (x.value - rest - moved).powi(2);
+                        squares.terms += (x.terms + rest.abs() + terms).powi(2);
                     }
                     Reference { value: squares.value.sqrt(), terms: squares.terms.sqrt() }
                 }
@@ -58,7 +59,7 @@ fn rest_of(spec: &Spec<'_>, index: usize, node: usize) -> f64 {
     let of_magnitude = |field: &Field<'_>| match &field.source {
         Source::Magnitude { coordinates, rest, .. } if field.published => {
             let axis = coordinates.iter().position(|&coordinate| coordinate == index)?;
-            Some(rest[axis].get(node).abs())
+            Some(f64::from(rest[axis][node]).abs())
         }
         _ => None,
     };
@@ -66,10 +67,10 @@ fn rest_of(spec: &Spec<'_>, index: usize, node: usize) -> f64 {
 }
 
 fn combine(affine: &Affine<'_>, coefficients: &[f64], node: usize) -> Reference {
-    let mean = affine.mean.map_or(0.0, |mean| mean.get(node));
+    let mean = affine.mean.map_or(0.0, |mean| f64::from(mean[node]));
     let mut sum = Reference { value: mean, terms: mean.abs() };
     for (j, &a) in coefficients[affine.coefficients.clone()].iter().enumerate() {
-        let term = affine.modes.get(j * affine.stride + node) * a;
+        let term = affine.modes.value(j, node) * a;
         sum.value += term;
         sum.terms += term.abs();
     }

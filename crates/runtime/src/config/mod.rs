@@ -13,6 +13,6 @@ pub(crate) use estimate::{PRESSURE_BIAS, Sigmas};
 pub use estimate::{BIASES, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec, UnknownSpec};
 pub use grasp::{BlockSpec, GraspSpec, PlaceSpec};
 pub use input::{InputFrom, InputSpecs, Measured, WithinSpec};
-pub use scene::{ActuatorSpec, FixedNodes, Gap, NodesSpec, OutputSpec, Precision, Queries, Scene, StateSpec};
+pub use scene::{ActuatorSpec, FixedNodes, Gap, NodesSpec, OutputSpec, Queries, Scene, StateSpec};
 pub(crate) use settings::ms_to_ns;
 pub use settings::{Limits, OnMissingRights, OutsideDomain, Realtime, Settings};

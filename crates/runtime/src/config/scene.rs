@@ -6,6 +6,8 @@ use super::grasp::{BlockSpec, GraspSpec, PlaceSpec, plate_problems};
 use super::input::{self, InputSpecs, Measured, WithinSpec};
 use crate::source::{Devices, InputNames, PaceSpec, Sensors, Source, SourceSpec, open_sensors, value_mut};
 use crate::valve::{self, ValveSpec};
+use rom::kernel::Precision;
+use rom::reconstructor::BasisOptions;
 use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -144,14 +146,14 @@ pub struct StateSpec {
     /// Publish dF/dP and dF/dgap.
     pub gradients: bool,
     /// Publish half-widths of force, displacement and stress.
-    pub bars: bool,
+    pub half_widths: bool,
     /// Publish the modal coefficients: they are then interpolated before the state is sent, and all of them.
     pub coefficients: bool,
 }
 
 impl Default for StateSpec {
     fn default() -> Self {
-        Self { gradients: true, bars: true, coefficients: false }
+        Self { gradients: true, half_widths: true, coefficients: false }
     }
 }
 
@@ -170,18 +172,18 @@ pub struct OutputSpec {
     /// At most so many samples a second; 0: one for every reading.
     #[serde(default)]
     pub rate_hz: f64,
-    /// Number format of the basis in memory.
+    /// Number format of the modes in memory, "i16" or "f32". The field on the wire is always f32.
     #[serde(default)]
     pub precision: Precision,
-    /// With precision "budget": share by which the model's own error may grow; none for 0.004, or f32 for fields of which f32
-    /// itself adds more.
-    pub accepted_error_share: Option<f64>,
-    /// With precision "budget": into so many parts at most the domain of each regime is divided, each with a basis of its own; none for 8.
-    pub domain_parts: Option<usize>,
+    /// Accepted growth of the model's leave-one-out error, relative to that of all modes (0.05: 5 %): of every field the last
+    /// modes are left out within it. 0 keeps all.
+    #[serde(default = "accepted_error")]
+    pub accepted_error: f64,
 }
 
-/// Parts of a domain at most: more take more memory and a longer start.
-const MAX_DOMAIN_PARTS: usize = 64;
+fn accepted_error() -> f64 {
+    BasisOptions::ACCEPTED_ERROR
+}
 
 /// Which nodes: a name from the model, a box, or a list.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -212,19 +214,6 @@ impl Default for NodesSpec {
     fn default() -> Self {
         Self::Named("all".into())
     }
-}
-
-/// Number format of the basis in memory. The field on the wire is always f32.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Precision {
-    /// 32-bit floats.
-    #[default]
-    F32,
-    /// 16-bit integers with a scale per mode: half the memory traffic, an error the data sheet states.
-    I16,
-    /// Every row of modes as wide as the accepted error lets it be: 32, 16 or 8 bits, or left out.
-    Budget,
 }
 
 impl OutputSpec {
@@ -467,23 +456,8 @@ impl OutputSpec {
         if !(self.rate_hz.is_finite() && self.rate_hz >= 0.0) {
             problems.push(format!("{place}.rate_hz: expected 0 or more, found {}", self.rate_hz));
         }
-        let without_budget = |key: &str| {
-            format!("{place}.{key}: expected precision = \"budget\" with it, found another precision")
-        };
-        match self.accepted_error_share {
-            Some(share) if !(share > 0.0 && share <= 1.0) => problems.push(format!(
-                "{place}.accepted_error_share: expected a share above 0, at most 1, found {share}"
-            )),
-            Some(_) if self.precision != Precision::Budget => {
-                problems.push(without_budget("accepted_error_share"))
-            }
-            _ => {}
-        }
-        match self.domain_parts {
-            Some(parts) if !(1..=MAX_DOMAIN_PARTS).contains(&parts) => problems
-                .push(format!("{place}.domain_parts: expected 1 to {MAX_DOMAIN_PARTS}, found {parts}")),
-            Some(_) if self.precision != Precision::Budget => problems.push(without_budget("domain_parts")),
-            _ => {}
+        if !(0.0..=1.0).contains(&self.accepted_error) {
+            problems.push(format!("{place}.accepted_error: expected 0 to 1, found {}", self.accepted_error));
         }
         if self.fields.len() > wire::layout::FIELD_SLOTS {
             problems.push(format!(

@@ -149,7 +149,7 @@ impl Answerer {
         if self.measured.positions().any(|at| inputs.values().get(at).is_some_and(|value| value.is_nan())) {
             return Err(refuse(QueryStatus::NotFinite));
         }
-        self.solver.give(&inputs).map_err(|_| refuse(QueryStatus::Model))
+        self.solver.set_parameters(&inputs).map_err(|_| refuse(QueryStatus::Model))
     }
 
     /// Pressure and gap that the question means or asks for.

@@ -100,8 +100,8 @@ impl Solver {
     ///
     /// # Errors
     /// The free model sinks at no pressure there; the previous values are kept.
-    pub(super) fn give(&mut self, inputs: &Inputs) -> Result<(), ModelError> {
-        self.evaluator.give(inputs, &mut self.evaluation)
+    pub(super) fn set_parameters(&mut self, inputs: &Inputs) -> Result<(), ModelError> {
+        self.evaluator.set_parameters(inputs, &mut self.evaluation)
     }
 
     /// Evaluates one state.

@@ -1,9 +1,9 @@
 //! Validation of a reading before anything is computed from it.
 
 use crate::config::{ActuatorSpec, Gap, Limits, ms_to_ns};
-use crate::load::{Loaded, Needs};
+use crate::load::Loaded;
 use crate::measured::{MeasuredInputs, MeasuredValue};
-use rom::inputs::{GAP, Inputs, PRESSURE};
+use rom::inputs::{GAP, Inputs, Needs, PRESSURE};
 use wire::{Outcome, SensorSample};
 
 /// Most sequence numbers between two readings; more is a fault of the later one.

@@ -1,7 +1,7 @@
 //! `softtwin inspect`.
 
 use crate::{card, files, output};
-use rom::hull::Domain;
+use rom::hull::TrainingRange;
 use rom::model::{Model, ModelHeader, RegimeModel};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ Examples:
     softtwin inspect finger.twin --card markdown
     softtwin inspect finger.twin --card aas --licence 'CC-BY-4.0'
 
-The data sheet in the same folder (finger.json) names the candidates that were tried and the error of every \
+The data sheet in the same folder (finger.json) names the kernel of every group and the error of every \
 training case when it was left out, and its card (finger.card.json, schema in docs/card.schema.json).";
 
 /// Show what a model file holds; every checksum is verified on the way.
@@ -100,7 +100,7 @@ fn regime_json(header: &ModelHeader, regime: &RegimeModel) -> Value {
         "kernels": regime.groups.iter().map(|g| (g.name.clone(), json!(g.surrogate.kernel)))
             .collect::<serde_json::Map<_, _>>(),
         "force": regime.force.as_ref().map(|f| json!(f.surrogate.kernel)),
-        "bars": regime.halfwidths,
+        "half_widths": regime.halfwidths,
     })
 }
 
@@ -136,8 +136,8 @@ fn text(model: &Model) -> anyhow::Result<()> {
             output!("  {:<12} {min} .. {max}", header.inputs[axis.input].key())?;
         }
         let domain = match &regime.domain {
-            Domain::Interval(_) => "the interval of its samples".into(),
-            Domain::Product { reach, .. } => format!(
+            TrainingRange::Interval(_) => "the interval of its samples".into(),
+            TrainingRange::Product { reach, .. } => format!(
                 "the hull of its samples over pressure and gap, the ranges of the parameters, within {reach:.2} of a sample"
             ),
             hull => format!("the convex hull of its samples, {} vertices", hull.vertex_count()),
@@ -214,5 +214,5 @@ fn fit_line(fit: &FitSheet) -> String {
 }
 
 fn bytes(model: &Model) -> usize {
-    model.blocks.iter().map(|(_, block)| block.len() * 4).sum()
+    model.blocks.iter().map(|(_, block)| block.byte_count()).sum()
 }

@@ -7,10 +7,10 @@ use anyhow::Context;
 use formats::export::StateFormat;
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
-use rom::inputs::{InputSpec, Inputs, PRESSURE};
-use rom::kernel::Peaks;
+use rom::inputs::{InputSpec, Inputs};
 use rom::model::{Model, ModelHeader, Selection};
 use rom::model_state::ModelState;
+use rom::reconstructor::Peaks;
 use rom::snapshots::FieldSpec;
 use serde_json::{Map, Value, json};
 use std::path::PathBuf;
@@ -31,7 +31,7 @@ Examples:
 
 Standard output is one JSON object. `inputs` shows the value of every input that was used, `dforce` the force's derivative by \
 each in N per unit. `in_domain` is false outside the training states: the answer is then an extrapolation and its error \
-bars do not hold.";
+half-widths do not hold.";
 
 const NO_PRESSURE: &str =
     "--pressure-mpa: expected a pressure (the model was trained over pressures), found none";
@@ -71,10 +71,10 @@ impl Args {
             StateFormat::of(out).map_err(usage)?; // before the work, not after it
         }
         let mut model = files::model(&self.model)?;
-        let pressure_mpa = self.pressure_mpa.or((!model.header.needs(PRESSURE)).then_some(0.0));
+        let pressure_mpa = self.pressure_mpa.or((!model.header.needs().pressure).then_some(0.0));
         let input = Inputs::new(pressure_mpa.ok_or_else(|| usage(NO_PRESSURE))?, gap_mm);
         let given = self.settings.iter().map(|(name, value)| (name.as_str(), *value));
-        model.header.give(given).map_err(|error| usage(format!("--set: {error}")))?;
+        model.header.set_parameters(given).map_err(|error| usage(format!("--set: {error}")))?;
         let mut state = ModelState::new(&model, &Selection::default())?;
         let peaks = state.update(input);
         let regime = state.evaluation().regime;
@@ -120,7 +120,7 @@ fn answer(header: &ModelHeader, evaluation: &Evaluation, peaks: &Peaks) -> Value
         "in_domain": evaluation.domain == DomainStatus::Inside,
         "domain": evaluation.domain,
         "domain_distance": evaluation.domain_distance,
-        "bars": evaluation.halfwidths,
+        "half_widths": evaluation.halfwidths,
         "max_displacement_mm": peaks.displacement_mm.map(|p| p.value),
         "max_displacement_node": peaks.displacement_mm.map(|p| p.node),
         "max_von_mises_mpa": peaks.stress_mpa.map(|p| p.value),

@@ -90,6 +90,11 @@ impl Args {
             unseen_errors::calibrate(errors, &mut model, &mut sheet)?;
         }
         let training_s = started.elapsed().as_secs_f64();
+        // The sheet of a file names the chosen candidate only; the others are the larger part of it.
+        for regime in &mut sheet.regimes {
+            let fits = regime.groups.iter_mut().chain(&mut regime.force);
+            fits.for_each(|fit| fit.candidates.truncate(1));
+        }
         progress.step("writing the model");
         let bytes = model.to_bytes()?;
         files::save(&self.out, &bytes)?;

@@ -70,7 +70,7 @@ impl Args {
         objective::check(&self.objectives)?;
         let mut model = files::model(&self.model)?;
         let given = self.settings.iter().map(|(name, value)| (name.as_str(), *value));
-        model.header.give(given).map_err(|error| usage(format!("--set: {error}")))?;
+        model.header.set_parameters(given).map_err(|error| usage(format!("--set: {error}")))?;
         let specs = &model.header.inputs;
         let within = self.bounds(specs)?;
         let start = self.start(specs, &within)?;
@@ -156,7 +156,7 @@ impl Args {
             "predicted": self.by_objective(predicted),
             "in_domain": evaluation.domain == DomainStatus::Inside,
             "domain_distance": evaluation.domain_distance,
-            "bars": evaluation.halfwidths,
+            "half_widths": evaluation.halfwidths,
             "evaluations": found.evaluations,
         })
     }

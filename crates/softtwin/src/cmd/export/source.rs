@@ -101,7 +101,7 @@ impl Source {
         let readings = (0..).map(f64::from).zip(inputs).step_by(options.every).collect();
         let mut model = files::model(path)?;
         let given = options.set.iter().map(|(name, value)| (name.as_str(), *value));
-        model.header.give(given).map_err(|error| usage(format!("--set: {error}")))?;
+        model.header.set_parameters(given).map_err(|error| usage(format!("--set: {error}")))?;
         let fields = model.header.fields.iter().map(|field| field.spec.clone()).collect();
         Ok(Self::Readings { model: Box::new(model), fields, readings })
     }

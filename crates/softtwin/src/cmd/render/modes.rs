@@ -62,15 +62,14 @@ fn shapes(loaded: &LoadedModel, regime: &RegimeModel, name: &str) -> Result<Vec<
     let header = &loaded.model.header;
     let field = header.fields.iter().position(|field| field.spec.name == name);
     let field = field.with_context(|| format!("the model has no field {name:?}"))? as u32;
-    let block = loaded.model.f32_block(BlockKind::Modes { regime: regime.kind, field });
-    let block = block.with_context(|| format!("the field {name:?} is derived and has no modes"))?;
-    let modes = block.chunks_exact(header.node_count).take(MAX_MODES);
-    Ok(modes
-        .map(|mode| {
-            let largest = mode.iter().copied().fold(0.0_f32, |a, b| if b.abs() > a.abs() { b } else { a });
-            mode.iter().map(|value| if largest == 0.0 { 0.0 } else { value / largest }).collect()
-        })
-        .collect())
+    let modes = loaded.model.modes(regime.kind, field);
+    let modes = modes.with_context(|| format!("the field {name:?} is derived and has no modes"))?;
+    let shape = |mode| {
+        let values: Vec<f32> = (0..modes.nodes()).map(|node| modes.value(mode, node) as f32).collect();
+        let largest = values.iter().copied().fold(0.0_f32, |a, b| if b.abs() > a.abs() { b } else { a });
+        values.iter().map(|value| if largest == 0.0 { 0.0 } else { value / largest }).collect()
+    };
+    Ok((0..modes.count().min(MAX_MODES)).map(shape).collect())
 }
 
 /// The mean state of a regime, once a shape, with the shape as values.

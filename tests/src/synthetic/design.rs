@@ -2,8 +2,8 @@
 //! Derivatives with respect to all inputs are differences of the formulas in f64, good to 1e-8.
 
 use super::{NODES, mesh};
-use crate::inputs::Parameter;
-use crate::snapshots::{
+use rom::inputs::Parameter;
+use rom::snapshots::{
     Case, Database, FieldSpec, Footprint, NodeSet, RegimeKind, Sensitivities, Sensitivity, Split,
 };
 

@@ -1,15 +1,18 @@
-//! Values of parameters that a model is told once: what a state takes that says nothing about them.
+//! Default parameter values of a model.
 
 use crate::evaluator::Evaluator;
-use crate::inputs::{PARAMETERS, nearest_name};
+use crate::inputs::{GAP, Needs, PARAMETERS, PRESSURE, nearest_name};
 use crate::model::{ModelError, ModelHeader};
 
 impl ModelHeader {
-    /// Gives parameters values by name. All are checked before any is taken; the onset table is that of the new values.
+    /// Sets default values of parameters by name. All are checked before any is taken; the onset table is that of the new values.
     ///
     /// # Errors
     /// [`ModelError::UnknownInput`] for a name that is no parameter of the model, [`ModelError::NotFinite`].
-    pub fn give<'a>(&mut self, given: impl IntoIterator<Item = (&'a str, f64)>) -> Result<(), ModelError> {
+    pub fn set_parameters<'a>(
+        &mut self,
+        given: impl IntoIterator<Item = (&'a str, f64)>,
+    ) -> Result<(), ModelError> {
         let mut inputs = self.inputs.clone();
         let mut changed = false;
         for (name, value) in given {
@@ -26,11 +29,14 @@ impl ModelHeader {
         Ok(())
     }
 
-    /// Whether any answer depends on an input: a regime was trained over it, or the onset is found with it. A state may say
-    /// anything about the others, such as 0 for a pressure that there is none of.
-    pub fn needs(&self, input: usize) -> bool {
-        let is_sampled = self.inputs.get(input).is_some_and(|input| input.range[0].is_finite());
-        is_sampled || (input < PARAMETERS && self.onset.is_some())
+    /// Whether any answer depends on pressure and gap: a regime was trained over it, or the onset is found with it. A state may
+    /// have any value for the others, such as 0 for a pressure that does not exist.
+    pub fn needs(&self) -> Needs {
+        let needs = |input: usize| {
+            let is_sampled = self.inputs.get(input).is_some_and(|input| input.range[0].is_finite());
+            is_sampled || self.onset.is_some()
+        };
+        Needs { pressure: needs(PRESSURE), gap: needs(GAP) }
     }
 
     /// Position of a parameter by its name.

@@ -3,7 +3,7 @@
 
 pub mod design;
 
-use crate::snapshots::{Case, Database, FieldSpec, Footprint, NodeSet, RegimeKind, Split};
+use rom::snapshots::{Case, Database, FieldSpec, Footprint, NodeSet, RegimeKind, Split};
 
 /// Nodes: 12 along x, 5 across z, 2 over the height.
 pub const NODES: usize = 120;
