@@ -1,21 +1,30 @@
-//! From trained parts to the model and its data sheet.
+//! Model and data sheet from trained regimes; checks that the effects of inputs can be separated.
 
-use crate::boundary::OnsetBoundary;
 use crate::config::TrainConfig;
 use crate::datasheet::{Candidate, DataSheet, FieldSheet, FitSheet, InputSheet, RegimeSheet};
+use crate::error::TrainError;
 use crate::group::{GroupFit, Plan};
-use crate::regime::Part;
-use rom::inputs::{InputSpec, PARAMETERS};
+use crate::regime::{OnsetModel, Part};
+use crate::sort::{Sorted, varying};
+use faer::Mat;
+use rom::inputs::{InputMap, InputSpec, Inputs, MAX_INPUTS, PARAMETERS};
 use rom::interpolant::Interpolant;
 use rom::model::{BlockData, BlockKind, Model, ModelHeader, OutputField};
-use rom::snapshots::Database;
+use rom::snapshots::{Database, RegimeKind};
+
+/// Largest distance from a plane, as a fraction of their spread, at which states count as lying on it.
+const FLAT: f64 = 1e-6;
+/// Smallest component in the direction normal to the plane at which an input is named.
+const NAMED_COMPONENT: f64 = 0.1;
+/// Two inputs do the same when the cosine between their derivatives of all states is at least this.
+const SAME: f64 = 0.99;
 
 pub(crate) fn assemble(
     database: &Database,
     config: &TrainConfig,
     plan: &Plan,
     parts: Vec<Part>,
-    onset: Option<OnsetBoundary>,
+    onset: Option<OnsetModel>,
     remarks: Vec<String>,
 ) -> (Model, DataSheet) {
     let fields = database.fields.iter().zip(&plan.magnitude_of);
@@ -50,7 +59,7 @@ pub(crate) fn assemble(
         hysteresis_mpa: config.hysteresis_mpa,
         node_sets: database.node_sets.clone(),
         database_hash: database.hash,
-        clearance: onset.and_then(OnsetBoundary::into_clearance),
+        clearance: onset.and_then(OnsetModel::into_clearance),
     };
     let mut blocks: Vec<(BlockKind, BlockData)> =
         parts.iter().flat_map(|part| field_blocks(database, plan, part)).collect();
@@ -105,8 +114,8 @@ fn regime_sheet(plan: &Plan, part: &Part, inputs: &[InputSpec]) -> RegimeSheet {
             .zip(&part.groups)
             .map(|(group, fit)| group_sheet(&group.name, fit))
             .collect(),
-        force: part.force.as_ref().map(|(model, candidates, rms, _)| {
-            fit_sheet("contact_force", 0, 0.0, &model.surrogate, *rms, candidates)
+        force: part.force.as_ref().map(|force| {
+            fit_sheet("contact_force", 0, 0.0, &force.model.surrogate, force.error_n, &force.candidates)
         }),
         halfwidths: part.halfwidths,
         unseen_states: 0,
@@ -138,5 +147,107 @@ fn fit_sheet(
         residual: fit.residual,
         leave_one_out,
         candidates: candidates.to_vec(),
+    }
+}
+
+/// Refuses states along which several inputs vary together: no model could tell what is whose effect.
+///
+/// # Errors
+/// [`TrainError::Database`] with the inputs by name.
+pub(crate) fn check_spread(database: &Database, sorted: &Sorted) -> Result<(), TrainError> {
+    let mut problems = Vec::new();
+    for kind in [RegimeKind::Free, RegimeKind::Contact] {
+        let (cases, inputs) = (sorted.of(kind), varying(database, kind));
+        let states: Vec<Inputs> = cases.iter().map(|&i| database.cases[i].inputs()).collect();
+        let map = InputMap::of_states(&states, &inputs);
+        if map.operating() == map.dimensions() || states.is_empty() {
+            continue;
+        }
+        if let Some(across) = flat_direction(&map, &states) {
+            let specs = InputSpec::without_range(&database.parameters);
+            let named =
+                map.axes.iter().zip(&across).filter(|(_, component)| component.abs() > NAMED_COMPONENT);
+            let names: Vec<String> = named.map(|(axis, _)| specs[axis.input].key()).collect();
+            problems.push(format!(
+                "in the {} {} training states {} vary together: no model can tell their effects apart; vary each for \
+                 itself, or leave all but one out",
+                states.len(),
+                kind.name(),
+                names.join(", ")
+            ));
+        }
+    }
+    if problems.is_empty() { Ok(()) } else { Err(TrainError::Database(problems)) }
+}
+
+/// The direction over scaled inputs in which the states do not spread.
+fn flat_direction(map: &InputMap, states: &[Inputs]) -> Option<Vec<f64>> {
+    let (n, d) = (states.len(), map.dimensions());
+    let points: Vec<_> = states.iter().map(|state| map.scale(state)).collect();
+    let mean: Vec<f64> = (0..d).map(|i| points.iter().map(|p| p[i]).sum::<f64>() / n as f64).collect();
+    let spread = Mat::from_fn(n.max(d), d, |j, i| if j < n { points[j][i] - mean[i] } else { 0.0 });
+    let svd = spread.thin_svd().ok()?;
+    let values = svd.S().column_vector();
+    (values[d - 1] < FLAT * values[0]).then(|| svd.V().col(d - 1).iter().copied().collect())
+}
+
+/// Remarks of the data sheet on parameters without effect and on inputs with equal effects.
+pub(crate) fn remarks(database: &Database, parts: &[Part]) -> Vec<String> {
+    let specs = InputSpec::without_range(&database.parameters);
+    let mut remarks = Vec::new();
+    for (input, spec) in specs.iter().enumerate().skip(PARAMETERS) {
+        let taken: Vec<&Part> =
+            parts.iter().filter(|part| part.inputs.axes.iter().any(|axis| axis.input == input)).collect();
+        if !taken.is_empty() && taken.iter().all(|part| part.idle.contains(&input)) {
+            remarks.push(format!(
+                "{} changes nothing that the training states show: leaving it out predicts left-out states as well; leave \
+                 the column out or widen its range",
+                spec.key()
+            ));
+        }
+    }
+    let slopes = Slopes::of(parts);
+    for a in 0..specs.len() {
+        for b in (a + 1).max(PARAMETERS)..specs.len() {
+            if let Some(cosine) = slopes.cosine(a, b).filter(|cosine| cosine.abs() >= SAME) {
+                remarks.push(format!(
+                    "{} and {} do the same in all training states (cosine of their derivatives {cosine:.5}): forces and fields \
+                     cannot tell one from the other",
+                    specs[a].key(),
+                    specs[b].key()
+                ));
+            }
+        }
+    }
+    remarks
+}
+
+/// Products of the derivatives of all coefficients in all training states, by pairs of inputs.
+struct Slopes([[f64; MAX_INPUTS]; MAX_INPUTS]);
+
+impl Slopes {
+    fn of(parts: &[Part]) -> Self {
+        let mut products = [[0.0; MAX_INPUTS]; MAX_INPUTS];
+        for part in parts.iter().filter(|part| part.inputs.operating() < part.inputs.dimensions()) {
+            for group in &part.groups {
+                let fit = &group.choice.fit.interpolant;
+                let all: Vec<Vec<Vec<f64>>> = part.scaled.iter().map(|x| fit.gradient_at(x)).collect();
+                let square: f64 = all.iter().flatten().flatten().map(|v| v * v).sum();
+                for rows in all.iter().filter(|_| square > 0.0) {
+                    for (a, axis) in part.inputs.axes.iter().enumerate() {
+                        for (b, other) in part.inputs.axes.iter().enumerate() {
+                            let product: f64 = rows[a].iter().zip(&rows[b]).map(|(x, y)| x * y).sum();
+                            products[axis.input][other.input] += product / square;
+                        }
+                    }
+                }
+            }
+        }
+        Self(products)
+    }
+
+    fn cosine(&self, a: usize, b: usize) -> Option<f64> {
+        let sizes = self.0[a][a] * self.0[b][b];
+        (sizes > 0.0).then(|| self.0[a][b] / sizes.sqrt())
     }
 }

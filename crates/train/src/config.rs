@@ -1,4 +1,4 @@
-//! What a user can choose about training. Every key has a default; the defaults alone work on any database.
+//! Configuration of training. Every key has a default; the defaults work on any database.
 
 pub use rom::kernel::Precision;
 pub use rom::radial::{KernelKind, Tail};
@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Grouping {
-    /// One POD a field: units cannot starve a field.
+    /// One POD per field: units do not weight fields against each other.
     PerField,
     /// One POD of all fields stacked: the paper's Eqs. (2)-(7).
     Joint,
@@ -21,7 +21,7 @@ pub enum Grouping {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ModeChoice {
-    /// Exactly so many (fewer where the rank is lower).
+    /// This number, or the rank if it is lower.
     Fixed(usize),
     /// The fewest with truncation error (Eq. 4) at most this.
     Energy(f64),
@@ -113,7 +113,7 @@ impl KernelSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
-    /// One POD a field or one for all.
+    /// One POD per field or one for all.
     pub grouping: Grouping,
     /// Number format of the modes in the model file: 16-bit integers with a step per mode, or 32-bit floats.
     pub precision: Precision,
@@ -121,15 +121,15 @@ pub struct TrainConfig {
     pub centred: bool,
     /// Derive the displacement magnitude from the coordinates where the undeformed mesh is known.
     pub derive_magnitude: bool,
-    /// Train contact on touching states and the onset boundary only, free on all untouched states. `false`: each
-    /// regime on all of its own cases, as in the paper.
+    /// `true`: contact is trained on touching states and states on the onset, free on all other states. `false`: each
+    /// regime on its cases, as in the paper.
     pub split_at_onset: bool,
-    /// States on the onset boundary taken from the free model, 0 for none.
+    /// Number of onset states from the free model.
     pub boundary_states: usize,
-    /// How far beyond the largest sampled gap these states reach, as a share of the sampled range of gaps. With
+    /// How far beyond the largest sampled gap these states reach, as a fraction of the sampled range of gaps. With
     /// parameters they reach as far as the free states.
     pub boundary_overshoot: f64,
-    /// What can be touched; the database's own when absent.
+    /// Obstacle; default: that of the database.
     pub obstacle: Option<Footprint>,
     /// Choices for the free regime.
     pub free: RegimeConfig,
@@ -193,7 +193,7 @@ impl TrainConfig {
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();
         if !(self.coverage > 0.0 && self.coverage < 1.0) {
-            problems.push(format!("coverage: expected a share between 0 and 1, found {}", self.coverage));
+            problems.push(format!("coverage: expected a number between 0 and 1, found {}", self.coverage));
         }
         for (name, value) in [
             ("boundary_overshoot", self.boundary_overshoot),

@@ -1,4 +1,4 @@
-//! The data sheet: what a user reads before trusting a model. Written beside it by `train`.
+//! Data sheet of a model: its choices and errors. `train` writes it next to the model.
 
 use crate::config::TrainConfig;
 use rom::halfwidths::HalfWidths;
@@ -6,16 +6,16 @@ use rom::interpolant::Metric;
 use rom::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
 
-/// Everything worth knowing about a trained model.
+/// Data sheet of a trained model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DataSheet {
     /// Actuator.
     pub actuator: String,
     /// blake3 of the database, hexadecimal.
     pub database_hash: String,
-    /// Nodes a field.
+    /// Nodes per field.
     pub node_count: usize,
-    /// Fields in order: name, unit, how they come about.
+    /// Fields in order: name, unit, source.
     pub fields: Vec<FieldSheet>,
     /// Regimes.
     pub regimes: Vec<RegimeSheet>,
@@ -47,7 +47,7 @@ pub struct RegimeSheet {
     pub kind: RegimeKind,
     /// Training cases.
     pub cases: usize,
-    /// States on the onset boundary added to them.
+    /// States on the onset added to them.
     pub boundary_states: usize,
     /// Sampled ranges by input.
     pub inputs: Vec<InputSheet>,
@@ -55,10 +55,10 @@ pub struct RegimeSheet {
     pub groups: Vec<FitSheet>,
     /// Contact force.
     pub force: Option<FitSheet>,
-    /// Half-widths that cover the stated share of states.
+    /// Half-widths with the nominal coverage.
     #[serde(rename = "half_widths")]
     pub halfwidths: HalfWidths,
-    /// States that no training saw and by whose errors the half-widths are set; 0: by leave-one-out.
+    /// Number of held-out states from which the half-widths are set; 0: from leave-one-out.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub unseen_states: usize,
     /// Leave-one-out errors by case.
@@ -80,7 +80,7 @@ pub struct InputSheet {
     pub max: f64,
 }
 
-/// What was chosen for a group or the force, and the runners-up.
+/// Chosen fit of a group or the force, and the other candidates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FitSheet {
     /// Group name or `contact_force`.
@@ -100,7 +100,7 @@ pub struct FitSheet {
     pub candidates: Vec<Candidate>,
 }
 
-/// What was tried and how it fared.
+/// Candidate fit and its score.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
     /// Kernel and tail in words.

@@ -1,4 +1,4 @@
-//! What keeps a model from being trained.
+//! Errors of training.
 
 use crate::fit::FitError;
 use crate::pod::PodError;
@@ -33,7 +33,7 @@ pub enum TrainError {
         /// Cause.
         source: FitError,
     },
-    /// Both regimes are there, but the pressure at which one becomes the other cannot be told.
+    /// Both regimes have cases, but the onset pressure between them cannot be derived.
     #[error(
         "the onset pressure cannot be derived: {0}; add coordinate fields, or train one regime by leaving the other's cases out"
     )]

@@ -1,7 +1,7 @@
-//! How good is a model? Truncation and interpolation error apart, by field and for the force, on cases it never saw.
+//! Errors of a model on cases of a database: truncation and interpolation error separately, per field and for the force.
 //!
 //! Per case and field: mean squared error (the summand of Eq. 15), largest error over nodes, and the relative errors of
-//! Eq. (16), `|prediction - truth| / max(|truth|, floor)`, where the floor is a stated share of the field's largest
+//! Eq. (16), `|prediction - truth| / max(|truth|, floor)`, where the floor is a fraction of the field's largest
 //! value: stress is exactly 0 at some nodes. *Normalised* is the largest error over nodes by the field's maximum in that
 //! case. *Truncation* is what the modes alone cannot represent: the distance of the true field from its best
 //! approximation in the basis; *interpolation* is the distance of the prediction from that best approximation.
@@ -15,7 +15,7 @@ use rom::snapshots::{Database, FieldKind, RegimeKind};
 use serde::Serialize;
 use thiserror::Error;
 
-/// Share of a field's largest value below which Eq. (16) divides by that share instead of by the value.
+/// Floor of Eq. (16), as a fraction of a field's largest value.
 pub const DEFAULT_FLOOR: f64 = 0.01;
 
 /// Why a model could not be evaluated on a database.
@@ -55,9 +55,9 @@ pub struct FieldErrors {
     pub relative_p95: f64,
     /// Its maximum over nodes.
     pub relative_max: f64,
-    /// Largest truncation error over nodes; none for a derived field.
+    /// Largest truncation error over nodes; `None` for a derived field.
     pub truncation_max: Option<f64>,
-    /// Largest interpolation error over nodes; none for a derived field.
+    /// Largest interpolation error over nodes; `None` for a derived field.
     pub interpolation_max: Option<f64>,
 }
 
@@ -80,9 +80,9 @@ pub struct CaseReport {
     pub gap_mm: Option<f64>,
     /// Where the case lies.
     pub domain: DomainStatus,
-    /// Scaled distance to the domain.
+    /// Scaled distance to the training range.
     pub domain_distance: f64,
-    /// By field.
+    /// Errors per field.
     pub fields: Vec<FieldErrors>,
     /// Mean squared error over all entries: the summand of Eq. (15).
     pub mse: f64,
@@ -90,7 +90,7 @@ pub struct CaseReport {
     pub force_true_n: f64,
     /// Predicted force in N.
     pub force_n: f64,
-    /// Relative force error; none where the true force is 0.
+    /// Relative force error; `None` if the true force is 0.
     pub force_relative: Option<f64>,
     /// Displacement (mm, the length of the coordinate error) and stress (MPa) of the worst node, force (N).
     pub errors: Errors,
@@ -119,9 +119,9 @@ pub struct Covered {
 /// Errors of a set of cases.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// Floor used by the relative errors, as a share of the field's maximum.
+    /// Floor of the relative errors, as a fraction of the field's maximum.
     pub floor: f64,
-    /// By case.
+    /// Errors per case.
     pub cases: Vec<CaseReport>,
     /// Summary by regime.
     pub regimes: Vec<Summary>,
@@ -136,7 +136,7 @@ pub struct Summary {
     pub cases: usize,
     /// Eq. (15): mean over cases and entries.
     pub mse: f64,
-    /// By field: mean, 95th percentile and maximum over cases of the normalised error; and the worst case and node.
+    /// Per field: mean, 95th percentile and maximum over cases of the normalised error; the worst case and node.
     pub fields: Vec<FieldSummary>,
     /// Force error over the largest force: mean, 95th percentile, maximum.
     pub force_normalised: [f64; 3],
@@ -253,7 +253,7 @@ fn one_case(
 }
 
 /// `mean + Phi Phi^T (truth - mean)` restricted to one field's rows: exact for groups of one field, where the modes are
-/// orthonormal. None for derived fields and for fields of a joint group.
+/// orthonormal. `None` for derived fields and fields of a joint group.
 fn best_approximation(model: &Model, regime: &RegimeModel, field: usize, truth: &[f64]) -> Option<Vec<f64>> {
     let group = regime.groups.iter().find(|g| g.fields == [field])?;
     let (kind, field) = (regime.kind, field as u32);

@@ -210,7 +210,7 @@ fn condition(a: &Mat<f64>) -> f64 {
     if low > 0.0 { high / low } else { f64::INFINITY }
 }
 
-/// What a system is made of: centres (`M x`) and derivatives at them.
+/// Data of a system: centres (`M x`) and derivatives at them.
 #[derive(Clone, Copy, Debug)]
 struct Points<'a> {
     /// Inputs in use.

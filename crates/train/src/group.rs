@@ -21,10 +21,10 @@ pub(crate) struct Group {
 /// shape that matters.
 const DERIVED_WITHIN_MM: f64 = 1.0e-2;
 
-/// What is decomposed and what is derived.
+/// Groups of decomposed fields, and derived fields.
 pub(crate) struct Plan {
     pub groups: Vec<Group>,
-    /// By field: the coordinate fields a magnitude is derived from.
+    /// Per field: the coordinate fields from which a magnitude is derived.
     pub magnitude_of: Vec<Option<[usize; 3]>>,
 }
 
@@ -105,7 +105,7 @@ pub(crate) struct Columns {
     pub onset: usize,
     /// Derivatives: in the span, and fitted where a kernel takes them.
     pub derivatives: usize,
-    /// What derivatives were multiplied with: one counts as a step of this share of the input's range.
+    /// Factor of the derivatives: each counts as a step of this fraction of the input's range.
     pub weight: f64,
 }
 
@@ -116,9 +116,9 @@ impl Columns {
     }
 }
 
-/// What an onset state counts, beside 1 for a state that is interpolated between.
+/// Weight of an onset state, relative to 1 for an interpolated state.
 const ONSET_WEIGHT: f64 = 1.5;
-/// One whose largest value is small counts more, but not more than so many times.
+/// Largest additional weight of an onset state with small values.
 const MOST_ONSET_WEIGHT: f64 = 4.0;
 
 /// Makes directions of the onset's columns: deviations from the mean of the states, each in relation to its own largest value,
@@ -247,7 +247,7 @@ impl GroupFit {
     }
 
     /// Leave-one-out error fields of the first `cases` states, one column per case: data minus prediction, closed form. The
-    /// prediction is that of the first `used` modes as they are stored.
+    /// prediction is that of the first `used` modes as stored.
     pub fn error_fields(&self, cases: usize, used: usize) -> Mat<f64> {
         let modes = self.choice.modes;
         let u = self.pod.u.get(.., ..used);

@@ -1,8 +1,8 @@
 //! Training of reduced-order models: a database of snapshots and a configuration in, a model and its data sheet out.
 //!
 //! Order: sort the training cases into regimes; free model (POD by group, interpolants by leave-one-out); onset pressure
-//! over gap from the free model; contact model on touching states plus states on the onset boundary taken from the free
-//! model, so that fields are continuous across the switch; half-widths from leave-one-out residuals.
+//! over gap from the free model; contact model on touching states plus states on the onset taken from the free
+//! model, so that fields are continuous at the onset; half-widths from leave-one-out residuals.
 //!
 //! ```text
 //! Y (n x m snapshots) = mean + Phi A        pod.rs             modes Phi, coefficients A, by thin QR and SVD (Eqs. 3, 5, 6)
@@ -27,7 +27,6 @@
 #![forbid(unsafe_code)]
 
 mod assemble;
-mod boundary;
 pub mod calibration;
 pub mod config;
 pub mod datasheet;
@@ -36,7 +35,6 @@ pub mod evaluate;
 #[doc(hidden)] // for tests/numerics.rs and tests/slopes.rs, as pod and select
 pub mod fit;
 mod group;
-mod identify;
 mod onset;
 #[doc(hidden)]
 pub mod pod;
@@ -52,7 +50,7 @@ use crate::datasheet::DataSheet;
 use rom::model::Model;
 use rom::snapshots::Database;
 
-/// Trains a model. `progress` is told what is being done. Reads the training split only.
+/// Trains a model on the training split. `progress` receives the name of each step.
 ///
 /// Cost: `O(n m^2)` for the decompositions, `O(candidates m^3)` for the choice (n entries of a group, m cases).
 ///
@@ -73,7 +71,7 @@ pub fn train(
         return Err(TrainError::Database(problems));
     }
     let mut sorted = sort::sort(database, config)?;
-    identify::check_spread(database, &sorted)?;
+    assemble::check_spread(database, &sorted)?;
     let plan = group::Plan::new(database, config);
     let mut parts = Vec::new();
     let mut onset = None;
@@ -85,16 +83,15 @@ pub fn train(
         let free = parts.first();
         if let Some(free) = free {
             progress("onset pressure from the free model");
-            let boundary = onset::derive(database, config, &plan, free, &sorted)?;
-            sorted.remarks.extend(boundary.remarks());
-            onset = Some(boundary);
+            let derived = onset::derive(database, config, &plan, free, &sorted)?;
+            sorted.remarks.extend(derived.remarks());
+            onset = Some(derived);
         }
         progress("contact regime: decomposing and choosing kernels");
-        let boundary = free.zip(onset.as_ref());
-        let contact = regime::contact(database, config, &plan, &sorted, boundary)?;
+        let contact = regime::contact(database, config, &plan, &sorted, free.zip(onset.as_ref()))?;
         parts.push(contact);
     }
     progress("assembling the model");
-    sorted.remarks.extend(identify::remarks(database, &parts));
+    sorted.remarks.extend(assemble::remarks(database, &parts));
     Ok(assemble::assemble(database, config, &plan, parts, onset, sorted.remarks))
 }

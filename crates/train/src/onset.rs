@@ -1,11 +1,10 @@
-//! Onset pressure, read off the free model: when does its lowest node above the obstacle reach it? Without parameters a table
-//! over the gap, with parameters what the pressure is solved from at every state.
+//! Onset pressure from the free model: the pressure at which its lowest node above the obstacle reaches it. Without parameters a
+//! table over the gap, with parameters a solver.
 
-use crate::boundary::OnsetBoundary;
 use crate::config::TrainConfig;
 use crate::error::TrainError;
 use crate::group::Plan;
-use crate::regime::Part;
+use crate::regime::{OnsetModel, Part};
 use crate::sort::Sorted;
 use rom::clearance::OnsetSolver;
 use rom::inputs::{Inputs, PARAMETERS, PRESSURE};
@@ -13,23 +12,23 @@ use rom::model::Clearance;
 use rom::regime::OnsetTable;
 use rom::snapshots::{Database, Footprint};
 
-/// Pressures the free model is asked at.
+/// Pressures at which the free model is evaluated.
 const STEPS: usize = 240;
-/// With parameters: pressures it is asked at for every set of parameters that was sampled.
+/// Pressures per sampled set of parameters.
 const COARSE_STEPS: usize = 12;
-/// Nodes that lie within this of the lowest one in some state may be the lowest in another, mm.
+/// Distance from the lowest node in some state within which a node may be the lowest in another, mm.
 const NEAR_MM: f64 = 0.05;
-/// No more nodes than this are looked at when the onset is solved.
+/// Largest number of nodes of the solver.
 const MAX_NODES: usize = 512;
 
-/// The onset for pressures from 0 to the largest one sampled.
+/// Derives the onset for pressures from 0 to the largest one sampled.
 pub(crate) fn derive(
     database: &Database,
     config: &TrainConfig,
     plan: &Plan,
     free: &Part,
     sorted: &Sorted,
-) -> Result<OnsetBoundary, TrainError> {
+) -> Result<OnsetModel, TrainError> {
     let missing = |axis: u8| TrainError::Onset(format!("no field is the coordinate along axis {axis}"));
     let [x, y, z] = [0, 1, 2].map(|axis| database.coordinate(axis).ok_or_else(|| missing(axis)));
     let coordinates = [x?, y?, z?];
@@ -61,7 +60,7 @@ pub(crate) fn derive(
     }
     let table = OnsetTable::new(gaps, pressures);
     if free.inputs.axes.iter().all(|axis| axis.input == PRESSURE) {
-        return Ok(OnsetBoundary { table, solver: None, crossings: 0 });
+        return Ok(OnsetModel { table, solver: None, crossings: 0 });
     }
     let mut sampled: Vec<&[f64]> =
         sorted.free.iter().chain(&sorted.contact).map(|&i| database.cases[i].parameters.as_slice()).collect();
@@ -84,7 +83,7 @@ pub(crate) fn derive(
     nodes.truncate(MAX_NODES);
     let clearance = heights_of_nodes(plan, free, coordinates[1], &nodes, max_mpa, table.bend_per_mm);
     let solver = OnsetSolver::new(clearance, &free.model(plan));
-    Ok(OnsetBoundary { table, solver: Some(solver), crossings })
+    Ok(OnsetModel { table, solver: Some(solver), crossings })
 }
 
 fn heights_of_nodes(
@@ -108,7 +107,7 @@ fn heights_of_nodes(
     }
 }
 
-/// Heights of all nodes in a free state, and which of them lie above the obstacle.
+/// Heights of all nodes in a free state, and whether each is above the obstacle.
 struct Heights {
     y: Vec<f64>,
     above: Vec<bool>,
@@ -122,7 +121,7 @@ impl Heights {
         Self { above: above.collect(), y }
     }
 
-    /// Height of the lowest node above the obstacle; infinite when there is none.
+    /// Height of the lowest node above the obstacle; infinite without one.
     fn lowest(&self) -> f64 {
         let above = self.y.iter().zip(&self.above).filter(|(_, above)| **above);
         above.map(|(y, _)| *y).fold(f64::INFINITY, f64::min)

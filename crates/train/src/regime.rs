@@ -1,6 +1,5 @@
-//! Training one regime: inputs, groups, force, domain, half-widths.
+//! Training of one regime: inputs, groups, force, training range, half-widths.
 
-use crate::boundary::OnsetBoundary;
 use crate::config::{ModeChoice, RegimeConfig, TrainConfig};
 use crate::datasheet::{Candidate, CaseError};
 use crate::error::TrainError;
@@ -8,27 +7,75 @@ use crate::group::{Columns, Decomposed, Group, GroupFit, Plan, fit_groups};
 use crate::select::{States, Task, choose};
 use crate::sort::{Sorted, varying};
 use faer::Mat;
+use rom::clearance::OnsetSolver;
 use rom::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
 use rom::hull::TrainingRange;
 use rom::inputs::{GAP, InputMap, Inputs, PRESSURE, Point};
 use rom::interpolant::Slope;
-use rom::model::{FarOnset, ForceModel, GroupModel, RegimeModel, modes_within};
+use rom::model::{Clearance, FarOnset, ForceModel, GroupModel, RegimeModel, modes_within};
 use rom::reconstructor::BasisOptions;
 use rom::regime::{OnsetAt, OnsetTable};
 use rom::snapshots::{Database, FieldKind, RegimeKind};
 
-/// Left-out cases count as predicted when their half-width is at most this share of the largest value.
-const PREDICTED_SHARE: f64 = 0.02;
+/// Largest half-width of predicted cases, as a fraction of the largest coordinate.
+const PREDICTED_FRACTION: f64 = 0.02;
 
-/// Excess pressures below this share of the largest say more about the onset table than about the force.
+/// Smallest excess pressure used for the force, as a fraction of the largest: below, errors of the onset dominate.
 const MIN_EXCESS: f64 = 0.01;
+
+/// Onset of contact while a model is trained.
+pub(crate) struct OnsetModel {
+    /// Onset over the gap, with parameters at their nominal values.
+    pub table: OnsetTable,
+    /// Solver of the onset if it depends on parameters.
+    pub solver: Option<OnsetSolver>,
+    /// Number of sampled states whose lowest node is not above the obstacle.
+    pub crossings: usize,
+}
+
+impl OnsetModel {
+    /// True if the onset depends on parameters.
+    pub fn has_parameters(&self) -> bool {
+        self.solver.is_some()
+    }
+
+    /// Onset at a state.
+    pub fn at(&self, inputs: &Inputs) -> OnsetAt {
+        match &self.solver {
+            Some(solver) => solver.onset(inputs, None, &mut solver.room()),
+            None => self.table.at(inputs.gap_mm()),
+        }
+    }
+
+    /// Depth of the lowest node at pressure and parameters, mm; `None` without parameters.
+    pub fn depth_mm(&self, inputs: &Inputs) -> Option<f64> {
+        let solver = self.solver.as_ref()?;
+        Some(solver.depth_mm(inputs, &mut solver.room()))
+    }
+
+    /// Remark of the data sheet on states whose lowest node is not above the obstacle.
+    pub fn remarks(&self) -> Option<String> {
+        (self.crossings > 0).then(|| {
+            format!(
+                "in {} sampled states the lowest node is not above the obstacle; the onset uses the nodes that were lowest \
+                 above it in some state",
+                self.crossings
+            )
+        })
+    }
+
+    /// Clearance, as the model stores it.
+    pub fn into_clearance(self) -> Option<Clearance> {
+        self.solver.map(OnsetSolver::into_clearance)
+    }
+}
 
 /// A trained regime, before assembly.
 pub(crate) struct Part {
     pub kind: RegimeKind,
     pub inputs: InputMap,
     pub groups: Vec<GroupFit>,
-    pub force: Option<Force>,
+    pub force: Option<ForceFit>,
     pub domain: TrainingRange,
     pub halfwidths: HalfWidths,
     pub local_halfwidths: Option<LocalHalfWidths>,
@@ -38,12 +85,12 @@ pub(crate) struct Part {
     pub errors: Vec<CaseError>,
     /// Scaled inputs of the training states.
     pub scaled: Vec<Point>,
-    /// Positions of parameters that no group and no force needs.
+    /// Positions of parameters that neither the groups nor the force need.
     pub idle: Vec<usize>,
 }
 
 impl Part {
-    /// What the model keeps of it.
+    /// Regime as the model stores it.
     pub fn model(&self, plan: &Plan) -> RegimeModel {
         let mut next = 0;
         let groups = plan.groups.iter().zip(&self.groups).map(|(group, fit)| {
@@ -62,7 +109,7 @@ impl Part {
             kind: self.kind,
             inputs: self.inputs.clone(),
             groups: groups.collect(),
-            force: self.force.as_ref().map(|f| f.0.clone()),
+            force: self.force.as_ref().map(|force| force.model.clone()),
             domain: self.domain.clone(),
             halfwidths: self.halfwidths,
             local_halfwidths: self.local_halfwidths.clone(),
@@ -79,21 +126,21 @@ impl Part {
     }
 }
 
-/// The states a regime is trained on: cases first, then boundary states.
+/// States on which a regime is trained: cases first, then onset states.
 struct Training<'a> {
     database: &'a Database,
     kind: RegimeKind,
     cases: &'a [usize],
-    /// Inputs of cases and boundary states.
+    /// Inputs of cases and onset states.
     points: Vec<Inputs>,
     inputs: InputMap,
     scaled: Vec<Point>,
     /// 1 for cases inside the hull of the cases, 0 for the others.
     score: Vec<f64>,
     domain: TrainingRange,
-    /// States along the whole onset: the modes know them, the kernels do not.
+    /// States along the whole onset: used for the modes only.
     onset: Vec<Inputs>,
-    /// Known derivatives by state, and the rows of the database's sensitivities that hold them.
+    /// Known derivatives of the states, and their rows in the database's sensitivities.
     slopes: Vec<Slope>,
     slope_rows: Vec<usize>,
 }
@@ -117,7 +164,7 @@ pub(crate) fn contact(
     config: &TrainConfig,
     plan: &Plan,
     sorted: &Sorted,
-    boundary: Option<(&Part, &OnsetBoundary)>,
+    boundary: Option<(&Part, &OnsetModel)>,
 ) -> Result<Part, TrainError> {
     let cases = &sorted.contact;
     let mut points: Vec<Inputs> = cases.iter().map(|&i| database.cases[i].inputs()).collect();
@@ -149,12 +196,12 @@ pub(crate) fn contact(
     let far_onset = boundary.and_then(|(free, _)| training.far_onset(free, &groups, &far));
     let onset = boundary.filter(|_| config.split_at_onset).map(|b| b.1);
     let force = training.force(&config.contact, onset)?;
-    let errors = training.errors(plan, &groups, Some(&force.1));
-    Ok(Part { far_onset, ..training.part(groups, Some(force.0), errors, config.coverage) })
+    let errors = training.errors(plan, &groups, Some(&force));
+    Ok(Part { far_onset, ..training.part(groups, Some(force), errors, config.coverage) })
 }
 
-/// States on the onset, see [`spread`]; one only where all cases share a gap.
-fn boundary_points(cases: &[Inputs], onset: &OnsetBoundary, config: &TrainConfig) -> Vec<Inputs> {
+/// States on the onset, see [`spread`]; only one if all cases have the same gap.
+fn boundary_points(cases: &[Inputs], onset: &OnsetModel, config: &TrainConfig) -> Vec<Inputs> {
     let (count, table) = (config.boundary_states, &onset.table);
     let gap = cases[0].gap_mm();
     let gaps = || cases.iter().map(Inputs::gap_mm);
@@ -169,31 +216,30 @@ fn boundary_points(cases: &[Inputs], onset: &OnsetBoundary, config: &TrainConfig
     spread(last, count).into_iter().map(state).collect()
 }
 
-/// At most `count` numbers from 0 to `last`, closer at the low end: there stress is smallest beside its change with pressure, and
-/// its kinks at nodes without much stress show most.
+/// At most `count` numbers from 0 to `last`, closer at the low end, where the relative change of stress with pressure is largest.
 fn spread(last: usize, count: usize) -> Vec<usize> {
-    let share = |i: usize| i as f64 / count.saturating_sub(1).max(1) as f64;
+    let part = |i: usize| i as f64 / count.saturating_sub(1).max(1) as f64;
     let mut picked: Vec<usize> =
-        (0..count).map(|i| (last as f64 * share(i) * share(i).sqrt()).round() as usize).collect();
+        (0..count).map(|i| (last as f64 * part(i) * part(i).sqrt()).round() as usize).collect();
     picked.dedup();
     picked
 }
 
-/// So many states on the onset at the parameters of the cases, in turn: pressures closer at the low end, as by [`spread`], gaps
-/// where the free model then is, up to the largest that is reached. Other `first` shares give other pressures.
-fn onset_with_parameters(cases: &[Inputs], onset: &OnsetBoundary, count: usize, first: f64) -> Vec<Inputs> {
+/// `count` states on the onset at the parameters of successive cases. Pressures are closer at the low end, as in [`spread`]; gaps are
+/// those that the free model closes. `first` shifts the pressures.
+fn onset_with_parameters(cases: &[Inputs], onset: &OnsetModel, count: usize, first: f64) -> Vec<Inputs> {
     let largest_mpa = onset.table.pressure_mpa.last().copied().unwrap_or(0.0);
     let state = |i: usize| {
         // Golden-ratio steps: no two neighbours in the list of cases get neighbouring pressures.
-        let share = (first + i as f64 * 0.618_033_988_749_895).fract();
+        let part = (first + i as f64 * 0.618_033_988_749_895).fract();
         let inputs = cases[i * cases.len() / count.max(1) % cases.len()]
-            .with(PRESSURE, largest_mpa * share * share.sqrt());
+            .with(PRESSURE, largest_mpa * part * part.sqrt());
         Some(inputs.with(GAP, onset.depth_mm(&inputs)?))
     };
     (0..count).filter_map(state).collect()
 }
 
-/// Derivatives of the cases by the inputs of a regime, ordered by case and input, with their rows in the database.
+/// Derivatives of the cases with respect to the inputs of a regime, ordered by case and input, with their rows in the database.
 fn slopes(
     database: &Database,
     cases: &[usize],
@@ -213,15 +259,14 @@ fn slopes(
     slopes
 }
 
-/// So many states along the onset take part in the POD: stress has kinks along it, which the few states that are interpolated
-/// between do not span.
+/// States along the onset in the POD: stress has kinks along it that the few interpolated onset states do not span.
 const ONSET_DIRECTIONS: usize = 80;
 
 fn entry(table: &OnsetTable, i: usize) -> Inputs {
     Inputs::new(table.pressure_mpa[i], table.gap_mm[i])
 }
 
-/// The last onset state among `boundary` and all entries of the table beyond it; none when it is the table's end.
+/// The last onset state among `boundary` and all entries of the table beyond it; empty if there is no entry beyond.
 fn far_points(boundary: &[Inputs], table: &OnsetTable) -> Vec<Inputs> {
     let Some(last) = boundary.iter().copied().max_by(|a, b| a.gap_mm().total_cmp(&b.gap_mm())) else {
         return Vec::new();
@@ -231,8 +276,17 @@ fn far_points(boundary: &[Inputs], table: &OnsetTable) -> Vec<Inputs> {
     if beyond.is_empty() { beyond } else { std::iter::once(last).chain(beyond).collect() }
 }
 
-/// The force's model, the candidates, the leave-one-out error in N, the parameters that it does not need (by axis).
-type Force = (ForceModel, Vec<Candidate>, f64, Vec<usize>);
+/// Fitted contact force.
+pub(crate) struct ForceFit {
+    pub model: ForceModel,
+    pub candidates: Vec<Candidate>,
+    /// Root mean square of the leave-one-out residuals, N.
+    pub error_n: f64,
+    /// Leave-one-out residual of each case, N.
+    residuals_n: Vec<f64>,
+    /// Axes of parameters that the force does not need.
+    idle: Vec<usize>,
+}
 
 impl<'a> Training<'a> {
     fn new(
@@ -245,7 +299,7 @@ impl<'a> Training<'a> {
         let cases = sorted.of(kind);
         let inputs = InputMap::of_states(&points, &varying(database, kind));
         let scaled: Vec<Point> = points.iter().map(|p| inputs.scale(p)).collect();
-        // The domain is where cases were simulated, plus the onset up to the largest gap simulated.
+        // Training range: the simulated cases and the onset up to the largest simulated gap.
         let trusted: Vec<Point> = scaled
             .iter()
             .zip(&points)
@@ -311,11 +365,11 @@ impl<'a> Training<'a> {
         self.kind.name()
     }
 
-    /// What a group is decomposed from. Of derivatives: all that are known, or none where one of its fields has none.
+    /// Columns of a group's decomposition; with derivatives if all its fields have them.
     fn columns(&self, group: &Group) -> Columns {
         let known = self.database.sensitivities.as_ref().map_or(&[][..], |s| &s.fields);
         let all = group.fields.iter().all(|field| known.contains(field));
-        // Root mean square of the distances, along an input, at which a state speaks for its neighbourhood: up to half the spacing.
+        // Root mean square distance, along an input, within half the spacing of the states.
         let spacing = (self.cases.len() as f64).powf(-1.0 / self.inputs.dimensions() as f64);
         Columns {
             states: self.points.len(),
@@ -325,7 +379,7 @@ impl<'a> Training<'a> {
         }
     }
 
-    /// A derivative of a group's fields by a scaled input, times `weight`.
+    /// Derivative of a group's fields with respect to a scaled input, times `weight`.
     fn derivative(&self, j: usize, group: &Group, weight: f64, column: &mut [f64]) {
         let Some(known) = &self.database.sensitivities else { return };
         let (nodes, count) = (self.database.node_count, known.fields.len());
@@ -339,7 +393,7 @@ impl<'a> Training<'a> {
         }
     }
 
-    /// What makes the contact fields meet the free ones at the onset entries `far`, of which the first is trained on.
+    /// Correction that makes contact fields equal the free ones at the onset entries `far`; the first entry is a training state.
     fn far_onset(&self, free: &Part, groups: &[GroupFit], far: &[Inputs]) -> Option<FarOnset> {
         if far.len() < 2 || self.inputs.dimensions() < 2 {
             return None;
@@ -365,12 +419,8 @@ impl<'a> Training<'a> {
         States { operating, dimensions, inputs, score, slopes: &self.slopes }
     }
 
-    /// The contact force and its leave-one-out residuals by case, in N.
-    fn force(
-        &self,
-        config: &RegimeConfig,
-        onset: Option<&OnsetBoundary>,
-    ) -> Result<(Force, Vec<f64>), TrainError> {
+    /// Fits the contact force.
+    fn force(&self, config: &RegimeConfig, onset: Option<&OnsetModel>) -> Result<ForceFit, TrainError> {
         let forces: Vec<f64> = self.cases.iter().map(|&i| self.database.cases[i].contact_force_n).collect();
         let onsets: Option<Vec<OnsetAt>> =
             onset.map(|onset| self.points[..forces.len()].iter().map(|p| onset.at(p)).collect());
@@ -415,20 +465,19 @@ impl<'a> Training<'a> {
             source,
         };
         let choice = chosen.map_err(error)?.swap_remove(0); // one task, one choice
-        let mut residuals = vec![0.0; forces.len()];
-        used.iter().zip(&choice.fit.residuals).for_each(|(&i, e)| residuals[i] = e * excess[i]);
-        let squares: f64 = residuals.iter().zip(&self.score).map(|(e, s)| e * e * s).sum();
-        let rms = (squares / self.score.iter().sum::<f64>()).sqrt();
-        let force = ForceModel { surrogate: choice.fit.interpolant, times_excess_pressure: onset.is_some() };
-        Ok(((force, choice.candidates, rms, choice.idle), residuals))
+        let mut residuals_n = vec![0.0; forces.len()];
+        used.iter().zip(&choice.fit.residuals).for_each(|(&i, e)| residuals_n[i] = e * excess[i]);
+        let squares: f64 = residuals_n.iter().zip(&self.score).map(|(e, s)| e * e * s).sum();
+        let error_n = (squares / self.score.iter().sum::<f64>()).sqrt();
+        let model = ForceModel { surrogate: choice.fit.interpolant, times_excess_pressure: onset.is_some() };
+        Ok(ForceFit { model, candidates: choice.candidates, error_n, residuals_n, idle: choice.idle })
     }
 
-    /// Leave-one-out errors at each case's worst node.
-    /// With the modes that a reconstruction uses by default.
-    fn errors(&self, plan: &Plan, groups: &[GroupFit], force: Option<&[f64]>) -> Vec<CaseError> {
+    /// Leave-one-out errors at each case's worst node, with the modes that a reconstruction uses by default.
+    fn errors(&self, plan: &Plan, groups: &[GroupFit], force: Option<&ForceFit>) -> Vec<CaseError> {
         let (cases, nodes) = (self.cases.len(), self.database.node_count);
         let mut displacement = Mat::<f64>::zeros(nodes, cases);
-        // Of a magnitude that is interpolated by itself, and of stress.
+        // Errors of a magnitude that is interpolated separately, and of stress.
         let (mut magnitude, mut stress) = (vec![0.0_f64; cases], vec![0.0_f64; cases]);
         for (group, fit) in plan.groups.iter().zip(groups) {
             let used = modes_within(&fit.choice.leave_one_out, BasisOptions::ACCEPTED_ERROR);
@@ -459,26 +508,26 @@ impl<'a> Training<'a> {
             on_hull: self.score[i] == 0.0,
             displacement_mm: displacement.col(i).norm_max().sqrt().max(magnitude[i]),
             stress_mpa: stress[i],
-            force_n: force.map_or(0.0, |f| f[i].abs()),
+            force_n: force.map_or(0.0, |force| force.residuals_n[i].abs()),
         };
         (0..cases).map(case).collect()
     }
 
-    /// Whether left-out cases are predicted at all: the errors of their coordinates are small beside the largest coordinate.
-    /// Where they are not, an error says nothing about its neighbours, and the half-widths stay the same everywhere.
+    /// True if left-out cases are predicted: the errors of their coordinates are small compared with the largest coordinate.
+    /// Otherwise errors of neighbouring cases are unrelated, and the half-widths are constant.
     fn predicts(&self, halfwidths: &HalfWidths) -> bool {
         let database = self.database;
         let coordinates = (0..database.fields.len())
             .filter(|f| matches!(database.fields[*f].kind, FieldKind::Coordinate(_)));
         let values = coordinates.flat_map(|f| self.cases.iter().flat_map(move |c| database.field(*c, f)));
         let largest_mm = values.fold(0.0, |most: f64, value| most.max(f64::from(value).abs()));
-        halfwidths.displacement_mm <= PREDICTED_SHARE * largest_mm
+        halfwidths.displacement_mm <= PREDICTED_FRACTION * largest_mm
     }
 
     fn part(
         self,
         groups: Vec<GroupFit>,
-        force: Option<Force>,
+        force: Option<ForceFit>,
         errors: Vec<CaseError>,
         coverage: f64,
     ) -> Part {
@@ -486,7 +535,8 @@ impl<'a> Training<'a> {
             errors.iter().map(|e| [e.displacement_mm, e.stress_mpa, e.force_n].into()).collect();
         let (dimensions, cases) = (self.inputs.dimensions(), &self.scaled[..self.cases.len()]);
         let halfwidths = HalfWidths::of_all(&all, coverage);
-        let choices = groups.iter().map(|group| &group.choice.idle).chain(force.iter().map(|f| &f.3));
+        let choices =
+            groups.iter().map(|group| &group.choice.idle).chain(force.iter().map(|force| &force.idle));
         let needed = |axis: &usize| choices.clone().any(|idle| !idle.contains(axis));
         let axes = (self.inputs.operating()..dimensions).filter(|axis| !needed(axis));
         let idle = axes.map(|axis| self.inputs.axes[axis].input).collect();

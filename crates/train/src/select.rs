@@ -2,7 +2,7 @@
 //!
 //! With orthonormal modes the error of leaving case `i` out, at `l` modes, is
 //! `e_i(l)^2 = sum_{k<l} E_ik^2 + sum_{k>=l} A_ik^2`: interpolation residuals (Rippa) of the kept modes plus the energy
-//! of the dropped ones. The score is its mean over the cases inside the domain (`over_cases`): leaving out a corner of the
+//! of the dropped ones. The score is its mean over the cases inside the training range (`over_cases`): leaving out a corner of the
 //! domain measures extrapolation, which no kernel choice should be judged by. Test cases are never seen here. Smoothing
 //! carries a handicap.
 //!
@@ -58,7 +58,7 @@ pub struct Task {
     pub values: Vec<f64>,
     /// Modes that may be kept.
     pub outputs: usize,
-    /// `slopes x outputs`: derivatives of the coefficients by scaled input; empty where a field has none.
+    /// `slopes x outputs`: derivatives of the coefficients with respect to scaled inputs; empty if a field has none.
     pub slope_values: Vec<f64>,
     /// Per state: energy in the modes that cannot be kept.
     pub dropped: Vec<f64>,
@@ -82,7 +82,7 @@ struct CandidateScore {
     groups: Vec<(usize, f64)>,
 }
 
-/// So many of the best kernels get their metric refined.
+/// Number of the best kernels whose metric is refined.
 const REFINED: usize = 3;
 
 /// Where the search for the lengths of parameters begins: fields vary less along them than along the pressure.
@@ -139,9 +139,9 @@ pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<V
     search.choices()
 }
 
-/// A parameter is missed when leaving it out raises the score by more than this share.
+/// Relative increase of the score from which a left-out parameter counts as needed.
 const MISSED: f64 = 0.1;
-/// Beyond so many times that score no other factors on the other inputs are tried.
+/// Ratio of scores from which no other factors on the other inputs are tried.
 const DOUBTED: f64 = 2.0;
 
 /// Whether states are predicted as well without a parameter: the chosen kernel, fitted over the other inputs.
@@ -204,14 +204,14 @@ const SLOPE_SMOOTHING: f64 = 1e-9;
 const NEAR_SHEAR: f64 = 0.11;
 /// Factors on an input around the metric that was chosen without derivatives.
 const SLOPE_STRETCHES: [f64; 4] = [0.85, 1.2, 0.6, 1.6];
-/// A derivative whose prediction by the others is off by so many times the median contradicts them.
+/// Ratio of a derivative's leave-one-out error to the median from which it contradicts the others.
 const OUTLIER: f64 = 12.0;
 
 /// How many times better than interpolation smoothing must be: it misses the training states, which truth that is computed
 /// and not measured does not deserve. Where a kernel is so ill-conditioned that its interpolant is noise, it is.
 const SMOOTHING_MUST_GAIN: f64 = 2.0;
 
-/// What candidates are ranked by: the score, with the handicap of smoothing.
+/// Ranking value of a candidate: the score, with the handicap of smoothing.
 fn merit(score: f64, smoothing: f64) -> f64 {
     if smoothing > 0.0 { SMOOTHING_MUST_GAIN * score } else { score }
 }
@@ -264,7 +264,7 @@ impl<'a> Search<'a> {
         self.trials.push(Trial { spec, row, modes, with_slopes });
     }
 
-    /// By merit; where both are down at the rounding of the data, by the tail: the higher one extrapolates.
+    /// Compares scores. At rounding level the higher-degree tail wins: it extrapolates better.
     fn better(&self, new: (&CandidateScore, &Fit), best: (&CandidateScore, &Fit)) -> bool {
         let merit = |(scored, fit): (&CandidateScore, &Fit)| {
             merit(scored.score.max(self.floor), fit.interpolant.smoothing)
@@ -323,7 +323,7 @@ impl<'a> Search<'a> {
     }
 
     /// Lengths by how much the derivatives along an input differ from state to state, against those along the first input: what
-    /// a tail takes up, the same derivative everywhere, needs no near centres. None where an input has no derivatives.
+    /// a tail takes up, the same derivative everywhere, needs no near centres. `None` if an input has no derivatives.
     fn by_variation(&self) -> Option<Metric> {
         let outputs = self.samples.outputs;
         let variation = |axis: usize| {
@@ -473,7 +473,7 @@ fn variants(dimensions: usize, operating: usize, config: &RegimeConfig) -> Vec<(
     factors.iter().flat_map(|f| config.smoothing.iter().map(move |s| (metric(*f), *s))).collect()
 }
 
-/// Snapshots are f32: what they are off by, as a share.
+/// Relative rounding error of snapshots, which are f32.
 const DATA_ROUNDING: f64 = 6e-8;
 
 /// Mean over the scored cases of the weighted norm of all groups' coefficients.
@@ -535,7 +535,7 @@ fn geometric_mean<T>(cases: &[T], of: impl Fn(&T) -> f64) -> f64 {
     mean(cases, |case| of(case).max(f64::MIN_POSITIVE).ln()).exp()
 }
 
-/// By scored case: weighted leave-one-out error with 0, 1, ... all modes. `residual(state, mode)`.
+/// Weighted leave-one-out error with 0, 1, ... all modes, per scored case. `residual(state, mode)`.
 fn case_errors(states: States, task: &Task, residual: &dyn Fn(usize, usize) -> f64) -> Vec<Vec<f64>> {
     let outputs = task.outputs;
     let scored = states.score.iter().enumerate().filter(|(_, w)| **w > 0.0);

@@ -1,5 +1,5 @@
-//! Accuracy on the committed finite-element databases, against the bounds this project promises. Test and check cases are
-//! evaluated only: training never sees them.
+//! Accuracy on the committed finite-element databases, against this project's acceptance limits. Test and check cases are
+//! evaluated only.
 
 use crate::synthetic;
 use formats::database::{ObstacleKind, read};
@@ -117,7 +117,7 @@ fn made_here() -> bool {
     false
 }
 
-/// What derivatives say between the states moves the best metric, and kernels may change places by it.
+/// Derivatives change the best metric, and with it the order of the kernels.
 #[test]
 fn metrics_are_chosen_with_the_derivatives_in_the_system() {
     let contact = plate().sheet.regimes.iter().find(|r| r.kind == RegimeKind::Contact).expect("contact");
@@ -200,9 +200,9 @@ fn fields_and_force_are_continuous_across_the_switch() {
         let [below_n, above_n] = [below, above].map(|state| state.evaluation().contact_force_n);
         jump_n = jump_n.max((above_n - below_n).abs());
     }
-    at_most("jump at the switch, mm", f64::from(jump_mm), 0.05);
-    at_most("jump at the switch, N", jump_n, 1e-3);
-    at_most("jump of stress at the switch, over the state's largest", f64::from(jump_stress), 3e-3);
+    at_most("jump at the onset, mm", f64::from(jump_mm), 0.05);
+    at_most("jump at the onset, N", jump_n, 1e-3);
+    at_most("jump of stress at the onset, over the state's largest", f64::from(jump_stress), 3e-3);
 }
 
 #[test]
@@ -242,7 +242,7 @@ fn left_out_contact_cases_are_predicted() {
         |name: &str| plate.database.cases.iter().find(|c| c.name == name).expect("case").pressure_mpa;
     let (weight, inflated): (Vec<_>, Vec<_>) =
         inside.iter().copied().partition(|c| pressure_mpa(&c.case) < WEIGHT_MPA);
-    // Their largest stress is small, so an absolute bound: what was promised before these states were sampled.
+    // Their largest stress is small, so the limit is absolute.
     let [_, stress_mpa, _] = spread(&mut weight.iter().map(|c| c.stress_mpa).collect::<Vec<_>>());
     at_most("left-out stress under the own weight, 95th percentile, MPa", stress_mpa, 5.3e-3);
     let largest = |name: &str, field: usize| {
@@ -266,7 +266,7 @@ fn left_out_contact_cases_are_predicted() {
 fn thinned(database: &Database, every: usize) -> Database {
     let (fields, nodes) = (database.fields.len(), database.node_count);
     let kept: Vec<usize> = (0..nodes).step_by(every).collect();
-    // Rows of `width` values a node.
+    // Rows of `width` values per node.
     let rows = |values: &[f32], width: usize| -> Vec<f32> {
         let states = values.chunks_exact(nodes * width);
         states
@@ -297,7 +297,7 @@ fn thinned(database: &Database, every: usize) -> Database {
     }
 }
 
-/// Half-widths promise 90 %: two thirds of the contact cases, held out in two turns, without a part in training or calibration,
+/// Nominal coverage of 90 %: two thirds of the contact cases, held out in two parts from training and calibration,
 /// are covered to 85-99 % (binomial spread allowed for).
 #[test]
 fn halfwidths_cover_what_they_promise_on_held_out_cases() {

@@ -1,4 +1,4 @@
-//! Half-widths from the errors of states that no training saw.
+//! Half-widths from the errors of held-out states.
 
 use crate::synthetic;
 use rom::evaluator::Evaluator;
@@ -49,7 +49,7 @@ fn new_states_of_the_same_kind_lie_within_in_nine_of_ten_cases() {
     let before = model.prediction_hash().expect("a hash");
     let seen = states(&model, 400, 11);
     calibrate(&mut model, &mut sheet, &seen).expect("enough states");
-    assert_eq!(model.prediction_hash().expect("a hash"), before, "predictions stay as they are");
+    assert_eq!(model.prediction_hash().expect("a hash"), before, "predictions are unchanged");
     let regime = |kind| sheet.regimes.iter().find(|r| r.kind == kind).expect("a regime").unseen_states;
     assert_eq!([regime(RegimeKind::Contact), regime(RegimeKind::Free)], [400, 0]);
 
@@ -72,7 +72,7 @@ fn new_states_of_the_same_kind_lie_within_in_nine_of_ten_cases() {
         let all = (low + high) / fresh.len() as f64;
         let [low, high] = [low / counts[0], high / counts[1]];
         println!("{quantity} within: {all:.3}, at low pressures {low:.3}, at high ones {high:.3}");
-        // 400 states tell a share of 0.9 to 0.015, one standard deviation.
+        // Standard deviation of a coverage of 0.9 from 400 states: 0.015.
         assert!((0.85..0.95).contains(&all) && low > 0.8 && high > 0.8, "{quantity}: {all} {low} {high}");
     }
     assert!(
@@ -92,7 +92,7 @@ fn too_few_states_and_errors_that_are_none_leave_the_model_as_it_was() {
     let few = states(&model, MIN_STATES - 1, 3);
     let found = MIN_STATES - 1;
     assert_eq!(calibrate(&mut model, &mut sheet, &few), Err(CalibrationError::TooFew { found }));
-    // Outside the domain nothing is promised, so such states do not count.
+    // States outside the training range do not count.
     let mut outside = states(&model, MIN_STATES, 3);
     outside[0].domain = DomainStatus::Outside;
     assert_eq!(calibrate(&mut model, &mut sheet, &outside), Err(CalibrationError::TooFew { found }));

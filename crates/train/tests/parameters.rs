@@ -44,7 +44,7 @@ fn ask(evaluator: &Evaluator, state: design::State) -> Evaluation {
     evaluation
 }
 
-/// States that training never saw, in the domain.
+/// Held-out states in the training range.
 fn unseen() -> Vec<design::State> {
     let evaluator = evaluator();
     let inside = |s: &design::State| ask(&evaluator, *s).domain == DomainStatus::Inside;
@@ -54,7 +54,7 @@ fn unseen() -> Vec<design::State> {
 #[test]
 fn forces_on_states_no_training_saw_are_right() {
     let (evaluator, unseen) = (evaluator(), unseen());
-    assert!(unseen.len() > 200, "only {} of 300 states lie in the domain", unseen.len());
+    assert!(unseen.len() > 200, "only {} of 300 states lie in the training range", unseen.len());
     let largest = unseen.iter().map(|s| design::force_n(*s)).fold(0.0, f64::max);
     let mut errors: Vec<f64> = unseen
         .iter()
@@ -128,7 +128,7 @@ fn jumps(model: &Model, parameters: [f64; 2]) -> [[f64; 2]; 2] {
 
 #[test]
 fn the_regimes_meet_at_the_onset() {
-    // Without states along the onset in the POD, and with boundary states evenly spread over pressure and cut at the sampled gaps,
+    // Without states along the onset in the POD, and with onset states evenly spread over pressure and cut at the sampled gaps,
     // each of them jumped beyond one of its bounds.
     for (parameters, bounds) in [
         ([0.8, 3.0], [0.01, 0.003]),
@@ -217,7 +217,7 @@ fn what_a_state_does_not_say_is_the_model_s_value_and_can_be_given_by_name() {
     assert!((table.sag_mm() - design::depth_mm([0.0, 0.0, 0.7, 3.0])).abs() < 0.05, "{}", table.sag_mm());
     let refused = header.set_parameters([("elastomer.law.mu_mp", 0.7)]).expect_err("unknown");
     assert!(refused.to_string().contains("did you mean \"elastomer.law.mu_mpa\"?"), "{refused}");
-    let refused = header.set_parameters([("chambers.length_mm", f64::NAN)]).expect_err("no number");
+    let refused = header.set_parameters([("chambers.length_mm", f64::NAN)]).expect_err("NaN");
     assert!(matches!(refused, ModelError::NotFinite { .. }));
     assert_eq!(header.inputs[2].value, Some(0.7), "nothing was taken from a refused call");
 }
@@ -307,7 +307,7 @@ fn gap_and_pressure_keep_their_places() {
     assert_eq!(axes, [PRESSURE, GAP, 2, 3]);
 }
 
-/// Mean error of contact forces over the largest, on states no training saw.
+/// Mean error of contact forces over the largest, on held-out states.
 fn force_error(model: &Model) -> f64 {
     let evaluator = Evaluator::new(&model.header).expect("consistent");
     let unseen = unseen();
@@ -384,7 +384,7 @@ fn one_state_twice_with_other_derivatives_is_trained_without_them_and_says_so() 
     assert!(sheet.remarks.iter().any(|r| r.contains("other derivatives")), "{:?}", sheet.remarks);
 }
 
-/// Half-widths promise 90 %: overall and in every quarter of pressure and stiffness.
+/// Nominal coverage of 90 %: overall and in every quarter of pressure and stiffness.
 #[test]
 fn half_widths_cover_what_they_promise_in_every_quarter() {
     let evaluator = evaluator();
@@ -407,7 +407,7 @@ fn half_widths_cover_what_they_promise_in_every_quarter() {
     assert!(quarters.iter().all(|(count, share)| *count > 10 && *share >= 0.8), "{quarters:?}");
 }
 
-/// What an evaluation costs with two parameters and with derivatives, for people: cargo test -- --nocapture.
+/// Cost of an evaluation with two parameters and with derivatives: cargo test -- --nocapture.
 #[test]
 fn an_evaluation_answers_repeatedly_and_says_what_it_costs() {
     let plain = train(&synthetic::plate(), &quick(), &mut |_| {}).expect("trains").0;
@@ -461,7 +461,7 @@ fn a_magnitude_that_does_not_follow_from_the_coordinates_is_interpolated_by_itse
     let (found, halfwidth_mm) = derived(&database);
     assert_eq!(found, None);
     assert!(halfwidth_mm > 0.0 && halfwidth_mm.is_finite(), "{halfwidth_mm}");
-    // Where the database says how the mesh moves, the displacement follows again, on states that no training saw too.
+    // With the movement of the mesh in the database the displacement is correct again, also on held-out states.
     database.undeformed_by = vec![vec![[0.0; 3]; mesh.len()], vec![[0.0, 1.0, 0.0]; mesh.len()]];
     let (model, _) = train(&database, &quick(), &mut |_| {}).expect("trains");
     let model = Model::from_bytes(&model.to_bytes().expect("writes")).expect("loads");

@@ -36,7 +36,7 @@ fn slope(x: &Point, axis: u32) -> f64 {
     }
 }
 
-/// Samples with derivatives by all inputs at every second one; the values and derivatives themselves.
+/// Samples with derivatives with respect to all inputs at every second one; the values and derivatives themselves.
 struct Known {
     inputs: Vec<Point>,
     values: Vec<f64>,

@@ -72,6 +72,13 @@ impl Args {
                 self.out.display()
             )));
         }
+        let folder = self.out.parent().filter(|folder| !folder.as_os_str().is_empty());
+        if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+            let found = format!("no folder {}", folder.display());
+            return Err(usage(format!(
+                "--out: expected a file in an existing folder, found {found}; make it first"
+            )));
+        }
         let config = self.config()?;
         if let Some(errors) = &self.errors {
             unseen_errors::check(errors)?; // before minutes of training
