@@ -2,7 +2,7 @@
 //!
 //! A point's coordinate is `x = m + sum_k phi_k c_k(inputs)` and each coefficient a sum of kernel terms, `c_k = sum_t w_tk g_t`, so
 //! that `x = m + sum_t (sum_k w_tk phi_k) g_t`: the inner sum is done once. An evaluation then costs `terms x coordinates`
-//! products instead of `terms x modes`, and no field or stress is computed that nobody asks for.
+//! products instead of `terms x modes`, and only requested fields and stresses are computed.
 
 use crate::interpolant::Interpolant;
 use crate::model::{FarOnset, GroupModel, ModelHeader, RegimeModel};
@@ -38,7 +38,7 @@ pub(crate) fn contracted(header: &ModelHeader, outputs: &[Vec<Output>]) -> (Mode
     (out, places)
 }
 
-/// One regime; the group `kept` follows the outputs as it is.
+/// One regime; the group `kept` follows the outputs unchanged.
 fn of_regime(old: &RegimeModel, wanted: &[Output], kept: Option<usize>) -> (RegimeModel, Vec<usize>) {
     let mut new = RegimeModel { groups: Vec::new(), local_halfwidths: None, far_onset: None, ..old.clone() };
     let surrogate = |output: &Output| &old.groups[output.group].surrogate;

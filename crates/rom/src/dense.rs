@@ -27,7 +27,7 @@ impl Dense {
         self.size
     }
 
-    /// Solves `A X = B` in place of `right`, which holds `size x columns` values row by row. None where a pivot is zero or no number.
+    /// Solves `A X = B` in place of `right`, which holds `size x columns` values row by row. `None` if a pivot is 0 or NaN.
     /// Cost `O(size^3 + size^2 columns)`.
     pub fn solve(mut self, right: &mut [f64], columns: usize) -> Option<()> {
         let n = self.size;
@@ -58,7 +58,7 @@ impl Dense {
         Some(())
     }
 
-    /// The inverse; none where a pivot is zero or no number. Cost `O(size^3)`.
+    /// Inverse; `None` if a pivot is 0 or NaN. Cost `O(size^3)`.
     pub fn inverse(self) -> Option<Self> {
         let size = self.size;
         let mut inverse = Self::from_fn(size, |i, j| if i == j { 1.0 } else { 0.0 });

@@ -31,14 +31,14 @@ pub fn nearest_name<'a>(name: &str, known: &'a [String]) -> Option<&'a String> {
     known.iter().min_by_key(differs)
 }
 
-/// A quantity of material or geometry that differs between the cases: an input beside pressure and gap.
+/// A quantity of material or geometry that differs between the cases: an input in addition to pressure and gap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
     /// Dotted key in the actuator's description (`elastomer.law.mu_mpa`).
     pub name: String,
     /// Unit (`MPa`).
     pub unit: String,
-    /// Value of the actuator as described: what a state takes that says nothing else.
+    /// Value of the actuator as described: the default of a state.
     pub nominal: f64,
 }
 
@@ -61,7 +61,7 @@ pub struct InputSpec {
     /// Smallest and largest training value over all regimes; the same twice when all samples shared it, infinite when no
     /// regime was trained over it.
     pub range: [f64; 2],
-    /// What a state takes that says nothing about it: a parameter's nominal value, or the value that a scene gives it; none
+    /// Default of a state: a parameter's nominal value or that of the scene; `None`
     /// for pressure and gap.
     pub value: Option<f64>,
 }
@@ -155,8 +155,17 @@ impl From<[f64; MAX_INPUTS]> for Inputs {
 pub struct InputMap {
     /// Interpolated over, by increasing position.
     pub axes: Vec<InputAxis>,
-    /// Position and value of the inputs that did not vary.
-    pub constants: Vec<(usize, f64)>,
+    /// Inputs that did not vary.
+    pub constants: Vec<InputConstant>,
+}
+
+/// Value of an input that did not vary.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct InputConstant {
+    /// Position in the model's inputs.
+    pub input: usize,
+    /// Value in all samples.
+    pub value: f64,
 }
 
 /// One input of a regime and the range it was sampled over.
@@ -188,7 +197,7 @@ impl InputMap {
         }
         // A pressure that all samples shared is not kept: version 2 of the model file has no place for it.
         let kept = constant.iter().filter(|a| a.input != PRESSURE);
-        Self { axes, constants: kept.map(|a| (a.input, a.min)).collect() }
+        Self { axes, constants: kept.map(|a| InputConstant { input: a.input, value: a.min }).collect() }
     }
 
     /// Number of axes, at least 1 and at most [`MAX_INPUTS`].
@@ -204,7 +213,7 @@ impl InputMap {
     /// The sampled range of an input; the same value twice when all samples shared it; none when it is no input here.
     pub fn range(&self, input: usize) -> Option<[f64; 2]> {
         let axis = self.axes.iter().find(|axis| axis.input == input).map(|axis| [axis.min, axis.max]);
-        axis.or_else(|| self.constants.iter().find(|c| c.0 == input).map(|c| [c.1; 2]))
+        axis.or_else(|| self.constants.iter().find(|c| c.input == input).map(|c| [c.value; 2]))
     }
 
     /// Scales a state to [0, 1] over the training range, by axis; entries beyond the axes are 0.
@@ -216,9 +225,9 @@ impl InputMap {
         x
     }
 
-    /// How far a state lies from the values that all samples shared, as a share of them; 0 when every input varied.
+    /// Largest relative distance of a state from the inputs that did not vary; 0 if all varied.
     pub(crate) fn off_constants(&self, inputs: &Inputs) -> f64 {
-        let off = |(input, value): &(usize, f64)| (inputs.0[*input] - value).abs() / value.abs().max(1.0);
+        let off = |c: &InputConstant| (inputs.0[c.input] - c.value).abs() / c.value.abs().max(1.0);
         self.constants.iter().map(off).fold(0.0, f64::max)
     }
 }

@@ -33,7 +33,7 @@ fn read_scale<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; MAX_INPUTS], D
 }
 
 impl Metric {
-    /// Distances as they are.
+    /// Plain distances.
     pub const IDENTITY: Self = Self { scale: [1.0; MAX_INPUTS], shear: 0.0 };
 
     /// The same with another factor on one input.
@@ -125,7 +125,7 @@ impl<'a, const D: usize> Curvature<'a, D> {
         Self { metric, over_r, second, pulled: metric.pull_back(*d) }
     }
 
-    /// The term of a derivative by input `axis` of the centre, and its gradient: `-d g / d x_axis` and the derivatives of
+    /// Term of a derivative with respect to input `axis` of the centre, and its gradient: `-d g / d x_axis` and the derivatives of
     /// that.
     pub fn row(&self, axis: usize) -> (f64, [f64; D]) {
         let mut column = [0.0; D]; // M e_axis, then M^T M e_axis

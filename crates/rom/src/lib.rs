@@ -42,12 +42,12 @@ pub mod hull;
 pub mod hysteresis;
 pub mod inputs;
 pub mod interpolant;
+mod parameters;
 // Intrinsics and writes into loaned memory; each with its SAFETY line.
 #[allow(unsafe_code)]
 pub mod kernel;
 pub mod model;
 pub mod model_state;
-mod parameters;
 pub mod probe;
 pub mod radial;
 pub mod reconstructor;

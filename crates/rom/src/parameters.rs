@@ -5,7 +5,7 @@ use crate::inputs::{GAP, Needs, PARAMETERS, PRESSURE, nearest_name};
 use crate::model::{ModelError, ModelHeader};
 
 impl ModelHeader {
-    /// Sets default values of parameters by name. All are checked before any is taken; the onset table is that of the new values.
+    /// Sets default values of parameters by name. All are checked before any is changed; the onset table is that of the new values.
     ///
     /// # Errors
     /// [`ModelError::UnknownInput`] for a name that is no parameter of the model, [`ModelError::NotFinite`].

@@ -1,4 +1,4 @@
-//! Positions of single points of the mesh with their derivatives by every input, in f64: what a marker of a camera shows.
+//! Positions of single points of the mesh, such as camera markers, with their derivatives with respect to all inputs, in f64.
 //!
 //! A point is a weighted mean of nodes, `x(p) = sum_i w_i x_i`, whose weights are those of the undeformed mesh. Each node's
 //! coordinate is affine in the modal coefficients, `x_i = m_i + sum_k c_k phi_ik` (the paper's Eq. 6), so that
@@ -151,7 +151,7 @@ fn linear_weights(
 pub struct ProbePosition {
     /// Deformed position (mm).
     pub position_mm: [f64; 3],
-    /// By axis and input: derivative, in mm per unit of the input.
+    /// Derivatives per axis and input, in mm per unit of the input.
     pub gradient: [[f64; MAX_INPUTS]; 3],
 }
 
@@ -159,7 +159,7 @@ pub struct ProbePosition {
 #[derive(Clone, Debug)]
 pub struct Probes {
     evaluator: Evaluator,
-    /// By regime: mean and place in the coefficients of every point's coordinates, three a point.
+    /// Per regime: mean and first coefficient of each coordinate of each point.
     regimes: Vec<(RegimeKind, Vec<(f64, usize)>)>,
     inputs: usize,
 }
@@ -172,7 +172,7 @@ impl Probes {
     pub fn new(model: &Model, points: &[MeshPoint]) -> Result<Self, ModelError> {
         let (mut means, mut outputs) = (Vec::new(), Vec::new());
         for regime in &model.header.regimes {
-            // Axis by axis: groups that share their kernel follow one another.
+            // Axis by axis: groups with one kernel are consecutive.
             let (mut of_points, mut of_axes) = (vec![[0.0; 3]; points.len()], Vec::new());
             for axis in 0..3 {
                 for (point, mean) in points.iter().zip(&mut of_points) {
@@ -195,7 +195,7 @@ impl Probes {
         Ok(Self { evaluator: Evaluator::new(&header)?, regimes, inputs: header.inputs.len() })
     }
 
-    /// An evaluation with scratch for any answer.
+    /// Evaluation with capacity for any state.
     pub fn evaluation(&self) -> Evaluation {
         self.evaluator.evaluation()
     }

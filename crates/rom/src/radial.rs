@@ -43,8 +43,8 @@ pub enum KernelKind {
         /// Length over scaled inputs, > 0.
         length: f64,
     },
-    /// `r^3 - r^5 / crossover^2`: cubic between near centres, quintic between far ones. What fields do over the whole domain is
-    /// smooth, and the quintic takes it up; a kink between two centres disturbs their neighbours less than under a quintic alone.
+    /// `r^3 - r^5 / crossover^2`: cubic between near centres, quintic between far ones. The quintic part
+    /// follows smooth large-scale behaviour; a kink between two centres disturbs neighbours less than with a quintic alone.
     CubicQuintic {
         /// Distance over scaled inputs at which both count the same, > 0.
         crossover: f64,

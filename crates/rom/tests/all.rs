@@ -1,4 +1,4 @@
-//! The reduced-order model: its answers, gradients, files. One program: linked once, and its tests run beside each other.
+//! The reduced-order model: its answers, gradients, files. One program: linked once, and its tests run in parallel.
 
 mod dense;
 mod footprint;

@@ -145,7 +145,7 @@ fn the_label_does_not_chatter_and_the_physics_does_not_wait() {
     assert_eq!(say(-1.1), (Free, Free, false), "a real release drops it");
 }
 
-/// What a state alone takes and what its fields add give together the bits of one call; a part of the fields gives theirs.
+/// `state` and `complete` together are bit-identical to `evaluate`; a part of the fields is bit-identical too.
 #[test]
 fn a_state_is_evaluated_without_the_coefficients_that_nobody_asked_for() {
     let evaluator = evaluator();

@@ -42,7 +42,7 @@ impl OnsetModel {
     /// Onset at a state.
     pub fn at(&self, inputs: &Inputs) -> OnsetAt {
         match &self.solver {
-            Some(solver) => solver.onset(inputs, None, &mut solver.room()),
+            Some(solver) => solver.onset(inputs, None, &mut solver.scratch()),
             None => self.table.at(inputs.gap_mm()),
         }
     }
@@ -50,7 +50,7 @@ impl OnsetModel {
     /// Depth of the lowest node at pressure and parameters, mm; `None` without parameters.
     pub fn depth_mm(&self, inputs: &Inputs) -> Option<f64> {
         let solver = self.solver.as_ref()?;
-        Some(solver.depth_mm(inputs, &mut solver.room()))
+        Some(solver.depth_mm(inputs, &mut solver.scratch()))
     }
 
     /// Remark of the data sheet on states whose lowest node is not above the obstacle.

@@ -1,5 +1,5 @@
-//! What the centres of an interpolant are to a state: kernel values, their derivatives, and the ways to the centres. Every instruction
-//! set gives the same bits.
+//! RBF kernel values, derivatives and difference vectors between a state and all centres. Results are bit-identical on all
+//! instruction sets.
 
 use super::isa::with_widest_vectors;
 use super::weigh::{BLOCK, Near};
@@ -7,7 +7,7 @@ use crate::inputs::Point;
 use crate::radial::KernelKind;
 
 with_widest_vectors! {
-    /// What all centres are to the state `u = M x`. `centres` holds their inputs by group and input, eight centres a row.
+    /// Evaluates all centres at the state `u = M x`. `centres` holds their inputs per group and input, eight centres per row.
     pub(crate) fn approach(
         kernel: KernelKind,
         u: &Point,

@@ -4,7 +4,7 @@ use std::fmt;
 
 /// An instruction set the sweep is compiled for.
 ///
-/// All but [`Isa::Portable`] use fused multiply-add in the same order and give the same bits.
+/// All but [`Isa::Portable`] use fused multiply-add in the same order; their results are bit-identical.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Isa {
     /// x86-64 with AVX-512 F.
@@ -54,7 +54,7 @@ impl fmt::Display for Isa {
 }
 
 /// A function of plain Rust (`#[inline(always)]`, no closures around loops: they do not have the instruction set of the function that they
-/// stand in) as one that runs it with the widest vectors of this processor. Nothing is contracted: the same bits with each.
+/// stand in) as one that runs it with the widest vectors of this processor. Nothing is contracted: results are bit-identical.
 macro_rules! with_widest_vectors {
     ($(#[$doc:meta])* $visible:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) = $plain:path;) => {
         $(#[$doc])*

@@ -15,7 +15,7 @@
 //! mode after mode, in memory as in a model file. The sweep passes over all fields of a tile together, so that derived fields
 //! cost no second pass, and leaves out the last modes of a field where fewer are enough.
 //!
-//! What an evaluation of the model needs before is here as well, for its instruction sets: the kernel sums of interpolants (`approach.rs`,
+//! The kernel sums of interpolants are here as well, for their instruction sets (`approach.rs`,
 //! `weigh.rs`, `tail.rs`) and means over the cases around a state (`around.rs`).
 //!
 //! The reconstruction knows nothing of the model: [`Spec`] describes what to build from plain slices. The tests
@@ -37,7 +37,7 @@ pub use isa::Isa;
 pub use modes::{Modes, NotFinite, Precision, Shape};
 pub use plan::{Affine, BasisError, Field, Role, Shift, Source, Spec};
 
-/// Nodes a tile: four AVX-512 registers of f32, eight of AVX2, sixteen of NEON. More than one register holds, because
+/// Nodes per tile: four AVX-512 registers of f32, eight of AVX2, sixteen of NEON. More than one register holds, because
 /// the control flow of a tile then costs less a node; with twice as many, sums no longer fit the registers.
 pub const TILE_NODES: usize = 64;
 

@@ -65,7 +65,7 @@ pub struct Shape<'a> {
     pub nodes: usize,
     /// Number of modes.
     pub count: usize,
-    /// Step of each mode; none for f32.
+    /// Step of each mode; empty for f32.
     pub steps: &'a [f64],
 }
 
@@ -179,7 +179,7 @@ impl Modes {
         nodes.div_ceil(TILE_NODES).saturating_mul(count).saturating_mul(precision.row_bytes())
     }
 
-    /// The rows as they are stored.
+    /// Rows as stored.
     pub fn bytes(&self) -> &[u8] {
         &self.lines.bytes()[self.lines_from * LINE..]
             [..Self::bytes_of(self.precision, self.nodes, self.count)]
@@ -236,7 +236,7 @@ impl Modes {
         values.into_iter().find(|found| !found.value.is_finite())
     }
 
-    /// What the sweep multiplies a coefficient with to take a row of this mode.
+    /// Factor of a coefficient for the stored rows of this mode.
     pub(super) fn factor(&self, mode: usize) -> f64 {
         match self.precision {
             Precision::F32 => 1.0,

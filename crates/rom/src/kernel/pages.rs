@@ -29,7 +29,7 @@ unsafe impl Send for Lines {}
 unsafe impl Sync for Lines {}
 
 impl Lines {
-    /// So many lines of zeros.
+    /// `len` lines of zeros.
     pub fn zeroed(len: usize) -> Self {
         // SAFETY: zero bytes are lines, and the memory is for `len` of them.
         unsafe { Self::filled(len, |start| start.write_bytes(0, len)) }
@@ -78,7 +78,7 @@ impl From<&[Line]> for Lines {
     }
 }
 
-/// Of so many lines, which begin at a large page where they fill one; none for none.
+/// Layout of `len` cache lines, page-aligned from one large page on; `None` for 0.
 fn layout(len: usize) -> Option<Layout> {
     let layout = Layout::array::<Line>(len).ok().filter(|layout| layout.size() > 0)?;
     if layout.size() < LARGE { Some(layout) } else { layout.align_to(LARGE).ok() }
@@ -87,11 +87,11 @@ fn layout(len: usize) -> Option<Layout> {
 /// Large pages for what is not mapped yet ...
 #[cfg(target_os = "linux")]
 const FOR_NEW: libc::c_int = libc::MADV_HUGEPAGE;
-/// ... and, since Linux 6.1, for what is: an allocator gives memory that it had before.
+/// Advice for memory in use, from Linux 6.1 on: an allocator may return memory that was used before.
 #[cfg(target_os = "linux")]
 const FOR_WRITTEN: libc::c_int = libc::MADV_COLLAPSE;
 
-/// A refusal leaves pages as they are.
+/// A refusal leaves pages unchanged.
 #[cfg(target_os = "linux")]
 fn advise(start: NonNull<Line>, bytes: usize, advice: libc::c_int) {
     // SAFETY: the range is one that was just allocated, and neither advice changes content.

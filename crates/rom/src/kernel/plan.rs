@@ -170,14 +170,14 @@ pub enum BasisError {
     /// An instruction set this processor does not have.
     #[error("this processor has no {isa}; let the kernel choose (it would take {detected})")]
     IsaMissing {
-        /// What was asked for.
+        /// Requested options.
         isa: super::Isa,
-        /// What would be chosen.
+        /// Default choice.
         detected: super::Isa,
     },
 }
 
-/// One affine field inside a tile: the rows it reads, in this order, and what becomes of the result.
+/// One affine field inside a tile: the rows it reads, in this order, and the use of the result.
 #[derive(Debug, Clone)]
 pub(crate) struct Op {
     /// Index in the spec.
@@ -186,7 +186,7 @@ pub(crate) struct Op {
     pub first_coefficient: usize,
     /// Modes in use.
     pub modes: usize,
-    /// A constant row with the mean comes first; less the rest shape for a component of the displacement.
+    /// A constant row with the mean comes first, minus the undeformed shape for a component of the displacement.
     pub has_mean: bool,
     /// Behind it a constant row for each shift of the undeformed coordinate: its entry in the coefficient vector.
     pub shifts: Vec<usize>,

@@ -75,7 +75,7 @@ pub(crate) fn run_into(
     run(isa, plan, rows, coefficients, out)
 }
 
-/// What a sweep works on.
+/// Data of a sweep.
 struct Job<'a> {
     plan: &'a Plan,
     rows: &'a Rows,

@@ -1,4 +1,4 @@
-//! What a header must satisfy before anything indexes by it, and how selections are resolved against it.
+//! Checks of a header before it is used for indexing, and resolution of selections.
 
 use super::header::{Clearance, ModelHeader, RegimeModel};
 use super::selection::{ModelError, Nodes};
@@ -18,19 +18,19 @@ fn fits(clearance: &Clearance, free: &RegimeModel) -> bool {
 pub(super) type Require<'a> = &'a dyn Fn(bool, &str) -> Result<(), String>;
 
 impl InputMap {
-    /// For a model of so many inputs.
+    /// Checks the map for a model with this number of inputs.
     pub(super) fn check(&self, inputs: usize, require: Require) -> Result<(), String> {
         let (axes, constants) = (&self.axes, &self.constants);
         require((1..=MAX_INPUTS).contains(&axes.len()), "a regime needs one to eight inputs")?;
         require(axes.iter().all(|a| a.max > a.min), "an input has an empty range")?;
-        let positions = axes.iter().map(|a| a.input).chain(constants.iter().map(|c| c.0));
+        let positions = axes.iter().map(|a| a.input).chain(constants.iter().map(|c| c.input));
         require(positions.max() < Some(inputs), "a regime names a missing input")?;
         require(axes.windows(2).all(|a| a[0].input < a[1].input), "a regime's inputs are out of order")
     }
 }
 
 impl Interpolant {
-    /// For a regime of so many inputs.
+    /// Checks the lengths for a regime of `dimensions` inputs.
     pub(super) fn check(&self, dimensions: usize, require: Require) -> Result<(), String> {
         require(self.dimensions == dimensions, "an interpolant has other inputs than its regime")?;
         require(self.centres.len().is_multiple_of(dimensions), "an interpolant's centres are cut")?;
@@ -107,7 +107,7 @@ impl ModelHeader {
     fn check_regime(&self, regime: &RegimeModel, require: Require) -> Result<(), String> {
         let dimensions = regime.inputs.dimensions();
         regime.inputs.check(self.inputs.len(), require)?;
-        require(regime.domain.fits(dimensions), "the domain has other inputs than its regime")?;
+        require(regime.domain.fits(dimensions), "the training range has other inputs than its regime")?;
         let mut next = 0;
         for group in &regime.groups {
             require(
@@ -161,7 +161,7 @@ impl ModelHeader {
         names.iter().map(find).collect()
     }
 
-    /// Node indices of a selection, none for all; unknown sets and nodes beyond the mesh are refused.
+    /// Node indices of a selection, `None` for all; unknown sets and nodes beyond the mesh are refused.
     ///
     /// # Errors
     /// [`ModelError::UnknownNodeSet`], [`ModelError::NodeOutOfRange`].

@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 /// Largest header that is written or read, in bytes: node sets and weights of thousands of cases fit a hundred times.
 pub(crate) const MAX_HEADER_BYTES: usize = 256 << 20;
 
-/// Headers up to this size may claim a quarter of the memory that the largest may: a text is allocated as long as it claims to be.
+/// Headers up to this size may claim 25 % of the memory that the largest may: a string is allocated with its claimed length.
 const USUAL_HEADER_BYTES: usize = 2 << 20;
 const USUAL_CLAIM_BYTES: usize = MAX_HEADER_BYTES / 4;
 
@@ -38,7 +38,7 @@ mod tests {
     use super::*;
     use crate::halfwidths::HalfWidths;
     use crate::hull::TrainingRange;
-    use crate::inputs::{InputAxis, InputMap, InputSpec};
+    use crate::inputs::{InputAxis, InputConstant, InputMap, InputSpec};
     use crate::interpolant::{Interpolant, Metric, Slope};
     use crate::model::header::{FarOnset, ForceModel, GroupModel, ModelHeader, OutputField, RegimeModel};
     use crate::radial::{KernelKind, Tail};
@@ -124,7 +124,7 @@ mod tests {
         let axis = InputAxis { input: 0, min: 0.0, max: 0.1 };
         let regime = RegimeModel {
             kind: RegimeKind::Contact,
-            inputs: InputMap { axes: vec![axis], constants: vec![(1, 20.0)] },
+            inputs: InputMap { axes: vec![axis], constants: vec![InputConstant { input: 1, value: 20.0 }] },
             groups: vec![GroupModel {
                 name: "x".into(),
                 fields: vec![0],

@@ -13,7 +13,7 @@
 //! end-32 blake3 of everything before             32
 //! ```
 //! Offsets in the block table count from `d`. Header and blocks carry their own blake3, so that a reader who needs
-//! one block checks that block and no more. Modes are stored in the order of the kernel and read straight into place.
+//! one block checks that block and no more. Modes are stored in kernel order and read straight into place.
 
 use super::codec;
 use super::header::{BlockData, BlockKind, Model, ModelHeader};
@@ -32,7 +32,7 @@ pub const VERSION: u32 = 1;
 const ALIGN: usize = 64;
 const TRAILER: u64 = 32;
 
-/// What people mistake for a model.
+/// Description of files that are not models but likely to be passed.
 fn kind(found: &[u8]) -> &'static str {
     match found {
         [0x89, b'M', b'C', b'A', b'P', ..] => " (a recording: see softtwin plot recording, softtwin replay)",
@@ -49,7 +49,7 @@ pub enum ModelFileError {
         /// First bytes.
         found: Vec<u8>,
     },
-    /// Of another version of the layout.
+    /// Another version of the layout.
     #[error(
         "the model file has version {found}, expected {VERSION}; train the model again: `softtwin train`"
     )]
@@ -110,13 +110,13 @@ pub enum Encoding {
     F32,
     /// 32-bit unsigned integers.
     U32,
-    /// Modes in the order of the kernel.
+    /// Modes in kernel order.
     Modes {
         /// Number format of the rows.
         precision: Precision,
         /// Number of modes.
         count: u32,
-        /// Step of each mode; none for f32.
+        /// Step of each mode; empty for f32.
         steps: Vec<f64>,
     },
 }
@@ -128,7 +128,7 @@ struct FileHeader<H> {
 }
 
 impl Model {
-    /// What identifies the model's predictions, whatever its half-widths: a hash of the file without them.
+    /// Identifies the model's predictions: hash of the file without half-widths.
     ///
     /// # Errors
     /// [`ModelFileError`], as [`Model::to_bytes`].

@@ -1,4 +1,4 @@
-//! What a trained model consists of.
+//! Parts of a trained model.
 
 use super::selection::ModelError;
 use crate::halfwidths::{HalfWidths, LocalHalfWidths};
@@ -20,11 +20,11 @@ pub struct ModelHeader {
     pub inputs: Vec<InputSpec>,
     /// Output fields in order.
     pub fields: Vec<OutputField>,
-    /// Nodes a field.
+    /// Nodes per field.
     pub node_count: usize,
     /// Regimes; at most one of each kind.
     pub regimes: Vec<RegimeModel>,
-    /// Onset pressure over gap (with parameters: at their values in use); none for a model of one regime.
+    /// Onset pressure over gap (with parameters: at their default values); `None` for a model of one regime.
     pub onset: Option<OnsetTable>,
     /// Pressure by which the onset must be undercut before the contact label is dropped, in MPa.
     pub hysteresis_mpa: f64,
@@ -36,7 +36,7 @@ pub struct ModelHeader {
     pub clearance: Option<Clearance>,
 }
 
-/// One output field and how its values come about.
+/// One output field and how it is computed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OutputField {
     /// Name, unit, meaning.
@@ -54,15 +54,15 @@ pub struct RegimeModel {
     pub inputs: InputMap,
     /// POD groups; their coefficients follow one another in the regime's coefficient vector.
     pub groups: Vec<GroupModel>,
-    /// Contact force; none where nothing is touched.
+    /// Contact force; `None` in the free regime.
     pub force: Option<ForceModel>,
     /// Where it was trained.
     pub domain: TrainingRange,
-    /// Half-widths that cover the stated share of states, the same everywhere.
+    /// Constant half-widths with the nominal coverage.
     pub halfwidths: HalfWidths,
     /// Half-widths that follow the error over the inputs; none in a model of an older version.
     pub local_halfwidths: Option<LocalHalfWidths>,
-    /// Contact beyond the last onset state that was trained on; none where there is no such gap.
+    /// Correction beyond the last onset state of the training; `None` without such gaps.
     pub far_onset: Option<FarOnset>,
 }
 
@@ -85,7 +85,7 @@ pub struct FarOnset {
 }
 
 impl FarOnset {
-    /// Adds the correction of a gap to coefficients, and its slope to their derivatives by gap where there are any.
+    /// Adds the correction of a gap to coefficients, and its slope to their derivatives with respect to the gap if present.
     /// `O(coefficients)`.
     pub fn correct(&self, gap_mm: f64, coefficients: &mut [f64], by_gap: &mut [f64]) {
         let last = self.gap_mm.len() - 1;
@@ -106,13 +106,13 @@ impl FarOnset {
     }
 }
 
-/// What the onset of a model with parameters is solved from (`clearance.rs`): heights of the nodes that can be the lowest, in
+/// Data of the onset solver of a model with parameters (`clearance.rs`): heights of the nodes that can be the lowest, in
 /// the free model's modes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Clearance {
     /// Largest training pressure in MPa: up to here the free model is asked.
     pub max_pressure_mpa: f64,
-    /// How the onset goes on below the sag, see [`OnsetTable::bend_per_mm`].
+    /// Continuation of the onset below the sag, see [`OnsetTable::bend_per_mm`].
     pub bend_per_mm: f64,
     /// Group of the free regime that holds the height.
     pub group: usize,
@@ -178,7 +178,7 @@ pub fn truncation_error(singular_values: &[f64], modes: usize) -> f64 {
     if tail + head > 0.0 { tail / (tail + head) } else { 0.0 }
 }
 
-/// What a block of numbers is.
+/// Content of a block of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum BlockKind {
     /// Mean of an output field in a regime: `node_count` f32.
@@ -217,7 +217,7 @@ pub enum BlockData {
     F32(Vec<f32>),
     /// Node indices.
     U32(Vec<u32>),
-    /// Modes in the order of the kernel.
+    /// Modes in kernel order.
     Modes(Modes),
 }
 
@@ -266,7 +266,7 @@ impl Model {
         })
     }
 
-    /// How far these inputs move the undeformed nodes from the model's own mesh, by axis (mm). None where no input does.
+    /// Displacement of the undeformed nodes from the model's mesh by these inputs, per axis (mm). `None` if no input moves them.
     /// `O(nodes x inputs that move them)`.
     pub fn moved_mm(&self, inputs: &Inputs) -> Option<[Vec<f32>; 3]> {
         let mut moved: Option<[Vec<f32>; 3]> = None;

@@ -6,7 +6,7 @@ use thiserror::Error;
 /// Which fields and nodes to reconstruct. The default is everything.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
-    /// Fields by name, in the order wanted; none for all in the model's order.
+    /// Fields by name, in the order wanted; `None` for all in the model's order.
     pub fields: Option<Vec<String>>,
     /// Nodes.
     pub nodes: Nodes,
@@ -57,7 +57,7 @@ pub enum ModelError {
         /// Names there are.
         known: Vec<String>,
     },
-    /// A parameter was given a value that is no number.
+    /// Value of a parameter is not finite.
     #[error("parameter {name}: expected a number, found {value}")]
     NotFinite {
         /// Name.

@@ -1,4 +1,4 @@
-//! What the description refuses, and inputs at the edge.
+//! Refused descriptions, and inputs at the limits.
 
 use super::cases::{Body, available};
 use rom::kernel::{

@@ -69,7 +69,7 @@ proptest! {
         let subset = subset.map(|set| set.iter().map(|i| i.index(nodes) as u32).collect::<Vec<_>>());
         for precision in [Precision::F32, Precision::I16] {
             let body = Body::new(nodes, modes, seed, precision);
-            // A node set has steps of its own in i16: in f32 it has the values of the whole.
+            // A node set has separate steps in i16: in f32 it has the values of the whole.
             let wanted = if subset.is_some() { Precision::F32 } else { precision };
             let spec = body.spec(published, subset.as_deref());
             let mut fused: Option<Vec<f32>> = None;
