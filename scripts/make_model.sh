@@ -80,12 +80,12 @@ for name in "$@"; do
     database="target/database/$name"
     if [ "${MESH:-0}" = 1 ] && [ "$name" = pneunet ]; then scripts/mesh.py "$model/actuator.toml"; fi
     # The gripper's derivatives gain little (docs/accuracy.md) and would be a third of its data.
-    case $name in gripper) scene=gripper derivatives= ;; *) scene=plate derivatives=--sensitivities ;; esac
+    case $name in gripper) obstacle=gripper derivatives= ;; *) obstacle=plate derivatives=--sensitivities ;; esac
     softtwin simulate --actuator "$model/actuator.toml" --cases "$model/cases.csv" $derivatives --out "$database"
     # The gripper's database is not part of the repository.
     if [ "$name" != gripper ]; then
         softtwin pack --database "$database" --out "$model/database"
         database="$model/database"
     fi
-    softtwin train --database "$database" --scene "$scene" $(config_of "$model") --out "$model/$name.twin"
+    softtwin train --database "$database" --obstacle "$obstacle" $(config_of "$model") --out "$model/$name.twin"
 done

@@ -1,5 +1,5 @@
 /* The functions of the library in binaries/PLATFORM of this FMU (FMI 3.0), for those who compile it for another platform or call it
-   from a program of their own. Signatures are those of fmi3FunctionTypes.h of the FMI standard, which may be included before this file;
+   from another program. Signatures are those of fmi3FunctionTypes.h of the FMI standard, which may be included before this file;
    without it this file stands alone. A library for another platform exports all of these names. */
 #ifndef SOFTTWIN_FMI3_H
 #define SOFTTWIN_FMI3_H

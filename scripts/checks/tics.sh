@@ -82,7 +82,7 @@ tic by-input 'derivative with respect to' '(derivatives?|gradients?|slopes?)( of
 tic less 'minus' '\bless (their|the|a|its|an) (half-widths?|bias|mean|model|rest)\b'
 tic errs-by 'has an error of' '\berrs\b|\berred\b|\berr by\b'
 tic to-the-bit 'bit-identical' '\bto the bit\b|\bsame bits\b|(keeps?|with) (their|its|the) bits\b'
-tic held-out 'validation states; sealed test states' 'no training (ever )?(had |has )?(saw|seen|looked)|training (never|has never) (saw|sees|looks)|nobody (has|had) (seen|looked|used)|in sight while|looked at once|development states?|\buntouched (contact |free )?states?\b|kept aside|held[- ]back|fresh states?'
+tic held-out 'validation states; sealed test states' 'no training (ever )?(had |has )?(saw|seen|looked)|training (never|has never) (saw|sees|looks)|nobody (has|had) (seen|looked|used)|in sight while|looked at once|development states?|\buntouched (contact |free )?states?\b|kept aside|held[- ]back|fresh states?' '"a fresh state'
 Tic promise 'nominal coverage; acceptance limit' '\bpromis(e|es|ed)\b' "(caller|importer)'s promise|promises are awaited"
 tic domain 'training range; shared-memory domain' '\b(the|its|their|this|whole|sampled|trained|contact|free|every|a|of|same) (whole |sampled |trained |contact |free )?domains?\b' 'shared-memory domain|ROS_DOMAIN|domain_id'
 tic switch 'contact onset, onset states' '\bboundary[ _]states?\b|\bonset boundary\b|\bthe switch\b'
@@ -95,8 +95,8 @@ tic whole-number 'integer' '\bwhole (numbers?|factors?|steps?)\b'
 
 # History told as statement.
 history=':!CHANGELOG.md'
-tic as-it-was 'the present' '\bas (it|they) (was|were)\b|\bof before\b|(model|version|layout|release)s? before\b|\bbefore\)|until then'
-tic since 'now' '\bsince([.;,]|$)'
+tic as-it-was 'the present' '\bas (it|they) (was|were)\b|\bof before\b|(model|version|layout|release)s? before\b|[a-z] before\)|until then'
+tic since 'now' '\bsince([.;,]|$)' 'since\.[a-z]'
 tic hour 'date, machine, load' '(slow|fast|quiet) hour|(morning|evening) of (that|the same) day|\bof that (day|evening)\b|that evening'
 
 if [ -z "$only" ]; then

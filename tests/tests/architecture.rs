@@ -124,6 +124,42 @@ fn every_test_file_is_in_a_test_program() {
     assert!(checked >= 60, "only {checked} files were seen");
 }
 
+/// A source file that no `mod` names is not compiled.
+#[test]
+fn every_source_file_is_a_module() {
+    let metadata = metadata();
+    let mut checked = 0;
+    for package in metadata["packages"].as_array().expect("packages") {
+        let targets = package["targets"].as_array().expect("targets");
+        let roots: Vec<&str> = targets.iter().filter_map(|target| target["src_path"].as_str()).collect();
+        let folder = Path::new(package["manifest_path"].as_str().expect("a path")).with_file_name("src");
+        let mut files = Vec::new();
+        if folder.is_dir() {
+            sources(&folder, &mut files);
+        }
+        let is_module = |path: &PathBuf| {
+            path.extension().is_some_and(|end| end == "rs")
+                && !roots.iter().any(|root| Path::new(root) == path)
+        };
+        for (path, _) in files.iter().filter(|(path, _)| is_module(path)) {
+            let is_folder = path.ends_with("mod.rs");
+            let module = if is_folder { path.parent().expect("a folder") } else { path };
+            let (name, folder) = (module.file_stem().expect("a name"), module.parent().expect("a folder"));
+            let declaration = format!("mod {};", name.to_string_lossy());
+            let parents = [folder.with_extension("rs"), folder.join("mod.rs")];
+            let mut parents = parents.iter().map(PathBuf::as_path).chain(roots.iter().map(Path::new));
+            assert!(
+                parents
+                    .any(|parent| files.iter().any(|(at, text)| at == parent && text.contains(&declaration))),
+                "{}: no `{declaration}`",
+                path.display()
+            );
+            checked += 1;
+        }
+    }
+    assert!(checked > 300, "only {checked} files were seen");
+}
+
 /// `test = false` saves the building of a test program; it must not hide a test.
 #[test]
 fn untested_targets_have_no_tests() {

@@ -44,7 +44,7 @@ fn granted_real_time_settings_apply_and_refused_ones_are_logged() {
     let refused =
         |setting: &str| twin.said.iter().any(|line| line.contains(&format!("realtime.{setting}: refused")));
     let process = twin.id();
-    assert!(!refused("cores"), "one of our own cores is always granted: {:?}", twin.said);
+    assert!(!refused("cores"), "a permitted core is always granted: {:?}", twin.said);
     assert_eq!(status(&process.to_string(), "Cpus_allowed_list"), core.to_string());
     assert_ne!(refused("lock_memory"), status(&process.to_string(), "VmLck") != "0 kB");
     assert_ne!(refused("fifo_priority"), scheduling(process) == (7, libc::SCHED_FIFO as u32));

@@ -28,7 +28,7 @@ fn essence(data: &[u8]) -> (u64, String) {
     (seq, state.to_string())
 }
 
-/// Readings and fresh states of a recording, by the reading's number.
+/// Readings, and states that are not stale, of a recording, by the reading's number.
 fn contents(path: &Path) -> (Vec<SensorSample>, BTreeMap<u64, String>, Ending) {
     let bytes = std::fs::read(path).unwrap();
     let mut reader = Reader::new(bytes.as_slice()).unwrap();

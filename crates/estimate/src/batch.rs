@@ -83,7 +83,7 @@ struct Batch<'a> {
     skipped: usize,
     /// Noise of the measured inputs per reading, from entry 0 on.
     noise: Vec<Vector>,
-    /// Weight per row in the cost: inverse variance with the model's variance multiplied by the readings that share it.
+    /// Weight per row in the cost: inverse variance with the model's variance multiplied by the number of readings with the same error.
     shared_weights: [f64; MAX_ROWS],
     /// Inverse variance per row of a single reading.
     weights: [f64; MAX_ROWS],

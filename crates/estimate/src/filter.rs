@@ -436,7 +436,7 @@ impl Filter {
         })
     }
 
-    /// Weights of a reading for the unknowns: the model's variance is multiplied by the readings that share it.
+    /// Weights of a reading for the unknowns: the model's variance is multiplied by the number of readings with the same error.
     fn lasting_weights(&self, weights: &[f64; MAX_ROWS]) -> [f64; MAX_ROWS] {
         let mut out = *weights;
         let shared = (self.setup.model_correlation_s / self.spacing_s).max(1.0);

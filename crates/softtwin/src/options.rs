@@ -21,9 +21,9 @@ pub fn setting(text: &str) -> Result<(String, f64), String> {
     Ok((name.trim().to_owned(), value))
 }
 
-/// The obstacle, as `--scene` names it.
+/// Obstacle, as `--obstacle` names it.
 #[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
-pub enum SceneArg {
+pub enum ObstacleArg {
     /// The actuator over a plate.
     #[default]
     Plate,
@@ -31,11 +31,11 @@ pub enum SceneArg {
     Gripper,
 }
 
-impl From<SceneArg> for ObstacleKind {
-    fn from(arg: SceneArg) -> Self {
+impl From<ObstacleArg> for ObstacleKind {
+    fn from(arg: ObstacleArg) -> Self {
         match arg {
-            SceneArg::Plate => Self::Plate,
-            SceneArg::Gripper => Self::Block,
+            ObstacleArg::Plate => Self::Plate,
+            ObstacleArg::Gripper => Self::Block,
         }
     }
 }

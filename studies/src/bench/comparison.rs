@@ -86,7 +86,7 @@ pub fn run(model: &Model, plain: &Model, samples: usize) -> anyhow::Result<Compa
 }
 
 impl Comparison {
-    /// Prints as text.
+    /// Prints the figures.
     pub fn print(&self) -> anyhow::Result<()> {
         let Self { model, plain, .. } = self;
         for (name, cost) in [("this model", model), ("plain model", plain)] {

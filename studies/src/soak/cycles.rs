@@ -20,7 +20,7 @@ Examples:
   All of it, for hours:
     cargo build --release --workspace --bins
     target/release/softtwin-studies cycles
-  A tenth of the cycles:
+  10 % of the cycles:
     target/release/softtwin-studies cycles --restarts 1000 --reloads 1000 --readers 10000";
 
 const NOTES: &str = "\

@@ -158,7 +158,7 @@ pub enum ObstacleShape {
 impl ObstacleShape {
     /// Kind of obstacle in the names of the database's regimes.
     #[must_use]
-    pub fn scene(self) -> ObstacleKind {
+    pub fn class(self) -> ObstacleKind {
         if self == Self::Block { ObstacleKind::Block } else { ObstacleKind::Plate }
     }
 
@@ -231,7 +231,7 @@ impl Actuator {
     /// Loads of a state; without a gap there is no obstacle.
     #[must_use]
     pub fn load(&self, pressure_mpa: f64, gap_mm: Option<f64>) -> Load {
-        let obstacle = match (gap_mm, self.obstacle.kind.scene()) {
+        let obstacle = match (gap_mm, self.obstacle.kind.class()) {
             (None, _) => Obstacle::None,
             (Some(gap_mm), ObstacleKind::Plate) => Obstacle::Plate { gap_mm },
             (Some(gap_mm), ObstacleKind::Block) => Obstacle::Block { gap_mm },

@@ -19,17 +19,17 @@ fn the_service_manager_gets_ready_watchdog_and_stopping() {
     let config =
         format!("listen = [\"tcp/127.0.0.1:{}\"]\nreadings_from_network = [\"finger\"]", free_port());
     let gateway = gateway_in(&stage, &config, &manager.environment());
-    let ready = manager.told("READY=1");
+    let ready = manager.receive("READY=1");
     assert!(ready.last().unwrap().contains("STATUS=listens on tcp/127.0.0.1:"), "{ready:?}");
     assert!(
         !ready.iter().any(|message| message.contains("WATCHDOG=1")),
         "alive before it is ready: {ready:?}"
     );
-    manager.told("WATCHDOG=1");
-    manager.told("WATCHDOG=1");
+    manager.receive("WATCHDOG=1");
+    manager.receive("WATCHDOG=1");
     let (status, said) = gateway.stop();
     assert!(status.success(), "{said:?}");
-    manager.told("STOPPING=1");
+    manager.receive("STOPPING=1");
 }
 
 /// Restarting the gateway would not bring the router back.
@@ -39,10 +39,10 @@ fn a_client_without_its_router_is_ready_and_alive() {
     let manager = Manager::new(&stage);
     let config = format!("mode = \"client\"\nconnect = [\"tcp/127.0.0.1:{}\"]", free_port());
     let gateway = gateway_in(&stage, &config, &manager.environment());
-    let started = manager.told("READY=1");
+    let started = manager.receive("READY=1");
     assert!(started.last().unwrap().contains("STATUS=no answer"), "{started:?}");
-    manager.told("WATCHDOG=1");
-    manager.told("WATCHDOG=1");
+    manager.receive("WATCHDOG=1");
+    manager.receive("WATCHDOG=1");
     assert!(gateway.stop().0.success());
 }
 

@@ -17,7 +17,7 @@ const EXAMPLES: &str = "\
 Examples:
   In the recorded order and time, to the twin of the actuator `finger`:
     softtwin replay run.mcap --actuator finger
-  Seconds 10 to 20, ten times as fast, repeated without end:
+  Seconds 10 to 20, ten times as fast, repeated:
     softtwin replay run.mcap --actuator finger --from-s 10 --to-s 20 \\
       --speed 10 --loop
   One reading each time Enter is pressed:
@@ -56,7 +56,7 @@ pub struct Args {
     /// End at this time of the recording
     #[arg(long, value_name = "SECONDS", default_value_t = 1e12, hide_default_value = true, value_parser = crate::range::number(-1e12, 1e12), help_heading = "Selection")]
     to_s: f64,
-    /// Repeat without end
+    /// Repeat until stopped
     #[arg(long = "loop", help_heading = "Computing")]
     repeat: bool,
     /// Send one reading for each line on standard input, whatever it says

@@ -1,7 +1,7 @@
 //! `softtwin train`.
 
 use crate::failure::{configuration, usage};
-use crate::options::SceneArg;
+use crate::options::ObstacleArg;
 use crate::progress::Progress;
 use crate::{card, files, output, unseen_errors};
 use anyhow::Context;
@@ -47,18 +47,18 @@ pub struct Args {
     /// instead of leave-one-out, which over-states errors.
     #[arg(long, value_name = "FILE.csv")]
     errors: Option<PathBuf>,
-    /// Whose cases are used: the plate, or the gripper's block; default: the plate, where the database has it.
+    /// Obstacle of the cases to train on; default: the plate, if the database has it.
     #[arg(long, value_enum)]
-    scene: Option<SceneArg>,
+    obstacle: Option<ObstacleArg>,
     /// Print one JSON object instead of text.
     #[arg(long, help_heading = "Output")]
     json: bool,
 }
 
-/// The plate, unless all that the database holds is another scene.
-fn only_scene(database: &Path) -> ObstacleKind {
+/// The only obstacle of a database; the plate if it has several.
+fn only_obstacle(database: &Path) -> ObstacleKind {
     match formats::database::obstacle_kinds(database).as_deref() {
-        Ok([scene]) => *scene,
+        Ok([obstacle]) => *obstacle,
         _ => ObstacleKind::Plate,
     }
 }
@@ -85,8 +85,8 @@ impl Args {
         }
         let mut progress = Progress::new(self.json);
         progress.step("reading the database");
-        let scene = self.scene.map_or_else(|| only_scene(&self.database), ObstacleKind::from);
-        let database = files::database(&self.database, scene)?;
+        let obstacle = self.obstacle.map_or_else(|| only_obstacle(&self.database), ObstacleKind::from);
+        let database = files::database(&self.database, obstacle)?;
         let started = Instant::now();
         let trained = train::train(&database, &config, &mut |step| progress.step(step));
         let (mut model, mut sheet) = trained.map_err(|e| match e {

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::runtime::Runtime;
 
-/// What is wrong.
+/// Any error.
 pub type Error = Box<dyn std::error::Error + Send + Sync>;
 /// Result of a check.
 pub type Seen = Result<String, Error>;

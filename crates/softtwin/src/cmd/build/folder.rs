@@ -22,8 +22,8 @@ impl Folder<'_> {
     }
 
     /// Trains on a database and saves the model; its path.
-    pub fn train(&self, database: &Path, scene: ObstacleKind) -> Result<PathBuf> {
-        let data = files::database(database, scene)?;
+    pub fn train(&self, database: &Path, obstacle: ObstacleKind) -> Result<PathBuf> {
+        let data = files::database(database, obstacle)?;
         let (model, sheet) = train::train(&data, &train::config::TrainConfig::default(), &mut |_| ())
             .with_context(|| format!("training on {}", database.display()))?;
         let path = self.path.join(format!("{}.twin", data.actuator));

@@ -104,7 +104,7 @@ impl Args {
         for (index, reason) in &outcome.failed {
             folder.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
         }
-        let model = folder.train(&database, actuator.obstacle.kind.scene())?;
+        let model = folder.train(&database, actuator.obstacle.kind.class())?;
         let quality = Quality::of(&model, &database, &self.folder.join("errors.png"))?;
         let scene = self.folder.join("scene.toml");
         folder.save_scene(&scene, &scene::text(actuator, &plan, &pressures))?;

@@ -49,7 +49,7 @@ impl Quality {
         Ok(Self { held_back, leave_one_out, picture: Some(picture.into()) })
     }
 
-    /// Prints as text.
+    /// Prints the figures.
     pub fn print(&self) -> Result<()> {
         output!("\nhow far it is from the finite elements it was trained on, at the worst node of a state:")?;
         output!("  {:<38}{:>16}{:>16}{:>16}", "mean and largest error", "displacement", "stress", "force")?;

@@ -2,7 +2,7 @@
 
 mod sealed;
 
-use crate::options::SceneArg;
+use crate::options::ObstacleArg;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::{files, output, unseen_errors};
 use formats::database::ObstacleKind;
@@ -60,9 +60,9 @@ pub struct Args {
     /// Cases to evaluate on; when left out those of split test, or of check where there are none.
     #[arg(long, value_enum, help_heading = "Sampling")]
     split: Option<SplitArg>,
-    /// Whose cases are used.
+    /// Obstacle of the cases.
     #[arg(long, value_enum, default_value_t)]
-    scene: SceneArg,
+    obstacle: ObstacleArg,
     /// Floor of the relative error as a fraction of the field's largest value (0 to 1).
     #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_FLOOR, value_parser = crate::range::number(0.0, 1.0))]
     floor: f64,
@@ -112,7 +112,7 @@ impl Args {
             return self.sealed(&model, count as usize);
         }
         let folder = self.database.as_deref().unwrap_or(Path::new(""));
-        let database = files::database(folder, ObstacleKind::from(self.scene))?;
+        let database = files::database(folder, ObstacleKind::from(self.obstacle))?;
         let split = match self.split {
             Some(split) => split,
             None if database.of_split(Split::Test).next().is_some() => SplitArg::Test,

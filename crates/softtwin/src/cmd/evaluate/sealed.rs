@@ -35,17 +35,17 @@ impl Args {
                 actuator.display()
             )));
         }
-        let (seed, scene) = (self.seed.unwrap_or(1), ObstacleKind::from(self.scene));
+        let (seed, obstacle) = (self.seed.unwrap_or(1), ObstacleKind::from(self.obstacle));
         let free = if model.regime(RegimeKind::Free).is_some() { count / FREE_SHARE } else { 0 };
-        let mut cases = random_states(model, RegimeKind::Contact, count - free, seed, scene)?;
+        let mut cases = random_states(model, RegimeKind::Contact, count - free, seed, obstacle)?;
         if free > 0 {
-            cases.extend(random_states(model, RegimeKind::Free, free, seed, scene)?);
+            cases.extend(random_states(model, RegimeKind::Free, free, seed, obstacle)?);
         }
         // A killed run continues where it was: the folder is named by what is asked for.
         let hash = wire::layout::hex(&files::model_and_hash(&self.model)?.1[..8]);
         let folder = std::env::temp_dir().join(format!("softtwin-sealed-{hash}-{seed}-{count}"));
         self.solve(model, &cases, &folder, actuator)?;
-        let database = files::database(&folder, scene)?;
+        let database = files::database(&folder, obstacle)?;
         let all: Vec<usize> = (0..database.cases.len()).collect();
         let report = evaluate(model, &database, &all, self.floor)?;
         std::fs::remove_dir_all(&folder)?;
@@ -79,7 +79,7 @@ fn random_states(
     kind: RegimeKind,
     count: usize,
     seed: u64,
-    scene: ObstacleKind,
+    obstacle: ObstacleKind,
 ) -> anyhow::Result<Vec<Case>> {
     // What is simulated is what is written: rounded as a list of cases would round it.
     let rounded = |value: f64, per: f64| (value * per).round() / per;
@@ -93,7 +93,7 @@ fn random_states(
             states.len()
         );
     }
-    let regime = match (kind, scene) {
+    let regime = match (kind, obstacle) {
         (RegimeKind::Contact, ObstacleKind::Block) => "gripper",
         (kind, _) => kind.name(),
     };
