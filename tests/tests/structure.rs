@@ -291,12 +291,12 @@ fn import_command_makes_a_model_from_results() {
     let held_back = &built["quality"]["held_back"][0];
     assert!(held_back["states"].as_u64().is_some_and(|states| states > 1), "{built:#}");
     assert!(held_back["displacement_percent"][1].as_f64().is_some_and(|error| error < 2.0), "{built:#}");
-    // A scene that was changed since is not lost.
+    // A changed scene is kept under another name.
     let scene = stage.path("part/scene.toml");
     let changed = format!("{}# with a sensor\n", std::fs::read_to_string(&scene).expect("a scene"));
     std::fs::write(&scene, &changed).expect("writable");
     let said = run(&stage, &["build", "part"]);
-    assert!(said.contains("what was there is part/scene.toml.old"), "{said}");
+    assert!(said.contains("part/scene.toml.old"), "{said}");
     assert_eq!(
         std::fs::read_to_string(stage.path("part/scene.toml.old")).expect("the scene before"),
         changed
