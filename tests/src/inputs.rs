@@ -8,10 +8,7 @@ use recording::message::{Recorded, channel, decode_reading};
 use recording::{Reader, Writer};
 use rom::rng::Rng;
 use runtime::config::{Scene, Settings};
-use runtime::source::{
-    Encoding, InputNames, LineBuffer, RegisterAt, Table, Trace, parse_cells,
-    WordOrder,
-};
+use runtime::source::{Encoding, InputNames, LineBuffer, RegisterAt, Table, Trace, WordOrder, parse_cells};
 use std::io::Cursor;
 use std::path::Path;
 use wire::{KeyExpr, Payload, Selector, SensorSample, Topic};

@@ -11,10 +11,10 @@
 #define SOFTTWIN_COEFFICIENTS_MAX 128u /* Most modal coefficients in one state. */
 #define SOFTTWIN_GROUPS_MAX 8u /* Most groups of fields in one state. */
 #define SOFTTWIN_MARKERS_MAX 8u /* Most markers of one actuator. */
-#define SOFTTWIN_AGES_MAX 11u /* Values of a reading with an age of their own. */
+#define SOFTTWIN_AGES_MAX 11u /* Values of a reading with their own age. */
 #define SOFTTWIN_UNKNOWNS_MAX 8u /* Most quantities that one twin estimates. */
 #define SOFTTWIN_INPUTS_MAX 8u /* Most inputs of a model. */
-#define SOFTTWIN_PARAMETERS_MAX 6u /* Most model inputs beside pressure and gap. */
+#define SOFTTWIN_PARAMETERS_MAX 6u /* Most model inputs other than pressure and gap. */
 #define SOFTTWIN_OUTCOME_SLOTS 24u /* Counters of outcomes. */
 #define SOFTTWIN_FINGERS_MAX 8u /* Most fingers of one grasp. */
 #define SOFTTWIN_FLAG_STALE 1u /* No usable reading within the deadline: the values are the last good ones, see `age_ns`. */
@@ -51,12 +51,12 @@
 #define SOFTTWIN_FIELD_Z 3u /* Deformed z coordinate, mm. */
 #define SOFTTWIN_FIELD_DISPLACEMENT 4u /* Magnitude of the displacement, mm. */
 #define SOFTTWIN_FIELD_VON_MISES 5u /* Von Mises stress, MPa. */
-#define SOFTTWIN_FIELD_OTHER 128u /* From here on: 128 + position in the model, for fields without a number of their own. */
+#define SOFTTWIN_FIELD_OTHER 128u /* From here on: 128 + position in the model, for fields without a fixed number. */
 #define SOFTTWIN_INPUT_UNKNOWN 0u /* Not said: no such input, or a recording of an earlier version. */
 #define SOFTTWIN_INPUT_MEASURED 1u /* A sensor says it, with every reading. */
-#define SOFTTWIN_INPUT_GIVEN 2u /* The scene says it. */
-#define SOFTTWIN_INPUT_NOMINAL 3u /* Nobody says it: the model's nominal value. */
-#define SOFTTWIN_INPUT_ESTIMATED 4u /* The twin estimates it, or a measured value less a bias that it estimates; before the first reading its prior. */
+#define SOFTTWIN_INPUT_GIVEN 2u /* Given in the scene. */
+#define SOFTTWIN_INPUT_NOMINAL 3u /* The model's nominal value, for inputs neither measured nor given. */
+#define SOFTTWIN_INPUT_ESTIMATED 4u /* Estimated by the twin, or a measured value minus an estimated bias; before the first reading its prior. */
 #define SOFTTWIN_REGIME_UNKNOWN 0u /* No reading yet. */
 #define SOFTTWIN_REGIME_FREE 1u /* The actuator does not touch the plate: the model's input is the pressure. */
 #define SOFTTWIN_REGIME_CONTACT 2u /* The actuator touches the plate: the model's inputs are pressure and gap. */
@@ -69,7 +69,7 @@
 #define SOFTTWIN_OUTCOME_HELD_SENSOR_FAULT 3u /* The sensor itself reports a fault: the last good state stands. */
 #define SOFTTWIN_OUTCOME_HELD_STALE 4u /* Older than the configured limit when it arrived: the last good state stands. */
 #define SOFTTWIN_OUTCOME_HELD_FUTURE 5u /* Stamped later than now by more than the configured limit: the last good state stands. */
-#define SOFTTWIN_OUTCOME_HELD_OUTSIDE_SCENE 6u /* The gap is outside the range that the scene said can occur (what it needs was not loaded): the last good state stands. */
+#define SOFTTWIN_OUTCOME_HELD_OUTSIDE_SCENE 6u /* The gap is outside the range in the scene (the regime it needs was not loaded): the last good state is kept. */
 #define SOFTTWIN_OUTCOME_DROPPED_DUPLICATE 7u /* The same sequence number again. */
 #define SOFTTWIN_OUTCOME_DROPPED_BACK_IN_TIME 8u /* A sequence number or time stamp before the last one. */
 #define SOFTTWIN_OUTCOME_DROPPED_SUPERSEDED 9u /* A newer reading was already waiting: the newest wins. */
@@ -79,11 +79,11 @@
 #define SOFTTWIN_OUTCOME_DROPPED_OUTSIDE_DOMAIN 13u /* The reading lies outside the model's domain and the settings say to reject it. */
 #define SOFTTWIN_OUTCOME_DROPPED_RECONSTRUCTION 14u /* The model gave no field for an output; the state was sent. */
 #define SOFTTWIN_OUTCOME_DROPPED_SEQUENCE_JUMP 15u /* The sequence number is far from the one before; readings that go on from there are used from the third on. */
-#define SOFTTWIN_OUTCOME_HELD_INPUT_OUTSIDE_SCENE 16u /* A measured input beside pressure and gap is outside the range that the scene said can occur: the last good state stands. */
-#define SOFTTWIN_GRASP_UNKNOWN 0u /* Not every finger has a fresh state. */
+#define SOFTTWIN_OUTCOME_HELD_INPUT_OUTSIDE_SCENE 16u /* A further measured input is outside the range in the scene: the last good state is kept. */
+#define SOFTTWIN_GRASP_UNKNOWN 0u /* The state of at least one finger is stale. */
 #define SOFTTWIN_GRASP_NOT_HELD 1u /* Friction does not carry the object. */
-#define SOFTTWIN_GRASP_MARGINAL 2u /* Friction carries the object, but would not with the forces less their half-widths. */
-#define SOFTTWIN_GRASP_HELD 3u /* Friction carries the object with the forces less their half-widths, too. */
+#define SOFTTWIN_GRASP_MARGINAL 2u /* Friction carries the object, but would not with the forces minus their half-widths. */
+#define SOFTTWIN_GRASP_HELD 3u /* Friction carries the object with the forces minus their half-widths, too. */
 #define SOFTTWIN_ESTIMATE_NONE 0u /* No reading yet. */
 #define SOFTTWIN_ESTIMATE_USED 1u /* The estimate takes the reading into account. */
 #define SOFTTWIN_ESTIMATE_INPUT_MISSING 2u /* An input that is to be measured is missing: nothing changed. */
@@ -94,7 +94,7 @@
 #define SOFTTWIN_ESTIMATE_ALARM_NONE 0u /* Model, sensors and estimates explain the readings. */
 #define SOFTTWIN_ESTIMATE_ALARM_INPUT 1u /* The inputs in `suspects` contradict the other sensors: what is read is not what is in the actuator. */
 #define SOFTTWIN_ESTIMATE_ALARM_SENSOR 2u /* The measurements in `suspects` contradict the others and the model. */
-#define SOFTTWIN_ESTIMATE_ALARM_QUANTITY 3u /* The quantities in `suspects` are told by the readings and lie beyond 4 standard deviations of what was known before. */
+#define SOFTTWIN_ESTIMATE_ALARM_QUANTITY 3u /* The quantities in `suspects` are identifiable and more than 4 standard deviations from their priors. */
 #define SOFTTWIN_ESTIMATE_ALARM_NOT_EXPLAINED 4u /* The model does not explain the readings. */
 #define SOFTTWIN_VALVE_REASON_NO_SETPOINT 0u /* No setpoint has come yet: the safe value. */
 #define SOFTTWIN_VALVE_REASON_FOLLOWING 1u /* The setpoint, within range and rate. */
@@ -125,7 +125,7 @@
 #define SOFTTWIN_QUERY_STATUS_NO_MEMORY 9u /* No shared memory for the field; limit: bytes needed. */
 #define SOFTTWIN_QUERY_STATUS_UNKNOWN_KIND 10u /* The kind of question is unknown to this twin. */
 #define SOFTTWIN_QUERY_STATUS_MODEL 11u /* The model gave a value that is not finite. */
-#define SOFTTWIN_QUERY_STATUS_UNKNOWN_INPUT 12u /* A parameter of the question is none of the model's. */
+#define SOFTTWIN_QUERY_STATUS_UNKNOWN_INPUT 12u /* The query has a parameter that the model does not have. */
 
 /** One reading of the sensors of one actuator, stamped by the bridge. */
 typedef struct {
@@ -280,10 +280,10 @@ typedef struct {
   double pressure_mpa; /**< Gauge pressure that is wanted. Unit: MPa. */
 } softtwin_command;
 
-/** Estimated quantities after one reading, with what the reading said about model and sensors. */
+/** Estimated quantities after one reading, with its consistency with model and sensors. */
 typedef struct {
   uint32_t layout_version; /**< Layout version. */
-  uint32_t status; /**< What became of the reading. */
+  uint32_t status; /**< Status of the reading. */
   uint8_t model_hash[16]; /**< First 16 bytes of the model file's hash. */
   uint64_t boot_id; /**< The run of the twin. */
   uint64_t seq; /**< Counts up by one per estimate within a run, beginning at 1. */
@@ -298,16 +298,16 @@ typedef struct {
   uint32_t rejected; /**< Measurements rejected as contradictory: bit 0 the force, bit 1 the first marker, bit 2 the second, ... */
   uint64_t rejected_total; /**< Measurements rejected since the start. */
   uint32_t unknown_count; /**< Quantities that are estimated. */
-  uint32_t identifiable; /**< Bit 0: the readings tell the first quantity, and so on; 0: the value rests on what was known before. */
+  uint32_t identifiable; /**< Bit 0: the readings identify the first quantity, and so on; 0: the value rests on the prior. */
   double values[8]; /**< Estimated values, in the units of their names. */
   double sigmas[8]; /**< Standard deviations of the estimated values. */
   double inputs[8]; /**< Model inputs that explain the reading best, in the model's order; state and fields are those of these inputs. */
   uint32_t input_count; /**< Inputs of the model. */
-  uint32_t alarm; /**< What has not fitted for the last second or so. */
+  uint32_t alarm; /**< Persistent contradiction of about the last second. */
   double force_sigma_n; /**< Standard deviation of the force that follows from those of the estimated values. Unit: N. */
   uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
   uint8_t names[256]; /**< Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left. */
-  uint32_t suspects; /**< What the alarm names: bit 0 the first input (the pressure) or quantity; of measurements the bits of `rejected`. */
+  uint32_t suspects; /**< Inputs or quantities of the alarm: bit 0 is the first input (the pressure) or quantity; for measurements the bits of `rejected`. */
   uint32_t reserved; /**< Zero. */
 } softtwin_estimate;
 
@@ -322,7 +322,7 @@ typedef struct {
   uint8_t owner[32]; /**< Name of the owner, zero-padded. */
 } softtwin_setpoint;
 
-/** What the bridge has written to the valve of an actuator, one for each write or attempt. */
+/** Value written by the bridge to the valve of an actuator, one per write or attempt. */
 typedef struct {
   uint64_t boot_id; /**< The run of the bridge. */
   uint64_t seq; /**< Counts up by one per sample within a run, beginning at 1. */
@@ -333,8 +333,8 @@ typedef struct {
   double wanted_mpa; /**< Gauge pressure that the setpoint (or the override) wants; NaN: there is none. Unit: MPa. */
   double safe_mpa; /**< Safe value. Unit: MPa. */
   uint32_t valve_reason; /**< Why this value. */
-  uint32_t valve_interlock; /**< What holds the valve at its safe value, bits. */
-  uint32_t valve_limit; /**< What the written value was limited by, bits. */
+  uint32_t valve_interlock; /**< Interlocks that hold the valve at its safe value, bits. */
+  uint32_t valve_limit; /**< Limits that changed the written value, bits. */
   uint32_t reserved; /**< Zero. */
   uint64_t setpoint_boot_id; /**< The run of the setpoint's (or the override's) owner. */
   uint64_t setpoint_seq; /**< Sequence number of that setpoint. */
@@ -348,9 +348,9 @@ typedef struct {
 /** One question. What its kind does not need is NaN. */
 typedef struct {
   uint32_t layout_version; /**< Layout version. */
-  uint32_t kind; /**< What is asked for. */
+  uint32_t kind; /**< Kind of the query. */
   uint32_t want_field; /**< 1: the field is wanted too, 0: the state is enough. */
-  uint32_t parameter_count; /**< Parameters given: model inputs beside pressure and gap. The others have the values that the twin uses itself. */
+  uint32_t parameter_count; /**< Number of parameters: model inputs other than pressure and gap. Missing ones have the values that the twin uses. */
   double pressure_mpa; /**< Pressure. Unit: MPa. */
   double gap_mm; /**< Gap. Unit: mm. */
   double force_n; /**< Contact force: the target, or the measured one. Unit: N. */

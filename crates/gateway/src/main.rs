@@ -34,7 +34,6 @@ use endpoint::list;
 use link::{Counters, Link};
 use liveness::Liveness;
 use queries::QueryHandler;
-use wire::thread_group::ThreadGroup;
 use runtime::config::ConfigError;
 use runtime::{metrics, service};
 use std::net::SocketAddr;
@@ -47,6 +46,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 use topic_scan::TopicScan;
 use wire::Domain;
+use wire::thread_group::ThreadGroup;
 use zenoh::Wait;
 
 /// Interval of the counts in the log.

@@ -26,12 +26,12 @@ use wire::layout::LAYOUT_VERSION;
 use wire::{Domain, KeyExpr, Topic, TopicKind, WireError, now_ns};
 
 use crate::rotate::{RotateOptions, RotatingWriter};
-use wire::thread_group::{ThreadEnded, ThreadGroup, WAIT};
 pub use queue::FLUSH_EVERY;
 use queue::{Queue, WriterThread};
 use scan::{ScanResult, TopicScan};
 pub use summary::{RecordError, RecordSummary};
 use topic::Opened;
+use wire::thread_group::{ThreadEnded, ThreadGroup, WAIT};
 
 /// Topics and target of a recording.
 #[derive(Debug, Clone)]

@@ -5,7 +5,7 @@ use recording::Channel;
 use recording::message::{FieldMessage, Recorded, channel, decode, decode_field, decode_reading};
 use serde_json::Value;
 use wire::layout::{
-    COEFFICIENTS_MAX, FINGERS_MAX, GROUPS_MAX, Layout, PARAMETERS_MAX, PAYLOADS, Payload, LAYOUT_VERSION,
+    COEFFICIENTS_MAX, FINGERS_MAX, GROUPS_MAX, LAYOUT_VERSION, Layout, PARAMETERS_MAX, PAYLOADS, Payload,
     input_source, pack_name, set_slot, value_bits,
 };
 use wire::{
@@ -218,8 +218,11 @@ fn a_wrong_property_is_named_with_what_is_expected() {
 #[test]
 fn states_healths_grasps_and_headers_come_back() {
     let mut bytes = Vec::new();
-    let mut state =
-        State { layout_version: LAYOUT_VERSION, coefficient_count: COEFFICIENTS_MAX as u32, ..State::default() };
+    let mut state = State {
+        layout_version: LAYOUT_VERSION,
+        coefficient_count: COEFFICIENTS_MAX as u32,
+        ..State::default()
+    };
     for (index, coefficient) in state.coefficients.iter_mut().enumerate() {
         *coefficient = f32::from_bits(0x3f00_0001 + 0x0101_7f3b_u32.wrapping_mul(index as u32) % 0x3000_0000);
     }

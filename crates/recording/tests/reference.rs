@@ -163,7 +163,10 @@ fn a_file_that_is_none_is_refused() {
 #[test]
 fn a_recording_of_another_layout_is_refused_and_names_the_command_that_makes_it() {
     for (entries, wanted) in [
-        (BTreeMap::from([("layout".to_owned(), (LAYOUT_VERSION - 1).to_string())]), (LAYOUT_VERSION - 1).to_string()),
+        (
+            BTreeMap::from([("layout".to_owned(), (LAYOUT_VERSION - 1).to_string())]),
+            (LAYOUT_VERSION - 1).to_string(),
+        ),
         (BTreeMap::from([("version".to_owned(), "0.1.0".to_owned())]), "none".to_owned()),
     ] {
         let mut writer = Writer::new(Vec::new()).expect("memory");

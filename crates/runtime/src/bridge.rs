@@ -25,7 +25,7 @@ struct Line {
 /// Sources by the name of their actuator.
 pub type Sources = Vec<(String, Box<dyn Source>)>;
 
-/// What the bridge has done so far; readable from other threads while it runs.
+/// Counters of the bridge; readable from other threads.
 #[derive(Debug, Default)]
 pub struct BridgeCounters {
     /// Readings sent.
@@ -34,16 +34,16 @@ pub struct BridgeCounters {
     pub failed: AtomicU64,
     /// Readings sent later than one millisecond after they were due.
     pub late: AtomicU64,
-    /// Turns of the loop, so that a watchdog can see that it lives.
+    /// Iterations of the loop, for the watchdog.
     pub turns: AtomicU64,
 }
 
-/// A reading sent so much after its due time is counted as late.
+/// Delay from which a reading counts as late, s.
 const LATE_S: f64 = 1e-3;
 /// Longest sleep, s: the stop flag is checked that often.
 const MAX_SLEEP_S: f64 = 0.1;
-/// Readings of one source sent in one turn: a source that is always due must not keep the loop from its stop flag or from
-/// the other sources.
+/// Largest number of readings of one source per iteration, so that a source that is always due delays neither the stop flag nor
+/// other sources.
 const MAX_BATCH: usize = 64;
 
 /// The bridge with all its sources started and topics open.
@@ -77,7 +77,7 @@ pub enum BridgeError {
     Source {
         /// The actuator.
         actuator: String,
-        /// What happened.
+        /// Cause.
         cause: String,
     },
 }
@@ -112,8 +112,8 @@ impl Bridge {
         self.lines.iter().flat_map(of_line).collect()
     }
 
-    /// From now on sources that come here take the places of those of the same actuators, between two readings; topics and numbers
-    /// of readings continue. An actuator that the bridge does not have is passed over.
+    /// Returns a sender of new sources. They replace those of the same actuators between two readings; topics and numbers of readings
+    /// continue. Unknown actuators are ignored.
     pub fn accept_sources(&mut self) -> Sender<Sources> {
         let (sender, replacements) = channel();
         self.replacements = Some(replacements);

@@ -1,4 +1,4 @@
-//! What a scene costs before it runs: what will be loaded, bytes, and measured microseconds a sample.
+//! Cost of a scene before it runs: loaded blocks, bytes, and measured microseconds per sample.
 
 use crate::latency;
 use crate::load::Loaded;
@@ -41,7 +41,7 @@ pub struct ExplainedInput {
     pub name: String,
     /// Its unit.
     pub unit: String,
-    /// The value used; none where it comes with the readings.
+    /// Value used; `None` if it comes with the readings.
     pub value: Option<f64>,
     /// `given` by the scene, `measured`, `estimated` (the value is its prior) or the model's `nominal` one.
     pub from: &'static str,

@@ -12,7 +12,7 @@ pub const MAX_MODEL_BYTES: u64 = 4 << 30;
 /// Opens a regular file of at most `limit` bytes.
 ///
 /// # Errors
-/// The system's refusal; a folder, device or pipe; a longer file.
+/// I/O errors; a folder, device or pipe; a longer file.
 pub fn open(path: &Path, limit: u64) -> Result<File> {
     // Asked before the file is opened: opening a pipe waits for its writer.
     let metadata = fs::metadata(path)?;

@@ -1,4 +1,4 @@
-//! What the machine allows: space in a file system, limits of this process.
+//! Resources of the machine: space in a file system, limits of this process.
 
 use std::ffi::CString;
 use std::io;
@@ -17,7 +17,7 @@ pub struct Space {
 /// Space in the file system of `path`.
 ///
 /// # Errors
-/// The system's refusal.
+/// I/O errors.
 pub fn space(path: &Path) -> io::Result<Space> {
     let found = file_system(path)?;
     let bytes = |blocks: u64| blocks.saturating_mul(found.f_frsize as u64);
@@ -27,7 +27,7 @@ pub fn space(path: &Path) -> io::Result<Space> {
 /// Whether the files of `path` live in memory, where opening or removing one waits for no disk.
 ///
 /// # Errors
-/// The system's refusal.
+/// I/O errors.
 pub fn is_in_memory(path: &Path) -> io::Result<bool> {
     let kind = file_system(path)?.f_type;
     Ok(kind == libc::TMPFS_MAGIC || kind == RAMFS_MAGIC)

@@ -1,10 +1,10 @@
-//! The inputs of a model that readings carry by name, beside pressure and gap.
+//! Measured inputs of a model other than pressure and gap, which readings carry by name.
 
 use crate::config::ActuatorSpec;
 use rom::inputs::InputSpec;
 use wire::layout::{PARAMETERS_MAX, set_slot};
 
-/// Which they are, and what the scene says of their values.
+/// Measured inputs with the ranges in the scene.
 #[derive(Debug, Clone, Default)]
 pub struct MeasuredInputs(Vec<MeasuredInput>);
 
@@ -25,7 +25,7 @@ pub(crate) struct MeasuredValue {
     pub(crate) input: usize,
     /// NaN where the reading has none.
     pub(crate) value: f64,
-    /// Whether the scene says that it can occur.
+    /// True if the range in the scene contains it.
     pub(crate) can_occur: bool,
 }
 

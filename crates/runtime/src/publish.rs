@@ -275,7 +275,7 @@ impl FieldOutput {
         fill_field_header(&mut self.header, state, &peaks);
         loan.send(self.header).map_err(|_| FieldError::Transport)?;
         if self.period_ns > 0 {
-            // Keeps the rate on average; after a pause it begins anew instead of catching up.
+            // Keeps the rate on average; after a pause it restarts instead of catching up.
             let next = self.next_due_ns + self.period_ns;
             self.next_due_ns =
                 if next > state.t_sensor_ns { next } else { state.t_sensor_ns + self.period_ns };

@@ -1,4 +1,4 @@
-//! Sources, sensors and the services beside the loop. One program: linked once, and its tests run beside each other.
+//! Sources, sensors and the services next to the loop. One program, which is linked once and runs its tests in parallel.
 
 mod http;
 mod mixed;

@@ -28,21 +28,21 @@ impl Drop for EndOnDrop<'_> {
     }
 }
 
-/// Asks for the page and returns how long it took to get it.
+/// Requests `/metrics` and returns the duration.
 fn visit(address: SocketAddr) -> Duration {
     let begin = Instant::now();
-    let mut visitor = TcpStream::connect(address).unwrap();
-    visitor.set_read_timeout(Some(20 * HEADER_TIMEOUT)).unwrap();
-    visitor.write_all(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
+    let mut client = TcpStream::connect(address).unwrap();
+    client.set_read_timeout(Some(20 * HEADER_TIMEOUT)).unwrap();
+    client.write_all(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
     let mut answer = String::new();
-    visitor.read_to_string(&mut answer).unwrap();
+    client.read_to_string(&mut answer).unwrap();
     assert!(answer.starts_with("HTTP/1.1 200") && answer.ends_with("hello"), "{answer}");
     begin.elapsed()
 }
 
-/// Served in turns of [`MAX_CONNECTIONS`], 448 idle connections would keep a visitor waiting for 14 s.
+/// Served in turns of [`MAX_CONNECTIONS`], 448 idle connections would delay a client by 14 s.
 #[test]
-fn idle_connections_delay_nobody() {
+fn idle_connections_delay_no_client() {
     beside_server(|address| {
         let idle: Vec<TcpStream> =
             (0..7 * MAX_CONNECTIONS).map(|_| TcpStream::connect(address).unwrap()).collect();
@@ -66,7 +66,7 @@ fn half_requests_delay_nobody() {
     });
 }
 
-/// Visitors who keep their connection after an answer take no place from others.
+/// Connections that are kept after an answer take no place from others.
 #[test]
 fn kept_connections_are_closed_for_others() {
     beside_server(|address| {

@@ -79,7 +79,7 @@ fn wait_until(what: &str, is_so: impl Fn() -> bool) {
     }
 }
 
-/// What a Modbus device answers to unit, function, register and the word that is written.
+/// Answer of a Modbus device to unit, function, register and written word.
 type Answer = Arc<dyn Fn(u8, u8, u16, u16) -> u16 + Send + Sync>;
 
 /// A Modbus TCP device that takes one request at a time; with the number of its connections, and whether a second request
@@ -190,9 +190,9 @@ fn rtu(bytes: &[u8]) -> Vec<u8> {
     [bytes, &crc(bytes).to_le_bytes()].concat()
 }
 
-/// What a device on the bus does with a question for unit 2; unit 1 always behaves.
+/// Fault of a device on the bus at a request for unit 2; unit 1 has none.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Trouble {
+enum Fault {
     None,
     BadCrc,
     Half,
@@ -202,15 +202,15 @@ enum Trouble {
     Late,
 }
 
-/// A bus with a gauge (unit 1, 45 kPa) and a gap sensor (unit 2, 40 mm) that is in trouble; in every wrong answer there is
-/// 27.3, which no reading may ever show.
+/// A bus with a gauge (unit 1, 45 kPa) and a faulty gap sensor (unit 2, 40 mm). Every wrong answer contains 27.3, which no
+/// reading may contain.
 #[test]
-fn trouble_of_one_unit_on_a_bus_never_gives_a_wrong_value_and_passes() {
+fn faults_of_one_unit_on_a_bus_give_no_wrong_value_and_are_recovered() {
     let folder = tempfile::tempdir().unwrap();
     let (mut ours, _held, port) = terminal();
-    let trouble = Arc::new(Mutex::new(Trouble::None));
+    let fault = Arc::new(Mutex::new(Fault::None));
     let gap_counters: Arc<Mutex<Option<Arc<SensorCounters>>>> = Arc::default();
-    let (of_device, counted) = (trouble.clone(), gap_counters.clone());
+    let (of_device, counted) = (fault.clone(), gap_counters.clone());
     thread::spawn(move || {
         let (mut bytes, mut byte) = (Vec::new(), [0u8; 1]);
         while ours.read_exact(&mut byte).is_ok() {
@@ -227,11 +227,11 @@ fn trouble_of_one_unit_on_a_bus_never_gives_a_wrong_value_and_passes() {
                 (|unit, value: u16| rtu(&[unit, 4, 2, (value >> 8) as u8, value as u8]), 273u16);
             let reply = match (request[0], *of_device.lock().unwrap()) {
                 (1, _) => good(1, 450),
-                (2, Trouble::None) => good(2, 400),
-                (2, Trouble::BadCrc) => [&good(2, wrong)[..5], &[0xde, 0xad]].concat(),
-                (2, Trouble::Half) => good(2, wrong)[..4].to_vec(),
-                (2, Trouble::WrongUnit) => good(1, wrong),
-                (2, Trouble::Late) => {
+                (2, Fault::None) => good(2, 400),
+                (2, Fault::BadCrc) => [&good(2, wrong)[..5], &[0xde, 0xad]].concat(),
+                (2, Fault::Half) => good(2, wrong)[..4].to_vec(),
+                (2, Fault::WrongUnit) => good(1, wrong),
+                (2, Fault::Late) => {
                     let counters = counted.lock().unwrap().clone().expect("a sensor");
                     let before = count(&counters, "timeouts");
                     wait_until("the question is given up", || count(&counters, "timeouts") > before);
@@ -260,7 +260,7 @@ fn trouble_of_one_unit_on_a_bus_never_gives_a_wrong_value_and_passes() {
         assert!((reading.pressure_mpa - 0.045).abs() < 1e-12 || reading.pressure_mpa.is_nan(), "{reading:?}");
         assert!((reading.gap_mm - 40.0).abs() < 1e-9 || reading.gap_mm.is_nan(), "{reading:?}");
     };
-    for next in [Trouble::BadCrc, Trouble::Half, Trouble::WrongUnit, Trouble::Silence, Trouble::Late] {
+    for next in [Fault::BadCrc, Fault::Half, Fault::WrongUnit, Fault::Silence, Fault::Late] {
         wait_for(&mut source, "both values", |reading| {
             right(reading);
             reading.gap_mm.is_finite() && reading.pressure_mpa.is_finite()
@@ -268,19 +268,19 @@ fn trouble_of_one_unit_on_a_bus_never_gives_a_wrong_value_and_passes() {
         let failures =
             || ["timeouts", "garbage", "disconnects"].map(|name| count(&gap, name)).iter().sum::<u64>();
         let before = failures();
-        *trouble.lock().unwrap() = next;
+        *fault.lock().unwrap() = next;
         let without = wait_for(&mut source, "a reading without the gap", |reading| {
             right(reading);
             reading.gap_mm.is_nan()
         });
-        assert_eq!((without.stale_values, without.status), (0b10, 0), "{next:?}: the gauge goes on");
+        assert_eq!((without.stale_values, without.status), (0b10, 0), "{next:?}: the gauge continues");
         let pressures = wait_for(&mut source, "a reading of the gauge", |reading| {
             right(reading);
             reading.pressure_mpa.is_finite() && reading.t_sensor_ns > without.t_sensor_ns
         });
         assert!(pressures.ages_ns.gap > 100_000_000, "{next:?}: {pressures:?}");
         assert!(failures() > before, "{next:?} was counted as nothing");
-        *trouble.lock().unwrap() = Trouble::None;
+        *fault.lock().unwrap() = Fault::None;
     }
     wait_for(&mut source, "the gap again", |reading| {
         right(reading);
@@ -288,7 +288,7 @@ fn trouble_of_one_unit_on_a_bus_never_gives_a_wrong_value_and_passes() {
     });
 }
 
-/// Says a line again and again until the source has made a reading that fits of it.
+/// Sends a line repeatedly until the source has a matching reading.
 fn say_until(
     source: &mut SourceReader,
     mut say: impl FnMut(),
@@ -360,7 +360,10 @@ fn four_kinds_at_once_are_pulled_and_plugged_in_again() {
     assert!(
         without.gap_mm.is_nan() && without.pressure_mpa.is_finite() && without.measured_force_n.is_finite()
     );
-    assert!((200_000_000..400_000_000).contains(&without.ages_ns.gap), "absent within its limit: {without:?}");
+    assert!(
+        (200_000_000..400_000_000).contains(&without.ages_ns.gap),
+        "absent within its limit: {without:?}"
+    );
     wait_until("the pulled plug is counted", || {
         let distance = counters(&source, "distance");
         count(&distance, "disconnects") + count(&distance, "refusals") > 0
@@ -384,7 +387,8 @@ fn four_kinds_at_once_are_pulled_and_plugged_in_again() {
 
     // The camera sees nothing, then says nonsense, then nothing at all.
     camera.send_to(b";;", camera_address).unwrap();
-    let unseen = wait_for(&mut source, "a marker that is not seen", |reading| reading.markers_mm[0].x.is_nan());
+    let unseen =
+        wait_for(&mut source, "a marker that is not seen", |reading| reading.markers_mm[0].x.is_nan());
     assert_eq!((unseen.stale_values & 0b1000, unseen.fault_values), (0, 0), "{unseen:?}");
     camera.send_to(b"1.5; two", camera_address).unwrap();
     wait_for(&mut source, "a silent camera", |reading| reading.stale_values & 0b1000 != 0);
@@ -401,7 +405,7 @@ fn a_program_that_prints_lines_is_restarted_and_ends_with_the_source() {
     let folder = tempfile::tempdir().unwrap();
     let script = folder.path().join("sensor.sh");
     // Its number, that of a program it starts, then the end as soon as a file asks for it.
-    let text = "#!/bin/sh\nsleep 1000 &\necho \"trouble\" >&2\nwhile [ ! -e stop ]; do echo \"0.03; $$; $!\"; sleep 0.01; done\nkill $!; rm stop\n";
+    let text = "#!/bin/sh\nsleep 1000 &\necho \"fault\" >&2\nwhile [ ! -e stop ]; do echo \"0.03; $$; $!\"; sleep 0.01; done\nkill $!; rm stop\n";
     fs::write(&script, text).unwrap();
     let body = "[actuator.sensors.own]\nkind = \"lines\"\ncommand = [\"/bin/sh\", \"sensor.sh\"]\nage_limit_ms = 300\n\
          values.pressure_mpa = { from = 1 }\nvalues.gap_mm = { from = 2 }\nvalues.force_n = { from = 3 }";
@@ -490,7 +494,7 @@ fn everything_wrong_with_the_sensors_of_a_scene_is_told_at_once() {
         ("sensors.cell.command", "found nothing"),
         ("sensors.adc.rate_hz", "found 0"),
         ("sensors: expected a sensor with pressure_mpa", "found none"),
-        ("listens to another's", "sensors of its own"),
+        ("listens to another's", "its own sensors"),
     ] {
         let said =
             text.lines().any(|line| line.contains(key) && line.contains(found) && line.contains("`finger0`"));

@@ -1,4 +1,4 @@
-//! Recordings as traces: what was published comes back to the bit.
+//! Recordings as traces are bit-identical to the published readings.
 
 use recording::message::{Recorded, channel};
 use recording::{RotateOptions, RotatingWriter};
@@ -44,7 +44,9 @@ fn a_recording_is_replayed_to_the_bit() {
     let (_folder, path) = recording(&["softtwin/finger/sensor"], 12);
     let mut source = SourceSpec::replay_of(path).open(Path::new("/"), &InputNames::default()).unwrap();
     for seq in 0..12 {
-        let Poll::Reading(Reading { sample: reading, due_s }) = source.poll(f64::INFINITY) else { panic!("reading {seq} is missing") };
+        let Poll::Reading(Reading { sample: reading, due_s }) = source.poll(f64::INFINITY) else {
+            panic!("reading {seq} is missing")
+        };
         let sent = sample(seq);
         assert_eq!(reading.pressure_mpa.to_bits(), sent.pressure_mpa.to_bits());
         assert_eq!((reading.gap_mm, reading.status), (sent.gap_mm, sent.status));

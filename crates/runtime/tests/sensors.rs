@@ -160,7 +160,7 @@ fn a_device_over_tcp_with_three_quantities_and_an_exception() {
     let faulty = wait_for(&mut source, "exception", |reading| reading.status != 0);
     assert!(
         faulty.status == 4 && faulty.pressure_mpa.is_nan(),
-        "{faulty:?}: a device failure is told as one"
+        "{faulty:?}: a device failure has its status"
     );
     device.fault.store(0, Ordering::SeqCst);
     device.steps.store((-30i16).cast_unsigned(), Ordering::SeqCst);
@@ -172,7 +172,7 @@ fn a_device_over_tcp_with_three_quantities_and_an_exception() {
 fn pseudo_terminal() -> (SerialStream, File, SerialSpec) {
     let (ours, theirs) = SerialStream::pair().unwrap();
     let port = PathBuf::from(theirs.name().expect("a pseudo-terminal has a name"));
-    // The other end stays open without the library's lock on it: a terminal that nobody has open reports a hang-up.
+    // The other end stays open without the library's lock on it: a terminal that no process has open reports a hang-up.
     let held = File::options().read(true).custom_flags(libc::O_NOCTTY).open(&port).unwrap();
     drop(theirs);
     let spec = SerialSpec { port, baud: 115_200, data_bits: 8, parity: Default::default(), stop_bits: 1 };
@@ -203,9 +203,9 @@ fn a_device_over_a_serial_line() {
     wait_for(&mut source, "recovery", |reading| reading.status == 0);
 }
 
-/// What a bad device does with a connection.
+/// Fault of a device on a connection.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Mischief {
+enum Fault {
     CloseAtOnce,
     CloseInTheMiddle,
     Silence,
@@ -231,32 +231,32 @@ enum Mischief {
 }
 
 /// All but the last.
-const MISCHIEFS: [Mischief; 21] = [
-    Mischief::CloseAtOnce,
-    Mischief::CloseInTheMiddle,
-    Mischief::Silence,
-    Mischief::Truncated,
-    Mischief::Slow,
-    Mischief::Flood,
-    Mischief::Garbage,
-    Mischief::WrongProtocol,
-    Mischief::WrongUnit,
-    Mischief::WrongFunction,
-    Mischief::UnknownFunction,
-    Mischief::LateAnswer,
-    Mischief::AnswersTwice,
-    Mischief::LengthZero,
-    Mischief::Oversized,
-    Mischief::WrongCount,
-    Mischief::ByteCountLies,
-    Mischief::NoData,
-    Mischief::OddBytes,
-    Mischief::EmptyException,
-    Mischief::UnknownException,
+const MISCHIEFS: [Fault; 21] = [
+    Fault::CloseAtOnce,
+    Fault::CloseInTheMiddle,
+    Fault::Silence,
+    Fault::Truncated,
+    Fault::Slow,
+    Fault::Flood,
+    Fault::Garbage,
+    Fault::WrongProtocol,
+    Fault::WrongUnit,
+    Fault::WrongFunction,
+    Fault::UnknownFunction,
+    Fault::LateAnswer,
+    Fault::AnswersTwice,
+    Fault::LengthZero,
+    Fault::Oversized,
+    Fault::WrongCount,
+    Fault::ByteCountLies,
+    Fault::NoData,
+    Fault::OddBytes,
+    Fault::EmptyException,
+    Fault::UnknownException,
 ];
 
 /// A device over TCP that does one mischief with each connection of `plan`, and then behaves.
-fn misbehave(plan: Vec<Mischief>) -> (SocketAddr, Arc<AtomicUsize>) {
+fn misbehave(plan: Vec<Fault>) -> (SocketAddr, Arc<AtomicUsize>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     let connections = Arc::new(AtomicUsize::new(0));
@@ -265,7 +265,7 @@ fn misbehave(plan: Vec<Mischief>) -> (SocketAddr, Arc<AtomicUsize>) {
     thread::spawn(move || {
         for stream in listener.incoming().flatten() {
             let number = counted.fetch_add(1, Ordering::SeqCst);
-            let mischief = plan.get(number).copied().unwrap_or(Mischief::Behave);
+            let mischief = plan.get(number).copied().unwrap_or(Fault::Behave);
             let silent = silent.clone();
             thread::spawn(move || answer(stream, mischief, &silent));
         }
@@ -284,8 +284,8 @@ fn frame(transaction: u16, protocol: u8, unit: u8, function: u8, data: &[u8]) ->
     [&[high, low, 0, protocol, 0, data.len() as u8 + 2, unit, function], data].concat()
 }
 
-fn answer(mut stream: TcpStream, mischief: Mischief, silent: &Mutex<Vec<TcpStream>>) {
-    if mischief == Mischief::CloseAtOnce {
+fn answer(mut stream: TcpStream, mischief: Fault, silent: &Mutex<Vec<TcpStream>>) {
+    if mischief == Fault::CloseAtOnce {
         return;
     }
     let mut request = [0u8; 12];
@@ -293,26 +293,26 @@ fn answer(mut stream: TcpStream, mischief: Mischief, silent: &Mutex<Vec<TcpStrea
         let t = u16::from_be_bytes([request[0], request[1]]);
         let reply: Vec<u8> = match mischief {
             // Kept open and unanswered.
-            Mischief::Silence => return silent.lock().unwrap().push(stream),
-            Mischief::CloseInTheMiddle | Mischief::Truncated => frame(t, 0, 1, 4, &WRONG)[..7].to_vec(),
-            Mischief::Garbage => b"\xde\xad\xbe\xef\xde\xad\xbe\xef\xde\xad\xbe\xef\xde\xad".to_vec(),
-            Mischief::WrongProtocol => frame(t, 7, 1, 4, &WRONG),
-            Mischief::WrongUnit => frame(t, 0, 9, 4, &WRONG),
-            Mischief::WrongFunction => frame(t, 0, 1, 3, &WRONG),
-            Mischief::UnknownFunction => frame(t, 0, 1, 0x55, &WRONG),
-            Mischief::LateAnswer => frame(t.wrapping_sub(1), 0, 1, 4, &WRONG),
-            Mischief::AnswersTwice => [frame(t, 0, 1, 4, &GOOD), frame(t, 0, 1, 4, &WRONG)].concat(),
-            Mischief::LengthZero => [&frame(t, 0, 1, 4, &[])[..4], &[0, 0, 1, 4]].concat(),
-            Mischief::Oversized => {
+            Fault::Silence => return silent.lock().unwrap().push(stream),
+            Fault::CloseInTheMiddle | Fault::Truncated => frame(t, 0, 1, 4, &WRONG)[..7].to_vec(),
+            Fault::Garbage => b"\xde\xad\xbe\xef\xde\xad\xbe\xef\xde\xad\xbe\xef\xde\xad".to_vec(),
+            Fault::WrongProtocol => frame(t, 7, 1, 4, &WRONG),
+            Fault::WrongUnit => frame(t, 0, 9, 4, &WRONG),
+            Fault::WrongFunction => frame(t, 0, 1, 3, &WRONG),
+            Fault::UnknownFunction => frame(t, 0, 1, 0x55, &WRONG),
+            Fault::LateAnswer => frame(t.wrapping_sub(1), 0, 1, 4, &WRONG),
+            Fault::AnswersTwice => [frame(t, 0, 1, 4, &GOOD), frame(t, 0, 1, 4, &WRONG)].concat(),
+            Fault::LengthZero => [&frame(t, 0, 1, 4, &[])[..4], &[0, 0, 1, 4]].concat(),
+            Fault::Oversized => {
                 [&frame(t, 0, 1, 4, &WRONG)[..4], &[0xff, 0xff, 1, 4], &[2; 70_000][..]].concat()
             }
-            Mischief::WrongCount => frame(t, 0, 1, 4, &[4, 1, 2, 3, 4]),
-            Mischief::ByteCountLies => frame(t, 0, 1, 4, &[200, 0x01, 0x11]),
-            Mischief::NoData => frame(t, 0, 1, 4, &[0]),
-            Mischief::OddBytes => frame(t, 0, 1, 4, &[3, 0x01, 0x11, 0]),
-            Mischief::EmptyException => frame(t, 0, 1, 0x84, &[]),
-            Mischief::UnknownException => frame(t, 0, 1, 0x84, &[0x63]),
-            Mischief::Slow => {
+            Fault::WrongCount => frame(t, 0, 1, 4, &[4, 1, 2, 3, 4]),
+            Fault::ByteCountLies => frame(t, 0, 1, 4, &[200, 0x01, 0x11]),
+            Fault::NoData => frame(t, 0, 1, 4, &[0]),
+            Fault::OddBytes => frame(t, 0, 1, 4, &[3, 0x01, 0x11, 0]),
+            Fault::EmptyException => frame(t, 0, 1, 0x84, &[]),
+            Fault::UnknownException => frame(t, 0, 1, 0x84, &[0x63]),
+            Fault::Slow => {
                 // A byte now and then: the whole answer takes longer than the client waits.
                 for byte in frame(t, 0, 1, 4, &WRONG) {
                     thread::sleep(Duration::from_millis(60));
@@ -322,26 +322,26 @@ fn answer(mut stream: TcpStream, mischief: Mischief, silent: &Mutex<Vec<TcpStrea
                 }
                 continue;
             }
-            Mischief::Flood => {
+            Fault::Flood => {
                 while stream.write_all(&[0x04; 4096]).is_ok() {}
                 return;
             }
-            Mischief::Behave | Mischief::CloseAtOnce => frame(t, 0, 1, 4, &GOOD),
+            Fault::Behave | Fault::CloseAtOnce => frame(t, 0, 1, 4, &GOOD),
         };
-        if stream.write_all(&reply).is_err() || mischief == Mischief::CloseInTheMiddle {
+        if stream.write_all(&reply).is_err() || mischief == Fault::CloseInTheMiddle {
             return;
         }
     }
 }
 
-/// Whatever a device sends, the source goes on, and no reading shows a value that the device did not give as its answer.
+/// With any bytes from a device the source continues, and no reading has a value that the device did not send as its answer.
 #[test]
-fn every_mischief_of_a_device_ends_in_good_readings() {
+fn faults_of_a_device_end_in_good_readings() {
     for mischief in MISCHIEFS {
         let (address, _) = misbehave(vec![mischief; 2]);
         let spec = ModbusSensor { tcp: Some(address.to_string()), timeout_ms: 200.0, ..modbus() };
         let mut source = start(SensorSpec::Modbus(spec));
-        let is_exception = mischief == Mischief::UnknownException;
+        let is_exception = mischief == Fault::UnknownException;
         let (end, mut good) = (Instant::now() + PATIENCE, 0);
         while good < 5 && !(is_exception && counter(&source, "exceptions") > 2) {
             let reading = source.next(end.saturating_duration_since(Instant::now()));
@@ -356,19 +356,14 @@ fn every_mischief_of_a_device_ends_in_good_readings() {
         let failures: u64 =
             device(&source).all().iter().filter(|(name, _)| *name != "readings").map(|(_, n)| n).sum();
         // A second answer is discarded before the next request, which is no failure.
-        assert!(failures > 0 || mischief == Mischief::AnswersTwice, "{mischief:?} was counted as nothing");
+        assert!(failures > 0 || mischief == Fault::AnswersTwice, "{mischief:?} was counted as nothing");
     }
 }
 
 #[test]
 fn after_each_mischief_there_is_a_new_connection() {
-    let plan = [
-        Mischief::CloseAtOnce,
-        Mischief::Silence,
-        Mischief::Garbage,
-        Mischief::WrongCount,
-        Mischief::CloseInTheMiddle,
-    ];
+    let plan =
+        [Fault::CloseAtOnce, Fault::Silence, Fault::Garbage, Fault::WrongCount, Fault::CloseInTheMiddle];
     let (address, connections) = misbehave(plan.to_vec());
     let mut source = start(SensorSpec::Modbus(ModbusSensor { tcp: Some(address.to_string()), ..modbus() }));
     let reading = source.next(PATIENCE).expect("a good reading in the end");
@@ -437,7 +432,7 @@ fn a_device_that_is_not_there_is_tried_again_until_it_is() {
     let listener = TcpListener::bind(address).unwrap();
     thread::spawn(move || {
         for stream in listener.incoming().flatten() {
-            answer(stream, Mischief::Behave, &Mutex::default());
+            answer(stream, Fault::Behave, &Mutex::default());
         }
     });
     wait_for(&mut source, "first reading", |reading| reading.status == 0);
@@ -517,7 +512,7 @@ proptest! {
             stream.write_all(&noise).unwrap();
             drop(stream);
             let (stream, _) = listener.accept().unwrap();
-            answer(stream, Mischief::Behave, &Mutex::default());
+            answer(stream, Fault::Behave, &Mutex::default());
         });
         let spec = ModbusSensor { tcp: Some(address.to_string()), ..modbus() };
         let mut source = start(SensorSpec::Modbus(spec));

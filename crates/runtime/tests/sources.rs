@@ -2,8 +2,7 @@
 
 use proptest::prelude::*;
 use runtime::source::{
-    InputNames, Poll, Profile, Reading, ReplaySpec, SimulateSpec, Source, SourceSpec, Trace,
-    TraceError,
+    InputNames, Poll, Profile, Reading, ReplaySpec, SimulateSpec, Source, SourceSpec, Trace, TraceError,
 };
 use std::path::Path;
 
@@ -71,13 +70,16 @@ fn every_source_keeps_the_contract() {
             assert!(pair[1].due_s >= pair[0].due_s, "{spec:?} goes back in time: {pair:?}");
         }
         let bits = |readings: &[Reading]| -> Vec<[u64; 3]> {
-            readings.iter().map(|r| [r.due_s, r.sample.pressure_mpa, r.sample.gap_mm].map(f64::to_bits)).collect()
+            readings
+                .iter()
+                .map(|r| [r.due_s, r.sample.pressure_mpa, r.sample.gap_mm].map(f64::to_bits))
+                .collect()
         };
         assert_eq!(bits(&readings), bits(&take(open(), 1000)), "{spec:?} is not repeatable");
         let mut source = open();
         let count = std::iter::from_fn(|| next(source.as_mut())).take(1000).count();
         if count < 1000 {
-            assert_eq!(source.poll(f64::INFINITY), Poll::End, "{spec:?} goes on after its end");
+            assert_eq!(source.poll(f64::INFINITY), Poll::End, "{spec:?} continues after its end");
         }
         // Nothing comes before its time.
         let mut source = open();
@@ -149,7 +151,9 @@ fn wrong_specifications_are_refused_with_all_problems() {
     };
     let problems = SourceSpec::Simulate(spec).open(Path::new("."), &InputNames::default()).unwrap_err();
     assert_eq!(problems.len(), 5, "{problems:#?}");
-    let missing = SourceSpec::replay_of("no-such-file.csv".into()).open(Path::new("."), &InputNames::default()).unwrap_err();
+    let missing = SourceSpec::replay_of("no-such-file.csv".into())
+        .open(Path::new("."), &InputNames::default())
+        .unwrap_err();
     assert!(missing[0].contains("cannot read the trace"), "{missing:?}");
     let folder = folder();
     let nothing = ReplaySpec { trace: "trace.csv".into(), from_s: 9.0, ..ReplaySpec::default() };
@@ -182,7 +186,7 @@ fn broken_traces_are_refused_with_the_line() {
     assert_eq!(problems("t_s,pressure_mpa\n"), [TraceError::Empty { what: "rows" }]);
 }
 
-/// Columns of measured inputs: each is needed, a pressure is not, and what stands there goes on as it is.
+/// Columns of measured inputs: each is required, a pressure is not, and the values are unchanged.
 #[test]
 fn named_inputs_are_columns_of_a_trace() {
     let names = InputNames::new(["load_n", "shift_mm"]);
@@ -201,7 +205,7 @@ fn named_inputs_are_columns_of_a_trace() {
     let problems = Trace::parse_named("t_s,load_n,shift_mm\n0,1,\n", &names).unwrap_err();
     assert!(problems[0].to_string().contains("line 2, column `shift_mm`: expected a number"), "{problems:?}");
     let unnamed = Trace::parse("t_s,pressure_mpa,load_n\n0,0.1,1\n").unwrap();
-    assert_eq!(unnamed.rows[0].input_count, 0, "other columns are passed over, as ever");
+    assert_eq!(unnamed.rows[0].input_count, 0, "other columns are ignored");
     let source = SourceSpec::Simulate(SimulateSpec::default());
     let refused = source.open(Path::new("."), &names).unwrap_err();
     assert!(refused[0].contains("expected one that can have load_n"), "{refused:?}");

@@ -1,4 +1,4 @@
-//! Publishes one reading and receives it, in a domain of its own: `cargo run -p wire --example first`.
+//! Publishes one reading and receives it, in a separate shared-memory domain: `cargo run -p wire --example first`.
 
 use wire::{Bus, Domain, SensorReader, SensorSample, SensorWriter, Topic, WireError};
 

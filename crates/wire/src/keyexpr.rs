@@ -10,7 +10,7 @@ use std::str::FromStr;
 /// Longest accepted key expression in bytes; the transport's service names end there too.
 pub const MAX_LEN: usize = 255;
 
-/// Why a text is not a key expression.
+/// Error in a key expression.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum KeyExprError {
     /// Nothing between the quotes.
@@ -146,7 +146,7 @@ fn validate_chunk(text: &str, chunk: &str, at: usize) -> Result<(), KeyExprError
 /// Assumes a valid text.
 fn canonical(text: &str) -> String {
     let mut out: Vec<String> = Vec::new();
-    // A `**` is held back until all `*` that follow it have been written, which gives `*/**`.
+    // A `**` is written after all `*` that follow it, which gives `*/**`.
     let mut pending_double = false;
     for chunk in text.split('/') {
         let mut chunk = chunk.to_owned();

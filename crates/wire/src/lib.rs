@@ -46,10 +46,10 @@ pub use layout::{
 pub use leftover::Removed;
 pub use own_files::OwnFiles;
 pub use port::{
-    AnswerSample, AnyReader, AnySample, Carried, CommandReader, CommandWriter, EstimateReader, EstimateWriter,
-    FieldLoan, FieldReader, FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter,
-    QueryClient, QueryServer, Question, Reader, SensorReader, SensorWriter, SetpointReader, SetpointWriter,
-    Stamp, StateReader, StateWriter, ValveReader, ValveWriter, Writer,
+    AnswerSample, AnyReader, AnySample, Carried, CommandReader, CommandWriter, EstimateReader,
+    EstimateWriter, FieldLoan, FieldReader, FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader,
+    HealthWriter, QueryClient, QueryServer, Question, Reader, SensorReader, SensorWriter, SetpointReader,
+    SetpointWriter, Stamp, StateReader, StateWriter, ValveReader, ValveWriter, Writer,
 };
 pub use selector::{Selector, SelectorError};
 pub use sys::{background_thread, boot_id, now_ns};

@@ -1,8 +1,8 @@
 //! Quality of service of every topic, in one place.
 //!
-//! Whoever comes first creates a topic with these settings, and everybody else must ask for the same: therefore all
-//! programs take them from here. One writer a topic (a second one is refused), the newest samples win (safe overflow: a
-//! slow reader loses its oldest samples and nobody else notices), all memory is allocated when the writer starts.
+//! The first program creates a topic with these settings, and all others must request the same: therefore all programs use
+//! this module. One writer per topic (a second one is refused), the newest samples win (safe overflow: a slow reader loses its
+//! oldest samples without effect on others), all memory is allocated at the writer's start.
 
 use crate::TopicKind;
 

@@ -1,7 +1,7 @@
 //! Selectors: a key expression with parameters, as Zenoh's `get` takes them.
 //!
 //! `softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30`: the key names actuator and kind of question, the parameters are
-//! `name=value` pairs separated by `;` (Zenoh's way) or `&` (a browser's way). A name that is none of the questions' own is a
+//! `name=value` pairs separated by `;` (Zenoh's way) or `&` (a browser's way). Any other name is a
 //! parameter of the model; the twin refuses those that its model does not have.
 
 use crate::keyexpr::{KeyExpr, KeyExprError};
@@ -15,7 +15,7 @@ pub struct Selector {
     parameters: Query,
 }
 
-/// Why a text is not a selector.
+/// Error in a selector.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SelectorError {
     /// The part before `?`.
@@ -29,7 +29,7 @@ pub enum SelectorError {
         /// The key as given.
         found: String,
     },
-    /// A parameter without a name, or one more than a model can have.
+    /// A parameter without a name, or too many parameters.
     #[error(
         "`{found}`: expected name=value with one of the names pressure_mpa, gap_mm, force_n, force_halfwidth_n, field, or the \
          name of a parameter of the model (at most {PARAMETERS_MAX} of them)"

@@ -15,7 +15,7 @@ pub const WAIT: Duration = Duration::from_millis(50);
 /// Result of a thread. `Ok` before the group ends is a failure too.
 pub type ThreadResult = Result<(), Box<dyn Error + Send + Sync>>;
 
-/// A thread ended before it should. A program that goes on without it would do only a part of its work.
+/// A thread ended unexpectedly. A program without it would do only a part of its work.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("the thread `{thread}` ended the program: {cause}")]
 pub struct ThreadEnded {
@@ -58,7 +58,7 @@ impl ThreadGroup {
     /// Starts one more thread, which does `work` until it is asked to end.
     ///
     /// # Errors
-    /// The system's refusal to start a thread.
+    /// The thread cannot be started.
     pub fn start(
         &mut self,
         name: &str,
@@ -123,7 +123,7 @@ pub fn panic_text(panic: &(dyn Any + Send)) -> &str {
     text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a message")
 }
 
-/// What is said of a thread that panicked.
+/// Message of a panicked thread.
 pub fn panic_cause(panic: &(dyn Any + Send)) -> String {
     format!("it panicked: {}; this is a defect, please report it", panic_text(panic))
 }

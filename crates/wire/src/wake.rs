@@ -10,11 +10,11 @@ use std::time::Duration;
 
 /// A reader that can be waited for.
 pub trait Wakeable {
-    /// What a [`WakeSet`] waits on.
+    /// Event source for a [`WakeSet`].
     fn waker(&self) -> Waker;
 }
 
-/// What wakes a reader; nothing for a reader that is never woken. It keeps working when its reader is gone.
+/// Event source of a reader; empty for a reader that is never woken. It outlives its reader.
 #[derive(Debug, Clone)]
 pub struct Waker(Option<Rc<Listener<Ipc>>>);
 
@@ -29,8 +29,7 @@ impl Waker {
 pub enum Waking {
     /// With every sample: it costs the writer 5-8 us a sample.
     ByEvent,
-    /// Never: for a reader that looks at intervals of its own, and costs the writer next to nothing. It may be in a
-    /// [`WakeSet`], and ends no wait there.
+    /// Never: for a reader that polls, with almost no cost for the writer. It may be in a [`WakeSet`], and ends no wait there.
     Never,
 }
 
@@ -87,7 +86,7 @@ impl WakeSet {
         if code < 0 {
             return Err(refused());
         }
-        // SAFETY: the descriptor was just made and belongs to nobody else.
+        // SAFETY: the descriptor was just created and has no other owner.
         let all = unsafe { OwnedFd::from_raw_fd(code) };
         for one in &self.poll {
             let mut event = libc::epoll_event { events: libc::EPOLLIN as u32, u64: 0 };

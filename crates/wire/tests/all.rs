@@ -1,4 +1,4 @@
-//! Ports, key expressions and what programs leave behind. One program: linked once, and its tests run beside each other.
+//! Ports, key expressions and leftovers of programs. One program, which is linked once and runs its tests in parallel.
 
 mod keyexpr;
 mod leftovers;

@@ -1,4 +1,4 @@
-//! Used-up file descriptors are called so. A program of its own: the limit is that of the whole process.
+//! Exhausted file descriptors are named. A separate program, because the limit applies to the whole process.
 
 use wire::{Bus, Domain, StateWriter, Topic, WireError};
 

@@ -120,7 +120,7 @@ fn expression() -> impl Strategy<Value = String> {
     prop::collection::vec(chunk, 1..=3).prop_map(|chunks| chunks.join("/"))
 }
 
-/// Expressions, and texts that are almost expressions.
+/// Expressions, and strings that are almost expressions.
 fn near_expression() -> impl Strategy<Value = String> {
     let chunk = prop::sample::select(vec![
         "a", "ab", "b", "@a", "@", "@$*", "@*", "*", "**", "$*a", "a$*", "$*", "$*$*", "a$*b", "a$*$*b",
@@ -150,7 +150,7 @@ proptest! {
         prop_assert_eq!(key(key(&text).as_str()), key(&text), "canonical form is not a fixed point");
     }
 
-    /// Zenoh's own implementation: the same texts are valid, have the same canonical form, and intersect alike.
+    /// Zenoh's implementation accepts the same strings, with the same canonical forms and intersections.
     #[test]
     fn zenoh_agrees(left in near_expression(), right in near_expression()) {
         let ours = KeyExpr::new(&left);

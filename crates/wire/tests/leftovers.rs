@@ -1,4 +1,4 @@
-//! Files that dead programs or others leave in a domain, and what the system runs out of.
+//! Leftover files of dead programs in a shared-memory domain, and exhausted resources.
 
 use std::fs::{File, Permissions};
 use std::os::unix::fs::PermissionsExt;
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use wire::{Bus, Domain, QueryClient, QueryServer, State, StateReader, StateWriter, Topic, WireError, qos};
 
-/// A domain in a folder of its own.
+/// Shared-memory domain in a separate folder.
 struct Place {
     folder: tempfile::TempDir,
     domain: Domain,
@@ -23,7 +23,7 @@ impl Place {
         self.folder.path().join("iox")
     }
 
-    /// Names of the domain's files in shared memory.
+    /// Names of the files in shared memory.
     fn shared(&self) -> Vec<String> {
         let names = std::fs::read_dir("/dev/shm").unwrap();
         let names = names.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned());
@@ -55,9 +55,9 @@ fn topic() -> Topic {
     Topic::state("finger").unwrap()
 }
 
-/// The name is read from a domain that works, because it has a hash of a type in it.
+/// The name contains a hash of a type, so it is read from a working shared-memory domain.
 #[test]
-fn a_half_made_counter_of_a_dead_program_is_removed_at_the_next_start() {
+fn incomplete_counter_of_a_dead_program_is_removed_at_the_next_start() {
     let place = Place::new("counter");
     drop(Bus::open(&place.domain).unwrap());
     let counter = place.shared().pop().unwrap();
@@ -74,7 +74,7 @@ fn a_half_made_counter_of_a_dead_program_is_removed_at_the_next_start() {
 }
 
 #[test]
-fn a_half_made_description_is_removed_and_one_that_is_in_the_making_is_not() {
+fn incomplete_description_is_removed_unless_its_creator_lives() {
     let place = Place::new("description");
     let bus = Bus::open(&place.domain).unwrap();
     drop(StateWriter::create(&bus, &topic()).unwrap());
@@ -89,9 +89,9 @@ fn a_half_made_description_is_removed_and_one_that_is_in_the_making_is_not() {
     assert!(!path.exists());
 }
 
-/// iceoryx2 alone would wait for ever.
+/// iceoryx2 alone would wait indefinitely.
 #[test]
-fn a_file_without_a_size_that_somebody_uses_is_named_instead_of_waited_for() {
+fn file_without_a_size_in_use_is_named_within_a_limit() {
     let place = Place::new("empty");
     let bus = Bus::open(&place.domain).unwrap();
     let (path, file) = place.half_made(&format!("{TYPE}_1.dynamic"));
@@ -118,13 +118,13 @@ fn a_dead_listeners_memory_is_removed_though_others_have_it_mapped_and_a_living_
         std::fs::read_dir(place.root().join("nodes")).unwrap().flatten().find(|e| e.path().is_dir()).unwrap();
     let tag = node.path().join(format!("{}{}.port_tag", place.domain.prefix, port_of(dead)));
     File::create_new(&tag).unwrap();
-    assert_eq!(bus.clean_up(Duration::from_secs(1)).files, 0, "a node of this domain has the port");
+    assert_eq!(bus.clean_up(Duration::from_secs(1)).files, 0, "a live node has the port");
     std::fs::remove_file(&tag).unwrap();
     assert_eq!(bus.clean_up(Duration::from_secs(1)).files, 1);
     assert!(!of_dead.exists() && of_living.exists());
 }
 
-/// A program that lists nodes opens the files of dead ones for a moment, and looks to the kernel like their owner.
+/// A program that lists nodes opens the files of dead ones for a moment and then looks like their owner.
 #[test]
 fn a_dead_node_whose_files_another_program_just_reads_is_removed_all_the_same() {
     let place = Place::new("looked-at");
@@ -135,7 +135,7 @@ fn a_dead_node_whose_files_another_program_just_reads_is_removed_all_the_same() 
     std::fs::set_permissions(&path, Permissions::from_mode(0o400)).unwrap();
     let reading = File::open(&path).unwrap();
     let removed = bus.clean_up(Duration::from_secs(1));
-    assert!(removed.nodes == 0 && path.exists(), "somebody has it open all the time: {removed:?}");
+    assert!(removed.nodes == 0 && path.exists(), "a process has it open all the time: {removed:?}");
     let (begun, begins) = std::sync::mpsc::channel();
     let reader = std::thread::spawn(move || {
         begun.send(()).unwrap();

@@ -11,7 +11,7 @@ use wire::{
     Wakeable, Waking, WireError,
 };
 
-/// A bus in a domain of its own that leaves nothing behind.
+/// Bus in a separate shared-memory domain, removed on drop.
 struct OwnBus(Option<Bus>, Domain);
 
 impl std::ops::Deref for OwnBus {
@@ -193,7 +193,7 @@ fn a_reader_that_is_never_woken_gets_every_sample_and_holds_no_wait_up() {
     let seen: Vec<u64> = std::iter::from_fn(|| quiet.next().unwrap()).map(|sample| sample.seq).collect();
     assert_eq!(seen, [1, 2, 3]);
     assert_eq!(quiet_field.newest().unwrap().map(|sample| sample.header().seq), Some(3));
-    // Together with one that is woken it stays silent, and the other wakes as ever.
+    // Together with a woken one it stays silent, and the other wakes.
     let woken = SensorReader::open(&bus, &sensor).unwrap();
     let mut wake = WakeSet::new([&quiet as &dyn Wakeable, &woken]);
     writer.publish(SensorSample { seq: 4, ..SensorSample::default() }).unwrap();
@@ -222,7 +222,7 @@ fn topics_are_found_by_key_expression() {
         ["softtwin/left/field/tip", "softtwin/left/state", "softtwin/right/sensor"]
     );
     assert_eq!(names("softtwin/*/state"), ["softtwin/left/state"]);
-    assert!(names("softtwin/nobody/**").is_empty());
+    assert!(names("softtwin/absent/**").is_empty());
     let tip = bus.topics(&KeyExpr::new("**/tip").unwrap()).unwrap().remove(0);
     assert_eq!(tip.header_type, FieldHeader::LAYOUT.type_name);
     assert_eq!(
@@ -231,9 +231,9 @@ fn topics_are_found_by_key_expression() {
     );
 }
 
-/// Whoever writes to the domain's folder waits for its disk: a loop that looks for topics must not.
+/// Writes to the management folder may wait for its disk: listing names must not write.
 #[test]
-fn a_look_for_names_leaves_the_folder_alone() {
+fn listing_names_does_not_write_to_the_folder() {
     let root = tempfile::tempdir().unwrap();
     let domain = Domain { root: Some(root.path().display().to_string()), ..Domain::isolated("names") };
     let (maker, looker) = (Bus::open(&domain).unwrap(), Bus::open(&domain).unwrap());
@@ -276,7 +276,7 @@ fn dropping_everything_leaves_no_shared_memory() {
     assert!(writer.prefault().unwrap() >= 4000);
     assert!(!files(&domain).is_empty(), "the test looks in the wrong place");
     drop((reader, writer, bus));
-    // What stays is the domain's own management segment: one file per domain, not per program.
+    // The management segment remains: one file per shared-memory domain, not per program.
     assert_eq!(files(&domain).len(), 1);
     assert_eq!(domain.remove_leftovers().unwrap(), 1);
     assert_eq!(files(&domain), Vec::<String>::new());

@@ -1,11 +1,11 @@
 //! Supervised threads: none ends unnoticed, and all end with their group.
 
-use wire::thread_group::{StopFlag, ThreadEnded, ThreadGroup, ThreadResult};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
+use wire::thread_group::{StopFlag, ThreadEnded, ThreadGroup, ThreadResult};
 
 const LONG: Duration = Duration::from_secs(60);
 

@@ -59,7 +59,7 @@ OUTCOMES: Dict[int, str] = {
 GRASP_STATUSES: Dict[int, str] = {
     0: "unknown",
     1: "not held",
-    2: "held, within the error bar",
+    2: "held, within the half-width",
     3: "held",
 }
 """Whether an object is held, by number."""
@@ -73,7 +73,7 @@ ESTIMATE_STATUSES: Dict[int, str] = {
     5: "not-explained",
     6: "tangent",
 }
-"""What became of an estimate's reading, by number."""
+"""Outcome of an estimate's reading, by number."""
 
 ESTIMATE_ALARMS: Dict[int, str] = {
     0: "none",
@@ -376,12 +376,12 @@ class Command(Payload):
 
 
 class Estimate(Payload):
-    """Estimated quantities after one reading, with what the reading said about model and sensors."""
+    """Estimated quantities after one reading, with its consistency with model and sensors."""
 
     _type = "softtwin.Estimate.v1"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
-        ("status", u32),  # What became of the reading.
+        ("status", u32),  # Status of the reading.
         ("model_hash", u8 * 16),  # First 16 bytes of the model file's hash.
         ("boot_id", u64),  # The run of the twin.
         ("seq", u64),  # Counts up by one per estimate within a run, beginning at 1.
@@ -396,16 +396,16 @@ class Estimate(Payload):
         ("rejected", u32),  # Measurements rejected as contradictory: bit 0 the force, bit 1 the first marker, bit 2 the second, ...
         ("rejected_total", u64),  # Measurements rejected since the start.
         ("unknown_count", u32),  # Quantities that are estimated.
-        ("identifiable", u32),  # Bit 0: the readings tell the first quantity, and so on; 0: the value rests on what was known before.
+        ("identifiable", u32),  # Bit 0: the readings identify the first quantity, and so on; 0: the value rests on the prior.
         ("values", f64 * 8),  # Estimated values, in the units of their names.
         ("sigmas", f64 * 8),  # Standard deviations of the estimated values.
         ("inputs", f64 * 8),  # Model inputs that explain the reading best, in the model's order; state and fields are those of these inputs.
         ("input_count", u32),  # Inputs of the model.
-        ("alarm", u32),  # What has not fitted for the last second or so.
+        ("alarm", u32),  # Persistent contradiction of about the last second.
         ("force_sigma_n", f64),  # N: Standard deviation of the force that follows from those of the estimated values.
         ("actuator", u8 * 32),  # Name of the actuator, zero-padded.
         ("names", u8 * 256),  # Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left.
-        ("suspects", u32),  # What the alarm names: bit 0 the first input (the pressure) or quantity; of measurements the bits of `rejected`.
+        ("suspects", u32),  # Inputs or quantities of the alarm: bit 0 is the first input (the pressure) or quantity; for measurements the bits of `rejected`.
         ("reserved", u32),  # Zero.
     ]
     _texts = {"actuator"}
@@ -431,7 +431,7 @@ class Setpoint(Payload):
 
 
 class Valve(Payload):
-    """What the bridge has written to the valve of an actuator, one for each write or attempt."""
+    """Value written by the bridge to the valve of an actuator, one per write or attempt."""
 
     _type = "softtwin.Valve.v1"
     _fields_ = [
@@ -444,8 +444,8 @@ class Valve(Payload):
         ("wanted_mpa", f64),  # MPa: Gauge pressure that the setpoint (or the override) wants; NaN: there is none.
         ("safe_mpa", f64),  # MPa: Safe value.
         ("valve_reason", u32),  # Why this value.
-        ("valve_interlock", u32),  # What holds the valve at its safe value, bits.
-        ("valve_limit", u32),  # What the written value was limited by, bits.
+        ("valve_interlock", u32),  # Interlocks that hold the valve at its safe value, bits.
+        ("valve_limit", u32),  # Limits that changed the written value, bits.
         ("reserved", u32),  # Zero.
         ("setpoint_boot_id", u64),  # The run of the setpoint's (or the override's) owner.
         ("setpoint_seq", u64),  # Sequence number of that setpoint.
@@ -465,9 +465,9 @@ class Query(Payload):
     _type = "softtwin.Query.v1"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
-        ("kind", u32),  # What is asked for.
+        ("kind", u32),  # Kind of the query.
         ("want_field", u32),  # 1: the field is wanted too, 0: the state is enough.
-        ("parameter_count", u32),  # Parameters given: model inputs beside pressure and gap. The others have the values that the twin uses itself.
+        ("parameter_count", u32),  # Number of parameters: model inputs other than pressure and gap. Missing ones have the values that the twin uses.
         ("pressure_mpa", f64),  # MPa: Pressure.
         ("gap_mm", f64),  # mm: Gap.
         ("force_n", f64),  # N: Contact force: the target, or the measured one.

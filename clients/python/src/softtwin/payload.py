@@ -72,7 +72,7 @@ class Payload(ctypes.Structure):
 
     @property
     def grasp_status_name(self) -> str:
-        """`held`, `held, within the error bar`, `not held` or `unknown`."""
+        """`held`, `held, within the half-width`, `not held` or `unknown`."""
         return self.name_of("grasp_status")
 
     def to_dict(self) -> Dict[str, object]:

@@ -16,8 +16,8 @@ use wire::{
 use super::summary::{RecordError, RecordSummary};
 use crate::message::{self, FieldMessage, GapCounter, GapMessage, Recorded};
 use crate::rotate::{RotateSummary, RotatingWriter};
-use wire::thread_group::{ThreadEnded, panic_cause};
 use crate::writer::{Channel, WriteError};
+use wire::thread_group::{ThreadEnded, panic_cause};
 
 /// Longest time between receiving a sample and having it on disk.
 pub const FLUSH_EVERY: Duration = Duration::from_millis(500);

@@ -6,8 +6,8 @@ use thiserror::Error;
 use wire::WireError;
 
 use crate::rotate::{DiskUse, RotateSummary};
-use wire::thread_group::ThreadEnded;
 use crate::writer::WriteError;
+use wire::thread_group::ThreadEnded;
 
 /// Error that ended a recording.
 #[derive(Debug, Error)]

@@ -9,8 +9,8 @@ mod scene;
 mod settings;
 
 pub use error::{ConfigError, collect, read};
-pub(crate) use estimate::{PRESSURE_BIAS, Sigmas};
 pub use estimate::{BIASES, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec, UnknownSpec};
+pub(crate) use estimate::{PRESSURE_BIAS, Sigmas};
 pub use grasp::{BlockSpec, GraspSpec, PlaceSpec};
 pub use input::{InputFrom, InputSpecs, Measured, WithinSpec};
 pub use scene::{ActuatorSpec, FixedNodes, Gap, NodesSpec, OutputSpec, Queries, Scene, StateSpec};

@@ -24,7 +24,7 @@ pub struct Scene {
     /// The actuators of the scene.
     #[serde(rename = "actuator")]
     pub actuators: Vec<ActuatorSpec>,
-    /// What the actuators hold between them, and whether it stays there.
+    /// Object held by the actuators.
     pub grasp: Option<GraspSpec>,
     /// Rigid blocks, for pictures.
     #[serde(default, rename = "block")]
@@ -45,17 +45,17 @@ pub struct ActuatorSpec {
     /// Which gaps can occur.
     #[serde(default)]
     pub gap_mm: Gap,
-    /// The model's inputs beside pressure and gap by name: given a value (`"elastomer.law.mu_mpa" = 0.72`) or measured
-    /// (`load_n = "measured"`); those not named keep the model's nominal value.
+    /// The model's inputs other than pressure and gap by name: given (`"elastomer.law.mu_mpa" = 0.72`) or measured
+    /// (`load_n = "measured"`); missing ones have the model's nominal value.
     #[serde(default)]
     pub inputs: InputSpecs,
-    /// So many waiting readings are still answered one by one, oldest first; what waits beyond is superseded. 1: the
-    /// newest wins, as a controller wants it. More: every reading gets its field even when the twin was held up.
+    /// Largest number of waiting readings that are answered one by one, oldest first; older ones are superseded. 1: only the newest
+    /// is answered, for controllers. More: every reading gets its field even after a delay of the twin.
     #[serde(default = "one")]
     pub backlog: usize,
     /// The actuator whose sensor topic counts here too: one pressure source for several fingers. Default: its own.
     pub sensor: Option<String>,
-    /// Where it stands in the scene, for pictures.
+    /// Position in the scene, for pictures.
     #[serde(default)]
     pub place: PlaceSpec,
     /// Extent of the plate below it in its own frame, for pictures; none: one that suits the model's nodes.
@@ -63,19 +63,19 @@ pub struct ActuatorSpec {
     /// Which questions are answered.
     #[serde(default)]
     pub queries: Queries,
-    /// What the bridge reads: one device, a recording or a formula.
+    /// Source of the bridge: one device, a recording or a formula.
     pub source: Option<SourceSpec>,
-    /// In place of `source`: several sensors by name, each with values of its own.
+    /// Instead of `source`: several sensors by name, each with its own values.
     #[serde(default)]
     pub sensors: Sensors,
-    /// What sets the pace of the readings of `sensors`.
+    /// Pace of the readings of `sensors`.
     pub pace: Option<PaceSpec>,
     /// The pressure source that the bridge drives.
     pub valve: Option<ValveSpec>,
     /// Extras of the state topic.
     #[serde(default)]
     pub state: StateSpec,
-    /// What is estimated instead of measured or given; empty: nothing.
+    /// Estimated quantities; default: none.
     #[serde(default)]
     pub estimate: EstimateSpec,
     /// Uncertainty of the sensors.
@@ -169,7 +169,7 @@ pub struct OutputSpec {
     /// Which fields, in this order; empty: all of the model's, in its order.
     #[serde(default)]
     pub fields: Vec<String>,
-    /// At most so many samples a second; 0: one for every reading.
+    /// Largest rate, samples per second; 0: one for every reading.
     #[serde(default)]
     pub rate_hz: f64,
     /// Number format of the modes in memory, "i16" or "f32". The field on the wire is always f32.
@@ -240,7 +240,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Everything that is wrong with the scene by itself.
+    /// All errors in the scene itself.
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();
         if self.actuators.is_empty() {
@@ -292,7 +292,7 @@ impl Scene {
         grasp.fingers.iter().filter_map(named).collect()
     }
 
-    /// A path of the scene file as it is to be opened.
+    /// Resolves a path of the scene file.
     pub fn resolve(&self, path: &Path) -> PathBuf {
         self.folder.join(path)
     }
@@ -308,11 +308,11 @@ impl ActuatorSpec {
         self.sensor.as_deref().unwrap_or(&self.name)
     }
 
-    /// What the bridge reads, not started; `None` where another program publishes the readings. Device paths are shared
-    /// through `devices`, commands and traces begin at `folder`.
+    /// Source of the bridge, not started; `None` if another program publishes the readings. Device paths are shared through
+    /// `devices`; paths of commands and traces are relative to `folder`.
     ///
     /// # Errors
-    /// Every problem of the source or the sensors, as text for the user.
+    /// All errors of the source or the sensors.
     pub fn open_source(
         &self,
         folder: &Path,
@@ -332,7 +332,7 @@ impl ActuatorSpec {
         self.inputs.iter().filter_map(|(name, from)| Some((name.as_str(), from.given()?)))
     }
 
-    /// The inputs beside pressure and gap that are measured, by name.
+    /// Measured inputs other than pressure and gap, by name.
     pub fn measured_inputs(&self) -> impl Iterator<Item = (&str, WithinSpec)> {
         self.inputs.iter().filter_map(|(name, from)| Some((name.as_str(), from.measured()?)))
     }
@@ -377,7 +377,7 @@ impl ActuatorSpec {
         Sigmas { pressure_mpa, gap_mm, force_n, markers_mm }
     }
 
-    /// What is wrong with the sensors by themselves and among those of the whole scene.
+    /// Errors in the sensors and in their use of devices.
     fn sensor_problems(&self, place: &str, folder: &Path, devices: &Devices, problems: &mut Vec<String>) {
         if self.sensors.is_empty() {
             if self.pace.is_some() {
@@ -389,7 +389,7 @@ impl ActuatorSpec {
             problems.push(format!("{place}: expected either source or sensors, found both"));
         }
         if self.sensor.as_ref().is_some_and(|sensor| *sensor != self.name) {
-            problems.push(format!("{place}: has sensors of its own and listens to another's; leave one out"));
+            problems.push(format!("{place}: has its own sensors and listens to another's; leave one out"));
         }
         let names = self.input_names();
         let found = open_sensors(&self.sensors, self.pace.as_ref(), folder, devices, &names).err();
@@ -409,7 +409,7 @@ impl ActuatorSpec {
             }
             if self.source.is_some() && *sensor != self.name {
                 problems.push(format!(
-                    "{place}: has a source of its own and listens to the sensor of `{sensor}`; leave one out"
+                    "{place}: has its own source and listens to the sensor of `{sensor}`; leave one out"
                 ));
             }
         }

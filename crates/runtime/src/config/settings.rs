@@ -9,13 +9,13 @@ use std::time::Duration;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// What a reading may be.
+    /// Limits of a valid reading.
     pub limits: Limits,
     /// Real-time behaviour.
     pub realtime: Realtime,
 }
 
-/// What a reading may be. Beyond: held, with the reason.
+/// Limits of a valid reading; others are held with the reason.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
@@ -25,7 +25,7 @@ pub struct Limits {
     pub pressure_max_mpa: f64,
     /// Higher than this is absurd, mm; below 0 always is.
     pub gap_max_mm: f64,
-    /// Without a good reading for so long the state is marked stale, ms.
+    /// Time without a good reading after which the state is stale, ms.
     pub deadline_ms: f64,
     /// A reading older than this on arrival is held, ms.
     pub max_age_ms: f64,
@@ -33,13 +33,13 @@ pub struct Limits {
     pub max_ahead_ms: f64,
     /// A reading sent later than this after its stamp is counted and flagged late, ms.
     pub late_ms: f64,
-    /// A measured force outside the half-width of the predicted one for so long raises the alarm, ms.
+    /// Time for which a measured force must be outside the half-width of the predicted one to raise the alarm, ms.
     pub force_mismatch_ms: f64,
-    /// What becomes of a reading outside the model's domain.
+    /// Policy for readings outside the model's training range.
     pub outside_domain: OutsideDomain,
 }
 
-/// What becomes of a reading outside the model's domain, where every answer is extrapolation.
+/// Policy for readings outside the model's training range, where results are extrapolated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OutsideDomain {
@@ -92,12 +92,12 @@ pub struct Realtime {
     pub fifo_priority: u8,
     /// Cores the loop may run on; empty: any.
     pub cores: Vec<usize>,
-    /// Spin instead of sleeping: one core at 100 % for a shorter wake-up. Only on a core of its own.
+    /// Spin instead of sleeping: one core at 100 % for a shorter wake-up. Only on a dedicated core.
     pub busy_poll: bool,
     /// Keep idle cores from sleeping (all of the machine, while the twin runs): wake-ups in a few microseconds instead of
     /// tens, at the power of a spin, but other programs still get the cores.
     pub stay_awake: bool,
-    /// What to do when the rights for one of these are missing.
+    /// Reaction to missing rights for these settings.
     pub on_missing_rights: OnMissingRights,
 }
 
@@ -115,7 +115,7 @@ impl Default for Realtime {
     }
 }
 
-/// What to do when the rights for real time are missing.
+/// Reaction to missing rights for real-time settings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OnMissingRights {
@@ -137,7 +137,7 @@ impl Settings {
         Ok(settings)
     }
 
-    /// Everything that is wrong with the settings.
+    /// All errors in the settings.
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();
         let limits = &self.limits;

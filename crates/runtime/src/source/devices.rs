@@ -92,7 +92,7 @@ impl Devices {
         Ok(inbox)
     }
 
-    /// The connection of a Modbus path, for whoever writes to its devices; sensors on the same path share it.
+    /// Connection of a Modbus path, for writers to its devices; sensors on the same path use it too.
     ///
     /// # Errors
     /// A sensor uses the path otherwise (other serial settings, another protocol).
@@ -136,7 +136,7 @@ impl Devices {
     /// Starts the threads of all paths that have none yet.
     ///
     /// # Errors
-    /// The system's refusal to start a thread.
+    /// A thread cannot be started.
     pub fn start(&self, waker: Option<&BridgeWaker>) -> std::io::Result<()> {
         if let Some(waker) = waker {
             let _the_bridges_only_one = self.0.waker.set(waker.clone());

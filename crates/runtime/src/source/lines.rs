@@ -14,7 +14,7 @@ pub enum LineError {
     /// Not text.
     #[error("a line is not UTF-8")]
     NotText,
-    /// A cell that is no number.
+    /// A cell is not a number.
     #[error("expected a number, found `{found}`")]
     NotANumber {
         /// The cell.
@@ -48,7 +48,7 @@ pub enum LineError {
     },
 }
 
-/// What stands in a line.
+/// Cells of a line.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cells {
     /// Numbers between separators; `None` where there is nothing.

@@ -46,7 +46,7 @@ fn t_ns(answer: &[Measured]) -> u64 {
 pub(super) enum Pace {
     /// Whenever the sensor at this position says something.
     Sensor(usize),
-    /// Every so many ns.
+    /// Period, ns.
     Period(u64),
 }
 
@@ -179,7 +179,7 @@ impl Source for Mixed {
     }
 
     fn poll(&mut self, elapsed_s: f64) -> Poll {
-        // Looked at before the queues: a thread that has ended has handed over all that it had.
+        // Checked before the queues: a thread that has ended has delivered all its values.
         let end = self.end();
         let now = now_ns();
         let (reading, due_ns) = match self.pace {

@@ -23,8 +23,8 @@ mod trace;
 pub use devices::Devices;
 pub use lines::{Cells, LineBuffer, LineError, MAX_LINE_BYTES, parse_cells};
 pub use modbus::{Encoding, ModbusConnection, RegisterAt, Table, WordOrder};
-pub use reading::{BridgeWaker, InputNames, Poll, Reading, SensorCounters, Source, SourceReader};
 pub(crate) use reading::value_mut;
+pub use reading::{BridgeWaker, InputNames, Poll, Reading, SensorCounters, Source, SourceReader};
 pub use replay::ReplaySpec;
 pub use sensor::{Filter, FilterSpec, Quantity, ValueSpec, Values};
 pub use serial::{ModbusPath, Parity, SerialSpec};
@@ -74,7 +74,7 @@ impl SourceSpec {
         }
     }
 
-    /// The source that replays `trace` as it was recorded.
+    /// Source that replays `trace` at its recorded rate.
     pub fn replay_of(trace: PathBuf) -> Self {
         Self::Replay(ReplaySpec { trace, ..ReplaySpec::default() })
     }

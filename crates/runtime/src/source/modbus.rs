@@ -21,10 +21,10 @@ use wire::now_ns;
 
 /// Least time for an attempt to connect.
 const CONNECT: Duration = Duration::from_secs(1);
-/// A line that never falls silent is used again after so many times the silence waited for.
+/// A line that never becomes silent is used again after this multiple of the required silence.
 const DRAIN_TIMES: u32 = 10;
 
-/// Where a number stands in a device, and how it is written there.
+/// Register of a number in a device, and its encoding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RegisterAt {
@@ -116,7 +116,7 @@ impl RegisterAt {
         u32::from(high) << 16 | u32::from(low)
     }
 
-    /// Everything that is wrong with it; `key` is its place in the file.
+    /// All errors in it; `key` is its place in the file.
     pub fn problems(&self, key: &str, problems: &mut Vec<String>) {
         if !(1..=247).contains(&self.unit_id) {
             problems.push(format!("{key}.unit_id: expected 1-247, found {}", self.unit_id));
@@ -197,7 +197,7 @@ pub(super) struct Write {
     done: SyncSender<Result<u64, String>>,
 }
 
-/// What reaches a thread that runs.
+/// Job for a running thread.
 #[derive(Debug)]
 pub(super) enum Job {
     /// Registers to be written.
@@ -222,8 +222,8 @@ impl ModbusConnection {
     /// answer. Gives the number of the connection, from 1: a new one may be that of a device that was off meanwhile.
     ///
     /// # Errors
-    /// What went wrong, for people: no connection, no answer in time, an exception, another answer. What was not sent in
-    /// its time is never sent.
+    /// Message for the log: no connection, no answer in time, an exception, another answer. A request that could not be sent in
+    /// time is never sent.
     pub fn write(&self, unit_id: u8, register: u16, words: &[u16], timeout: Duration) -> Result<u64, String> {
         let (done, result) = sync_channel(1);
         let begin_by = Instant::now() + timeout;
@@ -276,7 +276,7 @@ enum GivenUp {
     Unclean(Duration),
     /// The connection itself.
     Broken,
-    /// Nobody wants it any more.
+    /// The requester has stopped waiting.
     Unwanted,
 }
 
@@ -290,12 +290,12 @@ impl ModbusThread {
         self.sensors.push(sensor);
     }
 
-    /// The way to it for as long as somebody else has it.
+    /// Weak sender of write requests.
     pub(super) fn reach(&self) -> Option<WeakUnboundedSender<Job>> {
         self.sender.as_ref().map(UnboundedSender::downgrade)
     }
 
-    /// The way to it; it runs as long as somebody has it.
+    /// Sender of write requests; the thread runs while a sender exists.
     pub(super) fn jobs(&mut self) -> Option<UnboundedSender<Job>> {
         self.is_reachable = true;
         self.sender.clone()
@@ -412,7 +412,7 @@ impl ModbusThread {
     }
 }
 
-/// What comes next before `until`.
+/// Next job before `until`.
 async fn next_job(jobs: &mut UnboundedReceiver<Job>, is_reachable: &mut bool, until: Instant) -> Option<Job> {
     if !*is_reachable {
         sleep_until(until).await;

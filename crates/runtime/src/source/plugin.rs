@@ -1,5 +1,5 @@
-//! A program of one's own as a sensor: what it prints are its lines, what it complains of goes to the log. It ends with the
-//! bridge, however that ends.
+//! A user's program as a sensor: its output is the lines, its error output goes to the log. It ends with the bridge, even
+//! after a kill.
 
 use super::lines::LineBuffer;
 use serde::{Deserialize, Serialize};
@@ -31,7 +31,7 @@ impl PluginSpec {
         self.command.first().cloned().unwrap_or_default()
     }
 
-    /// Starts the program in a process group of its own.
+    /// Starts the program in a separate process group.
     pub(super) fn start(&self) -> io::Result<Plugin> {
         let name = self.place();
         let folder = std::path::absolute(&self.folder)?;

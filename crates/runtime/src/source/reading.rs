@@ -11,7 +11,7 @@ use wire::{SensorSample, now_ns};
 /// One reading of an actuator's sensors. The bridge fills `boot_id` and `seq` of its sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// The values, as they are sent.
+    /// Values to be sent.
     pub sample: SensorSample,
     /// Seconds from the start of the source to the time of sending; NaN for a device, which sends on arrival.
     pub due_s: f64,
@@ -137,7 +137,7 @@ impl InputNames {
     }
 }
 
-/// What a source has for the bridge.
+/// Result of polling a source.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(clippy::large_enum_variant)] // copied once a reading; a box would allocate in the bridge's loop
 pub enum Poll {
@@ -163,10 +163,10 @@ pub type BridgeWaker = SyncSender<()>;
 /// `due_s`, beginning at or after 0; after [`Poll::End`] it stays at the end. A source without a device gives the same
 /// readings, bit for bit, for the same specification (but for the time stamp).
 pub trait Source: Debug + Send {
-    /// Starts what the source needs beside the bridge; called once, before the first poll.
+    /// Starts the source's threads; called once, before the first poll.
     ///
     /// # Errors
-    /// The system's refusal to start a thread.
+    /// A thread cannot be started.
     fn start(&mut self, waker: &BridgeWaker) -> std::io::Result<()> {
         let _none_needed = waker;
         Ok(())
@@ -207,8 +207,8 @@ impl<I: Iterator<Item = Reading> + Debug + Send> Source for Scheduled<I> {
     }
 }
 
-/// Longest wait of a reader without a look at its source.
-const LOOK: Duration = Duration::from_millis(10);
+/// Longest wait of a reader between two polls of its source.
+const POLL: Duration = Duration::from_millis(10);
 
 /// Reads a source without a bridge, every reading ahead of its time.
 #[derive(Debug)]
@@ -221,7 +221,7 @@ impl SourceReader {
     /// Starts the source.
     ///
     /// # Errors
-    /// The system's refusal to start a thread.
+    /// A thread cannot be started.
     pub fn start(mut source: Box<dyn Source>) -> std::io::Result<Self> {
         let (waker, wakes) = sync_channel(1);
         source.start(&waker)?;
@@ -237,8 +237,8 @@ impl SourceReader {
                 Poll::Waiting { .. } => {
                     let left = end.saturating_duration_since(Instant::now());
                     // The device's end wakes without a reading; the channel closes with the device. A reading that is due by
-                    // a clock wakes nobody.
-                    if self.wakes.recv_timeout(left.min(LOOK)).is_err() && Instant::now() >= end {
+                    // a clock causes no event.
+                    if self.wakes.recv_timeout(left.min(POLL)).is_err() && Instant::now() >= end {
                         return None;
                     }
                 }
@@ -253,7 +253,7 @@ impl SourceReader {
     }
 }
 
-/// What became of a device's answers.
+/// Counters of a device's answers by outcome.
 #[derive(Debug, Default)]
 pub struct SensorCounters {
     /// Readings handed to the bridge.

@@ -1,4 +1,4 @@
-//! Traces out of recordings: the readings as they were published, to the bit. A recording is a file or a folder of rotated files.
+//! Traces from recordings: readings bit-identical to the published ones. A recording is a file or a folder of rotated files.
 
 use super::trace::TraceError;
 use crate::file;
@@ -11,7 +11,7 @@ use wire::{Payload, SensorSample};
 
 /// Most readings taken into memory from one recording: 11 hours at 1 kHz. A replay takes them one by one and has no limit.
 pub const MAX_ROWS: usize = 40_000_000;
-/// Metadata of every file, and what added to a stamp of its run gives the time since 1970: stamps begin anew when a machine does.
+/// Metadata of every file: offset from its stamps to the time since 1970, because stamps restart with the machine.
 const OF_RUN: (&str, &str) = ("softtwin.recording", "wall_minus_monotonic_ns");
 
 /// Whether the path is a recording: a file that begins as one does, or no file.
@@ -44,7 +44,7 @@ pub(super) struct Rows {
     reader: SeriesReader,
     topic: Option<String>,
     topics: BTreeSet<String>,
-    /// What added to a stamp gives the time since 1970; 0 where the recording does not say.
+    /// Offset from a stamp to the time since 1970, ns; 0 if the recording has none.
     offset_ns: u64,
     begin_ns: Option<u64>,
     last_s: f64,

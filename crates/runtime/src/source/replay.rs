@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use wire::SensorSample;
 
-/// What to replay and how.
+/// Settings of a replay.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ReplaySpec {
@@ -17,7 +17,7 @@ pub struct ReplaySpec {
     pub topic: Option<String>,
     /// Factor on the speed: 2 sends twice as fast.
     pub speed: f64,
-    /// Begin again at the end, without end.
+    /// Repeat until stopped.
     #[serde(rename = "loop")]
     pub repeat: bool,
     /// Skip what lies before this time of the trace, s.
@@ -135,7 +135,7 @@ impl Part {
     }
 }
 
-/// What is known of a trace before it is replayed.
+/// Properties of a trace before its replay.
 #[derive(Debug, Default)]
 struct About {
     /// Median time between rows, s; 0 for a single row.
@@ -158,9 +158,9 @@ impl About {
 /// Rows in their order.
 #[derive(Debug)]
 enum Rows {
-    /// Of a trace in memory.
+    /// Trace in memory.
     Memory { rows: Vec<SensorSample>, next: usize },
-    /// Of a recording.
+    /// Recording.
     File { path: PathBuf, topic: Option<String>, part: Part, rows: Option<Box<recorded::Rows>> },
 }
 

@@ -92,7 +92,7 @@ fn one() -> f64 {
     1.0
 }
 
-/// What kind of quantity a value at a place of a reading is; `None` for an input that is no pressure, length or force.
+/// Quantity of a value of a reading; `None` for an input other than pressure, length or force.
 fn quantity(slot: usize, name: &str) -> Option<Quantity> {
     match slot {
         PRESSURE => Some(Quantity::Pressure),
@@ -117,7 +117,7 @@ fn factor(quantity: Option<Quantity>, unit: Option<&str>) -> Option<f64> {
     }
 }
 
-/// Everything that is wrong with the values of a sensor; `place` checks where the device has one.
+/// All errors in the values of a sensor; `place` checks their places in the device.
 pub(super) fn problems<P>(
     values: &Values<P>,
     inputs: &InputNames,
@@ -191,7 +191,7 @@ impl<P> ValueSpec<P> {
         self.filter.problems(&format!("{key}.filter"), problems);
     }
 
-    /// What makes a value of the raw number; `None` for a name or a unit that is none.
+    /// Conversion of the raw number to a value; `None` for an invalid name or unit.
     pub(super) fn channel(&self, name: &str, inputs: &InputNames) -> Option<Channel> {
         let slot = inputs.slot(name)?;
         let factor = factor(quantity(slot, name), self.unit.as_deref())?;
@@ -252,17 +252,17 @@ impl Channel {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FilterSpec {
-    /// Readings pass as they are.
+    /// No filter.
     #[default]
     Off,
-    /// Median of the last so many readings; odd, 3-99. Delays by half of them.
+    /// Median of the last readings; odd, 3-99. Delays by half of them.
     Median(usize),
     /// First-order low-pass with this corner frequency, Hz.
     LowPassHz(f64),
 }
 
 impl FilterSpec {
-    /// Everything that is wrong with it.
+    /// All errors in it.
     pub fn problems(&self, key: &str, problems: &mut Vec<String>) {
         match *self {
             Self::Median(count) if count.is_multiple_of(2) || !(3..=99).contains(&count) => {
@@ -280,8 +280,8 @@ impl FilterSpec {
 
 /// A filter with its memory.
 ///
-/// Numbers that are not finite pass through and leave no trace: the twin is to see and count them, and one NaN must not
-/// stay in a low-pass without end.
+/// Numbers that are not finite pass through without effect on the memory: the twin counts them, and one NaN must not remain in
+/// a low-pass.
 #[derive(Debug)]
 pub enum Filter {
     /// Nothing to remember.
@@ -379,7 +379,7 @@ pub(super) struct Feed {
     waker: Arc<OnceLock<BridgeWaker>>,
     counters: Arc<SensorCounters>,
     stop: Arc<AtomicBool>,
-    trouble: Option<String>,
+    error: Option<String>,
 }
 
 /// The bridge's end of the way. Dropping it stops the sensor.
@@ -412,7 +412,7 @@ pub(super) fn connect(
     let (counters, stop) = (Arc::<SensorCounters>::default(), Arc::<AtomicBool>::default());
     let slots = channels.iter().map(|channel| channel.slot).collect();
     let inbox = Inbox { queue, counters: counters.clone(), slots, ended, stop: stop.clone(), path: None };
-    (Feed { place, channels, queue: sender, waker, counters, stop, trouble: None }, inbox)
+    (Feed { place, channels, queue: sender, waker, counters, stop, error: None }, inbox)
 }
 
 impl Feed {
@@ -468,15 +468,15 @@ impl Feed {
     pub(super) fn failed(&mut self, counter: impl Fn(&SensorCounters) -> &AtomicU64, what: &str) {
         count(counter(self.counters.as_ref()));
         let what = format!("{}: {what}", self.place);
-        if self.trouble.as_ref() != Some(&what) {
+        if self.error.as_ref() != Some(&what) {
             tracing::warn!("{what}");
-            self.trouble = Some(what);
+            self.error = Some(what);
         }
     }
 
     /// Logs the end of the failures.
     pub(super) fn recovered(&mut self) {
-        if let Some(before) = self.trouble.take() {
+        if let Some(before) = self.error.take() {
             tracing::info!("the sensor answers again (before: {before})");
         }
     }
@@ -495,7 +495,7 @@ pub(super) struct Backoff {
 
 /// First pause after a failure; longer than the silence that ends a serial frame at any usual speed.
 const FIRST_PAUSE: Duration = Duration::from_millis(20);
-/// Longest wait without a look at the stop flag.
+/// Longest wait between two checks of the stop flag.
 pub(super) const STOP_CHECK: Duration = Duration::from_millis(50);
 
 impl Backoff {

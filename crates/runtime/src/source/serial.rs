@@ -51,10 +51,10 @@ pub enum Parity {
 }
 
 impl SerialSpec {
-    /// Opens the line and forgets what was waiting on it: a late answer must not pass for the next one.
+    /// Opens the line and discards waiting bytes: a late answer must not be taken for the next one.
     ///
     /// # Errors
-    /// The system's refusal.
+    /// I/O errors.
     pub fn open(&self) -> io::Result<SerialStream> {
         let parity = match self.parity {
             Parity::None => tokio_serial::Parity::None,
@@ -70,7 +70,7 @@ impl SerialSpec {
         Ok(stream)
     }
 
-    /// Everything that is wrong with it.
+    /// All errors in it.
     pub fn problems(&self, key: &str, problems: &mut Vec<String>) {
         if self.port.as_os_str().is_empty() {
             problems.push(format!("{key}.port: expected a device such as /dev/ttyUSB0, found nothing"));
@@ -106,7 +106,7 @@ impl ModbusPath {
         }
     }
 
-    /// Notes what is wrong with the two keys at `key`.
+    /// Adds all errors in the two keys at `key`.
     pub(crate) fn problems(
         tcp: Option<&str>,
         serial: Option<&SerialSpec>,

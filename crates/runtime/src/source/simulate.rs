@@ -8,13 +8,13 @@ use wire::SensorSample;
 /// Pressure of the surrounding air, MPa.
 const AMBIENT_MPA: f64 = 0.101325;
 
-/// What to simulate and how the gauge sees it.
+/// Settings of a simulated gauge.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SimulateSpec {
     /// Readings per second.
     pub rate_hz: f64,
-    /// End after so many seconds; infinite: never.
+    /// Duration, s; infinite: never ends.
     pub duration_s: f64,
     /// Measured gap, mm; NaN: none.
     pub gap_mm: f64,
@@ -142,7 +142,7 @@ impl Profile {
     }
 }
 
-/// What a value of the specification must be.
+/// Rule for a value of the specification.
 #[derive(Debug, Clone, Copy)]
 enum Rule {
     Finite,

@@ -15,11 +15,11 @@ use std::path::Path;
 /// The sensors of an actuator by name.
 pub type Sensors = BTreeMap<String, SensorSpec>;
 
-/// What sets the pace of the readings.
+/// Pace of the readings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum PaceSpec {
-    /// `pace = 200.0`: so many readings a second.
+    /// `pace = 200.0`: readings per second.
     RateHz(f64),
     /// `pace = "gauge"`: one for every answer of this sensor.
     Sensor(String),
@@ -55,7 +55,7 @@ pub struct ModbusSensor {
     /// Older values are absent, ms.
     #[serde(default = "usual_age")]
     pub age_limit_ms: f64,
-    /// What it measures; each is a register.
+    /// Measured values; each is a register.
     pub values: Values<RegisterAt>,
 }
 
@@ -77,7 +77,7 @@ pub struct LinesSensor {
     /// Older values are absent, ms.
     #[serde(default = "usual_age")]
     pub age_limit_ms: f64,
-    /// What it measures; each is a cell, from 1, or a JSON key.
+    /// Measured values; each is a cell, from 1, or a JSON key.
     pub values: Values<Cell>,
 }
 
@@ -121,9 +121,8 @@ impl SensorSpec {
 
     fn age_limit_ms(&self) -> f64 {
         match self {
-            Self::Modbus(ModbusSensor { age_limit_ms, .. }) | Self::Lines(LinesSensor { age_limit_ms, .. }) => {
-                *age_limit_ms
-            }
+            Self::Modbus(ModbusSensor { age_limit_ms, .. })
+            | Self::Lines(LinesSensor { age_limit_ms, .. }) => *age_limit_ms,
         }
     }
 
@@ -248,11 +247,11 @@ fn channels<P>(values: &Values<P>, inputs: &InputNames) -> Vec<Channel> {
     values.iter().filter_map(|(name, value)| value.channel(name, inputs)).collect()
 }
 
-/// The source that these sensors are, not started. Commands run in `folder`; device paths are shared through `devices`; of the
-/// `names` each is a value of one sensor.
+/// Source of these sensors, not started. Commands run in `folder`; device paths are shared through `devices`; each of the
+/// `names` is a value of one sensor.
 ///
 /// # Errors
-/// Everything that is wrong, each with its key, what was expected and what was found.
+/// All errors, each with its key, the expected and the found value.
 pub fn open(
     sensors: &Sensors,
     pace: Option<&PaceSpec>,
@@ -285,7 +284,7 @@ pub fn open(
     }
 }
 
-/// Everything that is wrong with the sensors of an actuator and their pace.
+/// All errors in the sensors of an actuator and their pace.
 fn problems(sensors: &Sensors, pace: Option<&PaceSpec>, inputs: &InputNames) -> Vec<String> {
     let mut problems = Vec::new();
     let names = || sensors.keys().cloned().collect::<Vec<_>>().join(", ");

@@ -1,5 +1,5 @@
-//! Lines of text: from a serial line, a TCP connection, UDP datagrams, the standard input, or a program of one's own.
-//! One thread has a path; every sensor that reads it gets every line.
+//! Lines from a serial line, a TCP connection, UDP datagrams, the standard input, or a user's program. Each path has one
+//! thread; every sensor of the path gets every line.
 
 use super::lines::{Cells, LineBuffer, LineError, parse_cells};
 use super::plugin::{Plugin, PluginSpec};
@@ -20,7 +20,7 @@ use wire::now_ns;
 const MAX_BACKOFF: Duration = Duration::from_secs(5);
 /// Longest wait for a TCP connection.
 const CONNECT: Duration = Duration::from_secs(2);
-/// A TCP connection on which nothing has come for so long is made anew: a pulled cable ends no connection.
+/// Silence after which a TCP connection is reopened: a pulled cable does not end a connection.
 const TCP_SILENCE: Duration = Duration::from_secs(2);
 /// Largest datagram.
 const DATAGRAM: usize = 65_536;
@@ -69,7 +69,7 @@ impl LinesPath {
             },
             Self::Udp(address) => Ok(Input::Datagrams(UdpSocket::bind(address).await.map_err(text)?)),
             Self::Plugin(plugin) => plugin.start().map(Input::Plugin).map_err(text),
-            Self::Stdin => Err("it is read by a loop of its own".into()),
+            Self::Stdin => Err("it is read by a separate loop".into()),
         }
     }
 }
@@ -100,7 +100,7 @@ impl Input {
     }
 }
 
-/// Where a value stands in a line: the number of its cell, from 1, or its key in a JSON object.
+/// Place of a value in a line: the number of its cell, from 1, or its key in a JSON object.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Cell {
@@ -135,7 +135,7 @@ struct Picked {
 }
 
 impl Pick {
-    /// Of values by name.
+    /// Cells of values by name.
     pub(super) fn new<'a>(values: impl Iterator<Item = (&'a String, &'a Cell)>) -> Self {
         let is_marker = |name: &str| slot(name).is_some_and(|slot| slot >= MARKERS);
         Self(values.map(|(name, cell)| Picked { cell: cell.clone(), is_marker: is_marker(name) }).collect())
@@ -270,7 +270,7 @@ impl LinesThread {
                     break;
                 }
                 Err(_) if matches!(self.path, LinesPath::Tcp(_)) && last.elapsed() > TCP_SILENCE => {
-                    let silence = format!("nothing for {} s: connecting anew", TCP_SILENCE.as_secs());
+                    let silence = format!("nothing for {} s: reconnecting", TCP_SILENCE.as_secs());
                     self.failed(|c| &c.timeouts, &silence);
                     break;
                 }

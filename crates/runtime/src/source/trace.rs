@@ -1,10 +1,10 @@
 //! Recorded traces: CSV with a header, `t_s,pressure_mpa[,gap_mm][,measured_force_n][,marker1_x_mm,marker1_y_mm,marker1_z_mm]...`, comment lines begin with `#`.
 //!
-//! A trace is read as a whole before anything is sent: a stray text in line 900 is reported at the start, not after 4.5 s.
+//! A trace is read as a whole before anything is sent: an invalid cell in line 900 is reported at the start, not after 4.5 s.
 //! Recordings (MCAP) are traces as well, see `recorded`. Where a scene calls model inputs measured (`load_n`), each is a column of its name, and
 //! a pressure is needed no more.
 //!
-//! `nan` and `inf` are values (gauges send them); text that is no number is an error.
+//! `nan` and `inf` are values (gauges send them); any other cell must be a number.
 
 use super::reading::{InputNames, MARKERS, QUANTITIES, value_mut};
 use super::recorded;
@@ -23,7 +23,7 @@ pub struct Trace {
     pub gaps: Vec<(usize, f64)>,
 }
 
-/// A jump of more than so many median periods is reported as a gap in time.
+/// Multiple of the median period beyond which a jump is reported as a gap in time.
 const GAP_FACTOR: f64 = 5.0;
 
 /// Where the columns are; a missing optional column gives NaN.
@@ -32,9 +32,9 @@ struct Columns {
     pressure_mpa: Option<usize>,
     gap_mm: Option<usize>,
     measured_force_n: Option<usize>,
-    /// By marker coordinate.
+    /// Columns of marker coordinates.
     markers: Vec<Option<usize>>,
-    /// By named input.
+    /// Columns of named inputs.
     inputs: Vec<usize>,
     names: InputNames,
 }
@@ -282,7 +282,7 @@ pub enum TraceError {
         /// The header as found.
         found: String,
     },
-    /// A cell that is no number.
+    /// A cell is not a number.
     #[error("line {line}, column `{column}`: expected a number, found `{found}`")]
     NotANumber {
         /// Line.
@@ -297,7 +297,7 @@ pub enum TraceError {
     NotAReading {
         /// Which reading, from 1.
         number: usize,
-        /// What is wrong with it.
+        /// Its error.
         cause: String,
     },
     /// A recording of several actuators.
@@ -311,7 +311,7 @@ pub enum TraceError {
     NoSuchTopic {
         /// Asked for.
         topic: String,
-        /// What there is.
+        /// Found columns.
         found: String,
     },
     /// More than fits into memory.

@@ -8,11 +8,11 @@ use wire::{Outcome, SensorSample};
 
 /// Most sequence numbers between two readings; more is a fault of the later one.
 const MAX_JUMP: u64 = 65_536;
-/// So many readings in a row that agree with each other, and not with what came before, begin a new order: one wrong number
-/// must not make all later readings look old.
+/// Number of consecutive readings that begin a new order if they agree with each other and not with the earlier ones: one wrong
+/// number must not make all later readings look old.
 const NEW_ORDER: u64 = 3;
 
-/// What a reading has to have, by the scene and the model.
+/// Values that scene and model require of a reading.
 #[derive(Debug, Clone)]
 pub(super) struct Needed {
     gap: Gap,
@@ -28,7 +28,7 @@ impl Needed {
     }
 }
 
-/// An estimated gap is no part of a reading: whatever the reading says about it is not looked at.
+/// Source of the gap; a reading's gap is ignored if the gap is estimated.
 fn gap_of(spec: &ActuatorSpec) -> Gap {
     spec.estimate.get("gap_mm").map_or(spec.gap_mm, |unknown| Gap::Fixed(unknown.prior))
 }
@@ -58,13 +58,20 @@ pub(super) struct SampleCheck {
     pub rejection: Option<Outcome>,
     /// Readings that never arrived before this one.
     pub missed: u64,
-    /// The bridge was started anew (also the first reading ever).
+    /// The bridge was restarted (also the first reading).
     pub restarted: bool,
 }
 
 impl Validator {
     pub(super) fn new(limits: Limits, needed: Needed) -> Self {
-        Self { limits, needed, boot_id: 0, last_seq: 0, last_t_sensor_ns: 0, out_of_order: OutOfOrder::default() }
+        Self {
+            limits,
+            needed,
+            boot_id: 0,
+            last_seq: 0,
+            last_t_sensor_ns: 0,
+            out_of_order: OutOfOrder::default(),
+        }
     }
 
     /// Continues with other needs; what came before stays known.
@@ -166,7 +173,7 @@ impl Validator {
         }
     }
 
-    /// Whether nobody says a gap, and no answer depends on it.
+    /// True if the gap has no source and no result depends on it.
     fn has_no_obstacle(&self, sample: &SensorSample) -> bool {
         !self.needed.depends.gap && !matches!(self.needed.gap, Gap::Fixed(_)) && sample.gap_mm.is_nan()
     }
@@ -175,7 +182,7 @@ impl Validator {
         self.needed.measured.of(sample.input_count, &sample.input_names, &sample.inputs)
     }
 
-    /// The model's inputs that a reading says, NaN where it does not.
+    /// The model's inputs in a reading; NaN if absent.
     pub(super) fn inputs(&self, sample: &SensorSample) -> Inputs {
         let operating = Inputs::new(self.pressure_mpa(sample), self.gap_mm(sample));
         self.measured(sample).fold(operating, |inputs, measured| inputs.with(measured.input, measured.value))

@@ -38,17 +38,17 @@ use std::time::Duration;
 use swap::Running;
 use wire::layout::{INPUTS_MAX, LAYOUT_VERSION, flags, input_source, pack_name};
 use wire::{
-    Bus, Estimate, EstimateWriter, Health, HealthWriter, Outcome, SensorReader, SensorSample, State, StateWriter,
-    Topic, WakeSet, Wakeable, WireError, boot_id, now_ns,
+    Bus, Estimate, EstimateWriter, Health, HealthWriter, Outcome, SensorReader, SensorSample, State,
+    StateWriter, Topic, WakeSet, Wakeable, WireError, boot_id, now_ns,
 };
 
 /// Longest sleep: the stop flag is checked that often, and the watchdog sees progress.
 const MAX_WAIT: Duration = Duration::from_millis(100);
 
-/// Readings taken in one turn: a publisher that is faster than the loop must not keep it from its stop flag.
+/// Largest number of readings per iteration, so that a fast publisher does not delay the stop flag.
 const MAX_BATCH: usize = 1024;
 
-/// A load cell is within so many standard deviations of the force.
+/// Standard deviations of the load cell added to the half-width.
 const WATCH_SIGMAS: f64 = 2.0;
 
 /// A running twin with all its topics open.
@@ -85,13 +85,12 @@ impl Twin {
     /// Maps all pages of all samples ahead of use; returns the bytes.
     ///
     /// # Errors
-    /// The system's refusal.
+    /// Operating-system error.
     pub fn prefault(&self) -> std::io::Result<u64> {
         self.actuators.iter().flat_map(|actuator| &actuator.outputs).map(|output| output.prefault()).sum()
     }
 
-    /// Runs until `stop`, with something to do between two turns (a swap, say). `progress` counts turns, so that a watchdog
-    /// can see that the loop lives.
+    /// Runs until `stop`; calls `between` after each iteration (for a swap). `progress` counts iterations for the watchdog.
     pub fn run(&mut self, stop: &AtomicBool, progress: &AtomicU64, mut between: impl FnMut(&mut Self)) {
         while !stop.load(Ordering::Relaxed) {
             self.turn(MAX_WAIT);
@@ -191,7 +190,7 @@ struct Parts {
 }
 
 impl Parts {
-    /// Of a loaded actuator whose outputs and estimator have been taken.
+    /// Parts of a loaded actuator whose outputs and estimator have been taken.
     fn new(loaded: Loaded) -> Self {
         let inputs = loaded.evaluator.inputs();
         Self {
@@ -270,7 +269,7 @@ impl ActuatorTwin {
         })
     }
 
-    /// What its readers hold on to.
+    /// Properties that its readers depend on.
     fn running(&self) -> Running<'_> {
         Running {
             name: self.state_writer.topic().actuator(),
@@ -307,8 +306,8 @@ impl ActuatorTwin {
         self.next_deadline_ns.min(self.record.next_health_ns())
     }
 
-    /// Takes the waiting readings, answers the newest good ones (one unless the scene says more), then does what is due by
-    /// the clock.
+    /// Takes the waiting readings, answers the newest good ones (one unless the scene has a backlog), then performs what is due
+    /// by the clock.
     fn serve(&mut self) {
         for _ in 0..MAX_BATCH {
             let Some(sample) = self.poll() else { break };
@@ -396,7 +395,7 @@ impl ActuatorTwin {
     }
 
     /// Steps 4 and 5: sends the state, which waits for no field, then reconstructs each field into its loan and sends it.
-    /// Returns what became of the reading.
+    /// Returns the outcome of the reading.
     fn publish(&mut self, sample: &SensorSample, taken_ns: u64) -> Outcome {
         self.describe(sample, taken_ns);
         let mut outcome = if self.send_state() { Outcome::Published } else { Outcome::DroppedNotSent };
@@ -419,7 +418,7 @@ impl ActuatorTwin {
             }
         }
         self.record.answered(sample, taken_ns);
-        // A good reading came: the deadline begins anew.
+        // A good reading restarts the deadline.
         self.record.good(self.state.flags, taken_ns.saturating_sub(self.last_good_ns));
         self.last_good_ns = taken_ns;
         self.next_deadline_ns = taken_ns + ms_to_ns(self.limits.deadline_ms);
@@ -472,7 +471,7 @@ impl ActuatorTwin {
         }
     }
 
-    /// Sends the state as it is, with its age; a failure is counted.
+    /// Sends the present state with its age; a failure is counted.
     fn send_state(&mut self) -> bool {
         let now = now_ns();
         self.state.layout_version = LAYOUT_VERSION;
@@ -522,7 +521,7 @@ impl ActuatorTwin {
         self.state.flags |= flags::STALE;
         self.record.health.flags = self.state.flags;
         self.send_state();
-        // Estimates come with readings only; whoever begins to read in between gets the last one.
+        // Estimates come with readings only; new readers get the last one.
         if let Some(Estimation { writer, .. }) = &self.estimation
             && writer.serve_late_readers().is_err()
         {

@@ -156,7 +156,7 @@ pub struct Event {
     pub value: u64,
 }
 
-/// What happened.
+/// Kind of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EventKind {
     /// Readings now end otherwise than before; value: [`wire::Outcome::code`].
@@ -167,7 +167,7 @@ pub enum EventKind {
     Stale,
     /// Good readings again; value: how long there were none, ns.
     Fresh,
-    /// The bridge runs anew (or for the first time); value: its boot id.
+    /// The bridge was started or restarted; value: its boot id.
     SensorStarted,
     /// Readings never arrived; value: how many.
     Missed,
@@ -191,8 +191,8 @@ impl EventKind {
 /// Events that wait for the reporter, at most; more are counted as lost.
 const CAPACITY: usize = 1024;
 
-/// The loop's end of the channel. The channel has its memory from the start, and nobody waits in it: sending is a few atomic
-/// operations.
+/// The loop's end of the channel. The channel is allocated at the start and never blocks: sending takes a few
+/// atomic operations.
 #[derive(Debug, Clone)]
 pub struct EventSender {
     events: SyncSender<Event>,
@@ -220,7 +220,7 @@ impl EventSender {
 }
 
 /// Raises an alarm when the residual stays outside the half-width for longer than a given time: a leak, a wrong gap, a torn
-/// chamber. A single outlier, or the moment of touching, is none.
+/// chamber. Single outliers and the moment of contact raise no alarm.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ForceWatch {
     outside_since_ns: Option<u64>,
@@ -228,7 +228,7 @@ pub(super) struct ForceWatch {
 
 impl ForceWatch {
     /// Takes the residual of a reading taken at `t_sensor_ns`; true while the alarm stands. Without a measured force or
-    /// without a half-width (NaN) nothing can be said, and the time begins anew.
+    /// without a half-width (NaN) the time restarts.
     pub(super) fn update(
         &mut self,
         t_sensor_ns: u64,

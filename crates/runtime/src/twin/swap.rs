@@ -33,7 +33,7 @@ pub enum SwapError {
     },
 }
 
-/// What a swap took out of the loop. Dropping it frees tens of megabytes: not a thing to do between two readings.
+/// Parts that a swap removed from the loop. Dropping them frees tens of megabytes, which takes too long between two readings.
 #[derive(Debug, Default)]
 pub struct Retired {
     /// Evaluators.
@@ -44,7 +44,7 @@ pub struct Retired {
     pub(super) estimators: Vec<Estimator>,
 }
 
-/// What readers of a running actuator hold on to.
+/// Properties that readers of a running actuator depend on.
 pub(super) struct Running<'a> {
     pub(super) name: &'a str,
     /// The actuator whose sensor it reads.

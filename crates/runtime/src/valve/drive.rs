@@ -4,12 +4,12 @@ use super::decide::{Decision, Governor};
 use super::device::Device;
 use super::spec::ValveSpec;
 use crate::source::{Devices, ModbusConnection, ModbusPath};
-use wire::thread_group::{StopFlag, ThreadGroup};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use wire::layout::{valve_interlock, valve_reason};
+use wire::thread_group::{StopFlag, ThreadGroup};
 use wire::{
     Bus, Domain, Setpoint, SetpointReader, State, StateReader, Topic, Valve, ValveWriter, Waking, WireError,
     boot_id, now_ns,
@@ -195,11 +195,7 @@ impl Drive {
         self.write(Decision { pressure_mpa, wanted_mpa, reason, interlock: 0, limit: 0 }, counters)
     }
 
-    fn write(
-        &mut self,
-        decision: Decision,
-        counters: &ValveCounters,
-    ) -> wire::thread_group::ThreadResult {
+    fn write(&mut self, decision: Decision, counters: &ValveCounters) -> wire::thread_group::ThreadResult {
         let written = self.device.as_mut().map_or(Ok(()), |device| device.write(decision.pressure_mpa));
         let before = (self.sample.valve_reason, self.sample.valve_interlock);
         let reason = if written.is_ok() { decision.reason } else { valve_reason::DEVICE_ERROR };

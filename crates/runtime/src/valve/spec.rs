@@ -210,7 +210,9 @@ impl ModbusValve {
         Quantity::Pressure.check_unit(&format!("{key}.value.unit"), self.value.unit.as_deref(), problems);
         let ValueSpec { points, filter, sigma, .. } = &self.value;
         if !points.is_empty() || *filter != FilterSpec::Off || sigma.is_some() {
-            problems.push(format!("{key}.value: expected scale, offset and unit only, found points, filter or sigma"));
+            problems.push(format!(
+                "{key}.value: expected scale, offset and unit only, found points, filter or sigma"
+            ));
         }
         if problems.len() == before {
             for end in range_mpa.into_iter().filter(|end| self.registers(*end).is_none()) {

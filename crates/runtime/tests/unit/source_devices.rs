@@ -13,8 +13,7 @@ fn thread_that_panics_hands_over_its_readings_and_is_reported() {
     let channels = vec![Channel::plain(0, 1.0)];
     let (mut feed, inbox) = connect("nowhere".into(), channels, Arc::default(), ended.clone());
     let input = Input { name: "gauge".into(), inbox, age_limit_ns: u64::MAX, ahead: None };
-    let mut sensor =
-        Mixed::new(vec![input], Pace::Sensor(0), &InputNames::default(), Devices::default());
+    let mut sensor = Mixed::new(vec![input], Pace::Sensor(0), &InputNames::default(), Devices::default());
     let run = move || {
         feed.send(wire::now_ns(), [(0, 0.5)]);
         panic!("the device driver failed");

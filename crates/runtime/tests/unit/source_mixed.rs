@@ -17,8 +17,7 @@ fn sensor(name: &str, slots: &[usize], limit_ms: u64) -> (Feed, Input) {
 fn bench() -> (Mixed, Feed, Feed, Feed) {
     let ((gauge, a), (gap, b), (camera, c)) =
         (sensor("gauge", &[0], 50), sensor("gap", &[1], 100), sensor("camera", &[6, 7, 8], 200));
-    let mut mixed =
-        Mixed::new(vec![a, b, c], Pace::Sensor(0), &InputNames::default(), Devices::default());
+    let mut mixed = Mixed::new(vec![a, b, c], Pace::Sensor(0), &InputNames::default(), Devices::default());
     (mixed.start_ns, mixed.last_ns) = (1000 * MS, 1000 * MS);
     (mixed, gauge, gap, camera)
 }
@@ -79,7 +78,7 @@ fn a_value_older_than_its_limit_is_absent_flagged_and_counted_while_others_go_on
     assert_eq!([stale(0), stale(1), stale(2)], [0, 2, 2]);
 }
 
-/// Without the sensor that sets the pace a reading comes at its age limit, without its values, and goes on from there.
+/// Without the sensor that sets the pace a reading comes at its age limit, without its values, and continues from there.
 #[test]
 fn the_age_limit_takes_the_place_of_a_silent_pace() {
     let (mut mixed, mut gauge, mut gap, _camera) = bench();
@@ -90,7 +89,7 @@ fn the_age_limit_takes_the_place_of_a_silent_pace() {
     let alone = mixed.next_of(0, at(60) + 1).unwrap().sample;
     assert_eq!((alone.t_sensor_ns, alone.gap_mm, alone.ages_ns.gap), (at(60) + 1, 40.0, 5 * MS + 1));
     assert!(alone.pressure_mpa.is_nan());
-    assert_eq!((alone.status, alone.stale_values & 1), (256, 1), "the pressure is told as too old");
+    assert_eq!((alone.status, alone.stale_values & 1), (256, 1), "the pressure is marked as too old");
     assert_eq!(mixed.next_of(0, at(109)), None, "once in its age limit");
     assert!(mixed.next_of(0, at(111)).is_some());
     // Stamped before the last reading: no way back in time, but known from the next one on.
@@ -108,7 +107,10 @@ fn a_faulty_device_takes_away_its_own_values_only() {
     camera.send(at(1), [(0, 1.0), (1, f64::NAN), (2, 3.0)]);
     gauge.send(at(2), [(0, 0.03)]);
     let reading = mixed.next_of(0, at(2)).unwrap().sample;
-    assert!(reading.markers_mm[1].y.is_nan() && reading.markers_mm[1].x == 1.0, "a coordinate that was not seen");
+    assert!(
+        reading.markers_mm[1].y.is_nan() && reading.markers_mm[1].x == 1.0,
+        "a coordinate that was not seen"
+    );
     gap.fault(4);
     let t_ns = now_ns();
     gauge.send(t_ns, [(0, 0.03)]);
@@ -138,8 +140,7 @@ fn before_the_first_answer_a_value_is_absent_and_flagged() {
 #[test]
 fn a_fixed_rate_ticks_without_any_sensor() {
     let ((mut gauge, a), (_gap, b)) = (sensor("gauge", &[0], 50), sensor("gap", &[1], 100));
-    let mut mixed =
-        Mixed::new(vec![a, b], Pace::Period(10 * MS), &InputNames::default(), Devices::default());
+    let mut mixed = Mixed::new(vec![a, b], Pace::Period(10 * MS), &InputNames::default(), Devices::default());
     (mixed.start_ns, mixed.last_ns) = (now_ns() - 25 * MS, now_ns() - 25 * MS);
     let begin = mixed.last_ns;
     gauge.send(begin + 19 * MS, [(0, 0.03)]);

@@ -32,7 +32,7 @@ fn wrong_unit_and_register_are_both_reported() {
 }
 
 proptest! {
-    /// Any reply of a device gives a number or nothing, and a number is written as it was read.
+    /// Any reply of a device gives a number or nothing, and numbers are written and read without change.
     #[test]
     fn any_registers_are_answered(
         registers in prop::collection::vec(any::<u16>(), 0..6), which in 0usize..5, little in any::<bool>()

@@ -13,7 +13,7 @@ fn named() -> InputNames {
     InputNames::new(["load_n", "flow_1", "force_n"])
 }
 
-fn told(name: &str, value: ValueSpec<()>) -> Vec<String> {
+fn problems_of(name: &str, value: ValueSpec<()>) -> Vec<String> {
     let (mut found, values) = (Vec::new(), Values::from([(name.to_owned(), value)]));
     problems(&values, &named(), "values", &mut found, |(), _, _| {});
     found
@@ -42,9 +42,13 @@ fn a_measured_input_is_a_value_with_the_unit_of_its_name() {
     );
     assert_eq!(spec(&[]).channel("force_n", &InputNames::default()).unwrap().slot, FORCE);
     assert!(spec(&[]).channel("load_n", &InputNames::default()).is_none());
-    assert!(told("load_n", ValueSpec { unit: Some("mm".into()), ..spec(&[]) })[0].contains("one of N"));
-    assert!(told("flow_1", ValueSpec { unit: Some("N".into()), ..spec(&[]) })[0].contains("expected none"));
-    assert!(told("load", spec(&[]))[0].contains("did you mean `load_n`?"));
+    assert!(
+        problems_of("load_n", ValueSpec { unit: Some("mm".into()), ..spec(&[]) })[0].contains("one of N")
+    );
+    assert!(
+        problems_of("flow_1", ValueSpec { unit: Some("N".into()), ..spec(&[]) })[0].contains("expected none")
+    );
+    assert!(problems_of("load", spec(&[]))[0].contains("did you mean `load_n`?"));
 }
 
 #[test]
@@ -66,7 +70,7 @@ fn everything_wrong_with_a_value_is_told_at_once() {
         sigma: Some(0.0),
         ..spec(&[[1.0, 0.0], [1.0, 2.0]])
     };
-    let found = told("gap_mm", bad);
+    let found = problems_of("gap_mm", bad);
     for key in ["unit", "scale", "offset", "points", "sigma", "filter"] {
         let said = found.iter().find(|text| text.contains(&format!("values.gap_mm.{key}")));
         assert!(
@@ -74,10 +78,11 @@ fn everything_wrong_with_a_value_is_told_at_once() {
             "{key}: {found:#?}"
         );
     }
-    assert!(told("pressure", spec(&[]))[0].contains("did you mean `pressure_mpa`?"));
-    assert!(told("marker9_x_mm", spec(&[]))[0].contains("marker"));
+    assert!(problems_of("pressure", spec(&[]))[0].contains("did you mean `pressure_mpa`?"));
+    assert!(problems_of("marker9_x_mm", spec(&[]))[0].contains("marker"));
     assert!(
-        told("gap_mm", ValueSpec { scale: 3.0, ..spec(&[[0.0, 0.0], [1.0, 1.0]]) })[0].contains("either")
+        problems_of("gap_mm", ValueSpec { scale: 3.0, ..spec(&[[0.0, 0.0], [1.0, 1.0]]) })[0]
+            .contains("either")
     );
 }
 

@@ -52,7 +52,7 @@ fn every_bad_reading_has_its_outcome() {
         ("earlier sequence", good(9), Outcome::DroppedBackInTime),
     ];
     for (name, sample, expected) in cases {
-        // "late": the same stamp, looked at two seconds later.
+        // "late": the same stamp, checked two seconds later.
         let now = if expected == Outcome::HeldStale { NOW + 2_000_000_000 } else { NOW };
         assert_eq!(validator().validate(&sample, now).rejection, Some(expected), "{name}");
     }
@@ -146,7 +146,10 @@ fn structure() -> Validator {
         input("load_n", "N", Some(2.0), [1.0, 4.0]),
     ];
     let measured = MeasuredInputs::new(&spec, &inputs);
-    Validator::new(Limits::default(), Needed { gap: spec.gap_mm, depends: Needs { pressure: false, gap: false }, measured })
+    Validator::new(
+        Limits::default(),
+        Needed { gap: spec.gap_mm, depends: Needs { pressure: false, gap: false }, measured },
+    )
 }
 
 /// A reading of that structure, with other values before the load.
@@ -185,7 +188,7 @@ fn what_no_answer_depends_on_may_be_absent_but_not_absurd() {
     let with = SensorSample { pressure_mpa: 0.03, gap_mm: 40.0, ..loaded(2.5) };
     assert_eq!(check(with), None);
     let inputs = structure().inputs(&with);
-    assert_eq!((inputs.pressure_mpa(), inputs.gap_mm()), (0.03, 40.0), "shown as they are");
+    assert_eq!((inputs.pressure_mpa(), inputs.gap_mm()), (0.03, 40.0), "published unchanged");
     assert_eq!(check(SensorSample { pressure_mpa: 5.0, ..loaded(2.5) }), Some(Outcome::HeldAbsurd));
     assert_eq!(check(SensorSample { gap_mm: -1.0, ..loaded(2.5) }), Some(Outcome::HeldAbsurd));
     assert_eq!(check(SensorSample { gap_mm: f64::INFINITY, ..loaded(2.5) }), Some(Outcome::HeldNotFinite));

@@ -11,7 +11,7 @@ fn the_alarm_comes_after_the_time_and_goes_at_once() {
     assert!(!at(0, 0.01) && !at(100, -0.5) && !at(399, 0.5), "outside for 299 ms is no alarm");
     assert!(at(400, -0.5) && at(500, 0.03), "300 ms are, on either side");
     assert!(!at(600, 0.02), "back inside: over");
-    assert!(!at(700, 0.5) && at(1_000, 0.5), "and the time begins anew");
+    assert!(!at(700, 0.5) && at(1_000, 0.5), "and the time restarts");
 }
 
 #[test]

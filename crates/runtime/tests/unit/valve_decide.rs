@@ -143,7 +143,7 @@ fn numbers_and_clocks_at_their_limits_never_open_the_valve() {
     assert_eq!(at(NOW + 501 * MS, last), valve_reason::TIMEOUT);
     assert_eq!(at(u64::MAX, last), valve_reason::TIMEOUT);
     assert_eq!(at(u64::MAX, Setpoint { t_publish_ns: u64::MAX, ..last }), valve_reason::FOLLOWING);
-    // A stamp of another clock is none, also when it never grows old.
+    // A stamp of another clock is invalid, also if it never becomes old.
     assert_eq!(at(NOW, Setpoint { t_publish_ns: u64::MAX, ..last }), valve_reason::NO_SETPOINT);
     assert_eq!(at(NOW, Setpoint { t_publish_ns: 0, ..last }), valve_reason::TIMEOUT);
 }

@@ -101,7 +101,7 @@ fn a_line_counts_when_its_reply_is_the_right_one() {
     assert!(silent.contains("no answer within 2000 ms"), "{silent}");
     assert_eq!(device.write(0.05), Ok(()));
     let connections: Vec<usize> = lines.try_iter().map(|(number, _)| number).collect();
-    assert_eq!(connections, [0, 1, 2], "after a failure the connection is made anew");
+    assert_eq!(connections, [0, 1, 2], "after a failure the connection is reopened");
 }
 
 /// Unit, register, values of a write.

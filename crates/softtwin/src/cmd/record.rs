@@ -6,7 +6,6 @@ use crate::output;
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 use recording::{FreeSpace, RecordSummary, Recorder, RecorderOptions, Retention, RotateOptions};
-use wire::thread_group::ThreadGroup;
 use runtime::metrics;
 use runtime::service::{self, Watchdog};
 use serde_json::json;
@@ -17,6 +16,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use wire::KeyExpr;
+use wire::thread_group::ThreadGroup;
 
 /// How often the service manager gets a new status line, and the metrics new values.
 const STATUS_EVERY: Duration = Duration::from_secs(1);

@@ -9,7 +9,7 @@ pub struct Code {
     pub constant: &'static str,
     /// Name for people, in JSON, as a metric's label.
     pub name: &'static str,
-    /// What it means.
+    /// Meaning.
     pub meaning: &'static str,
 }
 
@@ -68,7 +68,7 @@ macro_rules! coded_enum {
             /// All in the order of their numbers.
             pub const ALL: &'static [$enum] = &[$($enum::$variant,)+];
 
-            /// All with their numbers and texts.
+            /// All codes with their numbers and names.
             pub const CODES: $crate::layout::Codes = &[$($crate::layout::Code {
                 number: $number,
                 constant: stringify!($variant),

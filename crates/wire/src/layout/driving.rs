@@ -43,7 +43,7 @@ payload! {
 }
 
 payload! {
-    /// What the bridge has written to the valve of an actuator, one for each write or attempt.
+    /// Value written by the bridge to the valve of an actuator, one per write or attempt.
     Valve "softtwin.Valve" {
         /// The run of the bridge.
         boot_id: u64 = 0, "", Show::Hex;
@@ -63,9 +63,9 @@ payload! {
         safe_mpa: f64 = f64::NAN, "MPa";
         /// Why this value.
         valve_reason: u32 = valve_reason::NO_SETPOINT, "", Show::Code(valve_reason::ALL);
-        /// What holds the valve at its safe value, bits.
+        /// Interlocks that hold the valve at its safe value, bits.
         valve_interlock: u32 = 0, "", Show::Flags(valve_interlock::ALL);
-        /// What the written value was limited by, bits.
+        /// Limits that changed the written value, bits.
         valve_limit: u32 = 0, "", Show::Flags(valve_limit::ALL);
         /// Zero.
         reserved: u32 = 0, "";

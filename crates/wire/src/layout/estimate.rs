@@ -1,4 +1,4 @@
-//! What a twin estimates beside what it is told.
+//! Estimated quantities of a twin.
 
 use super::payload::payload;
 use super::{INPUTS_MAX, LAYOUT_VERSION, estimate_alarm, estimate_status, set_slot, slot};
@@ -7,11 +7,11 @@ use super::{INPUTS_MAX, LAYOUT_VERSION, estimate_alarm, estimate_status, set_slo
 pub const UNKNOWNS_MAX: usize = 8;
 
 payload! {
-    /// Estimated quantities after one reading, with what the reading said about model and sensors.
+    /// Estimated quantities after one reading, with its consistency with model and sensors.
     Estimate "softtwin.Estimate" {
         /// Layout version.
         layout_version: u32 = LAYOUT_VERSION, "";
-        /// What became of the reading.
+        /// Status of the reading.
         status: u32 = estimate_status::NONE, "", Show::Code(estimate_status::ALL);
         /// First 16 bytes of the model file's hash.
         model_hash: [u8; 16] = [0; 16], "", Show::Hex;
@@ -41,7 +41,7 @@ payload! {
         rejected_total: u64 = 0, "";
         /// Quantities that are estimated.
         unknown_count: u32 = 0, "";
-        /// Bit 0: the readings tell the first quantity, and so on; 0: the value rests on what was known before.
+        /// Bit 0: the readings identify the first quantity, and so on; 0: the value rests on the prior.
         identifiable: u32 = 0, "";
         /// Estimated values, in the units of their names.
         values: [f64; UNKNOWNS_MAX] = [f64::NAN; UNKNOWNS_MAX], "", Show::Counted("unknown_count");
@@ -51,7 +51,7 @@ payload! {
         inputs: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
         /// Inputs of the model.
         input_count: u32 = 0, "";
-        /// What has not fitted for the last second or so.
+        /// Persistent contradiction of about the last second.
         alarm: u32 = estimate_alarm::NONE, "", Show::Code(estimate_alarm::ALL);
         /// Standard deviation of the force that follows from those of the estimated values.
         force_sigma_n: f64 = f64::NAN, "N";
@@ -59,7 +59,7 @@ payload! {
         actuator: [u8; 32] = [0; 32], "", Show::Name;
         /// Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left.
         names: [u8; 32 * UNKNOWNS_MAX] = [0; 32 * UNKNOWNS_MAX], "", Show::Names("unknown_count");
-        /// What the alarm names: bit 0 the first input (the pressure) or quantity; of measurements the bits of `rejected`.
+        /// Inputs or quantities of the alarm: bit 0 is the first input (the pressure) or quantity; for measurements the bits of `rejected`.
         suspects: u32 = 0, "";
         /// Zero.
         reserved: u32 = 0, "";

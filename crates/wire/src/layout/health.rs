@@ -1,7 +1,7 @@
 //! How a twin is doing, once a second.
 
 use super::payload::payload;
-use super::{Outcome, LAYOUT_VERSION, flags};
+use super::{LAYOUT_VERSION, Outcome, flags};
 
 /// Slots for counters, one per [`Outcome`] and some for later ones.
 pub const OUTCOME_SLOTS: usize = 24;

@@ -35,8 +35,8 @@ pub use numbers::{
 pub use payload::{Field, Layout, Number, Payload, Scalar, Show, View};
 pub use query::{Answer, Query};
 pub use topics::{
-    AGES_MAX, Ages, COEFFICIENTS_MAX, FIELD_SLOTS, FieldHeader, GROUPS_MAX, MARKERS_MAX, Marker, SensorSample,
-    State,
+    AGES_MAX, Ages, COEFFICIENTS_MAX, FIELD_SLOTS, FieldHeader, GROUPS_MAX, MARKERS_MAX, Marker,
+    SensorSample, State,
 };
 
 /// Version of all layouts. Raised with any change of size, offset or meaning; it is part of every type name.
@@ -59,7 +59,7 @@ pub const PAYLOADS: [&Layout; 11] = [
 
 /// Most model inputs.
 pub const INPUTS_MAX: usize = 8;
-/// Most model inputs beside pressure and gap.
+/// Largest number of model inputs other than pressure and gap.
 pub const PARAMETERS_MAX: usize = INPUTS_MAX - 2;
 
 /// Hexadecimal digits, for hashes.

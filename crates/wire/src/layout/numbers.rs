@@ -110,11 +110,11 @@ codes! {
         UNKNOWN = 0, "unknown";
         /// A sensor says it, with every reading.
         MEASURED = 1, "measured";
-        /// The scene says it.
+        /// Given in the scene.
         GIVEN = 2, "given";
-        /// Nobody says it: the model's nominal value.
+        /// The model's nominal value, for inputs neither measured nor given.
         NOMINAL = 3, "nominal";
-        /// The twin estimates it, or a measured value less a bias that it estimates; before the first reading its prior.
+        /// Estimated by the twin, or a measured value minus an estimated bias; before the first reading its prior.
         ESTIMATED = 4, "estimated";
     }
 }
@@ -134,7 +134,7 @@ codes! {
         DISPLACEMENT = 4, "displacement";
         /// Von Mises stress, MPa.
         VON_MISES = 5, "von_mises";
-        /// From here on: 128 + position in the model, for fields without a number of their own.
+        /// From here on: 128 + position in the model, for fields without a fixed number.
         OTHER = 128, "other";
     }
     /// The name, as in the model and in scene files.
@@ -142,7 +142,7 @@ codes! {
         super::super::codes::name(ALL, id.min(OTHER).into())
     }
 
-    /// The number of a field of that name, when it has one of its own.
+    /// Fixed number of a field of that name, if it has one.
     pub fn from_name(name: &str) -> Option<u8> {
         (X..=VON_MISES).find(|id| as_str(*id) == name)
     }
@@ -161,7 +161,7 @@ codes! {
 }
 
 codes! {
-    /// Numbers of an estimate's `status`: what became of the reading.
+    /// Numbers of an estimate's `status`: outcome of the reading.
     estimate_status: u32 {
         /// No reading yet.
         NONE = 0, "none";
@@ -189,7 +189,7 @@ codes! {
         INPUT = 1, "input";
         /// The measurements in `suspects` contradict the others and the model.
         SENSOR = 2, "sensor";
-        /// The quantities in `suspects` are told by the readings and lie beyond 4 standard deviations of what was known before.
+        /// The quantities in `suspects` are identifiable and more than 4 standard deviations from their priors.
         QUANTITY = 3, "quantity";
         /// The model does not explain the readings.
         NOT_EXPLAINED = 4, "not-explained";
@@ -199,13 +199,13 @@ codes! {
 codes! {
     /// Numbers of `grasp_status`.
     grasp_status: u32 {
-        /// Not every finger has a fresh state.
+        /// The state of at least one finger is stale.
         UNKNOWN = 0, "unknown";
         /// Friction does not carry the object.
         NOT_HELD = 1, "not held";
-        /// Friction carries the object, but would not with the forces less their half-widths.
-        MARGINAL = 2, "held, within the error bar";
-        /// Friction carries the object with the forces less their half-widths, too.
+        /// Friction carries the object, but would not with the forces minus their half-widths.
+        MARGINAL = 2, "held, within the half-width";
+        /// Friction carries the object with the forces minus their half-widths, too.
         HELD = 3, "held";
     }
 }
@@ -279,8 +279,8 @@ coded_enum! {
         HeldStale = 4, "held: stale";
         /// Stamped later than now by more than the configured limit: the last good state stands.
         HeldFuture = 5, "held: stamped in the future";
-        /// The gap is outside the range that the scene said can occur (what it needs was not loaded): the last good state
-        /// stands.
+        /// The gap is outside the range in the scene (the regime it needs was not loaded): the last good state
+        /// is kept.
         HeldOutsideScene = 6, "held: gap outside the scene's range";
         /// The same sequence number again.
         DroppedDuplicate = 7, "dropped: duplicate";
@@ -300,19 +300,19 @@ coded_enum! {
         DroppedReconstruction = 14, "dropped: field could not be reconstructed";
         /// The sequence number is far from the one before; readings that go on from there are used from the third on.
         DroppedSequenceJump = 15, "dropped: sequence number jumps";
-        /// A measured input beside pressure and gap is outside the range that the scene said can occur: the last good state stands.
+        /// A further measured input is outside the range in the scene: the last good state is kept.
         HeldInputOutsideScene = 16, "held: input outside the scene's range";
     }
 }
 
 impl Outcome {
-    /// Whether the last good state stands in its place.
+    /// True if the last good state replaces the result.
     pub fn is_held(self) -> bool {
         matches!(self, Outcome::HeldOutsideDomain | Outcome::HeldInputOutsideScene)
             || (Outcome::HeldNotFinite.code()..=Outcome::HeldOutsideScene.code()).contains(&self.code())
     }
 
-    /// Whether nothing came of it.
+    /// True if the reading has no result.
     pub fn is_dropped(self) -> bool {
         self != Outcome::Published && !self.is_held()
     }
@@ -351,7 +351,7 @@ coded_enum! {
         UnknownKind = 10, "this twin does not know that kind of question";
         /// The model gave a value that is not finite.
         Model = 11, "the model gave no finite value";
-        /// A parameter of the question is none of the model's.
+        /// The query has a parameter that the model does not have.
         UnknownInput = 12, "a parameter of the question is no input of this model, which has {inputs}";
     }
 }

@@ -3,14 +3,14 @@
 
 use super::codes::Codes;
 
-/// What every payload offers. Implemented by the payloads of this crate only.
+/// Common interface of the payloads. Implemented by the payloads of this crate only.
 pub trait Payload: sealed::Plain + Copy + Default + std::fmt::Debug + PartialEq + 'static {
     /// Name, size and values.
     const LAYOUT: &'static Layout;
 
     /// The payload's bytes as they lie in shared memory, with what they mean.
     fn view(&self) -> View<'_> {
-        // SAFETY: `Plain` promises a structure without padding, so all its bytes are initialised; they live as long as
+        // SAFETY: `Plain` guarantees a structure without padding, so all its bytes are initialised; they live as long as
         // `self` is borrowed.
         let bytes = unsafe { std::slice::from_raw_parts(std::ptr::from_ref(self).cast(), size_of::<Self>()) };
         View { layout: Self::LAYOUT, bytes }
@@ -18,7 +18,7 @@ pub trait Payload: sealed::Plain + Copy + Default + std::fmt::Debug + PartialEq 
 
     /// The payload's bytes, to be written.
     fn bytes_mut(&mut self) -> &mut [u8] {
-        // SAFETY: as in `view`; `Plain` promises that every bit pattern is a valid value.
+        // SAFETY: as in `view`; `Plain` guarantees that every bit pattern is a valid value.
         unsafe { std::slice::from_raw_parts_mut(std::ptr::from_mut(self).cast(), size_of::<Self>()) }
     }
 }
@@ -40,7 +40,7 @@ pub struct Layout {
     pub type_name: &'static str,
     /// Name of its JSON schema, such as `softtwin.State`.
     pub schema: &'static str,
-    /// What it is.
+    /// Meaning.
     pub meaning: &'static str,
     /// Bytes; the alignment is 8.
     pub size: usize,
@@ -63,7 +63,7 @@ pub struct Field {
     pub count: usize,
     /// Unit; empty: none.
     pub unit: &'static str,
-    /// What it means, and what stands there when it is not known.
+    /// Meaning, and the value if it is unknown.
     pub meaning: &'static str,
     /// How it is shown.
     pub show: Show,
@@ -85,13 +85,13 @@ pub enum Scalar {
 pub enum Show {
     /// As a number, or a list of numbers.
     Number,
-    /// As a list of as many numbers as the field of this name says.
+    /// List of numbers, whose length is in the field of this name.
     Counted(&'static str),
     /// As a list of the numbers before the first 0.
     UntilZero,
     /// As hexadecimal digits: hashes, runs.
     Hex,
-    /// As text: a zero-padded name.
+    /// Zero-padded name.
     Name,
     /// As the names of the bits that are set.
     Flags(Codes),
@@ -99,9 +99,9 @@ pub enum Show {
     Code(Codes),
     /// As the names of the fields, as many as `field_count` says.
     FieldNames,
-    /// As a list of the names of as many numbers as the field of this name says.
+    /// List of the codes' names, whose length is in the field of this name.
     Codes(Codes, &'static str),
-    /// As texts: zero-padded names of 32 bytes, as many as the field of this name says.
+    /// List of zero-padded names of 32 bytes, whose length is in the field of this name.
     Names(&'static str),
     /// As one number for each name.
     PerCode(Codes),
@@ -121,7 +121,7 @@ pub enum Number {
 /// A payload's bytes with what they mean.
 #[derive(Debug, Clone, Copy)]
 pub struct View<'a> {
-    /// What they mean.
+    /// Layout of the bytes.
     pub layout: &'static Layout,
     /// The payload as it lies in shared memory.
     pub bytes: &'a [u8],
@@ -147,7 +147,7 @@ impl<'a> View<'a> {
         })
     }
 
-    /// The whole numbers of a field.
+    /// Integers of a field.
     pub fn wholes(&self, field: &Field) -> impl Iterator<Item = u64> + use<'a> {
         self.numbers(field).filter_map(|number| match number {
             Number::Whole(whole) => Some(whole),
@@ -155,7 +155,7 @@ impl<'a> View<'a> {
         })
     }
 
-    /// The whole number of that name; `None` when this payload has none.
+    /// Integer of that name; `None` if this payload does not have it.
     pub fn whole(&self, name: &str) -> Option<u64> {
         let field = self.layout.fields.iter().find(|field| field.name == name)?;
         self.wholes(field).next()
@@ -191,7 +191,7 @@ impl Scalar {
     }
 }
 
-/// What a payload may be made of.
+/// Value types of a payload's fields.
 pub(super) trait Value {
     const SCALAR: Scalar;
     const COUNT: usize;
@@ -238,7 +238,7 @@ const fn is_same(left: &[u8], right: &[u8]) -> bool {
 ///
 /// ```text
 /// payload! {
-///     /// What it is.
+///     /// Meaning.
 ///     Name "schema" {
 ///         /// What the value means.
 ///         name: type = value when it is not known, "unit", how it is shown;

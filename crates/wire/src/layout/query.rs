@@ -13,11 +13,11 @@ payload! {
     Query "softtwin.Query" {
         /// Layout version.
         layout_version: u32 = LAYOUT_VERSION, "";
-        /// What is asked for.
+        /// Kind of the query.
         kind: u32 = query_kind::WHATIF, "", Show::Code(query_kind::ALL);
         /// 1: the field is wanted too, 0: the state is enough.
         want_field: u32 = 0, "";
-        /// Parameters given: model inputs beside pressure and gap. The others have the values that the twin uses itself.
+        /// Number of parameters: model inputs other than pressure and gap. Missing ones have the values that the twin uses.
         parameter_count: u32 = 0, "";
         /// Pressure.
         pressure_mpa: f64 = f64::NAN, "MPa";
@@ -40,7 +40,7 @@ payload! {
 }
 
 impl Query {
-    /// Gives one more parameter a value; false: a question has no room for so many.
+    /// Adds a parameter; false if the query has no space for it.
     pub fn set_parameter(&mut self, name: &str, value: f64) -> bool {
         let Some(to) = self.parameters.get_mut(self.parameter_count as usize) else { return false };
         *to = value;
@@ -49,7 +49,7 @@ impl Query {
         true
     }
 
-    /// The parameters given: name as it is on the wire, and value.
+    /// Parameters with their names on the wire and values.
     pub fn parameters(&self) -> impl Iterator<Item = (&[u8; 32], f64)> {
         let names = self.parameter_names.as_chunks::<32>().0;
         names.iter().zip(self.parameters).take(self.parameter_count as usize)

@@ -1,4 +1,4 @@
-//! The members of a domain (iceoryx2's nodes): which of them are dead, and their removal.
+//! Members of a shared-memory domain (iceoryx2's nodes): detection and removal of dead ones.
 
 use super::places::{Places, files, name};
 use super::unused;
@@ -11,12 +11,12 @@ use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Bytes of the process identity in a node's context file; zeros are nobody's identity.
-const NOBODY: [u8; 16] = [0; 16];
+/// Bytes of the process identity in a node's context file; zeros are no process.
+const NO_PROCESS: [u8; 16] = [0; 16];
 
-/// How long the files of nodes without a process are looked at, and how often, before somebody is taken to use them: a program that reads
-/// them may have to wait for its core meanwhile. Programs of another container, whose processes are not seen here, delay each start by it.
-const LOOKING: Duration = Duration::from_millis(300);
+/// Time during which files of nodes without a process are polled before they count as in use: a program that reads them may have
+/// to wait for its core. Programs of another container, whose processes are invisible here, delay each start by it.
+const POLLING: Duration = Duration::from_millis(300);
 const BETWEEN_LOOKS: Duration = Duration::from_millis(1);
 
 impl Places {
@@ -38,7 +38,7 @@ impl Places {
             CallbackProgression::Continue
         });
         for id in views.iter().filter(|id| dead.contains(&id.value())) {
-            // The usual call takes the domain's settings from the node's details, which a node that was killed early does
+            // The usual call takes the settings from the node's details, which a node that was killed early does
             // not have; it would then clean up iceoryx2's default domain and report success.
             let details = NodeDetails::__internal_new(&None, &self.config);
             let _ = DeadNodeView::<Ipc>::__internal_try_remove_stale_resources(*id, details);
@@ -48,7 +48,7 @@ impl Places {
         (dead.len() - failed, failed)
     }
 
-    /// The nodes of this domain that have a file: alive, dead, half-made or half-removed.
+    /// Nodes with a file: alive, dead, incomplete or partly removed.
     fn node_ids(&self) -> BTreeSet<u128> {
         let monitors = files(&self.nodes(), |name| self.monitor_id(name).is_some());
         let monitored = monitors.iter().filter_map(|path| self.monitor_id(name(path)));
@@ -72,10 +72,10 @@ impl Places {
         self.nodes().join(id.to_string())
     }
 
-    /// The nodes that nobody uses. Another program that just reads the files of a dead node looks like its owner; where no process
-    /// carries the node's number, that is over in a moment, and the kernel is asked again.
+    /// Unused nodes. Another program that reads the files of a dead node looks like its owner; if no process has the node's number,
+    /// the query is repeated.
     fn dead_nodes(&self) -> Vec<u128> {
-        let end = Instant::now() + LOOKING;
+        let end = Instant::now() + POLLING;
         let (mut undecided, mut dead) = (self.node_ids(), Vec::new());
         loop {
             let (in_use, unused): (BTreeSet<u128>, BTreeSet<u128>) =
@@ -105,12 +105,11 @@ impl Places {
             }
         }
         for (part, content, mode) in
-            [("", &[][..], 0o600), ("_owner_lock", &[], 0o600), ("_context", &NOBODY, 0o400)]
+            [("", &[][..], 0o600), ("_owner_lock", &[], 0o600), ("_context", &NO_PROCESS, 0o400)]
         {
             let path = self.monitor(id, part);
-            let complete = |found: Metadata| {
-                found.mode() & 0o777 == mode && found.len() >= content.len() as u64
-            };
+            let complete =
+                |found: Metadata| found.mode() & 0o777 == mode && found.len() >= content.len() as u64;
             if !std::fs::metadata(&path).is_ok_and(complete) {
                 let _ = rewrite(&path, content, mode);
             }
@@ -144,15 +143,15 @@ fn rewrite(path: &Path, content: &[u8], mode: u32) -> std::io::Result<()> {
 }
 
 impl Places {
-    /// Removes half-made resources whose creator is dead; returns how many. Needs no lock: a creator that lives has the file
-    /// open, from its creation on.
+    /// Removes incomplete resources of dead creators; returns their number. Needs no lock: a live creator has the file open from
+    /// its creation on.
     pub(crate) fn remove_half_made(&self) -> usize {
         let segments = self.segments().into_iter().filter(|path| has(path, segment_is_half_made));
         let services = self.service_files().into_iter().filter(|path| has(path, service_is_half_made));
         segments.chain(services).filter(|path| unused::remove(path)).count()
     }
 
-    /// A shared-memory file of the domain without a size. iceoryx2 waits for ever for such a file to grow.
+    /// Shared-memory file without a size, for whose growth iceoryx2 would wait indefinitely.
     pub(crate) fn empty_segment(&self) -> Option<PathBuf> {
         self.segments().into_iter().find(|path| has(path, |metadata| metadata.len() == 0))
     }

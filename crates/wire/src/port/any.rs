@@ -80,7 +80,7 @@ macro_rules! kinds {
                 })
             }
 
-            /// Whether a sample waits; not where that cannot be told: [`Self::next`] says why. Never blocks, takes nothing.
+            /// True if a sample is waiting; false on errors, which [`Self::next`] returns. Never blocks, takes nothing.
             pub fn has_next(&self) -> bool {
                 match self {
                     $(Self::$kind(reader) => reader.has_next(),)+

@@ -1,4 +1,4 @@
-//! What the system has run out of when a port cannot be made. iceoryx2 reports all of it as an internal failure.
+//! Exhausted resource when a port cannot be created. iceoryx2 reports all of them as an internal failure.
 
 use crate::WireError;
 use crate::leftover::Places;
@@ -46,7 +46,7 @@ fn full(name: &str, folder: &Path, blocks_count: bool) -> Option<WireError> {
     Some(WireError::NoFiles { name, folder, cause: cause.to_owned() })
 }
 
-/// What the file system of `folder` has left; `None` where the system does not say.
+/// Free space of the file system of `folder`; `None` on errors.
 pub(super) fn status(folder: &Path) -> Option<libc::statvfs> {
     let path = std::ffi::CString::new(folder.as_os_str().as_encoded_bytes()).ok()?;
     // SAFETY: all-zero is a valid statvfs; the path is a C string that lives across the call.

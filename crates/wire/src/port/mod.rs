@@ -12,8 +12,7 @@ mod writer_lock;
 pub use any::{AnyReader, AnySample, Stamp};
 pub use query::{AnswerSample, QueryClient, QueryServer, Question};
 pub use topic::{
-    Carried, FieldLoan, FieldReader, FieldSample, FieldWriter,
-    CommandReader, CommandWriter, EstimateReader, EstimateWriter, GraspReader, GraspWriter, HealthReader,
-    HealthWriter, Reader, SensorReader, SensorWriter, SetpointReader, SetpointWriter, StateReader,
-    StateWriter, ValveReader, ValveWriter, Writer,
+    Carried, CommandReader, CommandWriter, EstimateReader, EstimateWriter, FieldLoan, FieldReader,
+    FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter, Reader, SensorReader,
+    SensorWriter, SetpointReader, SetpointWriter, StateReader, StateWriter, ValveReader, ValveWriter, Writer,
 };

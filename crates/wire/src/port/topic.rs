@@ -6,8 +6,8 @@ use super::writer_lock::WriterLock;
 use crate::bus::Bus;
 use crate::error::WireError;
 use crate::layout::{
-    Command, Estimate, FIELD_SLOTS, FieldHeader, Grasp, Health, LAYOUT_VERSION, Payload, SensorSample, Setpoint,
-    State, Valve,
+    Command, Estimate, FIELD_SLOTS, FieldHeader, Grasp, Health, LAYOUT_VERSION, Payload, SensorSample,
+    Setpoint, State, Valve,
 };
 use crate::qos;
 use crate::sys::{Ipc, now_ns};

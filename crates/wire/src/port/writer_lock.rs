@@ -1,5 +1,5 @@
-//! One lock file for each topic that is written, in /dev/shm: it keeps a second writer away even when the domain's folder
-//! was emptied and iceoryx2 no longer knows of the first one.
+//! One lock file per written topic, in /dev/shm: it refuses a second writer even if the management folder was emptied and
+//! iceoryx2 no longer knows the first one.
 
 use super::retry::Refusal;
 use crate::WireError;

@@ -57,10 +57,10 @@ fn constants(out: &mut String) {
         ("COEFFICIENTS_MAX", layout::COEFFICIENTS_MAX, "Most modal coefficients in one state."),
         ("GROUPS_MAX", layout::GROUPS_MAX, "Most groups of fields in one state."),
         ("MARKERS_MAX", layout::MARKERS_MAX, "Most markers of one actuator."),
-        ("AGES_MAX", layout::AGES_MAX, "Values of a reading with an age of their own."),
+        ("AGES_MAX", layout::AGES_MAX, "Values of a reading with their own age."),
         ("UNKNOWNS_MAX", layout::UNKNOWNS_MAX, "Most quantities that one twin estimates."),
         ("INPUTS_MAX", layout::INPUTS_MAX, "Most inputs of a model."),
-        ("PARAMETERS_MAX", layout::PARAMETERS_MAX, "Most model inputs beside pressure and gap."),
+        ("PARAMETERS_MAX", layout::PARAMETERS_MAX, "Most model inputs other than pressure and gap."),
         ("OUTCOME_SLOTS", layout::OUTCOME_SLOTS, "Counters of outcomes."),
         ("FINGERS_MAX", layout::FINGERS_MAX, "Most fingers of one grasp."),
     ] {

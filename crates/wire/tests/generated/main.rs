@@ -1,5 +1,5 @@
-//! What is made from the definitions of the payloads: tables of `docs/wire.md`, the C header, the Python modules.
-//! `BLESS=1 cargo test -p wire --test generated` writes all of them anew; without it a file that is not current fails.
+//! Files generated from the definitions of the payloads: tables of `docs/wire.md`, the C header, the Python modules.
+//! `BLESS=1 cargo test -p wire --test generated` writes all of them; without it an outdated file fails the test.
 
 mod header;
 mod page;
@@ -18,7 +18,7 @@ struct Described {
 }
 
 impl Described {
-    /// What stands in a field when it is not known.
+    /// Value of a field if it is unknown.
     fn absent(&self, field: &Field) -> String {
         let view = View { layout: self.layout, bytes: &self.default };
         match view.numbers(field).next().expect("a value") {
@@ -87,7 +87,7 @@ fn check(path: &str, generated: &str) {
 #[test]
 fn the_page_is_current() {
     let path = "docs/wire.md";
-    let committed = std::fs::read_to_string(repository().join(path)).expect("the page");
+    let committed = std::fs::read_to_string(repository().join(path)).expect("the document");
     check(path, &page::generated(&committed, &described()));
 }
 
@@ -102,7 +102,7 @@ fn the_python_modules_are_current() {
     check("clients/python/src/softtwin/qos.py", &python::qos());
 }
 
-/// A unit stands in the name and in the definition; both are the same.
+/// Units in names and in definitions are the same.
 #[test]
 fn units_are_those_of_the_names() {
     let suffixes = [

@@ -8,7 +8,7 @@ use wire::layout::{
 };
 use wire::{Outcome, QueryStatus, TopicKind, qos};
 
-/// The page with all tables as the definitions say.
+/// The document with all tables from the definitions.
 pub fn generated(page: &str, payloads: &[Described]) -> String {
     let mut page = page.to_owned();
     for (name, body) in [("settings", settings()), ("numbers", numbers()), ("payloads", tables(payloads))] {

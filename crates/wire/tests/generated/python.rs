@@ -38,7 +38,7 @@ pub fn layout(payloads: &[Described]) -> String {
         &mut out,
         "ESTIMATE_STATUSES",
         estimate_status::ALL,
-        "What became of an estimate's reading, by number.",
+        "Outcome of an estimate's reading, by number.",
     );
     names(&mut out, "ESTIMATE_ALARMS", estimate_alarm::ALL, "What does not fit an estimate, by number.");
     names(
@@ -104,8 +104,8 @@ fn class(out: &mut String, described: &Described) {
         let fields = layout.fields.iter();
         fields.filter_map(|field| Some(format!("\"{}\": {}", field.name, pick(field)?))).collect()
     };
-    let texts = layout.fields.iter().filter(|field| field.show == Show::Name);
-    table(out, "_texts", texts.map(|field| format!("\"{}\"", field.name)).collect());
+    let names = layout.fields.iter().filter(|field| field.show == Show::Name);
+    table(out, "_texts", names.map(|field| format!("\"{}\"", field.name)).collect());
     let lists = shown(|field| match field.show {
         Show::Names(count) => Some(format!("\"{count}\"")),
         _ => None,
