@@ -91,9 +91,7 @@ fn a_name_used_twice_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     small(dir.path());
     replace(&dir.path().join("cases.csv"), "\nb,", "\na,");
-    assert!(
-        refusal(dir.path()).contains("line 3, column case: ")
-    );
+    assert!(refusal(dir.path()).contains("line 3, column case: "));
 }
 
 #[test]
@@ -102,10 +100,7 @@ fn counts_must_agree() {
     small(dir.path());
     replace(&dir.path().join("database.toml"), "nodes = ", "nodes = 1");
     let text = refusal(dir.path());
-    assert!(
-        text.contains("shape: ") && text.contains("[3, 1"),
-        "{text}"
-    );
+    assert!(text.contains("shape: ") && text.contains("[3, 1"), "{text}");
 }
 
 #[test]
@@ -139,12 +134,7 @@ fn scenes_are_kept_apart() {
     assert_eq!(read(dir.path(), ObstacleKind::Plate).unwrap().cases.len(), 2);
     assert_eq!(read(dir.path(), ObstacleKind::Block).unwrap().cases.len(), 1);
     replace(&dir.path().join("cases.csv"), "c,gripper", "c,contact");
-    assert!(
-        read(dir.path(), ObstacleKind::Block)
-            .unwrap_err()
-            .to_string()
-            .ends_with("found none")
-    );
+    assert!(read(dir.path(), ObstacleKind::Block).unwrap_err().to_string().ends_with("found none"));
 }
 
 #[test]

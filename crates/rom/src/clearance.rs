@@ -7,10 +7,10 @@
 
 use crate::evaluation::Evaluation;
 use crate::inputs::{GAP, InputMap, Inputs, MAX_INPUTS, PRESSURE};
+use crate::kernel::sums::{Scratch, Sums};
 use crate::kernel::weigh::Weights;
 use crate::model::{Clearance, RegimeModel};
 use crate::regime::{LastOnset, Onset, OnsetAt, OnsetTable};
-use crate::sums::{Scratch, Sums};
 
 /// Largest residual `|D(P_c, q) - gap|` of an onset pressure, mm.
 pub const TOLERANCE_MM: f64 = 1e-9;

@@ -3,8 +3,8 @@
 use crate::halfwidths::HalfWidths;
 use crate::hull::DomainStatus;
 use crate::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
+use crate::kernel::sums::Scratch;
 use crate::snapshots::RegimeKind;
-use crate::sums::Scratch;
 
 /// Warnings about an evaluation. Every correction of a value sets a flag.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

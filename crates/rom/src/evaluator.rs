@@ -5,10 +5,10 @@ use crate::evaluation::{Evaluation, Flags};
 use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, PARAMETERS, PRESSURE, Point};
 use crate::interpolant::Interpolant;
+use crate::kernel::sums::{Scratch, Sums};
 use crate::model::{GroupModel, ModelError, ModelHeader, RegimeModel};
 use crate::regime::{LastOnset, Onset, OnsetAt, OnsetTable};
 use crate::snapshots::RegimeKind;
-use crate::sums::{Scratch, Sums};
 use std::ops::Range;
 
 /// One regime, ready to run.
@@ -136,11 +136,6 @@ impl Evaluator {
     /// Whether the model was trained in a regime.
     pub fn has_regime(&self, kind: RegimeKind) -> bool {
         self.parts.iter().any(|part| part.model.kind == kind)
-    }
-
-    /// Pressure by which the onset must be undercut before the contact label is dropped, in MPa.
-    pub(crate) fn hysteresis_mpa(&self) -> f64 {
-        self.hysteresis_mpa
     }
 
     /// Evaluation with capacity for any state.
@@ -310,6 +305,51 @@ impl Evaluator {
         out.domain = TrainingRange::status(out.domain_distance);
         out.flags.extrapolated = out.domain != DomainStatus::Inside;
         part
+    }
+}
+
+/// The regime to show for a state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RegimeLabel {
+    /// Contact as soon as the onset is reached, free only when it is undercut by the model's margin.
+    pub regime: RegimeKind,
+    /// The label still says contact although the pressure is just below the onset.
+    pub held: bool,
+}
+
+/// An evaluator that remembers the last label. Values follow the inputs alone: only the label has a memory.
+#[derive(Clone, Debug)]
+pub struct HysteresisEvaluator {
+    evaluator: Evaluator,
+    last: Option<RegimeKind>,
+}
+
+impl HysteresisEvaluator {
+    /// Without memory: the first label is the regime of the first state.
+    pub fn new(evaluator: Evaluator) -> Self {
+        Self { evaluator, last: None }
+    }
+
+    /// The evaluator alone.
+    pub fn into_evaluator(self) -> Evaluator {
+        self.evaluator
+    }
+
+    /// As [`Evaluator::state`], with the label.
+    pub fn state(&mut self, inputs: Inputs, out: &mut Evaluation) -> RegimeLabel {
+        self.evaluator.state(inputs, out);
+        let margin_mpa = self.evaluator.hysteresis_mpa;
+        let held = self.last == Some(RegimeKind::Contact)
+            && out.regime == RegimeKind::Free
+            && out.onset_pressure_mpa.is_some_and(|onset| inputs.pressure_mpa() > onset - margin_mpa);
+        let regime = if held { RegimeKind::Contact } else { out.regime };
+        self.last = Some(regime);
+        RegimeLabel { regime, held }
+    }
+
+    /// As [`Evaluator::complete`].
+    pub fn complete(&self, out: &mut Evaluation) {
+        self.evaluator.complete(out);
     }
 }
 

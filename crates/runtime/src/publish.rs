@@ -3,8 +3,8 @@
 use crate::config::{ActuatorSpec, Gap, PRESSURE_BIAS, StateSpec};
 use crate::load::{GroupSizes, LoadedOutput};
 use rom::evaluation::Evaluation;
+use rom::evaluator::RegimeLabel;
 use rom::hull::DomainStatus;
-use rom::hysteresis::RegimeLabel;
 use rom::inputs::{GAP, InputSpec, PARAMETERS, PRESSURE};
 use rom::reconstructor::{Peaks, Reconstructor};
 use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, flags, input_source, pack_name, set_slot};

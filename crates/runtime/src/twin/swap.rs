@@ -4,7 +4,7 @@
 use crate::estimation::Estimator;
 use crate::load::Loaded;
 use crate::publish::shape;
-use rom::hysteresis::HysteresisEvaluator;
+use rom::evaluator::HysteresisEvaluator;
 use rom::reconstructor::Reconstructor;
 
 /// Why a running twin cannot continue with what was loaded. It continues with what it has.
