@@ -178,7 +178,7 @@ impl Interpolant {
 }
 
 with_widest_vectors! {
-    /// What all centres are to the state `u = M x`. `centres` holds their inputs by group and input, eight centres a row.
+    /// Evaluates all centres at the state `u = M x`. `centres` holds their inputs per group and input, eight centres per row.
     pub(crate) fn approach(
         kernel: KernelKind,
         u: &Point,
