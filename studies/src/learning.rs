@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn derivatives_are_worth_what_the_two_fits_to_most_states_say() {
+    fn value_of_derivatives_follows_from_both_fits() {
         let few = [point(50, true, [9e-4, 9e-3, 9e-4]), point(50, false, [1e-3, 1e-2, 1e-3])];
         let all = [point(154, true, [6e-5, 1.6e-3, 4e-5]), point(154, false, [1.2e-4, 3.2e-3, 1e-4])];
         let text = table(&few.into_iter().chain(all).collect::<Vec<_>>());
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn where_one_fit_is_missing_nothing_is_said_of_their_relation() {
+    fn missing_fit_gives_no_value_of_derivatives() {
         let text =
             table(&[point(50, true, [1e-4; 3]), point(50, false, [2e-4; 3]), point(154, true, [1e-5; 3])]);
         assert!(text.ends_with(" |\n") && !text.contains("over those without"), "{text}");

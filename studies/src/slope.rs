@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slope_far_below_the_noise_is_found_and_noise_steps_and_outliers_are_none() {
+    fn slope_below_the_noise_is_found_and_noise_steps_outliers_have_none() {
         let leak = of(|k| 5000.0 + 0.05 * k as f64 + 2.0 * noise(k));
         assert!(leak.grows(200.0, 4.0) && (leak.slope - 0.05).abs() < 0.02, "{leak:?}");
         assert!(leak.low < 0.05 && 0.05 < leak.high, "{leak:?}");
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn the_interval_is_that_of_the_closed_form_for_a_line() {
+    fn interval_equals_the_closed_form_for_a_line() {
         let line = of(|k| 3.0 * k as f64);
         assert_eq!((line.slope, line.low, line.high), (3.0, 3.0, 3.0));
         assert_eq!(Slope::of(&[(0.0, 0.0); 9]), None);

@@ -4,7 +4,7 @@ use serde_json::Value;
 use std::process::Command;
 
 #[test]
-fn every_hard_case_ends_as_it_must() {
+fn every_hard_case_has_its_expected_ending() {
     let program = env!("CARGO_BIN_EXE_softtwin-studies");
     let done = Command::new(program).args(["hard-cases", "--json"]).output().expect("it starts");
     let out = String::from_utf8(done.stdout).expect("text");

@@ -34,7 +34,7 @@ fn check(folder: &Path, database: &Database) -> Output {
 }
 
 #[test]
-fn promises_are_kept_on_an_honest_database_and_a_broken_one_is_named() {
+fn report_passes_on_a_good_database_and_names_the_exceeded_limit() {
     let (folder, mut database) = (tempfile::tempdir().expect("a folder"), plate());
     let honest = check(folder.path(), &database);
     let out = String::from_utf8_lossy(&honest.stdout);
@@ -56,7 +56,7 @@ fn promises_are_kept_on_an_honest_database_and_a_broken_one_is_named() {
 
 /// Acceptance limits of the repository's report, also on test states, with its command and its database.
 #[test]
-fn the_committed_database_keeps_every_promise() {
+fn committed_database_is_within_every_limit() {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut command = Command::new(env!("CARGO_BIN_EXE_softtwin-studies"));
     command.args(["report", "--database", "models/pneunet/database", "--check"]).current_dir(repository);

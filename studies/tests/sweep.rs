@@ -17,7 +17,7 @@ fn sweep(model: &str, more: &[&str]) -> Value {
 }
 
 #[test]
-fn force_grows_with_pressure_and_falls_with_the_gap_and_the_regimes_meet() {
+fn force_is_monotonic_and_continuous_at_the_onset() {
     // Of the gripper the force alone: its states share a gap, and how its regimes meet there has no bound yet.
     let force_only = ["--jump-mm", "1000", "--jump-n", "1000"];
     let models = [("models/pneunet/pneunet.twin", &[][..]), ("models/gripper/gripper.twin", &force_only)];

@@ -24,7 +24,7 @@ fn trace(folder: &Path, gap_mm: &str) -> Output {
 }
 
 #[test]
-fn volumes_make_a_trace_and_a_gap_without_volumes_is_named() {
+fn trace_is_computed_from_volumes_and_a_missing_gap_is_named() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("volumes.csv"), VOLUMES).unwrap();
     let done = trace(folder.path(), "0.5");

@@ -24,7 +24,7 @@ fn shipped_models() -> Vec<PathBuf> {
 }
 
 #[test]
-fn the_cards_of_shipped_models_are_current() {
+fn cards_of_shipped_models_are_current() {
     let models = shipped_models();
     assert!(models.len() >= 2, "{models:?}");
     for model in models {

@@ -63,7 +63,7 @@ fn run_of(database: &Database, mesh: &MeshFile, cases: &[usize], folder: &Path) 
 }
 
 #[test]
-fn pneunets_of_another_program_give_a_twin() {
+fn imported_pneunets_states_give_an_accurate_model() {
     let database =
         formats::database::read(&committed(), ObstacleKind::Plate).expect("the committed database");
     let mesh = formats::read_mesh(&committed().join("mesh.vtu")).expect("its mesh");

@@ -10,7 +10,7 @@ use tests::cantilever::{beam, simulations, vtu};
 const UNITS: [&str; 4] = ["--length-unit", "m", "--stress-unit", "pa"];
 
 #[test]
-fn a_cantilever_is_imported_trained_evaluated_and_predicted() {
+fn cantilever_is_imported_trained_evaluated_and_predicted() {
     let dir = tempfile::tempdir().unwrap();
     let names = simulations(dir.path());
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -48,7 +48,7 @@ fn a_cantilever_is_imported_trained_evaluated_and_predicted() {
 }
 
 #[test]
-fn what_is_missing_is_asked_for_by_name() {
+fn missing_inputs_are_requested_by_name() {
     let dir = tempfile::tempdir().unwrap();
     let file = "beam_f2_t7.vtu";
     fs::write(dir.path().join(file), vtu(2.0, 7.0)).unwrap();
@@ -106,7 +106,7 @@ fn increments_of_a_calculix_job_become_states() {
 
 /// The .dat file of CalculiX has the contact force of the states with a gap.
 #[test]
-fn a_total_force_beside_a_job_is_the_contact_force() {
+fn total_force_of_a_job_is_the_contact_force() {
     let dir = tempfile::tempdir().unwrap();
     let frd = concat!(env!("CARGO_MANIFEST_DIR"), "/../formats/tests/data/cutback.frd");
     fs::copy(frd, dir.path().join("job.frd")).unwrap();
@@ -131,7 +131,7 @@ fn a_total_force_beside_a_job_is_the_contact_force() {
 }
 
 #[test]
-fn files_of_the_converter_are_answered_with_its_command() {
+fn formats_of_the_converter_are_refused_with_its_command() {
     let dir = tempfile::tempdir().unwrap();
     let refused = |args: &[&str]| {
         let (code, _, err) = run(dir.path(), args);

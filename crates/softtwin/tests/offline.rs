@@ -113,7 +113,7 @@ fn train_writes_a_model_and_its_data_sheet() {
 }
 
 #[test]
-fn the_commented_configuration_is_the_default() {
+fn commented_configuration_is_the_default() {
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/train.toml");
     let written: train::config::TrainConfig =
         toml::from_str(&std::fs::read_to_string(config).unwrap()).unwrap();
@@ -121,7 +121,7 @@ fn the_commented_configuration_is_the_default() {
 }
 
 #[test]
-fn the_same_database_gives_the_same_model() {
+fn same_database_gives_the_same_model() {
     let place = Place::trained();
     assert_eq!(place.run(&["train", "--database", "db", "--out", "again.twin"]).code, 0);
     assert_eq!(std::fs::read(place.at("bar.twin")).unwrap(), std::fs::read(place.at("again.twin")).unwrap());
@@ -160,7 +160,7 @@ fn predict_answers_in_json_and_writes_all_formats() {
 }
 
 #[test]
-fn without_a_gap_nothing_is_touched() {
+fn prediction_without_gap_has_no_contact() {
     let place = Place::trained();
     let answer = place.run(&["predict", "--model", "bar.twin", "--pressure-mpa", "0.0415"]).json();
     assert_eq!(answer["regime"], "free");
@@ -170,7 +170,7 @@ fn without_a_gap_nothing_is_touched() {
 }
 
 #[test]
-fn outside_the_training_states_is_flagged() {
+fn prediction_outside_the_training_range_is_flagged() {
     let place = Place::trained();
     let answer = place.run(&["predict", "--model", "bar.twin", "--pressure-mpa", "0.3"]).json();
     assert_eq!(answer["in_domain"], false);
@@ -204,7 +204,7 @@ fn evaluation_names_worst_case_and_draws() {
 
 /// Errors on held-out states set the half-widths of the model on which they were measured.
 #[test]
-fn measured_errors_set_the_half_widths_of_their_own_model() {
+fn measured_errors_set_the_half_widths_of_their_model_only() {
     let place = Place::trained();
     let unseen = (0..40).map(|i| {
         let gap = 1.2 + 0.09 * f64::from(i);
@@ -271,7 +271,7 @@ fn measured_errors_set_the_half_widths_of_their_own_model() {
 }
 
 #[test]
-fn wrong_usage_leaves_with_2() {
+fn wrong_usage_exits_with_2() {
     let place = Place::trained();
     let predict = |more: &[&str]| place.run(&[&["predict", "--model", "bar.twin"], more].concat());
     predict(&["--pressure-mpa", "nan"]).refused(2, "expected a number from 0 to 100");
@@ -288,7 +288,7 @@ fn wrong_usage_leaves_with_2() {
 }
 
 #[test]
-fn wrong_files_leave_with_78() {
+fn wrong_files_exit_with_78() {
     let place = Place::trained();
     std::fs::write(place.at("t.toml"), "modes = 3\n").unwrap();
     let train = ["train", "--database", "db", "--out", "x.twin"];
@@ -311,7 +311,7 @@ fn wrong_files_leave_with_78() {
 }
 
 #[test]
-fn what_is_missing_leaves_with_1() {
+fn missing_files_exit_with_1() {
     let place = Place::new();
     place
         .run(&["inspect", "none.twin"])
@@ -320,7 +320,7 @@ fn what_is_missing_leaves_with_1() {
 }
 
 #[test]
-fn a_closed_pipe_is_not_a_failure() {
+fn closed_pipe_exits_with_0() {
     let place = Place::trained();
     let mut child = place
         .command(&["inspect", "bar.twin"])

@@ -77,12 +77,12 @@ fn make_and_run(label: &str, options: &str) -> Value {
 }
 
 #[test]
-fn thicker_walls_of_a_softer_silicone() {
+fn new_actuator_with_thick_walls_and_soft_silicone_runs() {
     make_and_run("soft", "--chambers 4 --wall-mm 3 --shear-modulus-mpa 0.3");
 }
 
 #[test]
-fn a_short_wide_one() {
+fn new_short_wide_actuator_runs() {
     make_and_run("wide", "--chambers 3 --length-mm 50 --width-mm 48 --silicone elastosil-m4601");
 }
 
@@ -93,7 +93,7 @@ fn states(folder: &Path) -> usize {
 }
 
 #[test]
-fn a_killed_build_goes_on_where_it_was() {
+fn killed_build_continues() {
     let stage = Stage::new("killed");
     done(&stage, "new finger --chambers 2 --silicone elastosil-m4601");
     let folder = stage.path("finger/database/states");
@@ -115,7 +115,7 @@ fn a_killed_build_goes_on_where_it_was() {
 }
 
 #[test]
-fn mistakes_are_named_with_what_would_work() {
+fn invalid_actuators_are_refused() {
     let stage = Stage::new("mistakes");
     done(&stage, "new finger --chambers 2");
     let refused = |line: &str, code: i32, part: &str| {

@@ -66,7 +66,7 @@ fn is_the_predicted(content: &Content, predicted: &[f32], largest_off_mm: f64) {
 }
 
 #[test]
-fn exported_states_stand_on_the_mesh_that_their_parameters_moved() {
+fn exported_states_have_the_mesh_of_their_parameters() {
     let stage = tempfile::tempdir().unwrap();
     let folder = stage.path();
     let database = moving(240);

@@ -31,7 +31,7 @@ fn paths(command: &Command, path: &[String], found: &mut Vec<(Vec<String>, Comma
 }
 
 #[test]
-fn values_outside_the_range_of_an_argument_are_refused_with_the_range() {
+fn argument_outside_its_range_is_refused_with_the_range() {
     let mut commands = Vec::new();
     paths(&tool(), &["softtwin".to_owned()], &mut commands);
     let mut tried = 0;

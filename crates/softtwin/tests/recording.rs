@@ -56,7 +56,7 @@ fn says(output: &Output, code: i32, text: &str) {
 }
 
 #[test]
-fn a_recording_becomes_a_picture() {
+fn recording_is_drawn() {
     let dir = tempfile::tempdir().unwrap();
     record(&dir.path().join("run.mcap"), false);
     let drawn = softtwin(dir.path(), &["plot", "recording", "--recording", "run.mcap", "--out", "run.svg"]);
@@ -74,7 +74,7 @@ fn a_recording_becomes_a_picture() {
 }
 
 #[test]
-fn a_recording_without_fields_needs_a_model_to_be_exported() {
+fn export_of_a_recording_without_fields_needs_a_model() {
     let dir = tempfile::tempdir().unwrap();
     record(&dir.path().join("run.mcap"), false);
     says(&softtwin(dir.path(), &["export", "run.mcap", "--out", "run.npy"]), 2, "--model FILE.twin");
@@ -87,7 +87,7 @@ fn a_recording_without_fields_needs_a_model_to_be_exported() {
 }
 
 #[test]
-fn fields_without_coordinates_are_no_series_and_are_refused() {
+fn fields_without_coordinates_are_refused_as_a_series() {
     let dir = tempfile::tempdir().unwrap();
     record(&dir.path().join("run.mcap"), true);
     says(
@@ -98,7 +98,7 @@ fn fields_without_coordinates_are_no_series_and_are_refused() {
 }
 
 #[test]
-fn the_viewer_refuses_what_is_no_recording() {
+fn viewer_refuses_an_invalid_recording() {
     let dir = tempfile::tempdir().unwrap();
     says(
         &softtwin(dir.path(), &["view", "--port", "0", "--recording", "gone.mcap"]),

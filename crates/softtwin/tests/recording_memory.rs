@@ -87,7 +87,7 @@ fn largest_mb(mut child: Child, until: Option<&str>) -> u64 {
 }
 
 #[test]
-fn what_reads_a_long_recording_takes_bounded_memory() {
+fn commands_read_a_long_recording_in_bounded_memory() {
     let seconds = std::env::var("SOFTTWIN_SECONDS").map_or(5, |text| text.parse().expect("seconds"));
     let folder = tempfile::tempdir().expect("a folder");
     let recordings = folder.path().join("recordings");

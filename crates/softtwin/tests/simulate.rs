@@ -84,7 +84,7 @@ fn bytes(path: &Path) -> Vec<u8> {
 }
 
 #[test]
-fn one_state_and_a_path_are_written_and_described() {
+fn single_state_and_path_are_written_and_described() {
     let place = Place::new();
     let path = place
         .run("simulate --actuator a.toml --pressure-mpa 0.06 --gap-mm 0.3 --steps 3 --out s.npy")
@@ -109,7 +109,7 @@ fn one_state_and_a_path_are_written_and_described() {
 }
 
 #[test]
-fn loads_that_make_no_sense_are_refused_before_any_work() {
+fn invalid_loads_are_refused_before_any_work() {
     let place = Place::new();
     place.run("simulate --actuator a.toml --pressure-mpa -0.1").refused(2, "expected a number from 0 to 100");
     place
@@ -124,7 +124,7 @@ fn loads_that_make_no_sense_are_refused_before_any_work() {
 }
 
 #[test]
-fn a_failed_case_stops_nothing_and_enters_no_database() {
+fn failed_case_does_not_stop_the_run_or_enter_the_database() {
     let place = Place::new();
     place.put(
         "cases.csv",
@@ -155,7 +155,7 @@ c9,contact,train,0.04,0.2
 ";
 
 #[test]
-fn a_killed_run_loses_nothing_and_does_nothing_twice() {
+fn killed_run_continues_without_solving_twice() {
     let place = Place::new();
     place.put("cases.csv", LIST);
     let line = "simulate --actuator a.toml --cases cases.csv --out db --threads 1 --json";
@@ -223,7 +223,7 @@ fn physics(mut line: Value) -> Value {
 }
 
 #[test]
-fn a_set_value_is_that_of_the_file() {
+fn set_value_equals_the_value_in_the_file() {
     let place = Place::new();
     let load = "--pressure-mpa 0.06 --gap-mm 0.3 --json";
     let run = |file: &str, more: &str| {
@@ -256,7 +256,7 @@ fn a_set_value_is_that_of_the_file() {
 }
 
 #[test]
-fn names_and_values_that_cannot_be_set_are_refused() {
+fn invalid_names_and_values_are_refused() {
     let place = Place::new();
     let refused = |more: &str, code: i32, part: &str| {
         place.run(&format!("simulate --actuator a.toml --pressure-mpa 0.01 {more}")).refused(code, part);
@@ -316,7 +316,7 @@ fn threads_change_no_byte_of_a_database_over_parameters() {
 }
 
 #[test]
-fn a_list_over_other_parameters_in_the_same_folder_gives_a_database_of_its_own() {
+fn list_over_other_parameters_replaces_the_database() {
     let place = Place::new();
     let list = |name: &str, parameter: &str, value: f64| {
         let row = |k: i32| format!("s{k},free,train,0.0{k},,{value}\n");
@@ -379,7 +379,7 @@ fn derivative_errors(place: &Place, [exact, other]: [&str; 2]) -> Vec<f32> {
 }
 
 #[test]
-fn derivatives_are_packed_within_the_error_asked_for_and_no_better_than_needed() {
+fn packed_derivatives_have_the_requested_error() {
     let place = Place::new();
     both_regimes(&place);
     let mut bytes = Vec::new();
@@ -400,7 +400,7 @@ fn derivatives_are_packed_within_the_error_asked_for_and_no_better_than_needed()
 }
 
 #[test]
-fn a_sealed_evaluation_looks_once_and_leaves_nothing_behind() {
+fn sealed_evaluation_is_reproducible_and_leaves_no_files() {
     let place = Place::new();
     both_regimes(&place);
     assert_eq!(place.run("train --database db --out a.twin").code, Some(0));
@@ -480,7 +480,7 @@ fn designs_share_their_parameters_and_onset_points_lie_on_the_onset() {
 }
 
 #[test]
-fn a_displacement_is_the_distance_from_the_mesh_that_parameters_moved() {
+fn displacement_is_relative_to_the_mesh_of_the_parameters() {
     let place = Place::new();
     let row = |(k, name): (usize, &str)| {
         let (lower, sheet) = (1.7 + 0.1 * k as f64, 0.1 + 0.01 * k as f64);

@@ -69,7 +69,7 @@ mod tests {
     use train::evaluate::{DEFAULT_FLOOR, evaluate};
 
     #[test]
-    fn a_table_gives_back_the_errors_that_were_measured_and_one_of_another_model_is_refused() {
+    fn table_returns_the_measured_errors_and_another_models_is_refused() {
         let mut states = training_states(24, 12, 11);
         states.extend(
             (0..6).map(|i| (Split::Check, 0.03 + 0.008 * f64::from(i), Some(12.0 + 3.0 * f64::from(i)))),

@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quiet_run_is_well_and_growth_loss_and_wrong_samples_are_named() {
+    fn growth_loss_and_wrong_samples_are_named() {
         let quiet: Vec<Row> = (0..40).map(|_| row(5000, 20)).collect();
         assert_eq!(summary(&quiet, 0).wrong, Vec::<String>::new());
         assert!(summary(&quiet, 2).wrong[0].contains("2 samples lost"));

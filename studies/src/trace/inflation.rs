@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rigid_vessel_fills_by_boyles_law() {
+    fn rigid_vessel_fills_by_boyles_law() {
         let volume = 6000.0;
         let readings = silent().readings(&[(0.0, volume), (0.1, volume)]).unwrap();
         let flow = 125_000.0 / 60.0;
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn the_gas_law_holds_at_every_reading_of_a_soft_vessel() {
+    fn gas_law_holds_at_every_reading_of_a_soft_vessel() {
         let table: Vec<_> = (0..=100).map(|k| f64::from(k) * 1e-3).map(|p| (p, 6000.0 + 5e4 * p)).collect();
         let tube = Inflation { dead_volume_mm3: 2000.0, ..silent() };
         for r in tube.readings(&table).unwrap() {
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn the_gauge_rounds_never_reads_vacuum_and_is_seeded() {
+    fn gauge_rounds_and_is_seeded_without_vacuum_readings() {
         let table = [(0.0, 6000.0), (0.07, 9000.0)];
         let make = |seed| Inflation { seed, ..digital() }.readings(&table).unwrap();
         let readings = make(1);
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_pumped_is_refused() {
+    fn unreachable_pressures_are_refused() {
         let refused = |volumes: &[(f64, f64)], part: &str| {
             let error = silent().readings(volumes).unwrap_err().to_string();
             assert!(error.contains(part), "{error}");

@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_shifted_copy_agrees_and_a_moved_node_is_found() {
+    fn shifted_copy_agrees_and_moved_node_is_found() {
         let mut output = Output {
             coordinates_mm: vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]],
             displacement_mm: vec![0.5, 2.0],

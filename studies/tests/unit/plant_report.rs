@@ -11,7 +11,7 @@ fn percentiles_are_of_the_sorted_durations() {
 }
 
 #[test]
-fn a_step_response_is_read_off_its_points() {
+fn step_response_has_overshoot_settling_and_final_error() {
     // Rises linearly to 1.1 of the target at 1.1 s, falls to it at 1.2 s, stays.
     let force = |t: f64| if t <= 1.1 { t } else { (1.1 - (t - 1.1)).max(1.0) };
     let points: Vec<(f64, f64)> = (0..=400).map(|i| f64::from(i) * 0.01).map(|t| (t, force(t))).collect();

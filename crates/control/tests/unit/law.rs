@@ -50,7 +50,7 @@ fn run(plant: &mut Line, target: f64, turns: usize, has_cell: bool) -> (Vec<f64>
 }
 
 #[test]
-fn a_wrong_model_is_corrected_by_the_load_cell() {
+fn model_error_is_corrected_by_the_load_cell() {
     for (slope, onset_mpa) in
         [(8.0, 0.01), (6.4, 0.01), (9.6, 0.01), (8.0, 0.015), (8.0, 0.004), (6.4, 0.015), (9.6, 0.004)]
     {
@@ -64,13 +64,13 @@ fn a_wrong_model_is_corrected_by_the_load_cell() {
 }
 
 #[test]
-fn without_a_load_cell_the_models_force_is_held() {
+fn model_force_is_held_without_load_cell() {
     let (forces, _) = run(&mut Line { slope: 9.6, ..MODEL }, 0.3, 3000, false);
     assert!((forces[2999] - 0.36).abs() < 1e-3, "{}", forces[2999]);
 }
 
 #[test]
-fn commands_keep_range_and_rate_and_targets_the_force_limit() {
+fn commands_are_within_range_and_rate_and_targets_below_the_force_limit() {
     let settings = Settings::default();
     let (forces, commands) = run(&mut Line { slope: 8.0, onset_mpa: 0.01 }, 5.0, 3000, true);
     assert!(forces.iter().all(|force_n| *force_n <= settings.force_max_n));
@@ -81,7 +81,7 @@ fn commands_keep_range_and_rate_and_targets_the_force_limit() {
 }
 
 #[test]
-fn a_start_continues_from_the_pressure_that_is_there() {
+fn start_continues_from_the_present_pressure() {
     let mut controller = Controller::new(MODEL, Quantity::Force, Settings::default());
     let first = controller.update(0.24, reading(0.04, 0.24), DT_S);
     assert!((first.pressure_mpa - 0.04).abs() < 1e-6, "{first:?}");
@@ -92,7 +92,7 @@ fn a_start_continues_from_the_pressure_that_is_there() {
 }
 
 #[test]
-fn a_limit_winds_nothing_up() {
+fn integrals_do_not_wind_up_at_a_limit() {
     let mut controller =
         Controller::new(MODEL, Quantity::Force, Settings { range_mpa: [0.0, 0.03], ..Settings::default() });
     for _ in 0..10_000 {
@@ -105,7 +105,7 @@ fn a_limit_winds_nothing_up() {
 }
 
 #[test]
-fn a_reading_that_is_not_finite_changes_nothing() {
+fn non_finite_reading_is_ignored() {
     let mut controller = Controller::new(MODEL, Quantity::Force, Settings::default());
     for _ in 0..500 {
         controller.update(0.2, reading(0.03, 0.16), DT_S);
@@ -118,7 +118,7 @@ fn a_reading_that_is_not_finite_changes_nothing() {
 }
 
 #[test]
-fn a_value_at_the_end_of_the_range_is_found_there() {
+fn value_at_the_end_of_the_range_is_found_there() {
     let mut model = Line { slope: 1.0, onset_mpa: 0.02 };
     for pressure_mpa in [0.0, 0.09] {
         let value = Quantity::Tip.of(&model.at(pressure_mpa, 25.0)).0;
@@ -131,7 +131,7 @@ fn a_value_at_the_end_of_the_range_is_found_there() {
 
 proptest::proptest! {
     #[test]
-    fn the_inverse_gives_the_value_back_or_says_that_it_does_not(
+    fn inverse_returns_the_value_or_a_failure(
         pressure_mpa in 0.0..0.12_f64, gap_mm in 25.0..40.0_f64, start_mpa in -0.1..0.2_f64, slope in 1.0..30.0_f64
     ) {
         let mut model = Line { slope, onset_mpa: 0.02 };

@@ -18,13 +18,13 @@ fn check(command: &clap::Command) {
 }
 
 #[test]
-fn every_help_begins_with_examples_that_can_be_pasted() {
+fn every_help_begins_with_examples_without_folded_lines() {
     let tool = Command::augment_subcommands(clap::Command::new("softtwin").before_help("Example"));
     [tool, softtwind::command(), demo::command()].iter().for_each(check);
 }
 
 #[test]
-fn the_list_of_commands_fits_eighty_columns() {
+fn list_of_commands_fits_eighty_columns() {
     let listed = Command::groups(&Command::augment_subcommands(clap::Command::new("softtwin")));
     assert_eq!(listed.lines().find(|line| line.len() > HELP_WIDTH), None, "{listed}");
     assert!(listed.contains("\n  plan-experiment Say which pressures"), "{listed}");

@@ -4,7 +4,7 @@ use super::*;
 use std::collections::HashSet;
 
 #[test]
-fn names_and_states_occur_once_and_every_contact_state_lies_behind_its_onset() {
+fn names_and_states_are_unique_and_contact_states_are_beyond_the_onset() {
     for sag in [0.05, 3.0, 27.0] {
         let states: Vec<(f64, f64)> =
             (0..8).map(|k| (0.01 * f64::from(k), sag + 5.0 * f64::from(k))).collect();

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn a_finding_that_is_not_good_shows_its_remedy() {
+fn bad_finding_shows_its_remedy() {
     assert_eq!(Finding::good("model", "read").to_string(), "ok    model: read");
     let bad = Finding::bad("/dev/shm", "1 MB free", "free space").to_string();
     assert_eq!(bad, "BAD   /dev/shm: 1 MB free\n      -> free space");

@@ -3,7 +3,7 @@
 use super::fold;
 
 #[test]
-fn a_long_line_is_broken_between_its_parts_and_nothing_is_lost() {
+fn long_line_is_broken_between_its_parts() {
     let line = "softtwin/finger/state  #12   P  0.05000 MPa  gap  40.00 mm  contact  F  0.2500 +- 0.0010 N  dF/dP 6.5000 N/MPa  age 0.12 ms";
     let folded = fold(line, 80);
     assert!(folded.lines().all(|line| line.chars().count() <= 80), "{folded}");

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn the_stiffness_said_is_that_of_the_constants() {
+fn listed_stiffness_matches_the_constants() {
     for silicone in &SILICONES {
         let value = |key: &str| {
             let found = silicone.law.iter().find(|(name, _)| *name == key);

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn an_envelope_is_short_and_keeps_what_stands_out() {
+fn envelope_is_short_and_keeps_extremes() {
     let mut points: Vec<(f64, f64)> = (0..100_000).map(|i| (f64::from(i), 1.0)).collect();
     (points[33_333].1, points[77_777].1) = (500.0, -3.0);
     let thin = envelope(&points);

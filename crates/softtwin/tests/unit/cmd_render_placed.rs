@@ -4,7 +4,7 @@ use super::*;
 use crate::picture::camera::{cross, minus};
 
 #[test]
-fn a_mirrored_body_still_looks_outwards() {
+fn mirrored_body_has_outward_normals() {
     let body = Body {
         nodes_mm: vec![[0.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 1.0, 0.0]],
         facets: vec![[0, 1, 2]],

@@ -34,7 +34,7 @@ fn known<'a>(state: &'a State, health: &'a Health) -> Known<'a> {
 }
 
 #[test]
-fn a_row_fits_into_eighty_columns() {
+fn row_fits_into_eighty_columns() {
     let row = row("finger", known(&state(), &health()), 1_001_000_000);
     let cells: Vec<&str> = row.split_whitespace().collect();
     assert_eq!(cells, ["finger", "1000", "61", "240", "1.0ms", "contact", "0.0450", "1.250", "3/1"]);
@@ -42,7 +42,7 @@ fn a_row_fits_into_eighty_columns() {
 }
 
 #[test]
-fn a_grasp_has_a_row_of_its_own() {
+fn grasp_has_a_separate_row() {
     let grasp = Grasp {
         grasp_status: grasp_status::HELD,
         least_force_n: 0.5862,
@@ -58,7 +58,7 @@ fn a_grasp_has_a_row_of_its_own() {
 }
 
 #[test]
-fn long_lines_go_on_below_within_eighty_columns() {
+fn long_lines_are_wrapped_at_eighty_columns() {
     let mut estimate = Estimate { unknown_count: 3, ..Estimate::default() };
     ["gap_mm", "pressure_bias_mpa", "elastomer.law.mu_mpa"]
         .iter()
@@ -74,14 +74,14 @@ fn long_lines_go_on_below_within_eighty_columns() {
 }
 
 #[test]
-fn a_twin_that_is_gone_and_a_stale_state_are_marked() {
+fn gone_twin_and_stale_state_are_marked() {
     let stale = State { flags: flags::STALE | flags::HELD, ..state() };
     let row = row("finger", known(&stale, &health()), 60_000_000_000);
     assert!(row.contains("gone stale held 3/1") && row.contains("59s"), "{row}");
 }
 
 #[test]
-fn a_twin_of_which_nothing_is_known_has_a_row() {
+fn twin_without_data_has_a_row() {
     let row = row("finger", Known::default(), 60_000_000_000);
     assert!(row.contains("unknown") && row.contains("gone"), "{row}");
 }

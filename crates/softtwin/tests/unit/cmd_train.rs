@@ -4,7 +4,7 @@ use super::parse;
 use train::config::TrainConfig;
 
 #[test]
-fn kernels_that_are_left_out_are_those_of_the_regime() {
+fn omitted_kernels_are_those_of_the_regime() {
     let config = parse("[free]\nmax_modes = 9\n[contact]\nmax_modes = 8\n").unwrap();
     let default = TrainConfig::default();
     assert_ne!(default.free.kernels, default.contact.kernels);

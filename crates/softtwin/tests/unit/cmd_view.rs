@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn tokens_are_plain_and_not_short() {
+fn random_tokens_are_alphanumeric_and_long() {
     assert!(parse_token("abcdef12").is_ok());
     for wrong in ["", "short", "with space 1", "semi;colon1", &"a".repeat(65)] {
         assert!(parse_token(wrong).is_err(), "{wrong}");

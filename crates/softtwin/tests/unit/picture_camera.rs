@@ -17,13 +17,13 @@ fn axes_are_orthonormal_and_right_handed_everywhere() {
 }
 
 #[test]
-fn from_the_side_x_runs_right_and_y_up() {
+fn side_view_has_x_right_and_y_up() {
     let c = Camera::new(0.0, 0.0);
     assert_eq!(c.project([3.0, 4.0, 5.0]), [3.0, 4.0, 5.0]);
 }
 
 #[test]
-fn the_window_holds_every_point() {
+fn window_contains_every_point() {
     let c = Camera::new(30.0, 20.0);
     let points = [[0.0, 0.0, 0.0], [120.0, -80.0, 32.0], [60.0, 19.0, -9.0]];
     let w = Window::around(&c, points.into_iter(), [200, 100], 0.05);

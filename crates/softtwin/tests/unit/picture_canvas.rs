@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn what_is_drawn_outside_is_cut_off() {
+fn drawing_outside_is_clipped() {
     let mut canvas = Canvas::new(4, 3, [0; 3]);
     canvas.fill(3, 2, 10, 10, [9; 3]);
     canvas.blend(-1, 0, [255; 3], 1.0);
@@ -22,7 +22,7 @@ fn blending_is_a_weighted_mean() {
 }
 
 #[test]
-fn a_written_png_reads_back_the_same() {
+fn written_png_reads_back_equal() {
     let mut canvas = Canvas::new(5, 4, [1, 2, 3]);
     canvas.fill(1, 1, 2, 2, [250, 128, 0]);
     let path = std::env::temp_dir().join(format!("softtwin-canvas-{}.png", std::process::id()));

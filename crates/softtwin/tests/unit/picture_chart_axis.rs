@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn decades_enclose_the_values_and_skip_what_has_no_logarithm() {
+fn decades_enclose_the_positive_values() {
     let axis = Axis::log("mse");
     assert_eq!(axis.range([3e-4, 0.0, f64::NAN, 2.0].into_iter()), -4.0..1.0);
     assert_eq!(axis.text(-4.0, 1), "1e-4");
@@ -12,7 +12,7 @@ fn decades_enclose_the_values_and_skip_what_has_no_logarithm() {
 }
 
 #[test]
-fn names_that_would_touch_are_left_out() {
+fn touching_names_are_omitted() {
     let names: Vec<String> = (1..=16).map(|k| format!("check{k:02}")).collect();
     let axis = Axis::names("case", names);
     let written = |length: u32| {
@@ -31,7 +31,7 @@ fn numbers_are_short() {
 }
 
 #[test]
-fn an_axis_without_values_still_has_a_range() {
+fn axis_without_values_has_a_range() {
     assert_eq!(Axis::linear("x").range(std::iter::empty()), 0.0..1.0);
     assert_eq!(Axis::linear("gap").range([40.0, 40.0].into_iter()), 38.0..42.0);
 }

@@ -8,7 +8,7 @@ fn luminance([r, g, b]: [f32; 3]) -> f32 {
 }
 
 #[test]
-fn the_sequential_map_grows_strictly_lighter() {
+fn sequential_map_is_strictly_increasing_in_lightness() {
     let map = ColourMap::stress();
     for k in 1..ENTRIES {
         assert!(luminance(map.table[k]) > luminance(map.table[k - 1]), "entry {k}");
@@ -16,7 +16,7 @@ fn the_sequential_map_grows_strictly_lighter() {
 }
 
 #[test]
-fn the_diverging_map_is_white_in_the_middle_and_dark_at_both_ends() {
+fn diverging_map_is_white_in_the_middle_and_dark_at_both_ends() {
     let map = ColourMap::diverging();
     let [low, middle, high] = [0.0, 0.5, 1.0].map(|t| map.srgb(t));
     assert!(middle.iter().all(|v| *v > 225), "{middle:?}");
@@ -24,7 +24,7 @@ fn the_diverging_map_is_white_in_the_middle_and_dark_at_both_ends() {
 }
 
 #[test]
-fn values_beyond_the_ends_take_the_end_colours_and_nan_is_grey() {
+fn values_out_of_range_take_the_end_colours_and_nan_is_grey() {
     let map = ColourMap::stress();
     assert_eq!(map.srgb(-3.0), map.srgb(0.0));
     assert_eq!(map.srgb(7.0), map.srgb(1.0));
@@ -33,7 +33,7 @@ fn values_beyond_the_ends_take_the_end_colours_and_nan_is_grey() {
 }
 
 #[test]
-fn srgb_coding_goes_round() {
+fn srgb_coding_is_invertible() {
     for byte in 0..=255 {
         assert_eq!(encode(decode(byte)), byte);
     }

@@ -31,7 +31,7 @@ fn values_are_interpolated_linearly_per_pixel() {
 }
 
 #[test]
-fn the_nearer_triangle_wins_in_either_order() {
+fn nearer_triangle_is_drawn_in_either_order() {
     let (near, far) = (triangle(5.0, [1.0; 3]), triangle(-5.0, [0.25; 3]));
     let pictures = [[near, far], [far, near]].map(|both| {
         let mut raster = raster();
@@ -43,7 +43,7 @@ fn the_nearer_triangle_wins_in_either_order() {
 }
 
 #[test]
-fn covered_area_is_the_triangle_s() {
+fn covered_area_equals_the_triangle() {
     let mut raster = raster();
     raster.draw(&[triangle(0.0, [1.0; 3])], false, |_| [1.0; 3]);
     let covered = raster.colour.iter().filter(|c| c[0] > 0.5).count() as f32 / (SAMPLES * SAMPLES) as f32;
@@ -51,7 +51,7 @@ fn covered_area_is_the_triangle_s() {
 }
 
 #[test]
-fn broken_coordinates_and_triangles_outside_draw_nothing() {
+fn invalid_or_outside_triangles_draw_nothing() {
     let mut raster = raster();
     let mut broken = triangle(0.0, [1.0; 3]);
     broken[0].position[1] = f32::NAN;

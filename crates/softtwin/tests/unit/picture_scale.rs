@@ -4,7 +4,7 @@ use super::*;
 use proptest::prelude::*;
 
 #[test]
-fn ticks_are_round_and_their_texts_differ() {
+fn ticks_are_round_and_their_labels_differ() {
     let scale = Scale::new([0.0, 0.46], 4);
     assert_eq!(scale.ticks.iter().map(|t| scale.text(*t)).collect::<Vec<_>>(), ["0.0", "0.2", "0.4"]);
     let scale = Scale::new([-1.0, 1.0], 4);
@@ -21,7 +21,7 @@ fn rounding_widens_to_whole_ticks() {
 }
 
 #[test]
-fn a_range_without_width_has_one_tick() {
+fn range_without_width_has_one_tick() {
     assert_eq!(Scale::new([3.0, 3.0], 5).ticks, [3.0]);
     assert_eq!(Scale::rounded([f32::NAN, 1.0], 5).ticks.len(), 1);
 }

@@ -4,7 +4,7 @@ use super::*;
 
 /// Bands must not be seen: outlines and colours continue across their edges.
 #[test]
-fn a_picture_of_several_bands_is_that_of_one_band_moved() {
+fn picture_of_several_bands_equals_one_band_moved() {
     let nodes_mm = vec![[20.0, 5.0, 0.0], [100.0, 5.0, 0.0], [60.0, 60.0, 30.0]];
     let body = Body { nodes_mm, facets: vec![[0, 1, 2]], values: vec![0.0, 0.5, 1.0] };
     let scene = Scene { body: &body, plate: None, blocks: &[], range: [0.0, 1.0] };
@@ -22,7 +22,7 @@ fn a_picture_of_several_bands_is_that_of_one_band_moved() {
 }
 
 #[test]
-fn a_body_on_a_plate_shows_its_colour_and_the_plate_its_own() {
+fn body_and_plate_show_their_colours() {
     let nodes_mm = vec![[20.0, 5.0, 0.0], [100.0, 5.0, 0.0], [60.0, 5.0, 30.0]];
     let body = Body { nodes_mm, facets: vec![[0, 1, 2]], values: vec![1.0; 3] };
     let plate = Plate { gap_mm: 0.0, x_mm: [0.0, 120.0], z_mm: [-9.0, 41.0] };

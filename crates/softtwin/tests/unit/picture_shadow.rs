@@ -8,7 +8,7 @@ fn square(height: f32) -> Body {
 }
 
 #[test]
-fn shadow_is_under_the_body_and_fades_with_its_height() {
+fn shadow_is_under_the_body_and_fades_with_height() {
     let [low, high] = [1.0, 60.0].map(|h| Shadow::cast(&square(h), 0.0, [0.0, 120.0], [-9.0, 41.0]));
     assert!(low.at(41.3, 11.3) < high.at(41.3, 11.3));
     assert!(high.at(41.3, 11.3) < 1.0);
@@ -16,7 +16,7 @@ fn shadow_is_under_the_body_and_fades_with_its_height() {
 }
 
 #[test]
-fn bodies_beyond_the_plate_leave_it_alone() {
+fn body_beyond_the_plate_casts_no_shadow() {
     let shadow = Shadow::cast(&square(1.0), 0.0, [50.0, 60.0], [0.0, 5.0]);
     assert!(shadow.light.iter().all(|v| (*v - 1.0).abs() < 1e-6));
 }

@@ -31,7 +31,7 @@ fn sheet(bodies: &[Body], gap_mm: f32) -> Sheet<'_> {
 }
 
 #[test]
-fn panels_stand_side_by_side_and_none_is_empty() {
+fn panels_are_side_by_side_and_not_empty() {
     let canvas = sheet(&[body(0.0), body(-5.0)], 30.0).draw().expect("fonts are embedded");
     assert!(canvas.width > 2 * 160 && canvas.width < 2 * 160 + 40);
     for half in 0..2 {
@@ -47,7 +47,7 @@ fn panels_stand_side_by_side_and_none_is_empty() {
 }
 
 #[test]
-fn the_label_of_the_colours_is_never_cut_off() {
+fn colour_label_is_not_clipped() {
     let fonts = Fonts::embedded().expect("fonts are embedded");
     let bodies = [body(0.0)];
     for panel_px in [160, 400, 1600] {
@@ -61,7 +61,7 @@ fn the_label_of_the_colours_is_never_cut_off() {
 }
 
 #[test]
-fn a_picture_that_is_too_large_is_an_error_before_it_takes_memory() {
+fn too_large_picture_is_an_error_before_allocation() {
     let bodies = [body(0.0)];
     let wide = Sheet { panel_px: 4000, ..sheet(&bodies, 1e6) };
     let error = wide.draw().expect_err("a plate a kilometre away");
@@ -69,7 +69,7 @@ fn a_picture_that_is_too_large_is_an_error_before_it_takes_memory() {
 }
 
 #[test]
-fn a_wider_gap_makes_a_higher_row_at_the_same_scale() {
+fn wider_gap_makes_a_higher_row_at_the_same_scale() {
     let bodies = [body(0.0)];
     let [near, far] = [15.0, 80.0].map(|gap| sheet(&bodies, gap).row_windows()[0]);
     assert!(far.1 > near.1);

@@ -11,7 +11,7 @@ fn bent(angle_deg: f32) -> Body {
 }
 
 #[test]
-fn a_gentle_bend_is_smooth_and_a_sharp_one_is_an_edge() {
+fn small_crease_is_smooth_and_large_one_is_an_edge() {
     let gentle = bent(20.0).corners();
     assert!((dot(gentle[1][0].normal, gentle[2][0].normal) - 1.0).abs() < 0.02, "{gentle:?}");
     let sharp = bent(80.0).corners();
@@ -19,7 +19,7 @@ fn a_gentle_bend_is_smooth_and_a_sharp_one_is_an_edge() {
 }
 
 #[test]
-fn a_facet_without_area_gives_no_nan() {
+fn facet_without_area_gives_no_nan() {
     let body = Body { nodes_mm: vec![[1.0; 3]; 3], facets: vec![[0, 1, 2]], values: vec![0.0; 3] };
     assert!(body.corners()[0].iter().all(|c| c.normal.iter().all(|v| v.is_finite())));
 }

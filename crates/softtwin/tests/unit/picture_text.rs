@@ -14,7 +14,7 @@ fn inked_columns(align: Align) -> (usize, usize) {
 }
 
 #[test]
-fn alignment_puts_the_ink_where_it_says() {
+fn aligned_text_is_at_its_anchor() {
     let (left, _) = inked_columns(Align::Left);
     assert!((100..106).contains(&left), "{left}");
     let (_, right) = inked_columns(Align::Right);
@@ -24,7 +24,7 @@ fn alignment_puts_the_ink_where_it_says() {
 }
 
 #[test]
-fn every_character_of_our_captions_has_a_glyph_that_leaves_ink() {
+fn every_character_of_the_captions_has_a_visible_glyph() {
     let fonts = Fonts::embedded().expect("embedded");
     for character in "PΔHσ·×°±≤≥–µ%φ".chars() {
         let mut canvas = Canvas::new(40, 40, [255; 3]);

@@ -28,7 +28,7 @@ fn two_bodies_side_by_side_are_both_visible() {
 }
 
 #[test]
-fn unknown_nodes_are_left_out_and_open_sheets_are_kept() {
+fn unknown_nodes_are_omitted_and_open_sheets_are_kept() {
     let nodes = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     assert_eq!(visible_facets(&nodes, &[[0, 1, 2], [0, 1, 9]]), vec![[0, 1, 2]]);
 }

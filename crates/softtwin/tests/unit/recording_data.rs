@@ -5,7 +5,7 @@ use recording::message::Recorded;
 use wire::Payload;
 
 #[test]
-fn a_thinned_list_is_bounded_and_stays_even() {
+fn thinned_list_is_bounded_and_even() {
     let mut list = Thinned::new(100);
     (0..100_000).for_each(|k| list.offer(|| Some(k)));
     assert!(list.len() <= 100 && list.len() > 40, "{}", list.len());
@@ -32,7 +32,7 @@ fn thinned_states_keep_every_peak() {
 }
 
 #[test]
-fn reading_a_recording_ends_when_the_program_is_to_stop() {
+fn reading_a_recording_ends_at_the_stop_flag() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
     let mut writer = recording::Writer::new(std::fs::File::create(&path).unwrap()).unwrap();

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn times_are_found_behind_any_name_and_memory_in_its_line() {
+fn processor_time_and_memory_are_parsed_for_any_process_name() {
     let stat = "12 (a b) c) S 1 12 12 0 -1 4194304 500 0 0 0 250 50 0 0 20 0 2 0 100 0 0";
     assert_eq!(cpu_of(stat), Some(3.0));
     assert_eq!(cpu_of("12 (cut"), None);

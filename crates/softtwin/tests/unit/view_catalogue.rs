@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn a_plate_of_the_scene_is_that_of_its_actuator() {
+fn plate_of_the_scene_is_that_of_its_actuator() {
     let text = r#"
         name = "two"
         [[actuator]]

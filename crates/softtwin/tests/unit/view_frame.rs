@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn numbers_start_at_a_multiple_of_four_behind_the_header() {
+fn numbers_start_at_a_multiple_of_four_after_the_header() {
     for name in ["a", "ab", "abc", "abcd"] {
         let bytes = encode(&FrameHead::empty(name), &[&bits([1.5, -2.0].into_iter())]);
         let length = u32::from_le_bytes(bytes[..4].try_into().expect("four bytes")) as usize;
@@ -15,7 +15,7 @@ fn numbers_start_at_a_multiple_of_four_behind_the_header() {
 }
 
 #[test]
-fn unknown_quantities_are_no_numbers() {
+fn unknown_quantities_are_nan() {
     let header = serde_json::to_value(FrameHead::empty("finger")).expect("plain data");
     assert!(!header["contact_force_n"].is_number() && !header["force_halfwidth_n"].is_number());
     assert!(header["t_s"].is_null() && header["latency_ms"].is_null() && header["regime"] == "unknown");

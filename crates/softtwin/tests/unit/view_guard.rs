@@ -11,7 +11,7 @@ fn asked(guard: &Guard, uri: &str, headers: &[(&'static str, &'static str)]) -> 
 }
 
 #[test]
-fn loopback_answers_this_machine_and_its_own_page_only() {
+fn loopback_refuses_other_hosts_and_origins() {
     let guard = Guard::new("127.0.0.1".parse().expect("address"), None).expect("no token needed");
     for host in ["localhost:7411", "127.0.0.1:7411", "[::1]:7411", "localhost"] {
         assert!(asked(&guard, "/", &[("host", host)]), "{host}");
@@ -29,7 +29,7 @@ fn loopback_answers_this_machine_and_its_own_page_only() {
 }
 
 #[test]
-fn elsewhere_the_token_is_asked_for_in_address_or_cookie() {
+fn other_addresses_require_the_token_in_url_or_cookie() {
     let guard = Guard::new("0.0.0.0".parse().expect("address"), None).expect("random bytes");
     let token = guard.token().expect("not loopback").to_owned();
     assert_eq!(token.len(), 32);

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn a_slow_page_gets_the_newest_frame_of_each_actuator_and_no_older_one() {
+fn slow_client_gets_only_the_newest_frame_of_each_actuator() {
     let hub = Hub::default();
     for k in 0..100_u8 {
         hub.put(if k % 2 == 0 { "left" } else { "right" }, vec![k]);
@@ -16,7 +16,7 @@ fn a_slow_page_gets_the_newest_frame_of_each_actuator_and_no_older_one() {
 }
 
 #[test]
-fn pages_are_counted_and_limited() {
+fn clients_are_counted_and_limited() {
     let hub = Hub::default();
     let pages: Vec<_> = (0..MAX_VIEWERS).map(|_| hub.enter().expect("below the limit")).collect();
     assert!(hub.enter().is_none());

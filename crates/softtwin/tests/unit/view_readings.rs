@@ -13,7 +13,7 @@ fn header(message: &[u8]) -> serde_json::Value {
 }
 
 #[test]
-fn estimates_come_by_name_beside_the_readings() {
+fn estimates_are_sent_by_name_with_the_readings() {
     let (mut readings, mut page) = (Readings::default(), Cursors::new());
     let mut estimate = Estimate { unknown_count: 2, ..Estimate::default() };
     ["gap_mm", "pressure_bias_mpa"].iter().enumerate().for_each(|(at, name)| estimate.set_name(at, name));
@@ -30,7 +30,7 @@ fn estimates_come_by_name_beside_the_readings() {
 }
 
 #[test]
-fn a_page_gets_every_reading_once_and_a_late_one_the_newest() {
+fn client_gets_every_reading_once_and_a_late_one_the_newest() {
     let (mut readings, mut page) = (Readings::default(), Cursors::new());
     (1..=3).for_each(|k| readings.push("left", reading(k)));
     let messages = readings.since(&mut page);

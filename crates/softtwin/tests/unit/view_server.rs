@@ -35,7 +35,7 @@ fn answer(request: &str, idle: usize) -> String {
 }
 
 #[test]
-fn idle_connections_do_not_keep_a_client_out() {
+fn idle_connections_do_not_block_a_client() {
     let page = "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
     let begin = Instant::now();
     let answer = answer(page, 7 * MAX_CONNECTIONS);
@@ -45,7 +45,7 @@ fn idle_connections_do_not_keep_a_client_out() {
 }
 
 #[test]
-fn a_request_that_is_too_large_is_refused() {
+fn too_large_request_is_refused() {
     let page = format!("GET / HTTP/1.1\r\nHost: localhost\r\nX-Long: {}\r\n\r\n", "x".repeat(40_000));
     let answer = answer(&page, 0);
     assert!(answer.starts_with("HTTP/1.1 431"), "{answer:.200}");
