@@ -49,7 +49,7 @@ fn training(modes: u16) -> String {
 }
 /// One thread: a twin has one core, and numpy's pool would take them all.
 const THREADS: [&str; 3] = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"];
-/// What is taken from `softtwin-studies bench --json`; the last one is compared.
+/// Rows from `softtwin-studies bench --json`; the last one is compared.
 const OURS: [(&str, &str); 3] = [
     ("softtwin, kernel, all modes in f32", "/kernel/f32/warm_us_p50"),
     ("softtwin, kernel", "/kernel/default/warm_us_p50"),

@@ -14,7 +14,7 @@ ROOT = Path("/sys/bus/iio/devices")
 
 
 def folder(device: str, root: Path = ROOT) -> Path:
-    """The device's folder, by its own name or by the device's, which does not depend on the order of plugging in."""
+    """The device's folder, by the folder's name or by the device's name, which is independent of the order of plugging in."""
     if (root / device).is_dir():
         return root / device
     found = [path for path in root.iterdir() if (path / "name").read_text().strip() == device]

@@ -209,7 +209,7 @@ pub unsafe extern "C" fn softtwin_reader_read_field(
 }
 
 thread_local! {
-    /// Memory of released handles of this thread: a loop allocates none for its fields.
+    /// Memory of released handles of this thread: a loop does not allocate for its fields.
     #[expect(clippy::vec_box, reason = "the caller holds a handle's address while others are released")]
     static FREE: RefCell<Vec<Box<MaybeUninit<softtwin_field>>>> = const { RefCell::new(Vec::new()) };
 }

@@ -4,9 +4,9 @@
 //! FMI's interface is hand-written: generators of FMUs in Rust require the variables at compile time, but they are those of the
 //! model in `resources/`. Unsupported functions return `fmi3Error` and log their name.
 //!
-//! What an output costs: force, gradients, onset and half-widths one evaluation without coefficients; fields at nodes the coefficients of
-//! these fields; the largest stress those of the stress and a search among few nodes. Each is computed when it is read, once for the same
-//! inputs.
+//! Cost of the outputs: one evaluation without coefficients for force, gradients, onset and half-widths; the coefficients of the
+//! fields for fields at nodes; a reconstruction of the whole stress for its largest value. Each is computed when it is read, once
+//! for the same inputs.
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 

@@ -1,4 +1,4 @@
-//! Fields of one kind, at the chosen nodes and, of the stress, the largest of all: computed when they are read.
+//! Fields of one kind at the chosen nodes, and the largest stress of all nodes; computed when they are read.
 
 use crate::variables::ChosenNode;
 use rom::evaluation::Evaluation;
@@ -6,7 +6,7 @@ use rom::evaluator::Evaluator;
 use rom::model::{Model, Nodes, Selection};
 use rom::reconstructor::Reconstructor;
 
-/// Some of the fields with their own coefficients, so that none is computed for fields that nobody reads, and none twice.
+/// Group of fields with their coefficients, which are computed at most once per state, and only if one of the fields is read.
 pub(crate) struct Part {
     /// Indices of the fields.
     fields: Vec<usize>,
@@ -24,7 +24,7 @@ struct AtNodes {
 }
 
 impl Part {
-    /// Of these fields; none for none.
+    /// Part with these fields; `None` without fields.
     pub fn new(
         model: &Model,
         evaluator: &Evaluator,
@@ -41,7 +41,7 @@ impl Part {
         Ok(Some(Self { fields, evaluator, evaluation, has_coefficients: false, at_nodes }))
     }
 
-    /// Nothing holds any more.
+    /// Marks all results as outdated.
     pub fn forget(&mut self) {
         self.has_coefficients = false;
         if let Some(at_nodes) = &mut self.at_nodes {
@@ -49,7 +49,7 @@ impl Part {
         }
     }
 
-    /// The coefficients at a state.
+    /// Coefficients at a state.
     pub fn at(&mut self, state: &Evaluation) -> &Evaluation {
         if !self.has_coefficients {
             (self.evaluation.inputs, self.evaluation.regime) = (state.inputs, state.regime);

@@ -60,7 +60,7 @@ pub(crate) enum Quantity {
     MaxStress,
     /// 0 inside, 1 near the edge, 2 outside.
     DomainStatus,
-    /// 1 free, 2 contact, from 3 on names of the model's own.
+    /// 1 free, 2 contact.
     Regime,
     /// A field at a chosen node, by their positions.
     AtNode {

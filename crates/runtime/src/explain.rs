@@ -66,7 +66,7 @@ pub struct ExplainedOutput {
     pub nodes: usize,
     /// Fields of a sample.
     pub fields: Vec<String>,
-    /// Bytes of the basis in memory, of all regimes and parts of their domains.
+    /// Bytes of the basis in memory, of all regimes.
     pub basis_bytes: u64,
     /// Bytes of it that a sample is made from, at most.
     pub most_read_bytes: u64,

@@ -153,8 +153,8 @@ fn on_front(points: &[Point], point: &Point, slot: usize) -> bool {
 fn page(points: &[Point], cases: usize, shown: &str) -> String {
     let mut text = format!(
         "\n## Speed against error\n\nOne state evaluated and all its fields reconstructed: the median of {TIMED} runs on {}. \
-         Errors are those of the worst node, normalised: the 95th percentile over {cases} untouched states inside the domain. The table goes \
-         from fast to slow: each row gains at least a tenth in displacement or stress over every faster one; the default \
+         Errors are those of the worst node, normalised: the 95th percentile over {cases} held-out states inside the training range. The table goes \
+         from fast to slow: each row gains at least 10 % in displacement or stress over every faster one; the default \
          (`chosen`) is always shown. f64 is plain sums over mode after mode; f32 and i16 are the twin's kernel with all modes, default is a \
          scene's: i16, and of every field the modes that keep the leave-one-out error within {} %. MB is both regimes.\n\
          {shown}\n| nodes | us | MB | POD | kernel | modes | precision | displacement % | stress % | force % |\n\

@@ -82,7 +82,7 @@ ESTIMATE_ALARMS: Dict[int, str] = {
     3: "quantity",
     4: "not-explained",
 }
-"""What does not fit an estimate, by number."""
+"""Contradiction of an estimate, by number."""
 
 QUERY_STATUSES: Dict[int, str] = {
     0: "answered",
@@ -141,13 +141,13 @@ VALVE_INTERLOCKS: Dict[int, str] = {
     16: "no-force",
     32: "force-mismatch",
 }
-"""What holds a valve at its safe value, by bit."""
+"""Interlocks of a valve, by bit."""
 
 VALVE_LIMITS: Dict[int, str] = {
     1: "range",
     2: "rate",
 }
-"""What limits the value of a valve, by bit."""
+"""Limits of a valve's value, by bit."""
 
 INPUT_SOURCES: Dict[int, str] = {
     0: "unknown",

@@ -33,7 +33,7 @@ class Input:
     max: float
     """Largest training value."""
     value: Optional[float]
-    """Default value; None for pressure and gap."""
+    """Default value; pressure and gap have None."""
 
 
 class Model:

@@ -1,4 +1,4 @@
-//! Finds topics. It reads the domain's folder, which a busy disk delays for seconds: in a thread of its own.
+//! Scan for topics, in a separate thread: it reads the management folder, which a busy disk may delay by seconds.
 
 use std::collections::BTreeSet;
 use std::sync::mpsc::Sender;
@@ -8,13 +8,13 @@ use wire::{Bus, Domain, KeyExpr, Topic, WireError};
 
 use wire::thread_group::StopFlag;
 
-/// How often the domain is scanned.
+/// Period of the scan.
 const EVERY: Duration = Duration::from_millis(250);
 
 /// Topics that were not there at the scan before, or why it failed.
 pub type ScanResult = Result<Vec<Topic>, WireError>;
 
-/// Scans `domain` for topics that any of `keys` matches. It joins the domain at its first scan.
+/// Scan of `domain` for topics that any of `keys` matches. The bus is opened at the first scan.
 pub struct TopicScan {
     domain: Domain,
     keys: Vec<KeyExpr>,
@@ -39,7 +39,7 @@ impl TopicScan {
     }
 }
 
-/// Scans again and again and sends what is new, until `stop` is set.
+/// Scans repeatedly and sends new topics, until `stop` is set.
 pub fn keep_scanning(mut scan: impl FnMut() -> ScanResult, found: &Sender<ScanResult>, stop: &StopFlag) {
     let mut seen = BTreeSet::new();
     while !stop.is_set() {

@@ -40,7 +40,7 @@ pub fn layout(payloads: &[Described]) -> String {
         estimate_status::ALL,
         "Outcome of an estimate's reading, by number.",
     );
-    names(&mut out, "ESTIMATE_ALARMS", estimate_alarm::ALL, "What does not fit an estimate, by number.");
+    names(&mut out, "ESTIMATE_ALARMS", estimate_alarm::ALL, "Contradiction of an estimate, by number.");
     names(
         &mut out,
         "QUERY_STATUSES",
@@ -54,9 +54,9 @@ pub fn layout(payloads: &[Described]) -> String {
         &mut out,
         "VALVE_INTERLOCKS",
         valve_interlock::ALL,
-        "What holds a valve at its safe value, by bit.",
+        "Interlocks of a valve, by bit.",
     );
-    names(&mut out, "VALVE_LIMITS", valve_limit::ALL, "What limits the value of a valve, by bit.");
+    names(&mut out, "VALVE_LIMITS", valve_limit::ALL, "Limits of a valve's value, by bit.");
     names(&mut out, "INPUT_SOURCES", input_source::ALL, "Where an input's value comes from, by number.");
     names(&mut out, "VALUES", value_bits::ALL, "Values of a reading by bit.");
     out.push_str("QUERY_KINDS: Dict[str, int] = {name: number for number, name in KINDS.items()}\n\"\"\"Kinds of questions.\"\"\"\n\n");
