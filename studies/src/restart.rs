@@ -6,14 +6,18 @@ use crate::verify::Verifier;
 use anyhow::Context;
 use serde_json::json;
 use softtwin::failure::configuration;
-use softtwin::output;
+use softtwin::{output, resources};
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use wire::layout::flags;
-use wire::{FieldReader, State, StateReader, Topic, WakeSet, Wakeable};
+use wire::{FieldReader, State, StateReader, Topic, WakeSet, Wakeable, now_ns};
 
-/// Measure how long a killed twin and a killed bridge take until data flow again.
+/// Measure how long the shipped scene's twin takes to start, and a killed twin and bridge until data flow again.
 ///
+/// Start: from the new process of the scene's twin to its line `ready`, on the machine as it is and with all cores loaded; its
+/// resident memory; from the first reading's stamp to the first field at a reader.
+/// Restart:
 /// A twin and a bridge at 1 kHz are killed and restarted. The twin: from the start of the new process to its first fresh
 /// field at a reader, with the model on disk. The bridge: from the kill to the twin's first stale state, and from
 /// the start of the new process to the state of its first reading.
@@ -22,7 +26,10 @@ pub struct Args {
     /// Model file.
     #[arg(long, value_name = "FILE.twin", default_value = "models/pneunet/pneunet.twin")]
     model: PathBuf,
-    /// Restarts of each.
+    /// Scene whose twin is started.
+    #[arg(long, value_name = "FILE.toml", default_value = "config/scenes/finger.toml")]
+    scene: PathBuf,
+    /// Starts and restarts of each.
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=10_000))]
     rounds: u16,
 }
@@ -37,6 +44,7 @@ impl Args {
             .with_context(|| format!("cannot read {}", self.model.display()))
             .map_err(configuration)?;
         let mut verifier = Verifier::new(&bytes).map_err(configuration)?;
+        let start = self.starts()?;
         let testbed = Testbed::new("restart")?;
         testbed.write("finger.twin", &bytes)?;
         let readings = Sine::through_the_onset(1000.0, 40.0);
@@ -78,10 +86,57 @@ impl Args {
         twin.stop()?;
         output::json(&json!({
             "rounds": self.rounds,
+            "start": start,
             "twin_start_to_fresh_field_ms": median_and_worst(&twin_ms),
             "bridge_kill_to_stale_ms": median_and_worst(&stale_ms),
             "bridge_start_to_fresh_state_ms": median_and_worst(&bridge_ms),
             "verified": verifier.counts,
+        }))
+    }
+}
+
+impl Args {
+    /// Starts of the scene's twin.
+    fn starts(&self) -> anyhow::Result<serde_json::Value> {
+        let scene = self.scene.canonicalize().with_context(|| self.scene.display().to_string())?;
+        let (mut ready_ms, mut busy_ms, mut field_ms) = (Vec::new(), Vec::new(), Vec::new());
+        let mut resident_mb = Vec::new();
+        for _ in 0..self.rounds {
+            let testbed = Testbed::new("start")?;
+            let started = Instant::now();
+            let mut twin = testbed.daemon("twin", &scene, &[])?;
+            ready_ms.push(ms_since(started));
+            let resident_kb = resources::status(&twin.id().to_string(), "VmRSS").context("no VmRSS")?;
+            resident_mb.push(resident_kb as f64 / 1e3);
+            let fields = FieldReader::open(&testbed.bus()?, &Topic::field("finger", None)?)?;
+            let mut bridge = testbed.start_daemon("bridge", &scene, &[])?;
+            field_ms.push(wait_for(&fields, || {
+                let stamp = fields.next()?.map(|sample| sample.header().t_sensor_ns);
+                Ok(stamp.map(|stamp| now_ns().saturating_sub(stamp) as f64 / 1e6))
+            })?);
+            bridge.stop()?;
+            twin.stop()?;
+        }
+        let busy = AtomicBool::new(true);
+        std::thread::scope(|scope| {
+            for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+                scope.spawn(|| while busy.load(Ordering::Relaxed) {});
+            }
+            let measured = (0..self.rounds).try_for_each(|_| {
+                let testbed = Testbed::new("start")?;
+                let started = Instant::now();
+                let mut twin = testbed.daemon("twin", &scene, &[])?;
+                busy_ms.push(ms_since(started));
+                twin.stop()
+            });
+            busy.store(false, Ordering::Relaxed);
+            measured
+        })?;
+        Ok(json!({
+            "ready_ms": median_and_worst(&ready_ms),
+            "ready_with_all_cores_loaded_ms": median_and_worst(&busy_ms),
+            "resident_mb": median_and_worst(&resident_mb),
+            "first_reading_to_field_ms": median_and_worst(&field_ms),
         }))
     }
 }
