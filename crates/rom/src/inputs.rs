@@ -195,7 +195,7 @@ impl InputMap {
             let first = constant.remove(0);
             axes.push(InputAxis { max: first.min + 1.0, ..first });
         }
-        // A pressure that all samples shared is not kept: version 2 of the model file has no place for it.
+        // A pressure that all samples shared is not kept: states at other pressures stay inside the training range.
         let kept = constant.iter().filter(|a| a.input != PRESSURE);
         Self { axes, constants: kept.map(|a| InputConstant { input: a.input, value: a.min }).collect() }
     }

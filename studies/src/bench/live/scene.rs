@@ -90,7 +90,7 @@ impl<'a> Scenes<'a> {
             Payload::StateOnly => None,
             Payload::Tip => Some(format!("name = \"{TIP}\"\nnodes = {{ list = {:?} }}", self.tip_nodes)),
             Payload::Surface => Some(format!("name = \"{SURFACE}\"\nnodes = \"{}\"", self.surface_nodes)),
-            Payload::All => Some("nodes = \"all\"\nprecision = \"budget\"".into()),
+            Payload::All => Some("nodes = \"all\"".into()),
         };
         let outputs: Vec<String> = output.into_iter().collect();
         // Every reading is answered, also after an interruption: what is lost is then lost by the transport.
