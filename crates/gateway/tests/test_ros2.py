@@ -107,7 +107,7 @@ def test_the_surface_is_a_list_of_triangles(stage):
         seen = {}
         end = time.monotonic() + PATIENCE_S
         while True:
-            assert time.monotonic() < end, "no marker and points of the same field came"
+            assert time.monotonic() < end, "no marker and points of one field"
             marker = STORE.deserialize_cdr(bytes(markers[1].get(timeout=PATIENCE_S).payload), kind)
             while not clouds[1].empty():
                 cloud = STORE.deserialize_cdr(bytes(clouds[1].get().payload), points_kind)
@@ -152,7 +152,7 @@ def test_a_twin_of_another_model_has_no_marker_and_the_log_says_so(stage):
     with stage.session("client") as session:
         marker, markers = subscribe(session, key("softtwin/finger/all/marker", "visualization_msgs/msg/Marker"))
         cloud, clouds = subscribe(session, key("softtwin/finger/all/points", "sensor_msgs/msg/PointCloud2"))
-        stage.wait_said("finger: no marker: ros2.models has no file of the model that it runs with")
+        stage.wait_said("finger: no marker: ros2.models has no file of its model")
         clouds.get(timeout=PATIENCE_S)
         assert markers.empty()
         marker.undeclare()
