@@ -50,12 +50,7 @@ pub fn layout(payloads: &[Described]) -> String {
     names(&mut out, "KINDS", query_kind::ALL, "Kinds of questions by number.");
     names(&mut out, "FLAGS", flags::ALL, "Flags by bit.");
     names(&mut out, "VALVE_REASONS", valve_reason::ALL, "Why a valve has its value, by number.");
-    names(
-        &mut out,
-        "VALVE_INTERLOCKS",
-        valve_interlock::ALL,
-        "Interlocks of a valve, by bit.",
-    );
+    names(&mut out, "VALVE_INTERLOCKS", valve_interlock::ALL, "Interlocks of a valve, by bit.");
     names(&mut out, "VALVE_LIMITS", valve_limit::ALL, "Limits of a valve's value, by bit.");
     names(&mut out, "INPUT_SOURCES", input_source::ALL, "Where an input's value comes from, by number.");
     names(&mut out, "VALUES", value_bits::ALL, "Values of a reading by bit.");
