@@ -73,85 +73,41 @@ pub struct Topic {
     node_set: Option<String>,
 }
 
-impl Topic {
-    /// `softtwin/<actuator>/sensor`.
-    ///
-    /// # Errors
-    /// [`WireError::BadName`] when the actuator's name is not one chunk of letters, digits, `_` or `-`.
-    pub fn sensor(actuator: &str) -> Result<Self, WireError> {
-        Self::build(actuator, TopicKind::Sensor, None)
-    }
+/// One constructor per kind of topic without a node set.
+macro_rules! constructors {
+    ($($function:ident: $kind:ident, $name:literal;)+) => {
+        impl Topic {
+            $(
+                #[doc = concat!("`softtwin/<actuator>/", $name, "`.")]
+                ///
+                /// # Errors
+                /// [`WireError::BadName`] when the name is not one chunk of letters, digits, `_` or `-`.
+                pub fn $function(actuator: &str) -> Result<Self, WireError> {
+                    Self::build(actuator, TopicKind::$kind, None)
+                }
+            )+
+        }
+    };
+}
+constructors! {
+    sensor: Sensor, "sensor";
+    state: State, "state";
+    health: Health, "health";
+    grasp: Grasp, "grasp";
+    command: Command, "command";
+    estimate: Estimate, "estimate";
+    setpoint: Setpoint, "setpoint";
+    operator: Override, "override";
+    valve: Valve, "valve";
+}
 
+impl Topic {
     /// `softtwin/<actuator>/field` for all nodes (`node_set` `None` or `"all"`), else `softtwin/<actuator>/field/<node_set>`.
     ///
     /// # Errors
     /// As [`Topic::sensor`], for both names.
     pub fn field(actuator: &str, node_set: Option<&str>) -> Result<Self, WireError> {
         Self::build(actuator, TopicKind::Field, node_set.filter(|set| *set != "all"))
-    }
-
-    /// `softtwin/<actuator>/state`.
-    ///
-    /// # Errors
-    /// As [`Topic::sensor`].
-    pub fn state(actuator: &str) -> Result<Self, WireError> {
-        Self::build(actuator, TopicKind::State, None)
-    }
-
-    /// `softtwin/<actuator>/health`.
-    ///
-    /// # Errors
-    /// As [`Topic::sensor`].
-    pub fn health(actuator: &str) -> Result<Self, WireError> {
-        Self::build(actuator, TopicKind::Health, None)
-    }
-
-    /// `softtwin/<scene>/grasp`.
-    ///
-    /// # Errors
-    /// As [`Topic::sensor`].
-    pub fn grasp(scene: &str) -> Result<Self, WireError> {
-        Self::build(scene, TopicKind::Grasp, None)
-    }
-
-    /// `softtwin/<actuator>/command`.
-    ///
-    /// # Errors
-    /// As [`Topic::sensor`].
-    pub fn command(actuator: &str) -> Result<Self, WireError> {
-        Self::build(actuator, TopicKind::Command, None)
-    }
-
-    /// `softtwin/<actuator>/estimate`.
-    ///
-    /// # Errors
-    /// As [`Topic::sensor`].
-    pub fn estimate(actuator: &str) -> Result<Self, WireError> {
-        Self::build(actuator, TopicKind::Estimate, None)
-    }
-
-    /// `softtwin/<actuator>/setpoint`.
-    ///
-    /// # Errors
-    /// As [`Topic::sensor`].
-    pub fn setpoint(actuator: &str) -> Result<Self, WireError> {
-        Self::build(actuator, TopicKind::Setpoint, None)
-    }
-
-    /// `softtwin/<actuator>/override`.
-    ///
-    /// # Errors
-    /// As [`Topic::sensor`].
-    pub fn operator(actuator: &str) -> Result<Self, WireError> {
-        Self::build(actuator, TopicKind::Override, None)
-    }
-
-    /// `softtwin/<actuator>/valve`.
-    ///
-    /// # Errors
-    /// As [`Topic::sensor`].
-    pub fn valve(actuator: &str) -> Result<Self, WireError> {
-        Self::build(actuator, TopicKind::Valve, None)
     }
 
     /// Reads a topic back from its name; `None` for names that are not ours.
