@@ -25,13 +25,14 @@ pub use lines::{Cells, LineBuffer, LineError, MAX_LINE_BYTES, parse_cells};
 pub use modbus::{Encoding, ModbusConnection, RegisterAt, Table, WordOrder};
 pub(crate) use reading::value_mut;
 pub use reading::{BridgeWaker, InputNames, Poll, Reading, SensorCounters, Source, SourceReader};
+pub use recorded::TraceError;
 pub use replay::ReplaySpec;
 pub use sensor::{Filter, FilterSpec, Quantity, ValueSpec, Values};
 pub use serial::{ModbusPath, Parity, SerialSpec};
 pub use simulate::{Profile, SimulateSpec};
 pub use spec::{LinesSensor, ModbusSensor, PaceSpec, SensorSpec, Sensors, open as open_sensors};
 pub use stream::Cell;
-pub use trace::{Trace, TraceError};
+pub use trace::Trace;
 
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

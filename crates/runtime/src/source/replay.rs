@@ -1,8 +1,8 @@
 //! Replays a recorded trace with its original timing, faster, slower, in part or repeatedly.
 
 use super::reading::{InputNames, Reading, Scheduled, Source};
-use super::recorded;
-use super::trace::{Survey, Trace, TraceError};
+use super::recorded::{self, TraceError};
+use super::trace::{Survey, Trace};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use wire::SensorSample;
