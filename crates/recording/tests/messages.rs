@@ -156,10 +156,10 @@ fn the_json_form_of_a_state_is_fixed() {
         "{\"seq\":7,\"sensor_seq\":0,\"t_sensor_ns\":0,\"t_publish_ns\":0,\"age_ns\":0,\
          \"pressure_mpa\":0.30000000000000004,\"gap_mm\":\"NaN\",\"regime\":\"contact\",\"contact_force_n\":\"NaN\",\
          \"force_halfwidth_n\":0.1,\"force_by_pressure_n_per_mpa\":\"NaN\",\"force_by_gap_n_per_mm\":\"NaN\",\
-         \"onset_pressure_mpa\":\"Infinity\",\"measured_force_n\":\"NaN\",\"displacement_halfwidth_mm\":\"NaN\",\
-         \"von_mises_halfwidth_mpa\":\"NaN\",\"domain_distance\":\"NaN\",\"domain_status\":1,\"outcome\":\"held: stale\",\
-         \"flags\":[\"stale\",\"held\",\"no-data\"],\"flag_bits\":131,\"input_names\":[\"gap_mm\"],\
-         \"inputs\":[2.5],\"input_sources\":[\"given\"],\"force_by_input\":[\"NaN\"],\"group_sizes\":[2],\"coefficients\":[0.5,-1.5],\
+         \"onset_pressure_mpa\":\"Infinity\",\"displacement_halfwidth_mm\":\"NaN\",\"von_mises_halfwidth_mpa\":\"NaN\",\
+         \"domain_distance\":\"NaN\",\"domain_status\":1,\"input_names\":[\"gap_mm\"],\"inputs\":[2.5],\
+         \"force_by_input\":[\"NaN\"],\"group_sizes\":[2],\"coefficients\":[0.5,-1.5],\"measured_force_n\":\"NaN\",\
+         \"outcome\":\"held: stale\",\"flags\":[\"stale\",\"held\",\"no-data\"],\"flag_bits\":131,\"input_sources\":[\"given\"],\
          \"actuator\":\"finger\",\"model_hash\":\"00000000000000000000000000000000\",\
          \"boot_id\":\"0000000000000012\",\"sensor_boot_id\":\"0000000000000000\"}"
     );

@@ -148,25 +148,6 @@ pub(super) fn problems(
     expect(finite, "camera".into(), "finite numbers", format!("{camera:?}"));
 }
 
-#[cfg(test)]
-mod tests {
-    use super::CameraSpec;
-
-    #[test]
-    fn turns_are_about_x_then_y_then_z() {
-        let camera = CameraSpec { position_mm: [0.0; 3], rotation_deg: [90.0, 0.0, 90.0] };
-        let turned = camera.rotation().map(|row| row.map(|v| v.round()));
-        // About x first: y becomes z; then about z: x becomes y, and the old z (now -y) becomes x.
-        assert_eq!(turned, [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
-        for (i, a) in camera.rotation().iter().enumerate() {
-            for (j, b) in camera.rotation().iter().enumerate() {
-                let dot: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
-                assert!((dot - f64::from(u8::from(i == j))).abs() < 1e-12);
-            }
-        }
-    }
-}
-
 /// Standard deviations of the noise of a reading's values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Sigmas {
@@ -175,3 +156,7 @@ pub(crate) struct Sigmas {
     pub(crate) force_n: f64,
     pub(crate) markers_mm: [Marker; MARKERS_MAX],
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/config_estimate.rs"]
+mod tests;
