@@ -43,7 +43,7 @@ fn round_trip() {
 }
 
 #[test]
-fn the_skin_is_closed_and_points_outwards() {
+fn surface_is_closed_and_oriented_outwards() {
     let dir = tempfile::tempdir().unwrap();
     small(dir.path());
     let back = read(dir.path(), ObstacleKind::Plate).unwrap();
@@ -65,7 +65,7 @@ fn the_skin_is_closed_and_points_outwards() {
 }
 
 #[test]
-fn every_wrong_cell_is_named_at_once() {
+fn all_invalid_cells_are_reported_together() {
     let dir = tempfile::tempdir().unwrap();
     small(dir.path());
     let table = "case,regime,split,pressure_mpa,gap_mm,contact_force_n\n\
@@ -87,7 +87,7 @@ fn every_wrong_cell_is_named_at_once() {
 }
 
 #[test]
-fn a_name_used_twice_is_refused() {
+fn duplicate_case_name_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     small(dir.path());
     replace(&dir.path().join("cases.csv"), "\nb,", "\na,");
@@ -127,7 +127,7 @@ fn unknown_keys_escaping_paths_and_columns_are_refused() {
 }
 
 #[test]
-fn scenes_are_kept_apart() {
+fn each_scene_reads_its_cases_only() {
     let dir = tempfile::tempdir().unwrap();
     small(dir.path());
     replace(&dir.path().join("cases.csv"), "c,contact", "c,gripper");
@@ -190,7 +190,7 @@ fn with_parameters(folder: &Path) -> rom::snapshots::Database {
 }
 
 #[test]
-fn parameters_and_derivatives_come_back() {
+fn parameters_and_derivatives_survive_the_round_trip() {
     let dir = tempfile::tempdir().unwrap();
     let made = with_parameters(dir.path());
     let text = std::fs::read_to_string(dir.path().join("cases.csv")).unwrap();
@@ -204,7 +204,7 @@ fn parameters_and_derivatives_come_back() {
 }
 
 #[test]
-fn parameters_and_derivatives_that_do_not_fit_are_named() {
+fn invalid_parameters_and_derivatives_are_reported() {
     for (file, from, to, part) in [
         ("cases.csv", "elastomer.law.mu_mpa", "elastomer.law.mu", "expected a column `elastomer.law.mu_mpa`"),
         ("database.toml", "nominal = 0.8", "", "nominal = a number"),

@@ -30,7 +30,7 @@ pub struct Evaluation {
     pub force_gradient: [f64; MAX_INPUTS],
     /// Onset pressure of this gap in MPa: 0 if the actuator's weight closes the gap, `None` if out of reach.
     pub onset_pressure_mpa: Option<f64>,
-    /// Where the state lies with respect to the training samples of its regime.
+    /// Position of the state with respect to the training range of its regime.
     pub domain: DomainStatus,
     /// Distance to the training hull over inputs scaled to [0, 1]; 0 inside.
     pub domain_distance: f64,
@@ -66,7 +66,7 @@ impl Evaluation {
     /// not take. Empty after [`crate::evaluator::Evaluator::evaluate`], which leaves them out.
     ///
     /// # Panics
-    /// When `input` is not below [`MAX_INPUTS`].
+    /// If `input` is not below [`MAX_INPUTS`].
     pub fn coefficient_gradient(&self, input: usize) -> &[f64] {
         &self.gradients[input]
     }

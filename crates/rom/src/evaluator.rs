@@ -133,7 +133,7 @@ impl Evaluator {
         self.onset.as_ref()
     }
 
-    /// Whether the model was trained in a regime.
+    /// True if the model was trained in a regime.
     pub fn has_regime(&self, kind: RegimeKind) -> bool {
         self.parts.iter().any(|part| part.model.kind == kind)
     }
@@ -271,7 +271,7 @@ impl Evaluator {
         }
     }
 
-    /// Where a state with all inputs lies, and the regime that answers there.
+    /// Position of a state with all inputs, and its regime.
     fn place(&self, inputs: Inputs, out: &mut Evaluation) -> (OnsetAt, Option<&RegimePart>) {
         out.scratch.reserve(&self.scratch);
         let at = self.onset_at(&inputs, out);

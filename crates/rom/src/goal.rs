@@ -19,7 +19,7 @@ const MET: f64 = 1e-8;
 /// One part of a goal at some inputs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Residual {
-    /// How far the goal is missed, in its own unit; 0 where a limit is kept.
+    /// Distance from the goal, in the goal's unit; 0 if a limit is kept.
     pub value: f64,
     /// Largest value that counts as met, in the same unit, > 0.
     pub tolerance: f64,
@@ -39,7 +39,7 @@ pub struct Found {
 }
 
 impl Found {
-    /// Whether every part is met to its tolerance.
+    /// True if every part is met to its tolerance.
     pub fn is_met(&self) -> bool {
         self.residuals.iter().all(|r| r.value.abs() <= r.tolerance)
     }

@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn nine_in_ten_new_states_are_within_in_every_part_of_the_inputs() {
+    fn coverage_of_new_states_is_nominal_in_every_part_of_the_inputs() {
         let mut rng = Rng::new(7);
         let (points, errors) = drawn(&mut rng, 900);
         let local = LocalHalfWidths::of_unseen(2, &points, &errors, 0.9);

@@ -1,4 +1,4 @@
-//! Where a regime was trained, over scaled inputs. Pressure and gap: the convex hull of the samples, an interval or a
+//! Training range of a regime over scaled inputs. Pressure and gap: the convex hull of the samples, an interval or a
 //! polygon. With parameters: that hull over pressure and gap, the sampled range of every parameter, and a distance to the
 //! nearest sample. The convex hull over many inputs is no use: in six dimensions it holds next to nothing of a
 //! Latin hypercube's box, although the samples fill it.
@@ -7,7 +7,7 @@ use crate::inputs::{Point, square_distance};
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Display};
 
-/// Where a state lies.
+/// Position of a state with respect to the training range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DomainStatus {
@@ -36,7 +36,7 @@ pub enum TrainingRange {
     Interval([f64; 2]),
     /// Two inputs: hull vertices, counter-clockwise.
     Hull(Vec<[f64; 2]>),
-    /// With parameters: pressure (and gap) within the corners, every further input in [0, 1], and the nearest sample not
+    /// Training range with parameters: pressure (and gap) within the corners, every further input in [0, 1], and the nearest sample not
     /// farther than `reach`.
     Product {
         /// Leading inputs that the corners bound: 1 or 2.
@@ -143,7 +143,7 @@ impl TrainingRange {
         }
     }
 
-    /// Whether a point is one of the corners (or ends), or at an end of a parameter's range.
+    /// True if a point is one of the corners (or ends), or at an end of a parameter's range.
     pub fn has_vertex(&self, x: &Point) -> bool {
         match self {
             Self::Interval(ends) => ends.contains(&x[0]),

@@ -115,7 +115,7 @@ impl Inputs {
     /// The same with another value, in the unit that the model declares, at a position.
     ///
     /// # Panics
-    /// When `input` is not below [`MAX_INPUTS`].
+    /// If `input` is not below [`MAX_INPUTS`].
     pub fn with(mut self, input: usize, value: f64) -> Self {
         self.0[input] = value;
         self

@@ -8,7 +8,7 @@ use crate::inputs::{MAX_INPUTS, Point};
 use crate::radial::{KernelKind, Tail};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// How distances between scaled inputs are taken: `M x = (s0 (x0 + shear x1), s1 x1, s2 x2, ...)`. Contact features run
+/// Metric of distances between scaled inputs: `M x = (s0 (x0 + shear x1), s1 x1, s2 x2, ...)`. Contact features run
 /// aslant over pressure and gap (what counts is how far the pressure is above the onset), so the shear pays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Metric {
@@ -78,7 +78,7 @@ pub struct Interpolant {
     pub tail: Tail,
     /// Inputs, 1 to [`MAX_INPUTS`].
     pub dimensions: usize,
-    /// How distances are taken.
+    /// Metric of the distances.
     pub metric: Metric,
     /// `centres x dimensions`: `M x_k`, all inputs of a centre together.
     pub centres: Vec<f64>,
@@ -152,7 +152,7 @@ impl Interpolant {
         self.centre_count() + self.slopes.len()
     }
 
-    /// Whether the kernel values of `other` are this interpolant's too: same kernel and tail over the same centres.
+    /// True if the kernel values of `other` are equal: same kernel and tail over the same centres.
     pub(crate) fn shares_kernel_with(&self, other: &Self) -> bool {
         self.kernel == other.kernel
             && self.tail == other.tail

@@ -29,8 +29,8 @@ impl ModelHeader {
         Ok(())
     }
 
-    /// Whether any answer depends on pressure and gap: a regime was trained over it, or the onset is found with it. A state may
-    /// have any value for the others, such as 0 for a pressure that does not exist.
+    /// Needs of pressure and gap: an input is needed if a regime was trained over it or the onset depends on it. Any value is valid for
+    /// an input that is not needed.
     pub fn needs(&self) -> Needs {
         let needs = |input: usize| {
             let is_sampled = self.inputs.get(input).is_some_and(|input| input.range[0].is_finite());

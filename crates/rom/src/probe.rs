@@ -146,7 +146,7 @@ fn linear_weights(
     nodes.iter().map(weight).collect()
 }
 
-/// Where a point is, and how it moves.
+/// Position of a point and its derivatives.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ProbePosition {
     /// Deformed position (mm).

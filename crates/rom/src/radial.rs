@@ -125,7 +125,7 @@ impl KernelKind {
         self.derivatives(r2)[0]
     }
 
-    /// Whether second derivatives exist everywhere: what fitting derivatives needs.
+    /// True if second derivatives exist everywhere, which the fit of derivatives needs.
     pub const fn takes_derivatives(self) -> bool {
         !matches!(self, Self::Linear | Self::ThinPlate)
     }

@@ -1,4 +1,4 @@
-//! Which regime a state belongs to: the onset pressure over the gap.
+//! Regime of a state: the onset pressure over the gap.
 //!
 //! Contact when `P >= P_c(gap)`. A gap below the sag is touched at any pressure (`P_c = 0`), a gap beyond reach at none.
 

@@ -173,7 +173,7 @@ impl Footprint {
     pub const PLATE: Self = Self { x_mm: [0.0, 120.0], z_mm: [-9.0, 41.0] };
     /// The block that stands for the gripped object.
     pub const BLOCK: Self = Self { x_mm: [85.0, 115.0], z_mm: [1.0, 31.0] };
-    /// How far the paper's plate reaches beyond the actuator's tip and beyond each of its sides, mm.
+    /// Extent of the paper's plate beyond the actuator's tip and beyond each of its sides, mm.
     pub const PLATE_BEYOND_MM: [f64; 2] = [5.0, 9.0];
 
     /// A plate below these undeformed nodes (mm), as far beyond them as the paper's plate; none without nodes. `O(nodes)`.

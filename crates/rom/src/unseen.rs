@@ -161,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_are_spread_and_no_place_is_taken_twice() {
+    fn places_are_spread_and_distinct() {
         let at = |x: f64| {
             let mut point = Point::default();
             point[0] = x;

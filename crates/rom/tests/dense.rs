@@ -12,7 +12,7 @@ fn product(a: &Dense, x: &[f64], columns: usize) -> Vec<f64> {
 
 proptest! {
     #[test]
-    fn a_solution_gives_back_the_right_hand_side(
+    fn solution_reproduces_the_right_hand_side(
         n in 1_usize..12,
         columns in 1_usize..4,
         entries in prop::collection::vec(-1.0_f64..1.0, 144),
@@ -31,7 +31,7 @@ proptest! {
 }
 
 #[test]
-fn a_zero_on_the_diagonal_is_no_obstacle() {
+fn system_with_zero_on_the_diagonal_is_solved() {
     let saddle = Dense::from_fn(3, |i, j| [[0.0, 2.0, 1.0], [2.0, 0.0, 1.0], [1.0, 1.0, 0.0]][i][j]);
     let inverse = saddle.clone().inverse().expect("regular");
     let columns: Vec<f64> = (0..9).map(|at| inverse[(at / 3, at % 3)]).collect();
@@ -42,7 +42,7 @@ fn a_zero_on_the_diagonal_is_no_obstacle() {
 }
 
 #[test]
-fn a_singular_system_has_no_solution() {
+fn singular_system_returns_none() {
     assert_eq!(Dense::from_fn(2, |_, j| j as f64).inverse(), None);
     assert_eq!(Dense::from_fn(2, |i, j| if i == j { f64::NAN } else { 1.0 }).inverse(), None);
     assert_eq!(Dense::zeros(1).solve(&mut [1.0], 1), None);

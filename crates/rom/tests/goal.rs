@@ -35,7 +35,7 @@ fn for_force(force_n: f64, within: &[(usize, [f64; 2])]) -> Found {
 }
 
 #[test]
-fn a_force_is_reached_within_the_bounds_and_the_formula_agrees() {
+fn force_within_reach_is_found_and_matches_the_formula() {
     for force_n in [0.25, 0.3, 0.35] {
         let found = for_force(force_n, &WITHIN);
         let v = found.inputs.values();
@@ -48,7 +48,7 @@ fn a_force_is_reached_within_the_bounds_and_the_formula_agrees() {
 }
 
 #[test]
-fn what_cannot_be_reached_is_said_with_its_residual_at_the_bound() {
+fn unreachable_goal_returns_its_residual_at_the_bound() {
     // Bounds inside the samples: at their edge the model's own maximum may lie a little before it.
     let found = for_force(5.0, &[(2, [0.65, 1.0]), (3, [2.6, 3.3])]);
     assert!(!found.is_met(), "{found:?}");
@@ -60,7 +60,7 @@ fn what_cannot_be_reached_is_said_with_its_residual_at_the_bound() {
 }
 
 #[test]
-fn several_starts_leave_a_local_minimum() {
+fn several_starts_escape_a_local_minimum() {
     // Two valleys of (x^2 - 1)^2 + tilt: the one that begins nearer is the worse one.
     let mut at = |inputs: Inputs| {
         let x = inputs.values()[0];

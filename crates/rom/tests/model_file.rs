@@ -25,13 +25,13 @@ fn model() -> &'static (Model, Vec<u8>) {
 }
 
 #[test]
-fn a_model_survives_the_round_trip() {
+fn model_survives_the_round_trip() {
     let (model, bytes) = model();
     assert_eq!(*model, Model::from_bytes(bytes).expect("loads"));
 }
 
 #[test]
-fn a_model_of_other_inputs_survives_the_round_trip() {
+fn model_with_parameters_survives_the_round_trip() {
     let mut model = model().0.clone();
     let range = [f64::NEG_INFINITY, f64::INFINITY];
     model.header.inputs.push(InputSpec {
@@ -74,7 +74,7 @@ fn modes_of_other_lengths_or_steps_are_refused() {
 }
 
 #[test]
-fn the_layout_is_what_the_documentation_says() {
+fn layout_matches_the_documentation() {
     let (_, bytes) = model();
     assert_eq!(bytes[..8], MAGIC);
     assert_eq!(bytes[8..12], VERSION.to_le_bytes());
@@ -112,7 +112,7 @@ fn loading_a_selection_reads_only_its_blocks_and_predicts_the_same() {
 }
 
 #[test]
-fn what_is_not_in_the_model_is_refused_by_name() {
+fn unknown_fields_and_nodes_are_refused_by_name() {
     let (model, bytes) = model();
     let named = |field: &str| Selection { fields: Some(vec![field.into()]), ..Selection::default() };
     assert!(matches!(Reconstructor::new(model, &named("strain")), Err(ModelError::UnknownField { .. })));
@@ -127,7 +127,7 @@ fn what_is_not_in_the_model_is_refused_by_name() {
 }
 
 #[test]
-fn a_block_of_a_field_that_is_not_there_is_refused() {
+fn block_of_a_missing_field_is_refused() {
     let mut model = model().0.clone();
     let regime = model.header.regimes[0].kind;
     let values = vec![0.0; model.header.node_count];
@@ -137,7 +137,7 @@ fn a_block_of_a_field_that_is_not_there_is_refused() {
 }
 
 #[test]
-fn foreign_and_newer_files_are_named_as_such() {
+fn foreign_files_and_other_versions_are_distinguished() {
     let (_, bytes) = model();
     let mut foreign = bytes.clone();
     foreign[0] = b'X';

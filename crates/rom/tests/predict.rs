@@ -104,7 +104,7 @@ fn gradients_agree_with_finite_differences_for_every_kernel() {
 }
 
 #[test]
-fn the_model_knows_the_onset_it_was_never_told() {
+fn onset_matches_the_formula_without_onset_data() {
     let table = model().header.onset.as_ref().expect("two regimes");
     assert!((table.sag_mm() - synthetic::sag_mm(0.0)).abs() < 0.02, "{} mm", table.sag_mm());
     for gap in [22.0, 30.0, 45.0, 58.0] {
@@ -114,7 +114,7 @@ fn the_model_knows_the_onset_it_was_never_told() {
 }
 
 #[test]
-fn a_gap_below_the_sag_always_touches_and_one_beyond_reach_never() {
+fn gap_below_sag_is_contact_and_gap_beyond_reach_is_free() {
     let evaluator = evaluator();
     let touching = ask(&evaluator, 0.0, 15.0);
     assert_eq!((touching.regime, touching.onset_pressure_mpa), (RegimeKind::Contact, Some(0.0)));
@@ -126,7 +126,7 @@ fn a_gap_below_the_sag_always_touches_and_one_beyond_reach_never() {
 }
 
 #[test]
-fn the_label_does_not_chatter_and_the_physics_does_not_wait() {
+fn hysteresis_holds_the_label_but_not_the_values() {
     let mut evaluator = HysteresisEvaluator::new(evaluator());
     let onset = model().header.onset.as_ref().expect("two").onset(30.0).pressure_mpa().expect("reach");
     let margin = model().header.hysteresis_mpa;
@@ -147,7 +147,7 @@ fn the_label_does_not_chatter_and_the_physics_does_not_wait() {
 
 /// `state` and `complete` together are bit-identical to `evaluate`; a part of the fields is bit-identical too.
 #[test]
-fn a_state_is_evaluated_without_the_coefficients_that_nobody_asked_for() {
+fn state_and_complete_are_bit_identical_to_evaluate() {
     let evaluator = evaluator();
     let stress = model().header.fields.iter().position(|field| field.spec.kind == FieldKind::Stress).unwrap();
     let mut restricted = evaluator.clone();
@@ -176,7 +176,7 @@ fn a_state_is_evaluated_without_the_coefficients_that_nobody_asked_for() {
 }
 
 #[test]
-fn the_domain_is_the_hull_not_the_box() {
+fn training_range_is_the_convex_hull() {
     let evaluator = evaluator();
     assert_eq!(ask(&evaluator, 0.05, 20.0).domain, DomainStatus::Inside);
     let corner = ask(&evaluator, 0.09, 8.2); // inside the box of the samples, outside their sheared hull
@@ -186,7 +186,7 @@ fn the_domain_is_the_hull_not_the_box() {
 }
 
 #[test]
-fn readings_that_are_no_numbers_end_in_flags_not_in_panics() {
+fn nan_inputs_are_flagged_without_panic() {
     let mut state = state();
     for (p, gap) in [(f64::NAN, 20.0), (0.05, f64::NAN), (f64::INFINITY, 20.0), (-1.0, 20.0), (0.05, -1e300)]
     {
@@ -198,7 +198,7 @@ fn readings_that_are_no_numbers_end_in_flags_not_in_panics() {
 }
 
 #[test]
-fn untouched_test_states_are_predicted() {
+fn test_states_are_predicted() {
     let database = synthetic::plate();
     let cases: Vec<usize> = database.of_split(Split::Test).collect();
     let report = train::evaluate::evaluate(model(), &database, &cases, 0.01).expect("evaluates");
@@ -215,7 +215,7 @@ fn untouched_test_states_are_predicted() {
 }
 
 #[test]
-fn halfwidths_follow_the_error_and_are_never_zero_in_contact() {
+fn halfwidths_follow_the_error_and_are_positive_in_contact() {
     let evaluator = evaluator();
     let contact = model().regime(RegimeKind::Contact).expect("contact");
     let everywhere = contact.halfwidths;

@@ -17,7 +17,7 @@ fn committed(path: &str) -> Model {
 }
 
 #[test]
-fn positions_are_those_of_the_field_and_derivatives_those_of_differences() {
+fn positions_match_the_field_and_derivatives_match_differences() {
     let model = shipped();
     let evaluator = Evaluator::new(&model.header).expect("evaluator");
     let reconstructor = Reconstructor::new(&model, &Selection::default()).expect("reconstructor");
@@ -65,7 +65,7 @@ fn positions_are_those_of_the_field_and_derivatives_those_of_differences() {
 }
 
 #[test]
-fn a_point_of_the_mesh_has_its_undeformed_place_and_one_beside_it_is_named() {
+fn points_of_the_mesh_are_found_and_others_are_refused() {
     let model = shipped();
     let tip = MeshPoint::at(&model, [115.0, 2.0, 16.0]).expect("the middle of the base's free end");
     let sum: f64 = tip.weights.iter().map(|(_, weight)| weight).sum();
@@ -82,7 +82,7 @@ fn a_point_of_the_mesh_has_its_undeformed_place_and_one_beside_it_is_named() {
 
 /// A walk through inflation, stiffness and gap, of a model whose onset depends on the stiffness.
 #[test]
-fn states_near_one_another_have_the_values_of_the_full_search_and_free_ones_those_of_no_obstacle() {
+fn near_search_matches_full_search_and_free_states_match_no_obstacle() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet-design/pneunet-design.twin");
     let model = committed(path);
     let probes = Probes::new(&model, &[MeshPoint::node(&model, 12_000).expect("a node")]).expect("probes");

@@ -3,7 +3,7 @@
 use rom::rng::Rng;
 
 #[test]
-fn the_sequence_is_the_published_one() {
+fn sequence_matches_the_published_one() {
     // First outputs of SplitMix64 for seed 1234567, as listed with the reference implementation.
     let mut rng = Rng::new(1_234_567);
     assert_eq!(rng.next_u64(), 6_457_827_717_110_365_317);

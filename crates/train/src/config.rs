@@ -7,7 +7,7 @@ use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// How fields share a POD.
+/// Grouping of fields for the POD.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Grouping {
@@ -17,7 +17,7 @@ pub enum Grouping {
     Joint,
 }
 
-/// How many modes a group keeps.
+/// Number of modes of a group.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ModeChoice {
@@ -44,7 +44,7 @@ pub struct KernelSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RegimeConfig {
-    /// How many modes each group keeps.
+    /// Number of modes of each group.
     pub modes: ModeChoice,
     /// Overrides by group name (`von_mises = { fixed = 20 }`).
     pub group_modes: BTreeMap<String, ModeChoice>,
@@ -72,7 +72,7 @@ impl Default for RegimeConfig {
     }
 }
 
-/// Where contact's cubic-quintic candidate goes over: the spacing of a hundred states in two inputs.
+/// Crossover of contact's cubic-quintic candidate: the spacing of a hundred states in two inputs.
 const CROSSOVER: f64 = 0.1;
 
 /// Length of the Matern 7/2 candidate over the free regime's one input: longer ones are quintic splines at a condition
@@ -126,7 +126,7 @@ pub struct TrainConfig {
     pub split_at_onset: bool,
     /// Number of onset states from the free model.
     pub boundary_states: usize,
-    /// How far beyond the largest sampled gap these states reach, as a fraction of the sampled range of gaps. With
+    /// Extent of these states beyond the largest sampled gap, as a fraction of the sampled range of gaps. With
     /// parameters they reach as far as the free states.
     pub boundary_overshoot: f64,
     /// Obstacle; default: that of the database.

@@ -105,7 +105,7 @@ pub struct FitSheet {
 pub struct Candidate {
     /// Kernel and tail in words.
     pub kernel: String,
-    /// How distances were taken.
+    /// Metric of the distances.
     pub metric: Metric,
     /// Smoothing on the diagonal.
     pub smoothing: f64,

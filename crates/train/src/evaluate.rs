@@ -78,7 +78,7 @@ pub struct CaseReport {
     pub pressure_mpa: f64,
     /// Gap in mm.
     pub gap_mm: Option<f64>,
-    /// Where the case lies.
+    /// Position with respect to the training range.
     pub domain: DomainStatus,
     /// Scaled distance to the training range.
     pub domain_distance: f64,
@@ -94,7 +94,7 @@ pub struct CaseReport {
     pub force_relative: Option<f64>,
     /// Displacement (mm, the length of the coordinate error) and stress (MPa) of the worst node, force (N).
     pub errors: Errors,
-    /// Whether they are within the half-widths.
+    /// Errors within the half-widths.
     pub covered: Covered,
 }
 
@@ -105,7 +105,7 @@ impl CaseReport {
     }
 }
 
-/// Whether errors are within the model's half-widths.
+/// Errors within the model's half-widths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Covered {
     /// Displacement (the length of the coordinate error) at the worst node.

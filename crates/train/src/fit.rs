@@ -160,7 +160,7 @@ pub fn fit(samples: &Samples, spec: KernelSpec, metric: Metric, smoothing: f64) 
     Ok(Fit { interpolant, residuals, slope_residuals })
 }
 
-/// For the solver of large systems.
+/// Copy for the solver of large systems.
 fn matrix(system: &Dense) -> Mat<f64> {
     Mat::from_fn(system.size(), system.size(), |i, j| system[(i, j)])
 }

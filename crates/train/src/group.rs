@@ -65,7 +65,7 @@ impl Plan {
     }
 }
 
-/// Whether a magnitude is everywhere the distance from the undeformed mesh, as the parameters move it. It is not where that
+/// True if a magnitude is everywhere the distance from the undeformed mesh, as the parameters move it. It is not where that
 /// is not known, or where the field means something else.
 fn follows(database: &Database, field: usize, axes: [usize; 3]) -> bool {
     if database.undeformed_mm.is_none() {

@@ -62,7 +62,7 @@ pub struct Task {
     pub slope_values: Vec<f64>,
     /// Per state: energy in the modes that cannot be kept.
     pub dropped: Vec<f64>,
-    /// How many modes.
+    /// Number of modes.
     pub modes: ModeChoice,
     /// Modes the energy criterion asks for.
     pub modes_for_energy: usize,
@@ -85,7 +85,7 @@ struct CandidateScore {
 /// Number of the best kernels whose metric is refined.
 const REFINED: usize = 3;
 
-/// Where the search for the lengths of parameters begins: fields vary less along them than along the pressure.
+/// Start of the search for the lengths of parameters: fields vary less along them than along the pressure.
 const PARAMETER_SCALE: f64 = 0.35;
 /// Factors on a parameter around the metric being refined.
 const PARAMETER_STRETCHES: [f64; 4] = [0.4, 0.7, 1.4, 2.5];
@@ -144,7 +144,7 @@ const MISSED: f64 = 0.1;
 /// Ratio of scores from which no other factors on the other inputs are tried.
 const DOUBTED: f64 = 2.0;
 
-/// Whether states are predicted as well without a parameter: the chosen kernel, fitted over the other inputs.
+/// True if states are predicted as well without a parameter: the chosen kernel, fitted over the other inputs.
 fn idle(samples: &Samples, states: States, tasks: &[Task], chosen: &Fit, axis: usize) -> bool {
     let without = |x: &Point| -> Point {
         let mut rest = Point::default();
@@ -207,7 +207,7 @@ const SLOPE_STRETCHES: [f64; 4] = [0.85, 1.2, 0.6, 1.6];
 /// Ratio of a derivative's leave-one-out error to the median from which it contradicts the others.
 const OUTLIER: f64 = 12.0;
 
-/// How many times better than interpolation smoothing must be: it misses the training states, which truth that is computed
+/// Factor by which smoothing must be better than interpolation: it misses the training states, which truth that is computed
 /// and not measured does not deserve. Where a kernel is so ill-conditioned that its interpolant is noise, it is.
 const SMOOTHING_MUST_GAIN: f64 = 2.0;
 
@@ -449,7 +449,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// With another shear, at each of the stretches along the second input.
+/// Candidates with another shear, at each of the stretches along the second input.
 fn sheared(metric: Metric, shear: f64) -> [Metric; STRETCHES.len()] {
     STRETCHES.map(|stretch| Metric { shear, ..metric.stretched(1, metric.scale[1] * stretch) })
 }

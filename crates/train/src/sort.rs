@@ -114,7 +114,7 @@ fn merge(
 /// Largest relative difference of two derivatives of one state on the same side of the contact.
 const DERIVATIVE_TOLERANCE: f64 = 0.05;
 
-/// Whether two cases have derivatives by the same input that contradict each other.
+/// True if two cases have contradictory derivatives with respect to the same input.
 fn derivatives_differ(database: &Database, a: usize, b: usize) -> bool {
     let Some(known) = &database.sensitivities else { return false };
     let entries = database.node_count * known.fields.len();

@@ -71,7 +71,7 @@ fn at_most(what: &str, found: f64, bound: f64) {
 /// The committed model is what the committed database gives by the configuration in its data sheet: to the byte on the kind of
 /// machine that made it, elsewhere (other vector instructions, other rounding) in what it predicts.
 #[test]
-fn training_again_gives_the_committed_model() {
+fn retraining_reproduces_the_committed_model() {
     let plate = plate();
     let committed = Model::from_bytes(&committed("pneunet.twin")).expect("a model");
     let hash = |model: &Model| model.prediction_hash().expect("encodes");
@@ -108,7 +108,7 @@ fn training_again_gives_the_committed_model() {
     );
 }
 
-/// Whether this processor has the vector instructions of the machines that made the models: AVX-512 changes no rounding of
+/// True if this processor has the vector instructions of the machines that made the models: AVX-512 changes no rounding of
 /// training, FMA does.
 fn made_here() -> bool {
     #[cfg(target_arch = "x86_64")]
@@ -140,7 +140,7 @@ fn metrics_are_chosen_with_the_derivatives_in_the_system() {
 }
 
 #[test]
-fn the_papers_test_cases_are_within_the_promised_errors() {
+fn errors_of_the_papers_test_cases_are_within_limits() {
     let plate = plate();
     at_most("MSE (Eq. 15), free", mse(&plate.report, RegimeKind::Free), 2e-6);
     at_most("MSE (Eq. 15), contact", mse(&plate.report, RegimeKind::Contact), 1e-5);
@@ -158,7 +158,7 @@ fn the_papers_test_cases_are_within_the_promised_errors() {
 
 /// The paper reports 3.56e-4 and 4.18e-3 on its own database.
 #[test]
-fn the_papers_method_gives_the_papers_errors() {
+fn papers_method_reproduces_the_papers_errors() {
     let database = &plate().database;
     let (model, _) = train(database, &TrainConfig::paper(), &mut |_| {}).expect("trains");
     let report = test_report(&model, database);
@@ -170,7 +170,7 @@ fn the_papers_method_gives_the_papers_errors() {
 }
 
 #[test]
-fn fields_and_force_are_continuous_across_the_switch() {
+fn fields_and_force_are_continuous_at_the_onset() {
     let plate = plate();
     let state = ModelState::new(&plate.model, &Selection::default()).expect("fits");
     let mut sides = [(state.clone(), RegimeKind::Free), (state, RegimeKind::Contact)];
@@ -300,7 +300,7 @@ fn thinned(database: &Database, every: usize) -> Database {
 /// Nominal coverage of 90 %: two thirds of the contact cases, held out in two parts from training and calibration,
 /// are covered to 85-99 % (binomial spread allowed for).
 #[test]
-fn halfwidths_cover_what_they_promise_on_held_out_cases() {
+fn coverage_is_nominal_on_held_out_cases() {
     let whole = thinned(&plate().database, 8);
     let touching = |i: &usize| whole.cases[*i].contact_force_n > 0.0;
     let train_cases: Vec<usize> = whole.of_split(Split::Train).filter(touching).collect();
@@ -325,7 +325,7 @@ fn halfwidths_cover_what_they_promise_on_held_out_cases() {
 }
 
 #[test]
-fn outside_the_samples_answers_are_flagged() {
+fn states_outside_the_training_range_are_flagged() {
     let plate = plate();
     let cases: Vec<usize> = plate.database.of_split(Split::Check).collect();
     let report = evaluate(&plate.model, &plate.database, &cases, DEFAULT_FLOOR).expect("evaluates");
@@ -341,7 +341,7 @@ fn outside_the_samples_answers_are_flagged() {
 }
 
 #[test]
-fn a_database_with_one_gap_trains_and_answers() {
+fn database_with_one_gap_is_trained() {
     let along = |from: f64, i: usize, count: usize| from + (0.09 - from) * i as f64 / (count - 1) as f64;
     let free = (0..12).map(|i| (Split::Train, along(0.0, i, 12), None));
     let contact = (0..16).map(|i| (Split::Train, along(0.012, i, 16), Some(25.0)));

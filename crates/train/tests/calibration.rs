@@ -44,7 +44,7 @@ fn states(model: &Model, count: usize, seed: u64) -> Vec<UnseenState> {
 }
 
 #[test]
-fn new_states_of_the_same_kind_lie_within_in_nine_of_ten_cases() {
+fn coverage_of_new_states_is_nominal() {
     let (mut model, mut sheet) = plate();
     let before = model.prediction_hash().expect("a hash");
     let seen = states(&model, 400, 11);
@@ -86,7 +86,7 @@ fn transposed([a, b]: &[[f64; 3]; 2]) -> [[f64; 2]; 3] {
 }
 
 #[test]
-fn too_few_states_and_errors_that_are_none_leave_the_model_as_it_was() {
+fn too_few_states_and_invalid_errors_leave_the_model_unchanged() {
     let (mut model, mut sheet) = plate();
     let (before, sheet_before) = (model.to_bytes().expect("encodes"), sheet.clone());
     let few = states(&model, MIN_STATES - 1, 3);

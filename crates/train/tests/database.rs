@@ -29,7 +29,7 @@ fn one_nan_is_found_and_located() {
 }
 
 #[test]
-fn all_problems_are_reported_at_once() {
+fn all_errors_are_reported_together() {
     let mut data = synthetic::plate();
     data.cases[0].pressure_mpa = -1.0;
     data.cases[1].pressure_mpa = f64::INFINITY;
@@ -62,7 +62,7 @@ fn mismatched_counts_are_refused_before_anything_is_read() {
 }
 
 #[test]
-fn without_training_cases_nothing_is_trained() {
+fn database_without_training_cases_is_refused() {
     let mut data = synthetic::plate();
     data.cases.iter_mut().for_each(|c| c.split = Split::Test);
     assert!(problems(&data)[0].contains("found none among 71"));
@@ -82,7 +82,7 @@ fn test_and_check_cases_do_not_change_the_model() {
 }
 
 #[test]
-fn an_equal_duplicate_is_merged_and_a_contradiction_refused() {
+fn equal_duplicate_is_merged_and_contradiction_is_refused() {
     let mut states = training_states(9, 5, 5);
     states.push(states[12]);
     let mut data = database(&states);
@@ -94,7 +94,7 @@ fn an_equal_duplicate_is_merged_and_a_contradiction_refused() {
 }
 
 #[test]
-fn one_regime_alone_trains() {
+fn single_regime_is_trained() {
     let free = database(&training_states(8, 0, 0));
     let (model, sheet) = train(&free, &quick(), &mut |_| {}).expect("trains");
     assert_eq!((model.header.regimes.len(), sheet.sag_mm), (1, None));
@@ -114,7 +114,7 @@ fn two_regimes_without_coordinates_are_refused() {
 }
 
 #[test]
-fn bad_configurations_are_refused_with_every_reason() {
+fn invalid_configuration_is_refused_with_all_reasons() {
     let mut config = quick();
     config.coverage = 1.5;
     config.hysteresis_mpa = f64::NAN;

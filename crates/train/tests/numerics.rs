@@ -47,7 +47,7 @@ fn samples<'a>(inputs: &'a [Point], values: &'a [f64]) -> Samples<'a> {
 }
 
 #[test]
-fn closed_form_leave_one_out_is_leaving_one_out() {
+fn closed_form_leave_one_out_matches_refitting() {
     let inputs = points(25);
     let values: Vec<f64> = inputs.iter().map(smooth).collect();
     for (kernel, tail) in KERNELS {
@@ -95,7 +95,7 @@ fn interpolants_pass_through_their_samples_and_reproduce_their_tails() {
 
 /// A kernel without tail does not know what a constant is: the paper's method at the edge of its samples.
 #[test]
-fn a_tail_less_linear_spline_misses_a_constant() {
+fn linear_spline_without_tail_misses_a_constant() {
     let inputs = points(30);
     let spec = KernelSpec { kernel: KernelKind::Linear, tail: Tail::None };
     let constant =
@@ -121,7 +121,7 @@ fn singular_systems_are_refused_with_the_reason() {
 }
 
 #[test]
-fn pod_gives_back_the_snapshots_and_orthonormal_modes() {
+fn pod_reproduces_the_snapshots_with_orthonormal_modes() {
     let y =
         Mat::from_fn(300, 12, |i, j| ((i * (j + 1)) as f64 * 0.01).sin() * 10.0_f64.powi(-(j as i32)) + 50.0);
     let compact = Compact::new(y.clone(), 0, true).expect("decomposes");
@@ -145,7 +145,7 @@ fn pod_gives_back_the_snapshots_and_orthonormal_modes() {
 
 /// The method of snapshots (eigenvalues of `Y^T Y`) loses everything under 1e-8 of the largest; QR keeps 14 decades.
 #[test]
-fn small_singular_values_survive() {
+fn small_singular_values_are_kept() {
     let y = Mat::from_fn(64, 8, |i, j| if i / 8 == j { 10.0_f64.powi(-2 * j as i32) } else { 0.0 });
     let compact = Compact::new(y, 0, false).expect("decomposes");
     let pod = decompose(compact.r.as_ref()).expect("decomposes");
@@ -242,7 +242,7 @@ fn three_to_five_inputs_are_interpolated_with_their_gradients() {
 }
 
 #[test]
-fn selection_over_four_inputs_finds_the_input_that_does_not_matter() {
+fn selection_over_four_inputs_finds_the_irrelevant_input() {
     let inputs = cube(4, 90);
     let values: Vec<f64> = inputs.iter().map(|x| (3.0 * x[0]).sin() + x[1] * x[3]).collect();
     let score = vec![1.0; inputs.len()];
@@ -264,7 +264,7 @@ fn selection_over_four_inputs_finds_the_input_that_does_not_matter() {
 
 /// Pressure and gap by their hull, parameters by their ranges, holes by the distance to the nearest sample.
 #[test]
-fn the_domain_with_parameters_is_a_hull_times_ranges_without_holes() {
+fn training_range_with_parameters_is_hull_times_ranges_without_holes() {
     for (operating, dimensions) in [(1, 2), (1, 3), (2, 4), (2, 8)] {
         let ends = |k: usize| {
             let mut x = Point::default();
@@ -304,7 +304,7 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..ProptestConfig::default() })]
 
     #[test]
-    fn the_hull_holds_its_points_and_measures_the_way_out(
+    fn hull_contains_its_points_and_distance_is_positive_outside(
         points in prop::collection::vec([0.0..1.0_f64, 0.0..1.0_f64], 3..40),
         angle in 0.0..6.3_f64,
         far in 0.01..3.0_f64,

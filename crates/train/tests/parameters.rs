@@ -52,7 +52,7 @@ fn unseen() -> Vec<design::State> {
 }
 
 #[test]
-fn forces_on_states_no_training_saw_are_right() {
+fn forces_of_held_out_states_are_predicted() {
     let (evaluator, unseen) = (evaluator(), unseen());
     assert!(unseen.len() > 200, "only {} of 300 states lie in the training range", unseen.len());
     let largest = unseen.iter().map(|s| design::force_n(*s)).fold(0.0, f64::max);
@@ -67,7 +67,7 @@ fn forces_on_states_no_training_saw_are_right() {
 }
 
 #[test]
-fn the_onset_follows_the_parameters_and_the_force_begins_there_at_zero() {
+fn onset_follows_the_parameters_and_force_is_zero_there() {
     let evaluator = evaluator();
     let mut compared = 0;
     for state in unseen().into_iter().filter(|s| s[1].is_finite()) {
@@ -127,7 +127,7 @@ fn jumps(model: &Model, parameters: [f64; 2]) -> [[f64; 2]; 2] {
 }
 
 #[test]
-fn the_regimes_meet_at_the_onset() {
+fn regimes_are_continuous_at_the_onset() {
     // Without states along the onset in the POD, and with onset states evenly spread over pressure and cut at the sampled gaps,
     // each of them jumped beyond one of its bounds.
     for (parameters, bounds) in [
@@ -149,7 +149,7 @@ fn the_regimes_meet_at_the_onset() {
 }
 
 #[test]
-fn gradients_by_every_input_are_differences() {
+fn gradients_match_differences_for_all_inputs() {
     let evaluator = evaluator();
     let steps = [2e-5, 5e-3, 1e-4, 2e-4];
     let mut below_the_sag = 0;
@@ -196,7 +196,7 @@ fn gradients_by_every_input_are_differences() {
 }
 
 #[test]
-fn what_a_state_does_not_say_is_the_model_s_value_and_can_be_given_by_name() {
+fn unset_parameters_take_defaults_that_can_be_set_by_name() {
     let mut header = trained().0.header.clone();
     let nominal = Evaluator::new(&header).expect("consistent");
     let plain = |evaluator: &Evaluator| {
@@ -223,7 +223,7 @@ fn what_a_state_does_not_say_is_the_model_s_value_and_can_be_given_by_name() {
 }
 
 #[test]
-fn the_file_keeps_parameters() {
+fn parameters_survive_the_file() {
     let (model, _) = trained();
     let bytes = model.to_bytes().expect("encodes");
     assert_eq!(*model, Model::from_bytes(&bytes).expect("loads"));
@@ -233,7 +233,7 @@ fn the_file_keeps_parameters() {
 }
 
 #[test]
-fn a_parameter_that_never_varies_is_dropped_and_a_state_elsewhere_is_no_answer() {
+fn constant_parameter_is_dropped_and_other_values_are_outside() {
     let mut database = database(false);
     database.cases.iter_mut().for_each(|case| case.parameters[1] = 3.0);
     // The snapshots were made with other lengths: what matters here is which inputs are taken.
@@ -248,7 +248,7 @@ fn a_parameter_that_never_varies_is_dropped_and_a_state_elsewhere_is_no_answer()
 }
 
 #[test]
-fn inputs_that_cannot_be_told_apart_are_refused_by_name() {
+fn inseparable_inputs_are_refused_by_name() {
     let mut database = database(false);
     database.cases.iter_mut().for_each(|case| case.parameters[1] = 1.0 + 2.5 * case.parameters[0]);
     let refused = train(&database, &quick(), &mut |_| {}).expect_err("refused");
@@ -260,7 +260,7 @@ fn inputs_that_cannot_be_told_apart_are_refused_by_name() {
 }
 
 #[test]
-fn an_input_that_changes_nothing_and_two_that_do_the_same_are_reported() {
+fn irrelevant_and_equivalent_inputs_are_reported() {
     let count = 150;
     let mut database = few(count, false);
     let mut third = rom::inputs::Parameter { name: "sheet.colour".into(), unit: "1".into(), nominal: 0.5 };
@@ -298,7 +298,7 @@ fn an_input_that_changes_nothing_and_two_that_do_the_same_are_reported() {
 }
 
 #[test]
-fn gap_and_pressure_keep_their_places() {
+fn pressure_and_gap_keep_their_positions() {
     let (model, _) = trained();
     let keys: Vec<String> = model.header.inputs.iter().map(|i| i.key()).collect();
     assert_eq!(keys, ["pressure_mpa", "gap_mm", "elastomer.law.mu_mpa", "chambers.length_mm"]);
@@ -338,7 +338,7 @@ fn derivatives_halve_the_error_of_few_states_and_survive_the_file() {
 }
 
 #[test]
-fn derivatives_that_contradict_their_neighbours_do_not_spoil_the_model() {
+fn contradictory_derivatives_are_left_out() {
     let mut database = few(80, true);
     let clean = force_error(&train(&database, &quick(), &mut |_| {}).expect("trains").0);
     let known = database.sensitivities.as_mut().expect("made");
@@ -355,7 +355,7 @@ fn derivatives_that_contradict_their_neighbours_do_not_spoil_the_model() {
 }
 
 #[test]
-fn derivatives_without_rank_are_no_obstacle() {
+fn derivatives_without_rank_are_accepted() {
     let mut database = few(80, true);
     let known = database.sensitivities.as_mut().expect("made");
     // Stiffness and length act alike as far as the derivatives say, and pressure not at all.
@@ -371,7 +371,7 @@ fn derivatives_without_rank_are_no_obstacle() {
 }
 
 #[test]
-fn one_state_twice_with_other_derivatives_is_trained_without_them_and_says_so() {
+fn duplicate_state_with_other_derivatives_is_trained_without_them() {
     let mut states: Vec<_> = design::states(0, 80).into_iter().map(|s| (Split::Train, s)).collect();
     let twice = states.iter().position(|(_, s)| design::force_n(*s) > 0.1).expect("some touch");
     states.push(states[twice]);
@@ -386,7 +386,7 @@ fn one_state_twice_with_other_derivatives_is_trained_without_them_and_says_so() 
 
 /// Nominal coverage of 90 %: overall and in every quarter of pressure and stiffness.
 #[test]
-fn half_widths_cover_what_they_promise_in_every_quarter() {
+fn coverage_is_nominal_in_every_quarter() {
     let evaluator = evaluator();
     let touching: Vec<_> = unseen().into_iter().filter(|s| design::force_n(*s) > 0.0).collect();
     let covered = |s: &design::State| {
@@ -409,7 +409,7 @@ fn half_widths_cover_what_they_promise_in_every_quarter() {
 
 /// Cost of an evaluation with two parameters and with derivatives: cargo test -- --nocapture.
 #[test]
-fn an_evaluation_answers_repeatedly_and_says_what_it_costs() {
+fn repeated_evaluations_are_equal() {
     let plain = train(&synthetic::plate(), &quick(), &mut |_| {}).expect("trains").0;
     let with = train(&few(80, true), &quick(), &mut |_| {}).expect("trains").0;
     for (name, model) in
@@ -440,7 +440,7 @@ fn an_evaluation_answers_repeatedly_and_says_what_it_costs() {
 
 /// A displacement measured from a mesh that parameters move is not the distance from the nominal one.
 #[test]
-fn a_magnitude_that_does_not_follow_from_the_coordinates_is_interpolated_by_itself() {
+fn independent_magnitude_is_interpolated_separately() {
     let mut database = few(80, false);
     let derived = |database: &Database| {
         let (model, _) = train(database, &quick(), &mut |_| {}).expect("trains");

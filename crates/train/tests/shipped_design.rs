@@ -37,7 +37,7 @@ fn ask(evaluator: &Evaluator, inputs: Inputs) -> Evaluation {
 }
 
 #[test]
-fn it_has_the_inputs_that_it_promises_on_the_reference_mesh() {
+fn shipped_design_model_has_its_inputs_and_mesh() {
     let model = shipped();
     assert_eq!(model.header.node_count, 25_022);
     let (evaluator, regimes) = (Evaluator::new(&model.header).expect("consistent"), &model.header.regimes);
@@ -53,7 +53,7 @@ fn it_has_the_inputs_that_it_promises_on_the_reference_mesh() {
 }
 
 #[test]
-fn its_gradients_are_differences() {
+fn gradients_match_differences() {
     let model = shipped();
     let evaluator = Evaluator::new(&model.header).expect("consistent");
     let steps = [2e-5, 5e-3, 1e-4, 2e-4, 5e-4, 2e-4, 1e-5];
@@ -83,7 +83,7 @@ fn its_gradients_are_differences() {
 }
 
 #[test]
-fn softer_silicone_presses_harder_and_touches_earlier() {
+fn softer_silicone_touches_earlier_with_more_force() {
     let model = shipped();
     let evaluator = Evaluator::new(&model.header).expect("consistent");
     let mut touching = 0;

@@ -70,7 +70,7 @@ impl Known {
 }
 
 #[test]
-fn values_and_derivatives_come_back_and_the_gradient_is_the_derivative() {
+fn values_and_derivatives_are_reproduced() {
     let known = Known::at(points(24));
     for (kernel, tail) in KERNELS {
         let spec = KernelSpec { kernel, tail };
@@ -101,7 +101,7 @@ fn values_and_derivatives_come_back_and_the_gradient_is_the_derivative() {
 }
 
 #[test]
-fn leaving_a_sample_out_takes_its_derivatives_along() {
+fn leave_one_out_includes_derivatives_of_the_sample() {
     let known = Known::at(points(24));
     for (kernel, tail) in KERNELS {
         let spec = KernelSpec { kernel, tail };
@@ -133,7 +133,7 @@ fn leaving_a_sample_out_takes_its_derivatives_along() {
 }
 
 #[test]
-fn derivatives_pay_and_kernels_without_second_ones_refuse_them() {
+fn derivatives_reduce_the_error_and_need_smooth_kernels() {
     let known = Known::at(points(40));
     let spec = KernelSpec { kernel: KernelKind::Quintic, tail: Tail::Quadratic };
     let worst = |samples: &Samples| {
@@ -174,7 +174,7 @@ fn scored(known: &Known, outputs: usize, slopes: &[Slope]) -> (f64, Vec<f64>) {
 }
 
 #[test]
-fn hard_cases_count_less_where_several_outputs_are_fitted_to_derivatives() {
+fn hard_cases_have_less_weight_with_several_outputs_and_derivatives() {
     let known = Known::at(points(40));
     let arithmetic = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
     let geometric = |errors: &[f64]| (errors.iter().map(|e| e.ln()).sum::<f64>() / errors.len() as f64).exp();

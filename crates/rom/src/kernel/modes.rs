@@ -75,7 +75,7 @@ impl Shape<'_> {
         Modes::bytes_of(self.precision, self.nodes, self.count)
     }
 
-    /// Whether the steps belong to the modes.
+    /// True if the steps belong to the modes.
     pub fn is_sound(&self) -> bool {
         let expected = if self.precision == Precision::I16 { self.count } else { 0 };
         // The largest entry of a mode is 32767 steps.
@@ -143,7 +143,7 @@ impl Modes {
     /// The error of `fill`.
     ///
     /// # Panics
-    /// When steps are not those of their modes ([`Shape::is_sound`]).
+    /// If steps are not those of their modes ([`Shape::is_sound`]).
     pub fn filled<E>(
         shapes: &[Shape<'_>],
         mut fill: impl FnMut(usize, &mut [u8]) -> Result<(), E>,
@@ -208,7 +208,7 @@ impl Modes {
     /// Value of a mode at a node, as the sweep reads it.
     ///
     /// # Panics
-    /// When mode or node is out of range.
+    /// If mode or node is out of range.
     pub fn value(&self, mode: usize, node: usize) -> f64 {
         assert!(mode < self.count && node < self.nodes);
         let (tile, lane) = (node / TILE_NODES, node % TILE_NODES);

@@ -148,7 +148,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_are_kept_and_long_ones_begin_at_a_large_page() {
+    fn lines_keep_their_values_and_long_ones_start_at_a_large_page() {
         for len in [0, 1, 1000, LARGE / LINE - 1, LARGE / LINE, LARGE / LINE + 77] {
             let mut lines = Lines::zeroed(len);
             assert!(lines.len() == len && lines.iter().all(|line| line.0 == [0; LINE]));

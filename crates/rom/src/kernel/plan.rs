@@ -61,7 +61,7 @@ pub struct Field<'a> {
     pub source: Source<'a>,
     /// Meaning.
     pub role: Role,
-    /// Whether it is written. A coordinate that is not published is still computed when a published magnitude needs
+    /// True if the field is published. A coordinate that is not published is still computed when a published magnitude needs
     /// it, and costs nothing otherwise.
     pub published: bool,
 }
@@ -128,7 +128,7 @@ pub enum BasisError {
     Length {
         /// Index of the field.
         field: usize,
-        /// Which slice.
+        /// Slice.
         what: &'static str,
         /// Its length.
         found: usize,
@@ -194,7 +194,7 @@ pub(crate) struct Op {
     pub has_rest: bool,
     /// The result before the rest row is added is a component of the displacement.
     pub in_magnitude: bool,
-    /// Which of the published fields it is written to.
+    /// Index of the published field to which it is written.
     pub slot: Option<usize>,
     /// Clamp and peak.
     pub role: Role,
@@ -223,7 +223,7 @@ impl Op {
 pub(crate) struct Plan {
     /// Affine fields in the order of their rows.
     pub ops: Vec<Op>,
-    /// Which published field takes the displacement magnitude.
+    /// Index of the published displacement magnitude.
     pub magnitude_slot: Option<usize>,
     /// Constant rows per tile: means, shifts and rest coordinates, in the order of the ops.
     pub constants: usize,

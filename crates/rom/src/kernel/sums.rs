@@ -324,7 +324,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn centres_are_approached_alike_by_every_instruction_set(
+        fn kernel_values_agree_on_all_instruction_sets(
             u in proptest::array::uniform8(-2.0..2.0_f64),
             places in proptest::collection::vec(proptest::array::uniform8(-2.0..2.0_f64), 1..12),
             dimensions in 1..=MAX_INPUTS,

@@ -45,7 +45,7 @@ impl Rows {
         self.constants.bytes().len()
     }
 
-    /// Whether these rows are those of a plan.
+    /// True if these rows belong to a plan.
     fn fit(&self, plan: &Plan) -> bool {
         let precision = self.precision();
         let fits = |(op, modes): (&Op, &Modes)| {
@@ -87,7 +87,7 @@ struct Job<'a> {
 /// Reconstructs all published fields; every element of `out` is written.
 ///
 /// # Panics
-/// When rows, coefficients or output are not those of the plan, or the processor has no such instruction set.
+/// If rows, coefficients or output are not those of the plan, or the processor has no such instruction set.
 pub(crate) fn run(
     isa: Isa,
     plan: &Plan,
@@ -152,7 +152,7 @@ mod x86 {
     }
 }
 
-/// How one value of a mode is stored.
+/// Stored value of a mode.
 ///
 /// # Safety
 /// Loads need an aligned row at the pointer and the instruction set of `V`.
@@ -338,7 +338,7 @@ impl<V: Lanes> Sweep<'_, V> {
     }
 }
 
-/// How a tile's values reach the output.
+/// Writer of a tile's values to the output.
 trait Write {
     /// The value with lanes beyond the last node out of the running for a peak.
     unsafe fn existing<V: Lanes>(value: V, plan: &Plan, tile: usize) -> V;

@@ -107,7 +107,7 @@ unsafe fn avx2(weights: &Weights, near: &[Near], gradient: bool, sums: &mut [[f6
     unsafe { over::<Avx2>(weights, near, gradient, sums) }
 }
 
-/// For any processor; compiled once for all numbers of inputs.
+/// Portable version, compiled once for all numbers of inputs.
 fn plain(weights: &Weights, near: &[Near], gradient: bool, sums: &mut [[f64; BLOCK]]) {
     // SAFETY: plain Rust needs no instruction set.
     unsafe { blocks::<[f64; BLOCK], MAX_INPUTS>(weights, weights.dimensions, near, gradient, sums) }
@@ -324,7 +324,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_instruction_set_gives_the_sums_in_the_order_of_the_centres(
+        fn sums_follow_the_order_of_the_centres_on_all_instruction_sets(
             dimensions in 0..=MAX_INPUTS,
             outputs in 1_usize..20,
             sloped in 0_usize..9,

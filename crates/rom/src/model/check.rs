@@ -6,7 +6,7 @@ use crate::inputs::{InputMap, MAX_INPUTS, PARAMETERS};
 use crate::interpolant::{Interpolant, Slope};
 use crate::snapshots::RegimeKind;
 
-/// Whether a clearance's lengths fit the free regime.
+/// True if a clearance's lengths fit the free regime.
 fn fits(clearance: &Clearance, free: &RegimeModel) -> bool {
     let modes = free.groups.get(clearance.group).map(|group| group.surrogate.outputs);
     let sound = clearance.max_pressure_mpa > 0.0 && clearance.bend_per_mm.is_finite();

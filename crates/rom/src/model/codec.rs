@@ -48,7 +48,7 @@ mod tests {
     /// Bytes of a known value, written out by hand: lengths and indices u64, variants u32, options one byte, all
     /// little-endian.
     #[test]
-    fn the_encoding_is_the_one_in_users_files() {
+    fn encoding_of_primitive_values_is_fixed() {
         let spec = FieldSpec { name: "y".into(), unit: "mm".into(), kind: FieldKind::Coordinate(1) };
         let field = OutputField { spec, magnitude_of: Some([0, 1, 258]) };
         let golden: Vec<u8> = [
@@ -106,7 +106,7 @@ mod tests {
 
     /// A header with one of everything: its bytes change only with the version of the file.
     #[test]
-    fn the_bytes_of_a_header_are_those_of_version_1() {
+    fn header_bytes_are_those_of_version_1() {
         let fit = Interpolant {
             kernel: KernelKind::Cubic,
             tail: Tail::Linear,
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn claims_beyond_the_limit_and_left_over_bytes_are_refused() {
+    fn lengths_beyond_the_limit_and_trailing_bytes_are_refused() {
         assert!(decode::<Vec<u64>>(&u64::MAX.to_le_bytes()).is_err());
         assert!(decode::<Vec<u64>>(&(1_u64 << 40).to_le_bytes()).is_err());
         let claim = |bytes: u64| decode::<String>(&bytes.to_le_bytes()).expect_err("no text behind it");

@@ -60,7 +60,7 @@ pub enum ModelFileError {
     /// Shorter than it says.
     #[error("the model file is truncated: {what} needs {expected} bytes, found {found}; copy it again")]
     Truncated {
-        /// Which part.
+        /// Part of the file.
         what: String,
         /// Bytes needed.
         expected: u64,
@@ -70,7 +70,7 @@ pub enum ModelFileError {
     /// A checksum does not match.
     #[error("the model file is damaged: {what} has blake3 {found}, expected {expected}; copy it again")]
     Damaged {
-        /// Which part.
+        /// Part of the file.
         what: String,
         /// Checksum in the file.
         expected: String,
@@ -275,7 +275,7 @@ impl<R: Read + Seek> ModelReader<R> {
         &self.header.model
     }
 
-    /// Which blocks there are and where.
+    /// Table of blocks.
     pub fn blocks(&self) -> &[BlockEntry] {
         &self.header.blocks
     }

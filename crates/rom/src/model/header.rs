@@ -56,7 +56,7 @@ pub struct RegimeModel {
     pub groups: Vec<GroupModel>,
     /// Contact force; `None` in the free regime.
     pub force: Option<ForceModel>,
-    /// Where it was trained.
+    /// Training range.
     pub domain: TrainingRange,
     /// Constant half-widths with the nominal coverage.
     pub halfwidths: HalfWidths,
@@ -128,7 +128,7 @@ pub struct Clearance {
 pub struct ForceModel {
     /// Interpolant of `h` in N/MPa, or of the force itself in N.
     pub surrogate: Interpolant,
-    /// Whether the interpolant is the factor of `P - P_c(gap)`.
+    /// True if the interpolant is the factor of `P - P_c(gap)`.
     pub times_excess_pressure: bool,
 }
 
@@ -139,7 +139,7 @@ pub struct GroupModel {
     pub name: String,
     /// Output fields it covers.
     pub fields: Vec<usize>,
-    /// Where its coefficients lie in the regime's coefficient vector.
+    /// Range of its coefficients in the regime's coefficient vector.
     pub coefficients: Range<usize>,
     /// Inputs to coefficients.
     pub surrogate: Interpolant,

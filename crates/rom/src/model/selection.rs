@@ -1,9 +1,9 @@
-//! Which part of a model is wanted, and why a model cannot give it.
+//! Selection of a part of a model, and errors of models.
 
 use crate::kernel::BasisError;
 use thiserror::Error;
 
-/// Which fields and nodes to reconstruct. The default is everything.
+/// Fields and nodes to reconstruct. Default: all.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
     /// Fields by name, in the order wanted; `None` for all in the model's order.
@@ -12,7 +12,7 @@ pub struct Selection {
     pub nodes: Nodes,
 }
 
-/// Which nodes to reconstruct.
+/// Nodes to reconstruct.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Nodes {
     /// All of them.
@@ -76,7 +76,7 @@ pub enum ModelError {
     /// A block the selection needs was not loaded, or has the wrong length.
     #[error("block {block}: expected {expected} values, found {found}; load the model with this selection")]
     MissingBlock {
-        /// Which block.
+        /// Block.
         block: String,
         /// Length needed.
         expected: usize,

@@ -24,7 +24,7 @@ fn ones(count: usize) -> Modes {
 }
 
 #[test]
-fn node_sets_that_do_not_fit_are_refused() {
+fn invalid_node_sets_are_refused() {
     let body = Body::new(20, 2, 1, Precision::F32);
     assert_eq!(error(&body.spec(ALL, Some(&[]))), BasisError::NodeCount { found: 0 });
     assert_eq!(error(&body.spec(ALL, Some(&[3, 20]))), BasisError::NodeIndex { node: 20, node_count: 20 });
@@ -32,7 +32,7 @@ fn node_sets_that_do_not_fit_are_refused() {
 }
 
 #[test]
-fn slices_that_do_not_fit_are_refused_with_their_field() {
+fn slices_of_wrong_length_are_refused_with_their_field() {
     let mut body = Body::new(20, 2, 1, Precision::F32);
     body.bases[3] = Modes::new(Precision::F32, 19, 2, |_, _| 1.0).unwrap();
     let refused = error(&body.spec(ALL, None));
@@ -45,7 +45,7 @@ fn slices_that_do_not_fit_are_refused_with_their_field() {
 }
 
 #[test]
-fn magnitudes_and_roles_that_make_no_sense_are_refused() {
+fn contradictory_magnitudes_and_roles_are_refused() {
     let body = Body::new(20, 2, 1, Precision::F32);
     for coordinates in [[0, 1, 1], [0, 1, 3], [0, 1, 9]] {
         let mut spec = body.spec(ALL, None);
@@ -60,7 +60,7 @@ fn magnitudes_and_roles_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn values_that_are_no_f32_are_refused_with_their_node() {
+fn values_outside_f32_are_refused_with_their_node() {
     for value in [f64::NAN, f64::INFINITY, 1e300] {
         for precision in [Precision::F32, Precision::I16] {
             let at = |mode: usize, node: usize| if (mode, node) == (1, 17) { value } else { 0.0 };
@@ -75,7 +75,7 @@ fn values_that_are_no_f32_are_refused_with_their_node() {
 }
 
 #[test]
-fn more_rows_than_the_stack_takes_are_refused() {
+fn too_many_rows_are_refused() {
     let modes = ones(MAX_ROWS + 1);
     assert!(Basis::build(&single(&modes, MAX_ROWS), Precision::F32).is_ok());
     let refused = error(&single(&modes, MAX_ROWS + 1));
@@ -83,7 +83,7 @@ fn more_rows_than_the_stack_takes_are_refused() {
 }
 
 #[test]
-fn an_instruction_set_that_is_missing_is_refused() {
+fn missing_instruction_set_is_refused() {
     let modes = ones(1);
     for isa in Isa::ALL {
         let built = Basis::build_for(&single(&modes, 1), Precision::F32, isa);
@@ -105,7 +105,7 @@ fn wrong_lengths_write_nothing() {
 }
 
 #[test]
-fn nan_comes_out_as_nan_and_wins_no_peak() {
+fn nan_is_written_and_ignored_by_peaks() {
     let mut body = Body::new(20, 2, 1, Precision::F32);
     body.coefficients[7] = f64::NAN; // the last mode of the stress
     for isa in available() {

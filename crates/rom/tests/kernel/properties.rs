@@ -58,7 +58,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
     #[test]
-    fn every_instruction_set_is_within_the_rounding_of_the_reference(
+    fn all_instruction_sets_agree_with_the_reference_to_rounding(
         nodes in 1usize..200,
         modes in 0usize..9,
         seed: u64,
@@ -114,7 +114,7 @@ proptest! {
     }
 
     #[test]
-    fn a_node_set_gives_the_rows_of_the_whole(nodes in 1usize..200, seed: u64, stride in 1usize..7) {
+    fn node_set_has_the_rows_of_the_whole_mesh(nodes in 1usize..200, seed: u64, stride in 1usize..7) {
         let body = Body::new(nodes, 6, seed, Precision::I16);
         let subset: Vec<u32> = (0..nodes as u32).rev().step_by(stride).collect();
         let all = Basis::build(&body.spec([true; 5], None), Precision::F32).unwrap();
@@ -130,7 +130,7 @@ proptest! {
     }
 
     #[test]
-    fn unwritten_memory_ends_as_the_same_values(nodes in 1usize..100, seed: u64) {
+    fn uninitialised_memory_receives_the_same_values(nodes in 1usize..100, seed: u64) {
         let body = Body::new(nodes, 4, seed, Precision::F32);
         let basis = Basis::build(&body.spec([true; 5], None), Precision::F32).unwrap();
         let mut initialised = vec![f32::NAN; basis.output_len()];

@@ -6,7 +6,7 @@ use rom::kernel::{Affine, Field, Role, Source, Spec};
 /// of its terms, from which the bound of any order of summation in f32 follows.
 ///
 /// # Panics
-/// When the spec's slices do not fit each other (`Basis::build` says which) or `coefficients`
+/// If the spec's slices do not fit each other (`Basis::build` says which) or `coefficients`
 /// is too short.
 pub fn reconstruct(spec: &Spec<'_>, coefficients: &[f64]) -> Vec<Reference> {
     let mut out = Vec::new();
