@@ -49,11 +49,11 @@ def test_a_python_controller_holds_the_force(stage):
     sys.stdout.write(json.dumps({"plant": truth, "controller": said}) + "\n")
 
 
-@pytest.mark.parametrize("number", range(4))
+@pytest.mark.parametrize("number", range(5))
 def test_the_pages_programs_run(live, number, tmp_path):
-    page = (REPOSITORY / "docs/clients/python.md").read_text()
-    programs = re.findall(r"```python\n(.*?)```", page, re.S)
-    assert len(programs) == 4, "docs/clients/python.md has four programs"
+    pages = [(REPOSITORY / page).read_text() for page in ("docs/clients/python.md", "README.md")]
+    programs = [program for page in pages for program in re.findall(r"```python\n(.*?)```", page, re.S)]
+    assert len(programs) == 5, "four of the client's document, one of README.md"
     path = tmp_path / f"program{number}.py"
     path.write_text(programs[number])
     if "SensorPublisher" in programs[number]:
