@@ -283,6 +283,7 @@ fn wrong_usage_exits_with_2() {
     predict(&["--pressure-mpa", "five"]).refused(2, "invalid value 'five'");
     place.run(&["fly"]).refused(2, "unrecognized subcommand 'fly'");
     place.run(&["train", "--database", "db", "--out", "bar.json"]).refused(2, "use .twin");
+    place.run(&["train", "--database", "db", "--out", "missing/bar.twin"]).refused(2, "no folder missing");
     let check = ["evaluate", "--model", "bar.twin", "--database", "db", "--split", "check"];
     place.run(&check).refused(2, "it has 42 train, 2 test, 0 check");
 }

@@ -81,7 +81,7 @@ impl Args {
         }
         let config = self.config()?;
         if let Some(errors) = &self.errors {
-            unseen_errors::check(errors)?; // before minutes of training
+            unseen_errors::check(errors)?; // before the training, which takes minutes
         }
         let mut progress = Progress::new(self.json);
         progress.step("reading the database");
