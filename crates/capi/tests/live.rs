@@ -277,7 +277,7 @@ fn read_numbers(line: &str) -> Vec<Result<f64, String>> {
 }
 
 #[test]
-fn a_model_without_a_daemon_answers_in_c_what_it_answers_in_rust() {
+fn model_in_c_equals_the_model_in_rust() {
     let stage = Stage::new("capimodel");
     let states: Vec<_> = design::states(0, 160).into_iter().map(|state| (Split::Train, state)).collect();
     let (model, _) = train(&design::database(&states, false), &TrainConfig::default(), &mut |_| {}).unwrap();

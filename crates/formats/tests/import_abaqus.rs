@@ -27,7 +27,7 @@ fn nodes_elements_over_several_lines_and_sets_are_read() {
 }
 
 #[test]
-fn what_is_not_known_is_refused_by_its_name_and_line() {
+fn unknown_keywords_are_refused_by_name_and_line() {
     assert!(refused(&TET.replace("c3d10h", "C3D5")).contains("C3D5"));
     assert!(refused(&format!("{TET}*Include, input=more.inp\n")).contains("*INCLUDE"));
     assert!(refused(&format!("{TET}*Part, name=B\n")).contains("*PART"));

@@ -96,7 +96,7 @@ fn text_and_binary_give_the_same_mesh_with_named_surfaces() {
 }
 
 #[test]
-fn refusals_say_what_and_where() {
+fn errors_contain_cause_and_place() {
     let good = String::from_utf8(one_tet(Style::Text)).unwrap();
     let cases = [
         (good.replace("4.1 0 8", "2.2 0 8"), "Mesh.MshFileVersion"),
@@ -120,7 +120,7 @@ fn refusals_say_what_and_where() {
 }
 
 #[test]
-fn announced_counts_do_not_decide_what_is_allocated() {
+fn announced_counts_do_not_determine_allocations() {
     for (count, huge) in
         [("2 10 11 20", "9999999999999 10 11 20"), ("6 15 16 17", "18446744073709551615 15 16 17")]
     {

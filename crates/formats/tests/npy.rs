@@ -21,7 +21,7 @@ fn with_header(text: &str, data: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn writes_what_numpy_writes() {
+fn written_files_equal_numpys() {
     let (_dir, path) = file(b"");
     write_f32(&path, &[2, 1], &[1.0, -2.5]).unwrap();
     let mut golden =

@@ -50,7 +50,7 @@ fn packing_twice_changes_nothing_more() {
 }
 
 #[test]
-fn what_cannot_be_packed_or_unpacked_is_refused() {
+fn unpackable_data_is_refused() {
     let mut broken = bending(2);
     broken.values[7] = f32::NAN;
     assert_eq!(pack(&broken, &FIELDS).unwrap_err().place, "case 0, field 2");

@@ -23,7 +23,7 @@ fn an_increment_that_failed_is_left_out_and_named() {
 }
 
 #[test]
-fn a_state_has_deformed_nodes_von_mises_stress_and_further_fields_in_the_units_said() {
+fn states_have_nodes_stress_and_further_fields_in_the_given_units() {
     let run = results::read(&data("cutback.frd")).unwrap();
     let fields = vec![("ENER".to_owned(), "mJ/mm3".to_owned()), ("STRESS.SXX".to_owned(), "MPa".to_owned())];
     let wanted = Wanted { length_mm: 1000.0, stress_mpa: Some(1e-3), fields, ..wanted() };
@@ -67,7 +67,7 @@ fn quadratic_cells_have_a_closed_surface_around_their_volume() {
 }
 
 #[test]
-fn files_that_cannot_be_read_say_what_to_do() {
+fn unreadable_files_are_refused_with_a_remedy() {
     let good = fs::read(data("cutback.frd")).unwrap();
     let refused = |bytes: &[u8]| parse_frd(bytes).expect_err("refused")[0].to_string();
     assert!(refused(&good[..1000]).contains("did the job end?"), "{}", refused(&good[..1000]));

@@ -171,7 +171,7 @@ fn every_encoding_gives_the_same_mesh() {
 }
 
 #[test]
-fn refusals_say_where_what_is_and_what_should_be() {
+fn errors_contain_place_found_and_expected() {
     let good = String::from_utf8(one_tet(styles()[0])).unwrap();
     let cases = [
         (good.replace("UnstructuredGrid", "PolyData"), "VTKFile type"),

@@ -206,7 +206,7 @@ fn named_inputs_of_a_reading_come_back() {
 }
 
 #[test]
-fn a_wrong_property_is_named_with_what_is_expected() {
+fn wrong_property_is_named_with_the_expected_value() {
     let error = decode::<State>(br#"{"pressure_mpa":"much"}"#).expect_err("not a number").to_string();
     assert!(error.contains("`pressure_mpa`") && error.contains("a number"), "{error}");
     let error =

@@ -42,7 +42,7 @@ fn wait_for(seen: &AtomicU64, count: u64) {
 
 /// Everything that is sent, with a jump in the numbers, and a state that names its model.
 #[test]
-fn what_is_published_is_in_the_file() {
+fn published_samples_are_in_the_file() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.mcap");
     let domain = Domain::isolated("rec");
@@ -111,7 +111,7 @@ fn what_is_published_is_in_the_file() {
 
 /// A queue of no size: everything is dropped and counted, nothing is written, nothing breaks.
 #[test]
-fn what_does_not_fit_into_the_queue_is_counted() {
+fn samples_beyond_the_queue_are_counted() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.mcap");
     let domain = Domain::isolated("rec");

@@ -152,7 +152,7 @@ fn another_compression_is_named_with_its_remedy() {
 }
 
 #[test]
-fn a_file_that_is_none_is_refused() {
+fn invalid_file_is_refused() {
     for bytes in [&b""[..], b"time,pressure", b"\x89MCAP1\r\n"] {
         let error = Reader::new(bytes).err().expect("refused");
         assert!(matches!(error, ReadError::NotMcap { .. }), "{error}");

@@ -37,7 +37,7 @@ fn expected(range: std::ops::Range<u64>) -> Vec<String> {
 }
 
 #[test]
-fn a_restart_goes_on_with_the_series_and_a_folder_is_read_as_one_recording() {
+fn restart_continues_the_series_and_a_folder_is_one_recording() {
     let folder = tempfile::tempdir().expect("a folder");
     let base = folder.path().join("run.mcap");
     let first = run(&base, ROTATE, 0, 25);

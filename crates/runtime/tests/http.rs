@@ -53,7 +53,7 @@ fn idle_connections_delay_no_client() {
 
 /// Connections that send half of a head are as idle.
 #[test]
-fn half_requests_delay_nobody() {
+fn incomplete_requests_delay_no_client() {
     beside_server(|address| {
         let begin_request = |_| {
             let mut stream = TcpStream::connect(address).unwrap();

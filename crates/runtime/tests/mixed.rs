@@ -469,7 +469,7 @@ fn two_actuators_read_the_same_lines() {
 }
 
 #[test]
-fn everything_wrong_with_the_sensors_of_a_scene_is_told_at_once() {
+fn all_errors_in_the_sensors_of_a_scene_are_listed() {
     let folder = tempfile::tempdir().unwrap();
     let first = "pace = \"gouge\"\nsensor = \"other\"\n\
         [actuator.sensors.gauge]\nkind = \"modbus\"\ntcp = \"here\"\nserial = { port = \"/dev/ttyX\", baud = 7 }\nrate_hz = 5\n\

@@ -73,7 +73,7 @@ fn several_sensors_need_a_topic() {
 }
 
 #[test]
-fn a_recording_cut_short_gives_what_it_has_and_an_empty_one_is_refused() {
+fn truncated_recording_is_read_and_an_empty_one_refused() {
     let (_folder, path) = recording(&["softtwin/finger/sensor"], 50);
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() - 20]).unwrap();

@@ -361,7 +361,7 @@ fn faults_of_a_device_end_in_good_readings() {
 }
 
 #[test]
-fn after_each_mischief_there_is_a_new_connection() {
+fn each_fault_is_followed_by_a_new_connection() {
     let plan =
         [Fault::CloseAtOnce, Fault::Silence, Fault::Garbage, Fault::WrongCount, Fault::CloseInTheMiddle];
     let (address, connections) = misbehave(plan.to_vec());

@@ -31,7 +31,7 @@ impl Place {
     }
 
     /// Makes a file as iceoryx2 begins it: without read permission, without a size.
-    fn half_made(&self, name: &str) -> (PathBuf, File) {
+    fn incomplete(&self, name: &str) -> (PathBuf, File) {
         let path = Path::new("/dev/shm").join(format!("{}{name}", self.domain.prefix));
         let file = File::create_new(&path).unwrap();
         std::fs::set_permissions(&path, Permissions::from_mode(0o200)).unwrap();
@@ -94,7 +94,7 @@ fn incomplete_description_is_removed_unless_its_creator_lives() {
 fn file_without_a_size_in_use_is_named_within_a_limit() {
     let place = Place::new("empty");
     let bus = Bus::open(&place.domain).unwrap();
-    let (path, file) = place.half_made(&format!("{TYPE}_1.dynamic"));
+    let (path, file) = place.incomplete(&format!("{TYPE}_1.dynamic"));
     let refused = StateWriter::create(&bus, &topic()).unwrap_err().to_string();
     assert!(refused.contains(path.to_str().unwrap()) && refused.contains("no size"), "{refused}");
     drop(file);
@@ -162,10 +162,10 @@ fn dead_process() -> u32 {
 
 /// The thread of every bus does so, whatever the program itself is waiting for.
 #[test]
-fn a_running_program_removes_what_others_leave_half_made() {
+fn running_program_removes_incomplete_files_of_others() {
     let place = Place::new("watch");
     let _bus = Bus::open(&place.domain).unwrap();
-    let (path, file) = place.half_made(&format!("{TYPE}_1_2.connection"));
+    let (path, file) = place.incomplete(&format!("{TYPE}_1_2.connection"));
     drop(file);
     let begin = Instant::now();
     while path.exists() {

@@ -43,7 +43,7 @@ class Places:
         try:
             end = time.monotonic() + _PATIENCE_S
             while True:
-                self.remove_half_made()
+                self.remove_incomplete()
                 empty = self._empty_segment()
                 try:
                     fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -60,7 +60,7 @@ class Places:
         finally:
             os.close(lock)
 
-    def remove_half_made(self) -> None:
+    def remove_incomplete(self) -> None:
         """Removes incomplete files that no process has open."""
         for path in self._segments():
             _remove_if_unused(path, lambda found: found.st_size == 0 or not found.st_mode & 0o400)

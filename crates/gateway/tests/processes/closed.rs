@@ -131,7 +131,7 @@ fn refused(stage: &Stage, config: &str) -> String {
 }
 
 #[test]
-fn wrong_configurations_are_refused_with_all_problems_and_what_to_do() {
+fn wrong_configurations_are_refused_with_all_errors() {
     let stage = Stage::new("gwbad");
     let expect = |config: &str, wanted: &[&str]| {
         let said = refused(&stage, config);
@@ -182,7 +182,7 @@ fn wrong_configurations_are_refused_with_all_problems_and_what_to_do() {
 }
 
 #[test]
-fn the_committed_configuration_says_the_defaults() {
+fn committed_configuration_lists_the_defaults() {
     let repository = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
     let stage = Stage::new("gwdefault");
     let check = |path: &std::path::Path| {
@@ -199,7 +199,7 @@ fn the_committed_configuration_says_the_defaults() {
 }
 
 #[test]
-fn a_port_that_is_taken_is_said_so() {
+fn occupied_port_is_named() {
     let stage = Stage::new("gwport");
     let held = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let port = held.local_addr().unwrap().port();

@@ -6,7 +6,7 @@ use tests::wait::{fresh, states, wait_state};
 use tests::{Program, Stage};
 
 #[test]
-fn a_gateway_killed_at_any_call_disturbs_nobody() {
+fn gateway_killed_at_any_call_does_not_delay_others() {
     let stage = Stage::new("kill_gateway");
     let scene = stage.finger(FAST_SINE);
     let (_twin, _bridge) = (Program::twin(&stage, &scene), Program::bridge(&stage, &scene));

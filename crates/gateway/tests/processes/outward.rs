@@ -48,7 +48,7 @@ fn every_state_arrives_once_in_order_and_to_the_bit() {
 }
 
 #[test]
-fn a_field_is_read_only_while_somebody_wants_it_and_arrives_to_the_bit() {
+fn fields_are_read_only_with_a_subscriber_and_arrive_bit_identical() {
     let stage = Stage::new("gwfield");
     let scene = stage.finger(FAST_SINE);
     let _twin = Program::twin(&stage, &scene);

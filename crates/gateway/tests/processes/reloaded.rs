@@ -82,7 +82,7 @@ fn users_are_read_again() {
 }
 
 #[test]
-fn the_doctor_passes_on_what_the_gateway_says_of_its_configuration() {
+fn doctor_reports_the_gateways_configuration_errors() {
     let stage = Stage::new("gwdoctor");
     let doctor = |config: &str| {
         let path = stage.write("gateway.toml", config).display().to_string();

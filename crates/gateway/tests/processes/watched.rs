@@ -47,7 +47,7 @@ fn a_client_without_its_router_is_ready_and_alive() {
 }
 
 #[test]
-fn a_wrong_configuration_never_says_ready() {
+fn wrong_configuration_is_never_ready() {
     let stage = Stage::new("gwunready");
     let manager = Manager::new(&stage);
     let (status, said) = gateway_in(&stage, "listen = []", &manager.environment()).ended();
@@ -100,7 +100,7 @@ fn replaced_fields_are_counted() {
 
 /// Metrics equal the counts of the network client.
 #[test]
-fn metrics_count_what_was_sent_and_taken() {
+fn metrics_count_sent_and_received_messages() {
     let stage = Stage::new("gwmetrics");
     let scene = stage.finger(FAST_SINE);
     let twin = Program::twin(&stage, &scene);

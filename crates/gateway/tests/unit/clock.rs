@@ -36,7 +36,7 @@ fn clocks_that_drift_stay_together() {
 }
 
 #[test]
-fn another_run_of_the_sender_begins_anew_and_no_stamp_overflows() {
+fn restarted_sender_restarts_the_clock_without_overflow() {
     let mut clock = SenderClock::default();
     assert_eq!(clock.local_ns(1, u64::MAX, 5), 5);
     assert!(clock.local_ns(1, 0, 6) < 5, "older than this machine's clock");

@@ -23,7 +23,7 @@ fn good_endpoints_come_back_as_they_were() {
 }
 
 #[test]
-fn whatever_else_is_refused_with_what_was_expected() {
+fn other_readings_are_refused_with_the_expected_form() {
     for text in [
         "",
         "127.0.0.1:7447",

@@ -28,7 +28,7 @@ fn the_papers_gripper_holds_its_object() {
 }
 
 #[test]
-fn the_weakest_finger_counts_and_the_halfwidth_decides_what_is_certain() {
+fn grasp_uses_the_weakest_finger_and_its_half_width() {
     let needed_n = needed_force_n(&paper(), 2);
     let status = |a: f64, b: f64, halfwidth| {
         evaluate(&paper(), &[state(a, halfwidth), state(b, halfwidth)]).grasp_status

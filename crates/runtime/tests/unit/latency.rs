@@ -22,7 +22,7 @@ proptest! {
 }
 
 #[test]
-fn an_empty_histogram_says_zero_and_a_longer_duration_than_an_hour_is_an_hour() {
+fn empty_histogram_is_zero_and_durations_are_limited_to_an_hour() {
     let mut histogram = super::histogram();
     histogram.saturating_record(u64::MAX);
     assert!(histogram.max() >= super::MAX_NS && histogram.max() < super::MAX_NS / 50 * 51);

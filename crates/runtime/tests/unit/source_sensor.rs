@@ -61,7 +61,7 @@ fn a_table_is_straight_between_its_points_and_has_no_value_outside() {
 }
 
 #[test]
-fn everything_wrong_with_a_value_is_told_at_once() {
+fn all_errors_in_a_value_are_listed() {
     let bad = ValueSpec {
         scale: 0.0,
         offset: f64::NAN,
@@ -112,7 +112,7 @@ fn a_median_removes_a_spike_and_keeps_a_step() {
 
 /// The closed form of the first-order step response, whatever the rate it is sampled at.
 #[test]
-fn a_low_pass_answers_a_step_as_theory_says() {
+fn low_pass_has_the_step_response_of_theory() {
     for step_ns in [1_000_000u64, 5_000_000, 20_000_000] {
         let mut filter = Filter::new(FilterSpec::LowPassHz(2.0));
         filter.apply(0, 0.0);
@@ -150,7 +150,7 @@ proptest! {
 }
 
 #[test]
-fn pauses_double_up_to_the_limit_and_start_anew() {
+fn pauses_double_up_to_the_limit_and_restart() {
     let mut backoff = Backoff::new(Duration::from_millis(100));
     let pauses: Vec<u128> = (0..5).map(|_| backoff.take().as_millis()).collect();
     assert_eq!(pauses, [20, 40, 80, 100, 100]);

@@ -67,7 +67,7 @@ fn every_bad_reading_has_its_outcome() {
 }
 
 #[test]
-fn jumps_are_counted_and_restarts_begin_anew() {
+fn jumps_are_counted_and_restarts_reset_the_numbers() {
     let mut validator = validator();
     assert_eq!(validator.validate(&good(15), NOW).missed, 4);
     let restarted = SensorSample { boot_id: 8, seq: 1, t_sensor_ns: NOW - 5_000_000, ..good(1) };
@@ -183,7 +183,7 @@ fn a_measured_input_is_validated_as_the_pressure_is() {
 }
 
 #[test]
-fn what_no_answer_depends_on_may_be_absent_but_not_absurd() {
+fn irrelevant_inputs_may_be_absent_but_not_absurd() {
     let check = |sample: SensorSample| structure().validate(&sample, NOW).rejection;
     let with = SensorSample { pressure_mpa: 0.03, gap_mm: 40.0, ..loaded(2.5) };
     assert_eq!(check(with), None);

@@ -15,7 +15,7 @@ fn the_alarm_comes_after_the_time_and_goes_at_once() {
 }
 
 #[test]
-fn an_outlier_or_a_missing_value_begins_anew() {
+fn outlier_or_missing_value_restarts_the_time() {
     let mut watch = ForceWatch::default();
     for ms in 0..1_000u64 {
         let residual_n = if ms % 100 == 99 { f64::NAN } else { 1.0 };

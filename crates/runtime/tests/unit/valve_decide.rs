@@ -23,7 +23,7 @@ fn fresh(force_n: f64) -> State {
 }
 
 #[test]
-fn what_closes_the_valve_is_named() {
+fn cause_of_a_closed_valve_is_named() {
     let setpoint = wants(0.05, 10);
     let reason = |setpoint: Option<&Setpoint>, state: Option<&State>, more: &str| {
         let found = governor(more).decide(NOW + MS, setpoint, None, state);

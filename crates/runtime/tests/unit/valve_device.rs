@@ -21,7 +21,7 @@ fn device(text: &str, devices: &Devices) -> Device {
 }
 
 #[test]
-fn everything_that_is_wrong_is_said_at_once() {
+fn all_errors_are_listed() {
     let spec: ValveSpec = toml::from_str(
         "range_mpa = [0.0, 0.9]\nsafe_mpa = 2.0\nwrite_hz = 0.0\nforce_max_n = -1.0\n\
          [modbus]\nvalue = { from = { register = 3, encoding = \"u16\" }, scale = 1e-6 }\n\

@@ -100,7 +100,7 @@ impl Places {
     /// the only state that iceoryx2 removes. What cannot be written here fails again, and is counted, when it is removed.
     fn complete(&self, id: u128) {
         for file in files(&self.node_folder(id), |file| self.own(file).is_some()) {
-            if std::fs::metadata(&file).is_ok_and(|metadata| service_is_half_made(&metadata)) {
+            if std::fs::metadata(&file).is_ok_and(|metadata| service_is_incomplete(&metadata)) {
                 let _ = std::fs::remove_file(&file);
             }
         }
@@ -145,9 +145,9 @@ fn rewrite(path: &Path, content: &[u8], mode: u32) -> std::io::Result<()> {
 impl Places {
     /// Removes incomplete resources of dead creators; returns their number. Needs no lock: a live creator has the file open from
     /// its creation on.
-    pub(crate) fn remove_half_made(&self) -> usize {
-        let segments = self.segments().into_iter().filter(|path| has(path, segment_is_half_made));
-        let services = self.service_files().into_iter().filter(|path| has(path, service_is_half_made));
+    pub(crate) fn remove_incomplete(&self) -> usize {
+        let segments = self.segments().into_iter().filter(|path| has(path, segment_is_incomplete));
+        let services = self.service_files().into_iter().filter(|path| has(path, service_is_incomplete));
         segments.chain(services).filter(|path| unused::remove(path)).count()
     }
 
@@ -162,11 +162,11 @@ fn has(path: &Path, property: impl Fn(&Metadata) -> bool) -> bool {
 }
 
 /// Shared memory is write-only until it is complete.
-fn segment_is_half_made(metadata: &Metadata) -> bool {
+fn segment_is_incomplete(metadata: &Metadata) -> bool {
     metadata.len() == 0 || metadata.mode() & 0o400 == 0
 }
 
 /// Descriptions are written once and read-only from then on.
-fn service_is_half_made(metadata: &Metadata) -> bool {
+fn service_is_incomplete(metadata: &Metadata) -> bool {
     metadata.mode() & 0o200 != 0
 }

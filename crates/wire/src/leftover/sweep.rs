@@ -42,7 +42,7 @@ impl Places {
     /// files are removed, which needs no lock.
     pub(crate) fn sweep(&self, patience: Duration) -> Removed {
         // Incomplete files first: the following steps open files and would wait for their completion.
-        let mut removed = Removed { files: self.remove_half_made(), ..Removed::default() };
+        let mut removed = Removed { files: self.remove_incomplete(), ..Removed::default() };
         let Ok(Some(_lock)) = self.lock_to_remove(patience) else { return removed };
         let _one_at_a_time = IN_THIS_PROCESS.lock();
         (removed.nodes, removed.failed) = self.remove_dead_nodes();

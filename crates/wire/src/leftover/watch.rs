@@ -37,7 +37,7 @@ impl Watch {
                 places.share();
                 if period == PERIOD || looked.elapsed() >= PERIOD {
                     looked = Instant::now();
-                    places.remove_half_made();
+                    places.remove_incomplete();
                 }
             }
         };
