@@ -106,7 +106,7 @@ def xdmf(tmp_path, text):
     return read(tmp_path / "run.xdmf")
 
 
-def test_numbers_in_the_text_and_in_binary_files_and_references(tmp_path):
+def test_inline_and_binary_numbers_and_references_are_read(tmp_path):
     values = np.arange(12.0)
     (tmp_path / "u.bin").write_bytes(bytes(7) + values.astype(">f4").tobytes())
     (tmp_path / "v.bin").write_bytes(values.astype("<f8").tobytes())
@@ -175,7 +175,7 @@ GOOD = grid(attribute("u", POINTS))
         grid('<Attribute Name="u" Reference="/Xdmf/Domain/Grid/Attribute"/>'), GOOD.replace('"XML">0 0 0', '"HDF">no.h5:/u', 1),
     ],
 )  # fmt: skip
-def test_what_is_no_series_of_states_is_refused(tmp_path, text):
+def test_invalid_xdmf_is_refused(tmp_path, text):
     assert read(altered(tmp_path, "gzip.xdmf"))
     with pytest.raises((Refused, ValueError)):
         xdmf(tmp_path, text)
@@ -245,7 +245,7 @@ def test_a_plot_file_that_is_cut_short_keeps_its_whole_states(tmp_path, name):
         ([0x01020002, 4, 1], 2, 2),  # a vector with the size of a tensor
     ],
 )
-def test_plot_files_that_do_not_fit_are_refused(tmp_path, words, offset, word):
+def test_inconsistent_plot_files_are_refused(tmp_path, words, offset, word):
     data = bytearray((DATA / "plain.xplt").read_bytes())
     at = data.index(struct.pack(f"<{len(words)}I", *words)) + 4 * offset
     data[at : at + 4] = struct.pack("<I", word)
@@ -395,7 +395,7 @@ def test_zeros_of_ansys_at_mid_sides_are_filled(tmp_path):
         ("    NODE       UX ", "    KNOTEN     UX ", "line 12"),
     ],
 )
-def test_listings_that_cannot_be_taken_are_refused(tmp_path, old, new, place):
+def test_invalid_listings_are_refused(tmp_path, old, new, place):
     with pytest.raises(Refused, match=place):
         read(job(tmp_path, txt=listings().replace(old, new, 1)))
 
@@ -501,7 +501,7 @@ def test_a_symmetric_stress_becomes_von_mises(exchange, tmp_path):
         ("displacement/doe.csv", "q,pressure[kPa],gap[mm]\nfile0.bin,1,40\n"),
     ],
 )
-def test_an_exchange_that_does_not_fit_is_refused(exchange, tmp_path, file, content):
+def test_inconsistent_exchange_is_refused(exchange, tmp_path, file, content):
     (exchange / file).unlink()
     if content is not None:
         (exchange / file).write_bytes(content if isinstance(content, bytes) else content.encode())

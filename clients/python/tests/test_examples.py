@@ -50,7 +50,7 @@ def test_a_python_controller_holds_the_force(stage):
 
 
 @pytest.mark.parametrize("number", range(5))
-def test_the_pages_programs_run(live, number, tmp_path):
+def test_programs_of_the_documentation_run(live, number, tmp_path):
     pages = [(REPOSITORY / page).read_text() for page in ("docs/clients/python.md", "README.md")]
     programs = [program for page in pages for program in re.findall(r"```python\n(.*?)```", page, re.S)]
     assert len(programs) == 5, "four of the client's document, one of README.md"

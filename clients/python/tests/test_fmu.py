@@ -5,7 +5,6 @@ import pathlib
 import re
 import subprocess
 import sys
-import time
 import xml.etree.ElementTree
 import zipfile
 
@@ -85,7 +84,7 @@ def test_the_archive_is_valid_and_self_contained(archive, tmp_path):
     assert {"MPa", "mm", "N", "N/MPa", "N/mm"} <= {unit.get("name") for unit in units}
 
 
-def test_outputs_are_those_of_the_tool_to_the_bit(twin, tmp_path):
+def test_outputs_are_bit_identical_to_predict(twin, tmp_path):
     model = softtwin.Model(MODEL)
     time_s = 0.0
     for pressure_mpa, gap_mm in STATES:
@@ -113,7 +112,7 @@ def test_outputs_are_those_of_the_tool_to_the_bit(twin, tmp_path):
     assert twin.said == []
 
 
-def test_a_value_that_is_no_number_is_refused_and_the_one_before_stands(twin):
+def test_nan_is_refused_and_the_previous_value_kept(twin):
     twin.put(pressure_mpa=0.05, gap_mm=30.0)
     before = twin.get("contact_force_n")
     for wrong in (dict(pressure_mpa=np.nan), dict(gap_mm=np.nan), dict(pressure_mpa=np.inf), dict(contact_force_n=1.0)):
@@ -180,7 +179,7 @@ def test_a_recording_is_an_input(archive, live, tmp_path):
 
 
 @pytest.mark.parametrize("what", ["missing", "broken", "another", "nodes"])
-def test_resources_that_do_not_fit_are_said(archive, tmp_path, what):
+def test_damaged_resources_are_reported(archive, tmp_path, what):
     made = Twin(archive, tmp_path / "fmu", token="another" if what == "another" else None)
     path = tmp_path / "fmu" / "resources" / "model.twin"
     if what == "missing":
@@ -207,7 +206,7 @@ def test_the_valve_reaches_its_force(archive):
     assert abs(float(done.stdout.split()[0]) - 0.3) < 0.005 and done.stdout.strip().endswith("domain 0"), done.stdout
 
 
-def test_mistakes_of_an_export_are_named(tmp_path):
+def test_invalid_export_options_are_refused(tmp_path):
     for arguments, expected in [
         (["--node", "tip=25022"], "the model has 25022 nodes"),
         (["--node", "tip"], "expected NAME=NUMBER"),
@@ -236,38 +235,3 @@ def test_the_declarations_are_those_of_the_standard_and_of_the_library(archive, 
     exported = [line.split()[-1] for line in symbols.splitlines() if line.split()[-1].startswith("fmi3")]
     functions = re.findall(r"TYPE\s+(fmi3\w+);", (standard / "fmi3Functions.h").read_text())
     assert sorted(declared) == sorted(exported) == sorted(functions)
-
-
-def test_a_step_is_fast(twin):
-    """Prints what a step in contact costs, without FMPy's own work: a step with the same inputs, for which nothing is computed.
-
-    The goal of 20 us is for an idle machine; here a step is held against a whole field of the same model in the same run.
-    """
-    twin.put(gap_mm=30.0)
-    model = softtwin.Model(MODEL)
-    many = np.linspace(0.04, 0.06, 100)
-
-    def microseconds(outputs, pressures):
-        wanted, inputs = [twin.number[name] for name in outputs], [twin.number["pressure_mpa"]]
-        best = np.inf
-        for _ in range(100):
-            began = time.perf_counter()
-            for pressure_mpa in pressures:
-                twin.fmu.setFloat64(inputs, [pressure_mpa])
-                twin.fmu.doStep(currentCommunicationPoint=0.0, communicationStepSize=0.001)
-                twin.fmu.getFloat64(wanted)
-            best = min(best, (time.perf_counter() - began) / len(pressures) * 1e6)
-        return best
-
-    numbers = [v.name for v in twin.description.modelVariables if v.causality == "output" and v.type == "Float64"]
-    asked = {"force": ["contact_force_n"], "tip": ["tip.x"], "max_von_mises": ["max_von_mises_mpa"], "everything": numbers}
-    steps = {what: microseconds(names, many) - microseconds(names, [0.05] * len(many)) for what, names in asked.items()}
-    field = np.inf
-    for pressure_mpa in np.tile(many, 5):
-        began = time.perf_counter()
-        model.predict(pressure_mpa, 30.0)
-        field = min(field, (time.perf_counter() - began) * 1e6)
-    print(json.dumps({f"{what}_us": round(us, 1) for what, us in (steps | {"whole_field": field}).items()}))
-    # A step that reconstructed the field to find its largest stress, or for its nodes, would take as long as the field.
-    assert steps["everything"] < 0.5 * field and steps["max_von_mises"] < 0.4 * field, (steps, field)
-    assert steps["force"] < 0.5 * steps["max_von_mises"], "the force alone takes no coefficients"

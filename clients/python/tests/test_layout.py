@@ -19,7 +19,7 @@ def documented(name):
 
 
 @pytest.mark.parametrize("payload", layout.PAYLOADS, ids=lambda payload: payload.__name__)
-def test_offsets_are_those_of_the_page(payload):
+def test_offsets_agree_with_wire_md(payload):
     size, rows = documented(payload.type_name())
     ours = [(name, getattr(payload, name).offset, getattr(payload, name).size) for name, *_ in payload._fields_]
     assert ours == rows
@@ -27,7 +27,7 @@ def test_offsets_are_those_of_the_page(payload):
     assert ctypes.alignment(payload) == 8
 
 
-def test_settings_are_those_of_the_page():
+def test_settings_agree_with_wire_md():
     for kind, q in qos.QOS.items():
         row = f"| {kind} | {q.max_readers} | {q.buffer} | {q.max_borrowed} | {q.history} | {q.max_nodes} |"
         assert row in PAGE

@@ -77,7 +77,7 @@ def test_the_model_controls_its_plant(environment):
     assert earned > 0.2 * total(lambda _: -1.0)[0]
 
 
-def test_mistakes_are_named(environment):
+def test_invalid_arguments_raise(environment):
     plain = environment.unwrapped
     with pytest.raises(ValueError, match="-1 to 1"):
         plain.reset()

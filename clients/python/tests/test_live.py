@@ -39,7 +39,7 @@ def test_fields_are_read_only_views_that_keep_their_sample(live):
     np.testing.assert_array_equal(held, copied)
 
 
-def test_holding_too_many_is_said(live):
+def test_holding_too_many_samples_raises(live):
     fields = softtwin.subscribe("softtwin/finger/field/tip", timeout_s=WAIT_S, bus=live.bus)
     held = [fields.next() for _ in range(4)]
     with pytest.raises(softtwin.SofttwinError) as refused:
@@ -226,12 +226,12 @@ def test_the_owner_of_another_language_is_named(stage, converter):
 
 
 @pytest.mark.parametrize("owner, valid_for_s", [("", 0.1), ("a\nb", 0.1), ("x" * 32, 0.1), ("driver", 0.0), ("driver", math.nan)])
-def test_mistakes_of_an_owner_are_named(stage, owner, valid_for_s):
+def test_invalid_owner_or_validity_raises(stage, owner, valid_for_s):
     with pytest.raises(ValueError):
         softtwin.SetpointPublisher("finger", owner=owner, bus=stage.bus).send(0.01, valid_for_s)
 
 
-def test_an_absent_twin_is_said(stage):
+def test_absent_twin_raises(stage):
     for refused in (
         lambda: softtwin.subscribe("softtwin/finger/field", bus=stage.bus),
         lambda: softtwin.Client("finger", bus=stage.bus),
@@ -242,7 +242,7 @@ def test_an_absent_twin_is_said(stage):
         softtwin.subscribe("softtwin/*/field", bus=stage.bus)
 
 
-def test_a_silent_topic_is_said(stage):
+def test_silent_topic_raises(stage):
     stage.twin(stage.finger(source=False))
     fields = softtwin.subscribe("softtwin/finger/field", bus=stage.bus)
     with pytest.raises(softtwin.TwinSilent):
@@ -257,7 +257,7 @@ def test_another_layout_version_is_refused(stage, monkeypatch):
 
 
 @pytest.mark.parametrize("on_restart", ["raise", "continue"])
-def test_a_restart_is_said(stage, on_restart):
+def test_restart_raises_or_continues(stage, on_restart):
     scene = stage.finger()
     twin = stage.twin(scene)
     stage.bridge(scene)

@@ -28,7 +28,7 @@ def predicted(folder, pressure_mpa, gap_mm):
     return json.loads(done.stdout), np.load(folder / "state.npy").T
 
 
-def test_the_answers_are_those_of_the_tool_to_the_bit(model, tmp_path):
+def test_answers_are_bit_identical_to_predict(model, tmp_path):
     pressures, gaps = np.array(STATES).T
     many = model.predict(pressures, gaps)
     for at, (pressure_mpa, gap_mm) in enumerate(STATES):
@@ -92,7 +92,7 @@ def test_some_fields_on_some_nodes(model):
             model.select(**wrong)
 
 
-def test_mistakes_are_named(model, tmp_path):
+def test_invalid_arguments_raise(model, tmp_path):
     with pytest.raises(TypeError, match="gap_mm"):
         model.predict(0.05, gab_mm=30.0)
     for wrong in ((np.nan, 30.0), (0.05, [30.0, np.nan])):
@@ -121,7 +121,7 @@ def test_threads_share_a_model(model):
     assert found == [expected] * 4
 
 
-def test_meshes_and_tables_for_others(model):
+def test_meshes_and_tables(model):
     mesh = model.mesh(0.06, 30.0)
     found = model.predict(0.06, 30.0)
     assert mesh.n_points == 25022 and mesh.n_cells == len(model.triangles) and mesh.is_all_triangles
@@ -145,7 +145,7 @@ def found_slope(model):
     return model.predict(0.05, 30.0, fields=False).force_gradient["gap_mm"]
 
 
-def test_without_the_library_it_is_said_how_to_get_it(tmp_path):
+def test_missing_library_names_its_remedy(tmp_path):
     program = f"import softtwin\nsofttwin.Model({str(MODEL)!r})"
     environment = {"PYTHONPATH": ":".join(sys.path), "SOFTTWIN_LIBRARY": str(tmp_path / "none.so")}
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)

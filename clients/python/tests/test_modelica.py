@@ -55,7 +55,7 @@ def test_the_example_is_modelica_and_names_what_the_fmu_has(variables):
 
 
 @pytest.mark.parametrize(("good", "wrong"), [("end when;", "end wen;"), ("equation", "equatoin"), ("der(pressure_mpa)", "der(pressure_mpa")])
-def test_a_text_that_is_no_modelica_is_refused(good, wrong):
+def test_invalid_modelica_is_refused(good, wrong):
     assert good in EXAMPLE.read_text()
     with pytest.raises(parser.ModelicaSyntaxError):
         assert parser.parse(EXAMPLE.read_text().replace(good, wrong, 1)) is not None

@@ -5,6 +5,6 @@ import softtwin
 from softtwin.programs import carried
 
 
-def test_an_installation_of_the_sources_says_that_it_carries_no_programs():
+def test_installation_of_the_sources_carries_no_programs():
     with pytest.raises(softtwin.SofttwinError, match="scripts/package.sh wheel"):
         carried("bin/softtwind")

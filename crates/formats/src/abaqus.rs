@@ -1,4 +1,4 @@
-//! Abaqus input files (`.inp`): nodes, tetrahedra, hexahedra, wedges, shells, node sets.
+//! Abaqus input files (`.inp`): nodes, tetrahedra, hexahedra, wedges, shells.
 //!
 //! Materials, steps and the like are ignored. Unknown element types are errors, as are keywords that change the meaning of node
 //! numbers: a second part, `*INCLUDE`, generated nodes.
@@ -6,13 +6,11 @@
 use crate::cells::{Block as Cells, Kind};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Diagnostics after which reading stops.
 const MAX_DIAGNOSTICS: usize = 50;
-/// Largest number of nodes of a `GENERATE` line; bounds the memory.
-const MAX_GENERATED: u64 = 10_000_000;
 
 /// Mesh of an input file. Indices are 0-based positions in `points`; node order within elements is VTK's, which is Abaqus' too for
 /// these types.
@@ -24,8 +22,6 @@ pub struct AbaqusMesh {
     pub labels: Vec<u64>,
     /// Elements as VTK's cells, one block per kind.
     pub blocks: Vec<Cells>,
-    /// Named node sets, ascending.
-    pub node_sets: BTreeMap<String, Vec<u32>>,
 }
 
 /// Kind of cell of an element type.
@@ -49,12 +45,10 @@ fn kind_of(name: &str) -> Option<Kind> {
 enum Block {
     /// Lines without mesh data.
     Other,
-    /// Node lines; added to a set if one is named.
-    Nodes(Option<String>),
+    /// Node lines.
+    Nodes,
     /// Element lines, and the numbers of an incomplete element.
     Elements(Kind, Vec<u64>),
-    /// Members of a node set; with `GENERATE`: first, last, step.
-    Set { name: String, generate: bool },
 }
 
 /// Reads a file.
@@ -93,7 +87,6 @@ struct Reader {
     mesh: AbaqusMesh,
     place: HashMap<u64, u32>,
     elements: Vec<(Kind, Vec<u64>, usize)>,
-    sets: BTreeMap<String, Vec<u64>>,
     block: Option<Block>,
     parts: usize,
     number: usize,
@@ -116,12 +109,8 @@ impl Reader {
             })
             .collect();
         self.block = Some(match name.as_str() {
-            "NODE" => Block::Nodes(options.get("NSET").cloned()),
+            "NODE" => Block::Nodes,
             "ELEMENT" => self.elements_of(options.get("TYPE").map_or("", String::as_str)),
-            "NSET" => Block::Set {
-                name: options.get("NSET").cloned().unwrap_or_default(),
-                generate: options.contains_key("GENERATE"),
-            },
             "PART" => {
                 self.parts += 1;
                 if self.parts > 1 {
@@ -149,9 +138,9 @@ impl Reader {
 
     fn data(&mut self, line: &str) {
         match self.block.take() {
-            Some(Block::Nodes(set)) => {
-                self.node(line, set.as_deref());
-                self.block = Some(Block::Nodes(set));
+            Some(Block::Nodes) => {
+                self.node(line);
+                self.block = Some(Block::Nodes);
             }
             Some(Block::Elements(kind, mut numbers)) => {
                 numbers.extend(self.integers(line));
@@ -160,15 +149,11 @@ impl Reader {
                 }
                 self.block = Some(Block::Elements(kind, numbers));
             }
-            Some(Block::Set { name, generate }) => {
-                self.members(line, &name, generate);
-                self.block = Some(Block::Set { name, generate });
-            }
             other => self.block = other,
         }
     }
 
-    fn node(&mut self, line: &str, set: Option<&str>) {
+    fn node(&mut self, line: &str) {
         let mut words = line.split(',').map(str::trim);
         let label = words.next().and_then(|word| word.parse::<u64>().ok());
         let mut point = [0.0; 3]; // coordinates left out are zero
@@ -188,9 +173,6 @@ impl Reader {
         }
         self.mesh.points.push(point);
         self.mesh.labels.push(label);
-        if let Some(set) = set {
-            self.sets.entry(set.to_owned()).or_default().push(label);
-        }
     }
 
     fn integers(&mut self, line: &str) -> Vec<u64> {
@@ -202,25 +184,6 @@ impl Reader {
             }
         }
         numbers
-    }
-
-    fn members(&mut self, line: &str, name: &str, generate: bool) {
-        let is_number = |word: &str| word.trim().bytes().all(|byte| byte.is_ascii_digit());
-        if !generate && !line.split(',').all(is_number) {
-            return; // the name of another set: sets of sets are not needed for a mesh
-        }
-        let numbers = self.integers(line);
-        let members: Vec<u64> = match numbers.as_slice() {
-            [first, last, rest @ ..] if generate => {
-                let step = rest.first().copied().unwrap_or(1).max(1);
-                if last.saturating_sub(*first) / step > MAX_GENERATED {
-                    return self.report(format!("at most {MAX_GENERATED} generated nodes"), line);
-                }
-                (*first..=*last).step_by(step as usize).collect()
-            }
-            _ => numbers,
-        };
-        self.sets.entry(name.to_owned()).or_default().extend(members);
     }
 
     /// Ends the element before a keyword; an incomplete one is an error.
@@ -237,13 +200,6 @@ impl Reader {
         for (kind, numbers, line) in std::mem::take(&mut self.elements) {
             self.number = line;
             self.element(kind, &numbers[1..]);
-        }
-        for (name, labels) in std::mem::take(&mut self.sets) {
-            let mut nodes: Vec<u32> =
-                labels.iter().filter_map(|label| self.place.get(label).copied()).collect();
-            nodes.sort_unstable();
-            nodes.dedup();
-            self.mesh.node_sets.insert(name, nodes);
         }
         if self.mesh.points.is_empty() {
             self.diagnostics.push(Diagnostic::new("file", "a *NODE block", "none"));
