@@ -50,7 +50,7 @@ int main(int argc, char **argv) {
             sent = state.t_publish_ns;
             seq = state.seq;
         }
-        if (sent < begin) continue; /* sent before we listened */
+        if (sent < begin) continue; /* sent before the start */
         latency[count++] = softtwin_now_ns() - sent;
         if (last) lost += seq - last - 1;
         last = seq;

@@ -32,7 +32,7 @@ int main(int argc, char **argv) {
     check(softtwin_model_open(argc > 1 ? argv[1] : "finger.twin", &model));
     check(softtwin_model_describe(model, &info));
 
-    double inputs[8] = {0.05, 30.0, NAN, NAN, NAN, NAN, NAN, NAN}; /* NaN: the model's own value of a parameter */
+    double inputs[8] = {0.05, 30.0, NAN, NAN, NAN, NAN, NAN, NAN}; /* NaN: the model's default of a parameter */
     for (int at = 2; at < argc; at++) set(&info, inputs, argv[at]);
 
     float *values = malloc(info.field_count * info.node_count * sizeof *values);

@@ -1,4 +1,4 @@
-/* Owns the valve of an actuator for some seconds: holds a pressure (MPa), renewed four times within its validity, and lets go.
+/* Owns the valve of an actuator for some seconds: holds a pressure (MPa), renewed four times within its validity, and releases it.
  *   cc setpoint.c $(pkg-config --cflags --libs softtwin) -lm -o setpoint && ./setpoint finger 0.02 5
  */
 #include <math.h>
@@ -43,7 +43,7 @@ int main(int argc, char **argv) {
         }
         has_followed = has_followed || follows;
     }
-    check(softtwin_writer_send_setpoint(valve, NAN, VALID_MS, 0), "setpoint"); /* lets go: the valve closes at once */
+    check(softtwin_writer_send_setpoint(valve, NAN, VALID_MS, 0), "setpoint"); /* releases: the valve closes at once */
     softtwin_writer_close(valve);
     softtwin_valve_reader_close(written);
     softtwin_bus_close(bus);

@@ -1,4 +1,4 @@
-// Owns the valve of an actuator for some seconds: holds a pressure (MPa), renewed four times within its validity, and lets go.
+// Owns the valve of an actuator for some seconds: holds a pressure (MPa), renewed four times within its validity, and releases it.
 //   c++ -std=c++17 setpoint.cpp $(pkg-config --cflags --libs softtwin) -o setpoint && ./setpoint finger 0.02 5
 #include <cmath>
 #include <iostream>
@@ -19,7 +19,7 @@ int main(int argc, char **argv) try {
         std::this_thread::sleep_until(next);
         valve.send(pressure_mpa, valid);
     }
-    valve.send(std::nan(""), valid); // lets go: the valve closes at once
+    valve.send(std::nan(""), valid); // releases: the valve closes at once
     return 0;
 } catch (const std::exception &error) {
     std::cerr << error.what() << "\n";

@@ -16,14 +16,14 @@ import time
 import softtwin
 
 KP, KI_PER_S = 0.5, 6.0  # for a lag of 80 ms behind a delay of 20 to 40 ms
-LEAST_GRADIENT = 3.0  # N/MPa; out of contact the twin says 0
+LEAST_GRADIENT = 3.0  # N/MPa; the twin's gradient is 0 without contact
 HIGHEST_MPA = 0.09
 SILENCE_S = 1.0
 NOT_A_READING = {"no-data", "stale", "held"}
 
 
 class Controller:
-    """Feed-forward and PI over the twin's gradient, with an integral that stands still at the limits."""
+    """Feed-forward and PI over the twin's gradient, with an integral that is frozen at the limits."""
 
     def __init__(self, target_n, feed_forward_mpa):
         self.target_n, self.feed_forward_mpa, self.integral_mpa = target_n, feed_forward_mpa, 0.0
@@ -85,7 +85,7 @@ def main():
             turns_ns.append(softtwin.now_ns() - state.t_sensor_ns)
             points.append((state.t_sensor_ns * 1e-9, force_n, command_mpa))
     except softtwin.TwinSilent:
-        pass  # the twin has gone: the pressure is let off below
+        pass  # the twin ended: the pressure is released below
     finally:
         valve.send(0.0)
     if not points:

@@ -18,7 +18,7 @@ def percentiles(durations_ns):
 
 def listen(topic, seconds):
     samples = softtwin.subscribe(topic, timeout_s=5.0)
-    samples.newest()  # what was sent before we listened says nothing
+    samples.newest()  # discards samples sent before the start
     samples.lost, latencies, end = 0, [], time.monotonic() + seconds
     while time.monotonic() < end:
         sample = samples.next()

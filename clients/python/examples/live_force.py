@@ -28,7 +28,7 @@ states = softtwin.subscribe(f"softtwin/{args.actuator}/state", timeout_s=5.0, on
 
 
 def take_all():
-    """Everything that waits; at least one state."""
+    """All waiting states; at least one."""
     state = states.next()
     while state is not None:
         history.append((state.t_publish_ns * 1e-9, state.contact_force_n, state.force_halfwidth_n, state.pressure_mpa))

@@ -1,4 +1,4 @@
-"""Times predictions in this process: the median of one state at a time, whole field, into memory that is used again."""
+"""Times predictions in this process: the median of one state at a time, whole field, into reused memory."""
 
 import argparse
 import json

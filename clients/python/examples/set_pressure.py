@@ -1,4 +1,4 @@
-"""Owns the valve of an actuator for some seconds: holds a pressure, prints what the valve does, and lets go.
+"""Owns the valve of an actuator for some seconds: holds a pressure, prints the valve's state, and releases it.
 
     softtwin-studies rig --listen 127.0.0.1:5020
     softtwind twin   --scene config/scenes/rig.toml
@@ -36,7 +36,7 @@ def main():
                 print(f"{now}: {write.pressure_mpa:.4f} MPa", flush=True)
             before = now
     finally:
-        valve.send(math.nan)  # lets go: the valve closes at once
+        valve.send(math.nan)  # releases: the valve closes at once
 
 
 if __name__ == "__main__":

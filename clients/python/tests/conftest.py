@@ -67,7 +67,7 @@ class Stage:
         return dict(os.environ, SOFTTWIN_DOMAIN=self.domain, SOFTTWIN_ROOT=self.root)
 
     def start(self, *arguments: str) -> subprocess.Popen:
-        """Starts a program and waits until it says that it is ready."""
+        """Starts a program and waits until it is ready."""
         program = PROGRAMS / arguments[0]
         if not program.exists():
             pytest.fail(f"{program} is not built; run scripts/check.sh clients")

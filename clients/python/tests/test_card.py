@@ -1,4 +1,4 @@
-"""Cards of the shipped models: by their schema, and as submodels that another reader understands."""
+"""Cards of the shipped models: valid by their schema, and as submodels for another reader."""
 
 import json
 import subprocess

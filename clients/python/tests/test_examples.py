@@ -1,4 +1,4 @@
-"""The example programs run as they stand, and so do those of docs/clients."""
+"""The example programs and those of docs/clients run."""
 
 import json
 import pathlib
@@ -57,5 +57,5 @@ def test_programs_of_the_documentation_run(live, number, tmp_path):
     path = tmp_path / f"program{number}.py"
     path.write_text(programs[number])
     if "SensorPublisher" in programs[number]:
-        live.stop(live.programs[1])  # the bridge: a program takes its place
+        live.stop(live.programs[1])  # the bridge: the program replaces it
     assert run(live, path).strip(), "it prints something"

@@ -1,4 +1,4 @@
-"""A model as an FMU, in the hands of FMPy: valid, equal to `softtwin predict`, and clear about mistakes."""
+"""A model as an FMU in FMPy: valid, bit-identical to `softtwin predict`, with errors for invalid input."""
 
 import json
 import pathlib
@@ -34,7 +34,7 @@ def archive(tmp_path_factory):
 
 
 class Twin:
-    """An instance with its variables by name and what it logged."""
+    """Instance with its variables by name and its log messages."""
 
     def __init__(self, archive, folder, kind=FMU3Slave, token=None):
         self.description = fmpy.read_model_description(archive)

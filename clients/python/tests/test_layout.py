@@ -1,4 +1,4 @@
-"""The structures are those of docs/wire.md, which a Rust test compares with the code."""
+"""The structures agree with docs/wire.md, which a Rust test compares with the code."""
 
 import ctypes
 import pathlib

@@ -1,4 +1,4 @@
-"""The notebook runs as it stands; the environment is one that Gymnasium accepts and that can be controlled."""
+"""The notebook runs; Gymnasium accepts the environment, and a controller improves its reward."""
 
 import os
 import warnings
@@ -39,7 +39,7 @@ def test_gymnasium_accepts_the_environment(environment):
         warnings.simplefilter("always")
         check_env(environment.unwrapped)
     found = [str(warning.message) for warning in said]
-    # Readings have noise, so no finite box holds them all.
+    # Readings have noise, so the observation space is unbounded.
     assert all("-infinity" in text or "infinity" in text for text in found), found
 
 
@@ -54,7 +54,7 @@ def test_the_same_seed_gives_the_same_episode(environment):
 
 
 def test_the_model_controls_its_plant(environment):
-    """Pressure by the model's gradient: the force settles at what is wanted, and doing nothing earns less."""
+    """Pressure by the model's gradient: the force settles at the wanted force, with more reward than without control."""
     model = environment.unwrapped.model
 
     def total(law):

@@ -29,7 +29,7 @@ def test_fields_are_read_only_views_that_keep_their_sample(live):
         assert float(field.von_mises.max()) == pytest.approx(field.header.max_von_mises_mpa, rel=1e-6)
         assert int(field.von_mises.argmax()) == field.header.max_von_mises_node
         if held is None:
-            # Only one row lives on: it alone must keep the shared memory unchanged.
+            # One row remains: it must keep the shared memory unchanged.
             held, copied, first_seq = field.y, field.y.copy(), field.header.seq
             del field
             gc.collect()
@@ -157,7 +157,7 @@ def test_named_inputs_from_python_are_measured_inputs(stage):
 
 @pytest.fixture
 def converter(stage):
-    """A valve behind a converter (a file), driven by a bridge; the first owner is always another program."""
+    """Valve behind a converter (a file), driven by a bridge; the first owner is another program."""
     device = stage.folder / "iio:device0"
     device.mkdir()
     raw = device / "out_voltage0_raw"

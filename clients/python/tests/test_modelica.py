@@ -1,4 +1,4 @@
-"""The Modelica example in the hands of a Modelica parser: its text is Modelica, and what it names is in the FMU. It solves nothing."""
+"""The Modelica example in a Modelica parser: valid syntax, and its names exist in the FMU. No simulation."""
 
 import subprocess
 
@@ -20,7 +20,7 @@ def variables(tmp_path_factory):
 
 
 class Named(tree.TreeListener):
-    """The variables of a component that a model names."""
+    """Variables of a component that a model names."""
 
     def __init__(self, component):
         super().__init__()
@@ -45,7 +45,7 @@ def test_the_example_is_modelica_and_names_what_the_fmu_has(variables):
     set_by_equations = {side.child[0].name for side in left if isinstance(side, ast.ComponentRef) and side.name == "twin"}
     assert {name: variables[name] for name in named(model)} == {"pressure_mpa": "input", "gap_mm": "input", "domain_status": "output"}
     assert set_by_equations == {name for name, causality in variables.items() if causality == "input"}
-    # With the import's interface in place of the import it is a whole model: as many equations as unknowns.
+    # With the interface instead of the import the model has as many equations as unknowns.
     interface = "".join(f"  {variables[name]} Real {name};\n" for name in sorted(set(named(model))))
     whole = parser.parse(f"model finger\n{interface}equation\n  domain_status = 0 * (pressure_mpa + gap_mm);\nend finger;\n{text}")
     flat = tree.flatten(whole, ast.ComponentRef.from_string("Valve")).classes["Valve"]

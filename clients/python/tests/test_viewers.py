@@ -104,7 +104,7 @@ def test_rerun_loads_the_converted_recording(recording, tmp_path):
 
 
 def test_the_source_for_paraview_fills_vtk_s_data(live):
-    """Without ParaView: its programmable source hands over the same kind of object."""
+    """Without ParaView, with the type of object of its programmable source."""
     from softtwin.paraview import show
 
     output = vtkPolyData()

@@ -22,7 +22,7 @@ _KINDS = {
     "override": layout.Setpoint,
     "valve": layout.Valve,
 }
-_FLUX_S = 2.0  # how long to wait for others who create or remove the same topic
+_FLUX_S = 2.0  # time to wait for other programs that create or remove the same topic
 
 
 def now_ns() -> int:
@@ -40,7 +40,7 @@ class Bus:
     def __init__(self, domain: Optional[str] = None, root: Optional[str] = None) -> None:
         domain = domain or os.environ.get("SOFTTWIN_DOMAIN") or None
         root = root or os.environ.get("SOFTTWIN_ROOT") or None
-        iox2.set_log_level(iox2.LogLevel.Fatal)  # failures come back as exceptions
+        iox2.set_log_level(iox2.LogLevel.Fatal)  # errors are exceptions
         # The host's configuration file is not read, so that all programs of a shared-memory domain agree.
         config = iox2.config.default()
         prefix = f"iox2_{domain}_" if domain else "iox2_"

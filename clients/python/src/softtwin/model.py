@@ -166,7 +166,7 @@ class Model:
         given: Dict[str, Any] = {"pressure_mpa": pressure_mpa, "gap_mm": gap_mm}
         for name, value in further.items():
             given[self._name(name)] = value
-        if all(isinstance(value, (int, float)) for value in given.values()):  # one state: a third of the time below
+        if all(isinstance(value, (int, float)) for value in given.values()):  # one state: a third of the time of the general case
             states = np.array([given.get(name, np.nan) for name in self.inputs], np.float64)
         else:
             given = {name: np.asarray(value, np.float64) for name, value in given.items()}

@@ -134,11 +134,11 @@ def _files(folder: str, pattern: "re.Pattern[str]") -> list:
         return []
 
 
-def _remove_if_unused(path: str, half_made) -> None:  # type: ignore[no-untyped-def]
+def _remove_if_unused(path: str, is_incomplete) -> None:  # type: ignore[no-untyped-def]
     """The operating system grants a write lease only for a file that is open nowhere else."""
     try:
         found = os.lstat(path)
-        if not half_made(found):
+        if not is_incomplete(found):
             return
         mode = os.O_RDONLY if found.st_mode & 0o400 else os.O_WRONLY
         file = os.open(path, mode | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)

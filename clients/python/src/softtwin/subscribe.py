@@ -12,7 +12,7 @@ from .field import Field, copy_of
 from .layout import LAYOUT_VERSION, FieldHeader
 from .qos import QOS
 
-_SLICE_S = 0.2  # a wait is cut into slices, so that Ctrl-C is heard
+_SLICE_S = 0.2  # longest single wait, so that Ctrl-C interrupts
 
 
 class Subscription:
