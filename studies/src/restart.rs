@@ -15,7 +15,7 @@ use wire::{FieldReader, State, StateReader, Topic, WakeSet, Wakeable, now_ns};
 
 /// Measure how long the shipped scene's twin takes to start, and a killed twin and bridge until data flow again.
 ///
-/// Start: from the new process of the scene's twin to its line `ready`, on the machine as it is and with all cores loaded; its
+/// Start: from the new process of the scene's twin to its line `ready`, without load and with all cores loaded; its
 /// resident memory; from the first reading's stamp to the first field at a reader.
 /// Restart:
 /// A twin and a bridge at 1 kHz are killed and restarted. The twin: from the start of the new process to its first fresh
