@@ -4,8 +4,7 @@ use super::folder::Folder;
 use super::method::{Double, Kernel, ReconstructionMethod};
 use super::study::{Study, ours_with, paper, percent, train};
 use rom::kernel::Precision;
-use rom::model::Model;
-use rom::model::{Nodes, Selection};
+use rom::model::{Model, Selection};
 use rom::reconstructor::BasisOptions;
 use rom::snapshots::FieldKind;
 use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
@@ -24,7 +23,6 @@ struct Point {
     kernel: String,
     modes: String,
     precision: &'static str,
-    nodes: &'static str,
     micros: f64,
     bytes: usize,
     /// 95th percentile over the held-out states of the normalised errors: displacement, stress, force.
@@ -41,14 +39,11 @@ pub fn section(study: &Study, out: &Folder, progress: &mut Progress) -> anyhow::
             None => &study.ours,
         };
         for precision in ["f64", "f32", "i16", "default"] {
-            for nodes in ["all", "surface", "bottom"] {
-                let Some(selection) = selection(model, nodes) else { continue };
-                let mut method = method(model, &selection, precision)?;
-                let errors = errors(study, method.as_mut(), &selection, &cases)?;
-                let (micros, bytes) = (time(study, method.as_mut(), &cases)?, method.bytes());
-                let (kernel, modes) = (kernel.clone(), modes.clone());
-                points.push(Point { grouping, kernel, modes, precision, nodes, micros, bytes, errors });
-            }
+            let mut method = method(model, precision)?;
+            let errors = errors(study, method.as_mut(), &cases)?;
+            let (micros, bytes) = (time(study, method.as_mut(), &cases)?, method.bytes());
+            let (kernel, modes) = (kernel.clone(), modes.clone());
+            points.push(Point { grouping, kernel, modes, precision, micros, bytes, errors });
         }
     }
     let shown = out.picture("pareto", "Errors against time", &picture(&points))?;
@@ -75,38 +70,20 @@ fn grid() -> Vec<Choice> {
     grid
 }
 
-/// All nodes or a set the model has.
-fn selection(model: &Model, nodes: &str) -> Option<Selection> {
-    let nodes = match nodes {
-        "all" => Nodes::All,
-        set => Nodes::Set(model.header.node_sets.iter().find(|s| s.name == set)?.name.clone()),
-    };
-    Some(Selection { fields: None, nodes })
-}
-
-fn method(
-    model: &Model,
-    selection: &Selection,
-    precision: &str,
-) -> anyhow::Result<Box<dyn ReconstructionMethod>> {
+fn method(model: &Model, precision: &str) -> anyhow::Result<Box<dyn ReconstructionMethod>> {
+    let all = Selection::default();
     Ok(match precision {
-        "f64" => Box::new(Double::new(model, selection)?),
-        "f32" => Box::new(Kernel::new(model, selection, BasisOptions::all_modes(Precision::F32))?),
-        "i16" => Box::new(Kernel::new(model, selection, BasisOptions::all_modes(Precision::I16))?),
-        _ => Box::new(Kernel::new(model, selection, BasisOptions::default())?),
+        "f64" => Box::new(Double::new(model, &all)?),
+        "f32" => Box::new(Kernel::new(model, &all, BasisOptions::all_modes(Precision::F32))?),
+        "i16" => Box::new(Kernel::new(model, &all, BasisOptions::all_modes(Precision::I16))?),
+        _ => Box::new(Kernel::new(model, &all, BasisOptions::default())?),
     })
 }
 
 /// Errors of the worst node, normalised by the field's largest value in the case and by the largest force: the 95th
 /// percentile over cases.
-fn errors(
-    study: &Study,
-    method: &mut dyn ReconstructionMethod,
-    selection: &Selection,
-    cases: &[usize],
-) -> anyhow::Result<[f64; 3]> {
+fn errors(study: &Study, method: &mut dyn ReconstructionMethod, cases: &[usize]) -> anyhow::Result<[f64; 3]> {
     let database = &study.database;
-    let nodes = study.ours.header.resolve_nodes(&selection.nodes)?;
     let largest_force = database.cases.iter().map(|c| c.contact_force_n).fold(f64::MIN_POSITIVE, f64::max);
     let mut found = [(); 3].map(|()| Vec::with_capacity(cases.len()));
     for &i in cases {
@@ -117,8 +94,7 @@ fn errors(
             let truth: Vec<f32> = database.field(i, f).collect();
             let largest = truth.iter().fold(f32::MIN_POSITIVE, |m, v| m.max(v.abs()));
             let rows = method.rows();
-            let at = |row: usize| nodes.as_ref().map_or(row, |n| n[row] as usize);
-            let off = |row: usize| (method.value(f * rows + row) - f64::from(truth[at(row)])).abs();
+            let off = |row: usize| (method.value(f * rows + row) - f64::from(truth[row])).abs();
             found[slot].push((0..rows).map(off).fold(0.0, f64::max) / f64::from(largest));
         }
         found[2].push((force_n - case.contact_force_n).abs() / largest_force);
@@ -145,7 +121,7 @@ fn on_front(points: &[Point], point: &Point, slot: usize) -> bool {
     let better = |o: &Point| {
         let (theirs, own) = (o.errors[slot], point.errors[slot]);
         let no_worse = o.micros <= point.micros && theirs <= own;
-        o.nodes == point.nodes && no_worse && (o.micros < point.micros || theirs < own)
+        no_worse && (o.micros < point.micros || theirs < own)
     };
     !points.iter().any(better)
 }
@@ -153,36 +129,34 @@ fn on_front(points: &[Point], point: &Point, slot: usize) -> bool {
 fn page(points: &[Point], cases: usize, shown: &str) -> String {
     let mut text = format!(
         "\n## Speed against error\n\nOne state evaluated and all its fields reconstructed: the median of {TIMED} runs on {}. \
-         Errors are those of the worst node, normalised: the 95th percentile over {cases} held-out states inside the training range. The table goes \
-         from fast to slow: each row gains at least 10 % in displacement or stress over every faster one; the default \
-         (`chosen`) is always shown. f64 is plain sums over mode after mode; f32 and i16 are the twin's kernel with all modes, default is a \
-         scene's: i16, and of every field the modes that keep the leave-one-out error within {} %. MB is both regimes.\n\
-         {shown}\n| nodes | us | MB | POD | kernel | modes | precision | displacement % | stress % | force % |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+         Normalised errors of the worst node: the 95th percentile over {cases} held-out states inside the training range. From fast \
+         to slow: each row gains at least 10 % in displacement or stress over every faster one; our model (`chosen`) is always shown. \
+         f64: plain sums, mode after mode; f32 and i16: the twin's kernel with all modes; default: a scene's, i16 with an accepted \
+         growth of the leave-one-out error of {} %. MB: both regimes.\n\
+         {shown}\n| us | MB | POD | kernel | modes | precision | displacement % | stress % | force % |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
         processor(),
         100.0 * BasisOptions::ACCEPTED_ERROR
     );
-    for nodes in ["all", "surface", "bottom"] {
-        for p in table(points, nodes) {
-            let [displacement, stress, force] = p.errors.map(percent);
-            let _ = writeln!(
-                text,
-                "| {nodes} | {:.1} | {:.2} | {} | {} | {} | {} | {displacement} | {stress} | {force} |",
-                p.micros,
-                p.bytes as f64 / 1e6,
-                p.grouping,
-                p.kernel,
-                p.modes,
-                p.precision
-            );
-        }
+    for p in table(points) {
+        let [displacement, stress, force] = p.errors.map(percent);
+        let _ = writeln!(
+            text,
+            "| {:.1} | {:.2} | {} | {} | {} | {} | {displacement} | {stress} | {force} |",
+            p.micros,
+            p.bytes as f64 / 1e6,
+            p.grouping,
+            p.kernel,
+            p.modes,
+            p.precision
+        );
     }
     text
 }
 
 /// The front from fast to slow, without points that gain less than 10 % over a faster one, and the default.
-fn table<'a>(points: &'a [Point], nodes: &str) -> Vec<&'a Point> {
-    let mut sorted: Vec<&Point> = points.iter().filter(|p| p.nodes == nodes).collect();
+fn table(points: &[Point]) -> Vec<&Point> {
+    let mut sorted: Vec<&Point> = points.iter().collect();
     sorted.sort_by(|a, b| a.micros.total_cmp(&b.micros));
     let mut best = [f64::INFINITY; 2];
     sorted.retain(|p| {
@@ -208,15 +182,11 @@ fn picture(points: &[Point]) -> Figure {
             name: name.into(),
             colour,
             mark: Mark::Dots,
-            points: points
-                .iter()
-                .filter(|p| p.nodes == "all" && keep(p))
-                .map(|p| (p.micros, 100.0 * p.errors[slot]))
-                .collect(),
+            points: points.iter().filter(|p| keep(p)).map(|p| (p.micros, 100.0 * p.errors[slot])).collect(),
         };
         let mut front: Vec<(f64, f64)> = points
             .iter()
-            .filter(|p| p.nodes == "all" && on_front(points, p, slot))
+            .filter(|p| on_front(points, p, slot))
             .map(|p| (p.micros, 100.0 * p.errors[slot]))
             .collect();
         front.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -242,5 +212,5 @@ fn picture(points: &[Point]) -> Figure {
         }
     };
     let panels = vec![panel("Displacement", 0), panel("Stress", 1)];
-    Figure { title: "Speed against error, all nodes".into(), panels, columns: 2 }
+    Figure { title: "Speed against error".into(), panels, columns: 2 }
 }

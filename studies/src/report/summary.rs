@@ -140,7 +140,7 @@ fn validation(study: &Study, table: &mut Table) -> anyhow::Result<()> {
 
 fn of_sealed(sealed: &Sealed, table: &mut Table) {
     let name = |what: &str| format!("{} test states in contact: {what}", sealed.states);
-    let quantities = ["normalised displacement", "normalised stress", "force per largest force"];
+    let quantities = ["normalised position error", "normalised stress", "force per largest force"];
     let none = || (0.0, "-".to_owned());
     for (k, quantity) in quantities.iter().enumerate() {
         for (at, which) in ["mean", "95th percentile", "worst"].iter().enumerate() {
