@@ -128,7 +128,7 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
         nodes: default.nodes(),
         fields: default.fields(),
         entries: default.output_len(),
-        coefficients: full.evaluation().coefficients.len(),
+        coefficients: coefficients.len(),
         kernel: Kernels { default: default_figures, f32 },
         predict_us_p50: predictions[0].p50(),
         jumping_us_p50: jumping.p50(),
