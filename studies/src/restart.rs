@@ -120,7 +120,11 @@ impl Args {
         let busy = AtomicBool::new(true);
         std::thread::scope(|scope| {
             for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
-                scope.spawn(|| while busy.load(Ordering::Relaxed) {});
+                scope.spawn(|| {
+                    while busy.load(Ordering::Relaxed) {
+                        std::hint::spin_loop()
+                    }
+                });
             }
             let measured = (0..self.rounds).try_for_each(|_| {
                 let testbed = Testbed::new("start")?;

@@ -193,14 +193,7 @@ pub unsafe extern "C" fn softtwin_writer_send_command(
         };
         *seq += 1;
         let (boot_id, seq, t_publish_ns) = (*boot_id, *seq, now_ns());
-        Ok(port.publish(Command {
-            boot_id,
-            seq,
-            t_sensor_ns,
-            t_publish_ns,
-            pressure_mpa,
-            ..Command::default()
-        })?)
+        Ok(port.publish(Command { boot_id, seq, t_sensor_ns, t_publish_ns, pressure_mpa })?)
     })
 }
 

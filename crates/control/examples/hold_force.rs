@@ -182,16 +182,8 @@ impl Owner {
         self.seq += 1;
         let Self { boot_id, seq, valid_for_ns, name: owner, .. } = *self;
         let t_publish_ns = now_ns();
-        let setpoint = Setpoint {
-            boot_id,
-            seq,
-            t_sensor_ns,
-            t_publish_ns,
-            valid_for_ns,
-            pressure_mpa,
-            owner,
-            ..Setpoint::default()
-        };
+        let setpoint =
+            Setpoint { boot_id, seq, t_sensor_ns, t_publish_ns, valid_for_ns, pressure_mpa, owner };
         Ok(self.writer.publish(setpoint)?)
     }
 }

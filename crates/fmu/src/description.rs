@@ -71,7 +71,7 @@ pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> String {
         );
     }
     for (at, output) in outputs.iter().enumerate() {
-        let (name, about) = (escaped(&output.name), escaped(&output.about));
+        let (name, about) = (escaped(&output.name), escaped(output.about));
         let number = FIRST_OUTPUT + at as u32;
         let (kind, unit) = match output.quantity.is_integer() {
             true => ("Int32", "variability=\"discrete\"".to_owned()),

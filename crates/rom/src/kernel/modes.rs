@@ -123,11 +123,9 @@ impl Modes {
             for mode in 0..count {
                 let row: [f64; TILE_NODES] =
                     std::array::from_fn(|lane| value(mode, (tile * TILE_NODES + lane).min(nodes - 1)));
-                match precision {
-                    Precision::F32 => row.iter().for_each(|v| bytes.extend((*v as f32).to_le_bytes())),
-                    Precision::I16 => {
-                        pairs(&row, steps[mode]).for_each(|word| bytes.extend(word.to_le_bytes()));
-                    }
+                match steps.get(mode) {
+                    None => row.iter().for_each(|v| bytes.extend((*v as f32).to_le_bytes())),
+                    Some(&step) => pairs(&row, step).for_each(|word| bytes.extend(word.to_le_bytes())),
                 }
             }
         }

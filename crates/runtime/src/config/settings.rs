@@ -81,7 +81,7 @@ pub(crate) fn ms_to_ns(ms: f64) -> u64 {
 }
 
 /// Real-time behaviour; what needs rights is off unless asked for.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Realtime {
     /// Lock all memory (`mlockall`), so that nothing is paged out.
@@ -99,20 +99,6 @@ pub struct Realtime {
     pub stay_awake: bool,
     /// Reaction to missing rights for these settings.
     pub on_missing_rights: OnMissingRights,
-}
-
-impl Default for Realtime {
-    fn default() -> Self {
-        Self {
-            lock_memory: false,
-            prefault: false,
-            fifo_priority: 0,
-            cores: Vec::new(),
-            busy_poll: false,
-            stay_awake: false,
-            on_missing_rights: OnMissingRights::default(),
-        }
-    }
 }
 
 /// Reaction to missing rights for real-time settings.
