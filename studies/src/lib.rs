@@ -19,8 +19,6 @@ mod slope;
 mod soak;
 mod stats;
 mod sweep;
-#[allow(dead_code, missing_docs, reason = "shared with the tests of other crates")]
-#[path = "../../tests/src/synthetic/mod.rs"]
 pub mod synthetic;
 mod testbed;
 mod trace;

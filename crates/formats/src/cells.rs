@@ -1,6 +1,7 @@
 //! Cells of meshes by VTK's numbers: their names, their faces and the surface of a body.
 
-use crate::mesh_file::{TET_FACES, TRI_FACETS};
+use crate::error::Diagnostic;
+use crate::mesh_file::{MeshFile, TET_FACES, TRI_FACETS};
 use std::collections::HashMap;
 
 /// Cells of one kind.
@@ -198,4 +199,22 @@ fn points_inwards(points: &[[f64; 3]], cell: &[u32], face: &[u32]) -> bool {
     let (u, v) = ([0, 1, 2].map(|k| b[k] - a[k]), [0, 1, 2].map(|k| c[k] - a[k]));
     let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
     (0..3).map(|k| normal[k] * (middle[k] - centre[k])).sum::<f64>() < 0.0
+}
+
+impl MeshFile {
+    /// Mesh of the solids among `blocks`; points, lines and faces are ignored.
+    ///
+    /// # Errors
+    /// Solids other than 10-node tetrahedra, or none.
+    pub fn of_solids(points_mm: Vec<[f64; 3]>, blocks: &[Block]) -> Result<Self, Diagnostic> {
+        let is_solid = |block: &&Block| Kind::of(block.kind.into()).is_some_and(|kind| kind.is_solid);
+        let solids: Vec<&Block> = blocks.iter().filter(is_solid).collect();
+        let [Block { kind: 24, nodes, .. }] = solids.as_slice() else {
+            let count = |block: &&Block| format!("{} of type {}", block.count(), block.kind);
+            let found = solids.iter().map(count).collect::<Vec<_>>().join(", ");
+            let found = if found.is_empty() { "no solids".to_owned() } else { found };
+            return Err(Diagnostic::new("cells", "10-node tetrahedra only (VTK's type 24, C3D10)", found));
+        };
+        Ok(Self { points_mm, tets: nodes.as_chunks::<10>().0.to_vec(), ..Self::default() })
+    }
 }

@@ -1,7 +1,5 @@
 //! Content of a mesh file in any format: nodes, 10-node tetrahedra, named surfaces; order of the nodes.
 
-use crate::cells::{Block, Kind};
-use crate::error::Diagnostic;
 use std::collections::BTreeMap;
 
 /// 10-node tetrahedron: four corners, then the mid-sides of 01, 12, 02, 03, 13 and 23.
@@ -32,22 +30,4 @@ pub struct MeshFile {
     pub tets: Vec<Tet10>,
     /// Triangles of each named surface.
     pub surfaces: BTreeMap<String, Vec<Tri6>>,
-}
-
-impl MeshFile {
-    /// Mesh of the solids among `blocks`; points, lines and faces are ignored.
-    ///
-    /// # Errors
-    /// Solids other than 10-node tetrahedra, or none.
-    pub fn of_solids(points_mm: Vec<[f64; 3]>, blocks: &[Block]) -> Result<Self, Diagnostic> {
-        let is_solid = |block: &&Block| Kind::of(block.kind.into()).is_some_and(|kind| kind.is_solid);
-        let solids: Vec<&Block> = blocks.iter().filter(is_solid).collect();
-        let [Block { kind: 24, nodes, .. }] = solids.as_slice() else {
-            let count = |block: &&Block| format!("{} of type {}", block.count(), block.kind);
-            let found = solids.iter().map(count).collect::<Vec<_>>().join(", ");
-            let found = if found.is_empty() { "no solids".to_owned() } else { found };
-            return Err(Diagnostic::new("cells", "10-node tetrahedra only (VTK's type 24, C3D10)", found));
-        };
-        Ok(Self { points_mm, tets: nodes.as_chunks::<10>().0.to_vec(), ..Self::default() })
-    }
 }
