@@ -51,7 +51,7 @@ def test_pictures_of_a_recording_agree_with_its_fields(recording):
             found.setdefault(channel.topic.rsplit("/", 1)[1], []).append((message.log_time, decoded))
     fields = {message.publish_time: header for message, header in messages(source, "softtwin/finger/field")}
     times = [time for time, _ in found["points"]]
-    assert times == [time for time, _ in found["surface"]] and 10 <= len(times) <= len(fields)
+    assert times == [time for time, _ in found["surface"]] and 2 <= len(times) <= len(fields)
     assert (len(times) - 1) * 50_000_000 <= times[-1] - times[0], "at most 20 per second"
 
     for time, cloud in found["points"]:
@@ -80,7 +80,7 @@ def test_pictures_of_a_recording_agree_with_its_fields(recording):
     assert (transform.parent_frame_id, transform.child_frame_id) == ("scene", "finger")
     assert (transform.translation.y, transform.translation.z, transform.rotation.w) == (0.1, 0.005, 1.0)
     states = [state for _, state in messages(source, "softtwin/finger/state")]
-    assert [state for _, state in messages(path, "softtwin/finger/state")] == states and len(states) > 40
+    assert [state for _, state in messages(path, "softtwin/finger/state")] == states and len(states) > 5
 
 
 def test_a_recording_without_its_end_is_converted(recording, tmp_path):
