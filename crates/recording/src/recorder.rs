@@ -1,50 +1,54 @@
 //! Records topics: shared memory -> a thread for each topic -> a bounded queue -> one thread that writes -> disk.
 //!
 //! ```text
-//! TopicScan ──topics──> run ──starts──> topic, topic, ... ──messages──> queue ──> writer ──> disk
+//! scan ──topics──> run ──starts──> topic, topic, ... ──messages──> queue ──> writer ──> disk
 //! ```
 //!
 //! Each topic has a thread that receives and encodes (a topic's buffer holds 2 s at 1 kHz), one thread scans for topics, one
-//! compresses, writes and syncs. Only the last two ever wait for a disk, and a topic that is being opened. The queue is
-//! bounded in bytes; what does not fit is dropped and counted, so that a slow disk costs messages and never memory.
+//! compresses, writes and syncs. Only the last two wait for a disk, and a topic that is being opened. The queue is bounded in
+//! bytes; messages beyond it are dropped and counted, so that a slow disk costs messages and never memory.
 
 mod queue;
-mod scan;
 mod summary;
 #[cfg(test)]
 #[path = "../tests/unit/recorder.rs"]
 mod tests;
 mod topic;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, Receiver};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use wire::layout::LAYOUT_VERSION;
-use wire::{Domain, KeyExpr, Topic, TopicKind, WireError, now_ns};
+use wire::thread_group::{StopFlag, ThreadEnded, ThreadGroup, WAIT};
+use wire::{Bus, Domain, KeyExpr, Topic, TopicKind, WireError, now_ns};
 
 use crate::rotate::{RotateOptions, RotatingWriter};
 pub use queue::FLUSH_EVERY;
 use queue::{Queue, WriterThread};
-use scan::{ScanResult, TopicScan};
 pub use summary::{RecordError, RecordSummary};
 use topic::Opened;
-use wire::thread_group::{ThreadEnded, ThreadGroup, WAIT};
+
+/// Interval of scans for topics.
+const SCAN_EVERY: Duration = Duration::from_millis(250);
+
+/// New topics of a scan, or its error.
+type ScanResult = Result<Vec<Topic>, WireError>;
 
 /// Topics and target of a recording.
 #[derive(Debug, Clone)]
 pub struct RecorderOptions {
     /// Topics, as key expressions.
     pub keys: Vec<KeyExpr>,
-    /// Whole fields too: half a megabyte a sample at full size.
+    /// Record whole fields too: half a megabyte per sample at full size.
     pub with_fields: bool,
-    /// The file, or what the files' names begin with when rotating.
+    /// The file; the common beginning of the files' names when rotating.
     pub path: PathBuf,
-    /// When a new file is begun.
+    /// Rules for new files.
     pub rotate: RotateOptions,
-    /// Most that may wait for the disk, bytes.
+    /// Capacity of the queue, bytes.
     pub queue_bytes: u64,
 }
 
@@ -53,7 +57,7 @@ pub struct Recorder {
     domain: Domain,
     options: RecorderOptions,
     scans: Receiver<ScanResult>,
-    // Dropped before the queue: the threads take what has been published before they end.
+    // Dropped before the queue: at their end the threads take samples published so far.
     threads: ThreadGroup,
     queue: Queue,
     writer: WriterThread,
@@ -68,8 +72,15 @@ impl Recorder {
     pub fn start(domain: &Domain, options: RecorderOptions) -> Result<Self, RecordError> {
         let (place, keys) = (domain.clone(), options.keys.clone());
         Self::start_with(domain, options, || {
-            let mut scan = TopicScan::new(place, keys);
-            move || scan.scan()
+            let mut bus = None;
+            move || {
+                let bus = match &mut bus {
+                    Some(bus) => bus,
+                    none => none.insert(Bus::open(&place)?),
+                };
+                let found = keys.iter().map(|key| bus.names(key)).collect::<Result<Vec<_>, _>>()?;
+                Ok(found.concat())
+            }
         })
     }
 
@@ -88,7 +99,7 @@ impl Recorder {
         let threads = ThreadGroup::default();
         let mut recorder = Self { domain: domain.clone(), options, scans, threads, queue, writer };
         let started = recorder.threads.start("topic scan", move |stop| {
-            scan::keep_scanning(make_scan(), &sender, stop);
+            keep_scanning(make_scan(), &sender, stop);
             Ok(())
         });
         match started.map_err(RecordError::Start).and_then(|()| recorder.open_topics()) {
@@ -181,6 +192,21 @@ impl Recorder {
             Ok(())
         });
         started.map(|()| Some(opened)).map_err(RecordError::Start)
+    }
+}
+
+/// Scans repeatedly and sends new topics, until `stop` is set. Listing topics can block for seconds on a busy disk, so this is a
+/// separate thread.
+fn keep_scanning(mut scan: impl FnMut() -> ScanResult, found: &Sender<ScanResult>, stop: &StopFlag) {
+    let mut seen = BTreeSet::new();
+    while !stop.is_set() {
+        let result = scan().map(|mut topics| {
+            topics.retain(|topic| seen.insert(topic.name().to_owned()));
+            topics
+        });
+        // Without a receiver the stop flag is about to be set.
+        let _ = found.send(result);
+        stop.pause(SCAN_EVERY);
     }
 }
 

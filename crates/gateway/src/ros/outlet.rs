@@ -9,7 +9,7 @@ use super::types::{DIAGNOSTICS, MARKER, MessageType, POINTS, PRESSURE, WRENCH};
 use crate::link::{Link, network};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
-use wire::{AnyReader, AnySample, Bus, Topic, TopicInfo, TopicKind, Waking, WireError};
+use wire::{AnyReader, AnySample, Bus, State, Topic, TopicInfo, TopicKind, Waking, WireError};
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
@@ -22,8 +22,8 @@ type Encode = Box<dyn FnMut(&AnySample, &str, u64) -> Option<Vec<u8>>>;
 fn kinds(topic: &Topic, ros: &Ros2) -> Vec<(String, MessageType, Encode)> {
     match topic.kind() {
         TopicKind::State => vec![
-            ("wrench".into(), WRENCH, Box::new(wrench) as Encode),
-            ("pressure".into(), PRESSURE, Box::new(pressure)),
+            ("wrench".into(), WRENCH, of_state(message::wrench)),
+            ("pressure".into(), PRESSURE, of_state(message::pressure)),
         ],
         TopicKind::Field => {
             let set = plain(topic.node_set().unwrap_or("all"));
@@ -38,14 +38,11 @@ fn kinds(topic: &Topic, ros: &Ros2) -> Vec<(String, MessageType, Encode)> {
     }
 }
 
-fn wrench(sample: &AnySample, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
-    let AnySample::State(state) = sample else { return None };
-    Some(message::wrench(state, actuator, time_ns))
-}
-
-fn pressure(sample: &AnySample, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
-    let AnySample::State(state) = sample else { return None };
-    Some(message::pressure(state, actuator, time_ns))
+fn of_state(encode: fn(&State, &str, u64) -> Vec<u8>) -> Encode {
+    Box::new(move |sample, actuator, time_ns| match sample {
+        AnySample::State(state) => Some(encode(state, actuator, time_ns)),
+        _ => None,
+    })
 }
 
 fn points(sample: &AnySample, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
