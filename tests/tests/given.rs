@@ -12,6 +12,20 @@ const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/pneunet-desi
 const STIFFNESS: &str = "elastomer.law.mu_mpa";
 const PRESSURE_MPA: f64 = 0.06;
 const GAP_MM: f64 = 40.0;
+const NAMES: [&str; 7] = [
+    "pressure_mpa",
+    "gap_mm",
+    STIFFNESS,
+    "chambers.length_mm",
+    "chambers.width_mm",
+    "base.lower_mm",
+    "sheet.thickness_mm",
+];
+
+/// Values of all inputs at this stiffness: the lengths at their nominal values.
+fn inputs(stiffness: f64) -> [f64; 7] {
+    [PRESSURE_MPA, GAP_MM, stiffness, 3.0, 14.0, 2.0, 0.1]
+}
 
 fn scene(stage: &Stage, inputs: &str) -> std::path::PathBuf {
     let text = format!(
@@ -64,21 +78,24 @@ fn given_parameter_is_used_by_every_command() {
     publish(&stage, &mut sensor, 1);
     let expected = predicted(&stage, 0.72);
     let state = json(&stage, &["echo", "softtwin/finger/state", "--once", "--json"])["sample"].clone();
-    assert_eq!(state["input_names"], serde_json::json!(["pressure_mpa", "gap_mm", STIFFNESS]), "{state}");
-    assert_eq!(state["inputs"], serde_json::json!([PRESSURE_MPA, GAP_MM, 0.72]), "{state}");
+    assert_eq!(state["input_names"], serde_json::json!(NAMES), "{state}");
+    assert_eq!(state["inputs"], serde_json::json!(inputs(0.72)), "{state}");
     let force = number(&expected["contact_force_n"]);
     assert!(force > 0.1 && (number(&state["contact_force_n"]) - force).abs() < 1e-12 * force, "{expected}");
-    for (at, name) in ["pressure_mpa", "gap_mm", STIFFNESS].iter().enumerate() {
+    for (at, name) in NAMES.iter().enumerate() {
         let (found, exact) = (number(&state["force_by_input"][at]), number(&expected["dforce"][name]));
         assert!((found - exact).abs() <= 1e-12 * exact.abs() && exact != 0.0, "{name}: {found}, {exact}");
     }
-    assert_eq!(state["input_sources"], serde_json::json!(["measured", "measured", "given"]), "{state}");
+    let mut sources = vec!["measured", "measured", "given"];
+    sources.resize(NAMES.len(), "nominal");
+    assert_eq!(state["input_sources"], serde_json::json!(sources), "{state}");
     // A field says by itself which inputs it was made for.
     let field = wait_for(&fields, "the field of the reading", |reader| reader.newest().expect("readable"));
     let of_field: Vec<_> = field.header().inputs().map(|i| (i.name, i.value, i.source)).collect();
-    let known = [("pressure_mpa", PRESSURE_MPA), ("gap_mm", GAP_MM), (STIFFNESS, 0.72)];
-    let sources = [input_source::MEASURED, input_source::MEASURED, input_source::GIVEN];
-    let known = known.iter().zip(sources).map(|((name, value), source)| ((*name).to_owned(), *value, source));
+    let mut sources = vec![input_source::MEASURED, input_source::MEASURED, input_source::GIVEN];
+    sources.resize(NAMES.len(), input_source::NOMINAL);
+    let known = NAMES.iter().zip(inputs(0.72)).zip(sources);
+    let known = known.map(|((name, value), source)| ((*name).to_owned(), value, source));
     assert_eq!(of_field, known.collect::<Vec<_>>());
     for (arguments, text) in [
         (&["echo", "softtwin/finger/state", "--once"][..], "elastomer.law.mu_mpa 0.72000 (given, dF "),
@@ -106,8 +123,11 @@ fn the_recording_has_the_value(stage: &Stage, recording: &str) {
     let (code, said) = run(stage, &["export", recording, "--out", &tables]);
     assert_eq!(code, Some(0), "{said}");
     let table = std::fs::read_to_string(Path::new(&tables).join("softtwin.finger.state.csv")).unwrap();
-    assert!(table.contains(&format!("pressure_mpa gap_mm {STIFFNESS}")), "{table}");
-    assert!(table.contains("0.06 40.0 0.72") && table.contains("measured measured given"), "{table}");
+    assert!(table.contains(&NAMES.join(" ")), "{table}");
+    assert!(
+        table.contains("0.06 40.0 0.72 3.0") && table.contains("measured measured given nominal"),
+        "{table}"
+    );
     let [replayed, exact] = ["replayed.npy", "exact.npy"].map(|name| stage.path(name).display().to_string());
     let (code, said) =
         run(stage, &["export", recording, "--model", MODEL, "--every", "1000000", "--out", &replayed]);
@@ -134,7 +154,7 @@ fn queries_take_parameters_and_return_their_gradients() {
     let force = |answer: &Value| number(&answer["contact_force_n"]);
     let answer = whatif(0.9);
     let expected = predicted(&stage, 0.9);
-    assert_eq!(answer["inputs"], serde_json::json!([PRESSURE_MPA, GAP_MM, 0.9]), "{answer}");
+    assert_eq!(answer["inputs"], serde_json::json!(inputs(0.9)), "{answer}");
     assert!((force(&answer) - force(&expected)).abs() < 1e-12, "{answer}, {expected}");
     // The gradient is what a small step of the parameter does.
     let step = 1e-5;
@@ -152,7 +172,7 @@ fn queries_take_parameters_and_return_their_gradients() {
     let back = ask(&format!("gap?force_n={n};pressure_mpa={PRESSURE_MPA};{STIFFNESS}=0.9"));
     assert!((number(&back["gap_mm"]) - GAP_MM).abs() < 1e-4, "{back}");
     let (code, said) = run(&stage, &["get", "softtwin/finger/whatif?pressure_mpa=0.06;elastomer.law.mu=0.9"]);
-    let known = format!("no input of this model, which has pressure_mpa, gap_mm, {STIFFNESS}");
+    let known = format!("no input of this model, which has {}", NAMES.join(", "));
     assert!(code == Some(1) && said.contains(&known), "{said}");
     // A parameter's name needs no dot. The refusal contains the nearest known name.
     for name in ["mu_mpa", "elastomer.law.mu", "elastomr.law.mu_mpa"] {

@@ -87,7 +87,7 @@ fn commands_show_published_samples() {
     let (code, said) = run(&stage, &["list", "softtwin/finger/state", "--long", "--json"]);
     assert_eq!(code, Some(0), "{said:?}");
     let info = &json(&said)[0][0];
-    assert_eq!(info["payload"], "softtwin.State.v6");
+    assert_eq!(info["payload"], format!("softtwin.State.v{}", wire::layout::LAYOUT_VERSION));
     assert_eq!(info["writers"][0], twin.id());
 
     let (code, said) = run(&stage, &["scene", "explain", "finger.toml", "--json"]);

@@ -67,7 +67,7 @@ fn scene(stage: &Stage) -> PathBuf {
 #[test]
 fn the_examples_run_in_c_and_in_cpp() {
     // The rlib of this test and the shared library are of the same build.
-    assert_eq!(capi::softtwin_layout_version(), 6);
+    assert_eq!(capi::softtwin_layout_version(), wire::layout::LAYOUT_VERSION);
     let stage = Stage::new("capi");
     let scene = scene(&stage);
     let programs: Vec<String> = [("cc", "-std=c11", "twin.c"), ("c++", "-std=c++17", "twin.cpp")]
