@@ -92,13 +92,11 @@ fn the_examples_run_in_c_and_in_cpp() {
         assert!(all.contains("free") || all.contains("contact"), "{program}: no regime in {all}");
     }
     if let Some(latency) = compile(&stage, "cc", "-std=c11", "latency.c") {
-        for (what, share) in [("state", 0.0), ("field", 0.0), ("state", 0.3), ("field", 0.3)] {
-            let (status, said) = Program::shell(&stage, &format!("{latency} 1 {what} finger {share}")).end();
+        for what in ["state", "field"] {
+            let (status, said) = Program::shell(&stage, &format!("{latency} 1 {what} finger")).end();
             assert!(status.success(), "{said:?}");
             assert!(said[0].contains(&format!("\"what\":\"{what}\"")), "{said:?}");
         }
-        let (status, said) = Program::shell(&stage, &format!("{latency} 1 state finger 0.7")).end();
-        assert!(!status.success() && said.join("\n").contains("expected 0 (never) to 0.5"), "{said:?}");
     }
     drop((bridge, twin));
 }
