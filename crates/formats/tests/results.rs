@@ -108,7 +108,7 @@ fn what_does_not_fit_is_refused_by_name() {
     let text = refused(Wanted { stress_mpa: None, ..wanted() });
     assert!(text.contains("quantity STRESS: "), "{text}");
     let text = refused(Wanted { displacement: Some("U2".into()), ..wanted() });
-    assert!(text.contains("U2") && text.ends_with("DISP, STRESS, FORC, ENER"), "{text}");
+    assert!(text.contains("U2") && text.contains("DISP, STRESS, FORC, ENER"), "{text}");
     let text = refused(Wanted { fields: vec![("FORC".into(), "N".into())], ..wanted() });
     assert!(text.contains("F1, F2, F3"), "{text}");
     let mut assembly = Assembly::new(wanted());
