@@ -11,8 +11,9 @@ pub struct OwnFiles {
     writer_locks: String,
 }
 
-/// A descriptor that another thread is about to close shows a removed file, too; it is gone after this time.
-const SECOND_LOOK: Duration = Duration::from_millis(20);
+/// Time to the second check. A descriptor of another program's file that a thread of this program is about to close shows a removed
+/// file, too, if that program ends meanwhile. A busy machine can delay that thread for tens of milliseconds.
+const SECOND_LOOK: Duration = Duration::from_millis(500);
 /// Suffix of the name of an open file that was removed.
 const REMOVED: &str = " (deleted)";
 
@@ -27,7 +28,7 @@ impl OwnFiles {
     /// Removed files of this program, for example by a cleaner of temporary folders. If there are any, no other program finds
     /// this one's topics: it should report them and end, to be restarted.
     ///
-    /// Takes about 100 us, and 20 ms more if a file is missing. For calls once a second, not for a real-time thread.
+    /// Takes about 100 us, and 500 ms more if a file is missing. For calls once a second, not for a real-time thread.
     pub fn removed(&self) -> Vec<PathBuf> {
         let first = self.removed_now();
         if first.is_empty() {
