@@ -1,5 +1,6 @@
 //! Whether a running program's own files are still there.
 
+use crate::leftover::process_of;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -11,9 +12,8 @@ pub struct OwnFiles {
     writer_locks: String,
 }
 
-/// Time to the second check. A descriptor of another program's file that a thread of this program is about to close shows a removed
-/// file, too, if that program ends meanwhile. A busy machine can delay that thread for tens of milliseconds.
-const SECOND_LOOK: Duration = Duration::from_millis(500);
+/// A descriptor that another thread is about to close shows a removed file, too; it is gone after this time.
+const SECOND_LOOK: Duration = Duration::from_millis(20);
 /// Suffix of the name of an open file that was removed.
 const REMOVED: &str = " (deleted)";
 
@@ -28,7 +28,7 @@ impl OwnFiles {
     /// Removed files of this program, for example by a cleaner of temporary folders. If there are any, no other program finds
     /// this one's topics: it should report them and end, to be restarted.
     ///
-    /// Takes about 100 us, and 500 ms more if a file is missing. For calls once a second, not for a real-time thread.
+    /// Takes about 100 us, and 20 ms more if a file is missing. For calls once a second, not for a real-time thread.
     pub fn removed(&self) -> Vec<PathBuf> {
         let first = self.removed_now();
         if first.is_empty() {
@@ -48,6 +48,13 @@ impl OwnFiles {
     fn removed_file(&self, link: &Path) -> Option<PathBuf> {
         let path = link.to_str()?.strip_suffix(REMOVED)?;
         let ours = Path::new(path).starts_with(&self.folder) || path.starts_with(&self.writer_locks);
-        ours.then(|| path.into())
+        (ours && !self.is_of_another_program(Path::new(path))).then(|| path.into())
+    }
+
+    /// Whether the file describes the node of another program. Such a file is open here as well, and is removed when that program ends.
+    fn is_of_another_program(&self, path: &Path) -> bool {
+        let node =
+            path.strip_prefix(self.folder.join("nodes")).ok().and_then(|rest| rest.iter().next()?.to_str());
+        node.and_then(|id| id.parse().ok()).is_some_and(|id| process_of(id) != std::process::id())
     }
 }

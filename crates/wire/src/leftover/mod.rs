@@ -16,6 +16,7 @@ mod sweep;
 mod unused;
 mod watch;
 
+pub(crate) use nodes::process_of;
 pub(crate) use places::Places;
 pub use sweep::Removed;
 pub(crate) use unused::names_this_file;

@@ -127,7 +127,7 @@ impl Places {
 }
 
 /// The process id within a node's or a port's number: seconds, nanoseconds, process id, counter, each of 32 bits.
-pub(super) fn process_of(id: u128) -> u32 {
+pub(crate) fn process_of(id: u128) -> u32 {
     (id >> 64) as u32
 }
 
