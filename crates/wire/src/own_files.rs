@@ -53,8 +53,9 @@ impl OwnFiles {
 
     /// Whether the file describes the node of another program. Such a file is open here as well, and is removed when that program ends.
     fn is_of_another_program(&self, path: &Path) -> bool {
-        let node =
+        let entry =
             path.strip_prefix(self.folder.join("nodes")).ok().and_then(|rest| rest.iter().next()?.to_str());
-        node.and_then(|id| id.parse().ok()).is_some_and(|id| process_of(id) != std::process::id())
+        let id = entry.and_then(|name| name.split(".node_monitor").next()?.rsplit('_').next()?.parse().ok());
+        id.is_some_and(|id| process_of(id) != std::process::id())
     }
 }
