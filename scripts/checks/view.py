@@ -267,8 +267,10 @@ def what_if_has_a_slider_for_every_input_and_numbers_show_the_parameters(stage, 
         answer = json.loads(stage.run("softtwin", "predict", "--model", "models/pneunet-design/pneunet-design.twin", "--pressure-mpa", "0.07",
                                       "--gap-mm", "30", "--set", "elastomer.law.mu_mpa=0.7").stdout)
         assert abs(page.shown("contact_force_n") - answer["contact_force_n"]) < 1e-9, answer
-        numbers = page.run("[...document.querySelectorAll('.number')].map((box) => box.textContent).join(' | ')")
-        assert "elastomer.law.mu_mpa0.7000" in numbers.replace(" ", "") and f"dF {answer['dforce']['elastomer.law.mu_mpa']:.3g}" in numbers.replace("−", "-"), numbers
+        numbers = lambda: page.run("[...document.querySelectorAll('.number')].map((box) => box.textContent).join(' | ')").replace(" ", "").replace("−", "-")
+        derivative = f"dF{answer['dforce']['elastomer.law.mu_mpa']:.3g}"
+        # The numbers are written at most a few times per second, after the state.
+        wait(lambda: "elastomer.law.mu_mpa0.7000" in numbers() and derivative in numbers(), f"stiffness 0.7000 and {derivative} in the numbers")
         assert not page.browser.complaints(), page.browser.complaints()
         stage.end(view)
     finally:

@@ -330,11 +330,6 @@ impl HysteresisEvaluator {
         Self { evaluator, last: None }
     }
 
-    /// The evaluator alone.
-    pub fn into_evaluator(self) -> Evaluator {
-        self.evaluator
-    }
-
     /// As [`Evaluator::state`], with the label.
     pub fn state(&mut self, inputs: Inputs, out: &mut Evaluation) -> RegimeLabel {
         self.evaluator.state(inputs, out);

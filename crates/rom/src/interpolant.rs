@@ -50,14 +50,6 @@ impl Metric {
         u
     }
 
-    /// `x` of `M x`.
-    pub fn undo(&self, u: &Point) -> Point {
-        let mut x = *u;
-        x.iter_mut().zip(&self.scale).for_each(|(x, s)| *x /= s);
-        x[0] -= self.shear * x[1];
-        x
-    }
-
     /// `M^T g`: a gradient over `M x` as a gradient over `x`.
     pub fn pull_back<const D: usize>(&self, mut g: [f64; D]) -> [f64; D] {
         g.iter_mut().zip(&self.scale).for_each(|(g, s)| *g *= s);

@@ -135,7 +135,7 @@ impl Bus {
 
     /// Files of this program, to check that they still exist.
     pub fn own_files(&self) -> OwnFiles {
-        OwnFiles::new(&self.places.root, self.places.writer_locks())
+        OwnFiles::new(&self.places)
     }
 
     /// Folder of the management files.

@@ -1,6 +1,6 @@
 //! Whether a running program's own files are still there.
 
-use crate::leftover::process_of;
+use crate::leftover::{Places, process_of};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -8,8 +8,9 @@ use std::time::Duration;
 /// Files that a program keeps open while its bus is open. May be sent to another thread.
 #[derive(Debug, Clone)]
 pub struct OwnFiles {
+    places: Places,
+    /// Folder of the management files by its real path, as the kernel names open files.
     folder: PathBuf,
-    writer_locks: String,
 }
 
 /// A descriptor that another thread is about to close shows a removed file, too; it is gone after this time.
@@ -18,11 +19,9 @@ const SECOND_LOOK: Duration = Duration::from_millis(20);
 const REMOVED: &str = " (deleted)";
 
 impl OwnFiles {
-    /// `folder` holds the management files; `writer_locks` is the beginning of the paths of writers' lock files.
-    pub(crate) fn new(folder: &Path, writer_locks: String) -> Self {
-        // The kernel names open files by their real path.
-        let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
-        Self { folder, writer_locks }
+    pub(crate) fn new(places: &Places) -> Self {
+        let folder = places.root.canonicalize().unwrap_or_else(|_| places.root.clone());
+        Self { places: places.clone(), folder }
     }
 
     /// Removed files of this program, for example by a cleaner of temporary folders. If there are any, no other program finds
@@ -47,15 +46,14 @@ impl OwnFiles {
 
     fn removed_file(&self, link: &Path) -> Option<PathBuf> {
         let path = link.to_str()?.strip_suffix(REMOVED)?;
-        let ours = Path::new(path).starts_with(&self.folder) || path.starts_with(&self.writer_locks);
+        let ours = Path::new(path).starts_with(&self.folder) || path.starts_with(&self.places.writer_locks());
         (ours && !self.is_of_another_program(Path::new(path))).then(|| path.into())
     }
 
     /// Whether the file describes the node of another program. Such a file is open here as well, and is removed when that program ends.
     fn is_of_another_program(&self, path: &Path) -> bool {
-        let entry =
-            path.strip_prefix(self.folder.join("nodes")).ok().and_then(|rest| rest.iter().next()?.to_str());
-        let id = entry.and_then(|name| name.split(".node_monitor").next()?.rsplit('_').next()?.parse().ok());
+        let entry = path.strip_prefix(self.folder.join("nodes")).ok().and_then(|rest| rest.iter().next()?.to_str());
+        let id = entry.and_then(|name| self.places.monitor_id(name).or_else(|| name.parse().ok()));
         id.is_some_and(|id| process_of(id) != std::process::id())
     }
 }

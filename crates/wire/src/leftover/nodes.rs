@@ -58,7 +58,7 @@ impl Places {
     }
 
     /// The node to which a file of [`Self::monitor`] belongs.
-    fn monitor_id(&self, file: &str) -> Option<u128> {
+    pub(crate) fn monitor_id(&self, file: &str) -> Option<u128> {
         self.own(file)?.split_once(".node_monitor")?.0.parse().ok()
     }
 
