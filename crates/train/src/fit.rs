@@ -46,6 +46,21 @@ pub enum FitError {
         /// Inputs.
         dimensions: usize,
     },
+    /// Without one sample the others do not determine the tail: what leaving it out would cost cannot be told.
+    #[error(
+        "sample {sample} of {samples} alone determines a term of the {tail} over {dimensions} inputs, so that its leave-one-out \
+         error is unknown; add samples or take a lower tail"
+    )]
+    TailRestsOn {
+        /// Index of the sample.
+        sample: usize,
+        /// Samples.
+        samples: usize,
+        /// Tail asked for.
+        tail: &'static str,
+        /// Inputs.
+        dimensions: usize,
+    },
     /// Derivatives were to be fitted with a kernel that has no second ones.
     #[error("{kernel} takes no derivatives: its second ones do not exist everywhere")]
     NoDerivatives {
@@ -180,19 +195,32 @@ fn refuse_coincident(centres: &[Point], smoothing: f64) -> Result<(), FitError> 
     }
 }
 
-/// The tail must have full column rank over the centres, or the saddle system is singular.
+/// Smallest difference to 1 of a sample's leverage on the tail.
+const LEAST_FREEDOM: f64 = 1e-8;
+
+/// The tail must have full column rank over the centres, or the saddle system is singular; and over the centres without any one of
+/// them, or that one's leave-one-out error divides 0 by 0. Removing a centre lowers the rank where its leverage, the diagonal
+/// element of `U U^T` in `P = U S V^T`, is 1.
 fn refuse_undetermined(dimensions: usize, centres: &[Point], tail: Tail) -> Result<(), FitError> {
-    let q = tail.terms(dimensions);
+    let (q, samples) = (tail.terms(dimensions), centres.len());
     if q == 0 {
         return Ok(());
     }
-    let terms: Vec<Vec<f64>> = centres.iter().map(|c| tail.values(dimensions, c)).collect();
-    let p = Mat::from_fn(centres.len(), q, |i, j| terms[i][j]);
-    let determined = centres.len() >= q && p.singular_values().is_ok_and(|s| s[q - 1] > 1e-8 * s[0]);
-    if determined {
-        return Ok(());
+    let undetermined = || FitError::TailUndetermined { samples, tail: tail.name(), dimensions };
+    if samples < q {
+        return Err(undetermined());
     }
-    Err(FitError::TailUndetermined { samples: centres.len(), tail: tail.name(), dimensions })
+    let terms: Vec<Vec<f64>> = centres.iter().map(|c| tail.values(dimensions, c)).collect();
+    let svd = Mat::from_fn(samples, q, |i, j| terms[i][j]).thin_svd().map_err(|_| undetermined())?;
+    let s = svd.S().column_vector();
+    if s[q - 1] <= 1e-8 * s[0] {
+        return Err(undetermined());
+    }
+    let leverage = |i: usize| (0..q).map(|j| svd.U()[(i, j)].powi(2)).sum::<f64>();
+    match (0..samples).find(|i| 1.0 - leverage(*i) < LEAST_FREEDOM) {
+        Some(sample) => Err(FitError::TailRestsOn { sample, samples, tail: tail.name(), dimensions }),
+        None => Ok(()),
+    }
 }
 
 /// `max |A x - b| / (|A| |x| + |b|)`, in maximum norms.

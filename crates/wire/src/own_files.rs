@@ -52,7 +52,8 @@ impl OwnFiles {
 
     /// Whether the file describes the node of another program. Such a file is open here as well, and is removed when that program ends.
     fn is_of_another_program(&self, path: &Path) -> bool {
-        let entry = path.strip_prefix(self.folder.join("nodes")).ok().and_then(|rest| rest.iter().next()?.to_str());
+        let entry =
+            path.strip_prefix(self.folder.join("nodes")).ok().and_then(|rest| rest.iter().next()?.to_str());
         let id = entry.and_then(|name| self.places.monitor_id(name).or_else(|| name.parse().ok()));
         id.is_some_and(|id| process_of(id) != std::process::id())
     }
