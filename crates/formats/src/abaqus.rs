@@ -1,16 +1,20 @@
 //! Abaqus input files (`.inp`): nodes, tetrahedra, hexahedra, wedges, shells.
 //!
-//! Materials, steps and the like are ignored. Unknown element types are errors, as are keywords that change the meaning of node
-//! numbers: a second part, `*INCLUDE`, generated nodes.
+//! Applied: `*SYSTEM`, `*NODE, SYSTEM=C|S`, parts, instances with translation and rotation, `*INCLUDE` and `INPUT=`. Elements without
+//! a body of their own (springs, trusses, rigid faces, connectors) are left out and listed, as are keywords that change results.
+//! What would change the mesh and is not applied is an error: generated nodes, other continuum elements, imperfections.
+//! Materials, steps and the like are ignored.
 
 use crate::cells::{Block as Cells, Kind};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
-use std::collections::HashMap;
-use std::path::Path;
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
 
 /// Diagnostics after which reading stops.
 const MAX_DIAGNOSTICS: usize = 50;
+/// Files that may include each other.
+const MAX_DEPTH: usize = 8;
 
 /// Mesh of an input file. Indices are 0-based positions in `points`; node order within elements is VTK's, which is Abaqus' too for
 /// these types.
@@ -18,202 +22,562 @@ const MAX_DIAGNOSTICS: usize = 50;
 pub struct AbaqusMesh {
     /// Node positions in the file's unit of length.
     pub points: Vec<[f64; 3]>,
-    /// The file's node numbers.
+    /// The file's node numbers; unique within an instance.
     pub labels: Vec<u64>,
+    /// Names of the instances in upper case with the number of their nodes, in the order of `points`; one without a name for a
+    /// file without parts.
+    pub instances: Vec<(String, usize)>,
     /// Elements as VTK's cells, one block per kind.
     pub blocks: Vec<Cells>,
+    /// The first instance that is rotated: whether results there are in its directions or the global ones, a table does not say.
+    pub rotated: Option<String>,
+    /// What was left out, with the first line.
+    pub left_out: Vec<String>,
 }
 
-/// Kind of cell of an element type.
+/// Kind of cell of an element type. The letters behind the number of nodes change the formulation, not the shape.
 fn kind_of(name: &str) -> Option<Kind> {
-    Kind::of(match name {
-        "C3D4" | "C3D4H" => 10,
-        "C3D10" | "C3D10H" | "C3D10M" | "C3D10MH" | "C3D10HS" => 24,
-        "C3D8" | "C3D8H" | "C3D8I" | "C3D8IH" | "C3D8R" | "C3D8RH" => 12,
-        "C3D20" | "C3D20H" | "C3D20R" | "C3D20RH" => 25,
-        "C3D6" | "C3D6H" => 13,
-        "C3D15" | "C3D15H" => 26,
-        "S3" | "S3R" | "S3RS" | "M3D3" => 5,
-        "S4" | "S4R" | "S4RS" | "S4R5" | "M3D4" | "M3D4R" => 9,
-        "STRI65" | "M3D6" => 22,
-        "S8R" | "S8R5" | "M3D8" | "M3D8R" => 23,
+    let body = name.strip_prefix("C3D").map(|rest| rest.trim_end_matches(|c: char| c.is_ascii_uppercase()));
+    Kind::of(match (body, name) {
+        (Some("4"), _) => 10,
+        (Some("10"), _) => 24,
+        (Some("8"), _) => 12,
+        (Some("20"), _) => 25,
+        (Some("6"), _) => 13,
+        (Some("15"), _) => 26,
+        (_, "S3" | "S3R" | "S3RS" | "M3D3") => 5,
+        (_, "S4" | "S4R" | "S4RS" | "S4R5" | "M3D4" | "M3D4R") => 9,
+        (_, "STRI65" | "M3D6") => 22,
+        (_, "S8R" | "S8R5" | "M3D8" | "M3D8R") => 23,
         _ => return None,
     })
+}
+
+/// A body that would be missing in the mesh: a continuum element of another shape or dimension.
+fn is_body(name: &str) -> bool {
+    ["C3D", "CPE", "CPS", "CAX", "CCL", "SC6", "SC8", "CSS", "CIN", "EC3D", "PC3D"]
+        .iter()
+        .any(|start| name.starts_with(start))
+}
+
+/// Keywords that make or move nodes in ways that are not applied.
+const REFUSED: [&str; 9] = [
+    "NGEN",
+    "NFILL",
+    "NCOPY",
+    "NMAP",
+    "ELGEN",
+    "ELCOPY",
+    "IMPERFECTION",
+    "IMPORT",
+    "SYMMETRIC MODEL GENERATION",
+];
+/// Keywords that change results or nodes of an analysis, not the mesh as written.
+const NAMED: [&str; 4] = ["TRANSFORM", "ADJUST", "MODEL CHANGE", "INITIAL CONDITIONS"];
+
+/// Rotation, by rows, and translation.
+#[derive(Clone, Copy, Debug)]
+struct Placement {
+    rows: [[f64; 3]; 3],
+    shift: [f64; 3],
+}
+
+impl Placement {
+    const IDENTITY: Self =
+        Self { rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], shift: [0.0; 3] };
+
+    fn apply(&self, x: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|i| dot(self.rows[i], x) + self.shift[i])
+    }
+
+    /// `*SYSTEM`: origin a, b on the local x axis, c in the local xy plane; without c the z axis stays.
+    fn system(values: &[f64]) -> Option<Self> {
+        let point = |k: usize| values.get(3 * k..3 * k + 3).map(|p| [p[0], p[1], p[2]]);
+        let Some(a) = point(0) else { return values.is_empty().then_some(Self::IDENTITY) };
+        let Some(b) = point(1) else { return Some(Self { shift: a, ..Self::IDENTITY }) };
+        let x = unit(minus(b, a))?;
+        let z = match point(2) {
+            Some(c) => unit(cross(x, minus(c, a)))?,
+            None if x[2] == 0.0 => [0.0, 0.0, 1.0],
+            None => return None,
+        };
+        let axes = [x, cross(z, x), z];
+        Some(Self { rows: [0, 1, 2].map(|i| [0, 1, 2].map(|k| axes[k][i])), shift: a })
+    }
+
+    /// `*INSTANCE`: translation, then a rotation by an angle in degrees about the axis from a to b.
+    fn instance(lines: &[Vec<f64>]) -> Option<Self> {
+        let shift = match lines.first() {
+            None => return Some(Self::IDENTITY),
+            Some(line) => <[f64; 3]>::try_from(line.as_slice()).ok()?,
+        };
+        let Some(line) = lines.get(1) else { return Some(Self { shift, ..Self::IDENTITY }) };
+        let &[ax, ay, az, bx, by, bz, degrees] = line.as_slice() else { return None };
+        let a = [ax, ay, az];
+        let axis = unit(minus([bx, by, bz], a))?;
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let rotate = |x: [f64; 3]| {
+            let across = cross(axis, x);
+            [0, 1, 2].map(|i| x[i] * cos + across[i] * sin + axis[i] * dot(axis, x) * (1.0 - cos))
+        };
+        let columns = Self::IDENTITY.rows.map(rotate);
+        let moved = rotate(minus(shift, a));
+        Some(Self {
+            rows: [0, 1, 2].map(|i| columns.map(|column| column[i])),
+            shift: [0, 1, 2].map(|i| moved[i] + a[i]),
+        })
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|i| a[i] - b[i])
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
+    let length = dot(a, a).sqrt();
+    (length > 0.0 && length.is_finite()).then(|| a.map(|v| v / length))
+}
+
+/// Coordinates of a node line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Coordinates {
+    Rectangular,
+    /// Radius, angle in degrees, z.
+    Cylindrical,
+    /// Radius, longitude and latitude in degrees.
+    Spherical,
+}
+
+impl Coordinates {
+    fn rectangular(self, [a, b, c]: [f64; 3]) -> [f64; 3] {
+        let ((sin, cos), (up, across)) = (b.to_radians().sin_cos(), c.to_radians().sin_cos());
+        match self {
+            Self::Rectangular => [a, b, c],
+            Self::Cylindrical => [a * cos, a * sin, c],
+            Self::Spherical => [a * cos * across, a * sin * across, a * up],
+        }
+    }
 }
 
 /// Block of data lines.
 enum Block {
     /// Lines without mesh data.
     Other,
-    /// Node lines.
-    Nodes,
+    Nodes(Coordinates),
     /// Element lines, and the numbers of an incomplete element.
     Elements(Kind, Vec<u64>),
+    /// Numbers of `*SYSTEM`.
+    System(Vec<f64>),
+    /// Lines of an instance before its first keyword.
+    Instance(Vec<Vec<f64>>),
 }
 
-/// Reads a file.
+/// Nodes and elements whose numbers belong together: of a part, an instance, or the whole file.
+#[derive(Default)]
+struct Scope {
+    points: Vec<[f64; 3]>,
+    labels: Vec<u64>,
+    place: HashMap<u64, u32>,
+    /// Kind, numbers with that of the element, place in the file.
+    elements: Vec<(Kind, Vec<u64>, String)>,
+}
+
+struct Instance {
+    name: String,
+    part: String,
+    placement: Placement,
+    own: Scope,
+    place: String,
+}
+
+/// Where nodes and elements go.
+#[derive(Clone, PartialEq)]
+enum Current {
+    File,
+    Part(String),
+    Assembly,
+    Instance,
+}
+
+/// Reads a file and those that it includes.
 ///
 /// # Errors
 /// I/O error, or all errors in the content.
 pub fn read(path: &Path) -> Result<AbaqusMesh, FormatError> {
     let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
-    parse(&String::from_utf8_lossy(&bytes))
+    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+    run(&String::from_utf8_lossy(&bytes), Some(folder))
         .map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })
 }
 
-/// [`read`] from memory. Cost and memory are linear in the text.
+/// [`read`] from memory, where other files are refused. Cost and memory are linear in the text.
 ///
 /// # Errors
 /// All errors, with line numbers; never empty.
 pub fn parse(text: &str) -> Result<AbaqusMesh, Vec<Diagnostic>> {
-    let mut reader = Reader::default();
-    for (number, line) in text.lines().enumerate() {
-        reader.number = number + 1;
-        let line = line.trim();
-        match line.strip_prefix('*') {
-            _ if line.is_empty() || line.starts_with("**") => {}
-            Some(keyword) => reader.keyword(keyword),
-            None => reader.data(line),
-        }
-        if reader.diagnostics.len() >= MAX_DIAGNOSTICS {
-            break;
-        }
-    }
+    run(text, None)
+}
+
+fn run(text: &str, folder: Option<PathBuf>) -> Result<AbaqusMesh, Vec<Diagnostic>> {
+    let mut reader = Reader {
+        folder,
+        files: Vec::new(),
+        number: 0,
+        file: Scope::default(),
+        parts: BTreeMap::new(),
+        instances: Vec::new(),
+        current: Current::File,
+        system: Placement::IDENTITY,
+        block: Block::Other,
+        left_out: BTreeMap::new(),
+        diagnostics: Vec::new(),
+    };
+    reader.lines(text);
     reader.finish()
 }
 
-#[derive(Default)]
 struct Reader {
-    mesh: AbaqusMesh,
-    place: HashMap<u64, u32>,
-    elements: Vec<(Kind, Vec<u64>, usize)>,
-    block: Option<Block>,
-    parts: usize,
+    /// Folder of the file; `None` if other files are refused.
+    folder: Option<PathBuf>,
+    /// Names of the included files that are being read.
+    files: Vec<String>,
     number: usize,
+    file: Scope,
+    parts: BTreeMap<String, Scope>,
+    instances: Vec<Instance>,
+    current: Current,
+    system: Placement,
+    block: Block,
+    /// First place and count.
+    left_out: BTreeMap<String, (String, usize)>,
     diagnostics: Vec<Diagnostic>,
 }
 
 impl Reader {
+    fn place(&self) -> String {
+        let file = self.files.last().map_or(String::new(), |file| format!("{file}, "));
+        format!("{file}line {}", self.number)
+    }
+
     fn report(&mut self, expected: impl std::fmt::Display, found: impl std::fmt::Display) {
-        self.diagnostics.push(Diagnostic::new(format!("line {}", self.number), expected, found));
+        self.diagnostics.push(Diagnostic::new(self.place(), expected, found));
+    }
+
+    fn leave_out(&mut self, what: String) {
+        let place = self.place();
+        self.left_out.entry(what).or_insert((place, 0)).1 += 1;
+    }
+
+    fn lines(&mut self, text: &str) {
+        let mut lines = text.lines().enumerate();
+        while let Some((number, line)) = lines.next() {
+            self.number = number + 1;
+            let line = line.trim();
+            if line.is_empty() || line.starts_with("**") {
+                continue;
+            }
+            let Some(keyword) = line.strip_prefix('*') else {
+                self.data(line);
+                continue;
+            };
+            let mut keyword = keyword.to_owned();
+            while keyword.ends_with(',') {
+                let Some((_, more)) = lines.next() else { break };
+                keyword.push_str(more.trim());
+            }
+            self.keyword(&keyword);
+            self.number = number + 1;
+            if self.diagnostics.len() >= MAX_DIAGNOSTICS {
+                break;
+            }
+        }
+        if self.files.is_empty() {
+            self.close();
+        }
     }
 
     fn keyword(&mut self, text: &str) {
-        self.close_element();
-        let mut words = text.split(',').map(|word| word.trim().to_ascii_uppercase());
-        let name = words.next().unwrap_or_default();
-        let options: HashMap<String, String> = words
-            .map(|word| {
-                word.split_once('=')
-                    .map_or((word.clone(), String::new()), |(k, v)| (k.trim().into(), v.trim().into()))
-            })
+        self.close();
+        let mut words = text.split(',').map(str::trim);
+        let name = words.next().unwrap_or_default().to_ascii_uppercase();
+        let options: HashMap<String, &str> = words
+            .map(|word| word.split_once('=').unwrap_or((word, "")))
+            .map(|(key, value)| (key.trim().to_ascii_uppercase(), value.trim().trim_matches('"')))
             .collect();
-        self.block = Some(match name.as_str() {
-            "NODE" => Block::Nodes,
-            "ELEMENT" => self.elements_of(options.get("TYPE").map_or("", String::as_str)),
+        let option = |key: &str| options.get(key).map(|value| value.to_ascii_uppercase());
+        self.block = match name.as_str() {
+            "NODE" => self.nodes_of(option("SYSTEM")),
+            "ELEMENT" => self.elements_of(&option("TYPE").unwrap_or_default()),
+            "SYSTEM" => Block::System(Vec::new()),
             "PART" => {
-                self.parts += 1;
-                if self.parts > 1 {
-                    self.report("one part (node numbers are repeated in each)", "a second *PART");
+                let part = option("NAME").unwrap_or_default();
+                if self.parts.insert(part.clone(), Scope::default()).is_some() {
+                    self.report("every part once", format!("*PART, NAME={part} again"));
+                }
+                self.enter(Current::Part(part))
+            }
+            "END PART" | "END ASSEMBLY" => self.enter(Current::File),
+            "ASSEMBLY" | "END INSTANCE" => self.enter(Current::Assembly),
+            "INSTANCE" => self.instance(option("NAME"), option("PART"), options.contains_key("LIBRARY")),
+            _ => {
+                if REFUSED.contains(&name.as_str()) {
+                    self.report("all nodes and elements written out", format!("*{name}"));
+                } else if NAMED.contains(&name.as_str()) {
+                    self.leave_out(format!("*{name} is not applied"));
                 }
                 Block::Other
             }
-            "INCLUDE" | "NGEN" | "NFILL" | "NCOPY" | "ELGEN" | "ELCOPY" => {
-                self.report("all nodes and elements written out in this file", format!("*{name}"));
-                Block::Other
+        };
+        let mesh = ["NODE", "ELEMENT", "INCLUDE"].contains(&name.as_str());
+        if let Some(file) = options.get("INPUT").filter(|_| mesh) {
+            self.include(file);
+        } else if name == "INCLUDE" {
+            self.report("*INCLUDE, INPUT=FILE", "no INPUT");
+        }
+    }
+
+    fn enter(&mut self, current: Current) -> Block {
+        (self.current, self.system) = (current, Placement::IDENTITY);
+        Block::Other
+    }
+
+    fn include(&mut self, name: &str) {
+        let Some(folder) = &self.folder else {
+            return self.report("all nodes and elements written out", format!("INPUT={name}"));
+        };
+        if self.files.len() >= MAX_DEPTH {
+            return self.report(
+                format!("at most {MAX_DEPTH} files that include each other"),
+                format!("INPUT={name}"),
+            );
+        }
+        match file::read_bytes(&folder.join(name), file::MAX_DATA_BYTES) {
+            Ok(bytes) => {
+                let number = self.number;
+                self.files.push(name.into());
+                self.lines(&String::from_utf8_lossy(&bytes));
+                self.files.pop();
+                self.number = number;
             }
-            _ => Block::Other,
-        });
+            Err(error) => self.report(format!("a readable file INPUT={name}"), error),
+        }
+    }
+
+    fn nodes_of(&mut self, system: Option<String>) -> Block {
+        Block::Nodes(match system.as_deref() {
+            None | Some("R") => Coordinates::Rectangular,
+            Some("C") => Coordinates::Cylindrical,
+            Some("S") => Coordinates::Spherical,
+            Some(other) => {
+                self.report("SYSTEM=R, C or S", format!("SYSTEM={other}"));
+                return Block::Other;
+            }
+        })
     }
 
     fn elements_of(&mut self, kind: &str) -> Block {
         if let Some(kind) = kind_of(kind) {
+            if self.current == Current::Assembly {
+                self.report("elements of parts and instances", "elements of the assembly");
+            }
             return Block::Elements(kind, Vec::new());
         }
-        let expected = "tetrahedra (C3D4, C3D10...), hexahedra (C3D8, C3D20...), wedges (C3D6, C3D15) or shells (S3, S4, \
-                        STRI65, S8R)";
-        self.report(expected, format!("element type {kind:?}"));
+        if kind.is_empty() || is_body(kind) {
+            let expected = "tetrahedra (C3D4, C3D10...), hexahedra (C3D8, C3D20...), wedges (C3D6, C3D15) or shells (S3, S4, \
+                            STRI65, S8R)";
+            self.report(expected, format!("element type {kind:?}"));
+        } else {
+            self.leave_out(format!("elements of type {kind}"));
+        }
         Block::Other
     }
 
+    fn instance(&mut self, name: Option<String>, part: Option<String>, library: bool) -> Block {
+        if library {
+            self.report("parts of this file", "*INSTANCE, LIBRARY=");
+        }
+        let (name, part) = (name.unwrap_or_default(), part.unwrap_or_default());
+        if self.instances.iter().any(|instance| instance.name == name) {
+            self.report("every instance once", format!("*INSTANCE, NAME={name} again"));
+        }
+        let place = self.place();
+        let (own, placement) = (Scope::default(), Placement::IDENTITY);
+        self.instances.push(Instance { name, part, placement, own, place });
+        self.enter(Current::Instance);
+        Block::Instance(Vec::new())
+    }
+
     fn data(&mut self, line: &str) {
-        match self.block.take() {
-            Some(Block::Nodes) => {
-                self.node(line);
-                self.block = Some(Block::Nodes);
-            }
-            Some(Block::Elements(kind, mut numbers)) => {
-                numbers.extend(self.integers(line));
+        let mut block = std::mem::replace(&mut self.block, Block::Other);
+        match &mut block {
+            Block::Other => {}
+            Block::Nodes(coordinates) => self.node(line, *coordinates),
+            Block::Elements(kind, numbers) => {
+                numbers.extend(self.numbers::<u64>(line, "integers"));
                 if numbers.len() > kind.nodes {
-                    self.elements.push((kind, std::mem::take(&mut numbers), self.number));
+                    let element = (*kind, std::mem::take(numbers), self.place());
+                    if let Some(scope) = self.scope() {
+                        scope.elements.push(element);
+                    }
                 }
-                self.block = Some(Block::Elements(kind, numbers));
             }
-            other => self.block = other,
+            Block::System(values) => values.extend(self.numbers::<f64>(line, "coordinates")),
+            Block::Instance(lines) => lines.push(self.numbers::<f64>(line, "numbers")),
+        }
+        self.block = block;
+    }
+
+    /// Where nodes and elements go; those of an assembly itself (reference points) belong to no body.
+    fn scope(&mut self) -> Option<&mut Scope> {
+        match &self.current {
+            Current::File => Some(&mut self.file),
+            Current::Part(name) => self.parts.get_mut(name),
+            Current::Assembly => None,
+            Current::Instance => self.instances.last_mut().map(|instance| &mut instance.own),
         }
     }
 
-    fn node(&mut self, line: &str) {
+    fn node(&mut self, line: &str, coordinates: Coordinates) {
         let mut words = line.split(',').map(str::trim);
         let label = words.next().and_then(|word| word.parse::<u64>().ok());
         let mut point = [0.0; 3]; // coordinates left out are zero
         let mut fine = true;
         for value in &mut point {
-            match words.next().filter(|word| !word.is_empty()).map(str::parse::<f64>) {
-                Some(Ok(number)) if number.is_finite() => *value = number,
-                Some(_) => fine = false,
+            match words.next().filter(|word| !word.is_empty()).map(number) {
+                Some(Some(number)) => *value = number,
+                Some(None) => fine = false,
                 None => {}
             }
         }
         let Some(label) = label.filter(|_| fine) else {
             return self.report("a node number and up to three coordinates", line);
         };
-        if self.place.insert(label, self.mesh.points.len() as u32).is_some() {
-            self.report("every node once", format!("node {label} again"));
+        let point = self.system.apply(coordinates.rectangular(point));
+        let Some(scope) = self.scope() else { return };
+        if scope.place.insert(label, scope.points.len() as u32).is_some() {
+            return self.report("every node once", format!("node {label} again"));
         }
-        self.mesh.points.push(point);
-        self.mesh.labels.push(label);
+        scope.points.push(point);
+        scope.labels.push(label);
     }
 
-    fn integers(&mut self, line: &str) -> Vec<u64> {
+    fn numbers<T: std::str::FromStr>(&mut self, line: &str, expected: &str) -> Vec<T> {
         let mut numbers = Vec::new();
         for word in line.split(',').map(str::trim).filter(|word| !word.is_empty()) {
             match word.parse() {
                 Ok(number) => numbers.push(number),
-                Err(_) => self.report("integers", word),
+                Err(_) => self.report(expected, word),
             }
         }
         numbers
     }
 
-    /// Ends the element before a keyword; an incomplete one is an error.
-    fn close_element(&mut self) {
-        if let Some(Block::Elements(kind, numbers)) = self.block.take()
-            && !numbers.is_empty()
-        {
-            self.report(format!("{} nodes", kind.nodes), numbers.len() - 1);
+    /// Ends a block before a keyword.
+    fn close(&mut self) {
+        match std::mem::replace(&mut self.block, Block::Other) {
+            Block::Elements(kind, numbers) if !numbers.is_empty() => {
+                self.report(format!("{} nodes", kind.nodes), numbers.len() - 1);
+            }
+            Block::System(values) => match Placement::system(&values) {
+                Some(system) => self.system = system,
+                None => self.report(
+                    "*SYSTEM with an origin, a point on the local x axis and one in the local xy plane",
+                    format!("{values:?}"),
+                ),
+            },
+            Block::Instance(lines) => match (Placement::instance(&lines), self.instances.last_mut()) {
+                (Some(placement), Some(instance)) => instance.placement = placement,
+                _ => self.report(
+                    "*INSTANCE with a translation (3 numbers) and a rotation (two points of its axis and degrees)",
+                    format!("{lines:?}"),
+                ),
+            },
+            _ => {}
         }
     }
 
     fn finish(mut self) -> Result<AbaqusMesh, Vec<Diagnostic>> {
-        self.close_element();
-        for (kind, numbers, line) in std::mem::take(&mut self.elements) {
-            self.number = line;
-            self.element(kind, &numbers[1..]);
+        let mut mesh = AbaqusMesh {
+            left_out: self
+                .left_out
+                .iter()
+                .map(|(what, (place, count))| match count {
+                    1 => format!("{what} ({place})"),
+                    count => format!("{what} ({count} times, first {place})"),
+                })
+                .collect(),
+            ..AbaqusMesh::default()
+        };
+        let file = std::mem::take(&mut self.file);
+        let instances = std::mem::take(&mut self.instances);
+        if instances.is_empty() && self.parts.len() > 1 {
+            let found = format!("{} parts without *INSTANCE", self.parts.len());
+            self.diagnostics.push(Diagnostic::new("file", "one part, or an assembly of instances", found));
         }
-        if self.mesh.points.is_empty() {
+        if !file.points.is_empty() {
+            self.place_scope(&mut mesh, "", &file, Placement::IDENTITY);
+        }
+        let parts = std::mem::take(&mut self.parts);
+        if let (true, Some((name, part))) = (instances.is_empty(), parts.first_key_value()) {
+            self.place_scope(&mut mesh, name, part, Placement::IDENTITY);
+        }
+        for Instance { name, part, placement, own, place } in &instances {
+            if placement.rows != Placement::IDENTITY.rows && mesh.rotated.is_none() {
+                mesh.rotated = Some(format!("{place}, *INSTANCE, NAME={name}"));
+            }
+            match parts.get(part) {
+                Some(part) => self.place_scope(&mut mesh, name, part, *placement),
+                None if own.points.is_empty() => {
+                    self.diagnostics.push(Diagnostic::new(
+                        place,
+                        "a *PART of the instance",
+                        format!("PART={part}"),
+                    ));
+                }
+                None => {}
+            }
+            if !own.points.is_empty() {
+                self.place_scope(&mut mesh, name, own, *placement);
+            }
+        }
+        if mesh.points.is_empty() {
             self.diagnostics.push(Diagnostic::new("file", "a *NODE block", "none"));
         }
-        if self.diagnostics.is_empty() { Ok(self.mesh) } else { Err(self.diagnostics) }
+        if self.diagnostics.is_empty() { Ok(mesh) } else { Err(self.diagnostics) }
     }
 
-    fn element(&mut self, kind: Kind, labels: &[u64]) {
-        let missing = labels.iter().find(|label| !self.place.contains_key(label)).copied();
-        if missing.is_some() || labels.len() != kind.nodes {
-            let found = missing
-                .map_or(format!("{} nodes", labels.len()), |label| format!("node {label}, which is nowhere"));
-            return self.report(format!("{} nodes of the *NODE block", kind.nodes), found);
+    fn place_scope(&mut self, mesh: &mut AbaqusMesh, name: &str, scope: &Scope, placement: Placement) {
+        let first = mesh.points.len() as u32;
+        mesh.points.extend(scope.points.iter().map(|point| placement.apply(*point)));
+        mesh.labels.extend(&scope.labels);
+        mesh.instances.push((name.into(), scope.points.len()));
+        for (kind, numbers, place) in &scope.elements {
+            let nodes: Vec<Option<u32>> =
+                numbers[1..].iter().map(|label| scope.place.get(label).copied()).collect();
+            let missing = nodes.iter().position(Option::is_none);
+            if missing.is_some() || nodes.len() != kind.nodes {
+                let found = missing.map_or(format!("{} nodes", nodes.len()), |at| {
+                    format!("node {}, which is nowhere", numbers[1 + at])
+                });
+                let expected = format!("{} nodes of the *NODE block", kind.nodes);
+                self.diagnostics.push(Diagnostic::new(place, expected, found));
+                continue;
+            }
+            Cells::add(&mut mesh.blocks, *kind, nodes.into_iter().flatten().map(|node| first + node));
         }
-        Cells::add(&mut self.mesh.blocks, kind, labels.iter().map(|label| self.place[label]));
     }
+}
+
+/// A finite number, also with Fortran's exponent (`1.5D-3`).
+fn number(word: &str) -> Option<f64> {
+    let plain = word.parse().ok().or_else(|| word.replace(['d', 'D'], "e").parse().ok());
+    plain.filter(|number: &f64| number.is_finite())
 }

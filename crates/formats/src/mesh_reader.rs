@@ -23,21 +23,23 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, FormatError> {
     }
 }
 
-/// Node positions and cells of all kinds of a mesh, by the ending of its name as [`read_mesh`].
+/// Node positions, cells of all kinds of a mesh and what was left out, by the ending of its name as [`read_mesh`].
 ///
 /// # Errors
 /// As [`read_mesh`].
-pub fn read_blocks(path: &Path) -> Result<(Vec<[f64; 3]>, Vec<Block>), FormatError> {
+pub fn read_blocks(path: &Path) -> Result<(Vec<[f64; 3]>, Vec<Block>, Vec<String>), FormatError> {
     match path.extension().and_then(|ending| ending.to_str()) {
-        Some("vtu") => vtu::read_content(path).map(|content| (content.points, content.blocks)),
-        Some("inp") => abaqus::read(path).map(|mesh| (mesh.points, mesh.blocks)),
+        Some("vtu") => {
+            vtu::read_content(path).map(|content| (content.points, content.blocks, content.left_out))
+        }
+        Some("inp") => abaqus::read(path).map(|mesh| (mesh.points, mesh.blocks, mesh.left_out)),
         _ => {
             let mesh = read_mesh(path)?;
             let mut blocks = Vec::new();
             if let Some(kind) = Kind::of(24) {
                 Block::add(&mut blocks, kind, mesh.tets.into_flattened());
             }
-            Ok((mesh.points_mm, blocks))
+            Ok((mesh.points_mm, blocks, Vec::new()))
         }
     }
 }

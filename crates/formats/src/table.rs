@@ -27,7 +27,7 @@ impl Table {
     /// [`Table::read`] from memory.
     ///
     /// # Errors
-    /// Content that is not comma-separated.
+    /// Content that is not comma-separated; two columns of one name.
     pub fn parse(text: &str, comments: bool) -> Result<Self, Diagnostic> {
         let kept = |line: &&str| {
             let is_comment = comments && line.starts_with('#');
@@ -47,7 +47,16 @@ impl Table {
             rows.push((line, record));
         }
         let header = if rows.is_empty() { csv::StringRecord::new() } else { rows.remove(0).1 };
-        Ok(Self { header: header.iter().map(str::to_owned).collect(), rows })
+        let header: Vec<String> = header.iter().map(str::to_owned).collect();
+        let again = |at: &usize| !header[*at].is_empty() && header[..*at].contains(&header[*at]);
+        if let Some(at) = (0..header.len()).find(again) {
+            return Err(Diagnostic::new(
+                "header",
+                "every column once",
+                format!("two columns `{}`", header[at]),
+            ));
+        }
+        Ok(Self { header, rows })
     }
 
     /// Table with the given header and the first line as a row, for files without a header.

@@ -17,7 +17,7 @@ fn refused(text: &str) -> String {
 
 #[test]
 fn nodes_and_elements_over_several_lines_are_read() {
-    let AbaqusMesh { points, labels, blocks } = abaqus::parse(TET).expect("a mesh");
+    let AbaqusMesh { points, labels, blocks, .. } = abaqus::parse(TET).expect("a mesh");
     assert_eq!((points.len(), labels[0], points[2]), (10, 11, [0.0, 1.0, 0.0]));
     let mesh = MeshFile::of_solids(points, &blocks).expect("tetrahedra");
     assert_eq!(mesh.tets, [[0, 1, 2, 3, 4, 5, 6, 7, 8, 9]]);
@@ -26,8 +26,8 @@ fn nodes_and_elements_over_several_lines_are_read() {
 #[test]
 fn unknown_keywords_are_refused_by_name_and_line() {
     assert!(refused(&TET.replace("c3d10h", "C3D5")).contains("C3D5"));
-    assert!(refused(&format!("{TET}*Include, input=more.inp\n")).contains("*INCLUDE"));
-    assert!(refused(&format!("{TET}*Part, name=B\n")).contains("*PART"));
+    assert!(refused(&format!("{TET}*Include, input=more.inp\n")).contains("more.inp"));
+    assert!(refused(&format!("{TET}*Part, name=B\n")).contains("2 parts"));
     assert!(refused(&TET.replace(" 17, 18, 19, 20\n", " 17, 18\n")).contains("found 8"));
     assert!(refused(&TET.replace("17, 18, 19, 20", "17, 18, 19, 99")).contains("node 99"));
     assert!(refused(&TET.replace(" 13, 0., 1.,", " 13, zero, 1.,")).contains("line 7"));
@@ -56,5 +56,125 @@ proptest! {
     #[test]
     fn no_text_makes_it_panic(text in "(\\*(NODE|ELEMENT, TYPE=C3D10|NSET, NSET=A, GENERATE|PART)\n|[0-9 ,.e*-]{0,12}\n){0,20}") {
         let _ = abaqus::parse(&text);
+    }
+}
+
+/// Nodes and one hexahedron of 2 x 1 x 3.
+const BRICK: &str = "*Node\n1,0,0,0\n2,2,0,0\n3,2,1,0\n4,0,1,0\n5,0,0,3\n6,2,0,3\n7,2,1,3\n8,0,1,3\n*Element, type=C3D8\n1,1,2,3,4,5,6,7,8\n";
+
+fn extents(mesh: &AbaqusMesh) -> ([f64; 3], [f64; 3]) {
+    let over = |pick: fn(f64, f64) -> f64, start: f64| {
+        [0, 1, 2].map(|k| mesh.points.iter().fold(start, |m, p| pick(m, p[k])))
+    };
+    (over(f64::min, f64::INFINITY), over(f64::max, f64::NEG_INFINITY))
+}
+
+fn near(found: ([f64; 3], [f64; 3]), expected: ([f64; 3], [f64; 3])) -> bool {
+    let pairs = found.0.iter().chain(&found.1).zip(expected.0.iter().chain(&expected.1));
+    pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-9)
+}
+
+#[test]
+fn systems_place_the_nodes_that_follow_until_the_next() {
+    let moved = abaqus::parse(&format!("*System\n0,0,100, 1,0,100\n{BRICK}")).expect("a mesh");
+    assert!(near(extents(&moved), ([0.0, 0.0, 100.0], [2.0, 1.0, 103.0])), "{:?}", moved.points);
+    // x along the global y, xy plane towards the global z.
+    let turned = abaqus::parse(&format!("*System\n5,0,0, 5,1,0\n5,0,1\n{BRICK}")).expect("a mesh");
+    assert!(near(extents(&turned), ([5.0, 0.0, 0.0], [8.0, 2.0, 1.0])), "{:?}", turned.points);
+    let ended = abaqus::parse(&format!("*System\n0,0,100\n*System\n{BRICK}")).expect("a mesh");
+    assert!(near(extents(&ended), ([0.0; 3], [2.0, 1.0, 3.0])), "{:?}", ended.points);
+    assert!(
+        refused(&format!("*System\n0,0,0, 0,0,1\n{BRICK}")).contains("*SYSTEM"),
+        "no axis in the xy plane"
+    );
+}
+
+#[test]
+fn cylindrical_and_spherical_coordinates_become_rectangular() {
+    let nodes = |kind: &str| format!("*Node, system={kind}\n1, 2, 90, 30\n2, 2, 0, 0\n3, 2, 180, 90\n");
+    let points = |kind: &str| abaqus::parse(&nodes(kind)).expect("nodes").points;
+    let close = |found: Vec<[f64; 3]>, expected: [[f64; 3]; 3]| {
+        found.as_flattened().iter().zip(expected.as_flattened()).all(|(a, b)| (a - b).abs() < 1e-12)
+    };
+    assert!(close(points("C"), [[0.0, 2.0, 30.0], [2.0, 0.0, 0.0], [-2.0, 0.0, 90.0]]));
+    let across = 3.0_f64.sqrt();
+    assert!(close(points("S"), [[0.0, across, 1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]]));
+    assert!(refused(&nodes("Q")).contains("SYSTEM=Q"));
+}
+
+#[test]
+fn instances_are_placed_copies_of_their_parts() {
+    let assembly = |instances: &str| {
+        format!(
+            "*Part, name=Brick\n{BRICK}*End Part\n*Assembly, name=A\n{instances}*Node\n1, 9, 9, 9\n*End Assembly\n"
+        )
+    };
+    let read = |instances: &str| abaqus::parse(&assembly(instances)).expect("a mesh");
+    let turned = read("*Instance, name=L, part=brick\n10, 0, 0\n10, 0, 0, 10, 0, 1, 90\n*End Instance\n");
+    assert!(near(extents(&turned), ([9.0, 0.0, 0.0], [10.0, 2.0, 3.0])), "{:?}", turned.points);
+    let two = read(
+        "*Instance, name=L, part=BRICK\n*End Instance\n*Instance, name=R, part=BRICK\n0, 0, 50\n*End Instance\n",
+    );
+    assert_eq!((two.points.len(), two.blocks[0].count()), (16, 2));
+    assert_eq!(two.instances, [("L".to_owned(), 8), ("R".to_owned(), 8)]);
+    assert_eq!(two.blocks[0].nodes[8..], [8, 9, 10, 11, 12, 13, 14, 15]);
+    assert!(near(extents(&two), ([0.0; 3], [2.0, 1.0, 53.0])));
+    assert!(refused(&assembly("*Instance, name=L, part=Other\n*End Instance\n")).contains("OTHER"));
+    assert!(refused(&assembly("*Instance, library=old, name=L\n*End Instance\n")).contains("LIBRARY"));
+    assert!(refused(&assembly("*Instance, name=L, part=BRICK\n1, 2\n*End Instance\n")).contains("*INSTANCE"));
+}
+
+#[test]
+fn included_files_are_read_beside_the_file_that_names_them() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).expect("written");
+    let (nodes, elements) = BRICK.split_once("*Element, type=C3D8\n").expect("both");
+    write("nodes.txt", nodes.strip_prefix("*Node\n").expect("nodes"));
+    write("body.inp", &format!("*Element, type=C3D8\n{elements}"));
+    write("job.inp", "*Node, nset=ALL,\ninput=nodes.txt\n*Include, input=body.inp\n");
+    let mesh = abaqus::read(&dir.path().join("job.inp")).expect("a mesh");
+    assert_eq!(mesh, abaqus::parse(BRICK).expect("a mesh"));
+    write("nodes.txt", "1, 0, 0, zero\n");
+    let error = abaqus::read(&dir.path().join("job.inp")).expect_err("refused").to_string();
+    assert!(error.contains("nodes.txt, line 1"), "{error}");
+    write("loop.inp", "*Include, input=loop.inp\n");
+    assert!(abaqus::read(&dir.path().join("loop.inp")).is_err());
+}
+
+#[test]
+fn elements_without_a_body_are_left_out_by_name_and_bodies_are_not() {
+    for kind in ["T3D2", "B31", "R3D4", "SFM3D4", "SPRINGA", "CONN3D2"] {
+        let mesh = abaqus::parse(&format!("{BRICK}*Element, type={kind}\n9, 1, 2\n")).expect("a mesh");
+        assert_eq!(mesh.blocks, abaqus::parse(BRICK).expect("a mesh").blocks);
+        assert!(mesh.left_out.len() == 1 && mesh.left_out[0].contains(kind), "{:?}", mesh.left_out);
+    }
+    for kind in ["C3D27", "CPS4", "CAX8"] {
+        assert!(refused(&format!("{BRICK}*Element, type={kind}\n9, 1, 2\n")).contains(kind));
+    }
+    for keyword in ["NGEN", "NMAP", "IMPERFECTION"] {
+        assert!(refused(&format!("{BRICK}*{keyword}\n")).contains(keyword));
+    }
+    assert_eq!(abaqus::parse(&format!("{BRICK}*Transform, nset=A\n")).expect("a mesh").left_out.len(), 1);
+}
+
+proptest! {
+    /// A brick placed by a system, in cylindrical coordinates, and by an instance: the distances between its nodes stay, and its
+    /// nodes are where two rotations and translations put them.
+    #[test]
+    fn placements_keep_distances_and_agree(a in prop::array::uniform3(-5.0_f64..5.0), degrees in -180.0_f64..180.0) {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let [x, y, z] = a;
+        let by_system = abaqus::parse(&format!("*System\n{x},{y},{z},{},{},{z}\n{BRICK}", x + cos, y + sin)).expect("a mesh");
+        let by_instance = abaqus::parse(&format!(
+            "*Part, name=B\n{BRICK}*End Part\n*Assembly\n*Instance, name=I, part=B\n{x},{y},{z}\n{x},{y},{z},{x},{y},{},{degrees}\n*End Instance\n",
+            z + 1.0
+        )).expect("a mesh");
+        let plain = abaqus::parse(BRICK).expect("a mesh");
+        for ((s, i), p) in by_system.points.iter().zip(&by_instance.points).zip(&plain.points) {
+            let expected = [x + cos * p[0] - sin * p[1], y + sin * p[0] + cos * p[1], z + p[2]];
+            for k in 0..3 {
+                prop_assert!((s[k] - expected[k]).abs() < 1e-9 && (i[k] - expected[k]).abs() < 1e-9, "{s:?} {i:?} {expected:?}");
+            }
+        }
     }
 }

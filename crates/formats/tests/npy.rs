@@ -43,14 +43,70 @@ fn reads_doubles_as_both_types() {
     assert_eq!(read_f32(&path).unwrap().shape, [2]);
 }
 
+/// The numbers that NumPy stores for 1, -2 and 3 in each kind, read as they are.
+#[test]
+fn reads_every_kind_of_number_and_both_byte_orders() {
+    let read = |descr: &str, data: &[u8]| {
+        let text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': (3,), }}\n");
+        let (_dir, path) = file(&with_header(&text, data));
+        let (wide, narrow) = (read_f64(&path).unwrap().data, read_f32(&path).unwrap().data);
+        assert_eq!(wide, narrow.iter().map(|v| f64::from(*v)).collect::<Vec<_>>(), "{descr}");
+        wide
+    };
+    macro_rules! check {
+        ($t:ty, $name:literal, $values:expr) => {
+            let values: [$t; 3] = $values;
+            let expected = values.map(|v| v as f64).to_vec();
+            let little: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+            let big: Vec<u8> = values.iter().flat_map(|v| v.to_be_bytes()).collect();
+            assert_eq!(read(concat!("<", $name), &little), expected);
+            assert_eq!(read(concat!(">", $name), &big), expected);
+        };
+    }
+    check!(f64, "f8", [1.0, -2.0, 3.5]);
+    check!(f32, "f4", [1.0, -2.0, 3.5]);
+    check!(i64, "i8", [1, -2, 3]);
+    check!(i32, "i4", [1, -2, 3]);
+    check!(i16, "i2", [1, -2, 3]);
+    check!(i8, "i1", [1, -2, 3]);
+    check!(u64, "u8", [1, 2, 3]);
+    check!(u32, "u4", [1, 2, u32::MAX - 255]);
+    check!(u16, "u2", [1, 2, u16::MAX]);
+    check!(u8, "u1", [1, 2, u8::MAX]);
+    assert_eq!(read("|b1", &[1, 0, 1]), [1.0, 0.0, 1.0]);
+    // 1, -2 and the smallest number of 16 bits.
+    let half = [0x3c00_u16, 0xc000, 1];
+    let expected = [1.0, -2.0, 2.0_f64.powi(-24)];
+    assert_eq!(read("<f2", &half.map(u16::to_le_bytes).concat()), expected);
+    assert_eq!(read(">f2", &half.map(u16::to_be_bytes).concat()), expected);
+}
+
+#[test]
+fn fortran_order_is_turned_into_c_order() {
+    let text = "{'descr': '<f4', 'fortran_order': True, 'shape': (2, 3, 2), }\n";
+    // Element (i, j, k) is 100 i + 10 j + k.
+    let of = |i: usize, j: usize, k: usize| (100 * i + 10 * j + k) as f32;
+    let mut stored = Vec::new();
+    for k in 0..2 {
+        for j in 0..3 {
+            stored.extend((0..2).flat_map(|i| of(i, j, k).to_le_bytes()));
+        }
+    }
+    let (_dir, path) = file(&with_header(text, &stored));
+    let array = read_f32(&path).unwrap();
+    let expected: Vec<f32> = (0..12).map(|n| of(n / 6, n / 2 % 3, n % 2)).collect();
+    assert_eq!((array.shape, array.data), (vec![2, 3, 2], expected));
+}
+
 #[test]
 fn refuses_headers_that_lie_without_allocating() {
     let lies = [
         ("{'descr': '<f4', 'fortran_order': False, 'shape': (4611686018427387904,), }", "file length"),
         ("{'descr': '<f4', 'fortran_order': False, 'shape': (4294967296, 4294967296, 0), }", "file length"),
         ("{'descr': '<f4', 'fortran_order': False, 'shape': (3,), }", "file length"),
-        ("{'descr': '<f4', 'fortran_order': True, 'shape': (1, 1), }", "fortran_order"),
-        ("{'descr': '>f4', 'fortran_order': False, 'shape': (1,), }", "descr"),
+        ("{'descr': '<f4', 'fortran_order': Perhaps, 'shape': (1, 1), }", "fortran_order"),
+        ("{'descr': '<f3', 'fortran_order': False, 'shape': (1,), }", "descr"),
+        ("{'descr': '<c8', 'fortran_order': False, 'shape': (1,), }", "descr"),
         ("{'descr': '|O', 'fortran_order': False, 'shape': (1,), }", "descr"),
         ("{'descr': '<f4', 'fortran_order': False, 'shape': (-1,), }", "shape"),
         ("{'descr': '<f4', 'fortran_order': False, 'shape': ((((1,)))), }", "shape"),

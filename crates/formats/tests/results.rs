@@ -107,7 +107,8 @@ fn what_does_not_fit_is_refused_by_name() {
     };
     let text = refused(Wanted { stress_mpa: None, ..wanted() });
     assert!(text.contains("quantity STRESS: "), "{text}");
-    let text = refused(Wanted { displacement: Some("U2".into()), ..wanted() });
+    let mut unknown = Assembly::new(Wanted { displacement: Some("U2".into()), ..wanted() });
+    let text = unknown.add(&path, &run, &run.steps[0], at_rest("a")).unwrap().unwrap();
     assert!(text.contains("U2") && text.contains("DISP, STRESS, FORC, ENER"), "{text}");
     let text = refused(Wanted { fields: vec![("FORC".into(), "N".into())], ..wanted() });
     assert!(text.contains("F1, F2, F3"), "{text}");
@@ -182,6 +183,68 @@ fn tables_and_stacks_are_read() {
     fs::write(dir.path().join("run.csv"), csv.replace("1,0.5,14", "1,0.5,15")).unwrap();
     let text = results::read(&dir.path().join("run.inp")).unwrap_err().to_string();
     assert!(text.contains("run.csv: line 5, column node: ") && text.ends_with("found `15`"), "{text}");
+}
+
+/// The same node or column twice, with another value or with the same; a second instance; a part without stress.
+#[test]
+fn repeated_nodes_are_refused_unless_equal_and_instances_told_apart() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(dir.path().join(name), text).unwrap();
+    let part = "*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n4,0,0,1\n*ELEMENT,TYPE=C3D4\n1,1,2,3,4\n";
+    let rows = "node,u1,u2,u3,mises\n1,0,0,0,1\n2,0,0,0,2\n3,0,0,0,3\n4,.1,.2,.3,4\n";
+    let read = || results::read(&dir.path().join("run.inp"));
+    write("run.inp", part);
+    write("run.csv", &format!("{rows}4,.1,.2,.3,4.000000001\n"));
+    assert_eq!(quantity(&read().unwrap(), 0, "mises").values[..3], [1.0, 2.0, 3.0]);
+    write("run.csv", &format!("{rows}4,.1,.2,.3,5\n"));
+    let text = read().unwrap_err().to_string();
+    assert!(text.contains("line 6, column mises") && text.contains("line 5"), "{text}");
+    write("run.csv", &rows.replace("u3", "u2"));
+    assert!(read().unwrap_err().to_string().contains("`u2`"));
+    let assembly = "*ASSEMBLY,NAME=A\n*INSTANCE,NAME=L,PART=P\n*END INSTANCE\n*INSTANCE,NAME=R,PART=P\n0,0,9\n*END INSTANCE\n*END ASSEMBLY\n";
+    write("run.inp", &format!("*PART,NAME=P\n{part}*END PART\n{assembly}"));
+    write("run.csv", rows);
+    assert!(read().unwrap_err().to_string().contains("instance"));
+    let of = |name: &str| rows.lines().skip(1).map(|row| format!("{name},{row}\n")).collect::<String>();
+    write(
+        "run.csv",
+        &format!("instance,node,u1,u2,u3,mises\n{}{}", of("r"), of("l").replace(",4\n", ",8\n")),
+    );
+    let run = read().unwrap();
+    assert_eq!(quantity(&run, 0, "mises").values, [1.0, 2.0, 3.0, 8.0, 1.0, 2.0, 3.0, 4.0]);
+}
+
+#[test]
+fn parts_without_values_and_steps_without_a_quantity_are_left_out_and_named() {
+    let run = results::read(&data("cutback.frd")).unwrap();
+    let nodes = run.points.len();
+    // A second block far away, without stress, as a rigid plate.
+    let mut two = run.clone();
+    two.points.extend(run.points.iter().map(|p| [p[0] + 1e3, p[1], p[2]]));
+    for block in &mut two.blocks {
+        let moved: Vec<u32> = block.nodes.iter().map(|node| node + nodes as u32).collect();
+        block.nodes.extend(moved);
+    }
+    for step in &mut two.steps {
+        for quantity in &mut step.quantities {
+            let blank = if quantity.name == "STRESS" { f64::NAN } else { 0.0 };
+            quantity.values.extend(vec![blank; nodes * quantity.components.len()]);
+        }
+    }
+    let path = data("cutback.frd");
+    let mut assembly = Assembly::new(wanted());
+    let mut bare = two.steps[0].clone();
+    bare.quantities.retain(|quantity| quantity.name != "DISP");
+    let reason = assembly.add(&path, &two, &bare, at_rest("bare")).unwrap();
+    assert!(reason.is_some_and(|reason| reason.contains("displacement")));
+    assert_eq!(assembly.add(&path, &two, &two.steps[0], at_rest("a")).unwrap(), None);
+    assert_eq!((assembly.nodes(), assembly.parts_left_out().len()), (nodes, 1));
+    assert!(assembly.parts_left_out()[0].contains("STRESS"));
+    let mut alone = Assembly::new(wanted());
+    alone.add(&path, &run, &run.steps[0], at_rest("a")).unwrap();
+    let [(both, cells), (one, expected)] =
+        [assembly, alone].map(|assembly| assembly.finish("block".into(), vec![]).unwrap());
+    assert_eq!((both.snapshots, cells), (one.snapshots, expected));
 }
 
 proptest! {

@@ -63,6 +63,17 @@ pub fn save(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     Ok(file::replace(path, bytes)?)
 }
 
+/// A path for a printed command, quoted where a shell would split or change it.
+pub fn quoted(path: &Path) -> String {
+    let text = path.display().to_string();
+    let plain = |c: char| c.is_alphanumeric() || "_./:=+,@%-".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        text
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
+    }
+}
+
 /// The data sheet's place: beside the model, `.json` instead of `.twin`.
 pub fn data_sheet(model: &Path) -> PathBuf {
     model.with_extension("json")

@@ -15,12 +15,12 @@ fn cantilever_is_imported_trained_evaluated_and_predicted() {
     let names = simulations(dir.path());
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let pattern =
-        ["--pattern", "beam_f{load_n}_t{thickness_mm}.vtu", "--out", "db", "--test-every", "6", "--json"];
+        ["--pattern", "beam_f{load_n}_t{thickness_mm}.vtu", "--out", "db", "--test-every", "3", "--json"];
     let import = [&["import", "results"], &names[..], &UNITS, &pattern].concat();
     let done: Value = serde_json::from_str(&succeeds(dir.path(), &import)).unwrap();
     assert_eq!(
         (&done["states"], &done["testing"], &done["shape_varies"]),
-        (&28.into(), &4.into(), &true.into())
+        (&28.into(), &3.into(), &true.into())
     );
     assert_eq!(done["inputs"], serde_json::json!(["load_n", "thickness_mm"]));
     succeeds(dir.path(), &["train", "--database", "db", "--out", "beam.twin"]);
@@ -45,6 +45,48 @@ fn cantilever_is_imported_trained_evaluated_and_predicted() {
         assert!((moved_mm - size(u)).abs() <= 0.01 * largest_mm, "{row:?} {u:?}");
         assert!((von_mises_mpa - stress_mpa).abs() <= 0.01 * largest_mpa, "{row:?} {stress_mpa}");
     }
+}
+
+/// One folder per job, by a table alone and by a pattern with folders; again over the first; one state of another load.
+#[test]
+fn jobs_in_folders_are_imported_and_a_state_off_the_curve_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut table = "file,load_n\n".to_owned();
+    let mut paths = Vec::new();
+    for load in 1..=9 {
+        let path = format!("job_{load}/results.vtu");
+        fs::create_dir(dir.path().join(format!("job_{load}"))).unwrap();
+        // The solver of job 5 stopped early.
+        let reached = if load == 5 { 4.0 } else { f64::from(load) };
+        fs::write(dir.path().join(&path), vtu(reached, 8.0)).unwrap();
+        table += &format!("{path},{load}\n");
+        paths.push(path);
+    }
+    fs::write(dir.path().join("inputs.csv"), table + "job_10/results.vtu,10\n").unwrap();
+    fn import<'a>(args: &[&'a str]) -> Vec<&'a str> {
+        [&["import", "results", "--out", "db"], &UNITS[..], args].concat()
+    }
+    let (code, _, err) = run(dir.path(), &import(&["--inputs", "inputs.csv"]));
+    assert!(code != 0 && err.contains("job_10"), "{code} {err}");
+    let paths: Vec<&str> = paths.iter().map(String::as_str).collect();
+    let json = |args: &[&str]| -> Value {
+        serde_json::from_str(&succeeds(dir.path(), &import(&[args, &["--json"]].concat()))).unwrap()
+    };
+    let done = json(&[&paths[..], &["--inputs", "inputs.csv", "--test-every", "4"]].concat());
+    assert_eq!((&done["states"], &done["testing"]), (&9.into(), &1.into()));
+    assert!(done["left_out"].as_array().unwrap().iter().any(|reason| reason.to_string().contains("line 11")));
+    let cases = fs::read_to_string(dir.path().join("db/cases.csv")).unwrap();
+    assert!(
+        cases.contains("job_1-results,free,train") && cases.contains("job_5-results,free,test"),
+        "{cases}"
+    );
+    let pattern = [&paths[..], &["--pattern", "job_{load_n}/re*s.vtu"]].concat();
+    assert_eq!(run(dir.path(), &import(&pattern)).0, 2, "there is a database");
+    assert_eq!(json(&[&pattern[..], &["--replace"]].concat())["testing"], 0);
+    succeeds(dir.path(), &["train", "--database", "db", "--out", "beam.twin", "--json"]);
+    let sheet: Value = serde_json::from_slice(&fs::read(dir.path().join("beam.json")).unwrap()).unwrap();
+    let remarks = sheet["remarks"].as_array().unwrap();
+    assert!(remarks.len() == 1 && remarks[0].as_str().unwrap().contains("job_5-results"), "{remarks:?}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Model and data sheet from trained regimes; checks that the effects of inputs can be separated.
 
 use crate::config::TrainConfig;
-use crate::datasheet::{Candidate, DataSheet, FieldSheet, FitSheet, InputSheet, RegimeSheet};
+use crate::datasheet::{Candidate, CaseError, DataSheet, FieldSheet, FitSheet, InputSheet, RegimeSheet};
 use crate::error::TrainError;
 use crate::group::{GroupFit, Plan};
 use crate::regime::{OnsetModel, Part};
@@ -10,7 +10,7 @@ use faer::Mat;
 use rom::inputs::{InputMap, InputSpec, Inputs, MAX_INPUTS, PARAMETERS};
 use rom::interpolant::Interpolant;
 use rom::model::{BlockData, BlockKind, Model, ModelHeader, OutputField};
-use rom::snapshots::{Database, RegimeKind};
+use rom::snapshots::{Database, FieldKind, RegimeKind};
 
 /// Largest distance from a plane, as a fraction of their spread, at which states count as lying on it.
 const FLAT: f64 = 1e-6;
@@ -219,6 +219,9 @@ pub(crate) fn remarks(database: &Database, parts: &[Part]) -> Vec<String> {
             }
         }
     }
+    for part in parts {
+        remarks.extend(off_curve(database, &part.errors));
+    }
     remarks
 }
 
@@ -250,4 +253,45 @@ impl Slopes {
         let sizes = self.0[a][a] * self.0[b][b];
         (sizes > 0.0).then(|| self.0[a][b] / sizes.sqrt())
     }
+}
+
+/// Ratio of a leave-one-out error to the median of its regime from which a state lies off the curve of its neighbours.
+const OFF_CURVE: f64 = 10.0;
+/// Least such error, as a fraction of the largest change of a coordinate between states.
+const OFF_CURVE_FLOOR: f64 = 0.005;
+/// Fewer states than this say nothing about a median.
+const OFF_CURVE_CASES: usize = 5;
+
+/// States that lie off the curve of their neighbours, such as those of a solver that stopped early.
+fn off_curve(database: &Database, errors: &[CaseError]) -> Vec<String> {
+    let inner: Vec<&CaseError> = errors.iter().filter(|error| !error.on_hull).collect();
+    if inner.len() < OFF_CURVE_CASES {
+        return Vec::new();
+    }
+    let mut sorted: Vec<f64> = inner.iter().map(|error| error.displacement_mm).collect();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted[sorted.len() / 2];
+    let coordinates = (0..database.fields.len())
+        .filter(|f| matches!(database.fields[*f].kind, FieldKind::Coordinate(_)))
+        .flat_map(|f| (1..database.cases.len()).map(move |case| (f, case)));
+    let change_mm = |(f, case)| {
+        let pairs = database.field(0, f).zip(database.field(case, f));
+        pairs.fold(0.0_f64, |most, (a, b)| most.max(f64::from(a - b).abs()))
+    };
+    let largest_mm = coordinates.map(change_mm).fold(0.0, f64::max);
+    let is_off = |error: &&&CaseError| {
+        error.displacement_mm > OFF_CURVE * median && error.displacement_mm > OFF_CURVE_FLOOR * largest_mm
+    };
+    // A state off the curve raises the errors of its neighbours: only the largest is told.
+    let worst = inner.iter().filter(is_off).max_by(|a, b| a.displacement_mm.total_cmp(&b.displacement_mm));
+    let say = |error: &&CaseError| {
+        format!(
+            "state {} lies {:.3} mm off what the others predict there, {:.0} times the median of the regime: check that its \
+             simulation converged",
+            error.case,
+            error.displacement_mm,
+            error.displacement_mm / median
+        )
+    };
+    worst.into_iter().map(say).collect()
 }

@@ -132,8 +132,10 @@ pub struct Report {
 pub struct Summary {
     /// Regime the cases were sampled for.
     pub regime: RegimeKind,
-    /// Cases.
+    /// Cases inside the training range or near it, of which the following is; all where there is none.
     pub cases: usize,
+    /// Names of the other cases: outside the training range a model extrapolates.
+    pub outside: Vec<String>,
     /// Eq. (15): mean over cases and entries.
     pub mse: f64,
     /// Per field: mean, 95th percentile and maximum over cases of the normalised error; the worst case and node.
@@ -299,6 +301,9 @@ fn field_errors(
 }
 
 fn summary(database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> Option<Summary> {
+    let (outside, inside): (Vec<&CaseReport>, Vec<&CaseReport>) =
+        cases.into_iter().partition(|case| case.domain == DomainStatus::Outside);
+    let (cases, outside) = if inside.is_empty() { (outside, inside) } else { (inside, outside) };
     if cases.is_empty() {
         return None;
     }
@@ -321,6 +326,7 @@ fn summary(database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> 
     Some(Summary {
         regime,
         cases: cases.len(),
+        outside: outside.iter().map(|case| case.case.clone()).collect(),
         mse: mean(&|c| c.mse),
         fields: fields.collect(),
         force_normalised: spread(&mut forces),

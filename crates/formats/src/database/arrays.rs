@@ -45,7 +45,7 @@ pub fn read_snapshots(path: &Path, mesh: Option<&Path>) -> Result<Snapshots, For
 /// A mesh that cannot be read or has another number of nodes.
 pub(crate) fn complete(mut database: Database, mesh: Option<&Path>) -> Result<Database, FormatError> {
     if let Some(path) = mesh {
-        let (points_mm, blocks) = read_blocks(path)?;
+        let (points_mm, blocks, _) = read_blocks(path)?;
         if points_mm.len() != database.node_count {
             let expected = format!("{} as in the snapshots", database.node_count);
             return Err(FormatError::one(path, Diagnostic::new("points", expected, points_mm.len())));

@@ -11,29 +11,43 @@ const MAX_AXES: usize = 32;
 
 /// Type of the stored numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Element {
-    F32,
-    F64,
-    /// Read only: index arrays, whose every value (of I64: below 2^53) an f64 holds exactly.
-    I32,
-    I64,
+pub(crate) struct Element {
+    /// `f`, `i`, `u` or `b` (one byte, 0 or 1).
+    pub(crate) kind: u8,
+    pub(crate) bytes: usize,
+    pub(crate) big_endian: bool,
 }
 
 impl Element {
-    pub(crate) const fn bytes(self) -> usize {
-        match self {
-            Self::F32 | Self::I32 => 4,
-            Self::F64 | Self::I64 => 8,
+    pub(crate) const F32: Self = Self { kind: b'f', bytes: 4, big_endian: false };
+
+    /// Value of [`Self::bytes`] bytes; of 64-bit integers, exact below 2^53.
+    pub(crate) fn value(self, bytes: &[u8]) -> f64 {
+        let mut word = [0_u8; 8];
+        for (at, to) in word.iter_mut().enumerate().take(self.bytes) {
+            *to = bytes[if self.big_endian { self.bytes - 1 - at } else { at }];
+        }
+        let bits = u64::from_le_bytes(word);
+        let unused = 64 - 8 * self.bytes as u32;
+        match (self.kind, self.bytes) {
+            (b'f', 2) => half(bits as u16),
+            (b'f', 4) => f32::from_bits(bits as u32).into(),
+            (b'f', _) => f64::from_bits(bits),
+            (b'i', _) => ((bits << unused) as i64 >> unused) as f64,
+            _ => bits as f64,
         }
     }
+}
 
-    const fn descr(self) -> &'static str {
-        match self {
-            Self::F32 => "<f4",
-            Self::F64 => "<f8",
-            Self::I32 => "<i4",
-            Self::I64 => "<i8",
-        }
+/// Number of 16 bits: 1 sign, 5 exponent, 10 fraction.
+fn half(bits: u16) -> f64 {
+    let sign = if bits >> 15 == 1 { -1.0 } else { 1.0 };
+    let fraction = f64::from(bits & 0x3ff) / 1024.0;
+    sign * match (bits >> 10) & 0x1f {
+        0 => fraction * 2.0_f64.powi(-14),
+        0x1f if fraction == 0.0 => f64::INFINITY,
+        0x1f => f64::NAN,
+        exponent => (1.0 + fraction) * 2.0_f64.powi(i32::from(exponent) - 15),
     }
 }
 
@@ -41,6 +55,8 @@ impl Element {
 pub(crate) struct Header {
     pub(crate) element: Element,
     pub(crate) shape: Vec<usize>,
+    /// The first index varies fastest in the file.
+    pub(crate) fortran_order: bool,
     pub(crate) elements: usize,
 }
 
@@ -60,17 +76,17 @@ impl Header {
     pub(crate) fn read(input: &mut impl Read, path: &Path, file_bytes: u64) -> Result<Self, FormatError> {
         let (prefix, text) = read_text(input, path)?;
         let wrong = |diagnostic| FormatError::one(path, diagnostic);
-        let (element, shape) = parse(&text).map_err(wrong)?;
+        let (element, fortran_order, shape) = parse(&text).map_err(wrong)?;
         let values = shape.iter().try_fold(1_u64, |n, axis| n.checked_mul(*axis as u64));
         let stated = values
-            .and_then(|n| n.checked_mul(element.bytes() as u64))
+            .and_then(|n| n.checked_mul(element.bytes as u64))
             .and_then(|n| n.checked_add((prefix + text.len()) as u64));
         if stated != Some(file_bytes) {
             let expected =
                 stated.map_or("a size below 2^64".into(), |n| format!("{n} bytes for shape {shape:?}"));
             return Err(wrong(Diagnostic::new("file length", expected, format!("{file_bytes} bytes"))));
         }
-        Ok(Self { element, elements: shape.iter().product(), shape })
+        Ok(Self { element, fortran_order, elements: shape.iter().product(), shape })
     }
 }
 
@@ -103,11 +119,11 @@ fn read_text(input: &mut impl Read, path: &Path) -> Result<(usize, String), Form
     }
 }
 
-/// Type and shape in the literal.
-fn parse(text: &str) -> Result<(Element, Vec<usize>), Diagnostic> {
+/// Type, order and shape in the literal.
+fn parse(text: &str) -> Result<(Element, bool, Vec<usize>), Diagnostic> {
     let inner = text.trim().strip_prefix('{').and_then(|t| t.strip_suffix('}'));
     let mut rest = inner.ok_or_else(|| Diagnostic::new("header", "{'descr': ..., }", text.trim()))?.trim();
-    let (mut element, mut c_order, mut shape) = (None, false, None);
+    let (mut element, mut order, mut shape) = (None, None, None);
     while !rest.is_empty() {
         let (key, after) =
             rest.split_once(':').ok_or_else(|| Diagnostic::new("header", "'key': value", rest))?;
@@ -116,32 +132,40 @@ fn parse(text: &str) -> Result<(Element, Vec<usize>), Diagnostic> {
         let (value, after) = after.split_at(end.unwrap_or(after.len()));
         match key.trim().trim_matches(['\'', '"']) {
             "descr" => element = Some(parse_element(value)?),
-            "fortran_order" => c_order = parse_order(value)?,
+            "fortran_order" => order = Some(parse_order(value)?),
             "shape" => shape = Some(parse_shape(value)?),
             other => return Err(Diagnostic::new("header", "keys descr, fortran_order, shape", other)),
         }
         rest = after.trim_start().strip_prefix(',').unwrap_or(after).trim();
     }
-    match (element, c_order, shape) {
-        (Some(element), true, Some(shape)) => Ok((element, shape)),
+    match (element, order, shape) {
+        (Some(element), Some(order), Some(shape)) => Ok((element, order, shape)),
         _ => Err(Diagnostic::new("header", "keys descr, fortran_order, shape", text.trim())),
     }
 }
 
 fn parse_element(value: &str) -> Result<Element, Diagnostic> {
-    match value.trim().trim_matches(['\'', '"']) {
-        "<f4" => Ok(Element::F32),
-        "<f8" => Ok(Element::F64),
-        "<i4" => Ok(Element::I32),
-        "<i8" => Ok(Element::I64),
-        other => Err(Diagnostic::new("descr", "'<f4', '<f8', '<i4' or '<i8' (little-endian)", other)),
+    let text = value.trim().trim_matches(['\'', '"']);
+    let wrong = || Diagnostic::new("descr", "numbers of 1 to 8 bytes, as '<f4', '>f8', '<u4' or '<i8'", text);
+    let &[order, kind, digit] = text.as_bytes() else { return Err(wrong()) };
+    let bytes = usize::from(digit.wrapping_sub(b'0'));
+    let sizes: &[usize] = match kind {
+        b'f' => &[2, 4, 8],
+        b'i' | b'u' => &[1, 2, 4, 8],
+        b'b' => &[1],
+        _ => &[],
+    };
+    if !sizes.contains(&bytes) || !matches!(order, b'<' | b'>' | b'|') {
+        return Err(wrong());
     }
+    Ok(Element { kind, bytes, big_endian: order == b'>' })
 }
 
 fn parse_order(value: &str) -> Result<bool, Diagnostic> {
     match value.trim() {
-        "False" => Ok(true),
-        other => Err(Diagnostic::new("fortran_order", "False (save it with numpy.ascontiguousarray)", other)),
+        "False" => Ok(false),
+        "True" => Ok(true),
+        other => Err(Diagnostic::new("fortran_order", "True or False", other)),
     }
 }
 
@@ -153,11 +177,11 @@ fn parse_shape(value: &str) -> Result<Vec<usize>, Diagnostic> {
     if shape.len() > MAX_AXES { Err(bad()) } else { Ok(shape) }
 }
 
-/// Header as NumPy writes it: version 1, padded so that the values start at a multiple of 64 bytes.
-pub(crate) fn compose(element: Element, shape: &[usize]) -> Vec<u8> {
+/// Header of an f32 array as NumPy writes it: version 1, padded so that the values start at a multiple of 64 bytes.
+pub(crate) fn compose(shape: &[usize]) -> Vec<u8> {
     let axes: Vec<String> = shape.iter().map(usize::to_string).collect();
     let tuple = if axes.len() == 1 { format!("({},)", axes[0]) } else { format!("({})", axes.join(", ")) };
-    let text = format!("{{'descr': '{}', 'fortran_order': False, 'shape': {tuple}, }}", element.descr());
+    let text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {tuple}, }}");
     let total = (10 + text.len() + 1).next_multiple_of(64);
     let mut bytes = MAGIC.to_vec();
     bytes.extend([1, 0]);

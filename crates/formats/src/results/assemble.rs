@@ -48,10 +48,15 @@ struct Chosen {
 pub struct Assembly {
     wanted: Wanted,
     chosen: Option<Chosen>,
-    /// Positions in the files of the nodes with cells.
+    /// Positions in the files of the nodes with cells and values.
     used: Vec<u32>,
     points_mm: Vec<[f64; 3]>,
+    /// Cells of the files.
     blocks: Vec<Block>,
+    /// Cells of the nodes in use.
+    kept: Vec<Block>,
+    /// Parts without a value.
+    left_out: Vec<String>,
     all_nodes: usize,
     shape_varies: bool,
     cases: Vec<Case>,
@@ -68,6 +73,8 @@ impl Assembly {
             used: Vec::new(),
             points_mm: Vec::new(),
             blocks: Vec::new(),
+            kept: Vec::new(),
+            left_out: Vec::new(),
             all_nodes: 0,
             shape_varies: false,
             cases: Vec::new(),
@@ -81,16 +88,23 @@ impl Assembly {
         self.used.len()
     }
 
+    /// Parts of the mesh that no state has all values of.
+    #[must_use]
+    pub fn parts_left_out(&self) -> &[String] {
+        &self.left_out
+    }
+
     /// True if the undeformed nodes differ between simulations: a length is an input.
     #[must_use]
     pub fn shape_varies(&self) -> bool {
         self.shape_varies
     }
 
-    /// Adds a state. Returns the reason if it is left out: values that are missing or not finite.
+    /// Adds a state. Returns the reason if it is left out: quantities or values that are missing or not finite. Parts of the mesh
+    /// that have no value at all in the first state are left out of all.
     ///
     /// # Errors
-    /// A mesh that differs from the first simulation's, missing quantities, a stress without a unit.
+    /// A mesh that differs from the first simulation's, a quantity with other components, a stress without a unit.
     pub fn add(
         &mut self,
         path: &Path,
@@ -99,8 +113,19 @@ impl Assembly {
         case: Case,
     ) -> Result<Option<String>, FormatError> {
         let wrong = |diagnostic| FormatError::one(path, diagnostic);
-        if self.used.is_empty() {
-            self.first(run).map_err(wrong)?;
+        let chosen = match self.chosen.clone() {
+            Some(chosen) => chosen,
+            None => match choose(&self.wanted, step).map_err(wrong)? {
+                Ok(chosen) => chosen,
+                Err(missing) => return Ok(Some(missing.to_string())),
+            },
+        };
+        let sources = match sources(step, &chosen) {
+            Ok(sources) => sources,
+            Err(missing) => return Ok(Some(missing.to_string())),
+        };
+        if self.chosen.is_none() {
+            self.first(run, &sources).map_err(wrong)?;
         }
         if run.points.len() != self.all_nodes || run.blocks != self.blocks {
             let expected = "the nodes and elements of the first simulation, moved where a length is an input (one mesh, \
@@ -108,11 +133,7 @@ impl Assembly {
             let found = format!("{} nodes, or other elements", run.points.len());
             return Err(wrong(Diagnostic::new("mesh", expected, found)));
         }
-        let chosen = match &self.chosen {
-            Some(chosen) => chosen.clone(),
-            None => choose(&self.wanted, step).map_err(wrong)?,
-        };
-        let snapshot = self.snapshot(run, step, &chosen).map_err(wrong)?;
+        let snapshot = self.snapshot(run, &sources).map_err(wrong)?;
         let bad = snapshot.iter().filter(|value| !value.is_finite()).count();
         if bad > 0 {
             return Ok(Some(format!("{}: {bad} values are missing or not finite", step.name)));
@@ -134,12 +155,44 @@ impl Assembly {
         SAME_SHARE * last
     }
 
-    /// Takes the mesh of the first simulation, without nodes that have no cell.
-    fn first(&mut self, run: &Run) -> Result<(), Diagnostic> {
+    /// Takes the mesh of the first simulation, without nodes that have no cell and without parts that have no values.
+    fn first(&mut self, run: &Run, sources: &Sources<'_>) -> Result<(), Diagnostic> {
+        let parts = parts(run.points.len(), &run.blocks);
+        let lacks = |part: &Vec<u32>| {
+            let mut nodes = part.iter().map(|node| sources.lacking(*node as usize));
+            let first = nodes.next().flatten();
+            first.filter(|_| nodes.all(|lacking| lacking.is_some()))
+        };
+        let lacking: Vec<Option<&str>> = parts.iter().map(lacks).collect();
+        let some_have = lacking.iter().any(Option::is_none);
         let mut is_used = vec![false; run.points.len()];
-        run.blocks.iter().flat_map(|block| &block.nodes).for_each(|node| is_used[*node as usize] = true);
+        self.left_out.clear();
+        for (part, lacking) in parts.iter().zip(lacking) {
+            match lacking.filter(|_| some_have) {
+                None => part.iter().for_each(|node| is_used[*node as usize] = true),
+                Some(quantity) => {
+                    let [x, y, z] = run.points[part[0] as usize];
+                    let nodes = part.len();
+                    self.left_out.push(format!(
+                        "a part of {nodes} nodes, the first at {x}, {y}, {z}: no values of {quantity}"
+                    ));
+                }
+            }
+        }
+        let is_kept = |cell: &&[u32]| cell.iter().all(|node| is_used[*node as usize]);
+        let kept = |block: &Block| Block {
+            nodes: block
+                .nodes
+                .chunks_exact(block.nodes_per_cell)
+                .filter(is_kept)
+                .flatten()
+                .copied()
+                .collect(),
+            ..block.clone()
+        };
+        self.kept = run.blocks.iter().map(kept).filter(|block| !block.nodes.is_empty()).collect();
         self.used = (0..run.points.len() as u32).filter(|node| is_used[*node as usize]).collect();
-        if self.used.is_empty() || cells::surface(&run.points, &run.blocks).is_empty() {
+        if self.used.is_empty() || cells::surface(&run.points, &self.kept).is_empty() {
             return Err(Diagnostic::new("mesh", "elements with a surface", "none"));
         }
         let length = self.wanted.length_mm;
@@ -150,19 +203,9 @@ impl Assembly {
     }
 
     /// Snapshot of a step, `nodes x fields`.
-    fn snapshot(&self, run: &Run, step: &Step, chosen: &Chosen) -> Result<Vec<f32>, Diagnostic> {
-        let find = |name: &str| {
-            let found = step.quantities.iter().find(|quantity| quantity.name == name);
-            found.ok_or_else(|| missing(step, name))
-        };
-        let displacement = find(&chosen.displacement)?;
-        let stress = chosen.stress.as_deref().map(find).transpose()?;
+    fn snapshot(&self, run: &Run, sources: &Sources<'_>) -> Result<Vec<f32>, Diagnostic> {
+        let Sources { displacement, stress, further } = sources;
         let stress = stress.map(|quantity| Ok((quantity, self.stress_mpa(quantity)?))).transpose()?;
-        let further: Vec<(&Quantity, usize)> = chosen
-            .further
-            .iter()
-            .map(|(name, component, _)| Ok((find(name)?, *component)))
-            .collect::<Result<_, Diagnostic>>()?;
         let length = self.wanted.length_mm;
         let mut snapshot = Vec::with_capacity(self.used.len() * (4 + 1 + further.len()));
         for node in self.used.iter().map(|node| *node as usize) {
@@ -226,7 +269,7 @@ impl Assembly {
             sensitivities: None,
             hash: [0; 32],
         };
-        Ok((database, self.blocks.iter().map(renumbered).collect()))
+        Ok((database, self.kept.iter().map(renumbered).collect()))
     }
 }
 
@@ -244,8 +287,71 @@ fn equivalent(quantity: &Quantity, node: usize) -> f64 {
     (0.5 * normal + 3.0 * (xy * xy + yz * yz + xz * xz)).sqrt()
 }
 
-/// Finds the quantities by their names in the first state.
-fn choose(wanted: &Wanted, step: &Step) -> Result<Chosen, Diagnostic> {
+/// Quantities of a step from which a snapshot is made.
+struct Sources<'a> {
+    displacement: &'a Quantity,
+    stress: Option<&'a Quantity>,
+    /// With the component.
+    further: Vec<(&'a Quantity, usize)>,
+}
+
+impl Sources<'_> {
+    /// A quantity that has no finite value at a node.
+    fn lacking(&self, node: usize) -> Option<&str> {
+        let all = std::iter::once(self.displacement)
+            .chain(self.stress)
+            .chain(self.further.iter().map(|further| further.0));
+        let lacks = |quantity: &&Quantity| {
+            let count = quantity.components.len();
+            quantity.values[node * count..][..count].iter().any(|value| !value.is_finite())
+        };
+        all.into_iter().find(lacks).map(|quantity| quantity.name.as_str())
+    }
+}
+
+/// The chosen quantities of a step, or the one that it does not have.
+fn sources<'a>(step: &'a Step, chosen: &Chosen) -> Result<Sources<'a>, Diagnostic> {
+    let find = |name: &str| {
+        let found = step.quantities.iter().find(|quantity| quantity.name == name);
+        found.ok_or_else(|| missing(step, name))
+    };
+    Ok(Sources {
+        displacement: find(&chosen.displacement)?,
+        stress: chosen.stress.as_deref().map(find).transpose()?,
+        further: (chosen.further.iter())
+            .map(|(name, component, _)| Ok((find(name)?, *component)))
+            .collect::<Result<_, Diagnostic>>()?,
+    })
+}
+
+/// Nodes by connected part, parts and nodes in the order of the first node; nodes without a cell are in none.
+fn parts(nodes: usize, blocks: &[Block]) -> Vec<Vec<u32>> {
+    fn root(parent: &mut [u32], mut node: u32) -> u32 {
+        while parent[node as usize] != node {
+            parent[node as usize] = parent[parent[node as usize] as usize];
+            node = parent[node as usize];
+        }
+        node
+    }
+    let mut parent: Vec<u32> = (0..nodes as u32).collect();
+    let mut has_cell = vec![false; nodes];
+    for cell in blocks.iter().flat_map(|block| block.nodes.chunks_exact(block.nodes_per_cell)) {
+        for node in cell {
+            has_cell[*node as usize] = true;
+            let (a, b) = (root(&mut parent, cell[0]), root(&mut parent, *node));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut parts: Vec<Vec<u32>> = vec![Vec::new(); nodes];
+    for node in (0..nodes as u32).filter(|node| has_cell[*node as usize]) {
+        parts[root(&mut parent, node) as usize].push(node);
+    }
+    parts.retain(|part| !part.is_empty());
+    parts
+}
+
+/// Finds the quantities by their names in the first state; the inner error is a quantity that the step does not have.
+fn choose(wanted: &Wanted, step: &Step) -> Result<Result<Chosen, Diagnostic>, Diagnostic> {
     let by_name = |name: &str| step.quantities.iter().find(|quantity| quantity.name == name);
     // Of several with a usual name the one of a suitable size: principal stresses S1, S2, S3 may come before the equivalent stress.
     let usual = |names: &[&str], sizes: &[usize]| {
@@ -258,10 +364,13 @@ fn choose(wanted: &Wanted, step: &Step) -> Result<Chosen, Diagnostic> {
         None => usual(&DISPLACEMENT, &VECTOR),
     };
     let asked = wanted.displacement.as_deref().unwrap_or("displacement (or name it: --displacement NAME)");
-    let displacement = displacement.ok_or_else(|| missing(step, asked))?;
+    let Some(displacement) = displacement else { return Ok(Err(missing(step, asked))) };
     sized(displacement, &VECTOR)?;
     let stress = match &wanted.stress {
-        Some(name) => Some(by_name(name).ok_or_else(|| missing(step, name))?),
+        Some(name) => match by_name(name) {
+            None => return Ok(Err(missing(step, name))),
+            found => found,
+        },
         None => usual(&STRESS, &STRESS_SIZES),
     };
     stress.map(|quantity| sized(quantity, &STRESS_SIZES)).transpose()?;
@@ -286,11 +395,11 @@ fn choose(wanted: &Wanted, step: &Step) -> Result<Chosen, Diagnostic> {
         let field = name.to_lowercase().replace(['.', ' '], "_");
         Ok((quantity.name.clone(), at, FieldSpec { name: field, unit: unit.clone(), kind: FieldKind::Other }))
     };
-    Ok(Chosen {
+    Ok(Ok(Chosen {
         displacement: displacement.name.clone(),
         stress: stress.map(|quantity| quantity.name.clone()),
         further: wanted.fields.iter().map(further).collect::<Result<_, Diagnostic>>()?,
-    })
+    }))
 }
 
 fn sized(quantity: &Quantity, components: &[usize]) -> Result<(), Diagnostic> {

@@ -4,7 +4,7 @@
 //! A job that fails stores the state of the failed increment and omits the last line, `9999`.
 
 use super::dat;
-use super::run::{Quantity, Run, Step};
+use super::run::{Quantity, Run, Step, same_or_new};
 use crate::cells::{Block, Kind};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
@@ -87,6 +87,7 @@ struct Reader {
     /// Step and increment of the last `1PSTEP`.
     step: String,
     number: usize,
+    beams: usize,
     ended: bool,
     diagnostics: Vec<Diagnostic>,
 }
@@ -253,7 +254,8 @@ impl Reader {
     fn element(&mut self, element: Option<Element>) {
         let Some(Element { kind, number, mut nodes, line }) = element else { return };
         if matches!(number, 11 | 12) {
-            return; // beams have no surface
+            self.beams += 1; // they have no surface
+            return;
         }
         let Some(kind) = kind.filter(|kind| kind.nodes == nodes.len()) else {
             let found = format!("type {number} with {} nodes", nodes.len());
@@ -293,8 +295,19 @@ impl Reader {
             return;
         }
         let mut values = vec![f64::NAN; nodes * count];
+        let mut again = None;
         for (node, row) in rows.iter().zip(quantity.values.chunks_exact(count)) {
-            values[*node as usize * count..][..count].copy_from_slice(row);
+            let known = &mut values[*node as usize * count..][..count];
+            if !same_or_new(known, row) {
+                again = Some(*node);
+            }
+            known.copy_from_slice(row);
+        }
+        if let Some(node) = again {
+            self.report(
+                format!("one value of {} per node", quantity.name),
+                format!("two at node {}", node + 1),
+            );
         }
         quantity.values = values;
         if let Some(step) = self.run.steps.last_mut() {
@@ -303,6 +316,9 @@ impl Reader {
     }
 
     fn finish(mut self) -> Result<Run, Vec<Diagnostic>> {
+        if self.beams > 0 {
+            self.run.left_out.push(format!("{} beams (elements of type 11 or 12)", self.beams));
+        }
         if !self.ended
             && let Some(last) = self.run.steps.pop()
         {

@@ -1,14 +1,14 @@
 //! Abaqus mesh (`run.inp`) with its results in a table (`run.csv`) or in arrays (`run.npz`) of the same name.
 //!
-//! The table has a column `node` with the numbers of the mesh, optionally `step` and `time`, and one column for each component.
+//! The table has a column `node` with the numbers of the mesh, `instance` if there are several, optionally `step` and `time`, and one
+//! column for each component.
 //! Columns of one quantity end in 1, 2, 3 or 11, 22, 33, 12, 13, 23, or in x, y, z, xy, yz, xz: `u1,u2,u3` is the vector `u`,
 //! `sx,...` the tensor `s`.
 
 use super::groups::groups;
-use super::run::{Quantity, Run, Step};
+use super::run::{Quantity, Run, Step, same_or_new};
 use super::stacks;
-use crate::abaqus;
-use crate::cells::Block;
+use crate::abaqus::{self, AbaqusMesh};
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::table::Table;
 use std::collections::HashMap;
@@ -27,32 +27,44 @@ pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
         return Err(FormatError::one(path, Diagnostic::new("results", expected, found)));
     };
     let mesh = abaqus::read(path)?;
+    if let Some(place) = mesh.rotated {
+        let expected = "an instance without rotation: whether these results are in its directions or the global ones cannot be told; \
+                        write the job as a flat file (noPartsInputFile=ON)";
+        return Err(FormatError::one(path, Diagnostic::new(place, expected, "a rotation")));
+    }
     if results.extension().is_some_and(|ending| ending == "npz") {
         let steps = stacks::read_fields(results, mesh.points.len())?;
-        return Ok(Run { points: mesh.points, blocks: mesh.blocks, steps, ..Run::default() });
+        let AbaqusMesh { points, blocks, left_out, .. } = mesh;
+        return Ok(Run { points, blocks, steps, left_out, ..Run::default() });
     }
-    with_table(mesh.points, &mesh.labels, mesh.blocks, results)
+    with_table(mesh, results)
 }
 
-fn with_table(
-    points: Vec<[f64; 3]>,
-    labels: &[u64],
-    blocks: Vec<Block>,
-    path: &Path,
-) -> Result<Run, FormatError> {
+fn with_table(mesh: AbaqusMesh, path: &Path) -> Result<Run, FormatError> {
     let table = Table::read(path, true)?;
     let names = table.header();
     let column = |name: &str| names.iter().position(|column| column.eq_ignore_ascii_case(name));
-    let [step, time] = ["step", "time"].map(column);
+    let [step, time, instance] = ["step", "time", "instance"].map(column);
     let Some(node) = column("node") else {
         let missing = table.column("node").err().into_iter().collect();
         return Err(FormatError::Content { path: path.into(), diagnostics: missing });
     };
+    if instance.is_none() && mesh.instances.len() > 1 {
+        let names: Vec<&str> = mesh.instances.iter().map(|(name, _)| name.as_str()).collect();
+        let expected =
+            format!("a column `instance` beside `node`: the mesh has the instances {}", names.join(", "));
+        return Err(FormatError::one(path, Diagnostic::new("header", expected, "none of that name")));
+    }
     let values: Vec<usize> =
-        (0..names.len()).filter(|at| *at != node && Some(*at) != step && Some(*at) != time).collect();
+        (0..names.len()).filter(|at| ![Some(node), step, time, instance].contains(&Some(*at))).collect();
     let groups = groups(&values, names);
-    let place: HashMap<u64, usize> = labels.iter().enumerate().map(|(at, label)| (*label, at)).collect();
-    let (nodes, mut steps, mut diagnostics) = (points.len(), Vec::<Step>::new(), Vec::new());
+    let of_instance =
+        mesh.instances.iter().flat_map(|(name, count)| std::iter::repeat_n(name.as_str(), *count));
+    let place: HashMap<(&str, u64), usize> =
+        of_instance.zip(&mesh.labels).enumerate().map(|(at, (name, label))| ((name, *label), at)).collect();
+    let only = mesh.instances.first().map_or("", |(name, _)| name.as_str());
+    let (nodes, mut steps, mut diagnostics) = (mesh.points.len(), Vec::<Step>::new(), Vec::new());
+    let mut lines: HashMap<usize, String> = HashMap::new();
     let empty = |name: String, time| Step {
         name,
         time,
@@ -66,7 +78,9 @@ fn with_table(
             .collect(),
     };
     for row in table.rows() {
-        let label = row.text(node).parse().ok().and_then(|label: u64| place.get(&label).copied());
+        let of = instance.map_or(only.to_owned(), |column| row.text(column).to_ascii_uppercase());
+        let label =
+            row.text(node).parse().ok().and_then(|label: u64| place.get(&(of.as_str(), label)).copied());
         let Some(at) = label else {
             diagnostics.push(row.diagnostic(node, "a node of the mesh"));
             continue;
@@ -78,16 +92,24 @@ fn with_table(
                 break;
             }
             steps.push(empty(name, time.and_then(|column| row.number(column).ok())));
+            lines.clear();
         }
+        let earlier = lines.insert(at, row.place());
         let Some(last) = steps.last_mut() else { continue };
         for (quantity, (_, columns)) in last.quantities.iter_mut().zip(&groups) {
             for (k, column) in columns.iter().enumerate() {
-                if let Some(value) = collect(row.number(*column), &mut diagnostics) {
-                    quantity.values[at * columns.len() + k] = value;
+                let Some(value) = collect(row.number(*column), &mut diagnostics) else { continue };
+                let known = &mut quantity.values[at * columns.len() + k];
+                if !same_or_new(&[*known], &[value]) {
+                    let first = earlier.as_deref().unwrap_or("an earlier line");
+                    diagnostics
+                        .push(row.diagnostic(*column, &format!("{known} of the same node in {first}")));
                 }
+                *known = value;
             }
         }
     }
-    let run = Run { points, blocks, steps, ..Run::default() };
+    let AbaqusMesh { points, blocks, left_out, .. } = mesh;
+    let run = Run { points, blocks, steps, left_out, ..Run::default() };
     FormatError::check(run, path, diagnostics)
 }

@@ -67,6 +67,11 @@ pub struct Quantity {
     pub values: Vec<f64>,
 }
 
+/// True if a row is the first of its node (the known values are NaN) or repeats it to rounding.
+pub(super) fn same_or_new(known: &[f64], row: &[f64]) -> bool {
+    known.iter().zip(row).all(|(a, b)| a.is_nan() || (a - b).abs() <= 1e-6 * a.abs().max(b.abs()))
+}
+
 /// Numbers as names of unnamed components.
 pub(super) fn counted(components: usize) -> Vec<String> {
     (1..=components).map(|k| k.to_string()).collect()

@@ -17,7 +17,13 @@ pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
     };
     let quantities = content.point_data.into_iter().map(quantity).collect();
     let step = Step { name: "step 1".into(), time: content.time, quantities };
-    Ok(Run { points: content.points, blocks: content.blocks, steps: vec![step], ..Run::default() })
+    Ok(Run {
+        points: content.points,
+        blocks: content.blocks,
+        steps: vec![step],
+        left_out: content.left_out,
+        ..Run::default()
+    })
 }
 
 /// Reads all files of a list, which must have one mesh.
@@ -29,7 +35,7 @@ pub(super) fn read_series(path: &Path) -> Result<Run, FormatError> {
         let member = path.with_file_name("").join(name);
         let mut one = read(&member)?;
         if at == 0 {
-            (run.points, run.blocks) = (one.points, one.blocks);
+            (run.points, run.blocks, run.left_out) = (one.points, one.blocks, one.left_out);
         } else if run.points != one.points || run.blocks != one.blocks {
             let expected = "the undeformed mesh of the first file, with the displacement as point data";
             let diagnostic = Diagnostic::new("mesh", expected, "another mesh");
@@ -62,7 +68,7 @@ pub fn parse_list(text: &str) -> Result<Vec<(f64, String)>, Diagnostic> {
         }
         let attribute = |name: &str| {
             let value = tag.try_get_attribute(name).ok().flatten()?;
-            Some(String::from_utf8_lossy(&value.value).trim().to_owned())
+            value.normalized_value(quick_xml::XmlVersion::default()).ok().map(|value| value.trim().to_owned())
         };
         let time = attribute("timestep").and_then(|t| t.parse::<f64>().ok()).filter(|t| t.is_finite());
         let (Some(time), Some(name)) = (time, attribute("file")) else {

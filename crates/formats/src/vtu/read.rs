@@ -10,7 +10,10 @@ use quick_xml::events::{BytesStart, Event};
 use std::collections::HashMap;
 use std::path::Path;
 
-const POINTS_AND_LINES: [usize; 5] = [1, 2, 3, 4, 21];
+/// Points.
+const POINTS: [usize; 2] = [1, 2];
+/// Lines: trusses, beams, springs.
+const LINES: [usize; 3] = [3, 4, 21];
 /// Largest number of nodes of a cell: the triquadratic hexahedron.
 const MAX_NODES: usize = 27;
 
@@ -29,7 +32,7 @@ pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
 /// All errors in the content; never empty.
 pub fn parse(bytes: &[u8]) -> Result<MeshFile, Vec<Diagnostic>> {
     let raw = Raw::decode(&File::scan(bytes).map_err(|diagnostic| vec![diagnostic])?)?;
-    let blocks = raw.blocks()?;
+    let (blocks, _) = raw.blocks()?;
     MeshFile::of_solids(raw.points, &blocks).map_err(|diagnostic| vec![diagnostic])
 }
 
@@ -42,6 +45,8 @@ pub struct Content {
     pub blocks: Vec<Block>,
     /// Numeric quantities at the nodes.
     pub point_data: Vec<Quantity>,
+    /// Cells that were left out.
+    pub left_out: Vec<String>,
     /// Time in the file (`TimeValue`).
     pub time: Option<f64>,
 }
@@ -73,7 +78,7 @@ pub fn read_content(path: &Path) -> Result<Content, FormatError> {
 pub fn parse_content(bytes: &[u8]) -> Result<Content, Vec<Diagnostic>> {
     let file = File::scan(bytes).map_err(|diagnostic| vec![diagnostic])?;
     let raw = Raw::decode(&file)?;
-    let blocks = raw.blocks()?;
+    let (blocks, left_out) = raw.blocks()?;
     let mut diagnostics = Vec::new();
     let mut point_data = Vec::new();
     for (name, components, array) in &file.point_data {
@@ -84,8 +89,8 @@ pub fn parse_content(bytes: &[u8]) -> Result<Content, Vec<Diagnostic>> {
         }
     }
     let time = file.arrays.get("TimeValue").and_then(|array| file.decode("TimeValue", array, 1).ok());
-    let content =
-        Content { points: raw.points, blocks, point_data, time: time.and_then(|v| v.first().copied()) };
+    let time = time.and_then(|v| v.first().copied());
+    let content = Content { points: raw.points, blocks, point_data, left_out, time };
     if diagnostics.is_empty() { Ok(content) } else { Err(diagnostics) }
 }
 
@@ -129,16 +134,17 @@ impl Raw {
         Ok(Self { points, types, offsets, connectivity })
     }
 
-    /// Cells by kind, in the order of the file.
-    fn blocks(&self) -> Result<Vec<Block>, Vec<Diagnostic>> {
-        let (mut blocks, mut start): (Vec<Block>, usize) = (Vec::new(), 0);
+    /// Cells by kind, in the order of the file, and what was left out.
+    fn blocks(&self) -> Result<(Vec<Block>, Vec<String>), Vec<Diagnostic>> {
+        let (mut blocks, mut start, mut lines): (Vec<Block>, usize, usize) = (Vec::new(), 0, 0);
         for (cell, (number, end)) in self.types.iter().zip(&self.offsets).enumerate() {
             let place = || format!("cell {cell}");
             let members = self.connectivity.get(start..*end as usize).ok_or_else(|| {
                 vec![Diagnostic::new(format!("offsets, cell {cell}"), "rising offsets", end)]
             })?;
             start = *end as usize;
-            if POINTS_AND_LINES.contains(&(*number as usize)) {
+            lines += usize::from(LINES.contains(&(*number as usize)));
+            if LINES.contains(&(*number as usize)) || POINTS.contains(&(*number as usize)) {
                 continue;
             }
             let kind =
@@ -154,7 +160,10 @@ impl Raw {
             }
             Block::add(&mut blocks, kind, members.iter().map(|node| *node as u32));
         }
-        Ok(blocks)
+        Ok((
+            blocks,
+            if lines > 0 { vec![format!("{lines} lines (cells of type 3, 4 or 21)")] } else { Vec::new() },
+        ))
     }
 }
 
@@ -358,7 +367,7 @@ fn appended<'a>(tag: &BytesStart, rest: &'a [u8]) -> Result<Appended<'a>, Diagno
 
 fn attribute(tag: &BytesStart, name: &str) -> Option<String> {
     let attribute = tag.try_get_attribute(name).ok()??;
-    Some(String::from_utf8_lossy(&attribute.value).trim().to_owned())
+    attribute.normalized_value(quick_xml::XmlVersion::default()).ok().map(|value| value.trim().to_owned())
 }
 
 fn count(tag: &BytesStart, name: &str) -> Result<usize, Diagnostic> {

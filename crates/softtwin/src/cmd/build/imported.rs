@@ -2,7 +2,7 @@
 
 use super::folder::Folder;
 use super::quality::Quality;
-use crate::files::{self, refusal, save};
+use crate::files::{self, quoted, refusal, save};
 use crate::output;
 use anyhow::{Context, Result};
 use formats::database::obstacle_kinds;
@@ -48,7 +48,7 @@ pub fn build(folder: &Folder, database: &Path) -> Result<()> {
     }
     quality.print()?;
     let state: String = inputs.iter().fold(String::new(), |text, input| text + &option(input));
-    let (model, scene) = (model.display(), scene.display());
+    let (model, scene) = (quoted(&model), quoted(&scene));
     output!("\nstart it, with the readings of {} until the scene has a sensor:", sweep.display())?;
     output!("  softtwind twin --scene {scene}")?;
     output!("  softtwind bridge --scene {scene} --loop")?;

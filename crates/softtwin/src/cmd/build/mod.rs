@@ -10,7 +10,7 @@ mod scene;
 use super::mesh::write_grid;
 use super::simulate::batch;
 use crate::failure::usage;
-use crate::files::{self, refusal, save};
+use crate::files::{self, quoted, refusal, save};
 use crate::{output, range, resources};
 use anyhow::Result;
 use fem::Family;
@@ -164,7 +164,7 @@ impl Args {
     }
 
     fn commands(&self, model: &Path, scene: &Path, pressures: &Pressures, plan: &Plan) -> Result<()> {
-        let (model, scene) = (model.display(), scene.display());
+        let (model, scene) = (quoted(model), quoted(scene));
         let (pressure, gap) = (0.7 * pressures.largest_mpa(), 0.5 * (plan.gaps_mm[0] + plan.gaps_mm[1]));
         let state = format!("--model {model} --pressure-mpa {pressure:.4} --gap-mm {gap:.1}");
         output!("\nstart it, with readings by formula until the scene has a sensor:")?;
@@ -175,7 +175,7 @@ impl Args {
         )?;
         output!("ask it without starting it, and draw it:")?;
         output!("  softtwin predict {state}")?;
-        output!("  softtwin render {state} --out {}", self.folder.join("state.png").display())?;
+        output!("  softtwin render {state} --out {}", quoted(&self.folder.join("state.png")))?;
         Ok(())
     }
 }

@@ -1,6 +1,7 @@
 //! How good a new twin is, in figures that say what they mean.
 
 use crate::cmd::evaluate;
+use crate::files::quoted;
 use crate::{files, output};
 use anyhow::Result;
 use rom::snapshots::{RegimeKind, Split};
@@ -89,7 +90,7 @@ impl Quality {
             "  the finite elements themselves: mesh about 4 % (docs/fem.md), and whatever the silicone's constants are off"
         )?;
         if quick {
-            output!("  few states, few checks: a first look. For use: softtwin build {}", folder.display())?;
+            output!("  few states, few checks: a first look. For use: softtwin build {}", quoted(folder))?;
         }
         Ok(())
     }

@@ -222,7 +222,9 @@ fn text(report: &Report, left_out: &[LeftOut]) -> anyhow::Result<()> {
 }
 
 fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
-    let cases: Vec<&CaseReport> = report.cases.iter().filter(|c| c.is_of(summary.regime)).collect();
+    let all: Vec<&CaseReport> = report.cases.iter().filter(|c| c.is_of(summary.regime)).collect();
+    let cases: Vec<&CaseReport> =
+        all.iter().filter(|c| !summary.outside.contains(&c.case)).copied().collect();
     output!("\nregime {}: {} cases, MSE (Eq. 15) {:.2e}", summary.regime.name(), summary.cases, summary.mse)?;
     output!(
         "  {:<14}{:^27}{:^27}{:>11}{:>14}  worst",
@@ -261,7 +263,10 @@ fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
     }
     let [displacement, stress, force] = summary.coverage.map(|share| format!("{:.0} %", share * 100.0));
     output!("  within the half-widths: displacement {displacement}, stress {stress}, force {force}")?;
-    for case in &cases {
+    if !summary.outside.is_empty() {
+        output!("  outside the training range, not in the figures above: {}", summary.outside.join(", "))?;
+    }
+    for case in &all {
         let percent = |value: f64| format!("{} %", percent(value));
         let worst = |name: &str| {
             case.fields.iter().find(|f| f.field == name).map_or("none".into(), |f| percent(f.normalised))

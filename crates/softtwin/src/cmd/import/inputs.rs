@@ -8,7 +8,7 @@ use formats::results::Run;
 use formats::table::{Row, Table};
 use rom::snapshots::Split;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Columns of the table that are no inputs.
 const WORDS: [&str; 6] = ["file", "step", "case", "regime", "split", "contact_force_n"];
@@ -37,7 +37,7 @@ impl Source<'_> {
     /// The steps of a simulation that become states, by position, with their labels.
     pub(super) fn states(&self, path: &Path, run: &Run, all: bool) -> Result<Vec<(usize, Labels)>> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let from_name = self.pattern.map(|pattern| matched(pattern, &name)).transpose()?;
+        let from_name = self.pattern.map(|pattern| matched(pattern, path)).transpose()?;
         let labels = Labels { values: from_name.unwrap_or_default(), ..Labels::default() };
         let count = run.steps.len();
         let chosen: Vec<usize> = if all { (0..count).collect() } else { (0..count).rev().take(1).collect() };
@@ -48,14 +48,8 @@ impl Source<'_> {
                 .collect();
         };
         let file = table.column("file").map_err(|e| configuration(anyhow!("{}: {e}", place.display())))?;
-        let is_mine = |row: &Row<'_>| {
-            let cell = row.text(file);
-            cell == name
-                || Path::new(cell) == path
-                || Some(cell) == path.file_stem().and_then(|stem| stem.to_str())
-        };
         let mut states = Vec::new();
-        for row in table.rows().filter(is_mine) {
+        for row in table.rows().filter(|row| is_of(row.text(file), path)) {
             let at = || format!("{}, {}", place.display(), row.place());
             let step = match table
                 .column("step")
@@ -87,6 +81,30 @@ impl Source<'_> {
             return Err(configuration(error));
         }
         Ok(states)
+    }
+
+    /// Files that the table names, relative to its folder, in its order.
+    pub(super) fn files(&self) -> Result<Vec<PathBuf>> {
+        let Some((place, table)) = &self.table else { return Ok(Vec::new()) };
+        let file = table.column("file").map_err(|e| configuration(anyhow!("{}: {e}", place.display())))?;
+        let folder = place.parent().unwrap_or(Path::new(""));
+        let mut files: Vec<PathBuf> = Vec::new();
+        for path in table.rows().map(|row| folder.join(row.text(file))) {
+            if !files.contains(&path) {
+                files.push(path);
+            }
+        }
+        Ok(files)
+    }
+
+    /// Rows of the table whose file is none of `paths`.
+    pub(super) fn unused(&self, paths: &[PathBuf]) -> Vec<String> {
+        let Some((place, table)) = &self.table else { return Vec::new() };
+        let Ok(file) = table.column("file") else { return Vec::new() };
+        let is_unused = |row: &Row<'_>| !paths.iter().any(|path| is_of(row.text(file), path));
+        let what =
+            |row: Row<'_>| format!("{}, {}: {} was not given", place.display(), row.place(), row.text(file));
+        table.rows().filter(is_unused).map(what).collect()
     }
 
     fn at_time(&self, mut labels: Labels, run: &Run, step: usize, path: &Path) -> Result<Labels> {
@@ -134,19 +152,31 @@ pub(super) fn table(path: &Path) -> Result<(&Path, Table)> {
     Ok((path, Table::read(path, true).map_err(refusal)?))
 }
 
-/// Reads the numbers of a file name by a pattern such as `run_p{pressure_mpa}_g{gap_mm}.frd`.
-pub(super) fn matched(pattern: &str, name: &str) -> Result<BTreeMap<String, f64>> {
+/// True if a cell of the column `file` names a file: its path or the end of it, with or without the ending.
+fn is_of(cell: &str, path: &Path) -> bool {
+    !cell.is_empty() && (path.ends_with(cell) || path.with_extension("").ends_with(cell))
+}
+
+/// Reads the numbers of a file name by a pattern such as `run_p{pressure_mpa}_g{gap_mm}_*.frd`; a pattern with folders
+/// (`job_{load_n}/results.frd`) is of the end of the path.
+pub(super) fn matched(pattern: &str, path: &Path) -> Result<BTreeMap<String, f64>> {
+    let parts: Vec<String> = path.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+    let depth = pattern.matches('/').count() + 1;
+    let name = parts[parts.len().saturating_sub(depth)..].join("/");
     let refused = || usage(format!("--pattern {pattern}: expected a file name of this form, found {name}"));
-    let mut parts = pattern.split('{');
-    let mut rest = name.strip_prefix(parts.next().unwrap_or_default()).ok_or_else(refused)?;
+    let mut literals = pattern.split('{');
+    let first = literals.next().unwrap_or_default();
+    let mut literals = literals.peekable();
+    let (start, end) = literal(&name, first, literals.peek().is_none()).ok_or_else(refused)?;
+    let mut rest = name.get(end..).filter(|_| start == 0).ok_or_else(refused)?;
     let mut values = BTreeMap::new();
-    for part in parts {
-        let (key, literal) = part
+    while let Some(part) = literals.next() {
+        let (key, behind) = part
             .split_once('}')
             .ok_or_else(|| usage(format!("--pattern {pattern}: expected }} behind {{{part}")))?;
-        let end = if literal.is_empty() { Some(rest.len()) } else { rest.find(literal) };
-        let (text, after) = rest.split_at(end.ok_or_else(refused)?);
-        rest = &after[literal.len()..];
+        let (start, end) = literal(rest, behind, literals.peek().is_none()).ok_or_else(refused)?;
+        let text = &rest[..start];
+        rest = &rest[end..];
         let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
         let value = value.ok_or_else(|| {
             usage(format!("--pattern {pattern}: expected a number for {key} in {name}, found {text:?}"))
@@ -155,7 +185,25 @@ pub(super) fn matched(pattern: &str, name: &str) -> Result<BTreeMap<String, f64>
             bail!(usage(format!("--pattern {pattern}: expected {{{key}}} once, found it twice")));
         }
     }
-    if values.is_empty() || !rest.is_empty() { Err(refused()) } else { Ok(values) }
+    if values.is_empty() { Err(refused()) } else { Ok(values) }
+}
+
+/// Beginning and end in `text` of the first place that a literal with `*` for any characters matches; the last one ends the text.
+fn literal(text: &str, literal: &str, is_last: bool) -> Option<(usize, usize)> {
+    let pieces: Vec<&str> = literal.split('*').collect();
+    let (mut start, mut at) = (None, 0);
+    for (k, piece) in pieces.iter().enumerate() {
+        let from = if is_last && k + 1 == pieces.len() {
+            text.len()
+                .checked_sub(piece.len())
+                .filter(|from| *from >= at && text.is_char_boundary(*from) && text.ends_with(piece))?
+        } else {
+            at + text[at..].find(piece)?
+        };
+        start = start.or(Some(from));
+        at = from + piece.len();
+    }
+    Some((start?, at))
 }
 
 /// Unit in the suffix of an input's name.

@@ -62,17 +62,19 @@ impl Args {
         if out.extension().is_none_or(|ending| ending != "vtu") {
             return Err(usage(format!("--out: expected a name that ends in .vtu, found {}", out.display())));
         }
-        let (points, blocks) = formats::read_blocks(&mesh).map_err(refusal)?;
+        let (points, blocks, left_out) = formats::read_blocks(&mesh).map_err(refusal)?;
         let grid = Grid { points_mm: &points, cells: Cells::Mixed(&blocks), point_data: &[] };
         vtu::write(&out, &grid).map_err(refusal)?;
         let counts: Vec<(String, usize)> = blocks.iter().map(|block| (name(block), block.count())).collect();
         if self.json {
             let cells: serde_json::Map<_, _> = counts.into_iter().map(|(name, n)| (name, json!(n))).collect();
-            return output::json(&json!({ "out": out, "nodes": points.len(), "cells": cells }));
+            return output::json(
+                &json!({ "out": out, "nodes": points.len(), "cells": cells, "left_out": left_out }),
+            );
         }
         let cells: Vec<String> = counts.iter().map(|(name, count)| format!("{count} {name}")).collect();
         output!("{}: {} nodes, {}", out.display(), points.len(), cells.join(", "))?;
-        Ok(())
+        left_out.iter().try_for_each(|what| Ok(output!("left out: {what}")?))
     }
 }
 

@@ -5,10 +5,10 @@ use crate::failure::{configuration, usage};
 use crate::files::refusal;
 use crate::output;
 use anyhow::{Result, anyhow};
-use formats::Diagnostic;
 use formats::database::{self, ANY_REGIME};
 use formats::results::{self, Assembly, Wanted};
 use formats::vtu::Cells;
+use formats::{Diagnostic, FormatError};
 use rom::inputs::{MAX_INPUTS, PARAMETERS, Parameter};
 use rom::snapshots::{Case, Database, RegimeKind, Split};
 use serde_json::json;
@@ -40,12 +40,15 @@ over a plate; a state with a gap needs contact_force_n in the table. Steps that 
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Files or folders, one simulation each.
-    #[arg(value_name = "PATH", required = true)]
+    /// Files or folders, one simulation each; without, those in the table of inputs.
+    #[arg(value_name = "PATH", required_unless_present = "inputs")]
     paths: Vec<PathBuf>,
     /// Folder of the database.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Replace the database there.
+    #[arg(long)]
+    replace: bool,
     /// Unit of length in the files.
     #[arg(long, value_enum)]
     length_unit: Length,
@@ -55,7 +58,7 @@ pub struct Args {
     /// Table of inputs: columns file, the inputs, and where needed step, case, regime, split, contact_force_n.
     #[arg(long, value_name = "FILE.csv")]
     inputs: Option<PathBuf>,
-    /// Inputs in the file names, as run_p{pressure_mpa}_g{gap_mm}.frd.
+    /// Inputs in the file names, as run_p{pressure_mpa}_g{gap_mm}_*.frd or job_{load_n}/results.frd; * is any text.
     #[arg(long)]
     pattern: Option<String>,
     /// An input that grows with the time of the step; its value at time 1, unless table or pattern give it.
@@ -77,7 +80,7 @@ pub struct Args {
     /// and no force in the table: its length.
     #[arg(long, value_name = "SET")]
     force_from: Option<String>,
-    /// Every N-th state is for testing (2 to 1000000000), unless the table has a column split.
+    /// Every N-th state that has no smallest or largest input is for testing (2 to 1000000000), unless the table has a column split.
     #[arg(long, value_name = "N", value_parser = crate::range::count(2, 1_000_000_000))]
     test_every: Option<usize>,
     /// Name of what was simulated; the folder's name when left out (of NAME/database: NAME).
@@ -124,10 +127,10 @@ impl Args {
     /// # Errors
     /// Errors in a file, a step or an input, by name.
     pub fn run(self) -> Result<()> {
-        if self.out.join("database.toml").exists() {
+        if !self.replace && self.out.join("database.toml").exists() {
             let found = format!("a database in {}", self.out.display());
             return Err(usage(format!(
-                "--out: expected a new folder, found {found}; remove it or name another"
+                "--out: expected a new folder, found {found}; name another, or --replace it"
             )));
         }
         let wanted = Wanted {
@@ -152,21 +155,39 @@ impl Args {
         let mut states = States {
             assembly: Assembly::new(wanted),
             known: Vec::new(),
+            has_split: Vec::new(),
             left_out: Vec::new(),
             names: Vec::new(),
         };
         let source = self.source()?;
-        for path in &self.paths {
-            states.simulation(path, &source, &self)?;
+        let paths = if self.paths.is_empty() { source.files()? } else { self.paths.clone() };
+        for path in &paths {
+            let namesakes = paths.iter().filter(|other| other.file_stem() == path.file_stem()).count();
+            let folder = path.parent().filter(|_| namesakes > 1).and_then(Path::file_name);
+            let name =
+                folder.map_or(plain(path), |folder| format!("{}-{}", plain(Path::new(folder)), plain(path)));
+            states.simulation(path, &name, &source, &self)?;
         }
+        states.left_out.extend(source.unused(&paths));
         let nodes = states.assembly.nodes();
-        let (shape_varies, left_out) = (states.assembly.shape_varies(), states.left_out);
+        let shape_varies = states.assembly.shape_varies();
+        let left_out = [states.assembly.parts_left_out(), &states.left_out].concat();
         let parameters = parameters(&states.names, &states.known)?;
         let name = self.name.clone().unwrap_or_else(|| plain(subject(&self.out)));
-        let (database, blocks) = states
+        let (mut database, blocks) = states
             .assembly
             .finish(name, parameters)
             .map_err(|error| configuration(anyhow!("{error}{}", listed(&left_out))))?;
+        if let Some(every) = self.test_every {
+            hold_back(&mut database.cases, &states.known, &states.has_split, every);
+        }
+        // Until the new one is whole, there is none.
+        if self.replace {
+            let old = self.out.join("database.toml");
+            if old.exists() {
+                std::fs::remove_file(&old).map_err(|error| refusal(FormatError::write(&old, error)))?;
+            }
+        }
         database::write(&self.out, &database, Cells::Mixed(&blocks)).map_err(refusal)?;
         self.report(&database, nodes, shape_varies, &left_out)
     }
@@ -233,13 +254,15 @@ struct States {
     assembly: Assembly,
     /// Where each state comes from, and its inputs.
     known: Vec<(String, BTreeMap<String, f64>)>,
+    /// Whether the table says if it is for testing.
+    has_split: Vec<bool>,
     left_out: Vec<String>,
     /// Names of the inputs, those of the first state.
     names: Vec<String>,
 }
 
 impl States {
-    fn simulation(&mut self, path: &Path, source: &Source<'_>, args: &Args) -> Result<()> {
+    fn simulation(&mut self, path: &Path, name: &str, source: &Source<'_>, args: &Args) -> Result<()> {
         let run = results::read(path).map_err(refusal)?;
         self.left_out.extend(run.left_out.iter().map(|reason| format!("{}, {reason}", path.display())));
         if run.steps.is_empty() {
@@ -255,12 +278,15 @@ impl States {
                 labels.contact_force_n = Some(force_from(set, &run, step, path)?);
             }
             let suffix = if several { format!("-{}", at + 1) } else { String::new() };
-            let name = labels.name.clone().unwrap_or_else(|| format!("{}{suffix}", plain(path)));
+            let name = labels.name.clone().unwrap_or_else(|| format!("{name}{suffix}"));
             let inputs = self.inputs(&place, &labels)?;
-            let case = self.case(&place, name, &labels, args)?;
+            let case = case(&place, name, &labels)?;
             match self.assembly.add(path, &run, step, case).map_err(refusal)? {
                 Some(reason) => self.left_out.push(format!("{}, {reason}", path.display())),
-                None => self.known.push((place, inputs)),
+                None => {
+                    self.known.push((place, inputs));
+                    self.has_split.push(labels.split.is_some());
+                }
             }
         }
         Ok(())
@@ -288,30 +314,57 @@ impl States {
         }
         Ok(labels.values.clone())
     }
+}
 
-    fn case(&mut self, place: &str, name: String, labels: &Labels, args: &Args) -> Result<Case> {
-        let gap_mm = labels.values.get("gap_mm").copied();
-        let regime = regime(place, labels, gap_mm.is_some())?;
-        if regime == RegimeKind::Contact && (gap_mm.is_none() || labels.contact_force_n.is_none()) {
-            let error = anyhow!(
-                "{place}: expected gap_mm and contact_force_n in the table for a state in contact (force 0 where nothing \
+/// A state; for training unless the table says otherwise.
+fn case(place: &str, name: String, labels: &Labels) -> Result<Case> {
+    let gap_mm = labels.values.get("gap_mm").copied();
+    let regime = regime(place, labels, gap_mm.is_some())?;
+    if regime == RegimeKind::Contact && (gap_mm.is_none() || labels.contact_force_n.is_none()) {
+        let error = anyhow!(
+            "{place}: expected gap_mm and contact_force_n in the table for a state in contact (force 0 where nothing \
                  touches), found one without"
-            );
-            return Err(configuration(error));
-        }
-        let count = self.known.len() + 1;
-        let tested = args.test_every.is_some_and(|every| count.is_multiple_of(every));
-        let split = labels.split.unwrap_or(if tested { Split::Test } else { Split::Train });
-        let further = labels.values.iter().filter(|(name, _)| !is_operating(name));
-        Ok(Case {
-            name,
-            regime,
-            split,
-            pressure_mpa: labels.values.get("pressure_mpa").copied().unwrap_or(0.0),
-            gap_mm,
-            contact_force_n: labels.contact_force_n.unwrap_or(0.0),
-            parameters: further.map(|(_, value)| *value).collect(),
-        })
+        );
+        return Err(configuration(error));
+    }
+    let further = labels.values.iter().filter(|(name, _)| !is_operating(name));
+    Ok(Case {
+        name,
+        regime,
+        split: labels.split.unwrap_or(Split::Train),
+        pressure_mpa: labels.values.get("pressure_mpa").copied().unwrap_or(0.0),
+        gap_mm,
+        contact_force_n: labels.contact_force_n.unwrap_or(0.0),
+        parameters: further.map(|(_, value)| *value).collect(),
+    })
+}
+
+/// Marks every N-th state for testing among those that lie inside: without them the training range stays what it is.
+fn hold_back(
+    cases: &mut [Case],
+    known: &[(String, BTreeMap<String, f64>)],
+    has_split: &[bool],
+    every: usize,
+) {
+    let extreme = |name: &String, pick: fn(f64, f64) -> f64| {
+        known.iter().filter_map(|(_, values)| values.get(name)).copied().reduce(pick)
+    };
+    let ends: BTreeMap<&String, [Option<f64>; 2]> = known
+        .iter()
+        .flat_map(|(_, values)| values.keys())
+        .map(|name| (name, [extreme(name, f64::min), extreme(name, f64::max)]))
+        .collect();
+    let varies = |name: &String| ends[name][0] != ends[name][1];
+    let is_inside = |values: &BTreeMap<String, f64>| {
+        values.iter().all(|(name, value)| !varies(name) || !ends[name].contains(&Some(*value)))
+    };
+    let inside = cases
+        .iter_mut()
+        .zip(known)
+        .zip(has_split)
+        .filter(|((_, (_, values)), split)| !**split && is_inside(values));
+    for ((case, _), _) in inside.skip(every - 1).step_by(every) {
+        case.split = Split::Test;
     }
 }
 

@@ -5,7 +5,7 @@ mod silicone;
 mod text;
 
 use crate::failure::usage;
-use crate::files::{refusal, save};
+use crate::files::{quoted, refusal, save};
 use crate::output;
 use anyhow::Result;
 use fem::actuator::Actuator;
@@ -88,8 +88,8 @@ impl Args {
             actuator.thinnest_wall_mm()
         )?;
         output!("look at it and change what you like, then make its twin:")?;
-        output!("  softtwin build {} --quick    few states, for a first look", self.folder.display())?;
-        output!("  softtwin build {}            for use", self.folder.display())?;
+        output!("  softtwin build {} --quick    few states, for a first look", quoted(&self.folder))?;
+        output!("  softtwin build {}            for use", quoted(&self.folder))?;
         Ok(())
     }
 
