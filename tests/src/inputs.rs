@@ -8,7 +8,7 @@ use recording::message::{Recorded, channel, decode_reading};
 use recording::{Reader, Writer};
 use rom::rng::Rng;
 use runtime::config::{Scene, Settings};
-use runtime::source::{Encoding, InputNames, LineBuffer, RegisterAt, Table, Trace, WordOrder, parse_cells};
+use runtime::source::{ByteOrder, Encoding, InputNames, LineBuffer, RegisterAt, Table, Trace, parse_cells};
 use std::io::Cursor;
 use std::path::Path;
 use wire::{KeyExpr, Payload, Selector, SensorSample, Topic};
@@ -234,7 +234,7 @@ gap_mm = 40.0
 [actuator.sensors.gauge]
 kind = "modbus"
 tcp = "gauge:502"
-values.pressure_mpa = { from = { register = 2, encoding = "f32", word_order = "little" }, unit = "kPa", filter = { median = 5 } }
+values.pressure_mpa = { from = { register = 2, encoding = "f32", byte_order = "cdab" }, unit = "kPa", filter = { median = 5 } }
 [[actuator.output]]
 nodes = { box = { min = [0, 0, 0], max = [1, 1, 1] } }
 name = "tip"
@@ -251,7 +251,7 @@ pub fn modbus(bytes: &[u8]) {
         register: 0,
         table: Table::Input,
         encoding: encodings[usize::from(*encoding) % encodings.len()],
-        word_order: if order % 2 == 0 { WordOrder::Big } else { WordOrder::Little },
+        byte_order: if order % 2 == 0 { ByteOrder::Abcd } else { ByteOrder::Dcba },
     };
     let registers: Vec<u16> =
         registers.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect();

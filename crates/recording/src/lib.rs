@@ -11,6 +11,7 @@
 //! * **hostile input**: the reader's memory is bounded by [`MAX_RECORD_BYTES`] and it never panics.
 #![forbid(unsafe_code)]
 
+mod clock;
 mod contents;
 mod csv;
 pub mod message;
@@ -23,6 +24,7 @@ mod series;
 mod store;
 mod writer;
 
+pub use clock::{RunClock, Stamps};
 pub use contents::{ChannelInfo, Item, Message};
 pub use csv::{ExportError, Exported, TableForm, export_csv};
 pub use message::{Gap, GapCounter};

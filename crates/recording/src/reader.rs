@@ -47,7 +47,7 @@ pub enum ReadError {
     },
     /// A compression that is not supported.
     #[error(
-        "expected chunks compressed with lz4 or not at all, found {found}; rewrite the file with `mcap compress \
+        "expected chunks compressed with lz4, zstd or not at all, found {found}; rewrite the file with `mcap compress \
          --compression lz4 IN -o OUT`"
     )]
     Compression {

@@ -233,6 +233,7 @@ fn about(options: &RecorderOptions, offset_ns: u64) -> BTreeMap<String, String> 
         (crate::LAYOUT.to_owned(), LAYOUT_VERSION.to_string()),
         ("keys".to_owned(), keys.join(" ")),
         // Added to a stamp of the monotonic clock it gives the time since 1970.
-        ("wall_minus_monotonic_ns".to_owned(), offset_ns.to_string()),
+        (crate::clock::OFFSET.to_owned(), offset_ns.to_string()),
+        (crate::clock::BOOT.to_owned(), crate::clock::boot_id()),
     ])
 }

@@ -1,5 +1,6 @@
 //! Tests of writing, crashes and reading, in one program that is linked once.
 
+mod clock;
 mod common;
 mod crash;
 mod export;

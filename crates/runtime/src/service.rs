@@ -3,6 +3,8 @@
 use sd_notify::NotifyState;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use std::io::{IsTerminal, Write};
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -112,9 +114,21 @@ pub fn notify_reloading() {
 
 /// Notifies the service manager, if there is one; a failure there must not stop the program.
 fn notify_manager(states: &[NotifyState]) {
-    if let Err(error) = sd_notify::notify(states) {
+    let abstract_name = std::env::var("NOTIFY_SOCKET").ok().filter(|name| name.starts_with('@'));
+    let sent = match abstract_name {
+        Some(name) => notify_abstract(&name[1..], states),
+        None => sd_notify::notify(states),
+    };
+    if let Err(error) = sent {
         tracing::warn!("the service manager could not be notified: {error}");
     }
+}
+
+/// The library knows sockets with a path only.
+fn notify_abstract(name: &str, states: &[NotifyState]) -> std::io::Result<()> {
+    let address = SocketAddr::from_abstract_name(name)?;
+    let text: String = states.iter().map(|state| format!("{state}\n")).collect();
+    UnixDatagram::unbound()?.send_to_addr(text.as_bytes(), &address).map(drop)
 }
 
 /// Ready to serve, with a status line; logged as well.

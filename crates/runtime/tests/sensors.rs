@@ -3,8 +3,9 @@
 
 use proptest::prelude::*;
 use runtime::source::{
-    Cell, Devices, Encoding, FilterSpec, InputNames, LinesSensor, ModbusSensor, RegisterAt, SensorCounters,
-    SensorSpec, Sensors, SerialSpec, Source, SourceReader, Table, ValueSpec, Values, WordOrder, open_sensors,
+    ByteOrder, Cell, Devices, Encoding, FilterSpec, InputNames, LinesSensor, ModbusSensor, RegisterAt,
+    SensorCounters, SensorSpec, Sensors, SerialSpec, Source, SourceReader, Table, ValueSpec, Values,
+    open_sensors,
 };
 use std::fs::File;
 use std::future::{Ready, ready};
@@ -60,12 +61,12 @@ impl Service for Device {
 }
 
 fn register(unit_id: u8, register: u16, table: Table, encoding: Encoding) -> RegisterAt {
-    RegisterAt { unit_id, register, table, encoding, word_order: WordOrder::Big }
+    RegisterAt { unit_id, register, table, encoding, byte_order: ByteOrder::Abcd }
 }
 
 fn value<P>(from: P, scale: f64, unit: &str) -> ValueSpec<P> {
     let (offset, points, filter, unit) = (0.0, Vec::new(), FilterSpec::Off, Some(unit.to_owned()));
-    ValueSpec { from, scale, offset, points, unit, filter, sigma: None }
+    ValueSpec { from, scale, offset, points, unit, filter, no_value: vec![], sigma: None }
 }
 
 fn pressure() -> ValueSpec<RegisterAt> {
@@ -147,7 +148,7 @@ fn a_device_over_tcp_with_three_quantities_and_an_exception() {
     device.steps.store(450, Ordering::SeqCst);
     let mut spec = ModbusSensor { tcp: Some(serve_tcp(device.clone()).to_string()), ..modbus() };
     let gap = register(1, 10, Table::Holding, Encoding::F32);
-    let gap = value(RegisterAt { word_order: WordOrder::Little, ..gap }, 1.0, "mm");
+    let gap = value(RegisterAt { byte_order: ByteOrder::Cdab, ..gap }, 1.0, "mm");
     let force = value(register(7, 0, Table::Input, Encoding::I32), 1.0, "mN");
     spec.values.extend([("gap_mm".to_owned(), gap), ("force_n".to_owned(), force)]);
     let mut source = start(SensorSpec::Modbus(spec));

@@ -3,7 +3,7 @@
 use crate::failure::configuration;
 use anyhow::{Context, Result};
 use recording::message::{decode, decode_field};
-use recording::{Item, Message, ReadItems, Series, SeriesReader};
+use recording::{Item, Message, ReadItems, RunClock, Series, SeriesReader, Stamps};
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use std::collections::BTreeMap;
 use std::ops::Deref;
@@ -127,15 +127,17 @@ impl RecordedField {
 pub struct Messages {
     reader: SeriesReader,
     place: String,
-    first_ns: Option<u64>,
-    last_ns: u64,
+    clock: RunClock,
+    first_ns: Option<i128>,
+    last_ns: i128,
 }
 
 impl Messages {
     /// At the first message.
     pub fn open(series: &Series) -> Self {
         let place = series.files.first().map(|path| path.display().to_string()).unwrap_or_default();
-        Self { reader: series.reader(), place, first_ns: None, last_ns: 0 }
+        let clock = RunClock::new(Stamps::Wall);
+        Self { reader: series.reader(), place, clock, first_ns: None, last_ns: i128::MIN }
     }
 
     /// The next message on a topic of ours, with its time after the recording's first one, s.
@@ -144,11 +146,13 @@ impl Messages {
     /// A file that is no recording.
     pub fn next_message(&mut self) -> Result<Option<(Topic, f64, Message)>> {
         while let Some(item) = self.reader.next_item().map_err(configuration)? {
+            self.clock.take(&item);
             let Item::Message(message) = item else { continue };
             let Some(topic) = Topic::parse(&message.channel.topic) else { continue };
-            let start = *self.first_ns.get_or_insert(message.log_time_ns);
-            self.last_ns = self.last_ns.max(message.log_time_ns);
-            let t_s = message.log_time_ns.saturating_sub(start) as f64 * 1e-9;
+            let t_ns = self.clock.at(message.log_time_ns);
+            let start = *self.first_ns.get_or_insert(t_ns);
+            self.last_ns = self.last_ns.max(t_ns);
+            let t_s = (t_ns - start).max(0) as f64 * 1e-9;
             return Ok(Some((topic, t_s, message)));
         }
         Ok(None)
@@ -156,7 +160,7 @@ impl Messages {
 
     /// From the first message to the last so far, s.
     fn duration_s(&self) -> f64 {
-        self.last_ns.saturating_sub(self.first_ns.unwrap_or(self.last_ns)) as f64 * 1e-9
+        self.first_ns.map_or(0.0, |first_ns| (self.last_ns - first_ns) as f64 * 1e-9)
     }
 
     /// At the end: logs what is not whole.

@@ -235,7 +235,7 @@ impl Scene {
     /// All problems at once.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let mut scene: Self = read(path)?;
-        scene.folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
+        scene.folder = crate::file::folder_of(path).to_owned();
         ConfigError::unless(path, scene.problems())?;
         Ok(scene)
     }

@@ -22,7 +22,7 @@ mod trace;
 
 pub use devices::Devices;
 pub use lines::{Cells, LineBuffer, LineError, MAX_LINE_BYTES, parse_cells};
-pub use modbus::{Encoding, ModbusConnection, RegisterAt, Table, WordOrder};
+pub use modbus::{ByteOrder, Encoding, ModbusConnection, RegisterAt, Table};
 pub(crate) use reading::value_mut;
 pub use reading::{BridgeWaker, InputNames, Poll, Reading, SensorCounters, Source, SourceReader};
 pub use recorded::TraceError;

@@ -24,11 +24,22 @@ const CONNECT: Duration = Duration::from_secs(1);
 /// A line that never becomes silent is used again after this multiple of the required silence.
 const DRAIN_TIMES: u32 = 10;
 
+/// The system's errors that a connection can end with.
+const OF_CONNECTIONS: [i32; 7] = [
+    libc::ECONNRESET,
+    libc::ECONNABORTED,
+    libc::EPIPE,
+    libc::ETIMEDOUT,
+    libc::EHOSTUNREACH,
+    libc::ENETUNREACH,
+    libc::EIO,
+];
+
 /// Register of a number in a device, and its encoding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RegisterAt {
-    /// Unit identifier ("slave address") of the device, 1-247; gateways on TCP often ignore it.
+    /// Unit identifier ("slave address") of the device: 1-247 on a serial line, 0-255 on TCP, where many devices ignore it.
     #[serde(default = "first_unit")]
     pub unit_id: u8,
     /// Address of the first register, from 0.
@@ -39,9 +50,9 @@ pub struct RegisterAt {
     /// How the number is written.
     #[serde(default)]
     pub encoding: Encoding,
-    /// Which of two registers comes first.
+    /// Order of the bytes of a number.
     #[serde(default)]
-    pub word_order: WordOrder,
+    pub byte_order: ByteOrder,
 }
 
 fn first_unit() -> u8 {
@@ -74,17 +85,23 @@ pub enum Encoding {
     I32,
     /// Two registers, IEEE 754.
     F32,
+    /// Four registers, IEEE 754.
+    F64,
 }
 
-/// Which of two registers comes first.
+/// Order of the bytes of a number, as manuals name it by the bytes of a 32-bit one from high (a) to low (d).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum WordOrder {
-    /// The high half first, as Modbus itself orders bytes.
+pub enum ByteOrder {
+    /// High register first, high byte first, as Modbus itself.
     #[default]
-    Big,
-    /// The low half first.
-    Little,
+    Abcd,
+    /// High register first, low byte first.
+    Badc,
+    /// Low register first, high byte first.
+    Cdab,
+    /// Low register first, low byte first.
+    Dcba,
 }
 
 impl RegisterAt {
@@ -93,37 +110,49 @@ impl RegisterAt {
         match self.encoding {
             Encoding::U16 | Encoding::I16 => 1,
             Encoding::U32 | Encoding::I32 | Encoding::F32 => 2,
+            Encoding::F64 => 4,
         }
     }
 
     /// The number; `None` when the device sent another number of registers than was asked for.
     pub fn raw(&self, registers: &[u16]) -> Option<f64> {
-        Some(match (self.encoding, registers) {
-            (Encoding::U16, [word]) => f64::from(*word),
-            (Encoding::I16, [word]) => f64::from(word.cast_signed()),
-            (Encoding::U32, [a, b]) => f64::from(self.join(*a, *b)),
-            (Encoding::I32, [a, b]) => f64::from(self.join(*a, *b).cast_signed()),
-            (Encoding::F32, [a, b]) => f64::from(f32::from_bits(self.join(*a, *b))),
-            _ => return None,
+        if registers.len() != usize::from(self.count()) {
+            return None;
+        }
+        let join = |bits: u64, word: u16| bits << 16 | u64::from(self.swapped(word));
+        let bits = if self.is_low_first() {
+            registers.iter().rev().copied().fold(0, join)
+        } else {
+            registers.iter().copied().fold(0, join)
+        };
+        Some(match self.encoding {
+            Encoding::U16 | Encoding::U32 => bits as f64,
+            Encoding::I16 => f64::from(bits as i16),
+            Encoding::I32 => f64::from(bits as i32),
+            Encoding::F32 => f64::from(f32::from_bits(bits as u32)),
+            Encoding::F64 => f64::from_bits(bits),
         })
     }
 
-    fn join(&self, first: u16, second: u16) -> u32 {
-        let (high, low) = match self.word_order {
-            WordOrder::Big => (first, second),
-            WordOrder::Little => (second, first),
-        };
-        u32::from(high) << 16 | u32::from(low)
+    fn is_low_first(&self) -> bool {
+        matches!(self.byte_order, ByteOrder::Cdab | ByteOrder::Dcba)
+    }
+
+    fn swapped(&self, word: u16) -> u16 {
+        if matches!(self.byte_order, ByteOrder::Badc | ByteOrder::Dcba) { word.swap_bytes() } else { word }
     }
 
     /// All errors in it; `key` is its place in the file.
-    pub fn problems(&self, key: &str, problems: &mut Vec<String>) {
-        if !(1..=247).contains(&self.unit_id) {
-            problems.push(format!("{key}.unit_id: expected 1-247, found {}", self.unit_id));
+    pub fn problems(&self, is_serial: bool, key: &str, problems: &mut Vec<String>) {
+        if is_serial && !(1..=247).contains(&self.unit_id) {
+            problems.push(format!("{key}.unit_id: expected 1-247 on a serial line, found {}", self.unit_id));
         }
         if self.register.checked_add(self.count() - 1).is_none() {
-            problems
-                .push(format!("{key}.register: expected room for two registers, found {}", self.register));
+            problems.push(format!(
+                "{key}.register: expected room for {} registers, found {}",
+                self.count(),
+                self.register
+            ));
         }
     }
 
@@ -133,23 +162,20 @@ impl RegisterAt {
             let rounded = raw.round();
             (min..=max).contains(&rounded).then_some(rounded as i64)
         };
-        Some(match self.encoding {
-            Encoding::U16 => vec![whole(0.0, f64::from(u16::MAX))? as u16],
-            Encoding::I16 => vec![(whole(f64::from(i16::MIN), f64::from(i16::MAX))? as i16).cast_unsigned()],
-            Encoding::U32 => self.split(whole(0.0, f64::from(u32::MAX))? as u32),
-            Encoding::I32 => {
-                self.split((whole(f64::from(i32::MIN), f64::from(i32::MAX))? as i32).cast_unsigned())
-            }
-            Encoding::F32 => self.split(Some(raw as f32).filter(|raw| raw.is_finite())?.to_bits()),
-        })
-    }
-
-    fn split(&self, bits: u32) -> Vec<u16> {
-        let (high, low) = ((bits >> 16) as u16, bits as u16);
-        match self.word_order {
-            WordOrder::Big => vec![high, low],
-            WordOrder::Little => vec![low, high],
+        let bits = match self.encoding {
+            Encoding::U16 => whole(0.0, f64::from(u16::MAX))?.cast_unsigned(),
+            Encoding::I16 => whole(f64::from(i16::MIN), f64::from(i16::MAX))?.cast_unsigned(),
+            Encoding::U32 => whole(0.0, f64::from(u32::MAX))?.cast_unsigned(),
+            Encoding::I32 => whole(f64::from(i32::MIN), f64::from(i32::MAX))?.cast_unsigned(),
+            Encoding::F32 => Some(raw as f32).filter(|raw| raw.is_finite())?.to_bits().into(),
+            Encoding::F64 => Some(raw).filter(|raw| raw.is_finite())?.to_bits(),
+        };
+        let mut words: Vec<u16> =
+            (0..self.count()).rev().map(|k| self.swapped((bits >> (16 * k)) as u16)).collect();
+        if self.is_low_first() {
+            words.reverse();
         }
+        Some(words)
     }
 }
 
@@ -533,6 +559,12 @@ async fn call(context: &mut Context, unit_id: u8, request: Request<'_>) -> Resul
         // A frame with a wrong checksum ends as "invalid data".
         Err(Error::Transport(error)) if error.kind() == std::io::ErrorKind::InvalidData => {
             Err(NoAnswer::Garbage(error.to_string()))
+        }
+        // At the end of the stream the library gives the system's last error, whatever it was about.
+        Err(Error::Transport(error))
+            if error.raw_os_error().is_some_and(|code| !OF_CONNECTIONS.contains(&code)) =>
+        {
+            Err(NoAnswer::Broken("the device closed it".into()))
         }
         Err(Error::Transport(error)) => Err(NoAnswer::Broken(error.to_string())),
     }

@@ -2,7 +2,7 @@
 
 use crate::file;
 use recording::message::decode_reading;
-use recording::{Item, ReadItems, Series, SeriesReader};
+use recording::{Item, ReadItems, RunClock, Series, SeriesReader, Stamps};
 use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::Path;
@@ -10,8 +10,6 @@ use wire::{Payload, SensorSample};
 
 /// Most readings taken into memory from one recording: 11 hours at 1 kHz. A replay takes them one by one and has no limit.
 pub const MAX_ROWS: usize = 40_000_000;
-/// Metadata of every file: offset from its stamps to the time since 1970, because stamps restart with the machine.
-const OF_RUN: (&str, &str) = ("softtwin.recording", "wall_minus_monotonic_ns");
 
 /// Whether the path is a recording: a file that begins as one does, or no file.
 pub(super) fn is_recording(path: &Path) -> std::io::Result<bool> {
@@ -34,6 +32,7 @@ pub(super) fn rows(path: &Path, topic: Option<&str>) -> Result<Vec<SensorSample>
         all.push(row);
     }
     rows.check_topics().map_err(|error| vec![error])?;
+    rows.left_out().warn(path);
     Ok(all)
 }
 
@@ -43,11 +42,22 @@ pub(super) struct Rows {
     reader: SeriesReader,
     topic: Option<String>,
     topics: BTreeSet<String>,
-    /// Offset from a stamp to the time since 1970, ns; 0 if the recording has none.
-    offset_ns: u64,
-    begin_ns: Option<u64>,
+    clock: RunClock,
+    begin_ns: Option<i128>,
     last_s: f64,
     number: usize,
+    left_out: LeftOut,
+}
+
+/// Readings of a recording that are not played.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Stamped before the one before them: the twin dropped them, too.
+    pub late: usize,
+    /// Messages that are no reading.
+    pub unreadable: usize,
+    /// Cause of the first of these.
+    pub cause: String,
 }
 
 impl Rows {
@@ -58,32 +68,34 @@ impl Rows {
             reader: series.reader(),
             topic: topic.map(str::to_owned),
             topics: BTreeSet::new(),
-            offset_ns: 0,
+            clock: RunClock::new(Stamps::Monotonic),
             begin_ns: None,
             last_s: f64::NEG_INFINITY,
             number: 0,
+            left_out: LeftOut::default(),
         })
+    }
+
+    /// Readings left out so far.
+    pub(super) fn left_out(&self) -> &LeftOut {
+        &self.left_out
     }
 
     /// The next reading of the topic, in order of time.
     pub(super) fn next_row(&mut self) -> Result<Option<SensorSample>, TraceError> {
         while let Some(item) = self.next_item()? {
-            let message = match item {
-                Item::Message(message) => message,
-                Item::Metadata { name, entries } => {
-                    let offset = entries.get(OF_RUN.1).filter(|_| name == OF_RUN.0);
-                    self.offset_ns = offset.and_then(|text| text.parse().ok()).unwrap_or(self.offset_ns);
-                    continue;
-                }
-            };
+            self.clock.take(&item);
+            let Item::Message(message) = item else { continue };
             if message.channel.schema_name != SensorSample::LAYOUT.schema {
                 continue;
             }
             if self.topics.len() < 64 && !self.topics.contains(&message.channel.topic) {
                 self.topics.insert(message.channel.topic.clone());
             }
-            if self.topic.as_ref().is_none_or(|topic| *topic == message.channel.topic) {
-                return self.row(&message.data).map(Some);
+            if self.topic.as_ref().is_none_or(|topic| *topic == message.channel.topic)
+                && let Some(row) = self.row(&message.data)
+            {
+                return Ok(Some(row));
             }
         }
         Ok(None)
@@ -93,30 +105,58 @@ impl Rows {
         self.reader.next_item().map_err(|error| TraceError::Unreadable { cause: error.to_string() })
     }
 
-    fn row(&mut self, data: &[u8]) -> Result<SensorSample, TraceError> {
-        self.number += 1;
-        let reading = decode_reading(data)
-            .map_err(|error| TraceError::NotAReading { number: self.number, cause: error.to_string() })?;
-        let t_ns = reading.t_sensor_ns.wrapping_add(self.offset_ns);
+    fn row(&mut self, data: &[u8]) -> Option<SensorSample> {
+        let reading = match decode_reading(data) {
+            Ok(reading) => reading,
+            Err(error) => {
+                if self.left_out.unreadable == 0 {
+                    self.left_out.cause = error.to_string();
+                }
+                self.left_out.unreadable += 1;
+                return None;
+            }
+        };
+        let t_ns = self.clock.at(reading.t_sensor_ns);
         let begin_ns = *self.begin_ns.get_or_insert(t_ns);
-        let t_trace_s = t_ns.wrapping_sub(begin_ns).cast_signed() as f64 * 1e-9;
-        let row = SensorSample { t_trace_s, boot_id: 0, seq: 0, t_sensor_ns: 0, ..reading };
-        let (before, found) = (self.last_s, row.t_trace_s);
-        if found < before {
-            return Err(TraceError::TimeOrder { line: self.number, before, found });
+        let t_trace_s = (t_ns - begin_ns) as f64 * 1e-9;
+        if t_trace_s < self.last_s {
+            self.left_out.late += 1;
+            return None;
         }
-        self.last_s = found;
-        Ok(row)
+        self.number += 1;
+        self.last_s = t_trace_s;
+        Some(SensorSample { t_trace_s, boot_id: 0, seq: 0, t_sensor_ns: 0, ..reading })
     }
 
     /// At the end: whether it was clear which topic is meant, and there was one.
     pub(super) fn check_topics(&self) -> Result<(), TraceError> {
         let found = self.topics.iter().cloned().collect::<Vec<_>>().join(", ");
+        if self.number == 0 && self.left_out.unreadable > 0 {
+            return Err(TraceError::NotAReading { number: 1, cause: self.left_out.cause.clone() });
+        }
         match (&self.topic, self.number == 0) {
             (Some(topic), true) => Err(TraceError::NoSuchTopic { topic: topic.clone(), found }),
             (None, _) if found.contains(',') => Err(TraceError::SeveralTopics { found }),
             (None, true) => Err(TraceError::Empty { what: "readings" }),
             _ => Ok(()),
+        }
+    }
+}
+
+impl LeftOut {
+    /// Logs what is left out.
+    pub(super) fn warn(&self, path: &Path) {
+        let (late, unreadable, path) = (self.late, self.unreadable, path.display());
+        if late > 0 {
+            tracing::warn!(
+                "{late} readings are stamped before the one before them and left out, as by the twin ({path})"
+            );
+        }
+        if unreadable > 0 {
+            tracing::warn!(
+                "{unreadable} messages are no readings and left out, the first: {} ({path})",
+                self.cause
+            );
         }
     }
 }

@@ -188,6 +188,7 @@ impl Rows {
             about.take(&row, part);
         }
         rows.check_topics().map_err(|error| vec![error])?;
+        rows.left_out().warn(path);
         let (period_s, gaps) = survey.finish();
         let mut rows =
             Self::File { path: path.to_owned(), topic: topic.map(str::to_owned), part, rows: None };

@@ -73,6 +73,9 @@ pub struct ValueSpec<P> {
     /// In place of factor and offset: raw numbers, rising, each with its value in `unit`; straight lines between them.
     #[serde(default)]
     pub points: Vec<[f64; 2]>,
+    /// Raw numbers by which the device says that it has no value, such as 65535 or -9999; they become NaN.
+    #[serde(default)]
+    pub no_value: Vec<f64>,
     /// Unit of the result: Pa, kPa, MPa, mbar, bar, psi; um, mm, m; mN, N, gf, kgf. Default: MPa, mm or N; for a model input that
     /// is no pressure, length or force the unit at the end of its name, and no other.
     #[serde(default)]
@@ -195,8 +198,13 @@ impl<P> ValueSpec<P> {
     pub(super) fn channel(&self, name: &str, inputs: &InputNames) -> Option<Channel> {
         let slot = inputs.slot(name)?;
         let factor = factor(quantity(slot, name), self.unit.as_deref())?;
-        let calibration =
-            Calibration { scale: self.scale, offset: self.offset, points: self.points.clone(), factor };
+        let calibration = Calibration {
+            scale: self.scale,
+            offset: self.offset,
+            points: self.points.clone(),
+            no_value: self.no_value.clone(),
+            factor,
+        };
         Some(Channel { slot, calibration, filter: Filter::new(self.filter) })
     }
 }
@@ -207,6 +215,7 @@ pub(super) struct Calibration {
     pub(super) scale: f64,
     pub(super) offset: f64,
     pub(super) points: Vec<[f64; 2]>,
+    pub(super) no_value: Vec<f64>,
     /// Size of the unit in the base unit.
     pub(super) factor: f64,
 }
@@ -216,6 +225,9 @@ impl Calibration {
     pub(super) fn apply(&self, raw: f64) -> Option<f64> {
         if !raw.is_finite() {
             return Some(raw);
+        }
+        if self.no_value.contains(&raw) {
+            return Some(f64::NAN);
         }
         if self.points.is_empty() {
             return Some((raw * self.scale + self.offset) * self.factor);
@@ -243,7 +255,8 @@ pub(super) struct Channel {
 impl Channel {
     /// A value in base units after multiplication by `factor`, not filtered.
     pub(super) fn plain(slot: usize, factor: f64) -> Self {
-        let calibration = Calibration { scale: 1.0, offset: 0.0, points: Vec::new(), factor };
+        let calibration =
+            Calibration { scale: 1.0, offset: 0.0, points: Vec::new(), no_value: Vec::new(), factor };
         Self { slot, calibration, filter: Filter::Off }
     }
 }

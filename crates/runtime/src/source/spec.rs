@@ -141,7 +141,11 @@ impl SensorSpec {
                 ModbusPath::problems(spec.tcp.as_deref(), spec.serial.as_ref(), key, problems);
                 check(key, "timeout_ms", spec.timeout_ms, 0.1, 600_000.0, problems);
                 check(key, "backoff_max_ms", spec.backoff_max_ms, 0.1, 3_600_000.0, problems);
-                value_problems(&spec.values, inputs, &values, problems, RegisterAt::problems);
+                let serial = spec.serial.is_some();
+                let place = |at: &RegisterAt, key: &str, problems: &mut Vec<String>| {
+                    at.problems(serial, key, problems)
+                };
+                value_problems(&spec.values, inputs, &values, problems, place);
             }
             Self::Lines(spec) => {
                 spec.problems(key, problems);

@@ -205,7 +205,7 @@ impl ModbusValve {
         ModbusPath::problems(self.tcp.as_deref(), self.serial.as_ref(), key, problems);
         in_range(&format!("{key}.timeout_ms"), self.timeout_ms, 0.1, 60_000.0, problems);
         let before = problems.len();
-        self.value.from.problems(&format!("{key}.value.from"), problems);
+        self.value.from.problems(self.serial.is_some(), &format!("{key}.value.from"), problems);
         self.value.problems(&format!("{key}.value"), problems);
         Quantity::Pressure.check_unit(&format!("{key}.value.unit"), self.value.unit.as_deref(), problems);
         let ValueSpec { points, filter, sigma, .. } = &self.value;

@@ -5,7 +5,16 @@ use proptest::prelude::*;
 
 fn spec(points: &[[f64; 2]]) -> ValueSpec<()> {
     let (scale, offset, filter) = (1.0, 0.0, FilterSpec::Off);
-    ValueSpec { from: (), scale, offset, points: points.to_vec(), unit: None, filter, sigma: None }
+    ValueSpec {
+        from: (),
+        scale,
+        offset,
+        points: points.to_vec(),
+        unit: None,
+        filter,
+        no_value: vec![],
+        sigma: None,
+    }
 }
 
 /// Inputs that are measured.
