@@ -6,6 +6,7 @@ import math
 import os
 import pathlib
 import re
+import signal
 import subprocess
 import sys
 import time
@@ -274,3 +275,53 @@ def test_restart_raises_or_continues(stage, on_restart):
         while states.next().boot_id == before.boot_id:
             pass
         assert states.restarts == 1
+
+
+CHILD = """
+import os, signal, sys, softtwin
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGALRM, lambda *_: print("handled", flush=True))
+readings = softtwin.subscribe("softtwin/finger/command", wait_for_twin=True, timeout_s=float(sys.argv[1]))
+print("waiting", flush=True)
+try:
+    readings.next()
+except (KeyboardInterrupt, softtwin.TwinSilent) as end:
+    print(type(end).__name__, flush=True)
+"""
+
+
+@pytest.mark.parametrize("number, timeout_s, expected", [(signal.SIGINT, 60, ["KeyboardInterrupt"]), (signal.SIGALRM, 2, ["handled", "TwinSilent"])])
+def test_signals_reach_their_handlers_while_a_reader_waits(stage, number, timeout_s, expected):
+    places = {"SOFTTWIN_DOMAIN": stage.domain, "SOFTTWIN_ROOT": stage.root}
+    child = subprocess.Popen([sys.executable, "-c", CHILD, str(timeout_s)], stdout=subprocess.PIPE, text=True, env={**os.environ, **places})
+    assert child.stdout.readline() == "waiting\n"
+    child.send_signal(number)
+    assert child.communicate(timeout=60)[0].split() == expected
+
+
+FORK = """
+import gc, os, sys, softtwin
+readings = softtwin.subscribe("softtwin/finger/state", timeout_s=20)
+field = softtwin.newest("softtwin/finger/field", timeout_s=20)
+readings.next()
+child = os.fork()
+if child == 0:  # what a library's worker does: it touches the reader, collects garbage and ends as usual
+    try:
+        readings.next()
+        sys.exit(1)
+    except softtwin.SofttwinError:
+        pass
+    del readings, field
+    gc.collect()
+    own = softtwin.newest("softtwin/finger/state", timeout_s=20)
+    sys.exit(0 if own.seq > 0 else 2)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+before = readings.newest().seq
+print(readings.next().seq > before, float(field.x[0]) == float(field.x[0]))
+"""
+
+
+def test_a_forked_process_leaves_the_readers_of_its_parent(live):
+    places = {"SOFTTWIN_DOMAIN": live.domain, "SOFTTWIN_ROOT": live.root}
+    done = subprocess.run([sys.executable, "-c", FORK], capture_output=True, text=True, timeout=120, env={**os.environ, **places})
+    assert done.stdout.split() == ["0", "True", "True"], done.stderr

@@ -1,6 +1,9 @@
 """Models without a daemon: bit-identical to `softtwin predict`, by name, over arrays, as meshes and tables."""
 
+import copy
 import json
+import multiprocessing
+import pickle
 import subprocess
 import sys
 import threading
@@ -150,3 +153,31 @@ def test_missing_library_names_its_remedy(tmp_path):
     environment = {"PYTHONPATH": ":".join(sys.path), "SOFTTWIN_LIBRARY": str(tmp_path / "none.so")}
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
     assert done.returncode == 1 and "set SOFTTWIN_LIBRARY=target/release/libcapi.so" in done.stderr, done.stderr
+
+
+def test_models_and_selections_are_pickled_and_copied(model, tmp_path):
+    tip = model.select(["x", "y"], "tip")
+    for original in (model, tip):
+        for copied in (pickle.loads(pickle.dumps(original)), copy.deepcopy(original)):
+            assert copied.predict(0.05, 30.0).values.tobytes() == original.predict(0.05, 30.0).values.tobytes()
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn", "forkserver"])
+def test_models_go_to_other_processes(model, method):
+    with multiprocessing.get_context(method).Pool(2) as pool:
+        forces = pool.starmap(_force, [(model, pressure) for pressure in (0.03, 0.05)])
+    assert forces == [model.predict(pressure, 30.0).contact_force_n for pressure in (0.03, 0.05)]
+
+
+def _force(model, pressure_mpa):
+    return model.predict(pressure_mpa, 30.0).contact_force_n
+
+
+def test_pressure_is_asked_of_a_model_that_has_it(model):
+    with pytest.raises(TypeError, match="pressure_mpa"):
+        model.predict(gap_mm=30.0)
+
+
+def test_half_widths_are_listed(model):
+    found = model.predict(0.05, 30.0)
+    assert {"force_halfwidth_n", "displacement_halfwidth_mm", "von_mises_halfwidth_mpa", "von_mises"} <= set(dir(found))

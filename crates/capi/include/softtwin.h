@@ -46,7 +46,7 @@ typedef struct {
   const char *unit; /**< Unit. */
   double min;       /**< Smallest training value; infinite when it was never trained over. */
   double max;       /**< Largest training value. */
-  double value;     /**< What NaN stands for in softtwin_model_predict; NaN: must be given (pressure and gap). */
+  double value;     /**< What NaN stands for in softtwin_model_predict; NaN: must be given. Of a pressure or gap that the model has not, a number. */
 } softtwin_model_input;
 
 /** Reconstructed field of a model. */
@@ -190,8 +190,8 @@ softtwin_status softtwin_model_select(const softtwin_model *model, const char *f
                                       const uint32_t *nodes, size_t node_count, softtwin_model **out);
 /** What the model consists of. */
 softtwin_status softtwin_model_describe(const softtwin_model *model, softtwin_model_info *out);
-/** Predicts `states` states, bit-identical to `softtwin predict`. `inputs`: states x inputs in the model's order; NaN for a
- *  parameter: the model's value; an infinite gap: no obstacle. `predictions`: room for `states`. `values`: null, or room for
+/** Predicts `states` states, bit-identical to `softtwin predict`. `inputs`: states x inputs in the model's order; NaN: the value of
+ *  the model's description; an infinite gap: no obstacle. `predictions`: room for `states`. `values`: null, or room for
  *  states x fields x nodes. Nothing is clamped: `domain_status` says where a state lies outside the training states. On a
  *  failure the last error names the state; those before it are written. */
 softtwin_status softtwin_model_predict(const softtwin_model *model, const double *inputs, size_t states,

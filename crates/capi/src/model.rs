@@ -99,6 +99,8 @@ pub struct softtwin_model {
     model: Arc<Model>,
     evaluator: Evaluator,
     reconstructor: Reconstructor,
+    needs_pressure: bool,
+    needs_gap: bool,
     description: Description,
 }
 
@@ -106,6 +108,7 @@ impl Description {
     fn new(model: &Model, fields: &[usize]) -> Self {
         let mut strings = Vec::new();
         let header = &model.header;
+        let needs = header.needs();
         // A `CString` does not move its bytes when it is moved, so the pointers stay valid.
         let mut keep = |text: &str| {
             let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
@@ -113,13 +116,17 @@ impl Description {
             strings.last().map_or(std::ptr::null(), |text| text.as_ptr())
         };
         Self {
-            inputs: (header.inputs.iter())
-                .map(|input| softtwin_model_input {
+            inputs: (header.inputs.iter().enumerate())
+                .map(|(at, input)| softtwin_model_input {
                     name: keep(&input.key()),
                     unit: keep(&input.unit),
                     min: input.range[0],
                     max: input.range[1],
-                    value: input.value.unwrap_or(f64::NAN),
+                    value: match at {
+                        PRESSURE if !needs.pressure => 0.0,
+                        GAP if !needs.gap => f64::INFINITY,
+                        _ => input.value.unwrap_or(f64::NAN),
+                    },
                 })
                 .collect(),
             fields: (fields.iter().filter_map(|at| header.fields.get(*at)))
@@ -148,6 +155,8 @@ impl softtwin_model {
         Ok(Self {
             evaluator: Evaluator::new(&model.header).map_err(refused)?,
             reconstructor: Reconstructor::new(&model, selection).map_err(refused)?,
+            needs_pressure: model.header.needs().pressure,
+            needs_gap: model.header.needs().gap,
             description: Description::new(&model, &fields),
             model,
         })
@@ -158,16 +167,20 @@ impl softtwin_model {
         let mut inputs = Inputs::new(f64::NAN, f64::NAN);
         for (position, (value, spec)) in values.iter().zip(self.evaluator.inputs()).enumerate() {
             let fits = match position {
-                PRESSURE => value.is_finite(),
-                GAP => !value.is_nan(),
+                PRESSURE => value.is_finite() || value.is_nan() && !self.needs_pressure,
+                GAP => !value.is_nan() || !self.needs_gap,
                 _ => !value.is_infinite(),
             };
             if !fits {
                 let key = spec.key();
                 return Err(argument(&format!("state {at}: expected a number for {key}, found {value}")));
             }
-            let own = spec.value.filter(|_| value.is_nan());
-            inputs = inputs.with(position, own.unwrap_or(*value));
+            let own = match position {
+                PRESSURE => Some(0.0),
+                GAP => Some(f64::INFINITY),
+                _ => spec.value,
+            };
+            inputs = inputs.with(position, own.filter(|_| value.is_nan()).unwrap_or(*value));
         }
         Ok(inputs)
     }

@@ -32,6 +32,7 @@ mod reading;
 mod rewind;
 mod search;
 mod setup;
+mod structure;
 mod trend;
 mod watch;
 
@@ -44,3 +45,4 @@ pub use search::MAX_PREDICTIONS;
 pub use setup::{
     InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Predicted, Row, Setup, SetupError, Unknown,
 };
+pub use structure::{Series as ResidualSeries, Structure};

@@ -1,6 +1,6 @@
 //! `modelDescription.xml`.
 
-use crate::variables::{ChosenNode, FIRST_INPUT, FIRST_OUTPUT, TIME, outputs, start};
+use crate::variables::{ChosenNode, FIRST_INPUT, FIRST_OUTPUT, TIME, outputs, start, taken};
 use rom::model::Model;
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -30,10 +30,8 @@ pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> String {
     let outputs = outputs(header, nodes);
     let name = escaped(&header.actuator);
     let version = env!("CARGO_PKG_VERSION");
-    let units: BTreeSet<&str> = header
-        .inputs
-        .iter()
-        .map(|i| i.unit.as_str())
+    let units: BTreeSet<&str> = taken(header)
+        .map(|(_, input)| input.unit.as_str())
         .chain(outputs.iter().map(|o| o.unit.as_str()))
         .collect();
     let mut xml = format!(
@@ -54,7 +52,9 @@ pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> String {
         "  </UnitDefinitions>\n  <DefaultExperiment startTime=\"0\" stopTime=\"1\" stepSize=\"0.001\"/>\n  <ModelVariables>\n    \
          <Float64 name=\"time\" valueReference=\"{TIME}\" causality=\"independent\" variability=\"continuous\"/>"
     );
-    for ((at, input), start) in header.inputs.iter().enumerate().zip(start(model)) {
+    let start = start(model);
+    for (at, input) in taken(header) {
+        let start = start[at];
         let kind = match input.value {
             None => "causality=\"input\" variability=\"continuous\"",
             Some(_) => "causality=\"parameter\" variability=\"tunable\"",

@@ -1,5 +1,6 @@
 //! Variables of an FMU: inputs and outputs with their value references, shared by the export and the running library.
 
+use rom::inputs::{GAP, InputSpec, PRESSURE};
 use rom::model::{Model, ModelHeader};
 
 /// The model in an FMU's resources.
@@ -85,14 +86,24 @@ pub(crate) struct Output {
     pub quantity: Quantity,
 }
 
+/// The inputs that the model was trained over, with their position.
+pub(crate) fn taken(header: &ModelHeader) -> impl Iterator<Item = (usize, &InputSpec)> {
+    let needs = header.needs();
+    let inputs = header.inputs.iter().enumerate();
+    inputs.filter(move |(at, _)| (*at != PRESSURE || needs.pressure) && (*at != GAP || needs.gap))
+}
+
 /// The outputs in the order of their value references.
 pub(crate) fn outputs(header: &ModelHeader, nodes: &[ChosenNode]) -> Vec<Output> {
     let mut all = Vec::new();
     let mut add = |name: String, unit: String, about: &'static str, quantity| {
         all.push(Output { name, unit, about, quantity });
     };
-    add("contact_force_n".into(), "N".into(), "Contact force", Quantity::Force);
-    for (at, input) in header.inputs.iter().enumerate() {
+    let has_force = header.regimes.iter().any(|regime| regime.force.is_some());
+    if has_force {
+        add("contact_force_n".into(), "N".into(), "Contact force", Quantity::Force);
+    }
+    for (at, input) in taken(header).filter(|_| has_force) {
         let (name, unit) = (format!("force_by_{}", input.key()), format!("N/{}", input.unit));
         add(name, unit, "Derivative of the contact force", Quantity::ForceBy(at));
     }
@@ -116,7 +127,10 @@ pub(crate) fn outputs(header: &ModelHeader, nodes: &[ChosenNode]) -> Vec<Output>
         ("domain_status", "", "0 inside the training states, 1 near, 2 outside", Quantity::DomainStatus),
         ("regime", "", "1 free, 2 contact", Quantity::Regime),
     ] {
-        add(name.into(), unit.into(), about, quantity);
+        let is_of_contact = matches!(quantity, Quantity::Onset | Quantity::ForceHalfwidth);
+        if has_force || !is_of_contact {
+            add(name.into(), unit.into(), about, quantity);
+        }
     }
     for (chosen, node) in nodes.iter().enumerate() {
         for (field, output) in header.fields.iter().enumerate() {
@@ -129,9 +143,9 @@ pub(crate) fn outputs(header: &ModelHeader, nodes: &[ChosenNode]) -> Vec<Output>
 
 /// Initial values of the inputs: pressure 0, the largest training gap, the model's parameters.
 pub(crate) fn start(model: &Model) -> Vec<f64> {
-    let of = |(at, input): (usize, &rom::inputs::InputSpec)| match input.value {
+    let of = |(at, input): (usize, &InputSpec)| match input.value {
         Some(value) => value,
-        None if at == rom::inputs::GAP && input.range[1].is_finite() => input.range[1],
+        None if at == GAP && input.range[1].is_finite() => input.range[1],
         None => 0.0,
     };
     model.header.inputs.iter().enumerate().map(of).collect()

@@ -23,11 +23,14 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, FormatError> {
     }
 }
 
+/// Node positions, cells, and what was left out.
+pub type Blocks = (Vec<[f64; 3]>, Vec<Block>, Vec<String>);
+
 /// Node positions, cells of all kinds of a mesh and what was left out, by the ending of its name as [`read_mesh`].
 ///
 /// # Errors
 /// As [`read_mesh`].
-pub fn read_blocks(path: &Path) -> Result<(Vec<[f64; 3]>, Vec<Block>, Vec<String>), FormatError> {
+pub fn read_blocks(path: &Path) -> Result<Blocks, FormatError> {
     match path.extension().and_then(|ending| ending.to_str()) {
         Some("vtu") => {
             vtu::read_content(path).map(|content| (content.points, content.blocks, content.left_out))

@@ -13,6 +13,8 @@ pub struct Flags {
     pub extrapolated: bool,
     /// The interpolated force was negative and was lifted to 0.
     pub force_clamped: bool,
+    /// The model was not trained on contact forces: force, gradient and half-width are NaN.
+    pub no_force: bool,
 }
 
 /// The model's answer at one state. Reused between calls: [`crate::evaluator::Evaluator::evaluation`] sizes it.

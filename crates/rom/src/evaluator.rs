@@ -209,6 +209,9 @@ impl Evaluator {
         if let Some((part, x)) = placed {
             let local = part.model.local_halfwidths.as_ref();
             out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
+            if out.flags.no_force {
+                out.halfwidths.force_n = f64::NAN;
+            }
         }
     }
 
@@ -285,8 +288,10 @@ impl Evaluator {
         out.inputs = inputs;
         out.regime = onset.regime(inputs.pressure_mpa());
         out.onset_pressure_mpa = onset.pressure_mpa();
-        out.flags = Flags::default();
-        (out.contact_force_n, out.force_gradient) = (0.0, [0.0; MAX_INPUTS]);
+        let no_force = self.parts.iter().all(|part| part.model.force.is_none());
+        out.flags = Flags { no_force, ..Flags::default() };
+        let none = if no_force { f64::NAN } else { 0.0 };
+        (out.contact_force_n, out.force_gradient) = (none, [none; MAX_INPUTS]);
         self.parts.iter().find(|part| part.model.kind == out.regime)
     }
 

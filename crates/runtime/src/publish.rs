@@ -168,7 +168,8 @@ pub(crate) fn fill_field_header(header: &mut FieldHeader, state: &State, peaks: 
 
 /// Whether all numbers of an evaluation are finite; a model that gives others has no answer.
 pub(crate) fn is_finite(evaluation: &Evaluation) -> bool {
-    evaluation.contact_force_n.is_finite() && evaluation.coefficients.iter().all(|a| a.is_finite())
+    (evaluation.flags.no_force || evaluation.contact_force_n.is_finite())
+        && evaluation.coefficients.iter().all(|a| a.is_finite())
 }
 
 fn flags_of(evaluation: &Evaluation) -> u32 {

@@ -182,6 +182,21 @@ fn broken_traces_are_refused_with_the_line() {
         problems("t_s,pressure_mpa\n1,0\n0.5,0\n")[..],
         [TraceError::TimeOrder { line: 3, .. }]
     ));
+    let another = |header: &str| problems(&format!("{header}\n0,1,2\n"));
+    for (found, expected) in [
+        ("gap_cm", "gap_mm"),
+        ("gap", "gap_mm"),
+        ("Measured_Force_mN", "measured_force_n"),
+        ("marker1_x_m", "marker1_x_mm"),
+    ] {
+        let error = TraceError::AnotherUnit { line: 1, found: found.into(), expected };
+        assert_eq!(another(&format!("t_s,pressure_mpa,{found}")), [error]);
+    }
+    let errors = another("t_s,pressure_kpa,gap_mm");
+    assert!(
+        matches!(errors[..], [TraceError::MissingColumn { .. }, TraceError::AnotherUnit { .. }]),
+        "{errors:?}"
+    );
     assert_eq!(problems(""), [TraceError::Empty { what: "header" }]);
     assert_eq!(problems("t_s,pressure_mpa\n"), [TraceError::Empty { what: "rows" }]);
 }

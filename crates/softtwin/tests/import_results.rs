@@ -85,6 +85,17 @@ fn jobs_in_folders_are_imported_and_a_state_off_the_curve_is_named() {
     assert_eq!(json(&[&pattern[..], &["--replace"]].concat())["testing"], 0);
     succeeds(dir.path(), &["train", "--database", "db", "--out", "beam.twin", "--json"]);
     let sheet: Value = serde_json::from_slice(&fs::read(dir.path().join("beam.json")).unwrap()).unwrap();
+    // Fields that are straight in the input, with a state in the middle: the mode is kept, and states are answered as they are.
+    let answer = succeeds(dir.path(), &["predict", "--model", "beam.twin", "--set", "load_n=8"]);
+    let answer: Value = serde_json::from_str(&answer).unwrap();
+    let largest = beam(8.0, 8.0).iter().map(|node| node.2).fold(0.0, f64::max);
+    assert!(
+        (answer["max_von_mises_mpa"].as_f64().unwrap() - largest).abs() < 1e-3 * largest,
+        "{answer} {largest}"
+    );
+    let untaught = ["contact_force_n", "pressure_mpa", "gap_mm", "force_by_gap_n_per_mm"];
+    assert!(untaught.iter().all(|key| answer[key].is_null()), "{answer}");
+    assert!(answer["half_widths"]["force_n"].is_null() && answer["dforce"]["load_n"].is_null(), "{answer}");
     let remarks = sheet["remarks"].as_array().unwrap();
     assert!(remarks.len() == 1 && remarks[0].as_str().unwrap().contains("job_5-results"), "{remarks:?}");
 }

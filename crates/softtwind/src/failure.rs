@@ -14,7 +14,7 @@ struct Mistake {
 }
 
 /// Prints a command's error, with `--json` as one JSON object, and returns the exit code of the program: 0 without an error or if
-/// the reader of the output closed the pipe; 1 run-time failure, 2 usage, 78 configuration.
+/// the reader of the output closed the pipe; 1 run-time failure, 2 usage, 65 a model that does not explain the data, 78 configuration.
 pub fn exit_code(program: &str, result: anyhow::Result<()>) -> ExitCode {
     let Err(error) = result else { return ExitCode::SUCCESS };
     let is_broken_pipe = |cause: &(dyn Error + 'static)| {
@@ -32,10 +32,11 @@ pub fn exit_code(program: &str, result: anyhow::Result<()>) -> ExitCode {
     ExitCode::from(exit_code)
 }
 
-/// One JSON object with the error's `code`: `usage`, `configuration` or `run_time`.
+/// One JSON object with the error's `code`: `usage`, `unexplained_data`, `configuration` or `run_time`.
 fn as_json(error: &anyhow::Error, exit_code: u8) -> serde_json::Value {
     let code = match exit_code {
         2 => "usage",
+        65 => "unexplained_data",
         78 => "configuration",
         _ => "run_time",
     };
@@ -45,6 +46,11 @@ fn as_json(error: &anyhow::Error, exit_code: u8) -> serde_json::Value {
 /// An error in the arguments: expected value, found value, remedy. Exit code 2.
 pub fn usage(message: impl Display) -> anyhow::Error {
     Mistake { exit_code: 2, message: message.to_string() }.into()
+}
+
+/// The model does not explain the data. Exit code 65.
+pub fn unexplained(message: impl Display) -> anyhow::Error {
+    Mistake { exit_code: 65, message: message.to_string() }.into()
 }
 
 /// An error in a file the user gave; the text keeps the whole chain of causes. Exit code 78.

@@ -531,8 +531,10 @@ fn mean<T>(cases: &[T], of: impl Fn(&T) -> f64) -> f64 {
     cases.iter().map(of).sum::<f64>() / cases.len() as f64
 }
 
+/// An error is at least the rounding of the largest: a state without one (that in the middle, of 0 modes) would make all others 0.
 fn geometric_mean<T>(cases: &[T], of: impl Fn(&T) -> f64) -> f64 {
-    mean(cases, |case| of(case).max(f64::MIN_POSITIVE).ln()).exp()
+    let least = DATA_ROUNDING * cases.iter().map(&of).fold(0.0, f64::max);
+    mean(cases, |case| of(case).max(least).max(f64::MIN_POSITIVE).ln()).exp()
 }
 
 /// Weighted leave-one-out error with 0, 1, ... all modes, per scored case. `residual(state, mode)`.

@@ -126,9 +126,9 @@ proptest! {
             refitted(spec, dimensions, &x, &y, &inputs[i])
         };
         match fit(&samples, spec, Metric::IDENTITY, 0.0) {
-            Ok(fitted) => for i in 0..n {
+            Ok(fitted) => for (i, (value, found)) in values.iter().zip(fitted.residuals).enumerate() {
                 let Some(prediction) = without(i) else { continue };
-                let (expected, found) = (values[i] - prediction, fitted.residuals[i]);
+                let expected = value - prediction;
                 prop_assert!((found - expected).abs() <= 1e-5 * (1.0 + expected.abs()), "{i} of {n}: {found}, refitted {expected}");
             },
             Err(FitError::TailRestsOn { sample, .. }) => prop_assert_eq!(without(sample), None),

@@ -9,7 +9,7 @@ import iceoryx2 as iox2
 from . import layout
 from .errors import SofttwinError, TwinAbsent, VersionMismatch
 from .qos import QOS
-from .start import DEFAULT_ROOT, Places
+from .start import DEFAULT_ROOT, Places, check_process, hold
 
 _KINDS = {
     "sensor": layout.SensorSample,
@@ -28,6 +28,15 @@ _FLUX_S = 2.0  # time to wait for other programs that create or remove the same 
 def now_ns() -> int:
     """The wire's clock: ns of the machine's monotonic clock, the same in every process."""
     return time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+
+
+def wait(listener: Any, limit: Any) -> None:
+    """Waits for an event at most `limit`; a signal ends the wait early, and its handler runs before this returns."""
+    try:
+        listener.timed_wait(limit)
+    except Exception as error:
+        if "InterruptSignal" not in str(error):
+            raise
 
 
 class Bus:
@@ -56,6 +65,7 @@ class Bus:
                     .signal_handling_mode(iox2.SignalHandlingMode.Disabled)
                     .create(iox2.ServiceType.Ipc)
                 )
+            hold(self)
         except SofttwinError:
             raise
         except Exception as error:
@@ -113,6 +123,7 @@ class Bus:
 
     def _retry(self, name: str, attempt: Any) -> Any:
         """Retries while other programs start or stop; raises exceptions with the remedy."""
+        check_process(self)
         end = time.monotonic() + _FLUX_S
         while True:
             try:
@@ -160,6 +171,6 @@ _default: Optional[Bus] = None
 def default_bus() -> Bus:
     """Default bus of the functions."""
     global _default
-    if _default is None:
+    if _default is None or _default._process != os.getpid():  # after a fork: the parent's
         _default = Bus()
     return _default

@@ -6,6 +6,7 @@ from typing import Any, Dict, List, Union
 import numpy as np
 
 from .layout import FIELD_NAMES, Answer, FieldHeader, text
+from .start import hold
 
 
 class _Keeper:
@@ -16,6 +17,7 @@ class _Keeper:
 
     def __init__(self, sample: Any, address: int, shape: Any) -> None:
         self._sample = sample
+        hold(self)
         self.__array_interface__ = {
             "version": 3,
             "typestr": "<f4",

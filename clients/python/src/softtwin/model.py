@@ -33,7 +33,7 @@ class Input:
     max: float
     """Largest training value."""
     value: Optional[float]
-    """Default value; pressure and gap have None."""
+    """Default value; None: must be given (pressure), or no obstacle (gap)."""
 
 
 class Model:
@@ -41,21 +41,26 @@ class Model:
 
     def __init__(self, path: "os.PathLike[str] | str") -> None:
         os.stat(path)  # raises FileNotFoundError and the like
-        self._attach(open_model(path), None)
+        self._attach(open_model(path), None, (os.path.abspath(os.fspath(path)), None, None))
 
-    def _attach(self, handle: int, nodes: Optional["np.ndarray[Any, Any]"]) -> None:
-        self._handle = handle
+    def __reduce__(self) -> Any:
+        """Pickles and copies the path and the selection: the copy opens the file, in whatever process."""
+        return _opened, self._origin
+
+    def _attach(self, handle: int, nodes: Optional["np.ndarray[Any, Any]"], origin: Tuple[Any, Any, Any]) -> None:
+        self._handle, self._origin = handle, origin
         self._end = weakref.finalize(self, library().softtwin_model_close, handle)
         info = ModelInfo()
         check(library().softtwin_model_describe(handle, ctypes.byref(info)))
         self._info = info
-        inputs = (info.inputs[at] for at in range(info.input_count))
+        all_inputs = [info.inputs[at] for at in range(info.input_count)]
         #: Name of the actuator.
         self.actuator: str = info.actuator.decode()
-        #: Inputs by name, in order: pressure, gap, then parameters.
+        #: Inputs by name, in order: pressure and gap where the model has them, then parameters.
         self.inputs: Dict[str, Input] = {
             i.name.decode(): Input(i.name.decode(), i.unit.decode(), i.min, i.max, None if np.isnan(i.value) else i.value)
-            for i in inputs
+            for at, i in enumerate(all_inputs)
+            if at >= 2 or np.isnan(i.value)
         }
         fields = [info.fields[at] for at in range(info.field_count)]
         #: Units of the fields by name, in the order in which they are reconstructed.
@@ -64,7 +69,7 @@ class Model:
         self.nodes = nodes
         #: Nodes of each field.
         self.node_count: int = info.node_count
-        self._position = {name: at for at, name in enumerate(self.inputs)}
+        self._position = {i.name.decode(): at for at, i in enumerate(all_inputs)}
         self._by_keyword = {name.replace(".", "_"): name for name in self.inputs}
 
     def select(self, fields: Optional[Sequence[str]] = None, nodes: Optional[Nodes] = None) -> "Model":
@@ -88,7 +93,7 @@ class Model:
             where = chosen.ctypes.data
             check(library().softtwin_model_select(self._handle, names, None, where, chosen.size, ctypes.byref(out)))
         selected = Model.__new__(Model)
-        selected._attach(out.value or 0, chosen)
+        selected._attach(out.value or 0, chosen, (self._origin[0], fields, nodes))
         return selected
 
     @property
@@ -132,21 +137,21 @@ class Model:
 
     def predict(
         self,
-        pressure_mpa: Number,
-        gap_mm: Number = np.inf,
+        pressure_mpa: Optional[Number] = None,
+        gap_mm: Optional[Number] = None,
         *,
         fields: bool = True,
         out: Optional["np.ndarray[Any, Any]"] = None,
         **inputs: Number,
     ) -> Prediction:
-        """The answer at a pressure (MPa), a gap (mm; infinite: no obstacle) and parameters by name; arrays give arrays.
+        """The answer at a pressure (MPa), a gap (mm; infinite or none: no obstacle) and parameters by name; arrays give arrays.
 
         A parameter's dots are written as underscores (`elastomer_law_mu_mpa=0.6`) or passed by `**{"elastomer.law.mu_mpa": 0.6}`;
         one that is left out has the model's value. Arrays are broadcast against each other; the answer has their shape, its
         fields that shape and (fields, nodes) behind it. `fields=False`: force, gradients and half-widths only. `out`: float32
         memory for the fields, for repeated use.
 
-        Raises `ValueError` for NaN, `TypeError` for names that the model does not have. Outside the
+        Raises `ValueError` for NaN, `TypeError` for inputs that the model does not have, and without a pressure that it has. Outside the
         training states the answer is an extrapolation and `domain` says so; nothing is clamped.
         """
         names, states = self._states(pressure_mpa, gap_mm, inputs)
@@ -158,19 +163,27 @@ class Model:
                 self._handle, states.ctypes.data, rows.size, rows.ctypes.data, None if values is None else values.ctypes.data
             )
         )
-        return Prediction(self.inputs, self.fields, names, states, rows, values, self.nodes)
+        return Prediction(self.inputs, self._position, self.fields, names, states, rows, values, self.nodes)
 
-    def _states(self, pressure_mpa: Number, gap_mm: Number, further: Mapping[str, Number]) -> Tuple[List[str], "np.ndarray[Any, Any]"]:
+    def _states(
+        self, pressure_mpa: Optional[Number], gap_mm: Optional[Number], further: Mapping[str, Number]
+    ) -> Tuple[List[str], "np.ndarray[Any, Any]"]:
         """Names given, and the states with one more axis: all inputs in order, NaN: default."""
-        given: Dict[str, Any] = {"pressure_mpa": pressure_mpa, "gap_mm": gap_mm}
+        given: Dict[str, Any] = {} if pressure_mpa is None else {self._name("pressure_mpa"): pressure_mpa}
+        if gap_mm is not None:
+            given[self._name("gap_mm")] = gap_mm
+        elif "gap_mm" in self.inputs:
+            given["gap_mm"] = np.inf
+        if "pressure_mpa" in self.inputs and "pressure_mpa" not in given:
+            raise TypeError("pressure_mpa: expected a pressure, since the model was trained over pressures; found none")
         for name, value in further.items():
             given[self._name(name)] = value
         if all(isinstance(value, (int, float)) for value in given.values()):  # one state: a third of the time of the general case
-            states = np.array([given.get(name, np.nan) for name in self.inputs], np.float64)
+            states = np.array([given.get(name, np.nan) for name in self._position], np.float64)
         else:
             given = {name: np.asarray(value, np.float64) for name, value in given.items()}
             shape = np.broadcast_shapes(*(value.shape for value in given.values()))
-            states = np.full((*shape, len(self.inputs)), np.nan)
+            states = np.full((*shape, len(self._position)), np.nan)
             for name, value in given.items():
                 states[..., self._position[name]] = value
         if np.isnan(states).any():
@@ -197,7 +210,7 @@ class Model:
             )
         return out
 
-    def mesh(self, pressure_mpa: float, gap_mm: float = np.inf, **inputs: float) -> Any:
+    def mesh(self, pressure_mpa: Optional[float] = None, gap_mm: Optional[float] = None, **inputs: float) -> Any:
         """The deformed surface at one state as a `pyvista.PolyData` with all fields as point data; needs pyvista."""
         try:
             import pyvista
@@ -219,3 +232,8 @@ class Model:
     def __repr__(self) -> str:
         inputs = ", ".join(f"{i.name} {i.min:g} .. {i.max:g}" for i in self.inputs.values())
         return f"Model({self.actuator}: {inputs}; {', '.join(self.fields)} on {self.node_count} nodes)"
+
+
+def _opened(path: str, fields: Optional[Sequence[str]], nodes: Optional[Nodes]) -> Model:
+    model = Model(path)
+    return model if fields is None and nodes is None else model.select(fields, nodes)

@@ -25,7 +25,7 @@ class Prediction:
     """Numbers of the shape of the states (plain numbers for one state), and the fields by name: `found.von_mises`."""
 
     contact_force_n: Any
-    """Contact force, N."""
+    """Contact force, N; NaN, as its gradient and half-width, if the model was not trained on forces."""
     onset_pressure_mpa: Any
     """Pressure at which contact begins, MPa: 0 if weight alone closes the gap, infinite out of reach."""
     force_halfwidth_n: Any
@@ -50,6 +50,7 @@ class Prediction:
     def __init__(
         self,
         inputs: Mapping[str, Any],
+        positions: Mapping[str, int],
         fields: Mapping[str, str],
         names: List[str],
         states: "np.ndarray[Any, Any]",
@@ -58,14 +59,14 @@ class Prediction:
         nodes: Optional["np.ndarray[Any, Any]"],
     ) -> None:
         self._inputs, self._fields, self._rows, self._nodes = inputs, fields, rows, nodes
-        self._given, self._states = names, states
+        self._positions, self._given, self._states = positions, names, states
         #: All fields, shape of the states and (fields, nodes); None when they were not asked for.
         self.values = values
 
     @property
     def inputs(self) -> Dict[str, Any]:
         """The inputs that were given, by name."""
-        return {name: self._states[..., at][()] for at, name in enumerate(self._inputs) if name in self._given}
+        return {name: self._states[..., self._positions[name]][()] for name in self._inputs if name in self._given}
 
     @property
     def names(self) -> List[str]:
@@ -75,7 +76,7 @@ class Prediction:
     @property
     def force_gradient(self) -> Dict[str, Any]:
         """Derivative of the force with respect to each input, N per unit of the input."""
-        return {name: self._rows["force_gradient"][..., at][()] for at, name in enumerate(self._inputs)}
+        return {name: self._rows["force_gradient"][..., self._positions[name]][()] for name in self._inputs}
 
     @property
     def regime(self) -> Any:
@@ -104,6 +105,9 @@ class Prediction:
             raise KeyError(f"this prediction has {', '.join(self._fields)}, not `{name}`")
         found: "np.ndarray[Any, Any]" = self.values[..., self.names.index(name), :]
         return found
+
+    def __dir__(self) -> List[str]:
+        return sorted({*super().__dir__(), *_UNITS, *self._fields})
 
     def __getattr__(self, name: str) -> Any:
         if name in _UNITS:

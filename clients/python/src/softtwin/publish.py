@@ -11,7 +11,7 @@ from .errors import AlreadyPublished, SofttwinError
 from .layout import Command, SensorSample, Setpoint
 from .payload import pack
 from .qos import MAX_LOANS
-from .start import WriterLock
+from .start import WriterLock, check_process, hold
 
 
 def _boot_id() -> int:
@@ -45,10 +45,12 @@ class _Writer:
         events = bus.open_topic_events(topic)
         with bus.places.starting():
             self._notifier = events.notifier_builder().create()
+        hold(self)
         self._boot_id = _boot_id()
         self._seq = 0
 
     def _send(self, payload: Any) -> None:
+        check_process(self)
         self._publisher.send_copy(payload)
         self._notifier.notify()
 

@@ -7,10 +7,11 @@ from typing import Any, Mapping, Optional, Union, overload
 import iceoryx2 as iox2
 
 from . import layout
-from .bus import Bus, default_bus
+from .bus import Bus, default_bus, wait
 from .errors import Refused, SofttwinError, TwinAbsent, TwinSilent
 from .field import Field, copy_of
 from .qos import MAX_CLIENTS, MAX_QUERY_NODES
+from .start import check_process, hold
 
 #: Values of a model's parameters by name.
 Inputs = Optional[Mapping[str, float]]
@@ -34,6 +35,7 @@ class Client:
             self._client = (
                 service.client_builder().backpressure_strategy(iox2.BackpressureStrategy.DiscardData).create()
             )
+        hold(self)
 
     @overload
     def whatif(self, pressure_mpa: float = ..., gap_mm: float = ..., *, field: None = None, inputs: Inputs = ...) -> layout.Answer: ...
@@ -99,6 +101,7 @@ class Client:
         return answer if field is None else Field(response, answer, response.payload_ptr)
 
     def _exchange(self, query: layout.Query) -> Any:
+        check_process(self)
         end = time.monotonic() + self.timeout_s
         try:
             pending = self._client.send_copy(query)
@@ -115,4 +118,4 @@ class Client:
             if left <= 0:
                 raise TwinSilent(f"{self._name}: no answer within {self.timeout_s} s")
             # Every answer to any client wakes all clients: check for our own.
-            self._listener.timed_wait(iox2.Duration.from_secs_f64(min(left, 0.2)))
+            wait(self._listener, iox2.Duration.from_secs_f64(min(left, 0.2)))

@@ -3,17 +3,45 @@
 The same rules as of the programs `softtwin` and `softtwind`; docs/iceoryx2.md says why.
 """
 
+import ctypes
 import fcntl
 import os
 import re
 import signal
 import time
+import weakref
 from contextlib import contextmanager
-from typing import Iterator, Optional
+from typing import Any, Iterator, Optional
 
 from .errors import AlreadyPublished, SofttwinError
 
 DEFAULT_ROOT = "/tmp/iceoryx2"  # iceoryx2's own
+
+_held: "weakref.WeakSet[Any]" = weakref.WeakSet()  # objects that hold parts of the shared memory
+
+
+def hold(holder: Any) -> None:
+    """Notes the process that opened the shared memory which the attributes of `holder` hold."""
+    holder._process = os.getpid()
+    _held.add(holder)
+
+
+def check_process(holder: Any) -> None:
+    """Raises where `holder` was opened before a fork: its memory, events and locks are the parent's."""
+    if holder._process != os.getpid():
+        raise SofttwinError(
+            f"{getattr(holder, 'topic', 'this object')}: opened by process {holder._process}, before a fork; open it in this process"
+        )
+
+
+def _leave_to_parent() -> None:
+    """In a forked process: what is held is never released, since releasing removes the parent's files."""
+    for holder in list(_held):
+        for value in vars(holder).values():
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(value))
+
+
+os.register_at_fork(after_in_child=_leave_to_parent)
 _SHM = "/dev/shm"
 _DRIVING = ("setpoint", "override", "command")
 _PATIENCE_S = 2.0

@@ -6,11 +6,12 @@ from typing import Any, Iterator, Optional
 
 import iceoryx2 as iox2
 
-from .bus import Bus, default_bus, kind_of, payload_type
+from .bus import Bus, default_bus, kind_of, payload_type, wait
 from .errors import SofttwinError, TwinRestarted, TwinSilent
 from .field import Field, copy_of
 from .layout import LAYOUT_VERSION, FieldHeader
 from .qos import QOS
+from .start import check_process, hold
 
 _SLICE_S = 0.2  # longest single wait, so that Ctrl-C interrupts
 
@@ -54,11 +55,13 @@ class Subscription:
                 self._subscriber = (
                     service.subscriber_builder().buffer_size(qos.buffer).history_request(qos.history).create()
                 )
+            hold(self)
         except Exception as error:
             raise SofttwinError(f"{topic}: all {qos.max_readers} reader slots are taken; stop a reader") from error
 
     def try_next(self) -> Optional[Any]:
         """The oldest waiting sample, or None. Never waits."""
+        check_process(self)
         try:
             sample = self._subscriber.receive()
         except Exception as error:
@@ -90,7 +93,7 @@ class Subscription:
             value = self.try_next()
             if value is not None:
                 return value
-            self._listener.timed_wait(next(waits))
+            wait(self._listener, next(waits))
 
     def _waits(self, timeout_s: Optional[float]) -> Iterator[Any]:
         """Times to wait, never 0 (no timeout); raises `TwinSilent` when the time is over."""
@@ -127,7 +130,7 @@ class Subscription:
             value = self.try_next()
             if value is not None:
                 return value
-            await asyncio.to_thread(self._listener.timed_wait, next(waits))
+            await asyncio.to_thread(wait, self._listener, next(waits))
 
     def _count(self, boot_seq: tuple, value: Any) -> None:
         last, self._last = self._last, boot_seq

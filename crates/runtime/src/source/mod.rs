@@ -33,6 +33,7 @@ pub use simulate::{Profile, SimulateSpec};
 pub use spec::{LinesSensor, ModbusSensor, PaceSpec, SensorSpec, Sensors, open as open_sensors};
 pub use stream::Cell;
 pub use trace::Trace;
+pub use trace::in_another_unit;
 
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

@@ -190,6 +190,18 @@ pub enum TraceError {
         /// The header as found.
         found: String,
     },
+    /// A quantity in another unit than the one that is read.
+    #[error(
+        "line {line}: expected the column `{expected}`, found `{found}`; convert its values and name it so"
+    )]
+    AnotherUnit {
+        /// Line of the header.
+        line: usize,
+        /// The column.
+        found: String,
+        /// The column that is read.
+        expected: &'static str,
+    },
     /// A cell is not a number.
     #[error("line {line}, column `{column}`: expected a number, found `{found}`")]
     NotANumber {

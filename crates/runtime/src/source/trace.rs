@@ -177,6 +177,21 @@ fn is_gap(step_s: f64, period_s: f64) -> bool {
     period_s > 0.0 && step_s > GAP_FACTOR * period_s
 }
 
+/// The column that is read, for one of the same quantity in another unit (`pressure_kpa`, `gap`): its values would be taken for
+/// absent or for a model's input.
+pub fn in_another_unit(column: &str) -> Option<&'static str> {
+    const UNITS: [&str; 14] =
+        ["mpa", "kpa", "pa", "bar", "mbar", "psi", "mm", "cm", "m", "um", "in", "n", "mn", "gf"];
+    let known = ["t_s", "pressure_mpa", "gap_mm", "measured_force_n"].into_iter().chain(marker_columns());
+    let stem = |name: &str| {
+        let lower = name.to_ascii_lowercase();
+        let cut =
+            lower.rsplit_once('_').filter(|(_, unit)| UNITS.contains(unit)).map(|(stem, _)| stem.to_owned());
+        cut.unwrap_or(lower)
+    };
+    known.into_iter().find(|known| *known != column && *known != "t_s" && stem(known) == stem(column))
+}
+
 impl Columns {
     fn find(line: usize, header: &str, names: &InputNames) -> Result<Self, Vec<TraceError>> {
         let place = |name: &str| header.split(',').position(|column| column.trim() == name);
@@ -191,8 +206,17 @@ impl Columns {
             },
             found: header.chars().take(80).collect(),
         };
-        let problems: Vec<TraceError> =
-            needed.filter(|column| place(column).is_none()).map(missing).collect();
+        let another = |column: &str| {
+            let expected = in_another_unit(column).filter(|_| !names.iter().any(|name| name == column))?;
+            (place(expected).is_none()).then(|| TraceError::AnotherUnit {
+                line,
+                found: column.to_owned(),
+                expected,
+            })
+        };
+        let problems: Vec<TraceError> = (needed.filter(|column| place(column).is_none()).map(missing))
+            .chain(header.split(',').filter_map(|column| another(column.trim())))
+            .collect();
         match (place("t_s"), problems.is_empty()) {
             (Some(t_s), true) => Ok(Self {
                 t_s,

@@ -1,11 +1,11 @@
 //! `softtwin calibrate`.
 
-use crate::failure::configuration;
+use crate::failure::{configuration, unexplained};
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::unknowns::{Unknowns, problems};
 use crate::{files, output};
 use anyhow::{Context, bail};
-use estimate::{Fit, Measurement, Model as _, Predicted, Setup};
+use estimate::{Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
 use runtime::config::Scene;
 use runtime::estimation::{self, SensorModel};
 use runtime::measured::MeasuredInputs;
@@ -23,7 +23,9 @@ Examples:
 
 A table has the columns t_s,pressure_mpa[,gap_mm][,measured_force_n][,marker1_x_mm,marker1_y_mm,marker1_z_mm]...; an empty \
 cell is a missing value. `identifiable` is false where the recording does not tell a quantity: its value then rests on the \
-prior of the scene. With --json the last thing on standard output is one JSON object. Exit code 1: the fit did not converge.";
+prior of the scene. With --json the last thing on standard output is one JSON object. Exit code 1: the fit did not converge. \
+Exit code 65: the model does not explain the recording, because more values than --max-rejected contradict the fit, or because \
+what is left over follows time or the direction of the pressure; nothing is saved then without --force.";
 
 /// Fit the unknowns of a scene to a whole recording.
 #[derive(clap::Args)]
@@ -44,6 +46,12 @@ pub struct Args {
     /// Scene with the fitted values as priors.
     #[arg(long, value_name = "FILE.toml")]
     out: Option<PathBuf>,
+    /// Largest share of the values that may contradict the fit.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = crate::range::number(0.0, 1.0))]
+    max_rejected: f64,
+    /// Write --out although the model does not explain the recording.
+    #[arg(long, requires = "out")]
+    force: bool,
     /// Picture of measured and predicted values and of the residuals (.svg or .png).
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
@@ -70,14 +78,18 @@ impl Args {
         check_recording(&setup, &readings).map_err(configuration)?;
         let fit = estimate::fit(&setup, &readings, &mut sensors)
             .map_err(|errors| problems(errors.iter().map(ToString::to_string).collect()))?;
-        if let Some(out) = self.out.as_ref().filter(|_| fit.converged) {
+        let curves = Curves::of(&setup, &readings, &fit, &mut sensors);
+        let structures = curves.structures(&setup, &readings);
+        let reasons = reasons(&fit, &structures, self.max_rejected);
+        let is_explained = reasons.is_empty();
+        if let Some(out) = self.out.as_ref().filter(|_| fit.converged && (is_explained || self.force)) {
             self.save_scene(&scene, &spec.name, &setup, &fit, out)?;
         }
         if let Some(picture) = &self.picture {
-            figure(&setup, &readings, &fit, &mut sensors).save(picture)?;
+            figure(&setup, &readings, &curves).save(picture)?;
         }
         if self.json {
-            output::json(&summary(&setup, &fit, readings.len()))?;
+            output::json(&summary(&setup, &fit, readings.len(), &structures, &reasons))?;
         } else {
             output!("{}", text(&setup, &fit, readings.len()))?;
         }
@@ -86,6 +98,12 @@ impl Args {
                 "the fit did not converge: the model does not explain the recording with these sensors; look at the residuals \
                  (--picture), at units and marker places, or at the priors"
             );
+        }
+        if !is_explained {
+            return Err(unexplained(format!(
+                "this model does not explain the recording: {}; look at the residuals (--picture)",
+                reasons.join("; ")
+            )));
         }
         Ok(())
     }
@@ -135,7 +153,46 @@ fn check_recording(setup: &Setup, readings: &[Measurement]) -> anyhow::Result<()
     Ok(())
 }
 
-fn summary(setup: &Setup, fit: &Fit, readings: usize) -> Value {
+/// Why a fit explains nothing; empty if it does.
+fn reasons(fit: &Fit, structures: &[(String, Structure)], max_rejected: f64) -> Vec<String> {
+    let values = fit.used + fit.outliers;
+    let mut reasons = Vec::new();
+    if fit.outliers as f64 > max_rejected * values as f64 {
+        reasons.push(format!(
+            "{} of {values} values contradict the fit (--max-rejected {max_rejected})",
+            fit.outliers
+        ));
+    }
+    for (name, found) in structures.iter().filter(|(_, found)| found.is_unexplained) {
+        let mut shape = vec![format!("{:.3} of {:.3} RMS is no noise", found.systematic, found.rms)];
+        shape.extend(found.lag_s.map(|lag_s| format!("it lags by about {lag_s:.2} s")));
+        shape.extend(found.drift_per_s.map(|drift| format!("it drifts by {drift:.2e} per s")));
+        if found.loop_share.abs() > 0.01 {
+            shape.push(format!(
+                "rising and falling pressure differ by {:.1} % of the range",
+                100.0 * found.loop_share.abs()
+            ));
+        }
+        reasons.push(format!("{name}: {}", shape.join(", ")));
+    }
+    reasons
+}
+
+fn summary(
+    setup: &Setup,
+    fit: &Fit,
+    readings: usize,
+    structures: &[(String, Structure)],
+    reasons: &[String],
+) -> Value {
+    let residuals: Map<String, Value> = structures
+        .iter()
+        .map(|(name, found)| {
+            let value = json!({"rms": found.rms, "systematic": found.systematic, "loop_share": found.loop_share,
+                "lag_s": found.lag_s, "drift_per_s": found.drift_per_s});
+            (name.clone(), value)
+        })
+        .collect();
     let estimates: Map<String, Value> = setup.unknowns.iter().zip(&fit.estimates).map(|(unknown, estimate)| {
         let value = json!({"value": estimate.value, "sigma": estimate.sigma, "identifiable": estimate.identifiable});
         (unknown.name.clone(), value)
@@ -154,6 +211,9 @@ fn summary(setup: &Setup, fit: &Fit, readings: usize) -> Value {
         "values_used": fit.used,
         "outliers": fit.outliers,
         "readings_skipped": fit.skipped,
+        "residuals": residuals,
+        "is_explained": reasons.is_empty(),
+        "unexplained": reasons,
     })
 }
 
@@ -188,20 +248,53 @@ fn text(setup: &Setup, fit: &Fit, readings: usize) -> String {
     out.trim_end().to_owned()
 }
 
-/// Measured values, predictions before and after the fit, residuals after it; one row of panels a measured quantity.
-fn figure(setup: &Setup, readings: &[Measurement], fit: &Fit, sensors: &mut SensorModel) -> Figure {
-    let before: Vec<f64> = setup.unknowns.iter().map(|unknown| unknown.prior).collect();
-    let after: Vec<f64> = fit.estimates.iter().map(|estimate| estimate.value).collect();
-    let mut predict = |unknowns: &[f64]| -> Vec<Vec<f64>> {
-        let one = |reading: &Measurement| {
-            let mut rows = vec![Predicted::default(); setup.rows.len()];
-            sensors.predict(&setup.inputs(reading, unknowns), &mut rows);
-            let bias = |at: usize| setup.rows[at].bias.map_or(0.0, |bias| unknowns[bias]);
-            rows.iter().enumerate().map(|(at, row)| row.value + bias(at)).collect()
+/// Predictions for each reading, by measured quantity.
+struct Curves {
+    before: Vec<Vec<f64>>,
+    after: Vec<Vec<f64>>,
+}
+
+impl Curves {
+    /// With the priors and with the fitted values.
+    fn of(setup: &Setup, readings: &[Measurement], fit: &Fit, sensors: &mut SensorModel) -> Self {
+        let mut predict = |unknowns: &[f64]| -> Vec<Vec<f64>> {
+            let one = |reading: &Measurement| {
+                let mut rows = vec![Predicted::default(); setup.rows.len()];
+                sensors.predict(&setup.inputs(reading, unknowns), &mut rows);
+                let bias = |at: usize| setup.rows[at].bias.map_or(0.0, |bias| unknowns[bias]);
+                rows.iter().enumerate().map(|(at, row)| row.value + bias(at)).collect()
+            };
+            readings.iter().map(one).collect()
         };
-        readings.iter().map(one).collect()
-    };
-    let (before, after) = (predict(&before), predict(&after));
+        let before: Vec<f64> = setup.unknowns.iter().map(|unknown| unknown.prior).collect();
+        let after: Vec<f64> = fit.estimates.iter().map(|estimate| estimate.value).collect();
+        Self { before: predict(&before), after: predict(&after) }
+    }
+
+    /// Structure of the residuals by measured quantity.
+    fn structures(&self, setup: &Setup, readings: &[Measurement]) -> Vec<(String, Structure)> {
+        let t_s: Vec<f64> = readings.iter().map(|reading| reading.t_s).collect();
+        let driving: Vec<f64> = readings.iter().map(|reading| reading.inputs[0]).collect();
+        let of_row = |(at, row): (usize, &estimate::Row)| {
+            let measured: Vec<f64> = readings.iter().map(|reading| reading.rows[at]).collect();
+            let predicted: Vec<f64> = self.after.iter().map(|rows| rows[at]).collect();
+            let sigma = row.variance(1.0).sqrt();
+            let series = ResidualSeries {
+                t_s: &t_s,
+                measured: &measured,
+                predicted: &predicted,
+                driving: &driving,
+                sigma,
+            };
+            Some((row.name.clone(), Structure::of(series)?))
+        };
+        setup.rows.iter().enumerate().filter_map(of_row).collect()
+    }
+}
+
+/// Measured values, predictions before and after the fit, residuals after it; one row of panels a measured quantity.
+fn figure(setup: &Setup, readings: &[Measurement], curves: &Curves) -> Figure {
+    let Curves { before, after } = curves;
     let begin_s = readings.first().map_or(0.0, |reading| reading.t_s);
     let mut panels = Vec::new();
     for (at, row) in setup.rows.iter().enumerate() {

@@ -5,7 +5,7 @@ use crate::live::DomainArgs;
 use crate::output;
 use anyhow::{Result, anyhow};
 use runtime::bridge::{Bridge, BridgeCounters};
-use runtime::source::{InputNames, Poll, Reading, ReplaySpec, Source, SourceSpec};
+use runtime::source::{InputNames, Poll, Reading, ReplaySpec, Source, SourceSpec, in_another_unit};
 use serde_json::json;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -122,7 +122,11 @@ fn inputs(path: &Path) -> Result<InputNames> {
         return Ok(InputNames::default());
     }
     let is_marker = |name: &str| name.starts_with("marker") && name.ends_with("_mm");
-    let is_input = |name: &&str| !["t_s", "gap_mm", "measured_force_n"].contains(name) && !is_marker(name);
+    let is_input = |name: &&str| {
+        !["t_s", "gap_mm", "measured_force_n"].contains(name)
+            && !is_marker(name)
+            && in_another_unit(name).is_none()
+    };
     let names: Vec<&str> = columns.into_iter().filter(is_input).collect();
     if names.len() > PARAMETERS_MAX || names.iter().any(|name| name.is_empty()) {
         return Err(configuration(anyhow!(
