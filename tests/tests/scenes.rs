@@ -279,7 +279,7 @@ fn several_actuators_run_in_one_twin() {
     bench.turn();
     let (left, right) = (left.newest().unwrap().unwrap(), right.newest().unwrap().unwrap());
     assert_eq!((left.regime, right.regime), (regime::CONTACT, regime::FREE));
-    assert!(left.contact_force_n > 0.1 && right.contact_force_n == 0.0);
+    assert!(left.contact_force_n > 0.1 && right.contact_force_n.is_nan());
 }
 
 #[test]

@@ -13,6 +13,9 @@ use wire::{Bus, SetpointWriter, StateReader, Topic, WakeSet, Wakeable};
 const SERVICE: u32 = 61_001;
 const MEMBER: u32 = 61_002;
 const STRANGER: u32 = 61_003;
+const OWN: u32 = 61_004;
+const ALSO_OWN: u32 = 61_005;
+const SQUATTED: u32 = 61_006;
 const READERS: u32 = 62_001;
 const DRIVERS: u32 = 62_002;
 const OTHERS: u32 = 62_003;
@@ -77,6 +80,7 @@ fn in_another_role() {
             )
             .map(|_| "drives".to_owned())
         }),
+        "open" => Bus::open(&domain).map(|_| "opened".to_owned()),
         other => panic!("no role {other}"),
     };
     println!("SAID {}", said.unwrap_or_else(|error| format!("refused: {error}")));
@@ -123,5 +127,38 @@ fn group_members_read_and_only_drivers_drive() {
         let (status, said) = program.stop();
         assert!(status.success(), "{said:?}");
         assert!(!said.iter().any(|line| line.contains("refused") || line.contains("failed")), "{said:?}");
+    }
+}
+
+/// Without a name and a folder every user has a domain of their own; a folder that another user made before is refused.
+#[test]
+fn users_have_domains_of_their_own() {
+    // SAFETY: the call has no arguments and cannot fail.
+    if unsafe { libc::geteuid() } != 0
+        || !Command::new("setpriv").arg("--version").output().is_ok_and(|output| output.status.success())
+    {
+        return skipped(Missing::SecondUser);
+    }
+    let stage = Stage::new("own");
+    let own = std::env::current_exe().unwrap();
+    let folder = |user: u32| std::path::PathBuf::from(format!("/tmp/softtwin-{user}"));
+    let open = |user: u32| {
+        let line = as_user(
+            user,
+            &[OTHERS],
+            &format!("{} --exact sharing::in_another_role --nocapture", own.display()),
+        );
+        Program::shell(&stage, &format!("unset SOFTTWIN_DOMAIN SOFTTWIN_ROOT; export {ROLE}=open; {line}"))
+            .wait_for("SAID")
+    };
+    for user in [OWN, ALSO_OWN] {
+        assert!(open(user).contains("opened"), "user {user}");
+        assert_eq!(std::fs::metadata(folder(user)).unwrap().permissions().mode() & 0o777, 0o700);
+    }
+    std::fs::create_dir(folder(SQUATTED)).unwrap();
+    chown(folder(SQUATTED), Some(OWN), None).unwrap();
+    assert!(open(SQUATTED).contains(&OWN.to_string()), "the folder's owner is named");
+    for user in [OWN, ALSO_OWN, SQUATTED] {
+        std::fs::remove_dir_all(folder(user)).unwrap();
     }
 }

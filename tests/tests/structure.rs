@@ -284,7 +284,7 @@ fn import_command_makes_a_model_from_results() {
     let names = simulations(stage.folder.path());
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let pattern = ["--pattern", "beam_f{load_n}_t{thickness_mm}.vtu", "--out", "part/database"];
-    let others = ["--length-unit", "m", "--stress-unit", "pa", "--test-every", "6"];
+    let others = ["--length-unit", "m", "--stress-unit", "pa", "--test-every", "3"];
     run(&stage, &[&["import", "results"], &names[..], &pattern, &others].concat());
     let built: Value = serde_json::from_str(&run(&stage, &["build", "part", "--json"])).expect("JSON");
     assert_eq!(built["inputs"], serde_json::json!(["load_n", "thickness_mm"]), "{built:#}");

@@ -105,7 +105,7 @@ uint32_t softtwin_layout_version(void);
 /** The clock of all time stamps: ns of the machine's monotonic clock, the same in every process. */
 uint64_t softtwin_now_ns(void);
 
-/** Joins a shared-memory domain. Null: $SOFTTWIN_DOMAIN and $SOFTTWIN_ROOT, or iceoryx2's default. */
+/** Joins a shared-memory domain. Null: $SOFTTWIN_DOMAIN and $SOFTTWIN_ROOT, or the user's own domain. */
 softtwin_status softtwin_bus_open(const char *domain, const char *root, softtwin_bus **out);
 /** Leaves the shared-memory domain; its readers and writers stay open. */
 void softtwin_bus_close(softtwin_bus *bus);

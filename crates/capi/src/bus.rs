@@ -11,7 +11,7 @@ pub struct softtwin_bus {
     pub(crate) bus: Bus,
 }
 
-/// Joins a shared-memory domain. `domain` and `root` may be null: then `$SOFTTWIN_DOMAIN` and `$SOFTTWIN_ROOT` count, or iceoryx2's default.
+/// Joins a shared-memory domain. `domain` and `root` may be null: then `$SOFTTWIN_DOMAIN` and `$SOFTTWIN_ROOT` count, or the user's own domain.
 ///
 /// # Safety
 /// Strings are null or zero-terminated; `out` points to memory for a pointer.
@@ -22,16 +22,9 @@ pub unsafe extern "C" fn softtwin_bus_open(
     out: *mut *mut softtwin_bus,
 ) -> softtwin_status {
     call(|| {
-        let mut wanted = Domain::from_env();
         // SAFETY: by the caller's promise.
-        if let Some(name) = unsafe { text(domain) }? {
-            wanted.prefix = Domain::named(name).prefix;
-        }
-        // SAFETY: by the caller's promise.
-        if let Some(root) = unsafe { text(root) }? {
-            wanted.root = Some(root.to_owned());
-        }
-        let bus = Bus::open(&wanted)?;
+        let (name, root) = unsafe { (text(domain)?, text(root)?) };
+        let bus = Bus::open(&Domain::given(name, root))?;
         // SAFETY: by the caller's promise.
         unsafe { write_handle(out, softtwin_bus { bus }) }
     })

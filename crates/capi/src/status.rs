@@ -73,9 +73,10 @@ pub(crate) fn of(error: &WireError) -> softtwin_status {
         | WireError::TooManyClients { .. }
         | WireError::TooManyPrograms { .. } => softtwin_status::SOFTTWIN_TAKEN,
         WireError::NoAnswer { .. } => softtwin_status::SOFTTWIN_TIMEOUT,
-        WireError::BadName { .. } | WireError::BadDomain { .. } | WireError::LongDomain { .. } => {
-            softtwin_status::SOFTTWIN_ARGUMENT
-        }
+        WireError::BadName { .. }
+        | WireError::BadDomain { .. }
+        | WireError::ForeignFolder { .. }
+        | WireError::LongDomain { .. } => softtwin_status::SOFTTWIN_ARGUMENT,
         _ => softtwin_status::SOFTTWIN_FAILED,
     };
     fail(status, error.to_string())

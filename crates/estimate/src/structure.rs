@@ -1,10 +1,10 @@
-//! What the residuals of a fit have in common over time: a model that explains a recording leaves noise.
+//! Structure of the residuals of a fit over time: a model that explains a recording leaves noise.
 
-/// Fewest residuals from which a structure is told.
+/// Smallest number of residuals with a structure.
 const MIN_COUNT: usize = 8;
 /// Autocorrelation from which it is no chance, in standard deviations of that of white noise.
 const SIGNIFICANT: f64 = 4.0;
-/// Smallest share of the residuals' square for which lag or drift is named.
+/// Smallest fraction of the residuals' square for which lag or drift is named.
 const NAMED_SHARE: f64 = 0.2;
 /// Smallest change of the driving input, as a fraction of its range, that counts as rising or falling.
 const STILL: f64 = 1e-3;

@@ -1,8 +1,8 @@
 //! Abaqus input files (`.inp`): nodes, tetrahedra, hexahedra, wedges, shells.
 //!
 //! Applied: `*SYSTEM`, `*NODE, SYSTEM=C|S`, parts, instances with translation and rotation, `*INCLUDE` and `INPUT=`. Elements without
-//! a body of their own (springs, trusses, rigid faces, connectors) are left out and listed, as are keywords that change results.
-//! What would change the mesh and is not applied is an error: generated nodes, other continuum elements, imperfections.
+//! a body (springs, trusses, rigid faces, connectors) are left out and listed, as are keywords that change results.
+//! Keywords that would change the mesh and are not applied are errors: generated nodes, other continuum elements, imperfections.
 //! Materials, steps and the like are ignored.
 
 use crate::cells::{Block as Cells, Kind};
@@ -31,7 +31,7 @@ pub struct AbaqusMesh {
     pub blocks: Vec<Cells>,
     /// The first instance that is rotated: whether results there are in its directions or the global ones, a table does not say.
     pub rotated: Option<String>,
-    /// What was left out, with the first line.
+    /// Elements and keywords that were left out, with the first line.
     pub left_out: Vec<String>,
 }
 

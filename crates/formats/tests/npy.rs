@@ -43,7 +43,7 @@ fn reads_doubles_as_both_types() {
     assert_eq!(read_f32(&path).unwrap().shape, [2]);
 }
 
-/// The numbers that NumPy stores for 1, -2 and 3 in each kind, read as they are.
+/// The numbers that NumPy stores for 1, -2 and 3 in each kind.
 #[test]
 fn reads_every_kind_of_number_and_both_byte_orders() {
     let read = |descr: &str, data: &[u8]| {

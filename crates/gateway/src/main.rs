@@ -62,7 +62,7 @@ Examples:
     softtwin-gateway --config config/gateway.toml --metrics 127.0.0.1:9467";
 
 const CODES: &str = "\
-The shared-memory domain is $SOFTTWIN_DOMAIN (with $SOFTTWIN_ROOT), or iceoryx2's own. Keys, encodings and security: docs/gateway.md. \
+The shared-memory domain is $SOFTTWIN_DOMAIN (with $SOFTTWIN_ROOT), or the user's own. Keys, encodings and security: docs/gateway.md. \
 SIGHUP reads the configuration again, with certificates and users, and reconnects; an invalid one is refused and the old one stays.
 
 Exit codes: 0 stopped as asked, 1 run-time failure, 2 usage, 78 configuration.";

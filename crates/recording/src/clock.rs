@@ -14,9 +14,9 @@ pub(crate) const BOOT: &str = "boot_id";
 /// Which clock the stamps are of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stamps {
-    /// Of a payload.
+    /// Monotonic clock, in payloads.
     Monotonic,
-    /// Of a message, `log_time_ns`.
+    /// Wall clock, in messages: `log_time_ns`.
     Wall,
 }
 
@@ -38,7 +38,7 @@ impl RunClock {
         Self { stamps, run: None, shift_ns: 0, last_ns: i128::MIN, begins: false }
     }
 
-    /// Takes the metadata of a run. Those that stand behind the first messages of their run change nothing for it.
+    /// Takes the metadata of a run. Metadata behind the first messages of their run change nothing for it.
     pub fn take(&mut self, item: &Item) {
         let Item::Metadata { name, entries } = item else { return };
         let offset = entries.get(OFFSET).filter(|_| name == ABOUT).and_then(|text| text.parse::<i128>().ok());

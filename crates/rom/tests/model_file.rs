@@ -73,6 +73,25 @@ fn modes_of_other_lengths_or_steps_are_refused() {
     assert!(matches!(loaded.modes(RegimeKind::Contact, 0), Err(ModelError::MissingBlock { .. })));
 }
 
+/// Numbers that are finite in the header and not in a field of f32, or not finite at all.
+#[test]
+fn numbers_that_no_training_gives_are_refused() {
+    let places: [fn(&mut Model) -> &mut f64; 4] = [
+        |model| &mut model.header.regimes[0].groups[0].surrogate.weights[0],
+        |model| &mut model.header.regimes[0].groups[0].surrogate.centres[0],
+        |model| &mut model.header.regimes[0].groups[0].surrogate.metric.scale[0],
+        |model| &mut model.header.regimes[1].groups[0].surrogate.weights[0],
+    ];
+    for place in places {
+        for bad in [1e300, -1e300, f64::INFINITY, f64::NAN] {
+            let mut model = model().0.clone();
+            *place(&mut model) = bad;
+            let refused = model.to_bytes().map_or(true, |bytes| Model::from_bytes(&bytes).is_err());
+            assert!(refused, "{bad}");
+        }
+    }
+}
+
 #[test]
 fn layout_matches_the_documentation() {
     let (_, bytes) = model();

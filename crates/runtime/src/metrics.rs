@@ -306,7 +306,7 @@ fn answer(request: &Request<Incoming>, page: &mut impl FnMut() -> String) -> Res
         return (StatusCode::FORBIDDEN, "the metrics are for this machine; ask for localhost\n")
             .into_response();
     }
-    if request.method() == Method::GET && request.uri().path() == "/metrics" {
+    if matches!(*request.method(), Method::GET | Method::HEAD) && request.uri().path() == "/metrics" {
         return ([(header::CONTENT_TYPE, CONTENT_TYPE)], page()).into_response();
     }
     (StatusCode::NOT_FOUND, "the metrics are at /metrics\n").into_response()

@@ -40,6 +40,19 @@ fn visit(address: SocketAddr) -> Duration {
     begin.elapsed()
 }
 
+#[test]
+fn head_answers_as_get_without_the_content() {
+    beside_server(|address| {
+        let mut client = TcpStream::connect(address).unwrap();
+        client.set_read_timeout(Some(20 * HEADER_TIMEOUT)).unwrap();
+        client.write_all(b"HEAD /metrics HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        client.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("content-length: 5"), "{answer}");
+        assert!(answer.ends_with("\r\n\r\n"), "{answer}");
+    });
+}
+
 /// Served in turns of [`MAX_CONNECTIONS`], 448 idle connections would delay a client by 14 s.
 #[test]
 fn idle_connections_delay_no_client() {

@@ -85,7 +85,7 @@ fn jobs_in_folders_are_imported_and_a_state_off_the_curve_is_named() {
     assert_eq!(json(&[&pattern[..], &["--replace"]].concat())["testing"], 0);
     succeeds(dir.path(), &["train", "--database", "db", "--out", "beam.twin", "--json"]);
     let sheet: Value = serde_json::from_slice(&fs::read(dir.path().join("beam.json")).unwrap()).unwrap();
-    // Fields that are straight in the input, with a state in the middle: the mode is kept, and states are answered as they are.
+    // Fields that are straight in the input, with a state in the middle: the mode is kept, and states are reproduced.
     let answer = succeeds(dir.path(), &["predict", "--model", "beam.twin", "--set", "load_n=8"]);
     let answer: Value = serde_json::from_str(&answer).unwrap();
     let largest = beam(8.0, 8.0).iter().map(|node| node.2).fold(0.0, f64::max);

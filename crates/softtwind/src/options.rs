@@ -47,10 +47,10 @@ pub enum Command {
 /// Shared-memory domain: only programs with the same one exchange samples.
 #[derive(Debug, Clone, Args)]
 pub struct DomainArgs {
-    /// Shared-memory domain [default: $SOFTTWIN_DOMAIN, or iceoryx2's own].
+    /// Shared-memory domain [default: $SOFTTWIN_DOMAIN, or the user's own].
     #[arg(long, value_name = "NAME")]
     domain: Option<String>,
-    /// Folder of the management files [default: $SOFTTWIN_ROOT, or iceoryx2's own].
+    /// Folder of the management files [default: $SOFTTWIN_ROOT, or /tmp/softtwin-UID].
     #[arg(long, value_name = "DIR")]
     domain_root: Option<String>,
 }
@@ -58,9 +58,7 @@ pub struct DomainArgs {
 impl DomainArgs {
     /// The shared-memory domain of arguments and environment.
     pub fn domain(&self) -> Domain {
-        let from_env = Domain::from_env();
-        let prefix = self.domain.as_deref().map_or(from_env.prefix, |name| Domain::named(name).prefix);
-        Domain { prefix, root: self.domain_root.clone().or(from_env.root) }
+        Domain::given(self.domain.as_deref(), self.domain_root.as_deref())
     }
 
     /// Joins the shared-memory domain.

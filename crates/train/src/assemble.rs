@@ -282,7 +282,7 @@ fn off_curve(database: &Database, errors: &[CaseError]) -> Vec<String> {
     let is_off = |error: &&&CaseError| {
         error.displacement_mm > OFF_CURVE * median && error.displacement_mm > OFF_CURVE_FLOOR * largest_mm
     };
-    // A state off the curve raises the errors of its neighbours: only the largest is told.
+    // A state off the curve raises the errors of its neighbours: only the largest is named.
     let worst = inner.iter().filter(is_off).max_by(|a, b| a.displacement_mm.total_cmp(&b.displacement_mm));
     let say = |error: &&CaseError| {
         format!(

@@ -46,7 +46,7 @@ pub enum FitError {
         /// Inputs.
         dimensions: usize,
     },
-    /// Without one sample the others do not determine the tail: what leaving it out would cost cannot be told.
+    /// Without one sample the others do not determine the tail: its leave-one-out error is unknown.
     #[error(
         "sample {sample} of {samples} alone determines a term of the {tail} over {dimensions} inputs, so that its leave-one-out \
          error is unknown; add samples or take a lower tail"

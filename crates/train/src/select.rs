@@ -431,8 +431,12 @@ impl<'a> Search<'a> {
             let (modes, error) = scored.groups[g];
             let kept = first..first + modes;
             let residual = |i: usize, k: usize| fit.residuals[i * self.samples.outputs + first + k];
-            let mut leave_one_out = levels(task, &case_errors(self.states, task, &residual));
-            leave_one_out.truncate(modes + 1);
+            let errors = case_errors(self.states, task, &residual);
+            // Of too few cases a reconstruction leaves no mode out.
+            let is_known = |kept: usize| kept == modes || errors.len() >= MIN_CASES;
+            let known = |(kept, level)| if is_known(kept) { level } else { f64::INFINITY };
+            let leave_one_out =
+                levels(task, &errors).into_iter().take(modes + 1).enumerate().map(known).collect();
             first += task.outputs;
             let candidates =
                 self.trials.iter().map(|t| Candidate { modes: t.modes[g], ..t.row.clone() }).collect();

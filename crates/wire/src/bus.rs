@@ -65,6 +65,7 @@ impl Bus {
     pub fn open(domain: &Domain) -> Result<Self, WireError> {
         set_log_level(LogLevel::Fatal); // failures come back as errors; iceoryx2 would print kilobytes besides
         let places = domain.places()?;
+        domain.require_own_folder()?;
         require_headroom("the shared-memory domain", 0)?;
         let watch = Watch::start(places.clone());
         let removed = places.sweep(SWEEP_PATIENCE);

@@ -3,6 +3,7 @@
 use crate::WireError;
 use crate::leftover::Places;
 use iceoryx2::prelude::{Config, FileName, Path, SemanticString};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 
 /// Longest path of a socket: `sun_path` has 108 bytes, the last is zero.
 const SOCKET_PATH_BYTES: usize = 107;
@@ -12,35 +13,59 @@ const MAX_NAME_BYTES: usize = SOCKET_PATH_BYTES - 1 - 39 - ".event".len();
 
 /// A shared-memory domain: programs of different domains do not see one another.
 ///
-/// The default domain is iceoryx2's own, so that plain iceoryx2 clients reach a twin without configuration.
+/// Without a name and a folder it is the user's own: prefix `iox2_u<uid>_`, folder `/tmp/softtwin-<uid>`, which only this user may
+/// enter. Several users share the domain of a folder that is given (OPERATIONS.md).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Domain {
-    /// Prefix of all file and shared-memory names; iceoryx2's default is `iox2_`.
+    /// Prefix of all file and shared-memory names: `iox2_<name>_`, or `iox2_` of a folder without a name.
     pub prefix: String,
-    /// Folder of the management files; `None`: iceoryx2's default in the system's temporary folder.
+    /// Folder of the management files; `None`: the user's own.
     pub root: Option<String>,
 }
 
 impl Default for Domain {
     fn default() -> Self {
-        Self { prefix: "iox2_".into(), root: None }
+        Self::of(None, None)
     }
 }
 
+/// This process's user.
+pub(crate) fn uid() -> u32 {
+    // SAFETY: the call has no arguments and cannot fail.
+    unsafe { libc::geteuid() }
+}
+
+/// Folder of the user's own domains.
+pub(crate) fn own_root() -> String {
+    format!("/tmp/softtwin-{}", uid())
+}
+
 impl Domain {
-    /// Named shared-memory domain: prefix `iox2_<name>_`, default root.
+    /// Shared-memory domain by name and folder.
+    pub fn of(name: Option<&str>, root: Option<String>) -> Self {
+        let prefix = match (name, &root) {
+            (Some(name), _) => format!("iox2_{name}_"),
+            (None, Some(_)) => "iox2_".into(),
+            (None, None) => format!("iox2_u{}_", uid()),
+        };
+        Self { prefix, root }
+    }
+
+    /// Named shared-memory domain in the user's own folder.
     pub fn named(name: &str) -> Self {
-        Self { prefix: format!("iox2_{name}_"), root: None }
+        Self::of(Some(name), None)
     }
 
     /// Shared-memory domain of the environment: `SOFTTWIN_DOMAIN` is its name, `SOFTTWIN_ROOT` its folder.
     pub fn from_env() -> Self {
-        let mut domain = match std::env::var("SOFTTWIN_DOMAIN") {
-            Ok(name) if !name.is_empty() => Self::named(&name),
-            _ => Self::default(),
-        };
-        domain.root = std::env::var("SOFTTWIN_ROOT").ok().filter(|root| !root.is_empty());
-        domain
+        Self::given(None, None)
+    }
+
+    /// As [`Self::from_env`], with the name and the folder that are given instead.
+    pub fn given(name: Option<&str>, root: Option<&str>) -> Self {
+        let env = |key: &str| std::env::var(key).ok().filter(|value| !value.is_empty());
+        let name = name.map(str::to_owned).or_else(|| env("SOFTTWIN_DOMAIN"));
+        Self::of(name.as_deref(), root.map(str::to_owned).or_else(|| env("SOFTTWIN_ROOT")))
     }
 
     /// Unique shared-memory domain, for tests and examples that run in parallel.
@@ -72,9 +97,8 @@ impl Domain {
         let mut config = Config::default();
         config.global.prefix =
             FileName::new(self.prefix.as_bytes()).map_err(|_| bad("prefix", &self.prefix))?;
-        if let Some(root) = &self.root {
-            config.global.set_root_path(&Path::new(root.as_bytes()).map_err(|_| bad("root", root))?);
-        }
+        let root = self.root.clone().unwrap_or_else(own_root);
+        config.global.set_root_path(&Path::new(root.as_bytes()).map_err(|_| bad("root", &root))?);
         Ok(config)
     }
 
@@ -89,6 +113,23 @@ impl Domain {
         let places = Places::new(self.config()?);
         self.require_short(places.root.as_os_str().len())?;
         Ok(places)
+    }
+
+    /// Makes the user's own folder, which another user must not have made before: `/tmp` is open to all.
+    ///
+    /// # Errors
+    /// [`WireError::ForeignFolder`].
+    pub(crate) fn require_own_folder(&self) -> Result<(), WireError> {
+        if self.root.is_some() {
+            return Ok(());
+        }
+        let folder = own_root();
+        let _exists_already = std::fs::DirBuilder::new().mode(0o700).create(&folder);
+        match std::fs::symlink_metadata(&folder) {
+            Ok(found) if found.is_dir() && found.uid() == uid() => Ok(()),
+            Ok(found) => Err(WireError::ForeignFolder { folder, owner: found.uid() }),
+            Err(_) => Ok(()), // the first file that is made there gives the reason
+        }
     }
 
     fn require_short(&self, root_bytes: usize) -> Result<(), WireError> {

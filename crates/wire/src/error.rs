@@ -23,6 +23,16 @@ pub enum WireError {
         /// The value given.
         value: String,
     },
+    /// The folder of the user's own domain belongs to somebody else.
+    #[error(
+        "`{folder}` belongs to user {owner}: it must be a folder of the user who runs this program; remove it, or name another with SOFTTWIN_ROOT"
+    )]
+    ForeignFolder {
+        /// The folder.
+        folder: String,
+        /// Its owner's number.
+        owner: u32,
+    },
     /// A shared-memory domain whose paths are too long.
     #[error(
         "the shared-memory domain's folder `{root}` and its prefix `{prefix}` have {found} bytes together, at most {allowed} are allowed (sockets in that folder have paths of at most 107 bytes); choose a shorter SOFTTWIN_ROOT or SOFTTWIN_DOMAIN"

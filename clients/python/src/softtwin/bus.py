@@ -9,7 +9,7 @@ import iceoryx2 as iox2
 from . import layout
 from .errors import SofttwinError, TwinAbsent, VersionMismatch
 from .qos import QOS
-from .start import DEFAULT_ROOT, Places, check_process, hold
+from .start import Places, check_process, hold, own_root
 
 _KINDS = {
     "sensor": layout.SensorSample,
@@ -42,7 +42,7 @@ def wait(listener: Any, limit: Any) -> None:
 class Bus:
     """Membership in a shared-memory domain. The functions of this package create one on demand; create another to name the domain.
 
-    The default domain is `$SOFTTWIN_DOMAIN` (with its folder `$SOFTTWIN_ROOT`), or iceoryx2's own: the same rule as of the
+    The default domain is `$SOFTTWIN_DOMAIN` (with its folder `$SOFTTWIN_ROOT`), or the user's own: the same rule as of the
     programs `softtwin` and `softtwind`.
     """
 
@@ -52,11 +52,11 @@ class Bus:
         iox2.set_log_level(iox2.LogLevel.Fatal)  # errors are exceptions
         # The host's configuration file is not read, so that all programs of a shared-memory domain agree.
         config = iox2.config.default()
-        prefix = f"iox2_{domain}_" if domain else "iox2_"
-        self.places = Places(prefix, root or DEFAULT_ROOT)
+        prefix = f"iox2_{domain}_" if domain else "iox2_" if root else f"iox2_u{os.geteuid()}_"
+        root = root or own_root()
+        self.places = Places(prefix, root)
         config.global_cfg.prefix = iox2.FileName.new(prefix)
-        if root:
-            config.global_cfg.root_path = iox2.Path.new(root)
+        config.global_cfg.root_path = iox2.Path.new(root)
         try:
             with self.places.starting():
                 self._node = (

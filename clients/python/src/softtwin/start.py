@@ -8,6 +8,7 @@ import fcntl
 import os
 import re
 import signal
+import stat
 import time
 import weakref
 from contextlib import contextmanager
@@ -15,7 +16,23 @@ from typing import Any, Iterator, Optional
 
 from .errors import AlreadyPublished, SofttwinError
 
-DEFAULT_ROOT = "/tmp/iceoryx2"  # iceoryx2's own
+
+def own_root() -> str:
+    """Folder of the user's own domains. `/tmp` is open to all: another user must not have made it before."""
+    folder = f"/tmp/softtwin-{os.geteuid()}"
+    try:
+        os.mkdir(folder, 0o700)
+    except FileExistsError:
+        pass
+    found = os.lstat(folder)
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid():
+        raise SofttwinError(
+            f"`{folder}` belongs to user {found.st_uid}: it must be a folder of the user who runs this program; remove it, or name "
+            "another with SOFTTWIN_ROOT"
+        )
+    return folder
+
+
 
 _held: "weakref.WeakSet[Any]" = weakref.WeakSet()  # objects that hold parts of the shared memory
 

@@ -28,7 +28,7 @@ pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
     };
     let mesh = abaqus::read(path)?;
     if let Some(place) = mesh.rotated {
-        let expected = "an instance without rotation: whether these results are in its directions or the global ones cannot be told; \
+        let expected = "an instance without rotation: these results may be in its directions or in the global ones; \
                         write the job as a flat file (noPartsInputFile=ON)";
         return Err(FormatError::one(path, Diagnostic::new(place, expected, "a rotation")));
     }

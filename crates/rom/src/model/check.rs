@@ -6,6 +6,9 @@ use crate::inputs::{InputMap, MAX_INPUTS, PARAMETERS};
 use crate::interpolant::{Interpolant, Slope};
 use crate::snapshots::RegimeKind;
 
+/// Largest number in an interpolant; sums over it stay finite as f32 fields.
+const LARGEST: f64 = 1e25;
+
 /// True if a clearance's lengths fit the free regime.
 fn fits(clearance: &Clearance, free: &RegimeModel) -> bool {
     let modes = free.groups.get(clearance.group).map(|group| group.surrogate.outputs);
@@ -40,7 +43,11 @@ impl Interpolant {
         require(
             self.weights.len() == weights && self.tail_weights.len() == tail,
             "an interpolant's weights are cut",
-        )
+        )?;
+        let numbers =
+            [&self.weights[..], &self.tail_weights, &self.centres, &self.metric.scale, &[self.metric.shear]];
+        let sane = |number: &f64| number.abs() <= LARGEST;
+        require(numbers.into_iter().flatten().all(sane), "an interpolant has numbers that no training gives")
     }
 }
 

@@ -46,7 +46,7 @@ pub struct Args {
     /// Scene with the fitted values as priors.
     #[arg(long, value_name = "FILE.toml")]
     out: Option<PathBuf>,
-    /// Largest share of the values that may contradict the fit.
+    /// Largest fraction of the values that may contradict the fit.
     #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = crate::range::number(0.0, 1.0))]
     max_rejected: f64,
     /// Write --out although the model does not explain the recording.

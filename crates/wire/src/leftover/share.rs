@@ -5,6 +5,7 @@
 //! docs/iceoryx2.md.
 
 use super::places::{Places, name};
+use crate::domain::uid;
 use crate::sys::SHM_DIR;
 use std::ffi::CString;
 use std::fs::Metadata;
@@ -27,16 +28,14 @@ impl Places {
     /// Grants the start lock, which is the first file and needed by all programs, to the group.
     pub(super) fn share_lock(&self) {
         if let Some(group) = self.group() {
-            // SAFETY: the call has no arguments and cannot fail.
-            grant(&self.lock_path(), group, unsafe { libc::geteuid() });
+            grant(&self.lock_path(), group, uid());
         }
     }
 
     /// Gives everything that this user has made to the group, if there is one. What cannot be given stays its owner's.
     pub(crate) fn share(&self) {
         let Some(group) = self.group() else { return };
-        // SAFETY: the call has no arguments and cannot fail.
-        let user = unsafe { libc::geteuid() };
+        let user = uid();
         share_folder(&self.root, group, user);
         for entry in std::fs::read_dir(SHM_DIR).into_iter().flatten().flatten() {
             if self.own(&entry.file_name().to_string_lossy()).is_some() {

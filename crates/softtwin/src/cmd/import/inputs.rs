@@ -97,7 +97,7 @@ impl Source<'_> {
         Ok(files)
     }
 
-    /// Rows of the table whose file is none of `paths`.
+    /// Rows of the table whose file is not among `paths`.
     pub(super) fn unused(&self, paths: &[PathBuf]) -> Vec<String> {
         let Some((place, table)) = &self.table else { return Vec::new() };
         let Ok(file) = table.column("file") else { return Vec::new() };

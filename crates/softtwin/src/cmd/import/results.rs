@@ -254,7 +254,7 @@ struct States {
     assembly: Assembly,
     /// Where each state comes from, and its inputs.
     known: Vec<(String, BTreeMap<String, f64>)>,
-    /// Whether the table says if it is for testing.
+    /// Whether the table has a split for it.
     has_split: Vec<bool>,
     left_out: Vec<String>,
     /// Names of the inputs, those of the first state.
@@ -316,7 +316,7 @@ impl States {
     }
 }
 
-/// A state; for training unless the table says otherwise.
+/// A state; for training unless the table has another split.
 fn case(place: &str, name: String, labels: &Labels) -> Result<Case> {
     let gap_mm = labels.values.get("gap_mm").copied();
     let regime = regime(place, labels, gap_mm.is_some())?;

@@ -32,6 +32,11 @@ let painter;
 try { painter = new Painter(at("scene"), table); } catch (error) { alarm(error.message); throw error; }
 const scene = new Scene(painter, camera, at("marks"), () => ({ actuators: visible(), blocks: whatIf.active ? [] : state.blocks, models: state.models }));
 const recorder = new Recorder(at("scene"), describe, notice);
+at("scene").addEventListener("webglcontextlost", (event) => {
+  event.preventDefault(); // or the browser never restores it
+  notice("The browser has withdrawn the graphics context; the page is loaded again when it is back. Otherwise reload it.");
+});
+at("scene").addEventListener("webglcontextrestored", () => location.reload());
 
 const link = new Link({
   onUp: () => { Object.assign(state, { up: true, everUp: true, reason: "" }); whatIf.reset(); if (whatIf.active) whatIf.request(); touch(); },
