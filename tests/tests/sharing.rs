@@ -130,7 +130,7 @@ fn group_members_read_and_only_drivers_drive() {
     }
 }
 
-/// Without a name and a folder every user has a domain of their own; a folder that another user made before is refused.
+/// Without a name and a folder the shared-memory domain is private to a user; an existing folder of another user is refused.
 #[test]
 fn users_have_domains_of_their_own() {
     // SAFETY: the call has no arguments and cannot fail.

@@ -22,12 +22,17 @@ fn json(lines: &[String]) -> Vec<Value> {
 #[test]
 fn empty_bus_is_reported_with_a_remedy() {
     let stage = Stage::new("empty");
-    for command in
-        [&["list"][..], &["echo", "softtwin/finger/state"], &["list", "--rate"], &["list", "--long"]]
-    {
+    for (command, expected) in [
+        (&["list"][..], 0),
+        (&["list", "--long"], 0),
+        (&["list", "--rate"], 1),
+        (&["echo", "softtwin/finger/state"], 1),
+    ] {
         let (code, said) = run(&stage, command);
-        assert_eq!(code, Some(1), "{said:?}");
+        assert_eq!(code, Some(expected), "{said:?}");
     }
+    let (code, said) = run(&stage, &["list", "--json"]);
+    assert!(code == Some(0) && said.iter().any(|line| line == "[]"), "{said:?}");
     let (code, said) = run(&stage, &["list", "softtwin//x"]);
     assert_eq!(code, Some(2), "{said:?}");
 }

@@ -156,7 +156,7 @@ def test_missing_library_names_its_remedy(tmp_path):
 
 
 def test_models_and_selections_are_pickled_and_copied(model, tmp_path):
-    tip = model.select(["x", "y"], "tip")
+    tip = model.select(["x", "y"], "bottom")
     for original in (model, tip):
         for copied in (pickle.loads(pickle.dumps(original)), copy.deepcopy(original)):
             assert copied.predict(0.05, 30.0).values.tobytes() == original.predict(0.05, 30.0).values.tobytes()

@@ -99,7 +99,7 @@ pub(crate) fn outputs(header: &ModelHeader, nodes: &[ChosenNode]) -> Vec<Output>
     let mut add = |name: String, unit: String, about: &'static str, quantity| {
         all.push(Output { name, unit, about, quantity });
     };
-    let has_force = header.regimes.iter().any(|regime| regime.force.is_some());
+    let has_force = header.has_forces();
     if has_force {
         add("contact_force_n".into(), "N".into(), "Contact force", Quantity::Force);
     }

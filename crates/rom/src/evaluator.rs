@@ -57,6 +57,8 @@ pub struct Evaluator {
     /// Default per input for states with NaN; NaN for pressure and gap.
     values: [f64; MAX_INPUTS],
     hysteresis_mpa: f64,
+    /// See [`Flags::no_force`].
+    no_force: bool,
     /// Largest number of coefficients of a regime, and memory for any interpolant.
     coefficients: usize,
     scratch: Scratch,
@@ -86,6 +88,7 @@ impl Evaluator {
             solver,
             values,
             hysteresis_mpa: header.hysteresis_mpa,
+            no_force: !header.has_forces(),
         };
         let mut scratch = evaluator.evaluation();
         evaluator.tabulate(&mut scratch)?;
@@ -288,7 +291,7 @@ impl Evaluator {
         out.inputs = inputs;
         out.regime = onset.regime(inputs.pressure_mpa());
         out.onset_pressure_mpa = onset.pressure_mpa();
-        let no_force = self.parts.iter().all(|part| part.model.force.is_none());
+        let no_force = self.no_force;
         out.flags = Flags { no_force, ..Flags::default() };
         let none = if no_force { f64::NAN } else { 0.0 };
         (out.contact_force_n, out.force_gradient) = (none, [none; MAX_INPUTS]);

@@ -29,6 +29,11 @@ impl ModelHeader {
         Ok(())
     }
 
+    /// True if the model was trained on contact forces; an onset remains where a scene loads the free regime alone.
+    pub fn has_forces(&self) -> bool {
+        self.onset.is_some() || self.regimes.iter().any(|regime| regime.force.is_some())
+    }
+
     /// Needs of pressure and gap: an input is needed if a regime was trained over it or the onset depends on it. Any value is valid for
     /// an input that is not needed.
     pub fn needs(&self) -> Needs {

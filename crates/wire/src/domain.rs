@@ -13,8 +13,8 @@ const MAX_NAME_BYTES: usize = SOCKET_PATH_BYTES - 1 - 39 - ".event".len();
 
 /// A shared-memory domain: programs of different domains do not see one another.
 ///
-/// Without a name and a folder it is the user's own: prefix `iox2_u<uid>_`, folder `/tmp/softtwin-<uid>`, which only this user may
-/// enter. Several users share the domain of a folder that is given (OPERATIONS.md).
+/// Without a name and a folder it is private to the user: prefix `iox2_u<uid>_`, folder `/tmp/softtwin-<uid>`, which no other user
+/// may enter. Several users share the shared-memory domain of a given folder (OPERATIONS.md).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Domain {
     /// Prefix of all file and shared-memory names: `iox2_<name>_`, or `iox2_` of a folder without a name.

@@ -23,7 +23,7 @@ pub enum WireError {
         /// The value given.
         value: String,
     },
-    /// The folder of the user's own domain belongs to somebody else.
+    /// The private folder belongs to another user.
     #[error(
         "`{folder}` belongs to user {owner}: it must be a folder of the user who runs this program; remove it, or name another with SOFTTWIN_ROOT"
     )]

@@ -9,7 +9,7 @@ import iceoryx2 as iox2
 from . import layout
 from .errors import SofttwinError, TwinAbsent, VersionMismatch
 from .qos import QOS
-from .start import Places, check_process, hold, own_root
+from .start import Holder, Places, check_process, hold, own_root
 
 _KINDS = {
     "sensor": layout.SensorSample,
@@ -39,7 +39,7 @@ def wait(listener: Any, limit: Any) -> None:
             raise
 
 
-class Bus:
+class Bus(Holder):
     """Membership in a shared-memory domain. The functions of this package create one on demand; create another to name the domain.
 
     The default domain is `$SOFTTWIN_DOMAIN` (with its folder `$SOFTTWIN_ROOT`), or the user's own: the same rule as of the

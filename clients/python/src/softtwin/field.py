@@ -6,10 +6,10 @@ from typing import Any, Dict, List, Union
 import numpy as np
 
 from .layout import FIELD_NAMES, Answer, FieldHeader, text
-from .start import hold
+from .start import Holder, hold
 
 
-class _Keeper:
+class _Keeper(Holder):
     """Memory of a sample for numpy: the sample lives as long as any view.
 
     numpy keeps the object whose `__array_interface__` it read; that object keeps the sample.

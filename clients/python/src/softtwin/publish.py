@@ -11,7 +11,7 @@ from .errors import AlreadyPublished, SofttwinError
 from .layout import Command, SensorSample, Setpoint
 from .payload import pack
 from .qos import MAX_LOANS
-from .start import WriterLock, check_process, hold
+from .start import Holder, WriterLock, check_process, hold
 
 
 def _boot_id() -> int:
@@ -20,7 +20,7 @@ def _boot_id() -> int:
     return (mixed ^ os.getpid() << 1) | 1
 
 
-class _Writer:
+class _Writer(Holder):
     """The one writer of a topic."""
 
     def __init__(self, topic: str, bus: Optional[Bus], owner: str = "") -> None:

@@ -11,13 +11,13 @@ from .bus import Bus, default_bus, wait
 from .errors import Refused, SofttwinError, TwinAbsent, TwinSilent
 from .field import Field, copy_of
 from .qos import MAX_CLIENTS, MAX_QUERY_NODES
-from .start import check_process, hold
+from .start import Holder, check_process, hold
 
 #: Values of a model's parameters by name.
 Inputs = Optional[Mapping[str, float]]
 
 
-class Client:
+class Client(Holder):
     """Asks the twin of one actuator. Answers come as `Answer`; with a field, as `Field` whose header is the answer."""
 
     def __init__(self, actuator: str, *, timeout_s: float = 1.0, bus: Optional[Bus] = None) -> None:

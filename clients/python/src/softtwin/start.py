@@ -34,16 +34,22 @@ def own_root() -> str:
 
 
 
-_held: "weakref.WeakSet[Any]" = weakref.WeakSet()  # objects that hold parts of the shared memory
+class Holder:
+    """An object whose attributes hold parts of the shared memory."""
+
+    _process: int
 
 
-def hold(holder: Any) -> None:
-    """Notes the process that opened the shared memory which the attributes of `holder` hold."""
+_held: "weakref.WeakSet[Holder]" = weakref.WeakSet()
+
+
+def hold(holder: Holder) -> None:
+    """Notes the process that opened what `holder` holds."""
     holder._process = os.getpid()
     _held.add(holder)
 
 
-def check_process(holder: Any) -> None:
+def check_process(holder: Holder) -> None:
     """Raises where `holder` was opened before a fork: its memory, events and locks are the parent's."""
     if holder._process != os.getpid():
         raise SofttwinError(

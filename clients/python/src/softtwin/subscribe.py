@@ -11,12 +11,12 @@ from .errors import SofttwinError, TwinRestarted, TwinSilent
 from .field import Field, copy_of
 from .layout import LAYOUT_VERSION, FieldHeader
 from .qos import QOS
-from .start import check_process, hold
+from .start import Holder, check_process, hold
 
 _SLICE_S = 0.2  # longest single wait, so that Ctrl-C interrupts
 
 
-class Subscription:
+class Subscription(Holder):
     """A reader of one topic; iterate over it (`for` or `async for`), or take samples with `next`, `newest`, `try_next`.
 
     Fields come as `Field` (views of shared memory), everything else as its structure, copied (at most 768 bytes).

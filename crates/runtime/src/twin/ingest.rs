@@ -89,8 +89,14 @@ impl Validator {
             self.out_of_order = OutOfOrder::default();
         }
         let check = |rejection, missed| SampleCheck { rejection, missed, restarted };
+        let step = sample.seq.wrapping_sub(self.last_seq);
         let missed = match self.order(sample) {
             Ok(missed) => missed,
+            // It arrived, only late: it must not count as missing when the next one comes.
+            Err(Outcome::DroppedBackInTime) if (1..=MAX_JUMP).contains(&step) => {
+                self.last_seq = sample.seq;
+                return check(Some(Outcome::DroppedBackInTime), step - 1);
+            }
             Err(outcome) => return check(Some(outcome), 0),
         };
         self.last_seq = sample.seq;

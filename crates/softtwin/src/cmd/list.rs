@@ -54,6 +54,10 @@ impl Args {
             let limit = self.seconds.map(Duration::from_secs_f64);
             return self.measure(Readers::open(&bus, &key, limit)?);
         }
+        if bus.names(&live::key("softtwin/**")?)?.is_empty() {
+            tracing::warn!("{}", live::NO_TOPIC);
+            return if self.json { output::json(&Vec::<()>::new()) } else { Ok(()) };
+        }
         let topics = live::find(&bus, &key)?;
         match (self.json, self.long) {
             (true, false) => output::json(&topics.iter().map(row).collect::<Vec<_>>()),

@@ -18,6 +18,10 @@ pub fn key(text: &str) -> anyhow::Result<KeyExpr> {
     KeyExpr::new(text).map_err(usage)
 }
 
+/// Remedy for a shared memory without topics.
+pub const NO_TOPIC: &str = "no topic in this shared memory. Start `softtwind twin --scene config/scenes/finger.toml`, or name the twin's \
+                            domain with --domain";
+
 /// All topics that `key` matches; an error with its remedy if there is none.
 pub fn find(bus: &Bus, key: &KeyExpr) -> anyhow::Result<Vec<TopicInfo>> {
     let found = bus.topics(key)?;
@@ -26,10 +30,7 @@ pub fn find(bus: &Bus, key: &KeyExpr) -> anyhow::Result<Vec<TopicInfo>> {
     }
     let all = bus.names(&self::key("softtwin/**")?)?;
     if all.is_empty() {
-        anyhow::bail!(
-            "no topic in this shared memory. Start `softtwind twin --scene config/scenes/finger.toml`, or \
-             name the twin's domain with --domain"
-        );
+        anyhow::bail!(NO_TOPIC);
     }
     let names: Vec<&str> = all.iter().map(|topic| topic.name()).collect();
     anyhow::bail!("no topic matches `{key}`; there are:\n  {}", names.join("\n  "));

@@ -34,7 +34,7 @@ const scene = new Scene(painter, camera, at("marks"), () => ({ actuators: visibl
 const recorder = new Recorder(at("scene"), describe, notice);
 at("scene").addEventListener("webglcontextlost", (event) => {
   event.preventDefault(); // or the browser never restores it
-  notice("The browser has withdrawn the graphics context; the page is loaded again when it is back. Otherwise reload it.");
+  notice("The browser has withdrawn the graphics context; the viewer reloads when it is back.");
 });
 at("scene").addEventListener("webglcontextrestored", () => location.reload());
 
