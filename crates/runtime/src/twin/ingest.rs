@@ -42,6 +42,8 @@ pub(super) struct Validator {
     last_seq: u64,
     last_t_sensor_ns: u64,
     out_of_order: OutOfOrder,
+    /// Numbers dropped for their stamps since the last reading.
+    dropped: OutOfOrder,
 }
 
 /// Readings out of order that follow each other.
@@ -71,6 +73,7 @@ impl Validator {
             last_seq: 0,
             last_t_sensor_ns: 0,
             out_of_order: OutOfOrder::default(),
+            dropped: OutOfOrder::default(),
         }
     }
 
@@ -86,19 +89,18 @@ impl Validator {
             self.boot_id = sample.boot_id;
             self.last_seq = sample.seq.wrapping_sub(1); // what an earlier run sent is not missing from this one
             self.last_t_sensor_ns = 0;
-            self.out_of_order = OutOfOrder::default();
+            (self.out_of_order, self.dropped) = (OutOfOrder::default(), OutOfOrder::default());
         }
         let check = |rejection, missed| SampleCheck { rejection, missed, restarted };
-        let step = sample.seq.wrapping_sub(self.last_seq);
         let missed = match self.order(sample) {
-            Ok(missed) => missed,
-            // It arrived, only late: it must not count as missing when the next one comes.
-            Err(Outcome::DroppedBackInTime) if (1..=MAX_JUMP).contains(&step) => {
-                self.last_seq = sample.seq;
-                return check(Some(Outcome::DroppedBackInTime), step - 1);
+            // What was dropped since the last one has arrived and is not missing.
+            Ok(missed) => missed.saturating_sub(std::mem::take(&mut self.dropped.count)),
+            Err(outcome) => {
+                self.note_dropped(sample, outcome);
+                return check(Some(outcome), 0);
             }
-            Err(outcome) => return check(Some(outcome), 0),
         };
+        self.dropped = OutOfOrder::default();
         self.last_seq = sample.seq;
         let rejection = self.rejection(sample, now_ns);
         // A stamp from the future must not make all later readings look old.
@@ -106,6 +108,15 @@ impl Validator {
             self.last_t_sensor_ns = sample.t_sensor_ns;
         }
         check(rejection, missed)
+    }
+
+    /// Counts numbers ahead of the last one whose readings were dropped for their stamps; they may be sent again.
+    fn note_dropped(&mut self, sample: &SensorSample, outcome: Outcome) {
+        let step = sample.seq.wrapping_sub(self.last_seq);
+        let is_new = self.dropped.count == 0 || step > self.dropped.last_seq.wrapping_sub(self.last_seq);
+        if outcome == Outcome::DroppedBackInTime && (1..=MAX_JUMP).contains(&step) && is_new {
+            self.dropped = OutOfOrder { last_seq: sample.seq, count: self.dropped.count + 1 };
+        }
     }
 
     /// Readings that are missing before this one; an error when it does not follow the last one.
