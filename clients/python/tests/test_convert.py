@@ -540,3 +540,18 @@ def test_damaged_files_are_read_or_refused(tmp_path, name):
             continue
         assert all(nodes.max() < len(run.points) for nodes in run.cells.values())
         assert all(len(value) == len(run.points) for _, values in run.states for value in values.values())
+
+
+def test_values_given_twice_are_refused_unless_equal(tmp_path):
+    nodes = (1, 2, 3, 5, 6, 7, 8, 9, 10, 999)
+    table = "node,seqv\n" + "".join(f"{node},1.5\n" for node in nodes)
+    assert len(read(job(tmp_path, csv=table + "2,1.500000001\n")).states) == 1
+    header = "node,seqv,SEQV\n" + "".join(f"{node},1.5,2\n" for node in nodes)
+    for text in (table + "2,1.6\n", header):
+        with pytest.raises(Refused, match="line|column"):
+            read(job(tmp_path, csv=text))
+    (tmp_path / "run.inp").write_text(INP)
+    (tmp_path / "run.bdf").write_text("BEGIN BULK\nCORD2R,1,,0.,0.,1.,0.,0.,2.\nGRID,1,1,0.,0.,0.\nENDDATA\n")
+    for name, match in (("run.inp", "softtwin import"), ("run.bdf", "line 2.*CORD2R")):
+        with pytest.raises(Refused, match=match):
+            read(tmp_path / name)

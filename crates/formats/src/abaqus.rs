@@ -73,7 +73,9 @@ const REFUSED: [&str; 9] = [
     "SYMMETRIC MODEL GENERATION",
 ];
 /// Keywords that change results or nodes of an analysis, not the mesh as written.
-const NAMED: [&str; 4] = ["TRANSFORM", "ADJUST", "MODEL CHANGE", "INITIAL CONDITIONS"];
+const NAMED: [&str; 5] = ["TRANSFORM", "ORIENTATION", "ADJUST", "MODEL CHANGE", "INITIAL CONDITIONS"];
+/// Distance of two places of one node that are equal, as a fraction of its coordinates.
+const SAME: f64 = 1e-9;
 
 /// Rotation, by rows, and translation.
 #[derive(Clone, Copy, Debug)]
@@ -91,13 +93,21 @@ impl Placement {
     }
 
     /// `*SYSTEM`: origin a, b on the local x axis, c in the local xy plane; without c the z axis stays.
-    fn system(values: &[f64]) -> Option<Self> {
-        let point = |k: usize| values.get(3 * k..3 * k + 3).map(|p| [p[0], p[1], p[2]]);
-        let Some(a) = point(0) else { return values.is_empty().then_some(Self::IDENTITY) };
-        let Some(b) = point(1) else { return Some(Self { shift: a, ..Self::IDENTITY }) };
-        let x = unit(minus(b, a))?;
-        let z = match point(2) {
-            Some(c) => unit(cross(x, minus(c, a)))?,
+    /// Coordinates left out are zero.
+    fn system(lines: &[Vec<f64>]) -> Option<Self> {
+        let (first, second) = match lines {
+            [] => return Some(Self::IDENTITY),
+            [first] => (first, None),
+            [first, second] => (first, Some(second)),
+            _ => return None,
+        };
+        let a = padded(first.get(..3).unwrap_or(first))?;
+        let Some(b) = first.get(3..).filter(|rest| !rest.is_empty()) else {
+            return second.is_none().then_some(Self { shift: a, ..Self::IDENTITY });
+        };
+        let x = unit(minus(padded(b)?, a))?;
+        let z = match second {
+            Some(c) => unit(cross(x, minus(padded(c)?, a)))?,
             None if x[2] == 0.0 => [0.0, 0.0, 1.0],
             None => return None,
         };
@@ -107,11 +117,12 @@ impl Placement {
 
     /// `*INSTANCE`: translation, then a rotation by an angle in degrees about the axis from a to b.
     fn instance(lines: &[Vec<f64>]) -> Option<Self> {
-        let shift = match lines.first() {
-            None => return Some(Self::IDENTITY),
-            Some(line) => <[f64; 3]>::try_from(line.as_slice()).ok()?,
+        let (shift, line) = match lines {
+            [] => return Some(Self::IDENTITY),
+            [shift] => return Some(Self { shift: padded(shift)?, ..Self::IDENTITY }),
+            [shift, line] => (padded(shift)?, line),
+            _ => return None,
         };
-        let Some(line) = lines.get(1) else { return Some(Self { shift, ..Self::IDENTITY }) };
         let &[ax, ay, az, bx, by, bz, degrees] = line.as_slice() else { return None };
         let a = [ax, ay, az];
         let axis = unit(minus([bx, by, bz], a))?;
@@ -127,6 +138,12 @@ impl Placement {
             shift: [0, 1, 2].map(|i| moved[i] + a[i]),
         })
     }
+}
+
+/// Up to three coordinates; those left out are zero.
+fn padded(values: &[f64]) -> Option<[f64; 3]> {
+    let at = |k: usize| values.get(k).copied().unwrap_or(0.0);
+    (values.len() <= 3).then(|| [0, 1, 2].map(at))
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -174,8 +191,8 @@ enum Block {
     Nodes(Coordinates),
     /// Element lines, and the numbers of an incomplete element.
     Elements(Kind, Vec<u64>),
-    /// Numbers of `*SYSTEM`.
-    System(Vec<f64>),
+    /// Lines of `*SYSTEM`.
+    System(Vec<Vec<f64>>),
     /// Lines of an instance before its first keyword.
     Instance(Vec<Vec<f64>>),
 }
@@ -421,7 +438,12 @@ impl Reader {
             Block::Other => {}
             Block::Nodes(coordinates) => self.node(line, *coordinates),
             Block::Elements(kind, numbers) => {
-                numbers.extend(self.numbers::<u64>(line, "integers"));
+                for word in line.split(',').map(str::trim).filter(|word| !word.is_empty()) {
+                    match word.parse() {
+                        Ok(number) => numbers.push(number),
+                        Err(_) => self.report("integers", word),
+                    }
+                }
                 if numbers.len() > kind.nodes {
                     let element = (*kind, std::mem::take(numbers), self.place());
                     if let Some(scope) = self.scope() {
@@ -429,8 +451,7 @@ impl Reader {
                     }
                 }
             }
-            Block::System(values) => values.extend(self.numbers::<f64>(line, "coordinates")),
-            Block::Instance(lines) => lines.push(self.numbers::<f64>(line, "numbers")),
+            Block::System(lines) | Block::Instance(lines) => lines.push(self.numbers(line)),
         }
         self.block = block;
     }
@@ -462,19 +483,27 @@ impl Reader {
         };
         let point = self.system.apply(coordinates.rectangular(point));
         let Some(scope) = self.scope() else { return };
-        if scope.place.insert(label, scope.points.len() as u32).is_some() {
-            return self.report("every node once", format!("node {label} again"));
+        if let Some(known) = scope.place.get(&label) {
+            let known = scope.points[*known as usize];
+            let largest = point.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+            if (0..3).any(|k| (known[k] - point[k]).abs() > SAME * largest) {
+                self.report("every node once", format!("node {label} again, which was at {known:?}"));
+            }
+            return;
         }
+        scope.place.insert(label, scope.points.len() as u32);
         scope.points.push(point);
         scope.labels.push(label);
     }
 
-    fn numbers<T: std::str::FromStr>(&mut self, line: &str, expected: &str) -> Vec<T> {
+    /// Numbers of a line; one left out is zero.
+    fn numbers(&mut self, line: &str) -> Vec<f64> {
+        let line = line.trim_end_matches([',', ' ', '\t']);
         let mut numbers = Vec::new();
-        for word in line.split(',').map(str::trim).filter(|word| !word.is_empty()) {
-            match word.parse() {
-                Ok(number) => numbers.push(number),
-                Err(_) => self.report(expected, word),
+        for word in line.split(',').map(str::trim) {
+            match number(if word.is_empty() { "0" } else { word }) {
+                Some(number) => numbers.push(number),
+                None => self.report("finite numbers", word),
             }
         }
         numbers
@@ -486,11 +515,11 @@ impl Reader {
             Block::Elements(kind, numbers) if !numbers.is_empty() => {
                 self.report(format!("{} nodes", kind.nodes), numbers.len() - 1);
             }
-            Block::System(values) => match Placement::system(&values) {
+            Block::System(lines) => match Placement::system(&lines) {
                 Some(system) => self.system = system,
                 None => self.report(
                     "*SYSTEM with an origin, a point on the local x axis and one in the local xy plane",
-                    format!("{values:?}"),
+                    format!("{lines:?}"),
                 ),
             },
             Block::Instance(lines) => match (Placement::instance(&lines), self.instances.last_mut()) {
@@ -522,7 +551,7 @@ impl Reader {
             let found = format!("{} parts without *INSTANCE", self.parts.len());
             self.diagnostics.push(Diagnostic::new("file", "one part, or an assembly of instances", found));
         }
-        if !file.points.is_empty() {
+        if !file.points.is_empty() || !file.elements.is_empty() {
             self.place_scope(&mut mesh, "", &file, Placement::IDENTITY);
         }
         let parts = std::mem::take(&mut self.parts);
@@ -559,7 +588,15 @@ impl Reader {
         mesh.points.extend(scope.points.iter().map(|point| placement.apply(*point)));
         mesh.labels.extend(&scope.labels);
         mesh.instances.push((name.into(), scope.points.len()));
+        let mut known: HashMap<u64, (&[u64], &str)> = HashMap::new();
         for (kind, numbers, place) in &scope.elements {
+            if let Some((earlier, at)) = known.insert(numbers[0], (&numbers[1..], place.as_str())) {
+                if *earlier != numbers[1..] {
+                    let found = format!("element {} with other nodes, first at {at}", numbers[0]);
+                    self.diagnostics.push(Diagnostic::new(place, "every element once", found));
+                }
+                continue;
+            }
             let nodes: Vec<Option<u32>> =
                 numbers[1..].iter().map(|label| scope.place.get(label).copied()).collect();
             let missing = nodes.iter().position(Option::is_none);

@@ -1,6 +1,7 @@
 //! Commands that make files of other formats readable, by the ending of the name.
 
 use crate::error::{Diagnostic, FormatError};
+use crate::file::quoted;
 use std::path::Path;
 
 /// Endings that `softtwin-convert` of the Python client reads.
@@ -21,7 +22,7 @@ pub(crate) fn error(path: &Path, expected: &str, target: &str) -> FormatError {
     let ending = ending.unwrap_or_default();
     let remedy = if CONVERTED.contains(&ending.as_str()) {
         let out = path.with_extension(target);
-        Some(format!("softtwin-convert {} --out {}", path.display(), out.display()))
+        Some(format!("softtwin-convert {} --out {}", quoted(path), quoted(&out)))
     } else {
         ELSEWHERE.iter().find(|(known, _)| *known == ending).map(|(_, remedy)| (*remedy).to_owned())
     };

@@ -83,6 +83,10 @@ fn systems_place_the_nodes_that_follow_until_the_next() {
     assert!(near(extents(&turned), ([5.0, 0.0, 0.0], [8.0, 2.0, 1.0])), "{:?}", turned.points);
     let ended = abaqus::parse(&format!("*System\n0,0,100\n*System\n{BRICK}")).expect("a mesh");
     assert!(near(extents(&ended), ([0.0; 3], [2.0, 1.0, 3.0])), "{:?}", ended.points);
+    // Coordinates left out are zero, at their places; Fortran's exponents are numbers.
+    let blanks = abaqus::parse(&format!("*System\n,,1.D2, 1,,1.D2,\n{BRICK}")).expect("a mesh");
+    assert_eq!(blanks.points, moved.points);
+    assert!(refused(&format!("*System\n0,0,inf\n{BRICK}")).contains("inf"));
     assert!(
         refused(&format!("*System\n0,0,0, 0,0,1\n{BRICK}")).contains("*SYSTEM"),
         "no axis in the xy plane"
@@ -121,7 +125,26 @@ fn instances_are_placed_copies_of_their_parts() {
     assert!(near(extents(&two), ([0.0; 3], [2.0, 1.0, 53.0])));
     assert!(refused(&assembly("*Instance, name=L, part=Other\n*End Instance\n")).contains("OTHER"));
     assert!(refused(&assembly("*Instance, library=old, name=L\n*End Instance\n")).contains("LIBRARY"));
-    assert!(refused(&assembly("*Instance, name=L, part=BRICK\n1, 2\n*End Instance\n")).contains("*INSTANCE"));
+    assert!(
+        refused(&assembly("*Instance, name=L, part=BRICK\n1, 2, 3, 4\n*End Instance\n"))
+            .contains("*INSTANCE")
+    );
+}
+
+#[test]
+fn nodes_and_elements_given_twice_are_refused_unless_equal() {
+    let plain = abaqus::parse(BRICK).expect("a mesh");
+    let again = format!("{BRICK}1,1,2,3,4,5,6,7,8\n*Node\n2,2,0,0\n8,0,1.0000000000001,3\n");
+    assert_eq!(abaqus::parse(&again).expect("a mesh"), plain);
+    assert!(refused(&format!("{BRICK}*Node\n2,2,0,0.001\n")).contains("node 2 again"));
+    let text = refused(&format!("{BRICK}1,2,3,4,1,6,7,8,5\n"));
+    assert!(text.contains("line 12") && text.contains("line 11"), "{text}");
+    assert!(
+        refused(BRICK.strip_prefix("*Node\n").expect("nodes")).contains("node 1"),
+        "elements without nodes"
+    );
+    let oriented = abaqus::parse(&format!("{BRICK}*Orientation, name=O\n1,0,0, 0,1,0\n")).expect("a mesh");
+    assert!(oriented.left_out[0].contains("ORIENTATION"));
 }
 
 #[test]

@@ -85,6 +85,7 @@ fn unreadable_files_are_refused_with_a_remedy() {
     for (name, part) in [
         ("run.odb", "Abaqus' Python"),
         ("run.h5", "softtwin-convert"),
+        ("my run.xdmf", "my run.xdmf' --out '"),
         ("run.case", "save its data as .pvd"),
         ("run", "no ending"),
     ] {
@@ -180,6 +181,9 @@ fn tables_and_stacks_are_read() {
     fs::write(&archive, &bytes[..bytes.len() / 2]).unwrap();
     let text = results::read(&archive).unwrap_err().to_string();
     assert!(text.contains("stack.npz: archive: "), "{text}");
+    fs::write(dir.path().join("run.csv"), csv.replace("1,0.5,14", "1,0.6,14")).unwrap();
+    let text = results::read(&dir.path().join("run.inp")).unwrap_err().to_string();
+    assert!(text.contains("run.csv: line 5, column time: "), "{text}");
     fs::write(dir.path().join("run.csv"), csv.replace("1,0.5,14", "1,0.5,15")).unwrap();
     let text = results::read(&dir.path().join("run.inp")).unwrap_err().to_string();
     assert!(text.contains("run.csv: line 5, column node: ") && text.ends_with("found `15`"), "{text}");
@@ -247,7 +251,81 @@ fn parts_without_values_and_steps_without_a_quantity_are_left_out_and_named() {
     assert_eq!((both.snapshots, cells), (one.snapshots, expected));
 }
 
+#[test]
+fn a_quantity_twice_in_a_step_is_no_state_unless_equal() {
+    let mut run = results::read(&data("cutback.frd")).unwrap();
+    let path = data("cutback.frd");
+    let mut stress = quantity(&run, 0, "STRESS").clone();
+    run.steps[0].quantities.push(stress.clone());
+    let add =
+        |run: &results::Run| Assembly::new(wanted()).add(&path, run, &run.steps[0], at_rest("a")).unwrap();
+    assert_eq!(add(&run), None);
+    stress.values[0] += 1.0;
+    run.steps[0].quantities.push(stress);
+    assert!(add(&run).is_some_and(|reason| reason.contains("STRESS")));
+}
+
+/// The names of files in a list are XML: `&amp;` is `&`.
+#[test]
+fn names_in_a_list_are_unescaped() {
+    let entry = |file: &str| {
+        format!("<VTKFile><Collection><DataSet timestep=\"1\" file=\"{file}\"/></Collection></VTKFile>")
+    };
+    let listed = results::parse_pvd(&entry("a &amp; b/&lt;1&gt; &#39;x&#x27;.vtu")).unwrap();
+    assert_eq!(listed, [(1.0, "a & b/<1> 'x'.vtu".to_owned())]);
+    let set = |time: &str| format!("<DataSet timestep=\"{time}\" file=\"a.vtu\"/>");
+    let list =
+        |times: [&str; 3]| format!("<VTKFile><Collection>{}</Collection></VTKFile>", times.map(set).concat());
+    assert_eq!(results::parse_pvd(&list(["0", "1", "2"])).unwrap().len(), 3);
+    assert!(results::parse_pvd(&list(["0", "1", "-0"])).is_err(), "two parts at one time");
+}
+
 proptest! {
+    /// Columns and rows in any order, with rows repeated to rounding: every value is at its node. One repeated with another value is
+    /// refused, as is a column twice.
+    #[test]
+    fn tables_have_their_values_at_their_nodes(
+        order in Just((0..6).collect::<Vec<usize>>()).prop_shuffle(),
+        rows in prop::collection::vec(0_usize..4, 0..6),
+        rest in Just(vec![0_usize, 1, 2, 3]).prop_shuffle(),
+        upper in any::<bool>(),
+        seed in prop::collection::vec(-1e3_f64..1e3, 16),
+        changed in 0_usize..4,
+    ) {
+        let names = ["node", "step", "u1", "u2", "u3", "mises"];
+        let value = |node: usize, column: usize| match column {
+            0 => (11 + node) as f64,
+            1 => 1.0,
+            _ => seed[4 * node + column - 2],
+        };
+        let row = |node: usize, add: f64| {
+            let cells = order.iter().map(|c| if *c == 5 { value(node, *c) + add } else { value(node, *c) });
+            cells.map(|cell| cell.to_string()).collect::<Vec<_>>().join(",") + "\n"
+        };
+        let header: Vec<String> =
+            order.iter().map(|c| if upper { names[*c].to_uppercase() } else { names[*c].to_owned() }).collect();
+        let nodes: Vec<usize> = rows.iter().chain(&rest).copied().collect();
+        let table = header.join(",") + "\n" + &nodes.iter().map(|node| row(*node, 0.0)).collect::<String>();
+        let dir = tempfile::tempdir().unwrap();
+        let inp = "*NODE\n11,0,0,0\n12,1,0,0\n13,0,1,0\n14,0,0,1\n*ELEMENT,TYPE=C3D4\n1,11,12,13,14\n";
+        fs::write(dir.path().join("run.inp"), inp).unwrap();
+        let read = |table: &str| {
+            fs::write(dir.path().join("run.csv"), table).unwrap();
+            results::read(&dir.path().join("run.inp"))
+        };
+        let run = read(&table).unwrap();
+        let named = |name: &str| if upper { name.to_uppercase() } else { name.to_owned() };
+        for node in 0..4 {
+            let u = quantity(&run, 0, &named("u"));
+            prop_assert_eq!(&u.values[3 * node..3 * node + 3], &seed[4 * node..4 * node + 3]);
+            prop_assert_eq!(quantity(&run, 0, &named("mises")).values[node], seed[4 * node + 3]);
+        }
+        prop_assert!(read(&(table.clone() + &row(changed, 1.0))).is_err());
+        let twice = table.lines().map(|line| format!("{line},{}\n", line.split(',').next().unwrap_or("")));
+        prop_assert!(read(&twice.collect::<String>()).is_err());
+        prop_assert!(read(&table.replacen(&named("u2"), &named("U1"), 1)).is_err());
+    }
+
     #[test]
     fn damaged_results_are_read_or_refused(at in 0_usize..9000, bytes in prop::collection::vec(any::<u8>(), 0..20)) {
         let mut file = fs::read(data("cutback.frd")).unwrap();

@@ -1,6 +1,6 @@
 //! Database from finished simulations: units, fields by name, nodes with cells.
 
-use super::run::{Quantity, Run, Step};
+use super::run::{Quantity, Run, Step, same_or_new};
 use crate::cells::{self, Block};
 use crate::error::{Diagnostic, FormatError};
 use rom::inputs::Parameter;
@@ -312,8 +312,13 @@ impl Sources<'_> {
 /// The chosen quantities of a step, or the one that it does not have.
 fn sources<'a>(step: &'a Step, chosen: &Chosen) -> Result<Sources<'a>, Diagnostic> {
     let find = |name: &str| {
-        let found = step.quantities.iter().find(|quantity| quantity.name == name);
-        found.ok_or_else(|| missing(step, name))
+        let mut found = step.quantities.iter().filter(|quantity| quantity.name == name);
+        let first = found.next().ok_or_else(|| missing(step, name))?;
+        if found.any(|other| !same_or_new(&first.values, &other.values)) {
+            let expected = format!("one quantity {name}");
+            return Err(Diagnostic::new(&step.name, expected, "several with other values"));
+        }
+        Ok(first)
     };
     Ok(Sources {
         displacement: find(&chosen.displacement)?,

@@ -49,6 +49,13 @@ fn with_table(mesh: AbaqusMesh, path: &Path) -> Result<Run, FormatError> {
         let missing = table.column("node").err().into_iter().collect();
         return Err(FormatError::Content { path: path.into(), diagnostics: missing });
     };
+    let again = (0..names.len()).find(|at| {
+        !names[*at].is_empty() && names[..*at].iter().any(|name| name.eq_ignore_ascii_case(&names[*at]))
+    });
+    if let Some(at) = again {
+        let found = format!("two columns `{}`", names[at]);
+        return Err(FormatError::one(path, Diagnostic::new("header", "every column once", found)));
+    }
     if instance.is_none() && mesh.instances.len() > 1 {
         let names: Vec<&str> = mesh.instances.iter().map(|(name, _)| name.as_str()).collect();
         let expected =
@@ -85,17 +92,23 @@ fn with_table(mesh: AbaqusMesh, path: &Path) -> Result<Run, FormatError> {
             diagnostics.push(row.diagnostic(node, "a node of the mesh"));
             continue;
         };
+        let now = time.and_then(|column| collect(row.optional_number(column), &mut diagnostics).flatten());
         let name = format!("step {}", step.map_or("1", |column| row.text(column)));
         if steps.last().is_none_or(|last| last.name != name) {
             if steps.iter().any(|known| known.name == name) {
                 diagnostics.push(Diagnostic::new(row.place(), "the rows of a step together", &name));
                 break;
             }
-            steps.push(empty(name, time.and_then(|column| row.number(column).ok())));
+            steps.push(empty(name, now));
             lines.clear();
         }
         let earlier = lines.insert(at, row.place());
         let Some(last) = steps.last_mut() else { continue };
+        if let (Some(column), Some(known), Some(_)) =
+            (time, last.time, now.filter(|now| last.time != Some(*now)))
+        {
+            diagnostics.push(row.diagnostic(column, &format!("{known}, the time of {}", last.name)));
+        }
         for (quantity, (_, columns)) in last.quantities.iter_mut().zip(&groups) {
             for (k, column) in columns.iter().enumerate() {
                 let Some(value) = collect(row.number(*column), &mut diagnostics) else { continue };

@@ -5,6 +5,7 @@ use crate::error::{Diagnostic, FormatError};
 use crate::{file, vtu};
 use quick_xml::Reader;
 use quick_xml::events::Event;
+use std::collections::HashSet;
 use std::path::Path;
 
 /// Reads a single file: one step.
@@ -57,6 +58,7 @@ pub(super) fn read_series(path: &Path) -> Result<Run, FormatError> {
 pub fn parse_list(text: &str) -> Result<Vec<(f64, String)>, Diagnostic> {
     let mut reader = Reader::from_str(text);
     let mut entries: Vec<(f64, String)> = Vec::new();
+    let mut times = HashSet::new();
     loop {
         let place = format!("byte {}", reader.buffer_position());
         let event = reader.read_event().map_err(|e| Diagnostic::new(&place, "well-formed XML", e))?;
@@ -74,7 +76,8 @@ pub fn parse_list(text: &str) -> Result<Vec<(f64, String)>, Diagnostic> {
         let (Some(time), Some(name)) = (time, attribute("file")) else {
             return Err(Diagnostic::new(place, "a DataSet with timestep and file", "one without"));
         };
-        if entries.last().is_some_and(|(last, _)| *last == time) {
+        // Adding 0 makes -0 the same time as 0.
+        if !times.insert((time + 0.0).to_bits()) {
             let expected = "one file per time step (in ParaView: Merge Blocks, then save again)";
             return Err(Diagnostic::new(place, expected, format!("several at time {time}")));
         }

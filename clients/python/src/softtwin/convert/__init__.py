@@ -11,6 +11,7 @@
 
 import argparse
 import pathlib
+import re
 import sys
 from typing import Optional, Sequence
 
@@ -28,6 +29,10 @@ def read(path: pathlib.Path) -> Run:
     reader = READERS.get(path.suffix.lower())
     if reader:
         return reader(path)
+    if path.suffix.lower() == ".inp":
+        raise Refused("expected a file that softtwin does not read itself: softtwin import (results) applies systems and instances of .inp")
+    if path.suffix.lower() in (".bdf", ".fem", ".nas"):
+        refuse_systems(path)
     import meshio
 
     try:
@@ -39,6 +44,14 @@ def read(path: pathlib.Path) -> Run:
     points = np.pad(mesh.points, ((0, 0), (0, 3 - mesh.points.shape[1])))
     values = {name: np.asarray(data).reshape(len(points), -1).squeeze() for name, data in mesh.point_data.items()}
     return Run(points, cells, [(None, values)] if values else [], left_out)
+
+
+def refuse_systems(path: pathlib.Path) -> None:
+    """Refuses what meshio's reader of Nastran ignores: nodes in other systems, and nodes in other files."""
+    for number, line in enumerate(path.read_text("utf-8", "replace").splitlines(), 1):
+        found = re.match(r"(CORD\d\w|GRDSET|INCLUDE)\b", line.strip().upper())
+        if found:
+            raise Refused(f"line {number}: expected one file with all nodes in the global system, found {found[1]}")
 
 
 def convert(path: pathlib.Path, out: Optional[pathlib.Path] = None, **looks: object) -> str:

@@ -34,8 +34,11 @@ EDGES = {
     "tetra10": "01 12 02 03 13 23", "hexahedron20": "01 12 23 30 45 56 67 74 04 15 26 37", "wedge15": "01 12 20 34 45 53 03 14 25",
     "pyramid13": "01 12 23 30 04 14 24 34", "triangle6": "01 12 20", "quad8": "01 12 23 30",
 }  # fmt: skip
-#: Commands that make nodes or elements outside of blocks.
-MAKERS = set("N E EN EMORE NGEN EGEN ENGEN FILL NSYM ESYM ENSYM NSCALE NREAD EREAD VMESH CDREAD /INPUT *DO".split())
+#: Commands that make, move or remove nodes or elements outside of blocks.
+MAKERS = set(
+    "N E EN EMORE NGEN EGEN ENGEN FILL NSYM ESYM ENSYM NSCALE NREAD EREAD VMESH CDREAD /INPUT *DO "
+    "NMODIF NDELE EDELE EMODIF NUMMRG MOVE UPCOORD UPGEOM TRANSFER".split()
+)
 
 
 def ends_block(line: str) -> bool:
@@ -121,10 +124,13 @@ def read_cdb_mesh(path: pathlib.Path) -> Tuple[Run, List[int]]:
             raise Refused(f"line {number}: expected nodes and elements in blocks (CDWRITE,DB,run,cdb,,,,BLOCKED), found {words[0]}")
     cells: Dict[str, List[Any]] = {}
     others: Dict[int, int] = {}
+    known: Dict[int, List[int]] = {}
     for number, label, kind, nodes in elements:
         where = f"line {number}, element {label}"
         if kind not in types:
             raise Refused(f"{where}: expected a type that ET names, found type {kind}")
+        if known.setdefault(label, nodes) != nodes:
+            raise Refused(f"{where}: expected every element once, found it again with other nodes")
         cell = cell_of(types[kind], nodes, where)
         if cell is None:
             others[types[kind]] = others.get(types[kind], 0) + 1

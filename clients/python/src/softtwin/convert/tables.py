@@ -35,6 +35,10 @@ class Tables:
         self.states: Dict[str, Tuple[List[Optional[float]], Dict[Tuple[str, ...], Dict[int, List[float]]]]] = {}
 
     def rows(self, state: str, time: Optional[float], columns: Sequence[str]) -> Dict[int, List[float]]:
+        lower = [name.lower() for name in columns]
+        twice = next((name for at, name in enumerate(lower) if name in lower[:at]), None)
+        if twice is not None:
+            raise Refused(f"{state}: expected every column once, found {twice} twice (several section points: report one)")
         times, tables = self.states.setdefault(state, ([], {}))
         times.append(time)
         return tables.setdefault(tuple(columns), {})
@@ -54,13 +58,16 @@ class Tables:
                 table = np.full((len(labels), len(columns)), np.nan)
                 for label, row in rows.items():
                     table[place[label]] = row
-                values.update(quantities(columns, table))
+                for name, array in quantities(columns, table).items():
+                    known = values.setdefault(name, array)
+                    if known.shape != array.shape or not np.allclose(known, array, rtol=1e-6, atol=0, equal_nan=True):
+                        raise Refused(f"{state}: expected {name} once, found two tables of it with other values")
             found.append((self.time(state), values))
         return found
 
 
 def take(rows: Dict[int, List[float]], label: int, values: List[float], place: str) -> None:
-    if label in rows:
+    if label in rows and not np.allclose(rows[label], values, rtol=1e-6, atol=0):
         raise Refused(f"{place}: expected every node once (Ansys: /GRAPHICS,FULL; Abaqus: Unique Nodal, one part), found node {label} again")
     rows[label] = values
 
@@ -114,7 +121,11 @@ def read_table(path: pathlib.Path) -> Tables:
     """A table with columns node, optionally step and time, and the values."""
     tables = Tables()
     with open(path, newline="", encoding="utf-8-sig") as file:
-        for number, row in enumerate(csv.DictReader(file, skipinitialspace=True), 2):
+        reader = csv.DictReader(file, skipinitialspace=True)
+        names = [name.lower() for name in reader.fieldnames or []]
+        if len(set(names)) < len(names):
+            raise Refused(f"{path}: line 1: expected every column once, found {', '.join(names)}")
+        for number, row in enumerate(reader, 2):
             own = {name.lower(): name for name in row if isinstance(name, str)}
             columns = [name for key, name in own.items() if key not in ("node", "step", "time")]
             try:

@@ -51,6 +51,9 @@ class Reader:
             found = [self.state(grids[0], None)] if collection is None else self.collection(collection)
             if states and [time for time, _ in states] != [time for time, _ in found]:
                 raise Refused(f"Grid {collection.get('Name')}: expected the times of the first collection, {[t for t, _ in states]}")
+            again = sorted({name for (_, a), (_, b) in zip(states, found) for name in a if name in b})
+            if again:
+                raise Refused(f"Grid {collection.get('Name')}: expected every quantity in one collection, found {', '.join(again)} again")
             states = [(t, {**values, **more}) for (t, values), (_, more) in zip(states, found)] or found
         assert self.mesh
         run = self.mesh[1]
@@ -79,6 +82,8 @@ class Reader:
                 raise Refused(f"{name}: expected values at nodes (FEniCS: write(u, t) instead of write_checkpoint)")
             if attribute.get("Center", "Node").lower() != "node":
                 self.left_out.append(f"{name}: not at the nodes")
+            elif name in values:
+                raise Refused(f"{name}: expected one Attribute of this name per grid, found another")
             elif attribute.get("AttributeType", "").lower() == "tensor6":
                 self.left_out.append(f"{name}: a Tensor6, whose order differs between programs; write the von Mises stress or 9 components")
             else:
