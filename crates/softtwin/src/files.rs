@@ -5,6 +5,7 @@ use anyhow::Context;
 use fem::actuator::Actuator;
 use fem::{Family, Problem};
 use formats::database::{self, ObstacleKind};
+pub use formats::file::quoted;
 use formats::{FormatError, file};
 use rom::model::Model;
 use rom::snapshots::Database;
@@ -61,17 +62,6 @@ pub fn refusal(error: FormatError) -> anyhow::Error {
 /// Replaces a file as a whole: a reader sees the old one or the new one, never a part.
 pub fn save(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     Ok(file::replace(path, bytes)?)
-}
-
-/// A path for a printed command, quoted where a shell would split or change it.
-pub fn quoted(path: &Path) -> String {
-    let text = path.display().to_string();
-    let plain = |c: char| c.is_alphanumeric() || "_./:=+,@%-".contains(c);
-    if !text.is_empty() && text.chars().all(plain) {
-        text
-    } else {
-        format!("'{}'", text.replace('\'', r"'\''"))
-    }
 }
 
 /// The data sheet's place: beside the model, `.json` instead of `.twin`.

@@ -135,7 +135,10 @@ fn missing_inputs_are_requested_by_name() {
         with(&["--inputs", "inputs.csv"]).contains("expected a step of beam_f2_t7.vtu from 1 to 1, found 4")
     );
     table("file,load_n\nbeam_f2_t7,1\nbeam_f2_t7,1\n");
-    assert!(with(&["--inputs", "inputs.csv"]).contains("expected inputs that no other state has"));
+    let again = with(&["--inputs", "inputs.csv"]);
+    assert!(again.contains("line 3") && again.contains("line 2"), "{again}");
+    table("file,load_n\nbeam_f2_t7,1\nbeam_f2_t7,2\n");
+    assert!(with(&["--inputs", "inputs.csv"]).contains("line 3"), "one state with two loads");
     table("file,pressure_mpa,gap_mm\nbeam_f2_t7,0.02,40\n");
     assert!(with(&["--inputs", "inputs.csv"]).contains("expected gap_mm and contact_force_n"));
 }

@@ -80,10 +80,10 @@ impl Args {
             if imported::is_database(&database) {
                 return imported::build(&folder, &database);
             }
-            let name = self.folder.display();
+            let (name, folder, database) = (self.folder.display(), quoted(&self.folder), quoted(&database));
             return Err(usage(format!(
-                "{name}: expected a folder with actuator.toml, which `softtwin new {name}` makes, or with an imported database: \
-                 `softtwin import results ... --out {name}/database`"
+                "{name}: expected a folder with actuator.toml, which `softtwin new {folder}` makes, or with an imported database: \
+                 `softtwin import results ... --out {database}`"
             )));
         }
         let actuator = Actuator::read(&path).map_err(refusal)?;

@@ -48,7 +48,8 @@ impl Source<'_> {
                 .collect();
         };
         let file = table.column("file").map_err(|e| configuration(anyhow!("{}: {e}", place.display())))?;
-        let mut states = Vec::new();
+        let mut states: Vec<(usize, Labels)> = Vec::new();
+        let mut known: BTreeMap<usize, String> = BTreeMap::new();
         for row in table.rows().filter(|row| is_of(row.text(file), path)) {
             let at = || format!("{}, {}", place.display(), row.place());
             let step = match table
@@ -73,6 +74,14 @@ impl Source<'_> {
             let mut labels = labels.clone();
             read_row(table, &row, &mut labels).with_context(at).map_err(configuration)?;
             for step in step {
+                if let Some(first) = known.insert(step, row.place()) {
+                    let error = anyhow!(
+                        "{}: expected step {} of {name} once, found it in {first} as well",
+                        at(),
+                        step + 1
+                    );
+                    return Err(configuration(error));
+                }
                 states.push((step, self.at_time(labels.clone(), run, step, path)?));
             }
         }

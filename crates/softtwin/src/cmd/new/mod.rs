@@ -67,8 +67,9 @@ impl Args {
         if std::fs::read_dir(&self.folder).is_ok_and(|mut entries| entries.next().is_some()) {
             return Err(usage(format!(
                 "{}: expected a new or an empty folder, found one with files; choose another, or change its actuator.toml and run \
-                 `softtwin build {0}`",
-                self.folder.display()
+                 `softtwin build {}`",
+                self.folder.display(),
+                quoted(&self.folder)
             )));
         }
         self.ask()?;
@@ -146,7 +147,7 @@ impl Args {
         if self.hanging {
             entries.push(("loads", "gravity_mm_s2", "[9810.0, 0.0, 0.0]".into()));
         }
-        let folder = self.folder.display();
+        let folder = quoted(&self.folder);
         let heading = format!(
             "# {name}: a soft pneumatic actuator, begun by `softtwin new`. `softtwin build {folder}` makes its mesh, its states and its\n\
              # twin. After a change here run it again.\n#\n"
