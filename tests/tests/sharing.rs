@@ -19,21 +19,25 @@ const SQUATTED: u32 = 61_006;
 const READERS: u32 = 62_001;
 const DRIVERS: u32 = 62_002;
 const OTHERS: u32 = 62_003;
+const PUBLISHERS: u32 = 62_004;
 
 const STEADY: &str = "kind = \"simulate\"\nrate_hz = 200.0\ngap_mm = 30.0";
 /// Says to this program what to do as another user.
 const ROLE: &str = "SOFTTWIN_TEST_ROLE";
 
-/// A stage whose domain the group `READERS` shares, and whose valves the group `DRIVERS` drives.
+/// A stage whose domain the group `READERS` shares, where `PUBLISHERS` publish and `DRIVERS` drive valves.
 fn shared(label: &str) -> Stage {
     let stage = Stage::new(label);
     let open =
         |path: &Path, mode| std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
     open(stage.folder.path(), 0o755);
-    for (folder, group) in [(stage.root(), READERS), (stage.root().join("control"), DRIVERS)] {
+    for (name, group, mode) in
+        [("", READERS, 0o3770), ("control", DRIVERS, 0o2770), ("publish", PUBLISHERS, 0o2770)]
+    {
+        let folder = stage.root().join(name);
         std::fs::create_dir(&folder).unwrap();
         chown(&folder, Some(SERVICE), Some(group)).unwrap();
-        open(&folder, 0o2770);
+        open(&folder, mode);
     }
     stage
 }
@@ -81,6 +85,9 @@ fn in_another_role() {
             .map(|_| "drives".to_owned())
         }),
         "open" => Bus::open(&domain).map(|_| "opened".to_owned()),
+        "publish" => Bus::open(&domain).and_then(|bus| {
+            wire::StateWriter::create(&bus, &Topic::state("other")?).map(|_| "publishes".to_owned())
+        }),
         other => panic!("no role {other}"),
     };
     println!("SAID {}", said.unwrap_or_else(|error| format!("refused: {error}")));
@@ -104,7 +111,8 @@ fn group_members_read_and_only_drivers_drive() {
         }
     }
     let start = |role: &str| {
-        let line = as_user(SERVICE, &[READERS, DRIVERS], &format!("softtwind {role} --scene {scene}"));
+        let line =
+            as_user(SERVICE, &[READERS, DRIVERS, PUBLISHERS], &format!("softtwind {role} --scene {scene}"));
         let mut program = Program::shell(&stage, &line);
         program.wait_for("ready:");
         program
@@ -122,6 +130,31 @@ fn group_members_read_and_only_drivers_drive() {
     let line = in_role(&stage, MEMBER, &[READERS, DRIVERS], "drive").wait_for("SAID");
     assert!(line.contains("drives"), "{line}");
 
+    let line = in_role(&stage, MEMBER, &[READERS, DRIVERS], "publish").wait_for("SAID");
+    assert!(line.contains("refused") && line.contains("Permission denied"), "{line}");
+    let line = in_role(&stage, MEMBER, &[READERS, PUBLISHERS], "publish").wait_for("SAID");
+    assert!(line.contains("publishes"), "{line}");
+
+    // A reader cannot move the folder of the drivers away, and a folder of a reader's in its place gives no right.
+    let control = stage.root().join("control");
+    let moved = as_user(MEMBER, &[READERS], &format!("mv {} {}-moved", control.display(), control.display()));
+    assert!(!Command::new("sh").args(["-c", &moved]).output().unwrap().status.success());
+    std::fs::rename(&control, stage.root().join("moved")).unwrap();
+    let line = in_role(&stage, MEMBER, &[READERS], "drive").wait_for("SAID");
+    assert!(line.contains("refused"), "{line}");
+    std::fs::create_dir(&control).unwrap();
+    chown(&control, Some(MEMBER), Some(READERS)).unwrap();
+    let line = in_role(&stage, MEMBER, &[READERS], "drive").wait_for("SAID");
+    assert!(line.contains("refused") && line.contains(&format!("user {MEMBER}")), "{line}");
+
+    // A missing folder is made for the owner of its parent alone.
+    std::fs::remove_dir(&control).unwrap();
+    let line = in_role(&stage, SERVICE, &[READERS], "drive").wait_for("SAID");
+    assert!(line.contains("drives"), "{line}");
+    let line = in_role(&stage, MEMBER, &[READERS], "drive").wait_for("SAID");
+    assert!(line.contains("refused") && line.contains("Permission denied"), "{line}");
+    assert_eq!(std::fs::metadata(&control).unwrap().permissions().mode() & 0o77, 0);
+
     // The service itself did not notice.
     for program in [bridge, twin] {
         let (status, said) = program.stop();
@@ -130,7 +163,11 @@ fn group_members_read_and_only_drivers_drive() {
     }
 }
 
+<<<<<<< HEAD
 /// Without a name and a folder the shared-memory domain is private to a user; an existing folder of another user is refused.
+=======
+/// Without a name and a folder every user has a private shared-memory domain; a folder that another user made before is refused.
+>>>>>>> 7034cb3b (wire: in a shared domain the right to publish is a folder (control, publish) whose owner is checked, because a reader could put one of its own in its place or publish as a twin; SECURITY.md)
 #[test]
 fn users_have_domains_of_their_own() {
     // SAFETY: the call has no arguments and cannot fail.

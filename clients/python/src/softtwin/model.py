@@ -75,7 +75,7 @@ class Model:
     def select(self, fields: Optional[Sequence[str]] = None, nodes: Optional[Nodes] = None) -> "Model":
         """The same model with some of its fields on some of its nodes: the name of a node set, or numbers from 0.
 
-        Values of a selection differ from those of the whole by the rounding of the kernel's rows, about 1e-4 mm.
+        Values of a selection differ from those of the whole by rounding of the interpolation, about 1e-4 mm.
         """
         names = None if fields is None else ",".join(fields).encode()
         out = ctypes.c_void_p()

@@ -90,7 +90,7 @@ class Places:
         """Holds the start lock during a creation, so that no other program removes the new files. Removes incomplete files first."""
         path = f"{self.root}/softtwin.lock"
         os.makedirs(self.root, mode=0o755, exist_ok=True)
-        lock = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        lock = _open(path, os.O_WRONLY)
         try:
             end = time.monotonic() + _PATIENCE_S
             while True:
@@ -120,11 +120,19 @@ class Places:
             _remove_if_unused(path, lambda found: bool(found.st_mode & 0o200))
 
     def writer_lock(self, topic: str) -> str:
-        """The lock file of a topic's writer. Writers of valves may be a separate group, with the folder `control`."""
+        """The lock file of a topic's writer: in a shared domain it is in the folder of those who may publish the topic."""
         file = f"{_number(topic):016x}.writer"
-        if topic.rsplit("/", 1)[-1] in _DRIVING and os.path.isdir(f"{self.root}/control"):
-            return f"{self.root}/control/{file}"
-        return f"{_SHM}/{self.prefix}softtwin_{_number(self.root):016x}_{file}"
+        root = os.stat(self.root)
+        if not root.st_mode & stat.S_ISGID:
+            return f"{_SHM}/{self.prefix}softtwin_{_number(self.root):016x}_{file}"
+        folder = f"{self.root}/{'control' if topic.rsplit('/', 1)[-1] in _DRIVING else 'publish'}"
+        if os.geteuid() in (0, root.st_uid) and not os.path.lexists(folder):
+            os.mkdir(folder, 0o700)
+            os.chown(folder, root.st_uid, -1)
+        found = os.lstat(folder)
+        if not stat.S_ISDIR(found.st_mode) or found.st_uid not in (0, root.st_uid):
+            raise PermissionError(f"{folder} belongs to user {found.st_uid}, expected user {root.st_uid} or root: remove it")
+        return f"{folder}/{file}"
 
     def _segments(self) -> list:
         return _files(_SHM, re.compile(re.escape(self.prefix) + r"[0-9a-f]{40}_.*"))
@@ -143,9 +151,10 @@ class WriterLock:
     """The right to write a topic; released by `close`, or by the operating system when the program ends."""
 
     def __init__(self, places: Places, topic: str, owner: str = "") -> None:
+        self._file: Optional[int] = None
         self._path = places.writer_lock(topic)
         while True:
-            self._file: Optional[int] = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            self._file = _open(self._path, os.O_RDWR | os.O_NOFOLLOW)
             try:
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
@@ -176,6 +185,14 @@ class WriterLock:
 
     def __del__(self) -> None:
         self.close()
+
+
+def _open(path: str, flags: int) -> int:
+    """Opens or makes a file. The system may refuse to make one in a sticky folder where another user's is already."""
+    try:
+        return os.open(path, flags | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return os.open(path, flags | os.O_CREAT | os.O_CLOEXEC, 0o600)
 
 
 def _files(folder: str, pattern: "re.Pattern[str]") -> list:

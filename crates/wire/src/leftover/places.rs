@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 /// Ending of the writers' lock files.
 const WRITER_LOCK: &str = ".writer";
 
-/// Folder of the locks of those who drive an actuator: where it exists, only those who may write there may publish what drives one.
+/// Folders of the writers' locks of a shared domain: only users who may write there publish what drives an actuator, or the rest.
 const CONTROL: &str = "control";
+const PUBLISH: &str = "publish";
 /// The topics that drive an actuator.
 const DRIVING: [&str; 3] = ["/setpoint", "/override", "/command"];
 
@@ -87,6 +88,11 @@ pub(super) fn files(folder: &Path, wanted: impl Fn(&str) -> bool) -> Vec<PathBuf
         .collect()
 }
 
+/// True for the name of a folder of those who may publish.
+pub(super) fn is_right(path: &Path) -> bool {
+    matches!(name(path), CONTROL | PUBLISH)
+}
+
 /// The last part of a path, empty if it is not UTF-8.
 pub(super) fn name(path: &Path) -> &str {
     path.file_name().and_then(|name| name.to_str()).unwrap_or_default()
@@ -100,13 +106,19 @@ impl Places {
         format!("{SHM_DIR}/{}softtwin_{folder:016x}_", self.prefix)
     }
 
+    /// Lock file of a topic's writer, in /dev/shm, or in a shared domain's folder of those who may publish it.
     pub(crate) fn writer_lock(&self, topic: &str) -> PathBuf {
         let file = format!("{:016x}{WRITER_LOCK}", number(topic.as_bytes()));
-        let control = self.root.join(CONTROL);
-        if DRIVING.iter().any(|kind| topic.ends_with(kind)) && control.is_dir() {
-            return control.join(file);
+        match self.right_to_write(topic) {
+            Some(folder) => folder.join(file),
+            None => PathBuf::from(format!("{}{file}", self.writer_locks())),
         }
-        PathBuf::from(format!("{}{file}", self.writer_locks()))
+    }
+
+    /// Folder of a shared domain whose writers may publish `topic`.
+    pub(crate) fn right_to_write(&self, topic: &str) -> Option<PathBuf> {
+        let is_driving = DRIVING.iter().any(|kind| topic.ends_with(kind));
+        self.group().map(|_| self.root.join(if is_driving { CONTROL } else { PUBLISH }))
     }
 
     /// True if a file in /dev/shm is a writer's lock of this shared-memory domain.

@@ -4,7 +4,7 @@
 //! their creation and from the watching thread: only the owner of a file may do that. Incomplete files are skipped, see
 //! docs/iceoryx2.md.
 
-use super::places::{Places, name};
+use super::places::{Places, is_right, name};
 use crate::domain::uid;
 use crate::sys::SHM_DIR;
 use std::ffi::CString;
@@ -50,6 +50,9 @@ fn share_folder(folder: &Path, group: u32, user: u32) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let path = entry.path();
         let Ok(about) = path.symlink_metadata() else { continue };
+        if about.is_dir() && is_right(&path) {
+            continue; // whose group is not the readers'
+        }
         if about.is_dir() {
             let group = if about.mode() & SET_GROUP != 0 { about.gid() } else { group };
             grant(&path, group, user);
