@@ -1,7 +1,8 @@
 //! Consistency of model, sensors and estimates with the readings of the last half second.
 //!
 //! Outliers and missing values of single readings are normal. The watch keeps sums over readings with weights `exp(-t / 0.5 s)`: the
-//! rejections per block, the estimated noise of the measured inputs, and the normalised innovations.
+//! rejections per block, the estimated noise of the measured inputs, and the normalised innovations. The noise of rising and falling
+//! inputs is kept over some cycles: memory of the plant, which the model does not know, shows there.
 
 use crate::matrix::Vector;
 use crate::outcome::{Alarm, Estimate, Status, Update};
@@ -24,6 +25,52 @@ const MAX_EXCESS: f64 = 6.0;
 /// Largest normal square of the model's error, in its variance (quantile 0.9999). The error is the same in all readings of the
 /// window, so it does not average out.
 const MODEL_SQUARES: f64 = 15.1;
+
+/// Time constant of the noise per direction (s): some cycles.
+const CYCLES_S: f64 = 10.0;
+/// Change of a measured input that reverses its direction, in standard deviations of one reading.
+const REVERSAL: f64 = 8.0;
+/// Largest difference of the mean noise between rising and falling, in standard deviations of one reading.
+const MAX_DIRECTION_NOISE: f64 = 0.75;
+
+/// Noise of a measured input by its direction. Memory of the plant (play, lag, hysteresis) differs between rising and falling.
+#[derive(Clone, Copy, Debug, Default)]
+struct Direction {
+    /// Largest value since it rises, smallest since it falls.
+    extreme: Option<f64>,
+    /// Present direction: 0 falling, 1 rising; `None` until the first change.
+    now: Option<usize>,
+    /// Sum of the noise and number of readings, falling and rising.
+    sums: [[f64; 2]; 2],
+}
+
+impl Direction {
+    /// Adds the noise of a reading, then takes its value for the direction of the next one: chosen by its own noise, a mean would
+    /// be biased.
+    fn add(&mut self, value: f64, noise: f64, weight: f64) {
+        self.sums.as_flattened_mut().iter_mut().for_each(|sum| *sum *= weight);
+        if let Some(now) = self.now {
+            self.sums[now][0] += noise;
+            self.sums[now][1] += 1.0;
+        }
+        let extreme = *self.extreme.get_or_insert(value);
+        let further = if self.now == Some(0) { extreme - value } else { value - extreme };
+        if further.abs() > REVERSAL && (self.now.is_none() || further < 0.0) {
+            self.now = Some(usize::from(value > extreme));
+            self.extreme = Some(value);
+        } else if self.now.is_some() && further > 0.0 {
+            self.extreme = Some(value);
+        }
+    }
+
+    /// True if the mean noise differs between the directions by more than chance.
+    fn differs(&self) -> bool {
+        let [[down, downs], [up, ups]] = self.sums;
+        let few = downs.min(ups) < MIN_READINGS;
+        let chance = MAX_EXCESS * (1.0 / downs + 1.0 / ups).sqrt();
+        !few && (up / ups - down / downs).abs() > chance.max(MAX_DIRECTION_NOISE)
+    }
+}
 
 /// Sums over the last readings.
 #[derive(Clone, Debug, Default)]
@@ -48,6 +95,8 @@ pub(crate) struct Watch {
     allowed: f64,
     /// Variance of `innovation`.
     variance: f64,
+    /// Noise by direction, per measured input.
+    directions: [Direction; MAX_INPUTS],
 }
 
 impl Watch {
@@ -84,6 +133,14 @@ impl Watch {
             self.innovation += update.nis;
             for ((sum, noise), (_, sigma)) in self.noise.iter_mut().zip(noise).zip(setup.measured_inputs()) {
                 *sum += noise / sigma;
+            }
+            let cycles = (-passed_s / CYCLES_S).exp();
+            for ((direction, noise), (input, sigma)) in
+                self.directions.iter_mut().zip(noise).zip(setup.measured_inputs())
+            {
+                if let Some(value) = measurement.inputs.get(input) {
+                    direction.add(value / sigma, noise / sigma, cycles);
+                }
             }
         }
     }
@@ -140,6 +197,9 @@ impl Watch {
             return Some(Alarm::Input(inputs));
         }
         if self.innovation > self.allowed + MAX_EXCESS * self.variance.sqrt() {
+            return Some(Alarm::NotExplained);
+        }
+        if self.directions.iter().any(Direction::differs) {
             return Some(Alarm::NotExplained);
         }
         let mut unknowns = 0_u32;

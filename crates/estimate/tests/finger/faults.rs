@@ -143,3 +143,31 @@ fn swapped_markers_are_not_explained() {
     };
     assert_eq!(of_running_rig(|_| {}, swapped), Alarm::NotExplained);
 }
+
+/// Kilopascals of play between gauge and actuator: while the pressure turns, the actuator keeps its own.
+fn with_play(play_kpa: f64) -> impl Fn(&mut Instant) {
+    let held = std::cell::Cell::new(0.0_f64);
+    move |now: &mut Instant| {
+        let half = 0.5e-3 * play_kpa;
+        held.set(held.get().clamp(now.pressure - half, now.pressure + half));
+        now.pressure = held.get();
+    }
+}
+
+fn with_lag(lag_s: f64) -> impl Fn(&mut Instant) {
+    let held = std::cell::Cell::new(0.0_f64);
+    move |now: &mut Instant| {
+        held.set(held.get() + (now.pressure - held.get()) / (lag_s * RATE_HZ));
+        now.pressure = held.get();
+    }
+}
+
+#[test]
+fn play_and_lag_are_not_explained() {
+    let found: Vec<_> = [2.0, 3.0, 5.0]
+        .map(|kpa| first_alarm(rig(), 40.0, with_play(kpa), |_| {}))
+        .into_iter()
+        .chain([0.3, 0.6, 1.2].map(|lag_s| first_alarm(rig(), 40.0, with_lag(lag_s), |_| {})))
+        .collect();
+    assert!(found.iter().all(Option::is_some), "{found:?}");
+}
