@@ -163,11 +163,7 @@ fn group_members_read_and_only_drivers_drive() {
     }
 }
 
-<<<<<<< HEAD
 /// Without a name and a folder the shared-memory domain is private to a user; an existing folder of another user is refused.
-=======
-/// Without a name and a folder every user has a private shared-memory domain; a folder that another user made before is refused.
->>>>>>> 7034cb3b (wire: in a shared domain the right to publish is a folder (control, publish) whose owner is checked, because a reader could put one of its own in its place or publish as a twin; SECURITY.md)
 #[test]
 fn users_have_domains_of_their_own() {
     // SAFETY: the call has no arguments and cannot fail.
