@@ -46,7 +46,7 @@ typedef struct {
   const char *unit; /**< Unit. */
   double min;       /**< Smallest training value; infinite when it was never trained over. */
   double max;       /**< Largest training value. */
-  double value;     /**< What NaN stands for in softtwin_model_predict; NaN: must be given. Of a pressure or gap that the model has not, a number. */
+  double value;     /**< What NaN stands for in softtwin_model_predict; NaN: must be given. A number for a pressure or gap that the model does not have: give NaN. */
 } softtwin_model_input;
 
 /** Reconstructed field of a model. */

@@ -167,13 +167,17 @@ impl softtwin_model {
         let mut inputs = Inputs::new(f64::NAN, f64::NAN);
         for (position, (value, spec)) in values.iter().zip(self.evaluator.inputs()).enumerate() {
             let fits = match position {
-                PRESSURE => value.is_finite() || value.is_nan() && !self.needs_pressure,
-                GAP => !value.is_nan() || !self.needs_gap,
+                PRESSURE if !self.needs_pressure => value.is_nan(),
+                GAP if !self.needs_gap => value.is_nan(),
+                PRESSURE => value.is_finite(),
+                GAP => !value.is_nan(),
                 _ => !value.is_infinite(),
             };
             if !fits {
                 let key = spec.key();
-                return Err(argument(&format!("state {at}: expected a number for {key}, found {value}")));
+                let is_taken = (position != PRESSURE || self.needs_pressure) && (position != GAP || self.needs_gap);
+                let expected = if is_taken { "a number" } else { "NaN (the model does not have it)" };
+                return Err(argument(&format!("state {at}: expected {expected} for {key}, found {value}")));
             }
             let own = match position {
                 PRESSURE => Some(0.0),

@@ -1,6 +1,6 @@
 //! `modelDescription.xml`.
 
-use crate::variables::{ChosenNode, FIRST_INPUT, FIRST_OUTPUT, TIME, outputs, start, taken};
+use crate::variables::{ChosenNode, FIRST_INPUT, FIRST_OUTPUT, TIME, outputs, start};
 use rom::model::Model;
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -30,7 +30,7 @@ pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> String {
     let outputs = outputs(header, nodes);
     let name = escaped(&header.actuator);
     let version = env!("CARGO_PKG_VERSION");
-    let units: BTreeSet<&str> = taken(header)
+    let units: BTreeSet<&str> = header.taken_inputs()
         .map(|(_, input)| input.unit.as_str())
         .chain(outputs.iter().map(|o| o.unit.as_str()))
         .collect();
@@ -53,7 +53,7 @@ pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> String {
          <Float64 name=\"time\" valueReference=\"{TIME}\" causality=\"independent\" variability=\"continuous\"/>"
     );
     let start = start(model);
-    for (at, input) in taken(header) {
+    for (at, input) in header.taken_inputs() {
         let start = start[at];
         let kind = match input.value {
             None => "causality=\"input\" variability=\"continuous\"",

@@ -1,6 +1,6 @@
 //! Variables of an FMU: inputs and outputs with their value references, shared by the export and the running library.
 
-use rom::inputs::{GAP, InputSpec, PRESSURE};
+use rom::inputs::{GAP, InputSpec};
 use rom::model::{Model, ModelHeader};
 
 /// The model in an FMU's resources.
@@ -86,13 +86,6 @@ pub(crate) struct Output {
     pub quantity: Quantity,
 }
 
-/// The inputs that the model was trained over, with their position.
-pub(crate) fn taken(header: &ModelHeader) -> impl Iterator<Item = (usize, &InputSpec)> {
-    let needs = header.needs();
-    let inputs = header.inputs.iter().enumerate();
-    inputs.filter(move |(at, _)| (*at != PRESSURE || needs.pressure) && (*at != GAP || needs.gap))
-}
-
 /// The outputs in the order of their value references.
 pub(crate) fn outputs(header: &ModelHeader, nodes: &[ChosenNode]) -> Vec<Output> {
     let mut all = Vec::new();
@@ -103,7 +96,7 @@ pub(crate) fn outputs(header: &ModelHeader, nodes: &[ChosenNode]) -> Vec<Output>
     if has_force {
         add("contact_force_n".into(), "N".into(), "Contact force", Quantity::Force);
     }
-    for (at, input) in taken(header).filter(|_| has_force) {
+    for (at, input) in header.taken_inputs().filter(|_| has_force) {
         let (name, unit) = (format!("force_by_{}", input.key()), format!("N/{}", input.unit));
         add(name, unit, "Derivative of the contact force", Quantity::ForceBy(at));
     }

@@ -1,7 +1,7 @@
 //! Default parameter values of a model.
 
 use crate::evaluator::Evaluator;
-use crate::inputs::{GAP, Needs, PARAMETERS, PRESSURE, nearest_name};
+use crate::inputs::{GAP, InputSpec, Needs, PARAMETERS, PRESSURE, nearest_name};
 use crate::model::{ModelError, ModelHeader};
 
 impl ModelHeader {
@@ -27,6 +27,13 @@ impl ModelHeader {
             self.onset = Evaluator::new(self)?.onset().cloned();
         }
         Ok(())
+    }
+
+    /// Inputs that the model was trained over or its onset depends on, with their position.
+    pub fn taken_inputs(&self) -> impl Iterator<Item = (usize, &InputSpec)> {
+        let needs = self.needs();
+        let inputs = self.inputs.iter().enumerate();
+        inputs.filter(move |(at, _)| (*at != PRESSURE || needs.pressure) && (*at != GAP || needs.gap))
     }
 
     /// True if the model was trained on contact forces; an onset remains where a scene loads the free regime alone.

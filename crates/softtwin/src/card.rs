@@ -42,7 +42,7 @@ pub fn of(path: &Path, model: &Model, file_hash: &[u8], licence: Option<&str>) -
             "method": "proper orthogonal decomposition of finite-element snapshots, interpolated by radial basis functions",
             "database_hash": hex(&header.database_hash),
         },
-        "inputs": header.inputs.iter().map(|input| json!({
+        "inputs": header.taken_inputs().map(|(_, input)| json!({
             "name": input.key(), "unit": input.unit, "min": finite(input.range[0]), "max": finite(input.range[1]),
             "value": input.value })).collect::<Vec<_>>(),
         "outputs": outputs(model),
@@ -54,11 +54,14 @@ pub fn of(path: &Path, model: &Model, file_hash: &[u8], licence: Option<&str>) -
 }
 
 fn outputs(model: &Model) -> Vec<Value> {
-    let mut all = vec![json!({ "name": "contact_force_n", "unit": "N", "per": "state" })];
-    all.extend(model.header.inputs.iter().map(|input| {
-        json!({ "name": format!("force_by_{}", input.key()), "unit": format!("N/{}", input.unit), "per": "state" })
-    }));
-    all.push(json!({ "name": "onset_pressure_mpa", "unit": "MPa", "per": "state" }));
+    let mut all = Vec::new();
+    if model.header.has_forces() {
+        all.push(json!({ "name": "contact_force_n", "unit": "N", "per": "state" }));
+        all.extend(model.header.taken_inputs().map(|(_, input)| {
+            json!({ "name": format!("force_by_{}", input.key()), "unit": format!("N/{}", input.unit), "per": "state" })
+        }));
+        all.push(json!({ "name": "onset_pressure_mpa", "unit": "MPa", "per": "state" }));
+    }
     all.extend(
         model
             .header
@@ -82,7 +85,7 @@ fn regime_of(model: &Model, regime: &RegimeModel) -> Value {
             "share_of_states": halfwidths.coverage,
             "displacement_mm": halfwidths.displacement_mm,
             "von_mises_mpa": halfwidths.stress_mpa,
-            "contact_force_n": halfwidths.force_n,
+            "contact_force_n": model.header.has_forces().then_some(halfwidths.force_n),
         },
     })
 }

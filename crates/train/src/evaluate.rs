@@ -142,7 +142,7 @@ pub struct Summary {
     pub fields: Vec<FieldSummary>,
     /// Force error over the largest force: mean, 95th percentile, maximum.
     pub force_normalised: [f64; 3],
-    /// Share of cases within the displacement, stress and force half-widths.
+    /// Share of cases within the displacement, stress and force half-widths; NaN of a quantity that the model does not have.
     pub coverage: [f64; 3],
 }
 
@@ -188,7 +188,7 @@ pub fn evaluate(
         cases.iter().map(|&i| one_case(model, database, &mut state, i, floor)).collect();
     let regimes = [RegimeKind::Free, RegimeKind::Contact]
         .into_iter()
-        .filter_map(|kind| summary(database, kind, cases.iter().filter(|c| c.sampled == kind).collect()))
+        .filter_map(|kind| summary(model, database, kind, cases.iter().filter(|c| c.sampled == kind).collect()))
         .collect();
     Ok(Report { floor, cases, regimes })
 }
@@ -300,7 +300,7 @@ fn field_errors(
     }
 }
 
-fn summary(database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> Option<Summary> {
+fn summary(model: &Model, database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> Option<Summary> {
     let (outside, inside): (Vec<&CaseReport>, Vec<&CaseReport>) =
         cases.into_iter().partition(|case| case.domain == DomainStatus::Outside);
     let (cases, outside) = if inside.is_empty() { (outside, inside) } else { (inside, outside) };
@@ -311,6 +311,7 @@ fn summary(database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> 
         |of: &dyn Fn(&CaseReport) -> f64| cases.iter().map(|c| of(c)).sum::<f64>() / cases.len() as f64;
     let largest = database.cases.iter().map(|c| c.contact_force_n).fold(f64::MIN_POSITIVE, f64::max);
     let mut forces: Vec<f64> = cases.iter().map(|c| (c.force_n - c.force_true_n).abs() / largest).collect();
+    let has_stress = database.fields.iter().any(|field| field.kind == FieldKind::Stress);
     let share = |of: &dyn Fn(&CaseReport) -> bool| mean(&|c| f64::from(u8::from(of(c))));
     let fields = database.fields.iter().enumerate().map(|(f, spec)| {
         let worst = cases
@@ -332,8 +333,8 @@ fn summary(database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> 
         force_normalised: spread(&mut forces),
         coverage: [
             share(&|c| c.covered.displacement),
-            share(&|c| c.covered.stress),
-            share(&|c| c.covered.force),
+            if has_stress { share(&|c| c.covered.stress) } else { f64::NAN },
+            if model.header.has_forces() { share(&|c| c.covered.force) } else { f64::NAN },
         ],
     })
 }
