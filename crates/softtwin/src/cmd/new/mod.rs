@@ -46,7 +46,7 @@ pub struct Args {
     /// Wall between cavity and slot in mm (0.5 to 20); the top is 0.8 and a side 1.2 of it [default: 2.5].
     #[arg(long, value_name = "MM", value_parser = crate::range::number(0.5, 20.0), help_heading = "Shape")]
     wall_mm: Option<f64>,
-    /// Silicone, with published constants: reference, elastosil-m4601, dragon-skin-30, ecoflex-00-50 or ecoflex-00-30.
+    /// Silicone, with published constants: reference, elastosil-m4601, dragon-skin-30, dragon-skin-10-medium, ecoflex-00-50 or ecoflex-00-30.
     #[arg(long, value_name = "NAME", value_parser = silicone::named, help_heading = "Material")]
     silicone: Option<&'static Silicone>,
     /// Instead: a neo-Hookean silicone of this shear modulus in MPa (0.005 to 10).
@@ -116,7 +116,7 @@ impl Args {
         self.length_mm = ask("length in mm, 0 for 9 mm a chamber", 0.0).map(|mm| (mm > 0.0).then_some(mm))?;
         self.wall_mm = Some(ask("wall between cavity and slot in mm", 2.5)?);
         for silicone in &SILICONES {
-            output!("  {:<16} shear modulus {} MPa; {}", silicone.name, silicone.shear_mpa, silicone.source)?;
+            output!("  {:<21} shear modulus {} MPa; {}", silicone.name, silicone.shear_mpa, silicone.source)?;
         }
         let name: String = ask("silicone", SILICONES[0].name.to_owned())?;
         self.silicone = Some(silicone::named(&name).map_err(usage)?);
