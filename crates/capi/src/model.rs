@@ -175,7 +175,8 @@ impl softtwin_model {
             };
             if !fits {
                 let key = spec.key();
-                let is_taken = (position != PRESSURE || self.needs_pressure) && (position != GAP || self.needs_gap);
+                let is_taken =
+                    (position != PRESSURE || self.needs_pressure) && (position != GAP || self.needs_gap);
                 let expected = if is_taken { "a number" } else { "NaN (the model does not have it)" };
                 return Err(argument(&format!("state {at}: expected {expected} for {key}, found {value}")));
             }

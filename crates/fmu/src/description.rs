@@ -30,7 +30,8 @@ pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> String {
     let outputs = outputs(header, nodes);
     let name = escaped(&header.actuator);
     let version = env!("CARGO_PKG_VERSION");
-    let units: BTreeSet<&str> = header.taken_inputs()
+    let units: BTreeSet<&str> = header
+        .taken_inputs()
         .map(|(_, input)| input.unit.as_str())
         .chain(outputs.iter().map(|o| o.unit.as_str()))
         .collect();

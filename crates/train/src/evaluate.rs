@@ -188,7 +188,9 @@ pub fn evaluate(
         cases.iter().map(|&i| one_case(model, database, &mut state, i, floor)).collect();
     let regimes = [RegimeKind::Free, RegimeKind::Contact]
         .into_iter()
-        .filter_map(|kind| summary(model, database, kind, cases.iter().filter(|c| c.sampled == kind).collect()))
+        .filter_map(|kind| {
+            summary(model, database, kind, cases.iter().filter(|c| c.sampled == kind).collect())
+        })
         .collect();
     Ok(Report { floor, cases, regimes })
 }
@@ -300,7 +302,12 @@ fn field_errors(
     }
 }
 
-fn summary(model: &Model, database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> Option<Summary> {
+fn summary(
+    model: &Model,
+    database: &Database,
+    regime: RegimeKind,
+    cases: Vec<&CaseReport>,
+) -> Option<Summary> {
     let (outside, inside): (Vec<&CaseReport>, Vec<&CaseReport>) =
         cases.into_iter().partition(|case| case.domain == DomainStatus::Outside);
     let (cases, outside) = if inside.is_empty() { (outside, inside) } else { (inside, outside) };

@@ -261,8 +261,12 @@ fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
         let [mean, p95, max] = summary.force_normalised.map(percent);
         output!("  {:<14}{mean:>9}{p95:>9}{max:>9}  of the largest force", "force")?;
     }
-    let covered = ["displacement", "stress", "force"].iter().zip(summary.coverage).filter(|(_, share)| share.is_finite());
-    let covered: Vec<String> = covered.map(|(name, share)| format!("{name} {:.0} %", share * 100.0)).collect();
+    let covered = ["displacement", "stress", "force"]
+        .iter()
+        .zip(summary.coverage)
+        .filter(|(_, share)| share.is_finite());
+    let covered: Vec<String> =
+        covered.map(|(name, share)| format!("{name} {:.0} %", share * 100.0)).collect();
     output!("  within the half-widths: {}", covered.join(", "))?;
     if !summary.outside.is_empty() {
         output!("  outside the training range, not in the figures above: {}", summary.outside.join(", "))?;
