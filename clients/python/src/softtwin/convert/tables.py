@@ -59,7 +59,7 @@ class Tables:
                 for label, row in rows.items():
                     table[place[label]] = row
                 for name, array in quantities(columns, table).items():
-                    known = values.setdefault(name, array)
+                    known: np.ndarray = np.asarray(values.setdefault(name, array))
                     if known.shape != array.shape or not np.allclose(known, array, rtol=1e-6, atol=0, equal_nan=True):
                         raise Refused(f"{state}: expected {name} once, found two tables of it with other values")
             found.append((self.time(state), values))
