@@ -5,7 +5,7 @@ use crate::status::softtwin_status;
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
-use rom::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
+use rom::inputs::{GAP, Inputs, MAX_INPUTS, Needs, PRESSURE};
 use rom::model::{BlockKind, Model, ModelReader, Nodes, Selection};
 use rom::reconstructor::Peaks;
 use rom::reconstructor::Reconstructor;
@@ -99,8 +99,7 @@ pub struct softtwin_model {
     model: Arc<Model>,
     evaluator: Evaluator,
     reconstructor: Reconstructor,
-    needs_pressure: bool,
-    needs_gap: bool,
+    needs: Needs,
     description: Description,
 }
 
@@ -155,8 +154,7 @@ impl softtwin_model {
         Ok(Self {
             evaluator: Evaluator::new(&model.header).map_err(refused)?,
             reconstructor: Reconstructor::new(&model, selection).map_err(refused)?,
-            needs_pressure: model.header.needs().pressure,
-            needs_gap: model.header.needs().gap,
+            needs: model.header.needs(),
             description: Description::new(&model, &fields),
             model,
         })
@@ -167,8 +165,8 @@ impl softtwin_model {
         let mut inputs = Inputs::new(f64::NAN, f64::NAN);
         for (position, (value, spec)) in values.iter().zip(self.evaluator.inputs()).enumerate() {
             let fits = match position {
-                PRESSURE if !self.needs_pressure => value.is_nan(),
-                GAP if !self.needs_gap => value.is_nan(),
+                PRESSURE if !self.needs.pressure => value.is_nan(),
+                GAP if !self.needs.gap => value.is_nan(),
                 PRESSURE => value.is_finite(),
                 GAP => !value.is_nan(),
                 _ => !value.is_infinite(),
@@ -176,7 +174,7 @@ impl softtwin_model {
             if !fits {
                 let key = spec.key();
                 let is_taken =
-                    (position != PRESSURE || self.needs_pressure) && (position != GAP || self.needs_gap);
+                    (position != PRESSURE || self.needs.pressure) && (position != GAP || self.needs.gap);
                 let expected = if is_taken { "a number" } else { "NaN (the model does not have it)" };
                 return Err(argument(&format!("state {at}: expected {expected} for {key}, found {value}")));
             }

@@ -1,10 +1,23 @@
 //! Clock, process runs, scheduling and transport of the operating system.
 
+use std::fs::{File, OpenOptions};
+use std::io;
+use std::path::Path;
+
 /// The transport: inter-process, single-threaded ports.
 pub(crate) type Ipc = iceoryx2::prelude::ipc::Service;
 
 /// Folder of POSIX shared memory.
 pub(crate) const SHM_DIR: &str = "/dev/shm";
+
+/// Opens a file, or makes it where it is missing. First without `create`, which the kernel may refuse in a sticky folder for a
+/// file of another user.
+pub(crate) fn open_or_make(options: &OpenOptions, path: &Path) -> io::Result<File> {
+    options.open(path).or_else(|error| match error.kind() {
+        io::ErrorKind::NotFound => options.clone().create(true).truncate(false).open(path),
+        _ => Err(error),
+    })
+}
 
 /// Nanoseconds of the machine's monotonic clock (since boot, the same in every process, never stepped).
 ///

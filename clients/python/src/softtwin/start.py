@@ -33,7 +33,6 @@ def own_root() -> str:
     return folder
 
 
-
 class Holder:
     """An object whose attributes hold parts of the shared memory."""
 

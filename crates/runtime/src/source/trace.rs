@@ -182,14 +182,14 @@ fn is_gap(step_s: f64, period_s: f64) -> bool {
 pub fn in_another_unit(column: &str) -> Option<&'static str> {
     const UNITS: [&str; 14] =
         ["mpa", "kpa", "pa", "bar", "mbar", "psi", "mm", "cm", "m", "um", "in", "n", "mn", "gf"];
-    let known = ["t_s", "pressure_mpa", "gap_mm", "measured_force_n"].into_iter().chain(marker_columns());
+    let mut known = ["pressure_mpa", "gap_mm", "measured_force_n"].into_iter().chain(marker_columns());
     let stem = |name: &str| {
         let lower = name.to_ascii_lowercase();
         let cut =
             lower.rsplit_once('_').filter(|(_, unit)| UNITS.contains(unit)).map(|(stem, _)| stem.to_owned());
         cut.unwrap_or(lower)
     };
-    known.into_iter().find(|known| *known != column && *known != "t_s" && stem(known) == stem(column))
+    known.find(|known| *known != column && stem(known) == stem(column))
 }
 
 impl Columns {

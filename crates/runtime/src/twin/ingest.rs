@@ -94,7 +94,7 @@ impl Validator {
         let check = |rejection, missed| SampleCheck { rejection, missed, restarted };
         let missed = match self.order(sample) {
             // What was dropped since the last one has arrived and is not missing.
-            Ok(missed) => missed.saturating_sub(std::mem::take(&mut self.dropped.count)),
+            Ok(missed) => missed.saturating_sub(self.dropped.count),
             Err(outcome) => {
                 self.note_dropped(sample, outcome);
                 return check(Some(outcome), 0);

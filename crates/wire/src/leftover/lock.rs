@@ -4,6 +4,7 @@
 
 use super::places::Places;
 use super::unused::names_this_file;
+use crate::sys::open_or_make;
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::io::{self, ErrorKind};
 use std::os::fd::AsRawFd;
@@ -66,15 +67,8 @@ impl Places {
     }
 
     fn open_lock(&self) -> io::Result<File> {
-        // First without `create`, which the kernel may refuse in a sticky folder for a file of another user.
-        let existing = OpenOptions::new().write(true).open(self.lock_path());
-        let open =
-            || OpenOptions::new().write(true).create(true).truncate(false).mode(0o600).open(self.lock_path());
-        let made = existing.or_else(|error| match error.kind() {
-            ErrorKind::NotFound => open(),
-            _ => Err(error),
-        });
-        made.or_else(|error| {
+        let open = || open_or_make(OpenOptions::new().write(true).mode(0o600), &self.lock_path());
+        open().or_else(|error| {
             if error.kind() != ErrorKind::NotFound {
                 return Err(error);
             }

@@ -4,6 +4,7 @@
 use super::retry::Refusal;
 use crate::WireError;
 use crate::leftover::{Places, names_this_file};
+use crate::sys::open_or_make;
 use std::fs::{DirBuilder, File, OpenOptions, Permissions};
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::AsRawFd;
@@ -28,14 +29,9 @@ impl WriterLock {
         let right = places.right_to_write(topic);
         let folder =
             right.as_deref().map(|folder| open_folder(places, folder)).transpose().map_err(refused)?;
-        let options =
-            OpenOptions::new().read(true).write(true).custom_flags(libc::O_NOFOLLOW).mode(0o600).clone();
-        // First without `create`, which the kernel may refuse in a sticky folder for a file of another user.
-        let opened = options.open(&path).or_else(|error| match error.kind() {
-            ErrorKind::NotFound => options.clone().create(true).truncate(false).open(&path),
-            _ => Err(error),
-        });
-        let mut file = opened.map_err(|error| match (error.kind(), &right) {
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).custom_flags(libc::O_NOFOLLOW).mode(0o600);
+        let mut file = open_or_make(&options, &path).map_err(|error| match (error.kind(), &right) {
             (ErrorKind::PermissionDenied, None) => refused(taken(&path, &error)),
             (ErrorKind::PermissionDenied, Some(folder)) => refused(std::io::Error::new(
                 error.kind(),
