@@ -1,5 +1,7 @@
 //! Whole loops: simulated hardware behind Modbus, bridge, twin and controller, each a process; the plant is not the twin's model.
 
+use control::inverse::Model;
+use control::twin_model::{Tip, TwinModel, read_model};
 use serde_json::Value;
 use std::ffi::CStr;
 use std::fs::File;
@@ -7,13 +9,17 @@ use std::io::{BufRead, BufReader, Write};
 use std::os::fd::{AsRawFd, FromRawFd};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use tests::{PATIENCE, Program, Stage};
-use wire::layout::{pack_name, unpack_name, valve_interlock, valve_reason};
-use wire::{Bus, Setpoint, SetpointWriter, Topic, Valve, ValveReader, now_ns};
+use wire::layout::{MARKERS_MAX, Marker, pack_name, unpack_name, valve_interlock, valve_reason};
+use wire::{
+    Bus, SensorSample, SensorWriter, Setpoint, SetpointReader, SetpointWriter, Topic, Valve, ValveReader,
+    now_ns,
+};
 
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().unwrap()
@@ -181,6 +187,118 @@ fn second_owner_is_refused_and_operator_overrides() {
     assert_eq!(valve.pressure_mpa, 0.0, "{valve:?}");
     let (_, said) = bridge.stop();
     assert!(said.join("\n").contains("valve of finger: override"), "{said:?}");
+}
+
+/// A finger of the design model behind a lag of 80 ms, with gap sensor, load cell and a marker at the tip in a camera's frame that is
+/// turned by 90 degrees about z. Another program's setpoints move it.
+struct Finger {
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<f64>,
+}
+
+const GAP_MM: f64 = 60.0;
+const TIP_MM: [f64; 3] = [115.0, 2.0, 16.0];
+const CAMERA_MM: [f64; 3] = [200.0, 50.0, 16.0];
+const SOFTER_MPA: f64 = 0.72;
+const HIGHEST_MPA: f64 = 0.05;
+
+fn softer_finger() -> TwinModel {
+    let mut model = read_model(&repository().join("models/pneunet-design/pneunet-design.twin")).unwrap();
+    model.header.set_parameters([("elastomer.law.mu_mpa", SOFTER_MPA)]).unwrap();
+    TwinModel::new(&model, Tip { at_mm: TIP_MM, axis: 1 }).unwrap()
+}
+
+impl Finger {
+    /// Its marker is `off_mm` above the place in the scene.
+    fn start(stage: &Stage, off_mm: f64) -> Self {
+        let (domain, stop) = (stage.domain(), Arc::new(AtomicBool::new(false)));
+        let stopped = stop.clone();
+        let thread = std::thread::spawn(move || {
+            let bus = Bus::open(&domain).unwrap();
+            let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
+            let setpoints = SetpointReader::attach(&bus, &Topic::setpoint("finger").unwrap()).unwrap();
+            let (mut model, mut seq, mut last_ns) = (softer_finger(), 0, now_ns());
+            let (mut wanted_mpa, mut most_mpa, mut pressure_mpa) = (0.0_f64, 0.0_f64, 0.0_f64);
+            while !stopped.load(Ordering::Relaxed) {
+                std::thread::sleep(Duration::from_millis(5)); // pace of the readings
+                if let Some(setpoint) = setpoints.newest().unwrap() {
+                    wanted_mpa = if setpoint.pressure_mpa.is_finite() { setpoint.pressure_mpa } else { 0.0 };
+                    most_mpa = most_mpa.max(wanted_mpa);
+                }
+                let t_sensor_ns = now_ns();
+                pressure_mpa += (wanted_mpa - pressure_mpa)
+                    * (1.0 - (-1e-9 * (t_sensor_ns - last_ns) as f64 / 0.08).exp());
+                (last_ns, seq) = (t_sensor_ns, seq + 1);
+                let truth = model.at(pressure_mpa, GAP_MM);
+                let mut markers_mm = [Marker::ABSENT; MARKERS_MAX];
+                markers_mm[0] = Marker { x: truth.tip_mm + off_mm - CAMERA_MM[1], y: 85.0, z: 0.0 };
+                let (gap_mm, measured_force_n) = (GAP_MM, truth.force_n);
+                let of_state = SensorSample { boot_id: 5, seq, t_sensor_ns, ..SensorSample::default() };
+                let reading = SensorSample { pressure_mpa, gap_mm, measured_force_n, ..of_state };
+                sensor.publish(SensorSample { marker_values: 3, markers_mm, ..reading }).unwrap();
+            }
+            most_mpa
+        });
+        Self { stop, thread }
+    }
+
+    /// The highest setpoint, MPa.
+    fn end(self) -> f64 {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.join().unwrap()
+    }
+}
+
+/// Stiffness, valve range, gap, marker and camera of a scene hold for its controller, whose report is about what was measured.
+#[test]
+fn scene_holds_for_the_controller() {
+    let stage = Stage::new("holds");
+    let model = repository().join("models/pneunet-design/pneunet-design.twin");
+    let scene = stage.write(
+        "holds.toml",
+        &format!(
+            "name = \"holds\"\n[[actuator]]\nname = \"finger\"\nmodel = \"{}\"\n\
+             [actuator.inputs]\n\"elastomer.law.mu_mpa\" = {SOFTER_MPA}\n\
+             [[actuator.marker]]\nname = \"tip\"\nat_mm = {TIP_MM:?}\n\
+             [actuator.camera]\nposition_mm = {CAMERA_MM:?}\nrotation_deg = [0.0, 0.0, 90.0]\n\
+             [actuator.valve]\nrange_mpa = [0.0, {HIGHEST_MPA}]\n\
+             [actuator.valve.modbus]\ntcp = \"127.0.0.1:1\"\nvalue = {{ from = {{ register = 0 }} }}\n",
+            model.display()
+        ),
+    );
+    let twin = Program::twin(&stage, &scene);
+    let hold = |target: &[&str], off_mm: f64| -> (Option<Value>, f64) {
+        let finger = Finger::start(&stage, off_mm);
+        let scene = scene.display().to_string();
+        let program = [&["examples/hold_force", "--seconds", "2", "--scene", &scene], target].concat();
+        let (status, said) = Program::named(&stage, &program).ended();
+        let report = status.success().then(|| serde_json::from_str(said.last().unwrap()).unwrap());
+        (report, finger.end())
+    };
+    let near = |report: &Value, by: &str, error: f64| {
+        let found = report["final_error"].as_f64().unwrap();
+        assert!(found.abs() < error && report["measured_by"] == by, "{report}");
+        assert_eq!(report["is_limited"], false, "{report}");
+    };
+    let mut truth = softer_finger();
+    // In reach at the measured gap only; the marker is elsewhere than the model's tip.
+    let (report, _) = hold(&["--tip-mm", "-45"], -3.4);
+    near(&report.unwrap(), "marker tip", 0.1);
+    // The model at the scene's stiffness, without the load cell in the loop.
+    let target_n = truth.at(0.045, GAP_MM).force_n;
+    assert!(target_n > 0.05, "{target_n} N");
+    let (report, _) = hold(&["--target-n", &target_n.to_string(), "--no-load-cell"], 0.0);
+    near(&report.unwrap(), "load cell", 0.02 * target_n);
+    // The model reaches it within the valve's range, the finger does not.
+    let target_mm = truth.at(0.95 * HIGHEST_MPA, GAP_MM).tip_mm.to_string();
+    let (report, most_mpa) = hold(&["--tip-mm", &target_mm], 12.0);
+    let report = report.unwrap();
+    assert!(report["is_limited"] == true && report["final_error"].as_f64().unwrap() > 1.0, "{report}");
+    assert!(most_mpa <= HIGHEST_MPA, "{most_mpa} MPa");
+    // Beyond the valve's range, within the model's.
+    let far_n = truth.at(0.08, GAP_MM).force_n.to_string();
+    assert_eq!(hold(&["--target-n", &far_n], 0.0), (None, 0.0));
+    drop(twin);
 }
 
 /// A regulator on a serial line: a pseudo-terminal behind a name, as a device behind `/dev/ttyUSB0`. It answers each line with

@@ -176,6 +176,11 @@ impl<M: Model> Controller<M> {
         }
     }
 
+    /// The model, for inputs that change while it is in use.
+    pub fn model_mut(&mut self) -> &mut M {
+        &mut self.model
+    }
+
     /// Begins, or begins again, where the actuator is: the next command continues from the pressure that is read. To be called
     /// while the valve does not follow (override, interlock, another owner); what was learned of model and valve is kept.
     pub fn start(&mut self, reading: Reading) {

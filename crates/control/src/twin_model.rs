@@ -2,7 +2,7 @@
 
 use crate::inverse::{Model, Point};
 use rom::evaluation::Evaluation;
-use rom::inputs::{Inputs, PRESSURE};
+use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::ModelError;
 use rom::probe::{MeshPoint, PointError, ProbePosition, Probes};
 use std::path::Path;
@@ -14,6 +14,8 @@ pub struct TwinModel {
     evaluation: Evaluation,
     positions: [ProbePosition; 1],
     axis: usize,
+    /// Inputs other than pressure and gap; NaN: the model's default.
+    inputs: Inputs,
     range_mpa: [f64; 2],
     tip_grows: bool,
 }
@@ -33,7 +35,7 @@ impl Tip {
 }
 
 /// A gap that no actuator closes, mm.
-const OUT_OF_REACH_MM: f64 = 1e4;
+pub const OUT_OF_REACH_MM: f64 = 1e4;
 
 /// Why a model cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -54,37 +56,55 @@ pub enum TwinModelError {
     Point(#[from] PointError),
 }
 
+/// Reads a model file.
+///
+/// # Errors
+/// [`TwinModelError::File`].
+pub fn read_model(path: &Path) -> Result<rom::model::Model, TwinModelError> {
+    let fail = |cause: String| TwinModelError::File { path: path.display().to_string(), cause };
+    let bytes = std::fs::read(path).map_err(|error| fail(error.to_string()))?;
+    rom::model::Model::from_bytes(&bytes).map_err(|error| fail(error.to_string()))
+}
+
 impl TwinModel {
-    /// Takes a point of a model.
+    /// Takes a point of a model by its undeformed coordinates.
     ///
     /// # Errors
     /// [`TwinModelError`]: no such point, or blocks that were not loaded.
     pub fn new(model: &rom::model::Model, tip: Tip) -> Result<Self, TwinModelError> {
-        let probes = Probes::new(model, &[MeshPoint::at(model, tip.at_mm)?])?;
+        Self::of_point(model, &MeshPoint::at(model, tip.at_mm)?, tip.axis)
+    }
+
+    /// Takes a point of a model and the axis (0, 1, 2: x, y, z) that is followed. The model's parameters have the defaults of its
+    /// header.
+    ///
+    /// # Errors
+    /// [`TwinModelError`]: blocks that were not loaded.
+    pub fn of_point(
+        model: &rom::model::Model,
+        point: &MeshPoint,
+        axis: usize,
+    ) -> Result<Self, TwinModelError> {
+        let probes = Probes::new(model, std::slice::from_ref(point))?;
         let range_mpa = model.header.inputs[PRESSURE].range;
         let evaluation = probes.evaluation();
-        let (positions, axis) = ([ProbePosition::default()], tip.axis.min(2));
-        let mut new = Self { probes, evaluation, positions, axis, range_mpa, tip_grows: false };
+        let (positions, axis) = ([ProbePosition::default()], axis.min(2));
+        let inputs = Inputs::new(f64::NAN, f64::NAN);
+        let mut new = Self { probes, evaluation, positions, axis, inputs, range_mpa, tip_grows: false };
         let [first, last] = range_mpa.map(|pressure_mpa| new.at(pressure_mpa, OUT_OF_REACH_MM).tip_mm);
         new.tip_grows = last > first;
         Ok(new)
     }
 
-    /// Reads a model file.
-    ///
-    /// # Errors
-    /// [`TwinModelError`].
-    pub fn load(path: &Path, tip: Tip) -> Result<Self, TwinModelError> {
-        let fail = |cause: String| TwinModelError::File { path: path.display().to_string(), cause };
-        let bytes = std::fs::read(path).map_err(|error| fail(error.to_string()))?;
-        let model = rom::model::Model::from_bytes(&bytes).map_err(|error| fail(error.to_string()))?;
-        Self::new(&model, tip)
+    /// Sets the inputs other than pressure and gap for the evaluations that follow, in the model's order; NaN: the default.
+    pub fn set_inputs(&mut self, inputs: Inputs) {
+        self.inputs = inputs;
     }
 }
 
 impl Model for TwinModel {
     fn at(&mut self, pressure_mpa: f64, gap_mm: f64) -> Point {
-        let inputs = Inputs::new(pressure_mpa, gap_mm);
+        let inputs = self.inputs.with(PRESSURE, pressure_mpa).with(GAP, gap_mm);
         self.probes.evaluate(inputs, &mut self.evaluation, &mut self.positions);
         let [tip] = &self.positions;
         Point {

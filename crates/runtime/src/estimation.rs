@@ -8,7 +8,7 @@ use estimate::{
 use rom::evaluation::Evaluation;
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
 use rom::model::Model;
-use rom::probe::{MeshPoint, ProbePosition, Probes};
+use rom::probe::{ProbePosition, Probes};
 use rom::regime::LastOnset;
 use rom::snapshots::RegimeKind;
 use wire::layout::{MARKERS_MAX, Marker, estimate_alarm, estimate_status};
@@ -137,11 +137,7 @@ impl SensorModel {
     pub fn new(spec: &ActuatorSpec, model: &Model) -> Result<Self, Vec<String>> {
         let (mut points, mut problems) = (Vec::new(), Vec::new());
         for (at, marker) in spec.markers.iter().enumerate() {
-            let point = match (marker.node, marker.at_mm) {
-                (Some(node), _) => MeshPoint::node(model, node),
-                (None, at_mm) => MeshPoint::at(model, at_mm.unwrap_or([f64::NAN; 3])),
-            };
-            match point {
+            match marker.point(model) {
                 Ok(point) => points.push(point),
                 Err(error) => problems.push(format!("marker[{at}] `{}`: {error}", marker.name)),
             }

@@ -63,7 +63,7 @@ impl Args {
             valve_s: self.tau_s,
             line_s: 0.0,
             delay_s: self.delay_s,
-            supply_mpa: 0.09,
+            supply_mpa: spec.valve.as_ref().map_or(0.09, |valve| valve.range_mpa[1]),
             true_gap_mm: self.true_gap_mm,
             gauge_noise_mpa: 5e-5,
             cell_noise_n: 2e-3,

@@ -96,7 +96,7 @@ fn integrals_do_not_wind_up_at_a_limit() {
     let mut controller =
         Controller::new(MODEL, Quantity::Force, Settings { range_mpa: [0.0, 0.03], ..Settings::default() });
     for _ in 0..10_000 {
-        controller.update(0.5, reading(0.03, 0.16), DT_S);
+        assert!(controller.update(0.5, reading(0.03, 0.16), DT_S).is_limited);
     }
     // The target becomes one that is reached: the command leaves the limit within the time of reference and lead, not later.
     let commands: Vec<f64> =

@@ -1,5 +1,7 @@
 //! Estimated quantities of an actuator, and the noise of its sensors.
 
+use rom::model::Model;
+use rom::probe::{MeshPoint, PointError};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use wire::layout::{MARKERS_MAX, Marker};
@@ -70,6 +72,19 @@ pub struct MarkerSpec {
     pub at_mm: Option<[f64; 3]>,
 }
 
+impl MarkerSpec {
+    /// Its point on a model's mesh.
+    ///
+    /// # Errors
+    /// [`PointError`]: no such node, or a point off the mesh.
+    pub fn point(&self, model: &Model) -> Result<MeshPoint, PointError> {
+        match (self.node, self.at_mm) {
+            (Some(node), _) => MeshPoint::node(model, node),
+            (None, at_mm) => MeshPoint::at(model, at_mm.unwrap_or([f64::NAN; 3])),
+        }
+    }
+}
+
 /// Where the camera's frame lies in the actuator's frame: `actuator = R camera + position`, with `R` the turns about x, then
 /// y, then z.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -90,6 +105,12 @@ impl CameraSpec {
             [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
             [-sy, cy * sx, cy * cx],
         ]
+    }
+
+    /// A measured position in the actuator's frame, mm.
+    pub fn in_actuator_mm(&self, Marker { x, y, z }: Marker) -> [f64; 3] {
+        let ([rows_x, rows_y, rows_z], [ox, oy, oz]) = (self.rotation(), self.position_mm);
+        [(rows_x, ox), (rows_y, oy), (rows_z, oz)].map(|([a, b, c], origin)| a * x + b * y + c * z + origin)
     }
 }
 

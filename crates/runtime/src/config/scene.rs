@@ -360,6 +360,11 @@ impl ActuatorSpec {
         self.source.iter().map(|source| format!("from {}", source.describe())).chain(sensors).collect()
     }
 
+    /// Standard deviation of the load cell's noise, N.
+    pub fn force_sigma_n(&self) -> f64 {
+        self.sigmas().force_n
+    }
+
     /// Standard deviations of the sensors' noise: the sensor's own if it has one, otherwise that of `sigma`.
     pub(crate) fn sigmas(&self) -> Sigmas {
         let SigmaSpec { pressure_mpa, gap_mm, force_n, marker_mm, .. } = self.sigma;

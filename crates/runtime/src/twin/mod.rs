@@ -200,7 +200,7 @@ impl Parts {
             input_sources: publish::input_sources(&loaded.spec, inputs),
             backlog: loaded.spec.backlog,
             wanted: loaded.spec.state,
-            force_sigma_n: loaded.spec.sigmas().force_n,
+            force_sigma_n: loaded.spec.force_sigma_n(),
             group_sizes: loaded.group_sizes,
             evaluator: HysteresisEvaluator::new(loaded.evaluator),
         }
