@@ -35,7 +35,10 @@ fn shipped(extra: &str) -> String {
 fn blocks_of(loaded: &Loaded, kind: RegimeKind) -> usize {
     let of = |block: BlockKind| match block {
         BlockKind::Mean { regime, .. } | BlockKind::Modes { regime, .. } => regime == kind,
-        BlockKind::Undeformed(_) | BlockKind::UndeformedBy { .. } | BlockKind::Surface => false,
+        BlockKind::Undeformed(_)
+        | BlockKind::UndeformedBy { .. }
+        | BlockKind::Surface
+        | BlockKind::Observables => false,
     };
     loaded.read.iter().filter(|block| of(block.kind)).count()
 }

@@ -47,6 +47,7 @@ mod parameters;
 pub mod kernel;
 pub mod model;
 pub mod model_state;
+pub mod observable;
 pub mod probe;
 pub mod radial;
 pub mod reconstructor;

@@ -61,6 +61,14 @@ pub enum PointError {
         /// Distance of the weighted mean (mm).
         found_mm: f64,
     },
+    /// The node set does not exist.
+    #[error("the model has no node set {found:?}; it has {}", .known.join(", "))]
+    NoSet {
+        /// The name given.
+        found: String,
+        /// Names there are.
+        known: Vec<String>,
+    },
     /// The model file has no undeformed mesh.
     #[error("the model has no undeformed coordinates; name a node instead of a point")]
     NoMesh,
@@ -77,6 +85,21 @@ impl MeshPoint {
             return Err(PointError::NoNode { found: node, count });
         }
         Ok(Self { weights: vec![(node, 1.0)] })
+    }
+
+    /// Mean of a node set.
+    ///
+    /// # Errors
+    /// [`PointError::NoSet`].
+    pub fn of_set(model: &Model, name: &str) -> Result<Self, PointError> {
+        let sets = &model.header.node_sets;
+        let set = sets.iter().find(|set| set.name == name && !set.nodes.is_empty());
+        let set = set.ok_or_else(|| PointError::NoSet {
+            found: name.to_owned(),
+            known: sets.iter().map(|set| set.name.clone()).collect(),
+        })?;
+        let weight = 1.0 / set.nodes.len() as f64;
+        Ok(Self { weights: set.nodes.iter().map(|node| (*node, weight)).collect() })
     }
 
     /// The point at undeformed coordinates (mm): the smallest weights of near nodes, by distance, that give its place.
@@ -251,7 +274,7 @@ impl Probes {
 }
 
 /// Mean of a point's coordinate, and what it is of the coefficients.
-fn coordinate(
+pub(crate) fn coordinate(
     model: &Model,
     regime: &RegimeModel,
     point: &MeshPoint,

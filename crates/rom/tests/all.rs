@@ -5,6 +5,7 @@ mod footprint;
 mod goal;
 mod kernel;
 mod model_file;
+mod observable;
 mod predict;
 mod probe;
 mod rng;

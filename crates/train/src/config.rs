@@ -1,6 +1,7 @@
 //! Configuration of training. Every key has a default; the defaults work on any database.
 
 pub use rom::kernel::Precision;
+pub use rom::observable::{Definition, ObservableKind, Place};
 pub use rom::radial::{KernelKind, Tail};
 
 use rom::snapshots::Footprint;
@@ -141,6 +142,8 @@ pub struct TrainConfig {
     pub hysteresis_mpa: f64,
     /// Two training inputs closer than this fraction of the range are one state twice: merged or refused.
     pub duplicate_distance: f64,
+    /// Observables by name, the unit at its end (`bending_angle_deg`).
+    pub observables: BTreeMap<String, Definition>,
 }
 
 impl Default for TrainConfig {
@@ -159,6 +162,7 @@ impl Default for TrainConfig {
             coverage: 0.9,
             hysteresis_mpa: 2e-4,
             duplicate_distance: 1e-3,
+            observables: BTreeMap::new(),
         }
     }
 }

@@ -47,7 +47,8 @@ pub use error::TrainError;
 
 use crate::config::TrainConfig;
 use crate::datasheet::DataSheet;
-use rom::model::Model;
+use rom::model::{BlockKind, Model};
+use rom::observable::Observables;
 use rom::snapshots::Database;
 
 /// Trains a model on the training split. `progress` receives the name of each step.
@@ -93,5 +94,11 @@ pub fn train(
     }
     progress("assembling the model");
     sorted.remarks.extend(assemble::remarks(database, &parts));
-    Ok(assemble::assemble(database, config, &plan, parts, onset, sorted.remarks))
+    let (mut model, sheet) = assemble::assemble(database, config, &plan, parts, onset, sorted.remarks);
+    if !config.observables.is_empty() {
+        let observables = Observables::define(&model, &config.observables).map_err(TrainError::Config)?;
+        let put = model.set_record(BlockKind::Observables, &observables);
+        put.map_err(|error| TrainError::Config(vec![error.to_string()]))?;
+    }
+    Ok((model, sheet))
 }

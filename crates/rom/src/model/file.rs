@@ -119,6 +119,8 @@ pub enum Encoding {
         /// Step of each mode; empty for f32.
         steps: Vec<f64>,
     },
+    /// A record, encoded as the header is.
+    Record,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -196,6 +198,7 @@ impl BlockData {
             Self::F32(values) => 4 * values.len(),
             Self::U32(values) => 4 * values.len(),
             Self::Modes(modes) => modes.bytes().len(),
+            Self::Record(bytes) => bytes.len(),
         }
     }
 
@@ -212,6 +215,7 @@ impl BlockData {
                 let steps = modes.steps().to_vec();
                 (Encoding::Modes { precision, count, steps }, modes.bytes().into())
             }
+            Self::Record(bytes) => (Encoding::Record, bytes.as_slice().into()),
         }
     }
 }
@@ -299,6 +303,10 @@ impl<R: Read + Seek> ModelReader<R> {
             }
             let mut bytes = vec![0; entry.bytes as usize]; // within the file's length: checked by `open`
             self.fill(entry, &mut bytes)?;
+            if entry.encoding == Encoding::Record {
+                read[at] = Some((entry.kind, BlockData::Record(bytes)));
+                continue;
+            }
             let words = bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
             let data = match entry.encoding {
                 Encoding::U32 => BlockData::U32(words.map(u32::from_le_bytes).collect()),
@@ -339,7 +347,10 @@ impl<R: Read + Seek> ModelReader<R> {
             BlockKind::Mean { field, .. } | BlockKind::Modes { field, .. } => {
                 fields.contains(&(*field as usize))
             }
-            BlockKind::Undeformed(_) | BlockKind::UndeformedBy { .. } | BlockKind::Surface => true,
+            BlockKind::Undeformed(_)
+            | BlockKind::UndeformedBy { .. }
+            | BlockKind::Surface
+            | BlockKind::Observables => true,
         };
         let entries: Vec<BlockEntry> =
             self.header.blocks.iter().filter(|b| needed(&b.kind)).cloned().collect();
@@ -362,6 +373,7 @@ impl BlockEntry {
         }
         let fits = match &self.encoding {
             Encoding::F32 | Encoding::U32 => self.bytes.is_multiple_of(4),
+            Encoding::Record => self.bytes <= codec::MAX_HEADER_BYTES as u64,
             Encoding::Modes { precision, count, steps } => {
                 let (precision, nodes, count) = (*precision, model.node_count, *count as usize);
                 let shape = Shape { precision, nodes, count, steps };
@@ -369,7 +381,11 @@ impl BlockEntry {
             }
         };
         let is_modes = matches!(self.encoding, Encoding::Modes { .. });
-        if fits && is_modes == matches!(self.kind, BlockKind::Modes { .. }) {
+        let is_record = self.encoding == Encoding::Record;
+        if fits
+            && is_modes == matches!(self.kind, BlockKind::Modes { .. })
+            && is_record == self.kind.is_record()
+        {
             return Ok(());
         }
         Err(format!("block {:?}: {} bytes are not those of its encoding", self.kind, self.bytes))
