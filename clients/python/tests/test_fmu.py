@@ -104,6 +104,8 @@ def test_outputs_agree_with_predict(twin, tmp_path):
         assert twin.get("force_halfwidth_n", "displacement_halfwidth_mm", "von_mises_halfwidth_mpa") == [
             said["half_widths"][name] for name in ("force_n", "displacement_mm", "stress_mpa")
         ]
+        for name, one in said["observables"].items():
+            assert twin.get(name, f"{name}_halfwidth") == pytest.approx([one["value"], one["half_width"]], rel=1e-12)
         assert twin.get("max_von_mises_mpa")[0] == np.float32(said["max_von_mises_mpa"])
         for name, node in (("tip", 9696), ("first", 0)):
             assert twin.get(*(f"{name}.{field}" for field in model.fields)) == pytest.approx(fields[node].tolist(), abs=3e-4)

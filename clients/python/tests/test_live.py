@@ -100,6 +100,11 @@ def test_questions_are_answered(live):
     assert field.header.contact_force_n == there.contact_force_n
     assert there.text_list("input_names") == ["pressure_mpa", "gap_mm"] and list(there.inputs[:2]) == [0.06, 30.0]
     assert there.input_values["gap_mm"] == (30.0, "unknown")
+    exact = softtwin.Model(REPOSITORY / "models/pneunet/pneunet.twin").predict(0.06, 30.0, fields=False)
+    assert list(there.observable_values) == list(exact.observables)
+    for name, (value, halfwidth) in there.observable_values.items():
+        assert value == pytest.approx(exact.observables[name], rel=1e-12) and value != 0.0
+        assert halfwidth == pytest.approx(exact.observable_halfwidths[name], rel=1e-12)
     assert there.force_by_input[0] == there.force_by_pressure_n_per_mpa
     with pytest.raises(softtwin.Refused):
         twin.whatif(0.06, 30.0, inputs={"elastomer.law.mu_mpa": 0.7})

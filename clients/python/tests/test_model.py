@@ -48,6 +48,10 @@ def test_answers_are_bit_identical_to_predict(model, tmp_path):
         assert found.force_halfwidth_n == said["half_widths"]["force_n"]
         assert found.displacement_halfwidth_mm == said["half_widths"]["displacement_mm"]
         assert found.von_mises_halfwidth_mpa == said["half_widths"]["stress_mpa"]
+        for name, one in said["observables"].items():
+            assert found.observables[name] == one["value"] == many.observables[name][at]
+            assert found.observable_halfwidths[name] == one["half_width"]
+        assert len(said["observables"]) == len(model.observables) == 4
         assert found.max_von_mises_mpa == np.float32(said["max_von_mises_mpa"])
         assert found.max_von_mises_node == said["max_von_mises_node"] == found.von_mises.argmax()
         assert found.max_displacement_node == said["max_displacement_node"] == found.displacement.argmax()

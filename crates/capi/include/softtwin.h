@@ -76,6 +76,8 @@ typedef struct {
   const float *undeformed_mm[3]; /**< x, y and z of all nodes without pressure, mm; null when the model has none. */
   const uint32_t *triangles;     /**< Three nodes a triangle of the surface. */
   size_t triangle_count;
+  const softtwin_model_field *observables; /**< Observables of the shape, such as a bending angle. */
+  size_t observable_count;
 } softtwin_model_info;
 
 /** What a model answers at one state. */
@@ -96,6 +98,8 @@ typedef struct {
   uint32_t domain_status;           /**< SOFTTWIN_DOMAIN_INSIDE, ...: outside, the half-widths do not hold. */
   uint32_t force_clamped;           /**< 1: the interpolated force was negative and was set to 0. */
   uint32_t reserved;
+  double observables[8];           /**< In the model's order, in the unit at the end of their names; NaN: no such observable. */
+  double observable_halfwidths[8]; /**< Their half-widths; outside, they do not hold. */
 } softtwin_prediction;
 
 /** Why the last call on this thread failed: what was found, what to do. Valid until the next call on this thread. */

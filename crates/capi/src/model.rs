@@ -7,6 +7,7 @@ use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS, Needs, PRESSURE};
 use rom::model::{BlockKind, Model, ModelReader, Nodes, Selection};
+use rom::observable::{MAX_OBSERVABLES, Observables};
 use rom::reconstructor::Peaks;
 use rom::reconstructor::Reconstructor;
 use std::borrow::Cow;
@@ -57,6 +58,8 @@ pub struct softtwin_model_info {
     undeformed_mm: [*const f32; 3],
     triangles: *const u32,
     triangle_count: usize,
+    observables: *const softtwin_model_field,
+    observable_count: usize,
 }
 
 /// Prediction of a model at one state.
@@ -79,16 +82,19 @@ pub struct softtwin_prediction {
     domain_status: u32,
     force_clamped: u32,
     reserved: u32,
+    observables: [f64; MAX_OBSERVABLES],
+    observable_halfwidths: [f64; MAX_OBSERVABLES],
 }
 
 /// The Python client's structure has the same size.
-const _: () = assert!(size_of::<softtwin_prediction>() == 160);
+const _: () = assert!(size_of::<softtwin_prediction>() == 288);
 
 /// The strings and tables that [`softtwin_model_info`] points into.
 struct Description {
     actuator: CString,
     inputs: Vec<softtwin_model_input>,
     fields: Vec<softtwin_model_field>,
+    observables: Vec<softtwin_model_field>,
     node_sets: Vec<softtwin_model_node_set>,
     /// Owns the names and units of the tables above.
     _strings: Vec<CString>,
@@ -100,11 +106,12 @@ pub struct softtwin_model {
     evaluator: Evaluator,
     reconstructor: Reconstructor,
     needs: Needs,
+    observables: Observables,
     description: Description,
 }
 
 impl Description {
-    fn new(model: &Model, fields: &[usize]) -> Self {
+    fn new(model: &Model, fields: &[usize], observables: &Observables) -> Self {
         let mut strings = Vec::new();
         let header = &model.header;
         let needs = header.needs();
@@ -134,6 +141,9 @@ impl Description {
                     unit: keep(&field.spec.unit),
                 })
                 .collect(),
+            observables: (observables.names().zip(observables.units()))
+                .map(|(name, unit)| softtwin_model_field { name: keep(name), unit: keep(unit) })
+                .collect(),
             node_sets: (header.node_sets.iter())
                 .map(|set| softtwin_model_node_set {
                     name: keep(&set.name),
@@ -151,11 +161,13 @@ impl softtwin_model {
     fn new(model: Arc<Model>, selection: &Selection) -> Result<Self, Failure> {
         let refused = |error: rom::model::ModelError| argument(&error.to_string());
         let fields = model.header.resolve_fields(selection.fields.as_deref()).map_err(refused)?;
+        let observables = Observables::of(&model).map_err(|error| argument(&error.to_string()))?;
         Ok(Self {
             evaluator: Evaluator::new(&model.header).map_err(refused)?,
             reconstructor: Reconstructor::new(&model, selection).map_err(refused)?,
             needs: model.header.needs(),
-            description: Description::new(&model, &fields),
+            description: Description::new(&model, &fields, &observables),
+            observables,
             model,
         })
     }
@@ -189,11 +201,12 @@ impl softtwin_model {
     }
 }
 
-fn prediction(e: &Evaluation, peaks: &Peaks) -> softtwin_prediction {
+fn prediction(e: &Evaluation, peaks: &Peaks, observables: &Observables) -> softtwin_prediction {
     let peak = |found: Option<rom::reconstructor::Peak>| {
         found.map_or((f64::NAN, u32::MAX), |peak| (f64::from(peak.value), peak.node))
     };
     let (displacement, stress) = (peak(peaks.displacement_mm), peak(peaks.stress_mpa));
+    let observed = |at| observables.value(at, e);
     softtwin_prediction {
         contact_force_n: e.contact_force_n,
         force_gradient: e.force_gradient,
@@ -215,6 +228,8 @@ fn prediction(e: &Evaluation, peaks: &Peaks) -> softtwin_prediction {
         },
         force_clamped: e.flags.force_clamped.into(),
         reserved: 0,
+        observables: std::array::from_fn(|at| observed(at).value),
+        observable_halfwidths: std::array::from_fn(|at| observed(at).halfwidth),
     }
 }
 
@@ -308,6 +323,8 @@ pub unsafe extern "C" fn softtwin_model_describe(
             undeformed_mm: [rest(0), rest(1), rest(2)],
             triangles: surface.as_ptr(),
             triangle_count: surface.len() / 3,
+            observables: strings.observables.as_ptr(),
+            observable_count: strings.observables.len(),
         };
         // SAFETY: not null, and writable by the caller's promise.
         unsafe { out.write(info) };
@@ -362,7 +379,7 @@ pub unsafe extern "C" fn softtwin_model_predict(
                 peaks = model.reconstructor.reconstruct_uninit(&evaluation, room).map_err(refused)?;
             }
             // SAFETY: room for `states` predictions by the caller's promise.
-            unsafe { put(predictions.add(at), prediction(&evaluation, &peaks)) }?;
+            unsafe { put(predictions.add(at), prediction(&evaluation, &peaks, &model.observables)) }?;
         }
         Ok(())
     })

@@ -1,7 +1,8 @@
 //! `modelDescription.xml`.
 
 use crate::variables::{ChosenNode, FIRST_INPUT, FIRST_OUTPUT, TIME, outputs, start};
-use rom::model::Model;
+use rom::model::{Model, ModelFileError};
+use rom::observable::Observables;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
@@ -9,7 +10,7 @@ use std::fmt::Write;
 pub const IDENTIFIER: &str = "softtwin";
 
 /// Units that FMI can express in SI base units.
-const UNITS: [(&str, &str); 8] = [
+const UNITS: [(&str, &str); 9] = [
     ("1", "<BaseUnit/>"),
     ("mm", "<BaseUnit m=\"1\" factor=\"1e-3\"/>"),
     ("MPa", "<BaseUnit kg=\"1\" m=\"-1\" s=\"-2\" factor=\"1e6\"/>"),
@@ -17,6 +18,7 @@ const UNITS: [(&str, &str); 8] = [
     ("N/MPa", "<BaseUnit m=\"2\" factor=\"1e-6\"/>"),
     ("N/mm", "<BaseUnit kg=\"1\" s=\"-2\" factor=\"1e3\"/>"),
     ("kg/m3", "<BaseUnit kg=\"1\" m=\"-3\"/>"),
+    ("1/mm", "<BaseUnit m=\"-1\" factor=\"1e3\"/>"),
     ("deg", "<BaseUnit rad=\"1\" factor=\"0.017453292519943295\"/>"),
 ];
 
@@ -25,9 +27,12 @@ fn escaped(text: &str) -> String {
 }
 
 /// Description of a model's FMU. `token` identifies the library's resources and must be the same at instantiation.
-pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> String {
+///
+/// # Errors
+/// Observables that do not fit the model.
+pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> Result<String, ModelFileError> {
     let header = &model.header;
-    let outputs = outputs(header, nodes);
+    let outputs = outputs(header, &Observables::of(model)?, nodes);
     let name = escaped(&header.actuator);
     let version = env!("CARGO_PKG_VERSION");
     let units: BTreeSet<&str> = header
@@ -90,5 +95,5 @@ pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> String {
             let _ = writeln!(xml, "    <{kind} valueReference=\"{}\"/>", FIRST_OUTPUT + at);
         }
     }
-    xml + "  </ModelStructure>\n</fmiModelDescription>\n"
+    Ok(xml + "  </ModelStructure>\n</fmiModelDescription>\n")
 }

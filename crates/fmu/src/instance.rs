@@ -7,6 +7,7 @@ use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS};
 use rom::model::{ModelReader, Selection};
+use rom::observable::{Observables, Observed};
 use rom::snapshots::FieldKind;
 use std::io::Cursor;
 use std::path::Path;
@@ -22,6 +23,7 @@ pub(crate) struct Instance {
     evaluation: Evaluation,
     is_current: bool,
     outputs: Vec<Output>,
+    observables: Observables,
     /// All fields but the stress.
     others: Option<Part>,
     /// None when the model has no stress.
@@ -46,6 +48,7 @@ impl Instance {
             ));
         }
         let evaluator = Evaluator::new(&model.header).map_err(|error| error.to_string())?;
+        let observables = Observables::of(&model).map_err(|e| at(MODEL_FILE, &e))?;
         let start = variables::start(&model).into_iter().enumerate();
         let start = start.fold(Inputs::new(0.0, 0.0), |inputs, (at, value)| inputs.with(at, value));
         let fields = model.header.fields.iter();
@@ -64,7 +67,8 @@ impl Instance {
             time_s: 0.0,
             evaluation: evaluator.evaluation(),
             is_current: false,
-            outputs: variables::outputs(&model.header, &nodes),
+            outputs: variables::outputs(&model.header, &observables, &nodes),
+            observables,
             others,
             stress,
             evaluator,
@@ -162,8 +166,15 @@ impl Instance {
                 }
                 return Err("no node was chosen".into());
             }
+            Quantity::Observable(at) => self.observed(at).map_or(f64::NAN, |found| found.value),
+            Quantity::ObservableHalfwidth(at) => self.observed(at).map_or(f64::NAN, |found| found.halfwidth),
             Quantity::DomainStatus | Quantity::Regime => return Err("an Int32".into()),
         })
+    }
+
+    fn observed(&mut self, at: usize) -> Option<Observed> {
+        let part = self.others.as_mut()?;
+        Some(self.observables.value(at, part.at(&self.evaluation)))
     }
 
     /// An output that is an Int32.

@@ -53,6 +53,7 @@ impl Part {
     pub fn at(&mut self, state: &Evaluation) -> &Evaluation {
         if !self.has_coefficients {
             (self.evaluation.inputs, self.evaluation.regime) = (state.inputs, state.regime);
+            self.evaluation.halfwidths = state.halfwidths;
             self.evaluation.coefficients.clear();
             self.evaluator.complete(&mut self.evaluation);
             self.has_coefficients = true;

@@ -2,6 +2,7 @@
 
 use rom::inputs::{GAP, InputSpec};
 use rom::model::{Model, ModelHeader};
+use rom::observable::Observables;
 
 /// The model in an FMU's resources.
 pub const MODEL_FILE: &str = "model.twin";
@@ -59,6 +60,9 @@ pub(crate) enum Quantity {
     StressHalfwidth,
     DomainDistance,
     MaxStress,
+    /// An observable of the model, by its position.
+    Observable(usize),
+    ObservableHalfwidth(usize),
     /// 0 inside, 1 near the edge, 2 outside.
     DomainStatus,
     /// 1 free, 2 contact.
@@ -87,7 +91,7 @@ pub(crate) struct Output {
 }
 
 /// The outputs in the order of their value references.
-pub(crate) fn outputs(header: &ModelHeader, nodes: &[ChosenNode]) -> Vec<Output> {
+pub(crate) fn outputs(header: &ModelHeader, observables: &Observables, nodes: &[ChosenNode]) -> Vec<Output> {
     let mut all = Vec::new();
     let mut add = |name: String, unit: String, about: &'static str, quantity| {
         all.push(Output { name, unit, about, quantity });
@@ -124,6 +128,16 @@ pub(crate) fn outputs(header: &ModelHeader, nodes: &[ChosenNode]) -> Vec<Output>
         if has_force || !is_of_contact {
             add(name.into(), unit.into(), about, quantity);
         }
+    }
+    for (at, (name, unit)) in observables.names().zip(observables.units()).enumerate() {
+        add(name.into(), unit.into(), "Observable of the shape", Quantity::Observable(at));
+        let halfwidth = format!("{name}_halfwidth");
+        add(
+            halfwidth,
+            unit.into(),
+            "Its half-width; does not hold outside",
+            Quantity::ObservableHalfwidth(at),
+        );
     }
     for (chosen, node) in nodes.iter().enumerate() {
         for (field, output) in header.fields.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Observables: what people measure of a deformed shape, such as a bending angle, from the positions of a few points.
+//! Observables: quantities of the deformed shape that benches measure, such as a bending angle, from the positions of a few points.
 //!
 //! With `x_k` the deformed position of point `k`, `n` the unit axis and `phi(v)` the angle of `v` in the plane normal to `n`:
 //!
@@ -18,7 +18,7 @@ use crate::evaluation::Evaluation;
 use crate::inputs::MAX_INPUTS;
 use crate::model::{BlockKind, Model, ModelError, ModelFileError, ModelHeader};
 use crate::probe::{MeshPoint, PointError};
-use crate::snapshots::{FieldKind, RegimeKind};
+use crate::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -31,7 +31,7 @@ const ALONG_AXIS: f64 = 1e-12;
 /// Axis of an angle that is not given: a finger that bends down, towards `-y`, has a positive angle.
 const DOWNWARDS: [f64; 3] = [0.0, 0.0, -1.0];
 
-/// What is computed of the points.
+/// Quantity that is computed of the points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ObservableKind {
@@ -54,6 +54,15 @@ impl ObservableKind {
             Self::SectionAngle | Self::ChordAngle => "_deg",
             Self::Curvature => "_per_mm",
             Self::Length | Self::Position => "_mm",
+        }
+    }
+
+    /// The unit.
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::SectionAngle | Self::ChordAngle => "deg",
+            Self::Curvature => "1/mm",
+            Self::Length | Self::Position => "mm",
         }
     }
 
@@ -90,13 +99,13 @@ pub enum Place {
     Set(String),
 }
 
-/// An observable as training is told.
+/// Definition of an observable in a training configuration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Definition {
-    /// What is computed.
+    /// Quantity.
     pub kind: ObservableKind,
-    /// Of which points.
+    /// Its points.
     pub points: Vec<Place>,
     /// Axis of an angle or a curvature (left out: `[0, 0, -1]`), direction of a position.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -112,8 +121,8 @@ pub struct Observed {
     pub halfwidth: f64,
 }
 
-/// Observables of a model.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Observables of a model; of most models none.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Observables {
     items: Vec<Item>,
     /// Rows of the points' coordinates, by regime.
@@ -148,7 +157,8 @@ impl Observables {
     pub fn define(model: &Model, definitions: &BTreeMap<String, Definition>) -> Result<Self, Vec<String>> {
         let (mut items, mut points, mut problems) = (Vec::new(), Vec::new(), Vec::new());
         if definitions.len() > MAX_OBSERVABLES {
-            problems.push(format!("expected at most {MAX_OBSERVABLES} observables, found {}", definitions.len()));
+            problems
+                .push(format!("expected at most {MAX_OBSERVABLES} observables, found {}", definitions.len()));
         }
         for (name, definition) in definitions {
             match Item::new(model, name, definition, points.len()) {
@@ -172,19 +182,17 @@ impl Observables {
         Ok(Self { items, regimes: regimes.map_err(|error| vec![error.to_string()])? })
     }
 
-    /// The observables of a model file; `None` if it has none.
+    /// The observables of a model file.
     ///
     /// # Errors
     /// [`ModelFileError::Header`] when they do not fit the model.
-    pub fn of(model: &Model) -> Result<Option<Self>, ModelFileError> {
-        let found: Option<Self> = model.record(BlockKind::Observables)?;
-        if let Some(reason) = found.as_ref().and_then(|found| found.problem(&model.header)) {
-            return Err(ModelFileError::Header(format!("observables: {reason}")));
-        }
-        Ok(found)
+    pub fn of(model: &Model) -> Result<Self, ModelFileError> {
+        let found: Self = model.record(BlockKind::Observables)?.unwrap_or_default();
+        let problem = found.problem(&model.header);
+        problem.map_or(Ok(found), |reason| Err(ModelFileError::Header(format!("observables: {reason}"))))
     }
 
-    /// What the header contradicts.
+    /// The first contradiction to the header.
     fn problem(&self, header: &ModelHeader) -> Option<String> {
         let points = self.items.iter().map(|item| item.points[0].saturating_add(item.points[1])).max()?;
         let sound = |item: &Item| item.kind.takes(item.points[1]) && item.points[1] <= MAX_POINTS;
@@ -204,7 +212,10 @@ impl Observables {
                     && row.weights.iter().all(|w| w.is_finite())
             };
             if rows.len() < 3 * points || !rows.iter().all(fits) {
-                return Some(format!("rows of the {} regime that its coefficients do not have", regime.kind.name()));
+                return Some(format!(
+                    "rows of the {} regime that its coefficients do not have",
+                    regime.kind.name()
+                ));
             }
         }
         None
@@ -213,6 +224,11 @@ impl Observables {
     /// Names, in order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.items.iter().map(|item| item.name.as_str())
+    }
+
+    /// Units, in order.
+    pub fn units(&self) -> impl Iterator<Item = &'static str> {
+        self.items.iter().map(|item| item.kind.unit())
     }
 
     /// How many.
@@ -230,7 +246,7 @@ impl Observables {
         let reach: f64 = by.iter().take(shape.count).map(|by| norm(*by)).sum();
         let change = value - item.rest;
         let is_chord = item.kind == ObservableKind::ChordAngle;
-        let value = if is_chord { within_half_turn(change) } else { change };
+        let value = if is_chord { wrapped(change) } else { change };
         Observed { value, halfwidth: reach * evaluation.halfwidths.displacement_mm }
     }
 
@@ -328,8 +344,7 @@ impl Item {
         if !(length.is_finite() && length > 0.0) {
             return Err(format!("axis: expected a direction, found {axis:?}"));
         }
-        let places: Result<Vec<MeshPoint>, PointError> =
-            points.iter().map(|place| place.on(model)).collect();
+        let places: Result<Vec<MeshPoint>, PointError> = points.iter().map(|place| place.on(model)).collect();
         let places = places.map_err(|error| error.to_string())?;
         let mut item = Self {
             name: name.to_owned(),
@@ -343,12 +358,16 @@ impl Item {
             let [Some(x), Some(y), Some(z)] = mesh else { return Err(PointError::NoMesh.to_string()) };
             let mut shape = Shape::new();
             for (to, place) in shape.points.iter_mut().zip(&places) {
-                *to = [x, y, z].map(|axis| place.weights.iter().map(|(n, w)| w * f64::from(axis[*n as usize])).sum());
+                *to = [x, y, z]
+                    .map(|axis| place.weights.iter().map(|(n, w)| w * f64::from(axis[*n as usize])).sum());
             }
             shape.count = places.len();
             item.rest = item.measure(&shape).0;
             if !item.rest.is_finite() {
-                return Err("a section or chord of the undeformed shape lies along the axis; choose other points".into());
+                return Err(
+                    "a section or chord of the undeformed shape lies along the axis; choose other points"
+                        .into(),
+                );
             }
         }
         Ok((item, places))
@@ -401,7 +420,7 @@ impl Item {
         for section in 1..shape.count / 2 {
             let at = 2 * section;
             let (angle, angle_by) = self.angle(shape.vector(at, at + 1));
-            sum += within_half_turn(angle - last);
+            sum += wrapped(angle - last);
             add(by, at, at + 1, angle_by, 1.0);
             add(by, at - 2, at - 1, last_by, -1.0);
             (last, last_by) = (angle, angle_by);
@@ -437,7 +456,7 @@ impl Place {
 }
 
 /// The same direction between -180 and 180 degrees.
-fn within_half_turn(angle_deg: f64) -> f64 {
+fn wrapped(angle_deg: f64) -> f64 {
     (angle_deg + 180.0).rem_euclid(360.0) - 180.0
 }
 

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use train::config::{Precision, TrainConfig};
 
 const LENGTH_MM: f64 = 110.0;
-/// Angle of the free end at the largest pressure, radians: more than half a turn.
+/// Angle of the free end at the largest pressure, radians: beyond 180 degrees.
 const LARGEST: f64 = 3.6;
 
 fn angle(pressure_mpa: f64) -> f64 {
@@ -61,18 +61,15 @@ fn trained() -> Model {
     let mut database = synthetic::database(&states);
     database.snapshots = states.iter().flat_map(|(_, p, _)| circle(*p)).collect();
     database.hash = database.content_hash();
-    let config = TrainConfig {
-        precision: Precision::F32,
-        observables: definitions(),
-        ..TrainConfig::default()
-    };
+    let config =
+        TrainConfig { precision: Precision::F32, observables: definitions(), ..TrainConfig::default() };
     train::train(&database, &config, &mut |_| {}).expect("trains").0
 }
 
 #[test]
 fn circle_gives_closed_forms_and_derivatives_of_differences() {
     let model = Model::from_bytes(&trained().to_bytes().expect("encodes")).expect("loads");
-    let observables = Observables::of(&model).expect("fits").expect("has observables");
+    let observables = Observables::of(&model).expect("fits");
     let names: Vec<&str> = observables.names().collect();
     let evaluator = Evaluator::new(&model.header).expect("evaluator");
     let mut evaluation = evaluator.evaluation();
@@ -98,7 +95,10 @@ fn circle_gives_closed_forms_and_derivatives_of_differences() {
             let step = 1e-6;
             let slope =
                 (value(pressure_mpa + step).0.value - value(pressure_mpa - step).0.value) / (2.0 * step);
-            assert!((by_pressure - slope).abs() <= 1e-5 * slope.abs() + 1e-4, "{name}: {by_pressure} {slope}");
+            assert!(
+                (by_pressure - slope).abs() <= 1e-5 * slope.abs() + 1e-4,
+                "{name}: {by_pressure} {slope}"
+            );
             let off = (observed.value - expected).abs();
             assert!(observed.halfwidth >= off, "{name}: {} for {off}", observed.halfwidth);
         }
@@ -108,7 +108,7 @@ fn circle_gives_closed_forms_and_derivatives_of_differences() {
 #[test]
 fn half_width_of_a_position_is_that_of_the_displacement() {
     let model = trained();
-    let observables = Observables::of(&model).expect("fits").expect("has observables");
+    let observables = Observables::of(&model).expect("fits");
     let evaluator = Evaluator::new(&model.header).expect("evaluator");
     let mut evaluation = evaluator.evaluation();
     evaluator.evaluate(Inputs::new(0.05, f64::INFINITY), &mut evaluation);
@@ -154,5 +154,5 @@ fn rows_of_another_model_are_refused() {
     model.blocks.push((BlockKind::Observables, BlockData::Record(vec![7; 40])));
     assert!(matches!(Observables::of(&model), Err(ModelFileError::Header(_))));
     model.blocks.pop();
-    assert_eq!(Observables::of(&model).expect("none"), None);
+    assert_eq!(Observables::of(&model).expect("none").count(), 0);
 }

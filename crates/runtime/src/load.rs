@@ -5,16 +5,28 @@ use crate::estimation::Estimator;
 use crate::file;
 use rom::evaluator::Evaluator;
 use rom::inputs::Needs;
-use rom::model::{BlockData, BlockEntry, BlockKind, Model, ModelHeader, ModelReader, Nodes, Selection};
+use rom::model::{
+    BlockData, BlockEntry, BlockKind, Model, ModelFileError, ModelHeader, ModelReader, Nodes, RegimeModel,
+    Selection,
+};
+use rom::observable::Observables;
 use rom::reconstructor::{Basis, BasisOptions, Reconstructor};
 use rom::snapshots::{FieldKind, RegimeKind};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
-use wire::layout::{FIELD_SLOTS, GROUPS_MAX, field_id};
+use wire::layout::{FIELD_SLOTS, GROUPS_MAX, OBSERVABLES_MAX, field_id, set_slot};
 
-/// Coefficients of each group, by regime.
-pub type GroupSizes = Vec<(RegimeKind, [u8; GROUPS_MAX])>;
+/// Content of a state in addition to the numbers of its evaluation.
+#[derive(Debug)]
+pub struct Description {
+    /// Coefficients of each group, by regime.
+    pub group_sizes: Vec<(RegimeKind, [u8; GROUPS_MAX])>,
+    /// Observables of the model.
+    pub observables: Observables,
+    /// Their packed names.
+    pub observable_names: [u8; 32 * OBSERVABLES_MAX],
+}
 
 /// One actuator of a scene with everything it needs in memory.
 #[derive(Debug)]
@@ -25,8 +37,8 @@ pub struct Loaded {
     pub model_hash: [u8; 16],
     /// From inputs to regime, force and coefficients: those of the fields whose modes were read, all where states carry them.
     pub evaluator: Evaluator,
-    /// Coefficients of each group, by regime.
-    pub group_sizes: GroupSizes,
+    /// Content of states beside their evaluation.
+    pub description: Description,
     /// One for each field topic.
     pub outputs: Vec<LoadedOutput>,
     /// Estimator, if the scene has one.
@@ -124,36 +136,33 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     let file_block_bytes = reader.blocks().iter().map(|entry| entry.bytes).sum();
     let moves =
         |kind| matches!(kind, BlockKind::UndeformedBy { .. }) && needed.contains(&BlockKind::Undeformed(0));
-    let is_needed = |entry: &&BlockEntry| needed.contains(&entry.kind) || moves(entry.kind);
+    let is_needed = |entry: &&BlockEntry| {
+        needed.contains(&entry.kind) || moves(entry.kind) || entry.kind == BlockKind::Observables
+    };
     let entries: Vec<BlockEntry> = reader.blocks().iter().filter(is_needed).cloned().collect();
     let read =
         entries.iter().map(|entry| ReadBlock { kind: entry.kind, bytes: entry.bytes }).collect::<Vec<_>>();
     let blocks = reader.read_blocks(&entries).map_err(|error| at(error.to_string()))?;
     let model = Model { header, blocks };
     let mut evaluator = Evaluator::new(&model.header).map_err(|error| at(error.to_string()))?;
+    let description = Description::of(&model).map_err(|error| at(error.to_string()))?;
     if !spec.state.coefficients {
         let field = |block: &ReadBlock| match block.kind {
             BlockKind::Modes { field, .. } => Some(field as usize),
             _ => None,
         };
-        evaluator.restrict(&read.iter().filter_map(field).collect::<Vec<_>>());
+        let fields = model.header.fields.iter().enumerate();
+        let coordinates = fields.filter(|(_, field)| matches!(field.spec.kind, FieldKind::Coordinate(_)));
+        let observed = coordinates.map(|(at, _)| at).filter(|_| description.observables.count() > 0);
+        evaluator.restrict(&read.iter().filter_map(field).chain(observed).collect::<Vec<_>>());
     }
     let outputs = outputs(spec, &model, selections)?;
     let estimator = Estimator::new(spec, &model)?;
-    let group_sizes = model
-        .header
-        .regimes
-        .iter()
-        .map(|regime| {
-            let sizes: Vec<u8> = regime.groups.iter().map(|group| group.coefficients.len() as u8).collect();
-            (regime.kind, first(&sizes))
-        })
-        .collect();
     Ok(Loaded {
         spec: spec.clone(),
         model_hash,
         evaluator,
-        group_sizes,
+        description,
         outputs,
         estimator,
         needs,
@@ -161,6 +170,24 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         read,
         file_block_bytes,
     })
+}
+
+impl Description {
+    /// Takes a model with its record of observables loaded.
+    ///
+    /// # Errors
+    /// Observables that do not fit the model.
+    pub fn of(model: &Model) -> Result<Self, ModelFileError> {
+        let observables = Observables::of(model)?;
+        let mut observable_names = [0; 32 * OBSERVABLES_MAX];
+        observables.names().enumerate().for_each(|(at, name)| set_slot(&mut observable_names, at, name));
+        let sizes = |regime: &RegimeModel| {
+            let sizes: Vec<u8> = regime.groups.iter().map(|group| group.coefficients.len() as u8).collect();
+            (regime.kind, first(&sizes))
+        };
+        let group_sizes = model.header.regimes.iter().map(sizes).collect();
+        Ok(Self { group_sizes, observables, observable_names })
+    }
 }
 
 /// The file ends with its blake3 hash; blocks are verified one by one when they are read. Leaves the file at its beginning.

@@ -1,19 +1,20 @@
 //! From an evaluation to what is published: states, answers, field headers, and the field topics of a twin.
 
 use crate::config::{ActuatorSpec, Gap, PRESSURE_BIAS, StateSpec};
-use crate::load::{GroupSizes, LoadedOutput};
+use crate::load::{Description, LoadedOutput};
 use rom::evaluation::Evaluation;
 use rom::evaluator::RegimeLabel;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, InputSpec, PARAMETERS, PRESSURE};
 use rom::reconstructor::{Peaks, Reconstructor};
-use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, flags, input_source, pack_name, set_slot};
+use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, OBSERVABLES_MAX, flags, input_source, pack_name, set_slot};
 use wire::{Answer, Bus, FieldHeader, FieldLoan, FieldWriter, State, Topic, WireError};
 
 /// Writes an evaluation into a payload: [`State`] and [`Answer`] have these values in common.
 macro_rules! write_evaluation {
-    ($payload:ident, $evaluation:expr, $groups:expr) => {{
+    ($payload:ident, $evaluation:expr, $description:expr) => {{
         let e: &Evaluation = $evaluation;
+        let description: &Description = $description;
         $payload.flags = flags_of(e);
         $payload.pressure_mpa = e.inputs.pressure_mpa();
         $payload.gap_mm = e.inputs.gap_mm();
@@ -34,7 +35,14 @@ macro_rules! write_evaluation {
         for (to, from) in $payload.coefficients.iter_mut().zip(&e.coefficients) {
             *to = *from as f32;
         }
-        let sizes = $groups.iter().find(|(kind, _)| *kind == e.regime);
+        let observables = &description.observables;
+        $payload.observable_count = observables.count() as u32;
+        $payload.observable_names = description.observable_names;
+        for at in 0..observables.count().min(OBSERVABLES_MAX) {
+            let found = observables.value(at, e);
+            ($payload.observables[at], $payload.observable_halfwidths[at]) = (found.value, found.halfwidth);
+        }
+        let sizes = description.group_sizes.iter().find(|(kind, _)| *kind == e.regime);
         $payload.group_sizes = sizes.map(|(_, sizes)| *sizes).unwrap_or_default();
     }};
 }
@@ -100,8 +108,8 @@ pub(crate) fn input_sources(spec: &ActuatorSpec, inputs: &[InputSpec]) -> [u8; I
 }
 
 /// Fills a state from an evaluation; without the extras that are not wanted.
-pub(crate) fn fill_state(state: &mut State, evaluation: &Evaluation, groups: &GroupSizes, wanted: StateSpec) {
-    write_evaluation!(state, evaluation, groups);
+pub(crate) fn fill_state(state: &mut State, evaluation: &Evaluation, of: &Description, wanted: StateSpec) {
+    write_evaluation!(state, evaluation, of);
     if !wanted.gradients {
         state.force_by_pressure_n_per_mpa = f64::NAN;
         state.force_by_gap_n_per_mm = f64::NAN;
@@ -111,16 +119,17 @@ pub(crate) fn fill_state(state: &mut State, evaluation: &Evaluation, groups: &Gr
         state.force_halfwidth_n = f32::NAN;
         state.displacement_halfwidth_mm = f32::NAN;
         state.von_mises_halfwidth_mpa = f32::NAN;
+        state.observable_halfwidths = [f64::NAN; OBSERVABLES_MAX];
     }
 }
 
 /// A state with the values of an evaluation of a model with these inputs and nothing else: no reading, no run, no times.
-pub fn state_of(evaluation: &Evaluation, inputs: &[InputSpec]) -> State {
+pub fn state_of(evaluation: &Evaluation, inputs: &[InputSpec], of: &Description) -> State {
     let mut state = PackedNames::new(inputs).state();
     fill_state(
         &mut state,
         evaluation,
-        &GroupSizes::new(),
+        of,
         StateSpec { gradients: true, half_widths: true, coefficients: true },
     );
     state
@@ -133,8 +142,8 @@ pub(crate) fn fill_label(state: &mut State, label: RegimeLabel) {
 }
 
 /// Fills an answer from an evaluation.
-pub(crate) fn fill_answer(answer: &mut Answer, evaluation: &Evaluation, groups: &GroupSizes) {
-    write_evaluation!(answer, evaluation, groups);
+pub(crate) fn fill_answer(answer: &mut Answer, evaluation: &Evaluation, of: &Description) {
+    write_evaluation!(answer, evaluation, of);
 }
 
 /// Adds the field of an answer.

@@ -2,6 +2,7 @@
 
 use crate::files;
 use rom::model::{Model, RegimeModel};
+use rom::observable::Observables;
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -62,6 +63,10 @@ fn outputs(model: &Model) -> Vec<Value> {
         }));
         all.push(json!({ "name": "onset_pressure_mpa", "unit": "MPa", "per": "state" }));
     }
+    // Observables that do not fit are refused where the model is read.
+    let observables = Observables::of(model).unwrap_or_default();
+    let named = observables.names().zip(observables.units());
+    all.extend(named.map(|(name, unit)| json!({ "name": name, "unit": unit, "per": "state" })));
     all.extend(
         model
             .header

@@ -74,7 +74,7 @@ fn sensor(sample: &SensorSample) -> String {
 fn state(state: &State) -> String {
     let outcome = Outcome::from_code(state.outcome).filter(|outcome| *outcome != Outcome::Published);
     format!(
-        "#{:<7} {}{}{}  {:7}  {}{}  age {}{}{}",
+        "#{:<7} {}{}{}  {:7}  {}{}{}  age {}{}{}",
         state.seq,
         inputs(state.pressure_mpa, state.gap_mm),
         not_measured(state.inputs()),
@@ -86,10 +86,20 @@ fn state(state: &State) -> String {
             [state.force_by_pressure_n_per_mpa, state.force_by_gap_n_per_mm]
         ),
         optional("  measured", state.measured_force_n, "N"),
+        observed(state.observables()),
         ms(state.age_ns),
         flag_list(state.flags),
         outcome.map(|outcome| format!("  ({outcome})")).unwrap_or_default(),
     )
+}
+
+/// `  bending_angle_deg 46.210 +- 0.394`.
+fn observed(observables: impl Iterator<Item = (String, f64, f64)>) -> String {
+    let one = |(name, value, halfwidth): (String, f64, f64)| {
+        let margin = if halfwidth.is_nan() { String::new() } else { format!(" +- {halfwidth:.3}") };
+        format!("  {name} {value:.3}{margin}")
+    };
+    observables.map(one).collect()
 }
 
 fn estimate(estimate: &Estimate) -> String {
@@ -226,7 +236,7 @@ pub fn answer(answer: &Answer) -> String {
         _ => format!("  field {} x {}", answer.field_count, answer.node_count),
     };
     format!(
-        "{head}  {}{}{}  {}  {}  onset {:.5} MPa{entries}{}  ({:.0} us)",
+        "{head}  {}{}{}  {}  {}{}  onset {:.5} MPa{entries}{}  ({:.0} us)",
         match answer.kind {
             query_kind::PRESSURE => found("P", answer.pressure_mpa, "MPa"),
             query_kind::GAP => found("gap", answer.gap_mm, "mm"),
@@ -240,6 +250,7 @@ pub fn answer(answer: &Answer) -> String {
             answer.force_halfwidth_n,
             [answer.force_by_pressure_n_per_mpa, answer.force_by_gap_n_per_mm]
         ),
+        observed(answer.observables()),
         answer.onset_pressure_mpa,
         flag_list(answer.flags),
         answer.compute_ns as f64 / 1e3,

@@ -11,6 +11,9 @@ from .programs import carried
 MAX_INPUTS = 8
 """Largest number of inputs of a model."""
 
+MAX_OBSERVABLES = 8
+"""Largest number of observables of a model."""
+
 _ARGUMENT, _REFUSED = 5, 7
 
 
@@ -48,6 +51,8 @@ class ModelInfo(ctypes.Structure):
         ("undeformed_mm", POINTER(c_float) * 3),
         ("triangles", POINTER(c_uint32)),
         ("triangle_count", c_size_t),
+        ("observables", POINTER(ModelField)),
+        ("observable_count", c_size_t),
     ]
 
 
@@ -71,6 +76,8 @@ class PredictionRow(ctypes.Structure):
         ("domain_status", c_uint32),
         ("force_clamped", c_uint32),
         ("reserved", c_uint32),
+        ("observables", c_double * MAX_OBSERVABLES),
+        ("observable_halfwidths", c_double * MAX_OBSERVABLES),
     ]
 
 
@@ -110,7 +117,10 @@ def check(status: int) -> None:
     if status == 0:
         return
     text = (library().softtwin_last_error() or b"").decode("utf-8", "replace")
-    raise ValueError(text) if status in (_ARGUMENT, _REFUSED) else SofttwinError(text)
+    raise ValueError(text) if status in (MAX_OBSERVABLES = 8
+"""Largest number of observables of a model."""
+
+_ARGUMENT, _REFUSED) else SofttwinError(text)
 
 
 def open_model(path: "os.PathLike[str] | str") -> int:

@@ -65,6 +65,9 @@ class Model:
         fields = [info.fields[at] for at in range(info.field_count)]
         #: Units of the fields by name, in the order in which they are reconstructed.
         self.fields: Dict[str, str] = {field.name.decode(): field.unit.decode() for field in fields}
+        named = [info.observables[at] for at in range(info.observable_count)]
+        #: Units of the observables by name, such as a bending angle.
+        self.observables: Dict[str, str] = {one.name.decode(): one.unit.decode() for one in named}
         #: Numbers of the nodes that are reconstructed, in order; None: all of the model.
         self.nodes = nodes
         #: Nodes of each field.
@@ -163,7 +166,9 @@ class Model:
                 self._handle, states.ctypes.data, rows.size, rows.ctypes.data, None if values is None else values.ctypes.data
             )
         )
-        return Prediction(self.inputs, self._position, self.fields, names, states, rows, values, self.nodes)
+        return Prediction(
+            self.inputs, self._position, self.fields, self.observables, names, states, rows, values, self.nodes
+        )
 
     def _states(
         self, pressure_mpa: Optional[Number], gap_mm: Optional[Number], further: Mapping[str, Number]

@@ -66,6 +66,14 @@ class Payload(ctypes.Structure):
         return {name: (value, source) for name, value, source in zip(names, getattr(self, "inputs"), sources)}
 
     @property
+    def observable_values(self) -> Dict[str, Tuple[float, float]]:
+        """Value and half-width of each observable of a state or an answer, such as a bending angle. Empty for other payloads."""
+        if "observable_names" not in self._text_lists:
+            return {}
+        pairs = zip(getattr(self, "observables"), getattr(self, "observable_halfwidths"))
+        return dict(zip(self.text_list("observable_names"), pairs))
+
+    @property
     def regime_name(self) -> str:
         """`free`, `contact` or `unknown`."""
         return self.name_of("regime")

@@ -52,6 +52,7 @@ class Prediction:
         inputs: Mapping[str, Any],
         positions: Mapping[str, int],
         fields: Mapping[str, str],
+        observables: Mapping[str, str],
         names: List[str],
         states: "np.ndarray[Any, Any]",
         rows: "np.ndarray[Any, Any]",
@@ -59,6 +60,7 @@ class Prediction:
         nodes: Optional["np.ndarray[Any, Any]"],
     ) -> None:
         self._inputs, self._fields, self._rows, self._nodes = inputs, fields, rows, nodes
+        self._observables = observables
         self._positions, self._given, self._states = positions, names, states
         #: All fields, shape of the states and (fields, nodes); None when they were not asked for.
         self.values = values
@@ -77,6 +79,16 @@ class Prediction:
     def force_gradient(self) -> Dict[str, Any]:
         """Derivative of the force with respect to each input, N per unit of the input."""
         return {name: self._rows["force_gradient"][..., self._positions[name]][()] for name in self._inputs}
+
+    @property
+    def observables(self) -> Dict[str, Any]:
+        """Observables by name, in the unit at its end."""
+        return {name: self._rows["observables"][..., at][()] for at, name in enumerate(self._observables)}
+
+    @property
+    def observable_halfwidths(self) -> Dict[str, Any]:
+        """Half-widths of the observables by name."""
+        return {name: self._rows["observable_halfwidths"][..., at][()] for at, name in enumerate(self._observables)}
 
     @property
     def regime(self) -> Any:
@@ -132,6 +144,9 @@ class Prediction:
         data: Dict[str, Any] = {name: (states, self._rows[name], {"units": unit}) for name, unit in _UNITS.items()}
         for name, value in self.force_gradient.items():
             data[f"force_by_{name}"] = (states, value, {"units": f"N/({self._inputs[name].unit})"})
+        for name, value in self.observables.items():
+            data[name] = (states, value, {"units": self._observables[name]})
+            data[f"{name}_halfwidth"] = (states, self.observable_halfwidths[name], {"units": self._observables[name]})
         data["regime"], data["domain"] = (states, self.regime), (states, self.domain)
         if self.values is not None:
             known["node"] = (["node"], np.arange(self.values.shape[-1]) if self._nodes is None else self._nodes, {})

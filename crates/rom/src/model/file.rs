@@ -20,6 +20,7 @@ use super::header::{BlockData, BlockKind, Model, ModelHeader};
 use super::selection::{ModelError, Selection};
 use crate::halfwidths::HalfWidths;
 use crate::kernel::{Modes, Precision, Shape};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::io::{Read, Seek, SeekFrom};
@@ -141,6 +142,30 @@ impl Model {
             regime.local_halfwidths = None;
         }
         Ok(*blake3::hash(&bare.to_bytes()?).as_bytes())
+    }
+
+    /// The value of a record; `None` if the model has none.
+    ///
+    /// # Errors
+    /// [`ModelFileError::Header`] when its bytes are not those of the type.
+    pub fn record<T: DeserializeOwned>(&self, kind: BlockKind) -> Result<Option<T>, ModelFileError> {
+        let bytes = self.blocks.iter().find_map(|(k, data)| match data {
+            BlockData::Record(bytes) if *k == kind => Some(bytes),
+            _ => None,
+        });
+        let refused = |reason| ModelFileError::Header(format!("block {kind:?}: {reason}"));
+        bytes.map(|bytes| codec::decode(bytes)).transpose().map_err(refused)
+    }
+
+    /// Puts a record into the model in place of one of its kind.
+    ///
+    /// # Errors
+    /// [`ModelFileError::Header`] when it is too large.
+    pub fn set_record(&mut self, kind: BlockKind, value: &impl Serialize) -> Result<(), ModelFileError> {
+        let bytes = codec::encode(value).map_err(ModelFileError::Header)?;
+        self.blocks.retain(|(k, _)| *k != kind);
+        self.blocks.push((kind, BlockData::Record(bytes)));
+        Ok(())
     }
 
     /// The whole file as bytes. Cost `O(bytes)`.

@@ -1,7 +1,5 @@
 //! Parts of a trained model.
 
-use super::codec;
-use super::file::ModelFileError;
 use super::selection::ModelError;
 use crate::halfwidths::{HalfWidths, LocalHalfWidths};
 use crate::hull::TrainingRange;
@@ -10,7 +8,6 @@ use crate::interpolant::Interpolant;
 use crate::kernel::Modes;
 use crate::regime::OnsetTable;
 use crate::snapshots::{FieldSpec, NodeSet, RegimeKind};
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -297,30 +294,6 @@ impl Model {
             along.iter_mut().zip(by).for_each(|(to, by)| *to += step * by);
         }
         moved
-    }
-
-    /// The value of a record; `None` if the model has none.
-    ///
-    /// # Errors
-    /// [`ModelFileError::Header`] when its bytes are not those of the type.
-    pub fn record<T: DeserializeOwned>(&self, kind: BlockKind) -> Result<Option<T>, ModelFileError> {
-        let bytes = self.blocks.iter().find_map(|(k, data)| match data {
-            BlockData::Record(bytes) if *k == kind => Some(bytes),
-            _ => None,
-        });
-        let refused = |reason| ModelFileError::Header(format!("block {kind:?}: {reason}"));
-        bytes.map(|bytes| codec::decode(bytes)).transpose().map_err(refused)
-    }
-
-    /// Puts a record into the model in place of one of its kind.
-    ///
-    /// # Errors
-    /// [`ModelFileError::Header`] when it is too large.
-    pub fn set_record(&mut self, kind: BlockKind, value: &impl Serialize) -> Result<(), ModelFileError> {
-        let bytes = codec::encode(value).map_err(ModelFileError::Header)?;
-        self.blocks.retain(|(k, _)| *k != kind);
-        self.blocks.push((kind, BlockData::Record(bytes)));
-        Ok(())
     }
 
     /// A block of indices, if it was loaded.

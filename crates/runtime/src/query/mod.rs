@@ -10,7 +10,7 @@ pub use solve::{NoSolution, Solution, Solver};
 
 use crate::config::{self, ActuatorSpec, ConfigError, Gap, Queries, Scene, StateSpec};
 use crate::file;
-use crate::load::{GroupSizes, Loaded, LoadedOutput, load};
+use crate::load::{Description, Loaded, LoadedOutput, load};
 use crate::measured::MeasuredInputs;
 use crate::publish::{self, PackedNames};
 use crate::side_service::SideService;
@@ -39,7 +39,7 @@ pub struct Answerer {
     names: PackedNames,
     inputs: Inputs,
     measured: MeasuredInputs,
-    group_sizes: GroupSizes,
+    description: Description,
     outputs: Vec<LoadedOutput>,
 }
 
@@ -80,7 +80,7 @@ impl Answerer {
             names,
             inputs,
             measured,
-            group_sizes: loaded.group_sizes,
+            description: loaded.description,
             outputs: loaded.outputs,
         }
     }
@@ -94,7 +94,7 @@ impl Answerer {
     pub fn state(&mut self, pressure_mpa: f64, gap_mm: f64) -> State {
         let mut state = self.names.state();
         let evaluation = self.solver.evaluate(pressure_mpa, gap_mm);
-        publish::fill_state(&mut state, evaluation, &self.group_sizes, StateSpec::default());
+        publish::fill_state(&mut state, evaluation, &self.description, StateSpec::default());
         state
     }
 
@@ -190,7 +190,7 @@ impl Answerer {
         }
         let evaluation = self.solver.evaluation();
         if publish::is_finite(evaluation) {
-            publish::fill_answer(answer, evaluation, &self.group_sizes);
+            publish::fill_answer(answer, evaluation, &self.description);
         } else {
             answer.status = QueryStatus::Model.code();
         }

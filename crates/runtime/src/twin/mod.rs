@@ -23,7 +23,7 @@ pub use swap::{Retired, SwapError};
 
 use crate::config::{Limits, OutsideDomain, Settings, StateSpec, ms_to_ns};
 use crate::estimation::{Estimator, HALFWIDTH_SIGMAS};
-use crate::load::{GroupSizes, Loaded};
+use crate::load::{Description, Loaded};
 use crate::publish::{self, FieldError, FieldOutput, PackedNames};
 use ingest::{Needed, Validator};
 use record::{ForceWatch, Record};
@@ -178,7 +178,7 @@ struct Estimation {
 struct Parts {
     model_hash: [u8; 16],
     evaluator: HysteresisEvaluator,
-    group_sizes: GroupSizes,
+    description: Description,
     needed: Needed,
     names: PackedNames,
     /// Source of the value of each input, for readings without absent values.
@@ -201,7 +201,7 @@ impl Parts {
             backlog: loaded.spec.backlog,
             wanted: loaded.spec.state,
             force_sigma_n: loaded.spec.force_sigma_n(),
-            group_sizes: loaded.group_sizes,
+            description: loaded.description,
             evaluator: HysteresisEvaluator::new(loaded.evaluator),
         }
     }
@@ -381,7 +381,7 @@ impl ActuatorTwin {
             inputs = self.validator.with_idle(Inputs::from(update.inputs), &inputs);
         }
         self.label = self.parts.evaluator.state(inputs, &mut self.evaluation);
-        if self.parts.wanted.coefficients {
+        if self.parts.wanted.coefficients || self.parts.description.observables.count() > 0 {
             self.parts.evaluator.complete(&mut self.evaluation);
         }
         if !publish::is_finite(&self.evaluation) {
@@ -434,7 +434,7 @@ impl ActuatorTwin {
             evaluation.halfwidths.force_n = evaluation.halfwidths.force_n.hypot(of_estimate_n);
         }
         let (regime_before, flags_before) = (state.regime, self.record.health.flags);
-        publish::fill_state(state, evaluation, &self.parts.group_sizes, self.parts.wanted);
+        publish::fill_state(state, evaluation, &self.parts.description, self.parts.wanted);
         publish::fill_label(state, self.label);
         state.outcome = Outcome::Published.code();
         state.sensor_boot_id = sample.boot_id;

@@ -10,6 +10,7 @@ use rom::hull::DomainStatus;
 use rom::inputs::{InputSpec, Inputs};
 use rom::model::{Model, ModelHeader, Selection};
 use rom::model_state::ModelState;
+use rom::observable::Observables;
 use rom::reconstructor::Peaks;
 use rom::snapshots::FieldSpec;
 use serde_json::{Map, Value, json};
@@ -86,7 +87,7 @@ impl Args {
         if self.out.is_some() {
             self.write(&model, &state)?;
         }
-        output::json(&answer(&model.header, state.evaluation(), &peaks))
+        output::json(&answer(&model.header, state.evaluation(), &peaks, &Observables::of(&model)?))
     }
 
     fn write(&self, model: &Model, state: &ModelState) -> anyhow::Result<()> {
@@ -105,7 +106,16 @@ pub(super) fn by_input(specs: &[InputSpec], values: &[f64]) -> Map<String, Value
     specs.iter().zip(values).map(|(spec, value)| (spec.key(), finite(value))).collect()
 }
 
-fn answer(header: &ModelHeader, evaluation: &Evaluation, peaks: &Peaks) -> Value {
+/// Value and half-width of each observable, by its name.
+fn observed(observables: &Observables, evaluation: &Evaluation) -> Map<String, Value> {
+    let of = |(at, name): (usize, &str)| {
+        let found = observables.value(at, evaluation);
+        (name.to_owned(), json!({ "value": found.value, "half_width": found.halfwidth }))
+    };
+    observables.names().enumerate().map(of).collect()
+}
+
+fn answer(header: &ModelHeader, evaluation: &Evaluation, peaks: &Peaks, observables: &Observables) -> Value {
     let specs = &header.inputs;
     json!({
         "inputs": by_input(specs, evaluation.inputs.values()),
@@ -121,6 +131,7 @@ fn answer(header: &ModelHeader, evaluation: &Evaluation, peaks: &Peaks) -> Value
         "domain": evaluation.domain,
         "domain_distance": evaluation.domain_distance,
         "half_widths": evaluation.halfwidths,
+        "observables": observed(observables, evaluation),
         "max_displacement_mm": peaks.displacement_mm.map(|p| p.value),
         "max_displacement_node": peaks.displacement_mm.map(|p| p.node),
         "max_von_mises_mpa": peaks.stress_mpa.map(|p| p.value),

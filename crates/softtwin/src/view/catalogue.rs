@@ -10,6 +10,7 @@ use rom::model::{Nodes, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::Footprint;
 use runtime::config::{ActuatorSpec, BlockSpec, PlaceSpec, Scene};
+use runtime::load::Description;
 use runtime::publish::state_of;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -96,6 +97,7 @@ struct InputCard {
 /// A model's visible nodes at one state, with the names of its fields.
 struct Prediction {
     state: ModelState,
+    description: Description,
     fields: Vec<&'static str>,
 }
 
@@ -298,7 +300,8 @@ impl Prediction {
             .with_context(|| format!("cannot predict with the model: {}", loaded.path.display()))?;
         let names = loaded.model.header.fields.iter().map(|field| field.spec.name.as_str());
         let known = |name| field_id::from_name(name).map_or("other", field_id::as_str);
-        Ok(Self { state, fields: names.map(known).collect() })
+        let description = Description::of(&loaded.model)?;
+        Ok(Self { state, description, fields: names.map(known).collect() })
     }
 
     /// The values to send and their description in the header.
@@ -321,7 +324,7 @@ impl Prediction {
         let mut head = FrameHead::empty(PREDICTION);
         let values = self.shape(inputs, known, &mut head)?;
         head.predicted = true;
-        head.set_state(&state_of(self.state.evaluation(), &known.inputs));
+        head.set_state(&state_of(self.state.evaluation(), &known.inputs, &self.description));
         Ok(encode(&head, &[&values]))
     }
 }

@@ -59,6 +59,8 @@ pub const PAYLOADS: [&Layout; 11] = [
 
 /// Most model inputs.
 pub const INPUTS_MAX: usize = 8;
+/// Most observables of a model.
+pub const OBSERVABLES_MAX: usize = 8;
 /// Largest number of model inputs other than pressure and gap.
 pub const PARAMETERS_MAX: usize = INPUTS_MAX - 2;
 

@@ -5,7 +5,7 @@ use super::payload::payload;
 use super::topics::evaluated_payload;
 use super::{
     FIELD_SLOTS, INPUTS_MAX, InputValue, LAYOUT_VERSION, PARAMETERS_MAX, QueryStatus, field_id, flags,
-    input_source, query_kind, set_slot,
+    input_source, query_kind, set_slot, slot,
 };
 
 payload! {
@@ -86,16 +86,14 @@ evaluated_payload! {
         field_count: u32 = 0, "";
         /// Largest von Mises stress among the nodes of the field; NaN without a field.
         max_von_mises_mpa: f64 = f64::NAN, "MPa";
-        /// Node (number in the model) of the largest stress; 4294967295 without a field.
-        max_von_mises_node: u32 = u32::MAX, "";
-        /// Zero.
-        reserved: u32 = 0, "";
         /// Which field is where; unused slots are 0.
         field_ids: [u8; FIELD_SLOTS] = [field_id::NONE; FIELD_SLOTS], "", Show::FieldNames;
         /// Name of the node set of the field, zero-padded.
         node_set: [u8; 32] = [0; 32], "", Show::Name;
         /// Name of the actuator, zero-padded.
         actuator: [u8; 32] = [0; 32], "", Show::Name;
+        /// Node (number in the model) of the largest stress; 4294967295 without a field.
+        max_von_mises_node: u32 = u32::MAX, "";
     }
     json [kind, limit,] [uncertainty, low, high, flags, compute_ns, actuator, model_hash,]
 }

@@ -131,6 +131,8 @@ macro_rules! evaluated_payload {
             $(#[doc = $about])+
             $name $schema {
                 $($own)*
+                /// Observables of the model.
+                observable_count: u32 = 0, "";
                 /// Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias.
                 pressure_mpa: f64 = f64::NAN, "MPa";
                 /// Gap: of the reading, given, found or estimated.
@@ -170,15 +172,29 @@ macro_rules! evaluated_payload {
                 force_by_input: [f64; $crate::layout::INPUTS_MAX] = [f64::NAN; $crate::layout::INPUTS_MAX], "", Show::Counted("input_count");
                 /// Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
                 input_names: [u8; 32 * $crate::layout::INPUTS_MAX] = [0; 32 * $crate::layout::INPUTS_MAX], "", Show::Names("input_count");
+                /// Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
+                observables: [f64; $crate::layout::OBSERVABLES_MAX] = [f64::NAN; $crate::layout::OBSERVABLES_MAX], "", Show::Counted("observable_count");
+                /// Half-widths of the observables; NaN when not configured.
+                observable_halfwidths: [f64; $crate::layout::OBSERVABLES_MAX] = [f64::NAN; $crate::layout::OBSERVABLES_MAX], "", Show::Counted("observable_count");
+                /// Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left.
+                observable_names: [u8; 32 * $crate::layout::OBSERVABLES_MAX] = [0; 32 * $crate::layout::OBSERVABLES_MAX], "", Show::Names("observable_count");
             }
             json [
                 $($first)* pressure_mpa, gap_mm, regime, contact_force_n, force_halfwidth_n, force_by_pressure_n_per_mpa,
                 force_by_gap_n_per_mm, onset_pressure_mpa, displacement_halfwidth_mm, von_mises_halfwidth_mpa,
-                domain_distance, domain_status, input_names, inputs, force_by_input, group_sizes, coefficients, $($last)*
+                domain_distance, domain_status, input_names, inputs, force_by_input, observable_names, observables, observable_halfwidths,
+                group_sizes, coefficients, $($last)*
             ]
         }
 
         impl $name {
+            /// The observables: name, value and half-width.
+            pub fn observables(&self) -> impl Iterator<Item = (String, f64, f64)> {
+                let values = self.observables.iter().zip(self.observable_halfwidths);
+                let named = values.enumerate().map(|(at, (value, halfwidth))| (slot(&self.observable_names, at), *value, halfwidth));
+                named.take(self.observable_count as usize)
+            }
+
             /// The coefficients in use.
             pub fn coefficients(&self) -> &[f32] {
                 self.coefficients.get(..self.coefficient_count as usize).unwrap_or(&[])
@@ -213,14 +229,12 @@ evaluated_payload! {
         age_ns: u64 = 0, "ns";
         /// Measured contact force; NaN when there is none.
         measured_force_n: f64 = f64::NAN, "N";
-        /// Outcome of the newest reading.
-        outcome: u32 = Outcome::Published as u32, "", Show::Code(Outcome::CODES);
-        /// Zero.
-        reserved: u32 = 0, "";
         /// Source of the value of each input.
         input_sources: [u8; INPUTS_MAX] = [input_source::UNKNOWN; INPUTS_MAX], "", Show::Codes(input_source::ALL, "input_count");
         /// Name of the actuator, zero-padded.
         actuator: [u8; 32] = [0; 32], "", Show::Name;
+        /// Outcome of the newest reading.
+        outcome: u32 = Outcome::Published as u32, "", Show::Code(Outcome::CODES);
     }
     json [seq, sensor_seq, t_sensor_ns, t_publish_ns, age_ns,] [
         measured_force_n, outcome, flags, flag_bits: flags as Show::Number, input_sources, actuator, model_hash, boot_id,

@@ -4,7 +4,9 @@ use crate::files::{self, save};
 use crate::output;
 use anyhow::{Context, Result};
 use formats::database::ObstacleKind;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use train::config::{Definition, TrainConfig};
 
 /// Where the twin's files go, and whether the answer is JSON.
 pub struct Folder<'a> {
@@ -22,9 +24,15 @@ impl Folder<'_> {
     }
 
     /// Trains on a database and saves the model; its path.
-    pub fn train(&self, database: &Path, obstacle: ObstacleKind) -> Result<PathBuf> {
+    pub fn train(
+        &self,
+        database: &Path,
+        obstacle: ObstacleKind,
+        observables: BTreeMap<String, Definition>,
+    ) -> Result<PathBuf> {
         let data = files::database(database, obstacle)?;
-        let (model, sheet) = train::train(&data, &train::config::TrainConfig::default(), &mut |_| ())
+        let config = TrainConfig { observables, ..TrainConfig::default() };
+        let (model, sheet) = train::train(&data, &config, &mut |_| ())
             .with_context(|| format!("training on {}", database.display()))?;
         let path = self.path.join(format!("{}.twin", data.actuator));
         let bytes = model.to_bytes()?;

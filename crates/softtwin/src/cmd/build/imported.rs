@@ -8,6 +8,7 @@ use anyhow::{Context, Result};
 use formats::database::obstacle_kinds;
 use rom::inputs::{GAP, InputSpec, PARAMETERS};
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -27,7 +28,7 @@ pub fn is_database(folder: &Path) -> bool {
 pub fn build(folder: &Folder, database: &Path) -> Result<()> {
     let kinds = obstacle_kinds(database).map_err(refusal)?;
     let kind = kinds.first().copied().with_context(|| format!("{}: no states", database.display()))?;
-    let model = folder.train(database, kind)?;
+    let model = folder.train(database, kind, BTreeMap::new())?;
     let quality = Quality::of(&model, database, &folder.path.join("errors.png"))?;
     let header = files::model(&model)?.header;
     // An input without a range is one that no state had.

@@ -22,8 +22,10 @@ use plan::{Counts, Plan};
 use pressures::Pressures;
 use quality::Quality;
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use train::config::{Definition, ObservableKind, Place};
 
 const EXAMPLES: &str = "\
 Example: a first look at a new finger, then the twin for use
@@ -66,6 +68,23 @@ const OWN_MESH: &str = "mesh.vtu";
 /// Longest edge of an element by the thinnest wall of a chamber: elements that are longer and flatter fold before they bend.
 const COARSEST: f64 = 5.0;
 
+/// Observables of a finger, at the front edges of the base, where every mesh has nodes.
+fn observables(actuator: &Actuator) -> BTreeMap<String, Definition> {
+    let base = &actuator.base;
+    let (end_mm, top_mm) = (base.length_mm, base.lower_mm + base.upper_mm);
+    let at = |x: f64, y: f64| Place::At([x, y, 0.0]);
+    let sections = vec![at(0.0, 0.0), at(0.0, top_mm), at(end_mm, 0.0), at(end_mm, top_mm)];
+    let of = |kind, points, axis| Definition { kind, points, axis };
+    [
+        ("bending_angle_deg", of(ObservableKind::SectionAngle, sections, None)),
+        ("chord_angle_deg", of(ObservableKind::ChordAngle, vec![at(0.0, 0.0), at(end_mm, 0.0)], None)),
+        ("tip_x_mm", of(ObservableKind::Position, vec![at(end_mm, 0.0)], Some([1.0, 0.0, 0.0]))),
+        ("tip_y_mm", of(ObservableKind::Position, vec![at(end_mm, 0.0)], Some([0.0, 1.0, 0.0]))),
+    ]
+    .map(|(name, definition)| (name.to_owned(), definition))
+    .into()
+}
+
 impl Args {
     /// Builds and says how good the twin is and how it is started.
     ///
@@ -104,7 +123,7 @@ impl Args {
         for (index, reason) in &outcome.failed {
             folder.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
         }
-        let model = folder.train(&database, actuator.obstacle.kind.class())?;
+        let model = folder.train(&database, actuator.obstacle.kind.class(), observables(actuator))?;
         let quality = Quality::of(&model, &database, &self.folder.join("errors.png"))?;
         let scene = self.folder.join("scene.toml");
         folder.save_scene(&scene, &scene::text(actuator, &plan, &pressures))?;

@@ -59,7 +59,7 @@ pub fn write(source: &Path, out: &Path, mut nodes: Vec<ChosenNode>, as_json: boo
     let library_file = library()?;
     let library = file::read_bytes(&library_file, MAX_LIBRARY_BYTES).map_err(files::refusal)?;
     let binary = format!("binaries/{}-linux/{IDENTIFIER}.so", std::env::consts::ARCH);
-    let description = fmu::describe(&model, &nodes, &fmu::token(&bytes, &nodes));
+    let description = fmu::describe(&model, &nodes, &fmu::token(&bytes, &nodes)).map_err(configuration)?;
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     let stored = SimpleFileOptions::default().large_file(bytes.len() > u32::MAX as usize);
     for (name, content) in [
