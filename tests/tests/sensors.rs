@@ -1,6 +1,7 @@
 //! A bridge with several sensors, as processes: one is held up, one is pulled, the bridge is killed.
 
 use std::net::UdpSocket;
+use std::time::Instant;
 use tests::Stage;
 use tests::process::Program;
 use tests::wait::wait_until;
@@ -117,4 +118,30 @@ fn sensor_programs_error_output_is_logged_up_to_a_limit() {
     assert_eq!(hidden.sum::<u64>() + shown.len() as u64, FLOOD + 3, "every line is shown or counted");
     assert!(shown.len() < 200, "{} lines of one program in some seconds", shown.len());
     assert!(of_program.iter().all(|line| line.len() < 3000), "a line longer than the limit");
+}
+
+/// A program that writes garbage as fast as it can, another line each time, and one whose line never ends.
+#[test]
+fn garbage_is_logged_at_a_limited_rate_and_a_line_without_end_is_reported() {
+    let stage = Stage::new("garbage");
+    let scene = stage.write(
+        "garbage.toml",
+        "name = \"garbage\"\n[[actuator]]\nname = \"finger\"\nmodel = \"beam.twin\"\npace = 100\n\
+         [actuator.sensors.gauge]\nkind = \"lines\"\ncommand = [\"/bin/sh\", \"gauge.sh\"]\nage_limit_ms = 300\n\
+         values.pressure_mpa = { from = 1 }\nvalues.gap_mm = { from = 2 }\n",
+    );
+    stage.write("gauge.sh", "i=0; while :; do i=$((i + 1)); echo \"bad$i; 40\"; done");
+    let begin = Instant::now();
+    let mut bridge = Program::bridge(&stage, &scene);
+    bridge.wait_for("more lines");
+    let (status, said) = bridge.stop();
+    assert!(status.success(), "{said:?}");
+    let shown = said.iter().filter(|line| line.contains("`bad") && !line.contains("more lines")).count();
+    let periods = begin.elapsed().as_secs() as usize + 2;
+    assert!((2..=20 * periods).contains(&shown), "{shown} lines in {periods} s");
+
+    stage.write("gauge.sh", "while printf 0.03; do :; done");
+    let mut bridge = Program::bridge(&stage, &scene);
+    bridge.wait_for("more than 2048 bytes");
+    assert!(bridge.stop().0.success());
 }

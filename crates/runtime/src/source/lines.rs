@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value};
 
-/// Longest accepted line; what is longer is skipped to its end.
+/// Longest accepted line; what is longer is reported once and skipped to its end.
 pub const MAX_LINE_BYTES: usize = 2048;
 
 /// Why a line is no reading.
@@ -113,18 +113,24 @@ pub struct LineBuffer {
 }
 
 impl LineBuffer {
-    /// Takes bytes as they come and calls `each` with every finished line, without its end.
+    /// Takes bytes as they come and calls `each` with every finished line, without its end, and at once with the beginning of
+    /// one that is too long.
     pub fn split(&mut self, bytes: &[u8], mut each: impl FnMut(&[u8])) {
         for byte in bytes {
             match byte {
                 b'\n' | b'\r' => {
-                    if !self.line.is_empty() {
+                    if (1..=MAX_LINE_BYTES).contains(&self.line.len()) {
                         each(&self.line);
                     }
                     self.line.clear();
                 }
-                // One byte too many is kept: it makes the line an error when its end comes.
-                byte if self.line.len() <= MAX_LINE_BYTES => self.line.push(*byte),
+                // One byte too many is kept: it makes the line an error.
+                byte if self.line.len() <= MAX_LINE_BYTES => {
+                    self.line.push(*byte);
+                    if self.line.len() > MAX_LINE_BYTES {
+                        each(&self.line);
+                    }
+                }
                 _ => {}
             }
         }

@@ -7,6 +7,7 @@
 
 mod devices;
 mod lines;
+mod log_limit;
 mod mixed;
 mod modbus;
 mod plugin;

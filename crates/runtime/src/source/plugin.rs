@@ -2,19 +2,15 @@
 //! after a kill.
 
 use super::lines::LineBuffer;
+use super::log_limit::LimitedLog;
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::os::fd::OwnedFd;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
 use tokio::io::AsyncReadExt;
 use tokio::net::unix::pipe::Receiver;
-
-/// Most lines of a program's error output in the log within a period: a program that complains all the time must not fill a disk.
-const LINES_MAX: u32 = 20;
-const LOG_PERIOD: Duration = Duration::from_secs(1);
 
 /// A program with its arguments.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -90,49 +86,17 @@ impl Drop for Plugin {
 
 /// Hands what the program complains of to the log.
 async fn log(name: String, mut complained: Receiver) {
-    let (mut buffer, mut bytes, mut log) = (LineBuffer::default(), [0; 1024], ProgramLog::new(name));
+    let (mut buffer, mut bytes, mut log) = (LineBuffer::default(), [0; 1024], LimitedLog::new(name.clone()));
+    let mut take = |line: &[u8]| {
+        let line = String::from_utf8_lossy(line);
+        if log.admits(&line) {
+            tracing::warn!("{name}: {line}");
+        }
+    };
     while let Ok(count) = complained.read(&mut bytes).await
         && count > 0
     {
-        buffer.split(bytes.get(..count).unwrap_or_default(), |line| log.take(line));
+        buffer.split(bytes.get(..count).unwrap_or_default(), &mut take);
     }
-    buffer.split(b"\n", |line| log.take(line)); // its last words may have no end
-    log.close();
-}
-
-/// The lines of a program in the log: [`LINES_MAX`] within [`LOG_PERIOD`], of the others their number and the last one.
-struct ProgramLog {
-    name: String,
-    begin: Instant,
-    shown: u32,
-    hidden: u64,
-    last: String,
-}
-
-impl ProgramLog {
-    fn new(name: String) -> Self {
-        Self { name, begin: Instant::now(), shown: 0, hidden: 0, last: String::new() }
-    }
-
-    fn take(&mut self, line: &[u8]) {
-        if self.begin.elapsed() >= LOG_PERIOD {
-            self.close();
-            (self.begin, self.shown) = (Instant::now(), 0);
-        }
-        let line = String::from_utf8_lossy(line);
-        if self.shown < LINES_MAX {
-            self.shown += 1;
-            tracing::warn!("{}: {line}", self.name);
-        } else {
-            self.hidden += 1;
-            self.last = line.into_owned();
-        }
-    }
-
-    fn close(&mut self) {
-        if self.hidden > 0 {
-            tracing::warn!("{}: {} more lines, the last one: {}", self.name, self.hidden, self.last);
-            self.hidden = 0;
-        }
-    }
+    buffer.split(b"\n", take); // its last words may have no end
 }

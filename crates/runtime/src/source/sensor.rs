@@ -1,5 +1,6 @@
 //! From the raw numbers of a device to measured values: unit, calibration, filter, and the queue to the bridge.
 
+use super::log_limit::LimitedLog;
 use super::reading::{
     BridgeWaker, FORCE, GAP, InputNames, MARKERS, NAMED, PRESSURE, QUANTITIES, SensorCounters,
 };
@@ -393,6 +394,7 @@ pub(super) struct Feed {
     counters: Arc<SensorCounters>,
     stop: Arc<AtomicBool>,
     error: Option<String>,
+    log: Box<LimitedLog>,
 }
 
 /// The bridge's end of the way. Dropping it stops the sensor.
@@ -425,7 +427,8 @@ pub(super) fn connect(
     let (counters, stop) = (Arc::<SensorCounters>::default(), Arc::<AtomicBool>::default());
     let slots = channels.iter().map(|channel| channel.slot).collect();
     let inbox = Inbox { queue, counters: counters.clone(), slots, ended, stop: stop.clone(), path: None };
-    (Feed { place, channels, queue: sender, waker, counters, stop, error: None }, inbox)
+    let log = Box::new(LimitedLog::new(place.clone()));
+    (Feed { place, channels, queue: sender, waker, counters, stop, error: None, log }, inbox)
 }
 
 impl Feed {
@@ -482,15 +485,21 @@ impl Feed {
         count(counter(self.counters.as_ref()));
         let what = format!("{}: {what}", self.place);
         if self.error.as_ref() != Some(&what) {
-            tracing::warn!("{what}");
+            if self.log.admits(&what) {
+                tracing::warn!("{what}");
+            }
             self.error = Some(what);
         }
     }
 
     /// Logs the end of the failures.
     pub(super) fn recovered(&mut self) {
+        self.log.flush();
         if let Some(before) = self.error.take() {
-            tracing::info!("the sensor answers again (before: {before})");
+            let line = format!("the sensor answers again (before: {before})");
+            if self.log.admits(&line) {
+                tracing::info!("{line}");
+            }
         }
     }
 }
