@@ -103,8 +103,8 @@ impl Validator {
         self.dropped = OutOfOrder::default();
         self.last_seq = sample.seq;
         let rejection = self.rejection(sample, now_ns);
-        // A stamp from the future must not make all later readings look old.
-        if rejection != Some(Outcome::HeldFuture) {
+        // A stamp from the future must not make all later readings look old, whatever else is wrong with its reading.
+        if !self.is_ahead(sample, now_ns) {
             self.last_t_sensor_ns = sample.t_sensor_ns;
         }
         check(rejection, missed)
@@ -168,11 +168,16 @@ impl Validator {
             Some(Outcome::HeldInputOutsideScene)
         } else if now_ns.saturating_sub(sample.t_sensor_ns) > ms_to_ns(limits.max_age_ms) {
             Some(Outcome::HeldStale)
-        } else if sample.t_sensor_ns.saturating_sub(now_ns) > ms_to_ns(limits.max_ahead_ms) {
+        } else if self.is_ahead(sample, now_ns) {
             Some(Outcome::HeldFuture)
         } else {
             None
         }
+    }
+
+    /// True if the stamp is later than this machine's clock allows.
+    fn is_ahead(&self, sample: &SensorSample, now_ns: u64) -> bool {
+        sample.t_sensor_ns.saturating_sub(now_ns) > ms_to_ns(self.limits.max_ahead_ms)
     }
 
     /// The pressure that counts: the reading's, or 0 where there is none and no answer depends on it.

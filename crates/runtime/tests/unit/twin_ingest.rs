@@ -116,6 +116,16 @@ fn a_stamp_from_the_future_does_not_age_the_readings_after_it() {
     let future = SensorSample { t_sensor_ns: NOW + 3_600_000_000_000, ..good(11) };
     assert_eq!(validator.validate(&future, NOW).rejection, Some(Outcome::HeldFuture));
     assert_eq!(validator.validate(&good(12), NOW).rejection, None);
+    // Also where the reading is rejected for something else.
+    for (seq, spoilt) in [
+        (13, SensorSample { status: 1, ..future }),
+        (15, SensorSample { pressure_mpa: f64::NAN, ..future }),
+        (17, SensorSample { pressure_mpa: 1e9, ..future }),
+    ] {
+        let spoilt = SensorSample { seq, t_sensor_ns: u64::MAX, ..spoilt };
+        assert!(validator.validate(&spoilt, NOW).rejection.is_some());
+        assert_eq!(validator.validate(&good(seq + 1), NOW).rejection, None, "{spoilt:?}");
+    }
 }
 
 #[test]
