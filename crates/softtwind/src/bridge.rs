@@ -61,7 +61,8 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
         BridgeReloader { scene, sources: bridge.accept_sources(), devices: devices.clone(), paths };
     let own = options.clone();
     group.start("loader", move |end| {
-        reloader.run(&requested, end, &own.scene, || configure(&own));
+        let path = own.scene.clone();
+        reloader.run(&requested, end, &path, move || configure(&own));
         Ok(())
     })?;
     let (counted, of_devices) = (counters.clone(), devices.clone());

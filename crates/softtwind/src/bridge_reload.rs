@@ -52,12 +52,16 @@ impl BridgeReloader {
         requested: &AtomicBool,
         end: &StopFlag,
         path: &Path,
-        load: impl Fn() -> Result<Scene, ConfigError>,
+        load: impl Fn() -> Result<Scene, ConfigError> + Clone + Send + 'static,
     ) {
         while !end.is_set() {
             if requested.swap(false, Ordering::Relaxed) {
                 service::notify_reloading();
-                match load().map_err(|error| error.to_string()).and_then(|scene| self.reload(scene, path)) {
+                let Some(loaded) = end.unless_set(load.clone()) else { return };
+                match loaded
+                    .map_err(|error| error.to_string())
+                    .and_then(|scene| self.reload(scene, path, end))
+                {
                     Ok(replaced) if replaced.is_empty() => {
                         tracing::info!("reloaded: no source has changed");
                     }
@@ -71,7 +75,7 @@ impl BridgeReloader {
     }
 
     /// Replaces changed sources; returns the names of their actuators.
-    fn reload(&mut self, mut scene: Scene, path: &Path) -> Result<Vec<String>, String> {
+    fn reload(&mut self, mut scene: Scene, path: &Path, end: &StopFlag) -> Result<Vec<String>, String> {
         let (running, new) = (shape(&self.scene), shape(&scene));
         if running != new {
             return Err(format!(
@@ -94,7 +98,9 @@ impl BridgeReloader {
                 actuator.source = None;
             }
         }
-        let opened = open(&scene, path, &self.paths).map_err(|error| error.to_string())?;
+        let (path, paths) = (path.to_owned(), self.paths.clone());
+        let opened = end.unless_set(move || open(&scene, &path, &paths)).ok_or("the bridge ends")?;
+        let opened = opened.map_err(|error| error.to_string())?;
         let names: Vec<String> = opened.iter().map(|(name, _)| name.clone()).collect();
         let mut devices = self.devices.lock().unwrap_or_else(PoisonError::into_inner);
         devices.retain(|(name, ..)| !names.contains(name));

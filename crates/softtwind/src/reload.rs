@@ -54,12 +54,12 @@ impl Loader {
         requested: &AtomicBool,
         end: &StopFlag,
         services: &ReloadHandle,
-        load: impl Fn() -> Result<Reloaded, ConfigError>,
+        load: impl Fn() -> Result<Reloaded, ConfigError> + Clone + Send + 'static,
     ) {
         while !end.is_set() {
             if requested.swap(false, Ordering::Relaxed) {
                 service::notify_reloading();
-                self.reload(end, services, &load);
+                self.reload(end, services, load.clone());
                 service::notify_reloaded();
             }
             end.pause(INTERVAL);
@@ -70,9 +70,10 @@ impl Loader {
         &self,
         end: &StopFlag,
         services: &ReloadHandle,
-        load: &impl Fn() -> Result<Reloaded, ConfigError>,
+        load: impl Fn() -> Result<Reloaded, ConfigError> + Send + 'static,
     ) {
-        let (loaded, new_services) = match load() {
+        let Some(reread) = end.unless_set(load) else { return };
+        let (loaded, new_services) = match reread {
             Ok(reread) => reread,
             Err(error) => return tracing::error!("reload refused, the old scene and models stay: {error}"),
         };

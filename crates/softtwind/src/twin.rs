@@ -50,7 +50,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     let services = side_services.start(&mut group, &domain)?;
     let reread_options = options.clone();
     group.start("loader", move |end| {
-        loader.run(&reload, end, &services, || reread(&reread_options));
+        loader.run(&reload, end, &services, move || reread(&reread_options));
         Ok(())
     })?;
     let granted = prepare(&settings, &twin)?;

@@ -12,6 +12,9 @@ use std::time::Duration;
 /// Longest sleep of a thread, so that it soon sees that it is to end.
 pub const WAIT: Duration = Duration::from_millis(50);
 
+/// Time between two checks of work in another thread.
+const POLL: Duration = Duration::from_millis(5);
+
 /// Result of a thread. `Ok` before the group ends is a failure too.
 pub type ThreadResult = Result<(), Box<dyn Error + Send + Sync>>;
 
@@ -137,6 +140,20 @@ impl StopFlag {
     /// The flag itself.
     pub fn as_atomic(&self) -> &AtomicBool {
         &self.0
+    }
+
+    /// Result of `work`, which runs in a separate thread; `None` if the caller is asked to end first. The thread is then left to the
+    /// end of the process: `work` must only read.
+    pub fn unless_set<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
+        let mut work = Some(thread::spawn(work));
+        while !self.is_set() {
+            match work.take_if(|work| work.is_finished()).map(JoinHandle::join) {
+                Some(Ok(done)) => return Some(done),
+                Some(Err(panic)) => std::panic::resume_unwind(panic),
+                None => thread::sleep(POLL),
+            }
+        }
+        None
     }
 
     /// Sleeps for `time`, or until the thread is asked to end.

@@ -39,6 +39,25 @@ fn a_thread_that_ends_unasked_ends_the_program_and_is_named_with_its_cause() {
     }
 }
 
+/// A reload that reads a large file must not delay the end of the program.
+#[test]
+fn work_is_left_when_the_thread_is_asked_to_end() {
+    let (mut group, (sender, outcomes)) = (ThreadGroup::default(), mpsc::channel());
+    group
+        .start("loader", move |end| {
+            assert_eq!(end.unless_set(|| 7), Some(7));
+            assert!(catch_unwind(AssertUnwindSafe(|| end.unless_set(|| panic!("while reading")))).is_err());
+            sender.send(None)?;
+            // Never ends.
+            sender.send(Some(end.unless_set(|| std::thread::sleep(LONG * 1000))))?;
+            Ok(())
+        })
+        .unwrap();
+    assert_eq!(outcomes.recv().unwrap(), None);
+    group.end().unwrap();
+    assert_eq!(outcomes.recv().unwrap(), Some(None));
+}
+
 #[test]
 fn threads_that_were_asked_to_end_are_no_failure_and_are_waited_for() {
     let (sender, ends) = mpsc::channel();
