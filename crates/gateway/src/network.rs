@@ -16,6 +16,11 @@ const SLOWEST_READER: Duration = Duration::from_secs(1);
 /// Capacity of the queues of states and of fields, in batches of 64 kB: 1 MB, two whole fields.
 const QUEUE_BATCHES: u32 = 16;
 
+/// Time within which a connection must have shown what it is; then it is closed.
+const LOGIN: Duration = Duration::from_secs(2);
+/// Connections within that time; more are closed at once. Below the usual limit of open files, 1,024.
+const MOST_LOGINS: u32 = 500;
+
 /// Opens the session; `None` if `stop` was set first (a client waits here for its router).
 ///
 /// # Errors
@@ -75,6 +80,7 @@ fn settings(config: &Config) -> Value {
         },
         "open": { "return_conditions": { "connect_scouted": false } },
         "transport": {
+            "unicast": { "accept_timeout": LOGIN.as_millis() as u64, "accept_pending": MOST_LOGINS },
             "link": {
                 "protocols": ["tcp", "tls"],
                 "tx": { "queue": {

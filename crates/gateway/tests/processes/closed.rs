@@ -2,6 +2,8 @@
 
 use crate::common::{FAST_SINE, client, free_port, gateway, gateway_unready, join, subscribe, wait_sample};
 use serde_json::{Value, json};
+use std::io::Read;
+use std::net::TcpStream;
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 use tests::{Program, Stage};
@@ -66,6 +68,27 @@ fn only_known_users_with_the_right_password_are_let_in() {
         assert!(!is_let_in(&with_password(plain.clone(), user, password)), "{user}");
     }
     assert!(!is_let_in(&plain), "without a password");
+}
+
+#[test]
+fn idle_connections_are_closed_and_keep_nobody_out() {
+    let stage = Stage::new("gwidle");
+    let scene = stage.finger(FAST_SINE);
+    let (_twin, _bridge) = (Program::twin(&stage, &scene), Program::bridge(&stage, &scene));
+    let port = free_port();
+    let _gateway = gateway(&stage, &format!("listen = [\"tcp/127.0.0.1:{port}\"]"));
+    let idle: Vec<TcpStream> =
+        (0..300).map(|_| TcpStream::connect(("127.0.0.1", port)).expect("a connection")).collect();
+    assert!(is_let_in(&client(&format!("tcp/127.0.0.1:{port}"))));
+    for mut connection in idle {
+        connection.set_read_timeout(Some(tests::PATIENCE)).unwrap();
+        let read = connection.read(&mut [0]);
+        let is_closed = match &read {
+            Ok(bytes) => *bytes == 0,
+            Err(error) => error.kind() == std::io::ErrorKind::ConnectionReset,
+        };
+        assert!(is_closed, "{read:?}");
+    }
 }
 
 #[test]
