@@ -4,6 +4,7 @@ mod architecture;
 mod clients;
 mod control;
 mod daemons;
+mod dependencies;
 mod documents;
 mod estimate;
 mod faults;
