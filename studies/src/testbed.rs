@@ -82,7 +82,7 @@ impl Testbed {
 
     /// Shared-memory domain.
     pub fn domain(&self) -> Domain {
-        Domain { root: Some(self.path("iox").display().to_string()), ..Domain::named(&self.name) }
+        Domain::of(Some(&self.name), Some(self.path("iox").display().to_string()))
     }
 
     /// Connection to the shared-memory domain.

@@ -47,14 +47,12 @@ impl Stage {
     pub fn with_model(label: &str, model: &[u8]) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         std::fs::write(folder.path().join("beam.twin"), model).expect("writable");
-        let unique = Domain::isolated(label).prefix;
-        let domain_name = unique.trim_start_matches("iox2_").trim_end_matches('_').to_owned();
-        Self { folder, domain_name }
+        Self { folder, domain_name: Domain::unique_name(label) }
     }
 
     /// Shared-memory domain, for ports of the test itself.
     pub fn domain(&self) -> Domain {
-        Domain { root: Some(self.root().display().to_string()), ..Domain::named(&self.domain_name) }
+        Domain::of(Some(&self.domain_name), Some(self.root().display().to_string()))
     }
 
     /// Bus in the shared-memory domain.

@@ -134,20 +134,29 @@ fn flood_of_queries_delays_neither_stream_nor_end() {
     let _ = std::io::stdout().flush();
 }
 
-/// A cleaner of temporary files empties iceoryx2's folder: the daemons report it and end with a failure, so that the service
-/// manager restarts them.
+/// A cleaner of temporary files empties iceoryx2's folder, or /dev/shm: the daemons report it and end with a failure, so that the
+/// service manager restarts them.
 #[test]
 fn removed_iceoryx2_files_end_the_daemons() {
     let stage = Stage::new("cleaner");
     let scene = stage.finger(STEADY);
-    let mut twin = Program::twin(&stage, &scene);
-    let mut bridge = Program::bridge(&stage, &scene);
-    std::fs::remove_dir_all(stage.root()).unwrap();
-    for daemon in [&mut twin, &mut bridge] {
-        let (status, said) = daemon.end();
-        assert_eq!(status.code(), Some(1), "{said:?}");
+    for removed in ["", ".dynamic", ".data", ".writer"] {
+        let mut twin = Program::twin(&stage, &scene);
+        let mut bridge = Program::bridge(&stage, &scene);
+        if removed.is_empty() {
+            std::fs::remove_dir_all(stage.root()).unwrap();
+        }
+        for file in stage.everything() {
+            if !removed.is_empty() && file.to_string_lossy().ends_with(removed) {
+                std::fs::remove_file(file).unwrap();
+            }
+        }
+        for daemon in [&mut twin, &mut bridge] {
+            let (status, said) = daemon.end();
+            assert_eq!(status.code(), Some(1), "{removed}: {said:?}");
+        }
     }
-    // The next ones start in the emptied folder.
+    // The next ones start with what is left.
     let twin = Program::twin(&stage, &scene);
     let bridge = Program::bridge(&stage, &scene);
     wait_state(&states(&stage.bus()), "a fresh state", fresh);

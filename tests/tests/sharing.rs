@@ -3,12 +3,13 @@
 //! Programs run as users that exist nowhere but in these tests, which takes root.
 
 use std::os::unix::fs::{PermissionsExt, chown};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 use tests::skip::{Missing, skipped};
 use tests::{Program, Stage};
-use wire::{Bus, SetpointWriter, StateReader, Topic, WakeSet, Wakeable};
+use wire::layout::query_kind;
+use wire::{Bus, Domain, Query, QueryClient, SetpointWriter, StateReader, Topic, WakeSet, Wakeable};
 
 const SERVICE: u32 = 61_001;
 const MEMBER: u32 = 61_002;
@@ -24,6 +25,17 @@ const PUBLISHERS: u32 = 62_004;
 const STEADY: &str = "kind = \"simulate\"\nrate_hz = 200.0\ngap_mm = 30.0";
 /// Says to this program what to do as another user.
 const ROLE: &str = "SOFTTWIN_TEST_ROLE";
+/// Process number of the twin, for the roles that send it a signal.
+const TWIN: &str = "SOFTTWIN_TEST_TWIN";
+/// First cells of the table in OPERATIONS.md.
+const RIGHTS: [&str; 6] = [
+    "subscribe",
+    "query",
+    "publish readings, states, fields",
+    "publish setpoints, overrides, commands",
+    "stop or reload a daemon",
+    "rename or remove these folders",
+];
 
 /// A stage whose domain the group `READERS` shares, where `PUBLISHERS` publish and `DRIVERS` drive valves.
 fn shared(label: &str) -> Stage {
@@ -32,7 +44,7 @@ fn shared(label: &str) -> Stage {
         |path: &Path, mode| std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
     open(stage.folder.path(), 0o755);
     for (name, group, mode) in
-        [("", READERS, 0o3770), ("control", DRIVERS, 0o2770), ("publish", PUBLISHERS, 0o2770)]
+        [("", READERS, 0o3770), ("control", DRIVERS, 0o2771), ("publish", PUBLISHERS, 0o2771)]
     {
         let folder = stage.root().join(name);
         std::fs::create_dir(&folder).unwrap();
@@ -59,7 +71,7 @@ fn in_role(stage: &Stage, user: u32, groups: &[u32], role: &str) -> Program {
 #[test]
 fn in_another_role() {
     let Ok(role) = std::env::var(ROLE) else { return };
-    let domain = wire::Domain::from_env();
+    let domain = Domain::from_env();
     let said = match role.as_str() {
         "read" => Bus::open(&domain).and_then(|bus| {
             let states = StateReader::open(&bus, &Topic::state("finger")?)?;
@@ -88,9 +100,117 @@ fn in_another_role() {
         "publish" => Bus::open(&domain).and_then(|bus| {
             wire::StateWriter::create(&bus, &Topic::state("other")?).map(|_| "publishes".to_owned())
         }),
+        "publish-on" => Bus::open(&domain).and_then(|bus| {
+            let mut writer = wire::StateWriter::create(&bus, &Topic::state("other")?)?;
+            println!("SAID publishes");
+            loop {
+                writer.publish(wire::State::default())?;
+                std::thread::sleep(Duration::from_millis(2));
+            }
+        }),
+        "table" => return RIGHTS.iter().for_each(|right| println!("{}", try_right(&domain, right))),
+        "attack" => {
+            let (tries, done) = attack(&domain);
+            Ok(format!("{tries} tries, done: {done:?}"))
+        }
         other => panic!("no role {other}"),
     };
     println!("SAID {}", said.unwrap_or_else(|error| format!("refused: {error}")));
+}
+
+/// `SAID RIGHT: yes`, or the text of the refusal.
+fn try_right(domain: &Domain, right: &str) -> String {
+    let topic = |name: &str| Topic::parse(&format!("softtwin/{name}")).expect("a topic");
+    let query = Query { kind: query_kind::WHATIF, pressure_mpa: 0.03, gap_mm: 30.0, ..Query::default() };
+    let bus = || Bus::open(domain).map_err(|error| error.to_string());
+    let text = |error: wire::WireError| error.to_string();
+    let io = |error: std::io::Error| error.to_string();
+    let tried = match right {
+        "subscribe" => bus().and_then(|bus| {
+            let states = StateReader::open(&bus, &topic("finger/state")).map_err(text)?;
+            let end = Instant::now() + tests::PATIENCE;
+            while states.next().map_err(text)?.is_none() {
+                assert!(Instant::now() < end, "no state");
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            Ok(())
+        }),
+        "query" => bus().and_then(|bus| {
+            let mut client = QueryClient::open(&bus, "finger").map_err(text)?;
+            client.ask(&query, tests::PATIENCE).map(drop).map_err(text)
+        }),
+        "publish readings, states, fields" => bus()
+            .and_then(|bus| wire::StateWriter::create(&bus, &topic("other/state")).map(drop).map_err(text)),
+        "publish setpoints, overrides, commands" => bus().and_then(|bus| {
+            SetpointWriter::create_named(&bus, &topic("finger/setpoint"), "test").map(drop).map_err(text)
+        }),
+        "stop or reload a daemon" => {
+            let twin = std::env::var(TWIN).ok().and_then(|text| text.parse().ok()).expect("a number");
+            // SAFETY: signal 0 only asks whether a signal may be sent.
+            let code = unsafe { libc::kill(twin, 0) };
+            if code == 0 { Ok(()) } else { Err(io(std::io::Error::last_os_error())) }
+        }
+        "rename or remove these folders" => {
+            let folder = PathBuf::from(domain.root.clone().expect("a folder"));
+            let (here, there) = (folder.join("control"), folder.join("moved"));
+            std::fs::rename(&here, &there).and_then(|()| std::fs::rename(&there, &here)).map_err(io)
+        }
+        other => panic!("no right {other}"),
+    };
+    format!("SAID {right}: {}", tried.err().unwrap_or_else(|| "yes".into()))
+}
+
+/// Tries everything in the file system that would disturb the shared-memory domain; returns the number of tries and what succeeded.
+fn attack(domain: &Domain) -> (usize, Vec<String>) {
+    let root = PathBuf::from(domain.root.clone().expect("a folder"));
+    let shared =
+        std::fs::read_dir("/dev/shm").expect("readable").map(|entry| entry.expect("an entry").path());
+    let is_ours = |path: &PathBuf| path.to_string_lossy().contains(&format!("/{}", domain.prefix));
+    let shared: Vec<PathBuf> = shared.filter(is_ours).collect();
+    assert!(shared.len() > 10, "the shared-memory domain is empty");
+    let (mut tries, mut done) = (0, Vec::new());
+    let mut attempt = |what: String, succeeded: bool| {
+        tries += 1;
+        if succeeded {
+            done.push(what);
+        }
+    };
+    let writable = |path: &Path| std::fs::OpenOptions::new().write(true).open(path).is_ok();
+    for file in &shared {
+        let name = file.display();
+        // Readers write in the members and queues of a service, and count nodes: docs/iceoryx2.md.
+        if file.extension().is_some_and(|end| end == "data") {
+            attempt(format!("write {name}"), writable(file));
+        }
+        attempt(
+            format!("permissions of {name}"),
+            std::fs::set_permissions(file, PermissionsExt::from_mode(0o666)).is_ok(),
+        );
+        attempt(format!("rename {name}"), std::fs::rename(file, format!("{name}_")).is_ok());
+        attempt(format!("remove {name}"), std::fs::remove_file(file).is_ok());
+    }
+    for folder in ["control", "publish"].map(|name| root.join(name)) {
+        let name = folder.display();
+        attempt(format!("new file in {name}"), std::fs::write(folder.join("new.writer"), "").is_ok());
+        attempt(format!("list {name}"), std::fs::read_dir(&folder).is_ok());
+        attempt(format!("rename {name}"), std::fs::rename(&folder, root.join("away")).is_ok());
+        attempt(format!("remove {name}"), std::fs::remove_dir_all(&folder).is_ok());
+        attempt(
+            format!("permissions of {name}"),
+            std::fs::set_permissions(&folder, PermissionsExt::from_mode(0o777)).is_ok(),
+        );
+    }
+    let lock = root.join("softtwin.lock");
+    attempt("remove the start lock".into(), std::fs::remove_file(&lock).is_ok());
+    attempt("rename the start lock".into(), std::fs::rename(&lock, root.join("away")).is_ok());
+    attempt(
+        "permissions of the root".into(),
+        std::fs::set_permissions(&root, PermissionsExt::from_mode(0o777)).is_ok(),
+    );
+    for right in &RIGHTS[2..] {
+        attempt((*right).into(), try_right(domain, right).ends_with(": yes"));
+    }
+    (tries, done)
 }
 
 /// Whether programs can run here as other users.
@@ -106,21 +226,8 @@ fn group_members_read_and_only_drivers_drive() {
         return skipped(Missing::SecondUser);
     }
     let stage = shared("share");
-    let scene = stage.finger(STEADY).display().to_string();
-    // Opening a shared-memory domain narrows this process's umask for a moment; other tests do so in other threads.
-    for file in std::fs::read_dir(stage.folder.path()).unwrap().map(|entry| entry.unwrap().path()) {
-        if file.is_file() {
-            std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o644)).unwrap();
-        }
-    }
-    let start = |role: &str| {
-        let line =
-            as_user(SERVICE, &[READERS, DRIVERS, PUBLISHERS], &format!("softtwind {role} --scene {scene}"));
-        let mut program = Program::shell(&stage, &line);
-        program.wait_for("ready:");
-        program
-    };
-    let (twin, bridge) = (start("twin"), start("bridge"));
+    let all = [READERS, DRIVERS, PUBLISHERS];
+    let (twin, bridge) = (daemon(&stage, "twin", &all), daemon(&stage, "bridge", &all));
     for _ in 0..3 {
         let line = in_role(&stage, MEMBER, &[READERS], "read").wait_for("SAID");
         assert!(line.contains(" states") && !line.contains(" 0 states"), "{line}");
@@ -166,6 +273,205 @@ fn group_members_read_and_only_drivers_drive() {
     }
 }
 
+/// A daemon of the service's user; all its files are readable.
+fn daemon(stage: &Stage, role: &str, groups: &[u32]) -> Program {
+    let scene = stage.finger(STEADY).display().to_string();
+    // Opening a shared-memory domain narrows this process's umask for a moment; other tests do so in other threads.
+    for file in std::fs::read_dir(stage.folder.path()).unwrap().map(|entry| entry.unwrap().path()) {
+        if file.is_file() {
+            std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o644)).unwrap();
+        }
+    }
+    let line = as_user(SERVICE, groups, &format!("softtwind {role} --scene {scene}"));
+    let mut program = Program::shell(stage, &line);
+    program.wait_for("ready:");
+    program
+}
+
+/// The table in OPERATIONS.md: each cell is tried by a user of that kind, and each refusal has the text of the last column.
+#[test]
+fn each_cell_of_the_table_of_rights_holds() {
+    if !has_other_users() {
+        return skipped(Missing::SecondUser);
+    }
+    let document = Path::new(env!("CARGO_MANIFEST_DIR")).join("../OPERATIONS.md");
+    let document = std::fs::read_to_string(document).unwrap();
+    let rows: Vec<Vec<&str>> = document
+        .lines()
+        .filter(|line| RIGHTS.iter().any(|right| line.starts_with(&format!("| {right} |"))))
+        .map(|line| line.trim_matches('|').split('|').map(str::trim).collect())
+        .collect();
+    assert_eq!(rows.iter().map(|row| row[0]).collect::<Vec<_>>(), RIGHTS);
+    let stage = shared("table");
+    let all = [READERS, DRIVERS, PUBLISHERS];
+    let (twin, bridge) = (daemon(&stage, "twin", &all), daemon(&stage, "bridge", &all));
+    let users = [
+        (1, MEMBER, vec![READERS]),
+        (2, MEMBER, vec![READERS, PUBLISHERS]),
+        (3, MEMBER, vec![READERS, DRIVERS]),
+        (4, SERVICE, vec![READERS]),
+        (4, 0, vec![0]),
+        (5, STRANGER, vec![OTHERS]),
+    ];
+    for (column, user, groups) in users {
+        let own = std::env::current_exe().unwrap();
+        let line = format!("{} --exact sharing::in_another_role --nocapture", own.display());
+        let line = format!("export {ROLE}=table {TWIN}={}; {}", twin.id(), as_user(user, &groups, &line));
+        let (_, said) = Program::shell(&stage, &line).ended();
+        for row in &rows {
+            let begin = format!("SAID {}: ", row[0]);
+            let found =
+                said.iter().find_map(|line| line.split_once(&begin)).unwrap_or_else(|| panic!("{said:?}")).1;
+            match row[column] {
+                "yes" => assert_eq!(found, "yes", "{}, user {user}", row[0]),
+                "no" => {
+                    let mut messages = row[7].split('`').skip(1).step_by(2);
+                    assert!(
+                        messages.any(|message| found.contains(message)),
+                        "{}, user {user}: {found}",
+                        row[0]
+                    );
+                }
+                cell => panic!("expected yes or no: {cell}"),
+            }
+        }
+    }
+    assert!(bridge.stop().0.success() && twin.stop().0.success());
+}
+
+/// A reader and a stranger try to harm the shared-memory domain; meanwhile no state is lost.
+#[test]
+fn readers_and_strangers_do_no_harm() {
+    if !has_other_users() {
+        return skipped(Missing::SecondUser);
+    }
+    let stage = shared("harm");
+    let all = [READERS, DRIVERS, PUBLISHERS];
+    let (twin, bridge) = (daemon(&stage, "twin", &all), daemon(&stage, "bridge", &all));
+    let bus = stage.bus();
+    let states = StateReader::open(&bus, &Topic::state("finger").unwrap()).unwrap();
+    let rounds: usize = std::env::var("SOFTTWIN_HOSTILE").map_or(1, |count| count.parse().expect("a number"));
+    let mut total = 0;
+    for _ in 0..rounds {
+        for (user, group) in [(MEMBER, READERS), (STRANGER, OTHERS)] {
+            let own = std::env::current_exe().unwrap();
+            let line = format!("{} --exact sharing::in_another_role --nocapture", own.display());
+            let line =
+                format!("export {ROLE}=attack {TWIN}={}; {}", twin.id(), as_user(user, &[group], &line));
+            let said = Program::shell(&stage, &line).wait_for("SAID");
+            assert!(said.ends_with("done: []"), "user {user}: {said}");
+            let tries: usize = said.split(' ').nth(1).and_then(|word| word.parse().ok()).expect("a number");
+            total += tries;
+        }
+    }
+    let (mut last, mut count) = (None, 0);
+    while let Some(state) = states.next().unwrap() {
+        assert!(last.is_none_or(|last| state.seq == last + 1), "a state was lost after {last:?}");
+        (last, count) = (Some(state.seq), count + 1);
+    }
+    assert!(count > 10, "{count} states");
+    println!("{total} tries by a reader and a stranger, none succeeded");
+    assert!(bridge.stop().0.success() && twin.stop().0.success());
+}
+
+/// A publisher without the right: the folder `publish` was open to it for a moment, and its lock is gone.
+#[test]
+fn readers_ignore_publishers_without_the_right() {
+    if !has_other_users() {
+        return skipped(Missing::SecondUser);
+    }
+    let stage = shared("origin");
+    let publish = stage.root().join("publish");
+    let open = |mode| std::fs::set_permissions(&publish, std::fs::Permissions::from_mode(mode)).unwrap();
+    open(0o2777);
+    let mut stranger = in_role(&stage, MEMBER, &[READERS], "publish-on");
+    stranger.wait_for("SAID publishes");
+    let (bus, topic) = (stage.bus(), Topic::state("other").unwrap());
+    let before = StateReader::open(&bus, &topic).unwrap();
+    let receives = |what: &str, count: u32| {
+        for _ in 0..count {
+            tests::wait::wait_until(what, || before.next().unwrap());
+        }
+    };
+    receives("a state of the lock's owner", 1);
+    for lock in std::fs::read_dir(&publish).unwrap() {
+        std::fs::remove_file(lock.unwrap().path()).unwrap();
+    }
+    open(0o2771);
+    let after = StateReader::open(&bus, &topic).unwrap();
+    for _ in 0..20 {
+        receives("the stream", 1);
+        assert!(after.next().unwrap().is_none(), "a state of a publisher without the right");
+    }
+    stranger.kill();
+}
+
+/// Root in a user's private domain: refused at the door, and no reading of the twin is late for it.
+#[test]
+fn another_user_is_refused_at_the_door_of_a_private_domain() {
+    if !has_other_users() {
+        return skipped(Missing::SecondUser);
+    }
+    let stage = Stage::new("door");
+    std::fs::set_permissions(stage.folder.path(), std::fs::Permissions::from_mode(0o755)).unwrap();
+    std::fs::create_dir(stage.root()).unwrap();
+    chown(stage.root(), Some(SERVICE), Some(OTHERS)).unwrap();
+    let (twin, bridge) = (daemon(&stage, "twin", &[OTHERS]), daemon(&stage, "bridge", &[OTHERS]));
+    let files = stage.everything();
+    for line in ["softtwin echo softtwin/finger/state --once", "softtwin list", "softtwin top --once"] {
+        let (status, said) = Program::shell(&stage, &format!("exec {line}")).ended();
+        assert!(
+            !status.success() && said.join(" ").contains(&format!("private to user {SERVICE}")),
+            "{said:?}"
+        );
+    }
+    let new: Vec<PathBuf> = stage.everything().difference(&files).cloned().collect();
+    assert!(new.is_empty(), "root made files: {new:?}");
+    for program in [bridge, twin] {
+        let (status, said) = program.stop();
+        assert!(status.success() && !said.iter().any(|line| line.contains("fresh again")), "{said:?}");
+    }
+}
+
+/// The counter of nodes, which iceoryx2 makes open to all users: for its users only, made again when damaged, and named
+/// when another user has taken its name.
+#[test]
+fn counter_of_nodes_belongs_to_the_domain() {
+    if !has_other_users() {
+        return skipped(Missing::SecondUser);
+    }
+    let stage = shared("counter");
+    let counter = |stage: &Stage| {
+        let is_counter = |path: &PathBuf| path.to_string_lossy().ends_with(".global_mgmt");
+        stage.everything().into_iter().find(is_counter).expect("a counter")
+    };
+    let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode() & 0o777;
+    assert!(in_role(&stage, SERVICE, &[READERS], "open").wait_for("SAID").contains("opened"));
+    assert!(in_role(&stage, MEMBER, &[READERS], "open").wait_for("SAID").contains("opened"));
+    assert_eq!(mode(&counter(&stage)), 0o660);
+
+    let stage = Stage::new("counter");
+    std::fs::set_permissions(stage.folder.path(), std::fs::Permissions::from_mode(0o755)).unwrap();
+    std::fs::create_dir(stage.root()).unwrap();
+    chown(stage.root(), Some(OWN), Some(OTHERS)).unwrap();
+    let open = || in_role(&stage, OWN, &[OTHERS], "open").wait_for("SAID");
+    assert!(open().contains("opened"));
+    let path = counter(&stage);
+    assert_eq!(mode(&path), 0o600);
+    assert!(path.to_string_lossy().contains(&format!("_u{OWN}_")), "{path:?}");
+    std::fs::write(&path, [0; 16]).unwrap();
+    assert!(open().contains("opened"), "a damaged counter is made again");
+    std::fs::remove_file(&path).unwrap();
+    std::fs::write(&path, [0; 16]).unwrap();
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o666)).unwrap();
+    chown(&path, Some(STRANGER), Some(OTHERS)).unwrap();
+    let said = open();
+    assert!(
+        said.contains(&path.display().to_string()) && said.contains(&format!("user {STRANGER}")),
+        "{said}"
+    );
+}
+
 /// Without a name and a folder the shared-memory domain is private to a user; an existing folder of another user is refused.
 #[test]
 fn users_have_domains_of_their_own() {
@@ -174,7 +480,7 @@ fn users_have_domains_of_their_own() {
     }
     let stage = Stage::new("own");
     let own = std::env::current_exe().unwrap();
-    let folder = |user: u32| std::path::PathBuf::from(format!("/tmp/softtwin-{user}"));
+    let folder = |user: u32| PathBuf::from(format!("/tmp/softtwin-{user}"));
     let open = |user: u32| {
         let line = as_user(
             user,
@@ -193,5 +499,6 @@ fn users_have_domains_of_their_own() {
     assert!(open(SQUATTED).contains(&OWN.to_string()), "the folder's owner is named");
     for user in [OWN, ALSO_OWN, SQUATTED] {
         std::fs::remove_dir_all(folder(user)).unwrap();
+        Domain { root: None, prefix: format!("iox2_u{user}_") }.remove_leftovers().unwrap();
     }
 }

@@ -304,6 +304,27 @@ def test_signals_reach_their_handlers_while_a_reader_waits(stage, number, timeou
     assert child.communicate(timeout=60)[0].split() == expected
 
 
+def test_files_in_a_shared_domain_are_granted_to_its_group(stage):
+    root = pathlib.Path(stage.root)
+    root.mkdir(exist_ok=True)
+    root.chmod(0o2770)
+    bus = softtwin.Bus(stage.domain, stage.root)
+    readings = softtwin.subscribe("softtwin/finger/command", wait_for_twin=True, bus=bus)
+    prefix = f"iox2_{stage.domain}_u{root.stat().st_uid}_"
+    end = time.monotonic() + WAIT_S
+    while time.monotonic() < end:
+        files = [*pathlib.Path("/dev/shm").glob(f"{prefix}*"), *root.glob("nodes/*/*"), *root.glob("services/*")]
+        modes = {path.name: path.lstat().st_mode for path in files}
+        # The group may do what the owner may.
+        if all(mode >> 3 & 0o7 == mode >> 6 & 0o7 for mode in modes.values()):
+            break
+        time.sleep(0.01)
+    assert len(modes) > 5 and time.monotonic() < end, modes
+    counter = next(mode for name, mode in modes.items() if name.endswith(".global_mgmt"))
+    assert counter & 0o777 == 0o660
+    del readings
+
+
 FORK = """
 import gc, os, sys, softtwin
 readings = softtwin.subscribe("softtwin/finger/state", timeout_s=20)

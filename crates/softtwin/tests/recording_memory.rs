@@ -121,7 +121,7 @@ fn commands_read_a_long_recording_in_bounded_memory() {
     }
     let rows = std::fs::read_to_string(Path::new(&tables).join("softtwin.finger.sensor.csv"));
     assert_eq!(rows.map(|text| text.lines().count() as u64).unwrap_or_default(), seconds * 1000 + 1);
-    let mut domain = wire::Domain::named(&format!("recmem_{}", std::process::id()));
-    domain.root = Some(folder.path().join("iox").display().to_string());
+    let root = folder.path().join("iox").display().to_string();
+    let domain = wire::Domain::of(Some(&format!("recmem_{}", std::process::id())), Some(root));
     domain.remove_leftovers().expect("removed");
 }

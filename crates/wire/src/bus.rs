@@ -5,6 +5,7 @@ use crate::port::retry::{self, Refusal};
 use crate::port::segment::require_headroom;
 use crate::sys::Ipc;
 use crate::{Domain, KeyExpr, OwnFiles, Removed, Topic, WireError};
+use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::*;
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -60,12 +61,12 @@ impl Bus {
     ///
     /// # Errors
     /// [`WireError::BadDomain`] for names that cannot be files, [`WireError::LongDomain`] for names that are too long,
-    /// [`WireError::Node`] when the folders cannot be written, [`WireError::NoMemory`] when /dev/shm is full,
+    /// [`WireError::ForeignFolder`] and [`WireError::OthersDomain`] when it is another user's, [`WireError::Node`] when the folders cannot be written, [`WireError::NoMemory`] when /dev/shm is full,
     /// [`WireError::TooManyFiles`], [`WireError::NoFiles`], [`WireError::StartLocked`].
     pub fn open(domain: &Domain) -> Result<Self, WireError> {
         set_log_level(LogLevel::Fatal); // failures come back as errors; iceoryx2 would print kilobytes besides
         let places = domain.places()?;
-        domain.require_own_folder()?;
+        domain.require_membership()?;
         require_headroom("the shared-memory domain", 0)?;
         let watch = Watch::start(places.clone());
         let removed = places.sweep(SWEEP_PATIENCE);
@@ -74,12 +75,19 @@ impl Bus {
                 .config(&places.config)
                 .signal_handling_mode(SignalHandlingMode::Disabled)
                 .create::<Ipc>()
-                .map_err(|error| Refusal::Passing(format!("{error:?}")))
+                .map_err(|error| {
+                    match error {
+                        NodeCreationFailure::UnableToGenerateUniqueNodeId => places.without_damaged_counter(),
+                        _ => None,
+                    }
+                    .map_or_else(|| Refusal::Passing(format!("{error:?}")), Refusal::Final)
+                })
         });
         let node = node.map_err(|error| match error {
             WireError::InFlux { cause, .. } => WireError::Node { cause },
             other => other,
         })?;
+        places.restrict_counters();
         places.share();
         let member = Rc::new(Member { node, places: places.clone(), _watch: watch });
         Ok(Self { places, removed, member })

@@ -1,7 +1,7 @@
 //! Which programs see one another.
 
 use crate::WireError;
-use crate::leftover::Places;
+use crate::leftover::{Places, group_of};
 use iceoryx2::prelude::{Config, FileName, Path, SemanticString};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 
@@ -13,11 +13,11 @@ const MAX_NAME_BYTES: usize = SOCKET_PATH_BYTES - 1 - 39 - ".event".len();
 
 /// A shared-memory domain: programs of different domains do not see one another.
 ///
-/// Without a name and a folder it is private to the user: prefix `iox2_u<uid>_`, folder `/tmp/softtwin-<uid>`, which no other user
-/// may enter. Several users share the shared-memory domain of a given folder (OPERATIONS.md).
+/// Without a folder it is private to the user: folder `/tmp/softtwin-<uid>`, which no other user may enter. The shared-memory domain
+/// of a given folder is private to the folder's owner, or shared by the folder's group if it has the setgid bit (OPERATIONS.md).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Domain {
-    /// Prefix of all file and shared-memory names: `iox2_<name>_`, or `iox2_` of a folder without a name.
+    /// Prefix of all file and shared-memory names: `iox2_<name>_u<uid>_`, or `iox2_u<uid>_` without a name; `uid` is the folder's owner.
     pub prefix: String,
     /// Folder of the management files; `None`: the user's own.
     pub root: Option<String>,
@@ -43,12 +43,11 @@ pub(crate) fn own_root() -> String {
 impl Domain {
     /// Shared-memory domain by name and folder.
     pub fn of(name: Option<&str>, root: Option<String>) -> Self {
-        let prefix = match (name, &root) {
-            (Some(name), _) => format!("iox2_{name}_"),
-            (None, Some(_)) => "iox2_".into(),
-            (None, None) => format!("iox2_u{}_", uid()),
-        };
-        Self { prefix, root }
+        // In /dev/shm the names of all users are in one folder: those of one user's domains must not be another's.
+        let owner =
+            root.as_ref().and_then(|root| std::fs::metadata(root).ok()).map_or_else(uid, |root| root.uid());
+        let name = name.map(|name| format!("{name}_")).unwrap_or_default();
+        Self { prefix: format!("iox2_{name}u{owner}_"), root }
     }
 
     /// Named shared-memory domain in the user's own folder.
@@ -68,14 +67,19 @@ impl Domain {
         Self::of(name.as_deref(), root.map(str::to_owned).or_else(|| env("SOFTTWIN_ROOT")))
     }
 
-    /// Unique shared-memory domain, for tests and examples that run in parallel.
+    /// Shared-memory domain with a [unique name](Self::unique_name).
     pub fn isolated(label: &str) -> Self {
+        Self::named(&Self::unique_name(label))
+    }
+
+    /// Unique name of a shared-memory domain, for tests and examples that run in parallel.
+    pub fn unique_name(label: &str) -> String {
         use std::sync::atomic::{AtomicU32, Ordering};
         static NEXT: AtomicU32 = AtomicU32::new(0);
         let number = NEXT.fetch_add(1, Ordering::Relaxed);
         // Short, because the length of a name is limited.
-        let moment = crate::now_ns() as u32;
-        Self::named(&format!("{label}_{}_{moment:x}_{number}", std::process::id()))
+        let moment = crate::now_ns() as u16;
+        format!("{label}_{}_{moment:x}_{number}", std::process::id())
     }
 
     /// Removes the counter segment that outlives the last program, for a shared-memory domain of one run (a test, a
@@ -115,20 +119,29 @@ impl Domain {
         Ok(places)
     }
 
-    /// Makes the user's own folder, which another user must not have made before: `/tmp` is open to all.
+    /// Checks that this user's programs may join, before they make a file; makes the user's own folder. `/tmp` is open to all:
+    /// another user may have made that folder before.
+    ///
+    /// Files that a user makes in a private domain of another one, root too, cannot be opened by that one's programs: these
+    /// would wait for them.
     ///
     /// # Errors
-    /// [`WireError::ForeignFolder`].
-    pub(crate) fn require_own_folder(&self) -> Result<(), WireError> {
-        if self.root.is_some() {
-            return Ok(());
-        }
-        let folder = own_root();
-        let _exists_already = std::fs::DirBuilder::new().mode(0o700).create(&folder);
-        match std::fs::symlink_metadata(&folder) {
-            Ok(found) if found.is_dir() && found.uid() == uid() => Ok(()),
-            Ok(found) => Err(WireError::ForeignFolder { folder, owner: found.uid() }),
-            Err(_) => Ok(()), // the first file that is made there gives the reason
+    /// [`WireError::ForeignFolder`], [`WireError::OthersDomain`].
+    pub(crate) fn require_membership(&self) -> Result<(), WireError> {
+        let Some(root) = &self.root else {
+            let folder = own_root();
+            let _exists_already = std::fs::DirBuilder::new().mode(0o700).create(&folder);
+            return match std::fs::symlink_metadata(&folder) {
+                Ok(found) if found.is_dir() && found.uid() == uid() => Ok(()),
+                Ok(found) => Err(WireError::ForeignFolder { folder, owner: found.uid() }),
+                Err(_) => Ok(()), // the first file that is made there gives the reason
+            };
+        };
+        match std::fs::metadata(root) {
+            Ok(found) if found.is_dir() && found.uid() != uid() && group_of(&found).is_none() => {
+                Err(WireError::OthersDomain { folder: root.clone(), owner: found.uid(), user: uid() })
+            }
+            _ => Ok(()),
         }
     }
 

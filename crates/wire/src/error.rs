@@ -33,6 +33,18 @@ pub enum WireError {
         /// Its owner's number.
         owner: u32,
     },
+    /// A private shared-memory domain of another user.
+    #[error(
+        "the shared-memory domain of `{folder}` is private to user {owner}, this program runs as user {user}: run it as that user (`sudo -u '#{owner}'`), or share the folder with a group (OPERATIONS.md, Other users)"
+    )]
+    OthersDomain {
+        /// The folder.
+        folder: String,
+        /// Its owner's number.
+        owner: u32,
+        /// Number of the user who runs this program.
+        user: u32,
+    },
     /// A shared-memory domain whose paths are too long.
     #[error(
         "the shared-memory domain's folder `{root}` and its prefix `{prefix}` have {found} bytes together, at most {allowed} are allowed (sockets in that folder have paths of at most 107 bytes); choose a shorter SOFTTWIN_ROOT or SOFTTWIN_DOMAIN"
@@ -46,6 +58,16 @@ pub enum WireError {
         found: usize,
         /// Bytes that both may have.
         allowed: usize,
+    },
+    /// A file in /dev/shm whose name this shared-memory domain needs.
+    #[error(
+        "`{path}` of user {owner} has a name of this shared-memory domain, and is another user's or damaged: remove it as that user or as root"
+    )]
+    BlockedName {
+        /// The file.
+        path: String,
+        /// Its owner's number.
+        owner: u32,
     },
     /// A program holds the start lock and does not go on.
     #[error(
@@ -86,6 +108,16 @@ pub enum WireError {
     TooManyClients {
         /// The service.
         name: String,
+        /// The limit.
+        limit: usize,
+    },
+    /// No place for a new topic.
+    #[error(
+        "{topic}: the shared-memory domain has {limit} topics, more are not allowed; run some of the actuators in another one (SOFTTWIN_DOMAIN)"
+    )]
+    TooManyTopics {
+        /// The topic.
+        topic: String,
         /// The limit.
         limit: usize,
     },

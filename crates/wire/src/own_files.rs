@@ -1,6 +1,7 @@
 //! Whether a running program's own files are still there.
 
 use crate::leftover::{Places, process_of};
+use crate::sys::REMOVED;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -15,8 +16,6 @@ pub struct OwnFiles {
 
 /// A descriptor that another thread is about to close shows a removed file, too; it is gone after this time.
 const SECOND_LOOK: Duration = Duration::from_millis(20);
-/// Suffix of the name of an open file that was removed.
-const REMOVED: &str = " (deleted)";
 
 impl OwnFiles {
     pub(crate) fn new(places: &Places) -> Self {
@@ -46,7 +45,9 @@ impl OwnFiles {
 
     fn removed_file(&self, link: &Path) -> Option<PathBuf> {
         let path = link.to_str()?.strip_suffix(REMOVED)?;
-        let ours = Path::new(path).starts_with(&self.folder) || path.starts_with(&self.places.writer_locks());
+        let ours = Path::new(path).starts_with(&self.folder)
+            || path.starts_with(&self.places.writer_locks())
+            || self.places.is_own_segment(Path::new(path));
         (ours && !self.is_of_another_program(Path::new(path))).then(|| path.into())
     }
 

@@ -26,6 +26,9 @@ pub struct Qos {
 /// Writers of a topic at the same time: two twins for one actuator would contradict each other.
 pub(crate) const MAX_WRITERS: usize = 1;
 
+/// Topics of a shared-memory domain; each has two services of iceoryx2. Every start and every listing reads the files of all.
+pub const MAX_TOPICS: usize = 500;
+
 /// The settings of a kind of topic.
 pub const fn of(kind: TopicKind) -> Qos {
     match kind {

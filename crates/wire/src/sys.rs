@@ -2,6 +2,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io;
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
 /// The transport: inter-process, single-threaded ports.
@@ -10,6 +11,9 @@ pub(crate) type Ipc = iceoryx2::prelude::ipc::Service;
 /// Folder of POSIX shared memory.
 pub(crate) const SHM_DIR: &str = "/dev/shm";
 
+/// Suffix of the name of an open file that was removed.
+pub(crate) const REMOVED: &str = " (deleted)";
+
 /// Opens a file, or makes it where it is missing. First without `create`, which the kernel may refuse in a sticky folder for a
 /// file of another user.
 pub(crate) fn open_or_make(options: &OpenOptions, path: &Path) -> io::Result<File> {
@@ -17,6 +21,18 @@ pub(crate) fn open_or_make(options: &OpenOptions, path: &Path) -> io::Result<Fil
         io::ErrorKind::NotFound => options.clone().create(true).truncate(false).open(path),
         _ => Err(error),
     })
+}
+
+/// Owner of a file that this process has open, by the end of its name. What was opened counts, not what has the name now.
+pub(crate) fn owner_of_open_file(ending: &str) -> Option<u32> {
+    let entries = std::fs::read_dir("/proc/self/fd").ok()?.flatten();
+    let open = entries.map(|entry| entry.path()).find(|fd| {
+        std::fs::read_link(fd).is_ok_and(|link| {
+            link.to_str().is_some_and(|path| path.strip_suffix(REMOVED).unwrap_or(path).ends_with(ending))
+        })
+    })?;
+    // The link is followed to the open file, also if that was removed.
+    std::fs::metadata(open).ok().map(|about| about.uid())
 }
 
 /// Nanoseconds of the machine's monotonic clock (since boot, the same in every process, never stepped).

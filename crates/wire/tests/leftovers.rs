@@ -223,3 +223,23 @@ fn full_places_are_called_so() {
     assert!(matches!(refused, WireError::TooManyReaders { limit: 64, .. }), "{refused}");
     drop(readers);
 }
+
+/// A full domain refuses new topics at once; those that exist are written again.
+#[test]
+fn domain_with_the_largest_number_of_topics_refuses_another_one() {
+    let place = Place::new("full");
+    let bus = Bus::open(&place.domain).unwrap();
+    let writer = StateWriter::create(&bus, &topic()).unwrap();
+    let reader = StateReader::open(&bus, &topic()).unwrap();
+    for number in 0..2 * qos::MAX_TOPICS {
+        let file = format!("{}{number:040x}.service", place.domain.prefix);
+        let path = place.root().join("services").join(file);
+        std::fs::write(&path, "").unwrap();
+        std::fs::set_permissions(&path, Permissions::from_mode(0o400)).unwrap();
+    }
+    let refused = StateWriter::create(&bus, &Topic::state("another").unwrap()).unwrap_err();
+    assert!(matches!(refused, WireError::TooManyTopics { limit: qos::MAX_TOPICS, .. }), "{refused}");
+    drop(writer);
+    StateWriter::create(&bus, &topic()).unwrap();
+    drop(reader);
+}

@@ -2,6 +2,7 @@
 
 import os
 import time
+import weakref
 from typing import Any, Optional
 
 import iceoryx2 as iox2
@@ -9,7 +10,7 @@ import iceoryx2 as iox2
 from . import layout
 from .errors import SofttwinError, TwinAbsent, VersionMismatch
 from .qos import QOS
-from .start import Holder, Places, check_process, hold, own_root
+from .start import Holder, Places, check_member, check_process, hold, own_root
 
 _KINDS = {
     "sensor": layout.SensorSample,
@@ -52,8 +53,8 @@ class Bus(Holder):
         iox2.set_log_level(iox2.LogLevel.Fatal)  # errors are exceptions
         # The host's configuration file is not read, so that all programs of a shared-memory domain agree.
         config = iox2.config.default()
-        prefix = f"iox2_{domain}_" if domain else "iox2_" if root else f"iox2_u{os.geteuid()}_"
         root = root or own_root()
+        prefix = f"iox2_{domain + '_' if domain else ''}u{check_member(root)}_"
         self.places = Places(prefix, root)
         config.global_cfg.prefix = iox2.FileName.new(prefix)
         config.global_cfg.root_path = iox2.Path.new(root)
@@ -65,6 +66,8 @@ class Bus(Holder):
                     .signal_handling_mode(iox2.SignalHandlingMode.Disabled)
                     .create(iox2.ServiceType.Ipc)
                 )
+            self.places.restrict_counter()
+            self.places.keep_sharing(weakref.ref(self))
             hold(self)
         except SofttwinError:
             raise

@@ -9,6 +9,7 @@ import os
 import re
 import signal
 import stat
+import threading
 import time
 import weakref
 from contextlib import contextmanager
@@ -31,6 +32,21 @@ def own_root() -> str:
             "another with SOFTTWIN_ROOT"
         )
     return folder
+
+
+def check_member(root: str) -> int:
+    """Owner of a shared-memory domain's folder. The domain of another user is private to that user unless a group shares it."""
+    user = os.geteuid()
+    try:
+        found = os.stat(root)
+    except FileNotFoundError:
+        return user
+    if found.st_uid != user and not found.st_mode & stat.S_ISGID:
+        raise SofttwinError(
+            f"the shared-memory domain of `{root}` is private to user {found.st_uid}, this program runs as user {user}: run it as that "
+            "user, or share the folder with a group (OPERATIONS.md, Other users)"
+        )
+    return found.st_uid
 
 
 class Holder:
@@ -67,6 +83,9 @@ os.register_at_fork(after_in_child=_leave_to_parent)
 _SHM = "/dev/shm"
 _DRIVING = ("setpoint", "override", "command")
 _PATIENCE_S = 2.0
+_GRANT_EVERY_S = 0.01
+# Complete when their owner can no longer write them; everything else when its owner can read it.
+_DESCRIPTIONS = (".service", "_tag", ".details", "_context")
 _LONGEST = 107 - 1 - 39 - len(".event")  # a socket's path in the folder has at most 107 bytes
 _F_SETSIG, _F_SETLEASE = 10, 1024
 
@@ -133,6 +152,41 @@ class Places:
             raise PermissionError(f"{folder} belongs to user {found.st_uid}, expected user {root.st_uid} or root: remove it")
         return f"{folder}/{file}"
 
+    def restrict_counter(self) -> None:
+        """Takes the counter of nodes, which iceoryx2 makes open to all users, back to the users of the shared-memory domain."""
+        mode = 0o660 if os.stat(self.root).st_mode & stat.S_ISGID else 0o600
+        for path in _files(_SHM, re.compile(re.escape(self.prefix) + r"[0-9a-f]{40}_.*\.global_mgmt")):
+            if os.lstat(path).st_uid == os.geteuid():
+                os.chmod(path, mode)
+
+    def keep_sharing(self, user: "weakref.ref[Any]") -> None:
+        """Grants this user's files to the group of a shared-memory domain that has one, every 10 ms until `user` is gone: others
+        wait for a connection that they cannot open."""
+        if not os.stat(self.root).st_mode & stat.S_ISGID:
+            return
+        self.grant()
+
+        def run() -> None:
+            while user() is not None:
+                time.sleep(_GRANT_EVERY_S)
+                self.grant()
+
+        threading.Thread(target=run, name="softtwin-share", daemon=True).start()
+
+    def grant(self) -> None:
+        """Grants all files of this user to the group, once."""
+        group = os.stat(self.root).st_gid
+        paths = [entry.path for entry in os.scandir(_SHM) if entry.name.startswith(self.prefix)]
+        paths += [entry.path for entry in os.scandir(self.root) if entry.name not in ("control", "publish")]
+        for folder in (f"{self.root}/nodes", f"{self.root}/services"):
+            for parent, folders, files in os.walk(folder):
+                paths += [f"{parent}/{name}" for name in folders + files]
+        for path in paths:
+            try:
+                _grant(path, group)
+            except OSError:
+                pass  # gone, or another user's
+
     def _segments(self) -> list:
         return _files(_SHM, re.compile(re.escape(self.prefix) + r"[0-9a-f]{40}_.*"))
 
@@ -152,6 +206,7 @@ class WriterLock:
     def __init__(self, places: Places, topic: str, owner: str = "") -> None:
         self._file: Optional[int] = None
         self._path = places.writer_lock(topic)
+        is_shared = not self._path.startswith(_SHM)
         while True:
             self._file = _open(self._path, os.O_RDWR | os.O_NOFOLLOW)
             try:
@@ -162,9 +217,14 @@ class WriterLock:
                 self._file = None
                 holder = f"`{name}`, process {process}" if name else f"process {process}"
                 raise AlreadyPublished(f"{topic}: another process publishes here already ({holder}); stop it first") from error
-            if self._is_named():
+            is_own = os.fstat(self._file).st_uid == os.geteuid()
+            if self._is_named() and (is_own or not is_shared):
                 break
+            if self._is_named():
+                os.unlink(self._path)  # left by another user; readers take the samples of the lock's owner
             os.close(self._file)
+        if is_shared:
+            os.fchmod(self._file, 0o660)
         os.ftruncate(self._file, 0)
         os.write(self._file, f"{os.getpid()} {owner}\n".encode())
 
@@ -184,6 +244,24 @@ class WriterLock:
 
     def __del__(self) -> None:
         self.close()
+
+
+def _grant(path: str, group: int) -> None:
+    """Gives the group what the owner has, except the right to write samples. Incomplete files are skipped."""
+    file = os.open(path, os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC)  # what is checked is what is changed
+    try:
+        found = os.fstat(file)
+        mode = stat.S_IMODE(found.st_mode)
+        complete = not mode & 0o200 if path.endswith(_DESCRIPTIONS) else mode & 0o400
+        if found.st_uid != os.geteuid() or stat.S_ISLNK(found.st_mode) or not complete:
+            return
+        own = mode & 0o400 if path.endswith(".data") else mode & 0o700
+        wanted = mode | own >> 3 | (stat.S_ISGID if stat.S_ISDIR(found.st_mode) else 0)
+        if (wanted, group) != (mode, found.st_gid):
+            os.chown(f"/proc/self/fd/{file}", -1, group)
+            os.chmod(f"/proc/self/fd/{file}", wanted)
+    finally:
+        os.close(file)
 
 
 def _open(path: str, flags: int) -> int:

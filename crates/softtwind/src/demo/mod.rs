@@ -62,7 +62,7 @@ impl Args {
         let actuator = self.actuator(&scene)?;
         let stop = runtime::service::stop_flag()?;
         let name = format!("demo_{}", std::process::id());
-        let domain = Domain { root: Domain::from_env().root, ..Domain::named(&name) };
+        let domain = Domain::of(Some(&name), Domain::from_env().root);
         let bus = Bus::open(&domain)?;
 
         let mut twin =

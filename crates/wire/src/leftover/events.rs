@@ -4,8 +4,8 @@
 //! memory of a listener. A notifier of another program lets go of it with its next notification only, so that
 //! [`super::unused`] cannot tell it from one in use.
 
-use super::nodes::{is_process, process_of};
-use super::places::{Places, files, name};
+use super::nodes::is_process;
+use super::places::{Places, files, name, process_of};
 use std::collections::BTreeSet;
 
 const EVENT: &str = ".event_mgmt";

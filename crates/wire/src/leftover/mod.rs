@@ -8,6 +8,7 @@
 //! operating system closes it at the program's end: [`unused`] queries whether any process has a file open.
 
 mod events;
+mod foreign;
 mod lock;
 mod nodes;
 mod places;
@@ -16,8 +17,8 @@ mod sweep;
 mod unused;
 mod watch;
 
-pub(crate) use nodes::process_of;
-pub(crate) use places::Places;
+pub(crate) use foreign::Obstacle;
+pub(crate) use places::{Places, group_of, process_of};
 pub use sweep::Removed;
 pub(crate) use unused::names_this_file;
 pub(crate) use watch::Watch;

@@ -1,6 +1,6 @@
 //! Members of a shared-memory domain (iceoryx2's nodes): detection and removal of dead ones.
 
-use super::places::{Places, files, name};
+use super::places::{Places, files, name, process_of};
 use super::unused;
 use crate::sys::Ipc;
 use iceoryx2::node::{DeadNodeView, Node, NodeDetails, NodeState, NodeView};
@@ -126,11 +126,6 @@ impl Places {
     }
 }
 
-/// The process id within a node's or a port's number: seconds, nanoseconds, process id, counter, each of 32 bits.
-pub(crate) fn process_of(id: u128) -> u32 {
-    (id >> 64) as u32
-}
-
 pub(super) fn is_process(pid: u32) -> bool {
     Path::new("/proc").join(pid.to_string()).exists()
 }
@@ -149,11 +144,6 @@ impl Places {
         let segments = self.segments().into_iter().filter(|path| has(path, segment_is_incomplete));
         let services = self.service_files().into_iter().filter(|path| has(path, service_is_incomplete));
         segments.chain(services).filter(|path| unused::remove(path)).count()
-    }
-
-    /// Shared-memory file without a size, for whose growth iceoryx2 would wait indefinitely.
-    pub(crate) fn empty_segment(&self) -> Option<PathBuf> {
-        self.segments().into_iter().find(|path| has(path, |metadata| metadata.len() == 0))
     }
 }
 

@@ -2,7 +2,11 @@
 
 use crate::sys::SHM_DIR;
 use iceoryx2::prelude::{Config, SemanticString};
+use std::fs::Metadata;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 
 /// Ending of the writers' lock files.
 const WRITER_LOCK: &str = ".writer";
@@ -10,6 +14,8 @@ const WRITER_LOCK: &str = ".writer";
 /// Folders of the writers' locks of a shared domain: only users who may write there publish what drives an actuator, or the rest.
 const CONTROL: &str = "control";
 const PUBLISH: &str = "publish";
+/// Folders keep their group for what is made in them.
+pub(super) const SET_GROUP: u32 = 0o2000;
 /// The topics that drive an actuator.
 const DRIVING: [&str; 3] = ["/setpoint", "/override", "/command"];
 
@@ -21,6 +27,8 @@ pub(crate) struct Places {
     pub(crate) prefix: String,
     /// Folder of the management files.
     pub(crate) root: PathBuf,
+    /// When /dev/shm is to be searched for obstacles again, ns.
+    pub(super) next_search_ns: Arc<AtomicU64>,
 }
 
 impl Places {
@@ -29,7 +37,7 @@ impl Places {
         let prefix = text(config.global.prefix.as_bytes());
         // Without a slash at the end: the path's text is part of the names of writers' locks.
         let root = Path::new(&text(config.global.root_path().as_bytes())).components().collect();
-        Self { config, prefix, root }
+        Self { config, prefix, root, next_search_ns: Arc::default() }
     }
 
     /// Folder with one folder and three monitor files for each node (member).
@@ -53,6 +61,14 @@ impl Places {
         self.own(file).and_then(|rest| rest.split_once('_')).is_some_and(|(digits, _)| is_type_hash(digits))
     }
 
+    /// True if a file in /dev/shm stays as long as this process has it open: samples of ports in this process, members of a service.
+    pub(crate) fn is_own_segment(&self, path: &Path) -> bool {
+        let file = name(path);
+        let port = || file.rsplit_once('_').and_then(|(_, end)| end.strip_suffix(".data")?.parse().ok());
+        let is_ours = || port().is_some_and(|port| process_of(port) == std::process::id());
+        path.starts_with(SHM_DIR) && self.owns_segment(file) && (file.ends_with(".dynamic") || is_ours())
+    }
+
     /// Shared-memory files.
     pub(super) fn segments(&self) -> Vec<PathBuf> {
         files(Path::new(SHM_DIR), |name| self.owns_segment(name))
@@ -64,11 +80,21 @@ impl Places {
     }
 
     /// Descriptions of the services: `<prefix><40 hexadecimal digits>.service`.
-    pub(super) fn service_files(&self) -> Vec<PathBuf> {
+    pub(crate) fn service_files(&self) -> Vec<PathBuf> {
         files(&self.services(), |name| {
             self.own(name).and_then(|rest| rest.strip_suffix(".service")).is_some_and(is_type_hash)
         })
     }
+}
+
+/// Group with access to a folder (setgid bit); `None`: only its owner has.
+pub(crate) fn group_of(folder: &Metadata) -> Option<u32> {
+    (folder.mode() & SET_GROUP != 0).then(|| folder.gid())
+}
+
+/// The process id within a node's or a port's number: seconds, nanoseconds, process id, counter, each of 32 bits.
+pub(crate) fn process_of(id: u128) -> u32 {
+    (id >> 64) as u32
 }
 
 pub(super) fn is_counter(path: &Path) -> bool {
@@ -113,6 +139,11 @@ impl Places {
             Some(folder) => folder.join(file),
             None => PathBuf::from(format!("{}{file}", self.writer_locks())),
         }
+    }
+
+    /// Group with access; `None`: the owner alone.
+    pub(crate) fn group(&self) -> Option<u32> {
+        group_of(&std::fs::metadata(&self.root).ok()?)
     }
 
     /// Folder of a shared domain whose writers may publish `topic`.

@@ -1,10 +1,10 @@
-//! Shared-memory domain of a group: its folder belongs to the group and has the setgid bit (`install -d -m 2770 -g GROUP FOLDER`).
+//! Shared-memory domain of a group: its folder belongs to the group and has the setgid bit (`install -d -m 3770 -g GROUP FOLDER`).
 //!
 //! iceoryx2 restricts every file to its owner. For a group each program grants its created files to the group, directly after
 //! their creation and from the watching thread: only the owner of a file may do that. Incomplete files are skipped, see
 //! docs/iceoryx2.md.
 
-use super::places::{Places, is_right, name};
+use super::places::{Places, SET_GROUP, is_right, name};
 use crate::domain::uid;
 use crate::sys::SHM_DIR;
 use std::ffi::CString;
@@ -13,18 +13,12 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-/// Folders keep their group for what is made in them.
-const SET_GROUP: u32 = 0o2000;
+/// Ending of the samples' memory, which only its publisher writes.
+const SAMPLES: &str = ".data";
 /// Descriptions are complete when their owner can no longer write them.
 const DESCRIPTIONS: [&str; 4] = [".service", "_tag", ".details", "_context"];
 
 impl Places {
-    /// Group with access; `None`: the owner alone.
-    pub(crate) fn group(&self) -> Option<u32> {
-        let about = std::fs::metadata(&self.root).ok()?;
-        (about.mode() & SET_GROUP != 0).then(|| about.gid())
-    }
-
     /// Grants the start lock, which is the first file and needed by all programs, to the group.
     pub(super) fn share_lock(&self) {
         if let Some(group) = self.group() {
@@ -69,8 +63,9 @@ fn grant(path: &Path, group: u32, user: u32) {
         return;
     }
     let own = about.mode() & 0o7777;
-    // The group may do what the owner may.
-    let wanted = own | (own & 0o700) >> 3 | if about.is_dir() { SET_GROUP } else { 0 };
+    // The group may do what the owner may, except write samples: readers map them read-only.
+    let group_bits = if name(path).ends_with(SAMPLES) { own & 0o400 } else { own & 0o700 };
+    let wanted = own | group_bits >> 3 | if about.is_dir() { SET_GROUP } else { 0 };
     if wanted == own && about.gid() == group {
         return;
     }

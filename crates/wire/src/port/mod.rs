@@ -2,6 +2,7 @@
 
 mod any;
 mod exhausted;
+mod origin;
 mod query;
 pub(crate) mod retry;
 pub(crate) mod segment;

@@ -2,7 +2,7 @@
 
 use super::exhausted;
 use crate::WireError;
-use crate::leftover::Places;
+use crate::leftover::{Obstacle, Places};
 use std::time::{Duration, Instant};
 
 /// How long to wait for others who create or remove the same topic.
@@ -51,6 +51,9 @@ pub(crate) fn within<T>(
             Refusal::Final(error) => return Err(error),
             Refusal::Full(error) if over || !places.sweep(SWEEP_PATIENCE).any() => return Err(error),
             Refusal::Passing(cause) if over => {
+                if let Some(error) = places.blocked_name(|_, about| places.is_foreign(about)) {
+                    return Err(error);
+                }
                 return Err(WireError::InFlux { topic: name.into(), tries, cause });
             }
             Refusal::Full(_) => {}
@@ -74,12 +77,15 @@ fn locked<T>(
     })?;
     let waited_ms = FLUX_TIMEOUT.as_millis() as u64;
     let _lock = lock.ok_or_else(|| WireError::StartLocked { path: path(), waited_ms })?;
-    Ok(match places.empty_segment() {
+    Ok(match places.obstacle() {
         // iceoryx2 would wait indefinitely for this file.
-        Some(empty) => Err(Refusal::Passing(format!(
+        Some(Obstacle::Empty(path)) => Err(Refusal::Passing(format!(
             "{} has no size: it is being made, or was truncated",
-            empty.display()
+            path.display()
         ))),
+        Some(Obstacle::Foreign(path, owner)) => {
+            Err(Refusal::Final(WireError::BlockedName { path: path.display().to_string(), owner }))
+        }
         None => attempt(),
     })
 }

@@ -10,6 +10,7 @@ use crate::{Topic, WireError};
 use std::fs::{File, OpenOptions};
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// The smallest page of any machine we run on.
@@ -98,14 +99,21 @@ fn open(path: &Path) -> std::io::Result<File> {
     OpenOptions::new().read(true).write(true).open(path)
 }
 
+/// The digits between the prefix and a writer's number, which are the same in all names of samples' memory.
+static DIGITS: OnceLock<String> = OnceLock::new();
+
 fn find(places: &Places, writer_id: u128) -> Option<PathBuf> {
-    let (prefix, id) = (&places.prefix, writer_id.to_string());
     let suffix = places.config.global.service.data_segment_suffix;
-    let suffix = String::from_utf8_lossy(suffix.as_bytes()).into_owned();
+    let end = format!("_{writer_id}{}", String::from_utf8_lossy(suffix.as_bytes()));
+    let known = DIGITS.get().map(|digits| Path::new(SHM_DIR).join(format!("{}{digits}{end}", places.prefix)));
+    if let Some(path) = known.filter(|path| path.exists()) {
+        return Some(path);
+    }
     let entries = std::fs::read_dir(SHM_DIR).ok()?;
     entries.flatten().map(|entry| entry.path()).find(|path| {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        name.starts_with(prefix) && name.contains(&id) && name.ends_with(&suffix)
+        let digits = name.strip_prefix(&places.prefix).and_then(|rest| rest.strip_suffix(&end));
+        digits.map(|digits| DIGITS.get_or_init(|| digits.to_owned())).is_some()
     })
 }
 

@@ -116,6 +116,18 @@ fn with_qos<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend>(
         .enable_safe_overflow(true)
 }
 
+/// Refuses a new topic in a full shared-memory domain.
+pub(crate) fn require_place(bus: &Bus, topic: &Topic) -> Result<(), WireError> {
+    if bus.places.service_files().len() < 2 * qos::MAX_TOPICS {
+        return Ok(());
+    }
+    let name = service_name(topic.name())?;
+    match Ipc::does_exist(&name, &bus.places.config, MessagingPattern::PublishSubscribe) {
+        Ok(true) => Ok(()),
+        _ => Err(WireError::TooManyTopics { topic: topic.name().to_owned(), limit: qos::MAX_TOPICS }),
+    }
+}
+
 /// A reader's two ends. The listener comes first: a sample sent in between then wakes us for nothing instead of never.
 pub(crate) fn reader<P: Debug + IceoryxSend + ?Sized + 'static, H: Debug + ZeroCopySend + 'static>(
     bus: &Bus,

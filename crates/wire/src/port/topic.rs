@@ -1,5 +1,6 @@
 //! Ports of topics. Samples of fixed size are copied; a field is written straight into the memory that the readers map.
 
+use super::origin::Origins;
 use super::segment;
 use super::service::{self, Ends, Missing, PubSub};
 use super::writer_lock::WriterLock;
@@ -13,6 +14,7 @@ use crate::qos;
 use crate::sys::{Ipc, now_ns};
 use crate::topic::Topic;
 use crate::wake::{Wakeable, Waker, Waking};
+use iceoryx2::port::ReceiveError;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::port::{notifier::Notifier, subscriber::Subscriber};
@@ -36,7 +38,13 @@ pub trait Carried: Debug + IceoryxSend + 'static {
         qos: qos::Qos,
         entries: usize,
     ) -> Result<Publisher<Ipc, Self, Self::Header>, PublisherCreateError>;
+
+    #[doc(hidden)]
+    fn receive(subscriber: &Subscriber<Ipc, Self, Self::Header>) -> Received<Self>;
 }
+
+/// A sample, if one waits.
+type Received<P> = Result<Option<Sample<Ipc, P, <P as Carried>::Header>>, ReceiveError>;
 
 impl<P: Payload> Carried for P {
     type Header = ();
@@ -56,6 +64,10 @@ impl<P: Payload> Carried for P {
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .override_sample_preallocation(move |worst| worst.min(qos.samples_in_use()))
             .create()
+    }
+
+    fn receive(subscriber: &Subscriber<Ipc, Self, Self::Header>) -> Received<Self> {
+        subscriber.receive()
     }
 }
 
@@ -80,6 +92,10 @@ impl Carried for [f32] {
             .override_sample_preallocation(move |worst| worst.min(qos.samples_in_use()))
             .create()
     }
+
+    fn receive(subscriber: &Subscriber<Ipc, Self, Self::Header>) -> Received<Self> {
+        subscriber.receive()
+    }
 }
 
 /// The ports of the one writer of a topic.
@@ -95,6 +111,7 @@ struct WriterPort<P: Carried + ?Sized> {
 impl<P: Carried + ?Sized> WriterPort<P> {
     /// Becomes the writer and reserves all memory.
     fn create(bus: &Bus, topic: &Topic, owner: &str, entries: usize) -> Result<Self, WireError> {
+        service::require_place(bus, topic)?;
         let lock = service::retry(bus, topic.name(), || WriterLock::take(&bus.places, topic.name(), owner))?;
         let qos = qos::of(topic.kind());
         let service = P::service(bus, topic, Missing::Create)?;
@@ -129,6 +146,7 @@ pub struct Reader<P: Carried + ?Sized> {
     topic: Topic,
     subscriber: Subscriber<Ipc, P, P::Header>,
     waker: Waker,
+    origins: Origins,
 }
 
 /// Sends readings.
@@ -170,7 +188,7 @@ impl<P: Payload> Writer<P> {
     /// Becomes the writer of `topic` and reserves all its memory.
     ///
     /// # Errors
-    /// [`WireError::AlreadyPublished`] when a living process writes already, [`WireError::NoMemory`] when /dev/shm is
+    /// [`WireError::TooManyTopics`], [`WireError::AlreadyPublished`] when a living process writes already, [`WireError::NoMemory`] when /dev/shm is
     /// full, [`WireError::Incompatible`] when a program of another version made the topic.
     pub fn create(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
         Self::create_named(bus, topic, "")
@@ -239,7 +257,19 @@ impl<P: Carried + ?Sized> Reader<P> {
     fn build(bus: &Bus, topic: &Topic, missing: Missing, waking: Waking) -> Result<Self, WireError> {
         let service = P::service(bus, topic, missing)?;
         let Ends { subscriber, waker } = service::reader(bus, topic, &service, waking)?;
-        Ok(Self { topic: topic.clone(), subscriber, waker })
+        Ok(Self { topic: topic.clone(), subscriber, waker, origins: Origins::new(&bus.places, topic) })
+    }
+
+    /// The oldest waiting sample of a publisher who may publish this topic. Samples of others are removed, as many as may wait.
+    fn receive(&self) -> Result<Option<Sample<Ipc, P, P::Header>>, WireError> {
+        for _ in 0..qos::of(self.topic.kind()).buffer {
+            let received = P::receive(&self.subscriber).map_err(|error| self.receive_failed(error))?;
+            match received {
+                Some(sample) if !self.origins.allow(sample.origin().value()) => {}
+                other => return Ok(other),
+            }
+        }
+        Ok(None)
     }
 
     fn receive_failed(&self, error: impl Debug) -> WireError {
@@ -263,8 +293,7 @@ impl<P: Payload> Reader<P> {
     /// # Errors
     /// [`WireError::Receive`] when a connection broke.
     pub fn next(&self) -> Result<Option<P>, WireError> {
-        let received = self.subscriber.receive().map_err(|error| self.receive_failed(error))?;
-        Ok(received.map(|sample| *sample.payload()))
+        Ok(self.receive()?.map(|sample| *sample.payload()))
     }
 
     /// The newest waiting sample; the older ones are discarded. Never blocks.
@@ -287,8 +316,7 @@ impl Reader<[f32]> {
     /// [`WireError::Receive`] when a connection broke or too many samples are held, [`WireError::FieldShape`] when header
     /// and payload contradict each other.
     pub fn next(&self) -> Result<Option<FieldSample>, WireError> {
-        let received = self.subscriber.receive().map_err(|error| self.receive_failed(error))?;
-        let Some(sample) = received else { return Ok(None) };
+        let Some(sample) = self.receive()? else { return Ok(None) };
         check_shape(&self.topic, sample.user_header(), sample.payload().len())?;
         Ok(Some(FieldSample { sample }))
     }

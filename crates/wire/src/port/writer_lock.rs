@@ -50,7 +50,11 @@ impl WriterLock {
                 let owner = file.metadata().map_err(refused)?.uid();
                 let domain = std::fs::metadata(&places.root).map_err(refused)?.uid();
                 if !is_trusted(owner, crate::domain::uid()) && owner != domain {
-                    return Err(refused(taken(&path, &ErrorKind::PermissionDenied.into())));
+                    // Only root may remove it from /dev/shm.
+                    return Err(match std::fs::remove_file(&path) {
+                        Ok(()) => Refusal::Passing(format!("{} was another user's", path.display())),
+                        Err(_) => refused(taken(&path, &ErrorKind::PermissionDenied.into())),
+                    });
                 }
             }
         }
@@ -64,6 +68,12 @@ impl WriterLock {
         }
         if !names_this_file(&path, &file) {
             return Err(Refusal::Passing(format!("{} was removed at the same time", path.display())));
+        }
+        // Readers take the samples of the lock's owner: the lock that another user's killed program left is made again.
+        let is_own = file.metadata().map_err(refused)?.uid() == crate::domain::uid();
+        if right.is_some() && !is_own {
+            std::fs::remove_file(&path).map_err(refused)?;
+            return Err(Refusal::Passing(format!("{} was another user's", path.display())));
         }
         // Number and name only help a reader of the message; the lock is what counts.
         let _ = file.set_len(0).and_then(|()| writeln!(file, "{} {owner}", std::process::id()));

@@ -13,7 +13,12 @@ pub fn domain(bus: &Result<Bus, WireError>) -> Finding {
     let bus = match bus {
         Ok(bus) => bus,
         Err(error) => {
-            let remedy = "run as the user that runs the twin, with its SOFTTWIN_ROOT and SOFTTWIN_DOMAIN";
+            let remedy = match error {
+                WireError::BlockedName { .. } => {
+                    "remove the named file as its owner or as root, then start again"
+                }
+                _ => "run as the user that runs the twin, with its SOFTTWIN_ROOT and SOFTTWIN_DOMAIN",
+            };
             return Finding::bad(subject, error, remedy);
         }
     };
