@@ -1,4 +1,4 @@
-//! What comes from outside, without a network: `deny.toml` against the lock file and the packages' own descriptions, and the table of
+//! Packages of others, checked without a network: `deny.toml` against the lock file and the packages' own descriptions, and the table of
 //! dependencies in ARCHITECTURE.md.
 
 use serde_json::Value;
@@ -17,7 +17,7 @@ fn toml_of(path: &str) -> toml::Table {
 
 fn strings(list: &toml::Value) -> BTreeSet<String> {
     let list = list.as_array().expect("a list").iter();
-    list.map(|text| text.as_str().expect("a text").to_owned()).collect()
+    list.map(|text| text.as_str().expect("a string").to_owned()).collect()
 }
 
 /// Packages of the lock file.
@@ -157,7 +157,7 @@ fn every_locked_package_is_reached_from_a_justified_dependency() {
             direct.insert(name.to_owned());
         }
     }
-    // The ROS 2 peer is a package of its own; the stand-ins replace packages of others.
+    // The ROS 2 peer is a separate package; the stand-ins replace packages of others.
     let keys = |table: &toml::Value| table.as_table().expect("a table").keys().cloned().collect::<Vec<_>>();
     let peer = toml_of("scripts/checks/ros2_peer/Cargo.toml");
     let patched = &toml_of("Cargo.toml")["patch"]["crates-io"];

@@ -325,6 +325,27 @@ def test_files_in_a_shared_domain_are_granted_to_its_group(stage):
     del readings
 
 
+def test_samples_of_root_of_the_owner_and_of_the_lock_s_user_are_taken(stage):
+    from softtwin.origin import Origins
+
+    root = pathlib.Path(stage.root)
+    root.mkdir(exist_ok=True)
+    root.chmod(0o2770)
+    bus, stranger = softtwin.Bus(stage.domain, stage.root), 54321
+    origins = Origins(bus.places, "softtwin/finger/sensor")
+    publisher = softtwin.SensorPublisher("finger", bus=bus)
+    assert origins.may_publish(0) and origins.may_publish(root.stat().st_uid) and not origins.may_publish(stranger)
+    if os.geteuid() == 0:
+        (lock,) = (root / "publish").iterdir()
+        os.chown(lock, stranger, -1)
+        assert origins.may_publish(stranger)
+        os.chown(root / "publish", stranger, -1)
+        assert not origins.may_publish(stranger), "the folder gives no right"
+    readings = softtwin.subscribe("softtwin/finger/sensor", timeout_s=WAIT_S, bus=bus)
+    publisher.send(pressure_mpa=0.03, gap_mm=30.0)
+    assert readings.next().pressure_mpa == 0.03
+
+
 FORK = """
 import gc, os, sys, softtwin
 readings = softtwin.subscribe("softtwin/finger/state", timeout_s=20)

@@ -137,20 +137,29 @@ class Places:
         for path in _files(f"{self.root}/services", pattern):
             _remove_if_unused(path, lambda found: bool(found.st_mode & 0o200))
 
+    def right_to_write(self, topic: str) -> Optional[str]:
+        """Folder of a shared domain whose writers may publish `topic`; None in a private one."""
+        if not os.stat(self.root).st_mode & stat.S_ISGID:
+            return None
+        return f"{self.root}/{'control' if topic.rsplit('/', 1)[-1] in _DRIVING else 'publish'}"
+
     def writer_lock(self, topic: str) -> str:
-        """The lock file of a topic's writer: in a shared domain it is in the folder of those who may publish the topic."""
+        """Path of the lock file of a topic's writer: in a shared domain it is in the folder of those who may publish the topic."""
         file = f"{_number(topic):016x}.writer"
-        root = os.stat(self.root)
-        if not root.st_mode & stat.S_ISGID:
-            return f"{_SHM}/{self.prefix}softtwin_{_number(self.root):016x}_{file}"
-        folder = f"{self.root}/{'control' if topic.rsplit('/', 1)[-1] in _DRIVING else 'publish'}"
-        if os.geteuid() in (0, root.st_uid) and not os.path.lexists(folder):
+        folder = self.right_to_write(topic)
+        return f"{folder}/{file}" if folder else f"{_SHM}/{self.prefix}softtwin_{_number(self.root):016x}_{file}"
+
+    def check_right(self, topic: str) -> None:
+        """Checks the folder of those who may publish `topic`; its owner makes it where it is missing."""
+        folder, owner = self.right_to_write(topic), os.stat(self.root).st_uid
+        if folder is None:
+            return
+        if os.geteuid() in (0, owner) and not os.path.lexists(folder):
             os.mkdir(folder, 0o700)
-            os.chown(folder, root.st_uid, -1)
+            os.chown(folder, owner, -1)
         found = os.lstat(folder)
-        if not stat.S_ISDIR(found.st_mode) or found.st_uid not in (0, root.st_uid):
-            raise PermissionError(f"{folder} belongs to user {found.st_uid}, expected user {root.st_uid} or root: remove it")
-        return f"{folder}/{file}"
+        if not stat.S_ISDIR(found.st_mode) or found.st_uid not in (0, owner):
+            raise PermissionError(f"{folder} belongs to user {found.st_uid}, expected user {owner} or root: remove it")
 
     def restrict_counter(self) -> None:
         """Takes the counter of nodes, which iceoryx2 makes open to all users, back to the users of the shared-memory domain."""
@@ -205,6 +214,7 @@ class WriterLock:
 
     def __init__(self, places: Places, topic: str, owner: str = "") -> None:
         self._file: Optional[int] = None
+        places.check_right(topic)
         self._path = places.writer_lock(topic)
         is_shared = not self._path.startswith(_SHM)
         while True:

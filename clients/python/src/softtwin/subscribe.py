@@ -10,6 +10,7 @@ from .bus import Bus, default_bus, kind_of, payload_type, wait
 from .errors import SofttwinError, TwinRestarted, TwinSilent
 from .field import Field, copy_of
 from .layout import LAYOUT_VERSION, FieldHeader
+from .origin import Origins
 from .qos import QOS
 from .start import Holder, check_process, hold
 
@@ -45,6 +46,7 @@ class Subscription(Holder):
         self._on_restart = on_restart
         self._last: Optional[tuple] = None
         self._kind = None if kind_of(topic) == "field" else payload_type(topic)
+        self._origins, self._buffer = Origins(bus.places, topic), qos.buffer
         service = bus.open_topic(topic, create=wait_for_twin)
         # The listener is created first, so that a sample sent in between causes a spurious wake-up instead of none.
         events = bus.open_topic_events(topic)
@@ -62,13 +64,13 @@ class Subscription(Holder):
     def try_next(self) -> Optional[Any]:
         """The oldest waiting sample, or None. Never waits."""
         check_process(self)
-        try:
-            sample = self._subscriber.receive()
-        except Exception as error:
-            raise SofttwinError(
-                f"{self.topic}: receiving failed: {error}; a reader may hold 4 samples at the same time, drop some views"
-            ) from error
-        if sample is None:
+        for _ in range(self._buffer):
+            sample = self._receive()
+            if sample is None:
+                return None
+            if self._origins.allow(sample.payload_ptr):
+                break
+        else:
             return None
         if self._kind is not None:
             value: Any = copy_of(self._kind, sample.payload_ptr)
@@ -82,6 +84,14 @@ class Subscription(Holder):
             boot_seq = (header.boot_id, header.seq)
         self._count(boot_seq, value)
         return value
+
+    def _receive(self) -> Any:
+        try:
+            return self._subscriber.receive()
+        except Exception as error:
+            raise SofttwinError(
+                f"{self.topic}: receiving failed: {error}; a reader may hold 4 samples at the same time, drop some views"
+            ) from error
 
     def next(self, timeout_s: Optional[float] = None) -> Any:
         """The oldest waiting sample; waits for one by event, at most `timeout_s` (the subscription's when None).

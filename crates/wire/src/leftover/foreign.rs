@@ -1,4 +1,4 @@
-//! Names of a domain in /dev/shm, which is open to all users: files of other users there, and the permissions of the counter.
+//! Names of a shared-memory domain in /dev/shm, which is open to all users: files of other users there, and the permissions of the counter.
 
 use super::places::{Places, is_counter};
 use super::unused;
@@ -17,7 +17,7 @@ const PAUSE: u64 = 20;
 pub(crate) enum Obstacle {
     /// It has no size; iceoryx2 would wait indefinitely for its growth.
     Empty(PathBuf),
-    /// It belongs to a user without a part in the domain.
+    /// It belongs to a user who is no member.
     Foreign(PathBuf, u32),
 }
 
@@ -51,7 +51,7 @@ impl Places {
         })
     }
 
-    /// Error that names a file of a user without a part in the domain, or a counter that this user cannot remove.
+    /// Error that names a file of a user who is no member, or a counter that this user cannot remove.
     pub(crate) fn blocked_name(&self, blocks: impl Fn(&Path, &Metadata) -> bool) -> Option<WireError> {
         self.segments().into_iter().find_map(|path| {
             let about = std::fs::symlink_metadata(&path).ok()?;
@@ -60,7 +60,7 @@ impl Places {
         })
     }
 
-    /// Whether a file belongs to a user without a part in the domain.
+    /// Whether a file belongs to a user who is no member of the shared-memory domain.
     pub(crate) fn is_foreign(&self, about: &Metadata) -> bool {
         let root = std::fs::metadata(&self.root).map_or_else(|_| uid(), |root| root.uid());
         ![0, uid(), root].contains(&about.uid()) && self.group() != Some(about.gid())
@@ -77,7 +77,7 @@ impl Places {
         }
     }
 
-    /// Takes the counter, which iceoryx2 makes open to all users, back to the users of the domain.
+    /// Takes the counter, which iceoryx2 makes open to all users, back to the members.
     pub(crate) fn restrict_counters(&self) {
         let mode = if self.group().is_some() { 0o660 } else { 0o600 };
         for path in self.counter_segments() {

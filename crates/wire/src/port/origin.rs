@@ -7,7 +7,7 @@ use std::cell::Cell;
 use std::os::unix::fs::MetadataExt;
 use std::path::PathBuf;
 
-/// Publishers whose samples a reader takes: those of root, of the domain's owner, and of the user who holds the topic's lock.
+/// Publishers whose samples a reader takes: those of root, of the folder's owner, and of the user who holds the topic's lock.
 #[derive(Debug)]
 pub(crate) struct Origins {
     topic: String,
