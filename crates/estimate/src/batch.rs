@@ -12,6 +12,7 @@
 use crate::filter::Filter;
 use crate::identify;
 use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector};
+use crate::memory::{Pattern, widened};
 use crate::normal::chi_squared_quantile;
 use crate::outcome::Estimate;
 use crate::reading::{Linear, Prior, ReadingProblem, Side, difference};
@@ -34,9 +35,10 @@ const OUTLIER_Z: f64 = 3.719;
 /// Constants that explain a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
-    /// Estimates in the order of the unknowns.
+    /// Estimates in the order of the unknowns. The standard deviations contain the effect of memory of the plant as far as the recording
+    /// does not exclude it.
     pub estimates: Vec<Estimate>,
-    /// Covariance of their errors.
+    /// Covariance of their errors, without memory.
     pub covariance: Symmetric,
     /// True if the steps became small; otherwise the values are NaN.
     pub converged: bool,
@@ -162,19 +164,22 @@ impl<'a> Batch<'a> {
             });
             break;
         }
-        self.result(&x, &sums, converged)
+        let memory = self.memory(&x, &sums, model);
+        self.result(&x, &sums, &memory, converged)
     }
 
-    fn result(&self, x: &Vector, sums: &Sums, converged: bool) -> Fit {
+    fn result(&self, x: &Vector, sums: &Sums, memory: &[Pattern], converged: bool) -> Fit {
         let count = self.unknowns();
         let unread = self.setup.priors().1;
         let factor = sums.matrix.cholesky();
         let covariance = factor.map_or(Symmetric::diagonal(&unread[..count]), |factor| factor.inverse());
         let identifiability = identify::judge(&covariance, &unread);
-        let estimate = |at: usize| Estimate {
-            value: if converged { x[at] } else { f64::NAN },
-            sigma: covariance.get(at, at).sqrt(),
-            identifiable: converged && identifiability.is_identifiable(at),
+        let estimate = |at: usize| {
+            let (alone, prior) = (covariance.get(at, at).sqrt(), unread[at].sqrt());
+            let sigma = widened(memory, at, alone, prior, x[at] - self.setup.unknowns[at].prior);
+            let is_told = identifiability.is_identifiable(at) && sigma <= identify::MAX_SIGMA_RATIO * prior;
+            let value = if converged { x[at] } else { f64::NAN };
+            Estimate { value, sigma, identifiable: converged && is_told }
         };
         Fit {
             estimates: (0..count).map(estimate).collect(),
@@ -207,6 +212,30 @@ impl<'a> Batch<'a> {
         sums
     }
 
+    /// Prior of the noise of a reading at these states, and the weights of its values.
+    fn of_reading(&self, reading: &Measurement, states: &Vector) -> (Prior, [f64; MAX_ROWS]) {
+        let count = self.unknowns();
+        let (noise, measured) = self.setup.noise_information();
+        // The unknowns' prior is counted once, not with each reading.
+        let information = Symmetric::diagonal(&[0.0; MAX_STATES][..count]).extended(&noise[..measured]);
+        let mut prior = Prior { states: *states, information };
+        prior.states[count..].fill(0.0);
+        let mut weights = [0.0; MAX_ROWS];
+        for (i, value) in reading.rows.iter().enumerate().take(self.setup.rows.len()) {
+            weights[i] = if value.is_finite() { self.shared_weights[i] } else { 0.0 };
+        }
+        (prior, weights)
+    }
+
+    fn problem<'p>(
+        &'p self,
+        measurement: &'p Measurement,
+        prior: &'p Prior,
+        weights: [f64; MAX_ROWS],
+    ) -> ReadingProblem<'p> {
+        ReadingProblem { setup: self.setup, measurement, prior, side: Side::Any, weights }
+    }
+
     fn add_reading(
         &self,
         reading: &Measurement,
@@ -218,21 +247,8 @@ impl<'a> Batch<'a> {
         let count = self.unknowns();
         let (noise, measured) = self.setup.noise_information();
         let size = count + measured;
-        let information = Symmetric::diagonal(&[0.0; MAX_STATES][..count]).extended(&noise[..measured]);
-        let mut weights = [0.0; MAX_ROWS];
-        for (i, value) in reading.rows.iter().enumerate().take(self.setup.rows.len()) {
-            weights[i] = if value.is_finite() { self.shared_weights[i] } else { 0.0 };
-        }
-        // The unknowns' prior is counted once, not with each reading.
-        let mut prior = Prior { states: *states, information };
-        prior.states[count..].fill(0.0);
-        let problem = ReadingProblem {
-            setup: self.setup,
-            measurement: reading,
-            prior: &prior,
-            side: Side::Any,
-            weights,
-        };
+        let (prior, weights) = self.of_reading(reading, states);
+        let problem = self.problem(reading, &prior, weights);
         let mut states = *states;
         for _ in 0..NOISE_STEPS {
             let linear = problem.linearise(&states, model)?;
@@ -259,6 +275,63 @@ impl<'a> Batch<'a> {
         sums.outliers += terms.outliers;
         sums.noise[at][..size - count].copy_from_slice(&states[count..size]);
         eliminate(&matrix, &right, count, &mut sums.matrix, &mut sums.right)
+    }
+
+    /// Kinds of memory: their effect on the unknowns, and their amplitude in the noise of the first measured input.
+    fn memory(&self, x: &Vector, sums: &Sums, model: &mut impl Model) -> [Pattern; 2] {
+        let mut patterns = Pattern::all(f64::INFINITY);
+        let (first, factor) = (self.setup.measured_inputs().next(), sums.matrix.cholesky());
+        let (Some((input, sigma)), Some(factor)) = (first, factor) else { return patterns };
+        let count = self.unknowns();
+        let (mut matrix, mut rights, mut differences) = (sums.matrix, [[0.0; MAX_STATES]; 2], Vec::new());
+        for (at, reading) in self.readings.iter().enumerate() {
+            patterns
+                .iter_mut()
+                .for_each(|pattern| pattern.advance(reading.t_s, reading.inputs[input], sigma));
+            differences.push(patterns.each_ref().map(Pattern::difference));
+            let Some(solved) = self.solved(at, x, sums, model) else { continue };
+            let (of_reading, _) = self.equations(at, &solved, &solved.robust);
+            for (pattern, to_right) in patterns.iter().zip(&mut rights) {
+                let none = [0.0; MAX_STATES];
+                let right = solved.linear.right_of(&solved.robust, count, pattern.difference(), &none);
+                eliminate(&of_reading, &right, count, &mut matrix, to_right);
+            }
+        }
+        for (pattern, right) in patterns.iter_mut().zip(&rights) {
+            pattern.move_by(&factor.solve(right)[..count]);
+        }
+        for (at, differences) in differences.iter().enumerate() {
+            let Some(solved) = self.solved(at, x, sums, model) else { continue };
+            let (of_reading, right) = self.equations(at, &solved, &solved.alone);
+            let Some(step) = noise_step(&of_reading, &right, count) else { continue };
+            for (pattern, difference) in patterns.iter_mut().zip(differences) {
+                let right = solved.linear.right_of(&solved.alone, count, *difference, pattern.sensitivity());
+                if let Some(of_unit) = noise_step(&of_reading, &right, count) {
+                    pattern.compare(solved.states[count] + step[0], of_unit[0], sigma);
+                }
+            }
+        }
+        patterns
+    }
+
+    /// A reading at the solution.
+    fn solved(&self, at: usize, x: &Vector, sums: &Sums, model: &mut impl Model) -> Option<Solved> {
+        let (reading, count) = (&self.readings[at], self.unknowns());
+        let mut states = *x;
+        states[count..].copy_from_slice(&sums.noise[at][..MAX_STATES - count]);
+        let (prior, weights) = self.of_reading(reading, &states);
+        let linear = self.problem(reading, &prior, weights).linearise(&states, model)?;
+        let (robust, _) = self.robust(&linear, &weights);
+        let mut alone = self.weights;
+        for (alone, (robust, shared)) in alone.iter_mut().zip(robust.iter().zip(&self.shared_weights)) {
+            *alone *= if *shared > 0.0 { robust / shared } else { 0.0 };
+        }
+        Some(Solved { states, prior, linear, robust, alone })
+    }
+
+    fn equations(&self, at: usize, solved: &Solved, weights: &[f64; MAX_ROWS]) -> (Symmetric, Vector) {
+        let problem = self.problem(&self.readings[at], &solved.prior, *weights);
+        problem.equations(&solved.states, &solved.linear, weights)
     }
 
     /// Huber weights per row, with cost and counts.
@@ -289,6 +362,17 @@ impl<'a> Batch<'a> {
         }
         (out, terms)
     }
+}
+
+/// A reading at the solution of the fit.
+struct Solved {
+    states: Vector,
+    prior: Prior,
+    linear: Linear,
+    /// Robust weights, with the model's error shared by all readings.
+    robust: [f64; MAX_ROWS],
+    /// The same for the reading alone.
+    alone: [f64; MAX_ROWS],
 }
 
 /// Contribution of one reading's measured values.

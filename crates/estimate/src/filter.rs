@@ -1,7 +1,8 @@
 //! Iterated extended Kalman filter over readings.
 
 use crate::identify::{self, Identifiability};
-use crate::matrix::{MAX_STATES, Symmetric, Vector};
+use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector};
+use crate::memory::{CYCLES_S, Pattern, widened};
 use crate::normal::{chi_squared_quantile, truncated, upper_tail};
 use crate::outcome::{Alarm, Estimate, Status, Update};
 use crate::reading::{self, Prior, ReadingProblem, Side};
@@ -50,6 +51,7 @@ pub struct Filter {
     /// Trend per input; `Some` for inputs that change steadily.
     trends: [Option<Trend>; MAX_INPUTS],
     watch: Watch,
+    memory: [Pattern; 2],
     alarm: Option<Alarm>,
 }
 
@@ -68,6 +70,7 @@ impl Filter {
             before: Rewind::new(),
             trends: [None; MAX_INPUTS],
             watch: Watch::default(),
+            memory: Pattern::all(CYCLES_S),
             alarm: None,
             last_t_s: None,
             spacing_s: f64::INFINITY,
@@ -85,7 +88,8 @@ impl Filter {
         &self.setup
     }
 
-    /// Estimates in the order of the unknowns.
+    /// Estimates in the order of the unknowns. The standard deviations contain the effect of memory as far as the readings do not
+    /// exclude it.
     pub fn estimates(&self) -> impl Iterator<Item = Estimate> {
         let gap = self.setup.gap_unknown();
         (0..self.setup.unknowns.len()).map(move |at| {
@@ -93,7 +97,11 @@ impl Filter {
             if gap == Some(at) {
                 (value, sigma) = truncated(value, sigma, self.gap_floor_mm);
             }
-            Estimate { value, sigma, identifiable: self.identifiability.is_identifiable(at) }
+            let unread = self.unread[at].sqrt();
+            sigma = widened(&self.memory, at, sigma, unread, value - self.setup.unknowns[at].prior);
+            let identifiable =
+                self.identifiability.is_identifiable(at) && sigma <= identify::MAX_SIGMA_RATIO * unread;
+            Estimate { value, sigma, identifiable }
         })
     }
 
@@ -118,6 +126,11 @@ impl Filter {
                     }
                 }
             }
+        }
+        let driving = self.setup.measured_inputs().next().map_or(0.0, |(input, _)| by_input[input]);
+        for pattern in &self.memory {
+            let of_unknowns: f64 = by_unknown.iter().zip(pattern.sensitivity()).map(|(a, b)| a * b).sum();
+            variance += (of_unknowns + driving * pattern.difference()).powi(2) * pattern.square();
         }
         let spread = self.covariance.times(&by_unknown);
         variance += by_unknown.iter().zip(spread).map(|(a, b)| a * b).sum::<f64>();
@@ -173,7 +186,8 @@ impl Filter {
         let mut watch = std::mem::take(&mut self.watch);
         watch.add(&self.setup, measurement, &update, noise);
         let unread = self.unread.map(f64::sqrt);
-        update.alarm = watch.judge(&self.setup, self.estimates().zip(unread));
+        let may_be_memory = self.memory.iter().any(Pattern::may_be);
+        update.alarm = watch.judge(&self.setup, self.estimates().zip(unread), may_be_memory);
         self.alarm = update.alarm;
         self.watch = watch;
         update
@@ -208,6 +222,10 @@ impl Filter {
             let drift = unknown.drift_variance(passed_s);
             self.covariance.add_diagonal(at, drift);
             self.unread[at] += drift;
+        }
+        if let Some((input, sigma)) = self.setup.measured_inputs().next() {
+            let value = measurement.inputs[input];
+            self.memory.iter_mut().for_each(|pattern| pattern.advance(measurement.t_s, value, sigma));
         }
         if let Some(gap) = self.setup.gap_unknown() {
             // A drifting gap may fall below the excluded range again.
@@ -410,6 +428,7 @@ impl Filter {
             *x = x.clamp(unknown.range[0], unknown.range[1]);
         }
         let count = self.setup.unknowns.len();
+        self.learn_memory(&problem.weights, &lasting, explained, &factor);
         let inputs = self.setup.inputs_at(measurement, &states);
         self.covariance = factor.inverse().leading(count);
         self.mean[..count].copy_from_slice(&states[..count]);
@@ -434,6 +453,27 @@ impl Filter {
             nis_band: band,
             alarm: None,
         })
+    }
+
+    /// Takes a used reading into account: its noise with the weights of a single reading, the errors of the unknowns with those of the
+    /// gain.
+    fn learn_memory(
+        &mut self,
+        weights: &[f64; MAX_ROWS],
+        lasting: &[f64; MAX_ROWS],
+        explained: &Explained,
+        gain: &Cholesky,
+    ) {
+        let (count, linear) = (self.setup.unknowns.len(), &explained.linear);
+        let Some((_, sigma)) = self.setup.measured_inputs().next() else { return };
+        for pattern in &mut self.memory {
+            let right =
+                |weights| linear.right_of(weights, count, pattern.difference(), pattern.sensitivity());
+            let of_unit = explained.factor.solve(&right(weights))[count];
+            let step = gain.solve(&right(lasting));
+            pattern.move_by(&step[..count]);
+            pattern.compare(explained.states[count], of_unit, sigma);
+        }
     }
 
     /// Weights of a reading for the unknowns: the model's variance is multiplied by the number of readings with the same error.

@@ -3,7 +3,7 @@
 use crate::matrix::{MAX_STATES, Symmetric, Vector};
 
 /// Largest ratio of the standard deviation of an identifiable unknown to that without any reading.
-const MAX_SIGMA_RATIO: f64 = 1.0 / 3.0;
+pub(crate) const MAX_SIGMA_RATIO: f64 = 1.0 / 3.0;
 /// An unknown is unidentifiable too if fixing the unidentifiable ones reduces its variance below this fraction.
 const MIN_CONDITIONAL_VARIANCE: f64 = 0.5;
 

@@ -10,6 +10,7 @@
 //! | `batch.rs` | the fit of constants to a whole recording |
 //! | `identify.rs` | identifiability of the unknowns |
 //! | `watch.rs` | alarms: persistent contradictions |
+//! | `memory.rs` | play and lag of the plant: amplitude, and effect on the intervals |
 //! | `trend.rs` | measured input that changes steadily, from all its readings |
 //! | `rewind.rs` | estimates from before a contact that was detected late |
 //! | `plan.rs` | plan of an experiment that identifies the unknowns |
@@ -25,6 +26,7 @@ mod batch;
 mod filter;
 mod identify;
 mod matrix;
+mod memory;
 mod normal;
 mod outcome;
 mod plan;

@@ -53,6 +53,24 @@ pub(crate) struct Linear {
 }
 
 impl Linear {
+    /// `J^T W (J_e d - J_x S)`: right-hand side of the normal equations for a difference `d` of the first measured input from the value
+    /// that acts, with errors `S` of the `count` unknowns.
+    pub(crate) fn right_of(
+        &self,
+        weights: &[f64; MAX_ROWS],
+        count: usize,
+        difference: f64,
+        errors: &Vector,
+    ) -> Vector {
+        let mut right = [0.0; MAX_STATES];
+        for (row, weight) in self.jacobian.iter().zip(weights).filter(|(_, weight)| **weight > 0.0) {
+            let of_unknowns: f64 = row[..count].iter().zip(errors).map(|(d, s)| d * s).sum();
+            let residual = row[count] * difference - of_unknowns;
+            right.iter_mut().zip(row).for_each(|(right, d)| *right += weight * residual * d);
+        }
+        right
+    }
+
     /// Moves the prediction along its tangent.
     pub(crate) fn move_along(&mut self, step: &Vector) {
         for (residual, row) in self.residual.iter_mut().zip(&self.jacobian) {

@@ -20,6 +20,8 @@ const MAX_REJECTED_FRACTION: f64 = 0.5;
 const MAX_MEAN_NOISE: f64 = 4.0;
 /// Largest distance of an estimate from its prior, in prior standard deviations.
 const MAX_FROM_PRIOR: f64 = 4.0;
+/// The same if a sensor is to be named.
+const MAX_FROM_PRIOR_OF_WITNESSES: f64 = 2.5;
 /// Largest excess of the sum of innovations over its mean, in standard deviations.
 const MAX_EXCESS: f64 = 6.0;
 /// Largest normal square of the model's error, in its variance (quantile 0.9999). The error is the same in all readings of the
@@ -158,18 +160,25 @@ impl Watch {
         self.variance *= weight * weight;
     }
 
-    /// Contradiction that has lasted for `SETTLE_S`. `estimates` come with their standard deviations without any reading.
+    /// Contradiction that has lasted for `SETTLE_S`. `estimates` come with their standard deviations without any reading;
+    /// `may_be_memory`: memory of the plant may be what contradicts.
     pub(crate) fn judge(
         &mut self,
         setup: &Setup,
         estimates: impl Iterator<Item = (Estimate, f64)>,
+        may_be_memory: bool,
     ) -> Option<Alarm> {
-        let (found, now_s) = (self.misfit(setup, estimates), self.last_t_s?);
+        let (found, now_s) = (self.misfit(setup, estimates, may_be_memory), self.last_t_s?);
         self.since_s = found.and(self.since_s.or(Some(now_s)));
         found.filter(|_| self.since_s.is_some_and(|since| now_s - since >= SETTLE_S))
     }
 
-    fn misfit(&self, setup: &Setup, estimates: impl Iterator<Item = (Estimate, f64)>) -> Option<Alarm> {
+    fn misfit(
+        &self,
+        setup: &Setup,
+        estimates: impl Iterator<Item = (Estimate, f64)>,
+        may_be_memory: bool,
+    ) -> Option<Alarm> {
         if self.readings < MIN_READINGS {
             return None;
         }
@@ -182,8 +191,18 @@ impl Watch {
         if self.unexplained > MAX_REJECTED_FRACTION * self.readings || (suspects == seen && seen != 0) {
             return Some(Alarm::NotExplained);
         }
+        let differs = self.directions.iter().any(Direction::differs);
         if suspects != 0 {
-            return Some(Alarm::Sensor(suspects));
+            // The accepted values tell which sensor is wrong only if they agree with model and priors themselves.
+            let mut away = estimates.zip(&setup.unknowns);
+            let is_told = away.all(|((estimate, unread), unknown)| {
+                (estimate.value - unknown.prior).abs() <= MAX_FROM_PRIOR_OF_WITNESSES * unread
+            });
+            return Some(if is_told && !differs && !may_be_memory {
+                Alarm::Sensor(suspects)
+            } else {
+                Alarm::NotExplained
+            });
         }
         if self.used < MIN_READINGS {
             return None;
@@ -199,7 +218,7 @@ impl Watch {
         if self.innovation > self.allowed + MAX_EXCESS * self.variance.sqrt() {
             return Some(Alarm::NotExplained);
         }
-        if self.directions.iter().any(Direction::differs) {
+        if differs {
             return Some(Alarm::NotExplained);
         }
         let mut unknowns = 0_u32;

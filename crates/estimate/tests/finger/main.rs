@@ -2,6 +2,7 @@
 
 mod cost;
 mod faults;
+mod memory;
 mod model;
 mod plan;
 
@@ -10,6 +11,8 @@ use model::{Finger, PRESSURE, Random, STIFFNESS, Truth, readings, run, setup, se
 
 #[test]
 fn gap_bias_and_stiffness_are_found_with_force_and_tip() {
+    // One inflation does not distinguish a bias of the gauge from play.
+    let identifiable = [true, false, true];
     let mut random = Random(42);
     let (mut covered, mut consistent, mut counted) = (0, 0, 0);
     for _ in 0..20 {
@@ -17,8 +20,12 @@ fn gap_bias_and_stiffness_are_found_with_force_and_tip() {
         let readings = readings(truth, &mut random);
         let (filter, updates) = run(setup(true), &readings);
         let estimates: Vec<_> = filter.estimates().collect();
+        assert_eq!(
+            estimates.iter().map(|e| e.identifiable).collect::<Vec<_>>(),
+            identifiable,
+            "{estimates:?}"
+        );
         for (estimate, truth) in estimates.iter().zip([truth.gap, truth.bias, truth.stiffness]) {
-            assert!(estimate.identifiable, "{truth:?}: {estimates:?}");
             let off = (estimate.value - truth).abs() / estimate.sigma;
             assert!(off < 4.5, "{off} standard deviations: {truth} {estimate:?}");
             covered += u32::from(off < 1.645);
@@ -241,7 +248,7 @@ fn fit_is_robust_against_outliers() {
         assert!(fit.outliers >= 1 && fit.outliers < 60, "{}", fit.outliers);
         for (estimate, truth) in fit.estimates.iter().zip([truth.gap, truth.bias, truth.stiffness]) {
             let off = (estimate.value - truth).abs() / estimate.sigma;
-            assert!(estimate.identifiable && off < 4.5, "{off}: {truth} {estimate:?}");
+            assert!(off < 4.5, "{off}: {truth} {estimate:?}");
             covered += u32::from(off < 1.645);
         }
     }
