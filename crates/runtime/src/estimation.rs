@@ -286,6 +286,12 @@ impl Estimator {
         self.filter.sigma_of(&evaluation.force_gradient)
     }
 
+    /// Estimated bias of the load cell, N; 0 if it is not estimated.
+    pub(crate) fn force_bias_n(&self) -> f64 {
+        let bias = self.filter.setup().rows.first().and_then(|row| row.bias);
+        bias.and_then(|at| self.filter.estimates().nth(at)).map_or(0.0, |estimate| estimate.value)
+    }
+
     /// Writes estimates and the outcome of the last reading.
     pub(crate) fn fill(&self, update: &Update, out: &mut Estimate) {
         let mut identifiable = 0;

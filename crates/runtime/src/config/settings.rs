@@ -33,7 +33,8 @@ pub struct Limits {
     pub max_ahead_ms: f64,
     /// A reading sent later than this after its stamp is counted and flagged late, ms.
     pub late_ms: f64,
-    /// Time for which a measured force must be outside the half-width of the predicted one to raise the alarm, ms.
+    /// Time for which a measured force must differ from the predicted one by more than its half-width and the load cell's noise to raise
+    /// the alarm, ms: each reading, or the mean of readings that stay alike.
     pub force_mismatch_ms: f64,
     /// Policy for readings outside the model's training range.
     pub outside_domain: OutsideDomain,

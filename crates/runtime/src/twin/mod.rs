@@ -6,7 +6,7 @@
 //! | --- | --- |
 //! | 1. poll: take it from the sensor topic | `mod.rs` |
 //! | 2. ingest: validate it; a good one waits for its answer | `ingest.rs` |
-//! | 3. evaluate: coefficients, force, gradients, half-widths; fill the state | `mod.rs`, `../publish.rs` |
+//! | 3. evaluate: coefficients, force, gradients, half-widths with the residual's contribution; fill the state | `mod.rs`, `residual.rs`, `../publish.rs` |
 //! | 4. reconstruct: write each field into a sample on loan | `../publish.rs` |
 //! | 5. publish: send state and fields | `mod.rs`, `../publish.rs` |
 //! | 6. record the outcome: count it once, after its outputs | `record.rs` |
@@ -16,6 +16,7 @@
 
 mod ingest;
 mod record;
+mod residual;
 mod swap;
 
 pub use record::{Event, EventKind, EventSender, event_channel};
@@ -26,7 +27,8 @@ use crate::estimation::{Estimator, HALFWIDTH_SIGMAS};
 use crate::load::{Description, Loaded};
 use crate::publish::{self, FieldError, FieldOutput, PackedNames};
 use ingest::{Needed, Validator};
-use record::{ForceWatch, Record};
+use record::Record;
+use residual::{Residual, Watch};
 use rom::evaluation::Evaluation;
 use rom::evaluator::{HysteresisEvaluator, RegimeLabel};
 use rom::hull::DomainStatus;
@@ -47,9 +49,6 @@ const MAX_WAIT: Duration = Duration::from_millis(100);
 
 /// Largest number of readings per iteration, so that a fast publisher does not delay the stop flag.
 const MAX_BATCH: usize = 1024;
-
-/// Standard deviations of the load cell added to the half-width.
-const WATCH_SIGMAS: f64 = 2.0;
 
 /// A running twin with all its topics open.
 #[derive(Debug)]
@@ -146,7 +145,7 @@ struct ActuatorTwin {
     validator: Validator,
     /// Good readings that are not answered yet; never more than the backlog.
     waiting: VecDeque<Taken>,
-    force_watch: ForceWatch,
+    force_watch: Watch,
     limits: Limits,
     /// `None` if the scene estimates nothing.
     estimation: Option<Estimation>,
@@ -259,7 +258,7 @@ impl ActuatorTwin {
             label: RegimeLabel { regime: RegimeKind::Free, held: false },
             validator: Validator::new(limits, parts.needed.clone()),
             waiting: VecDeque::with_capacity(parts.backlog),
-            force_watch: ForceWatch::default(),
+            force_watch: Watch::default(),
             parts,
             limits,
             state,
@@ -294,6 +293,7 @@ impl ActuatorTwin {
             retired.estimators.push(std::mem::replace(estimator, new));
         }
         self.evaluation = loaded.evaluator.evaluation();
+        self.force_watch.restart();
         let old = std::mem::replace(&mut self.parts, Parts::new(loaded));
         retired.evaluators.push(old.evaluator);
         self.validator.set_needed(self.parts.needed.clone());
@@ -433,6 +433,15 @@ impl ActuatorTwin {
             let of_estimate_n = HALFWIDTH_SIGMAS * estimate.force_sigma_n;
             evaluation.halfwidths.force_n = evaluation.halfwidths.force_n.hypot(of_estimate_n);
         }
+        let bias_n = self.estimation.as_ref().map_or(0.0, |estimation| estimation.estimator.force_bias_n());
+        let residual = Residual {
+            t_sensor_ns: sample.t_sensor_ns,
+            value: sample.measured_force_n - bias_n - evaluation.contact_force_n,
+            halfwidth: evaluation.halfwidths.force_n,
+            sigma: self.parts.force_sigma_n,
+        };
+        let residual = self.force_watch.update(residual, 1e-3 * self.limits.force_mismatch_ms);
+        evaluation.halfwidths.force_n = evaluation.halfwidths.force_n.hypot(residual.contribution);
         let (regime_before, flags_before) = (state.regime, self.record.health.flags);
         publish::fill_state(state, evaluation, &self.parts.description, self.parts.wanted);
         publish::fill_label(state, self.label);
@@ -450,21 +459,17 @@ impl ActuatorTwin {
                 *source = input_source::NOMINAL;
             }
         }
-        let residual_n = sample.measured_force_n - evaluation.contact_force_n;
-        let after_ns = ms_to_ns(self.limits.force_mismatch_ms);
-        let allowed_n = evaluation.halfwidths.force_n.hypot(WATCH_SIGMAS * self.parts.force_sigma_n);
-        let mismatch = self.force_watch.update(sample.t_sensor_ns, residual_n, allowed_n, after_ns);
         let late = taken_ns.saturating_sub(sample.t_sensor_ns) > ms_to_ns(self.limits.late_ms);
         for (bit, set) in [
             (flags::FORCE_MEASURED, sample.measured_force_n.is_finite()),
-            (flags::FORCE_MISMATCH, mismatch),
+            (flags::FORCE_MISMATCH, residual.mismatch),
             (flags::LATE, late),
         ] {
             state.flags |= if set { bit } else { 0 };
         }
         self.record.health.late += u64::from(late);
         if (state.flags ^ flags_before) & flags::FORCE_MISMATCH != 0 {
-            self.record.event(EventKind::ForceMismatch, u64::from(mismatch));
+            self.record.event(EventKind::ForceMismatch, u64::from(residual.mismatch));
         }
         if regime_before != state.regime {
             self.record.event(EventKind::Regime, state.regime.into());

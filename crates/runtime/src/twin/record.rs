@@ -171,7 +171,7 @@ pub enum EventKind {
     SensorStarted,
     /// Readings never arrived; value: how many.
     Missed,
-    /// The measured force left its half-width around the predicted one, or is back in it; value: 1 left, 0 back.
+    /// The measured force contradicts the predicted one, or agrees again; value: 1 contradicts, 0 agrees.
     ForceMismatch,
     /// Readings could not be received; value: failures of this kind so far, as for all that follow.
     ReceiveFailed,
@@ -216,32 +216,6 @@ impl EventSender {
     /// Events lost so far.
     pub(super) fn lost(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
-    }
-}
-
-/// Raises an alarm when the residual stays outside the half-width for longer than a given time: a leak, a wrong gap, a torn
-/// chamber. Single outliers and the moment of contact raise no alarm.
-#[derive(Debug, Clone, Default)]
-pub(super) struct ForceWatch {
-    outside_since_ns: Option<u64>,
-}
-
-impl ForceWatch {
-    /// Takes the residual of a reading taken at `t_sensor_ns`; true while the alarm stands. Without a measured force or
-    /// without a half-width (NaN) the time restarts.
-    pub(super) fn update(
-        &mut self,
-        t_sensor_ns: u64,
-        residual_n: f64,
-        halfwidth_n: f64,
-        after_ns: u64,
-    ) -> bool {
-        if residual_n.is_nan() || halfwidth_n.is_nan() || residual_n.abs() <= halfwidth_n {
-            self.outside_since_ns = None;
-            return false;
-        }
-        let since_ns = *self.outside_since_ns.get_or_insert(t_sensor_ns);
-        t_sensor_ns.saturating_sub(since_ns) >= after_ns
     }
 }
 
