@@ -38,7 +38,8 @@ fn blocks_of(loaded: &Loaded, kind: RegimeKind) -> usize {
         BlockKind::Undeformed(_)
         | BlockKind::UndeformedBy { .. }
         | BlockKind::Surface
-        | BlockKind::Observables => false,
+        | BlockKind::Observables
+        | BlockKind::HalfWidth { .. } => false,
     };
     loaded.read.iter().filter(|block| of(block.kind)).count()
 }

@@ -8,6 +8,7 @@ mod error;
 pub mod export;
 pub mod file;
 mod foreign;
+pub mod log;
 pub mod mesh_file;
 mod mesh_reader;
 pub mod msh;

@@ -5,6 +5,7 @@ mod common;
 mod database;
 mod export_series;
 mod import_abaqus;
+mod log;
 mod msh_reader;
 mod npy;
 mod packed;

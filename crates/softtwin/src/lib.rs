@@ -4,6 +4,7 @@
 // Results go through `output!`, which survives a closed pipe; `println!` would panic there.
 #![warn(clippy::print_stdout)]
 
+mod bench;
 mod card;
 mod cmd;
 pub mod draws;

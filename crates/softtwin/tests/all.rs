@@ -2,6 +2,7 @@
 
 #[path = "../../fem/tests/common/actuators.rs"]
 mod actuators;
+mod bench;
 mod card;
 #[path = "../../formats/tests/common/mod.rs"]
 mod common;

@@ -3,6 +3,7 @@
 mod accuracy;
 mod calibration;
 mod database;
+mod measured;
 mod numerics;
 mod parameters;
 mod shipped_design;

@@ -369,9 +369,9 @@ impl<R: Read + Seek> ModelReader<R> {
             fields.iter().filter_map(|f| header.fields[*f].magnitude_of).flatten().collect();
         fields.extend(derived);
         let needed = |kind: &BlockKind| match kind {
-            BlockKind::Mean { field, .. } | BlockKind::Modes { field, .. } => {
-                fields.contains(&(*field as usize))
-            }
+            BlockKind::Mean { field, .. }
+            | BlockKind::Modes { field, .. }
+            | BlockKind::HalfWidth { field } => fields.contains(&(*field as usize)),
             BlockKind::Undeformed(_)
             | BlockKind::UndeformedBy { .. }
             | BlockKind::Surface
@@ -388,7 +388,8 @@ impl BlockEntry {
     /// Refuses a block that the model has no use for, or whose bytes are not those of its encoding.
     fn check(&self, model: &ModelHeader) -> Result<(), String> {
         let fields = model.fields.len();
-        if let BlockKind::Mean { field, .. } | BlockKind::Modes { field, .. } = self.kind
+        if let BlockKind::Mean { field, .. } | BlockKind::Modes { field, .. } | BlockKind::HalfWidth { field } =
+            self.kind
             && field as usize >= fields
         {
             return Err(format!(

@@ -210,6 +210,11 @@ pub enum BlockKind {
     },
     /// Quantities of the deformed shape ([`crate::observable`]): a record.
     Observables,
+    /// Half-width of a field of a model learned from measurements: `node_count` f32 in its unit.
+    HalfWidth {
+        /// Output field.
+        field: u32,
+    },
 }
 
 impl BlockKind {
@@ -245,6 +250,11 @@ impl Model {
     /// The regime's part, if the model has it.
     pub fn regime(&self, kind: RegimeKind) -> Option<&RegimeModel> {
         self.header.regimes.iter().find(|r| r.kind == kind)
+    }
+
+    /// True if the model was learned from measurements alone.
+    pub fn is_measured(&self) -> bool {
+        self.blocks.iter().any(|(kind, _)| matches!(kind, BlockKind::HalfWidth { .. }))
     }
 
     /// A block of floats, if it was loaded.

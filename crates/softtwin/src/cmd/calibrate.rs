@@ -3,7 +3,7 @@
 use crate::failure::{configuration, unexplained};
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::unknowns::{Unknowns, problems};
-use crate::{files, output};
+use crate::{bench, files, output};
 use anyhow::{Context, bail};
 use estimate::{Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
 use runtime::config::Scene;
@@ -37,6 +37,9 @@ pub struct Args {
     /// Recorded readings: CSV, or MCAP of `softtwin record`.
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
+    /// Mapping of a table's columns; default: the names of a trace.
+    #[arg(long, value_name = "FILE.toml")]
+    log: Option<PathBuf>,
     /// The actuator, where the scene has several with unknowns.
     #[arg(long, value_name = "NAME")]
     actuator: Option<String>,
@@ -66,7 +69,13 @@ impl Args {
         let scene = Scene::load(&self.scene).map_err(configuration)?;
         let Unknowns { spec, setup, mut sensors, header } =
             Unknowns::load(&scene, &self.scene, self.actuator.as_deref())?;
-        let trace = Trace::read_named(&self.recording, self.topic.as_deref(), &spec.input_names());
+        let names = spec.input_names();
+        let trace = match &self.log {
+            Some(log) => {
+                Trace::parse_named(&bench::read(&self.recording, &bench::mapping(log)?)?.csv(), &names)
+            }
+            None => Trace::read_named(&self.recording, self.topic.as_deref(), &names),
+        };
         let trace = trace.map_err(|errors| {
             let messages: Vec<String> = errors.iter().map(ToString::to_string).collect();
             configuration(anyhow::anyhow!("{}: {}", self.recording.display(), messages.join("\n")))

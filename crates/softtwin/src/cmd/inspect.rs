@@ -69,6 +69,7 @@ fn as_json(model: &Model) -> Value {
     let header = &model.header;
     json!({
         "actuator": header.actuator,
+        "source": if model.is_measured() { "measured" } else { "finite elements" },
         "node_count": header.node_count,
         "inputs": header.inputs.iter().map(|i| json!({
             "name": i.key(), "unit": i.unit, "min": finite(i.range[0]), "max": finite(i.range[1]), "nominal": i.value }))
@@ -82,6 +83,9 @@ fn as_json(model: &Model) -> Value {
         "sag_mm": header.onset.as_ref().map(|t| t.sag_mm()),
         "reach_mm": header.onset.as_ref().map(|t| t.reach_mm()),
         "regimes": header.regimes.iter().map(|r| (r.kind.name().to_owned(), regime_json(header, r)))
+            .collect::<serde_json::Map<_, _>>(),
+        "outputs": train::measured::outputs(model).into_iter()
+            .map(|output| (output.name, json!({ "half_width": output.half_width })))
             .collect::<serde_json::Map<_, _>>(),
         "bytes": bytes(model),
     })
@@ -108,7 +112,8 @@ fn text(model: &Model) -> anyhow::Result<()> {
     let header = &model.header;
     let fields: Vec<String> =
         header.fields.iter().map(|f| format!("{} [{}]", f.spec.name, f.spec.unit)).collect();
-    output!("actuator    {}", header.actuator)?;
+    let source = if model.is_measured() { " (measured)" } else { "" };
+    output!("actuator    {}{source}", header.actuator)?;
     output!("fields      {} on {} nodes", fields.join(", "), header.node_count)?;
     let sets: Vec<String> =
         header.node_sets.iter().map(|s| format!("{} ({})", s.name, s.nodes.len())).collect();
@@ -158,6 +163,13 @@ fn text(model: &Model) -> anyhow::Result<()> {
             output!("  {:<12} {} centres, {}, {}", "force", fit.centre_count(), fit.kernel, fit.tail)?;
         }
         let halfwidths = regime.halfwidths;
+        if model.is_measured() {
+            for output in train::measured::outputs(model) {
+                let (share, width) = (halfwidths.coverage * 100.0, output.half_width);
+                output!("  {share:.0} % within  {} +- {width:.4}", output.name)?;
+            }
+            continue;
+        }
         output!(
             "  {:.0} % within  displacement {:.2e} mm, stress {:.2e} MPa, force {:.2e} N",
             halfwidths.coverage * 100.0,

@@ -7,6 +7,7 @@ use softtwind::demo;
 
 mod build;
 mod calibrate;
+mod compare;
 mod design;
 mod doctor;
 mod echo;
@@ -16,7 +17,9 @@ mod get;
 mod grasp;
 mod import;
 mod inspect;
+mod learn;
 mod list;
+mod log;
 mod manual;
 mod mesh;
 mod new;
@@ -57,10 +60,10 @@ macro_rules! commands {
 commands! {
     "Run": Demo => demo, Replay => replay, Record => record, Grasp => grasp, Scene => scene, Doctor => doctor,
         Setpoint => setpoint, Manual => manual;
-    "Look": View => view, Top => top, List => list, Echo => echo, Get => get, Export => export,
+    "Look": Log => log, View => view, Top => top, List => list, Echo => echo, Get => get, Export => export,
         Plot => plot, Render => render;
-    "Model": Predict => predict, Design => design, Calibrate => calibrate, PlanExperiment => plan_experiment, Train => train,
-        Evaluate => evaluate, Inspect => inspect, Pack => pack;
+    "Model": Predict => predict, Design => design, Calibrate => calibrate, PlanExperiment => plan_experiment, Train => train, Learn => learn,
+        Compare => compare, Evaluate => evaluate, Inspect => inspect, Pack => pack;
     "Simulate": New => new, Build => build, Mesh => mesh, Sample => sample, Simulate => simulate, Import => import;
 }
 

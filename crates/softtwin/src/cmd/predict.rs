@@ -32,7 +32,7 @@ Examples:
 
 Standard output is one JSON object. `inputs` shows the value of every input that was used, `dforce` the force's derivative by \
 each in N per unit. `in_domain` is false outside the training states: the answer is then an extrapolation and its error \
-half-widths do not hold.";
+half-widths do not hold. `outputs` has the values of a model of measurements (softtwin learn) with their half-widths.";
 
 const NO_PRESSURE: &str =
     "--pressure-mpa: expected a pressure (the model was trained over pressures), found none";
@@ -87,7 +87,11 @@ impl Args {
         if self.out.is_some() {
             self.write(&model, &state)?;
         }
-        output::json(&answer(&model.header, state.evaluation(), &peaks, &Observables::of(&model)?))
+        let mut answer = answer(&model.header, state.evaluation(), &peaks, &Observables::of(&model)?);
+        if model.is_measured() {
+            answer["outputs"] = measured(&model, state.fields());
+        }
+        output::json(&answer)
     }
 
     fn write(&self, model: &Model, state: &ModelState) -> anyhow::Result<()> {
@@ -98,6 +102,15 @@ impl Args {
             .write_state(out, &prediction(model, state, 0.0))
             .context("the fields were not written")
     }
+}
+
+/// Outputs of a measured model with their half-widths.
+fn measured(model: &Model, fields: &[f32]) -> Value {
+    let outputs = train::measured::outputs(model).into_iter().map(|output| {
+        let value = fields[output.field * model.header.node_count + output.node];
+        (output.name, json!({ "value": value, "half_width": output.half_width }))
+    });
+    outputs.collect::<Map<_, _>>().into()
 }
 
 /// One number for each input, by its key; `None` if it is not finite.

@@ -1,0 +1,426 @@
+//! Mapping of a log's columns to quantities, and the log as quantities.
+
+use super::Log;
+use super::unit::{self, Quantity};
+use crate::error::{Diagnostic, FormatError, collect};
+use crate::file;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Content of `log.toml`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mapping {
+    /// Time of the rows.
+    pub time: TimeColumn,
+    /// Inputs of a model.
+    #[serde(default)]
+    pub input: Vec<Channel>,
+    /// Measured outputs.
+    #[serde(default)]
+    pub output: Vec<Channel>,
+    /// Frame of markers in the model's frame; applied to outputs `NAME_x_mm`, `NAME_y_mm`, `NAME_z_mm`.
+    pub frame: Option<Frame>,
+}
+
+/// Column by number, counted from 1, or by its heading.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Column {
+    /// Number, counted from 1.
+    Number(usize),
+    /// Heading, whole, in any case.
+    Heading(String),
+}
+
+/// Time of the rows: a column with a unit (ISO 8601 and clocks: `s`), or a rate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TimeColumn {
+    /// Column.
+    pub column: Option<Column>,
+    /// `s`, `ms`, `us`, `ns`.
+    pub unit: Option<String>,
+    /// Rows per second, of a log without time.
+    pub rate_hz: Option<f64>,
+}
+
+/// One column as a quantity: `sign (slope v + offset)` in `unit`, converted to the unit at the end of the name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Channel {
+    /// Name with its unit (`pressure_mpa`, `tip_x_mm`, `angle_deg`).
+    pub name: String,
+    /// Column.
+    pub column: Column,
+    /// Unit of the column, or of `slope v + offset` for counts and volts; `px` with `mm_per_px`.
+    pub unit: String,
+    /// 1 or -1.
+    #[serde(default = "one")]
+    pub sign: f64,
+    /// Factor on the column's numbers.
+    #[serde(default = "one")]
+    pub slope: f64,
+    /// Added after the factor, in `unit`.
+    #[serde(default)]
+    pub offset: f64,
+    /// The mean over the first seconds is subtracted.
+    #[serde(default)]
+    pub zero_s: f64,
+    /// Size of a pixel, mm.
+    pub mm_per_px: Option<f64>,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Rigid transform `x = rotation x' + origin_mm` from the camera's frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Frame {
+    /// Rows of the rotation matrix.
+    pub rotation: [[f64; 3]; 3],
+    /// Origin of the camera's frame in the model's frame, mm.
+    pub origin_mm: [f64; 3],
+}
+
+/// One quantity over the rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// Name with its unit.
+    pub name: String,
+    /// Values; NaN if missing.
+    pub values: Vec<f64>,
+}
+
+/// A log as quantities.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// Time of the rows from the first one, s.
+    pub time_s: Vec<f64>,
+    /// Inputs.
+    pub inputs: Vec<Series>,
+    /// Outputs.
+    pub outputs: Vec<Series>,
+    /// Remarks on times, missing values, flat tops, negative pressures.
+    pub remarks: Vec<String>,
+}
+
+/// Largest deviation of a rotation matrix from orthonormal.
+const RIGID: f64 = 1e-4;
+/// Step back in time that is sorted, as a multiple of the median step; a larger one is another run.
+const MAX_STEP_BACK: f64 = 20.0;
+/// Share of the rows at one extreme value from which a column counts as saturated, and the fewest in a row.
+const SATURATED_SHARE: f64 = 0.02;
+const SATURATED_RUN: usize = 8;
+
+impl Mapping {
+    /// Reads `log.toml`.
+    ///
+    /// # Errors
+    /// I/O error; all errors in the content.
+    pub fn read(path: &Path) -> Result<Self, FormatError> {
+        let mapping: Self = file::read_toml(path, "[time], [[input]], [[output]] with name, column, unit")?;
+        let mut errors = Vec::new();
+        for channel in mapping.input.iter().chain(&mapping.output) {
+            let _ = collect(channel.factor(), &mut errors);
+        }
+        let names: Vec<&String> = mapping.input.iter().chain(&mapping.output).map(|c| &c.name).collect();
+        if let Some(at) = (0..names.len()).find(|at| names[..*at].contains(&names[*at])) {
+            errors.push(Diagnostic::new("name", "each name once", format!("`{}` twice", names[at])));
+        }
+        let _ = collect(mapping.time.factor(), &mut errors);
+        if let Some(frame) = mapping.frame.as_ref().filter(|frame| !frame.is_rigid()) {
+            let expected = "rows of a rotation matrix (orthonormal, determinant 1)";
+            errors.push(Diagnostic::new("frame.rotation", expected, format!("{:?}", frame.rotation)));
+        }
+        FormatError::check(mapping, path, errors)
+    }
+
+    /// The log as quantities; `path` names it in errors.
+    ///
+    /// # Errors
+    /// Columns that the log does not have.
+    pub fn apply(&self, log: &Log, path: &Path) -> Result<Recording, FormatError> {
+        let mut errors = Vec::new();
+        let mut remarks: Vec<String> = log.damaged.iter().map(ToString::to_string).take(5).collect();
+        if log.damaged.len() > 5 {
+            remarks.push(format!("{} damaged lines in all; they are left out", log.damaged.len()));
+        }
+        let stamps = collect(self.time.seconds(log), &mut errors).unwrap_or_default();
+        remarks.extend(time_remarks(&stamps, &log.lines));
+        let rows = collect(in_order(&stamps, &log.lines), &mut errors).unwrap_or_default();
+        let time_s: Vec<f64> = rows.iter().map(|row| stamps[*row] - stamps[rows[0]]).collect();
+        let mut series = |channels: &[Channel]| -> Vec<Series> {
+            let one = |channel: &Channel| {
+                let values = collect(channel.values(log, &rows, &time_s), &mut errors)?;
+                remarks.extend(value_remarks(&channel.name, &values));
+                Some(Series { name: channel.name.clone(), values })
+            };
+            channels.iter().filter_map(one).collect()
+        };
+        let (inputs, mut outputs) = (series(&self.input), series(&self.output));
+        if let Some(frame) = &self.frame {
+            let _ = collect(frame.apply(&mut outputs), &mut errors);
+        }
+        FormatError::check(Recording { time_s, inputs, outputs, remarks }, path, errors)
+    }
+}
+
+impl Column {
+    fn find<'a>(&self, log: &'a Log, what: &str) -> Result<&'a [f64], Diagnostic> {
+        let at = match self {
+            Self::Number(number) => number.checked_sub(1),
+            Self::Heading(name) => {
+                let whole = |heading: &str| heading.to_lowercase() == name.to_lowercase();
+                let without_unit =
+                    |heading: &str| whole(heading.split(['(', '[']).next().unwrap_or("").trim());
+                let find = |named: &dyn Fn(&str) -> bool| -> Vec<usize> {
+                    (0..log.headings.len()).filter(|at| named(&log.headings[*at])).collect()
+                };
+                let found = Some(find(&whole)).filter(|found| !found.is_empty());
+                match found.unwrap_or_else(|| find(&without_unit))[..] {
+                    [] => None,
+                    [at] => Some(at),
+                    ref several => {
+                        let numbers: Vec<String> = several.iter().map(|at| (at + 1).to_string()).collect();
+                        let found = format!("columns {} with the heading `{name}`", numbers.join(", "));
+                        return Err(Diagnostic::new(what, "a heading of one column, or its number", found));
+                    }
+                }
+            }
+        };
+        let found = at.and_then(|at| log.columns.get(at)).map(Vec::as_slice);
+        found.ok_or_else(|| {
+            let found = format!("{} columns with the headings {:?}", log.columns.len(), log.headings);
+            let wanted = match self {
+                Self::Number(number) => format!("column {number}, counted from 1"),
+                Self::Heading(name) => format!("a column `{name}`"),
+            };
+            Diagnostic::new(what, wanted, found)
+        })
+    }
+}
+
+impl TimeColumn {
+    fn factor(&self) -> Result<f64, Diagnostic> {
+        match (&self.column, &self.unit, self.rate_hz) {
+            (Some(_), unit, None) => {
+                let spelling = unit.as_deref().unwrap_or("s");
+                let found = unit::unit(spelling).filter(|(quantity, _)| *quantity == Quantity::Time);
+                let wrong = || Diagnostic::new("time.unit", "s, ms, us or ns", format!("`{spelling}`"));
+                found.map(|(_, factor)| factor).ok_or_else(wrong)
+            }
+            (None, None, Some(rate_hz)) if rate_hz > 0.0 && rate_hz.is_finite() => Ok(1.0 / rate_hz),
+            _ => Err(Diagnostic::new("time", "column with unit, or rate_hz > 0", "neither or both")),
+        }
+    }
+
+    fn seconds(&self, log: &Log) -> Result<Vec<f64>, Diagnostic> {
+        let factor = self.factor()?;
+        let Some(column) = &self.column else {
+            return Ok((0..log.rows()).map(|row| factor * row as f64).collect());
+        };
+        let values = column.find(log, "time.column")?;
+        let first = values.iter().copied().find(|v| v.is_finite()).unwrap_or(f64::NAN);
+        Ok(values.iter().map(|v| factor * (v - first)).collect())
+    }
+}
+
+impl Channel {
+    /// Factor from the column's unit to that of the name.
+    fn factor(&self) -> Result<f64, Diagnostic> {
+        let place = |key: &str| format!("{}: {key}", self.name);
+        if self.sign.abs() != 1.0 {
+            return Err(Diagnostic::new(place("sign"), "1 or -1", self.sign));
+        }
+        if !(self.slope.is_finite() && self.slope != 0.0 && self.offset.is_finite() && self.zero_s >= 0.0) {
+            return Err(Diagnostic::new(
+                place("slope, offset, zero_s"),
+                "finite numbers, a slope not 0",
+                "others",
+            ));
+        }
+        let suffix = self.name.rsplit('_').next().unwrap_or_default();
+        let to = unit::unit(suffix).ok_or_else(|| {
+            let expected = format!("a unit at the end (pressure_mpa); one of {}", unit::known());
+            Diagnostic::new("name", expected, format!("`{}`", self.name))
+        })?;
+        let from = match (self.unit.as_str(), self.mm_per_px) {
+            ("px", Some(size)) if size > 0.0 => (Quantity::Length, size),
+            ("px", _) => return Err(Diagnostic::new(place("mm_per_px"), "size of a pixel, mm", "none")),
+            (spelling, _) => unit::unit(spelling).ok_or_else(|| {
+                Diagnostic::new(
+                    place("unit"),
+                    format!("one of {}, px", unit::known()),
+                    format!("`{spelling}`"),
+                )
+            })?,
+        };
+        if from.0 != to.0 {
+            let expected = format!("a unit of {:?}, as the name ends with `{suffix}`", to.0);
+            return Err(Diagnostic::new(place("unit"), expected, format!("`{}`", self.unit)));
+        }
+        Ok(from.1 / to.1)
+    }
+
+    /// Values of the rows in order of time.
+    fn values(&self, log: &Log, rows: &[usize], time_s: &[f64]) -> Result<Vec<f64>, Diagnostic> {
+        let factor = self.factor()?;
+        let column = self.column.find(log, &self.name)?;
+        let value = |row: &usize| factor * self.sign * (self.slope * column[*row] + self.offset);
+        let mut values: Vec<f64> = rows.iter().map(value).collect();
+        if self.zero_s > 0.0 {
+            let early = values.iter().zip(time_s).filter(|(v, t)| v.is_finite() && **t <= self.zero_s);
+            let (sum, count) = early.fold((0.0, 0.0), |(sum, n), (v, _)| (sum + v, n + 1.0));
+            if count == 0.0 {
+                let expected = format!("a value in the first {} s", self.zero_s);
+                return Err(Diagnostic::new(&self.name, expected, "none"));
+            }
+            values.iter_mut().for_each(|v| *v -= sum / count);
+        }
+        Ok(values)
+    }
+}
+
+impl Frame {
+    fn is_rigid(&self) -> bool {
+        let r = &self.rotation;
+        let dot = |a: usize, b: usize| (0..3).map(|k| r[a][k] * r[b][k]).sum::<f64>();
+        let minor = |a: usize, b: usize| r[1][a] * r[2][b] - r[1][b] * r[2][a];
+        let determinant = r[0][0] * minor(1, 2) - r[0][1] * minor(0, 2) + r[0][2] * minor(0, 1);
+        let pairs = (0..3).flat_map(|a| (0..3).map(move |b| (a, b)));
+        let is_orthonormal =
+            pairs.map(|(a, b)| dot(a, b) - f64::from(u8::from(a == b))).all(|d| d.abs() < RIGID);
+        is_orthonormal && determinant > 0.0
+    }
+
+    /// Moves the markers. A camera's plane has two of the three coordinates: the rotation must then stay in that plane.
+    fn apply(&self, outputs: &mut [Series]) -> Result<(), Diagnostic> {
+        const AXES: [&str; 3] = ["x", "y", "z"];
+        let marker = |series: &Series| {
+            let stem = series.name.strip_suffix("_mm")?;
+            AXES.iter().find_map(|axis| stem.strip_suffix(&format!("_{axis}"))).map(str::to_owned)
+        };
+        let markers: BTreeSet<String> = outputs.iter().filter_map(marker).collect();
+        for marker in markers {
+            let place = |axis: &&str| outputs.iter().position(|s| s.name == format!("{marker}_{axis}_mm"));
+            let places: Vec<Option<usize>> = AXES.iter().map(place).collect();
+            let mixes = |to: usize, from: usize| {
+                (places[to].is_none() != places[from].is_none()) && self.rotation[to][from].abs() > RIGID
+            };
+            if (0..3).any(|to| (0..3).any(|from| mixes(to, from))) {
+                let expected =
+                    format!("{marker}_x_mm, {marker}_y_mm and {marker}_z_mm, as its rotation mixes them");
+                return Err(Diagnostic::new("frame", expected, "a coordinate less"));
+            }
+            for row in 0..outputs.first().map_or(0, |series| series.values.len()) {
+                let from: Vec<f64> =
+                    places.iter().map(|place| place.map_or(0.0, |at| outputs[at].values[row])).collect();
+                for (axis, at) in places.iter().enumerate().filter_map(|(axis, at)| Some((axis, (*at)?))) {
+                    let along: f64 = self.rotation[axis].iter().zip(&from).map(|(r, v)| r * v).sum();
+                    outputs[at].values[row] = along + self.origin_mm[axis];
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Recording {
+    /// The recording as a trace: comma-separated, columns by name.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        let all = || self.inputs.iter().chain(&self.outputs);
+        let mut text: String = "t_s".into();
+        all().for_each(|series| text += &format!(",{}", series.name));
+        for (row, t_s) in self.time_s.iter().enumerate() {
+            text += &format!("\n{t_s}");
+            all().for_each(|series| text += &format!(",{}", series.values[row]));
+        }
+        text + "\n"
+    }
+}
+
+/// Rows with a stamp, in order of time.
+fn in_order(stamps: &[f64], lines: &[usize]) -> Result<Vec<usize>, Diagnostic> {
+    let mut rows: Vec<usize> = (0..stamps.len()).filter(|row| stamps[*row].is_finite()).collect();
+    let steps: Vec<f64> = rows.windows(2).map(|pair| stamps[pair[1]] - stamps[pair[0]]).collect();
+    let mut sizes: Vec<f64> = steps.iter().map(|step| step.abs()).filter(|size| *size > 0.0).collect();
+    sizes.sort_by(f64::total_cmp);
+    let limit = MAX_STEP_BACK * sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+    if rows.is_empty() {
+        return Err(Diagnostic::new(
+            "time",
+            "a column with times",
+            "none in any row; is it a column of words?",
+        ));
+    }
+    if let Some(at) = steps.iter().position(|step| *step < -limit) {
+        let found = format!("a step back by {:.3} s in line {}", -steps[at], lines[rows[at + 1]]);
+        return Err(Diagnostic::new(
+            "time",
+            "one run per file; cut the file there, or correct the column",
+            found,
+        ));
+    }
+    rows.sort_by(|a, b| stamps[*a].total_cmp(&stamps[*b]));
+    Ok(rows)
+}
+
+fn time_remarks(time_s: &[f64], lines: &[usize]) -> Vec<String> {
+    let mut remarks = Vec::new();
+    let mut report = |what: &str, is_so: &dyn Fn(f64) -> bool| {
+        let found: Vec<usize> =
+            (1..time_s.len()).filter(|row| is_so(time_s[*row] - time_s[row - 1])).collect();
+        if let Some(first) = found.first() {
+            remarks.push(format!("time: {} {what}, the first in line {}", found.len(), lines[*first]));
+        }
+    };
+    report("repeated stamps", &|step| step == 0.0);
+    report("stamps before the one above (sorted)", &|step| step < 0.0);
+    report("missing stamps (left out)", &|step: f64| step.is_nan());
+    remarks
+}
+
+fn value_remarks(name: &str, values: &[f64]) -> Vec<String> {
+    let mut remarks = Vec::new();
+    let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    let missing = values.len() - finite.len();
+    let longest = |is_so: &dyn Fn(f64) -> bool| {
+        let count = |(run, most): (usize, usize), v: &f64| {
+            let run = if is_so(*v) { run + 1 } else { 0 };
+            (run, most.max(run))
+        };
+        values.iter().fold((0, 0), count).1
+    };
+    if missing > 0 {
+        let run = longest(&|v| !v.is_finite());
+        remarks.push(format!("{name}: {missing} of {} values missing, at most {run} in a row", values.len()));
+    }
+    let (low, high) =
+        finite.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    if finite.is_empty() || high == low {
+        remarks.push(format!("{name}: constant"));
+        return remarks;
+    }
+    for (what, extreme) in [("largest", high), ("smallest", low)] {
+        let share = finite.iter().filter(|v| **v == extreme).count() as f64 / finite.len() as f64;
+        // A gauge at rest repeats a value too; a flat top ends in both directions with motion.
+        if share >= SATURATED_SHARE
+            && longest(&|v| v == extreme) >= SATURATED_RUN
+            && !(what == "smallest" && extreme == 0.0)
+        {
+            remarks.push(format!(
+                "{name}: saturated? {:.0} % of the values are the {what}, {extreme}",
+                100.0 * share
+            ));
+        }
+    }
+    if name.ends_with("_mpa") && low < -0.02 * (high - low) {
+        remarks.push(format!("{name}: negative down to {low:.4} MPa: a vacuum, or a zero that is off"));
+    }
+    remarks
+}

@@ -1,0 +1,218 @@
+//! Tables as benches write them: any separator, headings above or none, comments, decimal comma, any end of line, clocks.
+
+mod cell;
+mod mapping;
+pub mod unit;
+
+pub use mapping::{Channel, Column, Frame, Mapping, Recording, Series, TimeColumn};
+
+use cell::number;
+
+use crate::error::{Diagnostic, FormatError};
+use crate::file;
+use std::borrow::Cow;
+use std::path::Path;
+
+/// Largest log that is read: 512 MiB.
+const MAX_LOG_BYTES: u64 = 1 << 29;
+/// Most lines of headings.
+const MAX_HEADINGS: usize = 3;
+/// Candidates of the separator; a blank stands for any number of blanks.
+const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
+
+/// Columns of a log, by position.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Log {
+    /// Heading of each column; empty without one.
+    pub headings: Vec<String>,
+    /// Values by column; NaN if missing or not a number.
+    pub columns: Vec<Vec<f64>>,
+    /// Line of each row, counted from 1.
+    pub lines: Vec<usize>,
+    /// Separator; a blank stands for any number of blanks.
+    pub separator: char,
+    /// Lines below the first row that are not rows.
+    pub damaged: Vec<Diagnostic>,
+}
+
+impl Log {
+    /// Reads a log. Cost: linear in the bytes.
+    ///
+    /// # Errors
+    /// I/O error; no line with a number.
+    pub fn read(path: &Path) -> Result<Self, FormatError> {
+        let bytes = file::read_bytes(path, MAX_LOG_BYTES)?;
+        Self::parse(&decoded(&bytes)).map_err(|found| FormatError::one(path, found))
+    }
+
+    /// [`Log::read`] from memory.
+    ///
+    /// # Errors
+    /// No line with a number.
+    pub fn parse(text: &str) -> Result<Self, Diagnostic> {
+        let text = text.trim_start_matches('\u{feff}').replace("\r\n", "\n").replace('\r', "\n");
+        let lines: Vec<(usize, &str)> =
+            text.split('\n').enumerate().map(|(at, line)| (at + 1, line.trim())).collect();
+        let best = SEPARATORS.into_iter().filter_map(|separator| Layout::of(&lines, separator));
+        let layout = best
+            .max_by_key(|layout| layout.score)
+            .ok_or_else(|| Diagnostic::new("content", "lines of numbers in columns", "none"))?;
+        let mut log = Self {
+            headings: layout.headings(&lines),
+            columns: vec![Vec::new(); layout.width],
+            lines: Vec::new(),
+            separator: layout.separator,
+            damaged: Vec::new(),
+        };
+        for (line, text) in lines.iter().skip(layout.first).filter(|(_, text)| is_content(text)) {
+            let cells = cells(text, layout.separator);
+            if cells.len() == layout.width && is_row(&cells, layout.separator) {
+                log.lines.push(*line);
+                for (column, cell) in log.columns.iter_mut().zip(&cells) {
+                    column.push(number(cell, layout.separator).unwrap_or(f64::NAN));
+                }
+            } else {
+                let found = text.chars().take(40).collect::<String>();
+                let expected = format!("{} cells with numbers", layout.width);
+                let found = format!("{} cells, `{found}`", cells.len());
+                log.damaged.push(Diagnostic::new(format!("line {line}"), expected, found));
+            }
+        }
+        Ok(log)
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.lines.len()
+    }
+}
+
+/// Text of UTF-8, of UTF-16 with its mark, or of Latin-1 (what spreadsheets and oscilloscopes write).
+fn decoded(bytes: &[u8]) -> Cow<'_, str> {
+    let wide = |from: fn([u8; 2]) -> u16| -> Cow<'_, str> {
+        let units: Vec<u16> = bytes[2..].chunks_exact(2).map(|pair| from([pair[0], pair[1]])).collect();
+        String::from_utf16_lossy(&units).into()
+    };
+    match bytes {
+        [0xff, 0xfe, ..] => wide(u16::from_le_bytes),
+        [0xfe, 0xff, ..] => wide(u16::from_be_bytes),
+        _ => match std::str::from_utf8(bytes) {
+            Ok(text) => text.into(),
+            Err(_) => bytes.iter().map(|byte| char::from(*byte)).collect::<String>().into(),
+        },
+    }
+}
+
+fn is_content(line: &str) -> bool {
+    !line.is_empty() && !is_comment(line)
+}
+
+fn is_comment(line: &str) -> bool {
+    line.starts_with(['#', '%', '!']) || line.starts_with("//")
+}
+
+/// Cells of a line, without quotes. A separator between quotes is part of the cell.
+fn cells(line: &str, separator: char) -> Vec<String> {
+    if separator == ' ' {
+        return line.split_whitespace().map(|cell| cell.trim_matches('"').to_owned()).collect();
+    }
+    let (mut cells, mut is_quoted) = (vec![String::new()], false);
+    for c in line.chars() {
+        match c {
+            '"' => is_quoted = !is_quoted,
+            c if c == separator && !is_quoted => cells.push(String::new()),
+            c => cells.last_mut().into_iter().for_each(|cell| cell.push(c)),
+        }
+    }
+    cells.iter().map(|cell| cell.trim().to_owned()).collect()
+}
+
+/// True if at least half of the cells that are not empty are numbers; text columns (`valve open`) stay in the table.
+fn is_row(cells: &[String], separator: char) -> bool {
+    let full: Vec<&String> = cells.iter().filter(|cell| !cell.is_empty()).collect();
+    let numbers = full.iter().filter(|cell| number(cell, separator).is_some_and(|v| !v.is_nan())).count();
+    let missing = full.iter().filter(|cell| number(cell, separator).is_some_and(f64::is_nan)).count();
+    !full.is_empty() && 2 * numbers > full.len() - missing && (numbers > 0 || missing == full.len())
+}
+
+/// A separator with the width of most rows.
+struct Layout {
+    separator: char,
+    width: usize,
+    /// Numbers in rows of this width, minus twice the other cells: a decimal comma taken for a separator leaves such cells.
+    score: i64,
+    /// Index of the first row.
+    first: usize,
+}
+
+impl Layout {
+    fn of(lines: &[(usize, &str)], separator: char) -> Option<Self> {
+        // Width, rows, score, first row.
+        let mut widths: Vec<(usize, usize, i64, usize)> = Vec::new();
+        for (at, (_, line)) in lines.iter().enumerate().filter(|(_, (_, line))| is_content(line)) {
+            let cells = cells(line, separator);
+            if !is_row(&cells, separator) {
+                continue;
+            }
+            let others = cells.iter().filter(|cell| number(cell, separator).is_none()).count();
+            let score = cells.len() as i64 - 3 * others as i64;
+            match widths.iter_mut().find(|(width, ..)| *width == cells.len()) {
+                Some((_, rows, sum, _)) => (*rows, *sum) = (*rows + 1, *sum + score),
+                None => widths.push((cells.len(), 1, score, at)),
+            }
+        }
+        let (width, _, score, first) = widths.into_iter().max_by_key(|(_, rows, ..)| *rows)?;
+        Some(Self { separator, width, score, first })
+    }
+
+    /// Headings from the lines directly above the first row, comments included, joined by column.
+    fn headings(&self, lines: &[(usize, &str)]) -> Vec<String> {
+        let mut headings = vec![String::new(); self.width];
+        let above = lines[..self.first].iter().rev().filter(|(_, line)| !line.is_empty());
+        for (_, line) in above.take(MAX_HEADINGS) {
+            let text = line.trim_start_matches(['#', '%', '!', '/']).trim();
+            let Some(cells) = self.heading(text) else { break };
+            for (heading, cell) in headings.iter_mut().zip(cells) {
+                *heading = format!("{cell} {heading}").trim().to_owned();
+            }
+        }
+        headings
+    }
+
+    /// Headings of one line. A separator too few or too many at its end is accepted.
+    fn heading(&self, line: &str) -> Option<Vec<String>> {
+        let spaced = || line.split("  ").map(str::trim).filter(|part| !part.is_empty()).map(str::to_owned);
+        let candidates = [
+            cells(line, self.separator),
+            spaced().collect(),
+            cells(line, ','),
+            cells(line, '\t'),
+            words(line),
+        ];
+        let fitted = |mut cells: Vec<String>| {
+            if cells.len() == self.width + 1 && cells.last().is_some_and(String::is_empty) {
+                cells.pop();
+            }
+            if cells.len() + 1 == self.width && self.separator != ' ' {
+                cells.push(String::new());
+            }
+            let named = cells.iter().filter(|cell| !cell.is_empty()).count();
+            let numeric = cells.iter().any(|cell| number(cell, self.separator).is_some_and(|v| !v.is_nan()));
+            (cells.len() == self.width && 2 * named > self.width && !numeric).then_some(cells)
+        };
+        candidates.into_iter().find_map(fitted)
+    }
+}
+
+/// Words of a line, a unit in brackets joined to the word above it.
+fn words(line: &str) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    for word in line.split_whitespace() {
+        match words.last_mut() {
+            Some(last) if word.starts_with(['(', '[']) => *last += &format!(" {word}"),
+            _ => words.push(word.to_owned()),
+        }
+    }
+    words
+}

@@ -1,0 +1,107 @@
+//! Units of bench logs as factors to MPa, mm, N, rad, s, V, A and mm^3.
+//!
+//! A table instead of a package: `uom` checks units at compile time and reads none of a file's spellings; the others bring a language
+//! of expressions. The test holds the factors.
+
+/// Quantity of a unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// MPa.
+    Pressure,
+    /// mm.
+    Length,
+    /// N.
+    Force,
+    /// rad.
+    Angle,
+    /// s.
+    Time,
+    /// V.
+    Voltage,
+    /// A.
+    Current,
+    /// mm^3.
+    Volume,
+    /// No unit.
+    Number,
+}
+
+/// Spellings, quantity, factor to its base unit.
+const UNITS: &[(&[&str], Quantity, f64)] = &[
+    (&["mpa", "n/mm2", "n/mm^2"], Quantity::Pressure, 1.0),
+    (&["kpa"], Quantity::Pressure, 1e-3),
+    (&["hpa", "mbar"], Quantity::Pressure, 1e-4),
+    (&["pa"], Quantity::Pressure, 1e-6),
+    (&["bar"], Quantity::Pressure, 0.1),
+    (&["psi"], Quantity::Pressure, 0.006_894_757_293_168_361),
+    (&["mm"], Quantity::Length, 1.0),
+    (&["cm"], Quantity::Length, 10.0),
+    (&["m"], Quantity::Length, 1000.0),
+    (&["um", "\u{b5}m", "\u{3bc}m"], Quantity::Length, 1e-3),
+    (&["in", "inch"], Quantity::Length, 25.4),
+    (&["n"], Quantity::Force, 1.0),
+    (&["mn"], Quantity::Force, 1e-3),
+    (&["kn"], Quantity::Force, 1e3),
+    (&["gf"], Quantity::Force, 9.806_65e-3),
+    (&["kgf"], Quantity::Force, 9.806_65),
+    (&["rad"], Quantity::Angle, 1.0),
+    (&["deg", "\u{b0}", "degree", "degrees"], Quantity::Angle, std::f64::consts::PI / 180.0),
+    (&["s", "sec", "second", "seconds"], Quantity::Time, 1.0),
+    (&["ms"], Quantity::Time, 1e-3),
+    (&["us", "\u{b5}s", "\u{3bc}s"], Quantity::Time, 1e-6),
+    (&["ns"], Quantity::Time, 1e-9),
+    (&["v"], Quantity::Voltage, 1.0),
+    (&["mv"], Quantity::Voltage, 1e-3),
+    (&["a"], Quantity::Current, 1.0),
+    (&["ma"], Quantity::Current, 1e-3),
+    (&["mm3", "mm^3", "ul", "\u{b5}l"], Quantity::Volume, 1.0),
+    (&["ml", "cm3", "cm^3", "cc"], Quantity::Volume, 1e3),
+    (&["l"], Quantity::Volume, 1e6),
+    (&["1", "count", "counts"], Quantity::Number, 1.0),
+];
+
+/// Quantity and factor of a unit's spelling.
+#[must_use]
+pub fn unit(spelling: &str) -> Option<(Quantity, f64)> {
+    let spelling = spelling.trim().to_lowercase();
+    let found = UNITS.iter().find(|(names, ..)| names.contains(&spelling.as_str()));
+    found.map(|(_, quantity, factor)| (*quantity, *factor))
+}
+
+/// All spellings, for messages.
+#[must_use]
+pub fn known() -> String {
+    UNITS.iter().map(|(names, ..)| names[0]).collect::<Vec<_>>().join(", ")
+}
+
+/// Units that are words or labels as well (`pressure_in`, `chamber_a`): read in brackets only.
+const WORDS: [&str; 4] = ["in", "a", "l", "1"];
+
+/// Spelling of the unit that a heading contains: in brackets, or as its last word (`pressure_kpa`).
+#[must_use]
+pub fn in_heading(heading: &str) -> Option<&str> {
+    let bracketed = heading.rfind(['(', '[']).map(|at| heading[at + 1..].trim_end_matches([')', ']', ' ']));
+    let last = heading.rsplit(['_', ' ', '/']).next().filter(|last| last.len() < heading.len());
+    let last = last.filter(|last| !WORDS.contains(&last.to_lowercase().as_str()));
+    [bracketed, last].into_iter().flatten().find(|spelling| unit(spelling).is_some())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn factors_are_those_of_the_standards() {
+        let factor = |name| unit(name).unwrap().1;
+        assert!((factor("psi") / factor("pa") - 6_894.757).abs() < 1e-3);
+        assert!((factor("bar") / factor("mbar") - 1000.0).abs() < 1e-9);
+        assert!((factor("deg") * 180.0 - std::f64::consts::PI).abs() < 1e-12);
+        assert!((factor("gf") * 1000.0 - 9.806_65).abs() < 1e-9);
+        assert_eq!(unit("mN"), Some((Quantity::Force, 1e-3)));
+        assert_eq!(in_heading("Pressure (N/mm2)"), Some("N/mm2"));
+        assert_eq!(in_heading("pressure_kpa"), Some("kpa"));
+        assert_eq!(in_heading("speed"), None);
+        assert_eq!((in_heading("chamber_a"), in_heading("supply [A]")), (None, Some("A")));
+        assert_eq!(unit("furlong"), None);
+    }
+}

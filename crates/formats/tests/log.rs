@@ -1,0 +1,213 @@
+//! Tables of benches: layouts, mappings, and what is reported of them.
+
+use formats::log::{Log, Mapping};
+use std::path::Path;
+
+fn same(text: &str, headings: &[&str]) {
+    let log = Log::parse(text).unwrap();
+    assert_eq!(log.headings, headings, "{text:?}");
+    assert_eq!(log.columns, [[0.0, 0.5, 1.0], [1.5, 2.5, -3.0]], "{text:?}");
+    assert!(log.damaged.is_empty(), "{text:?}: {:?}", log.damaged);
+}
+
+#[test]
+fn layouts_of_benches_are_one_table() {
+    let named = ["Time (s)", "Pressure (kPa)"];
+    same("Time (s),Pressure (kPa)\n0,1.5\n0.5,2.5\n1,-3\n", &named);
+    same("Time (s);Pressure (kPa)\r\n0;1,5\r\n0,5;2,5\r\n1;-3,0\r\n", &named);
+    same("\u{feff}# made by hand\r# Time (s), Pressure (kPa)\r0,1.5\r0.5,2.5\r1,-3\r", &named);
+    same("# Time (s)  Pressure (kPa)\n0\t1.5\n0.5\t2.5\n1\t-3\n", &named);
+    same("0  1.5\n0.5   2.5\n 1.0 -3e0\n", &["", ""]);
+    same("0 1,5\n0,5 2,5\n1 -3\n", &["", ""]);
+    same("Width (mm);6;;\nMachine;X 5569;;\n;;;\nTime;Pressure\n(s);(kPa)\n0;1.5\n0.5;2.5\n1;-3\n", &named);
+    same("Time (s);Pressure (kPa)\n0,0;1,5\n0,5;2,5\n1,0;-3,0\n", &named);
+    same("Time (s) Pressure (kPa)\n0 1.5\n0.5 2.5\n1 -3\n", &named);
+    same("Time (s);Pressure (kPa);\n0;1.5\n0.5;2.5\n1;\u{2212}3\n", &named);
+    same("\"Time (s)\",\"Pressure (kPa)\"\n\"0\",\"1.5\"\n0.5,2.5\n1,-3\n", &named);
+}
+
+#[test]
+fn clocks_are_seconds() {
+    let log = Log::parse("2023-01-10T23:59:59.5Z,1\n2023-01-11T00:00:00Z,2\n2023-01-11T02:00:01+02:00,3\n")
+        .unwrap();
+    let steps: Vec<f64> = log.columns[0].windows(2).map(|t| t[1] - t[0]).collect();
+    assert_eq!(steps, [0.5, 1.0]);
+    assert_eq!(log.columns[0][1], 1_673_395_200.0);
+    assert_eq!(Log::parse("00:00:23.50\t1\n00:01:00.00\t2\n").unwrap().columns[0], [23.5, 60.0]);
+}
+
+#[test]
+fn damaged_lines_and_missing_values_are_reported() {
+    let log = Log::parse("t,p\n0,1\n1,nan\n2,\n3,broken,4\nt,p\n4,5\n5").unwrap();
+    assert_eq!(log.lines, [2, 3, 4, 7]);
+    assert!(log.columns[1][1].is_nan() && log.columns[1][2].is_nan());
+    let places: Vec<&str> = log.damaged.iter().map(|d| d.place.as_str()).collect();
+    assert_eq!(places, ["line 5", "line 6", "line 8"]);
+    assert!(Log::parse("only words\n").is_err());
+}
+
+#[test]
+fn encodings_of_spreadsheets_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.csv");
+    let text = "t,angle (\u{b0})\n0,1\n1,2\n";
+    let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let narrow: Vec<u8> = text.chars().map(|c| c as u8).collect();
+    for bytes in [text.as_bytes().to_vec(), [&[0xff, 0xfe], &wide[..]].concat(), narrow] {
+        std::fs::write(&path, bytes).unwrap();
+        let log = Log::read(&path).unwrap();
+        assert_eq!((log.headings[1].as_str(), log.rows()), ("angle (\u{b0})", 2));
+    }
+}
+
+#[test]
+fn rows_are_in_order_of_time_and_a_second_run_is_refused() {
+    let channel = "[[input]]\nname = \"pressure_mpa\"\ncolumn = 2\nunit = \"MPa\"\n";
+    let mapping = mapping(&format!("{TIME}{channel}")).unwrap();
+    let apply = |text: &str| mapping.apply(&Log::parse(text).unwrap(), Path::new("run.csv"));
+    let sorted = apply("0,1\n20,3\n10,2\nnan,7\n30,4\n").unwrap();
+    assert_eq!(
+        (&sorted.time_s[..], &sorted.inputs[0].values[..]),
+        (&[0.0, 0.01, 0.02, 0.03][..], &[1.0, 2.0, 3.0, 4.0][..])
+    );
+    let rows = |from: i32| (from..from + 100).map(|row| format!("{row},{row}\n")).collect::<String>();
+    let error = apply(&format!("{}{}", rows(0), rows(0))).unwrap_err().to_string();
+    assert!(error.contains("line 101"), "{error}");
+}
+
+#[test]
+fn frame_moves_a_camera_plane_and_refuses_a_rotation_out_of_it() {
+    let marker = |axis: &str, column: u8| {
+        format!("[[output]]\nname = \"tip_{axis}_mm\"\ncolumn = {column}\nunit = \"mm\"\n")
+    };
+    let frame = |rows: &str| {
+        let text = format!(
+            "{TIME}{}{}[frame]\nrotation = {rows}\norigin_mm = [1.0, 2.0, 3.0]\n",
+            marker("x", 2),
+            marker("y", 3)
+        );
+        mapping(&text).unwrap().apply(&Log::parse("0,10,20\n1,11,20\n").unwrap(), Path::new("run.csv"))
+    };
+    let turned = frame("[[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]").unwrap();
+    assert_eq!([turned.outputs[0].values[0], turned.outputs[1].values[0]], [-19.0, 12.0]);
+    assert!(frame("[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]").is_err());
+}
+
+fn mapping(text: &str) -> Result<Mapping, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.toml");
+    std::fs::write(&path, text).unwrap();
+    Mapping::read(&path).map_err(|error| error.to_string())
+}
+
+const TIME: &str = "[time]\ncolumn = 1\nunit = \"ms\"\n";
+
+#[test]
+fn columns_become_quantities() {
+    let channels = r#"
+        [[input]]
+        name = "pressure_mpa"
+        column = "P"
+        unit = "psi"
+        zero_s = 1.0
+        [[input]]
+        name = "supply_kpa"
+        column = 3
+        unit = "bar"
+        slope = 0.5
+        offset = -1.0
+        [[output]]
+        name = "tip_x_mm"
+        column = 4
+        unit = "px"
+        mm_per_px = 0.25
+        sign = -1
+        [[output]]
+        name = "tip_y_mm"
+        column = 5
+        unit = "cm"
+        [[output]]
+        name = "tip_z_mm"
+        column = 5
+        unit = "m"
+        [frame]
+        rotation = [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+        origin_mm = [100.0, 0.0, 0.0]
+    "#;
+    let log = Log::parse("t,p,counts,u,y\n500,1,4,8,1\n1500,1,4,8,1\n2500,11,6,8,2\n").unwrap();
+    let found = mapping(&format!("{TIME}{channels}")).unwrap().apply(&log, Path::new("run.csv")).unwrap();
+    assert_eq!(found.time_s, [0.0, 1.0, 2.0]);
+    assert_eq!(found.inputs[0].values[1], 0.0);
+    assert!((found.inputs[0].values[2] - 0.068_947_57).abs() < 1e-7);
+    assert!((found.inputs[1].values[2] - 200.0).abs() < 1e-9);
+    let tip: Vec<f64> = found.outputs.iter().map(|series| series.values[2]).collect();
+    assert_eq!(tip, [120.0, 2.0, 2000.0]);
+    assert!(found.csv().starts_with("t_s,pressure_mpa,supply_kpa,tip_x_mm"));
+}
+
+#[test]
+fn wrong_mappings_are_refused() {
+    let channel = |name: &str, column: &str, more: &str| {
+        format!("{TIME}[[input]]\nname = \"{name}\"\ncolumn = {column}\n{more}\n")
+    };
+    for (text, part) in [
+        (channel("pressure_mpa", "2", "unit = \"furlong\""), "furlong"),
+        (channel("pressure_mpa", "2", "unit = \"mm\""), "Pressure"),
+        (channel("pressure", "2", "unit = \"kPa\""), "pressure_mpa"),
+        (channel("pressure_mpa", "2", "unit = \"kPa\"\nsign = 2"), "1 or -1"),
+        (channel("tip_x_mm", "2", "unit = \"px\""), "mm_per_px"),
+        (channel("pressure_mpa", "2", "unit = \"kPa\"\ncolour = 1"), "colour"),
+        ("[time]\nunit = \"s\"\n".to_owned(), "rate_hz"),
+        (
+            format!(
+                "{TIME}[frame]\nrotation = [[2.0,0.0,0.0],[0.0,1.0,0.0],[0.0,0.0,1.0]]\norigin_mm = [0.0,0.0,0.0]\n"
+            ),
+            "rotation",
+        ),
+    ] {
+        let found = mapping(&text).unwrap_err();
+        assert!(found.contains(part), "{part} is not in {found}");
+    }
+    let log = Log::parse("0,1\n1,2\n").unwrap();
+    for column in ["7", "0", "\"q\""] {
+        let mapping = mapping(&channel("pressure_mpa", column, "unit = \"kPa\"")).unwrap();
+        assert!(mapping.apply(&log, Path::new("run.csv")).is_err(), "{column}");
+    }
+}
+
+#[test]
+fn faults_of_sensors_and_clocks_are_remarked() {
+    let mut text = String::new();
+    for row in 0..100_i32 {
+        let p = f64::from((row - 50).abs()).min(40.0) - 5.0;
+        let t = if row == 20 {
+            19
+        } else if row == 30 {
+            28
+        } else {
+            row
+        };
+        let gap = if (60..70).contains(&row) { "nan".into() } else { format!("{row}") };
+        text += &format!("{t},{p},{gap},7\n");
+    }
+    let channels: String = ["pressure_mpa", "x_mm", "y_mm"]
+        .iter()
+        .enumerate()
+        .map(|(at, name)| {
+            let unit = name.rsplit('_').next().unwrap();
+            format!("[[input]]\nname = \"{name}\"\ncolumn = {}\nunit = \"{unit}\"\n", at + 2)
+        })
+        .collect();
+    let mapping = mapping(&format!("{TIME}{channels}")).unwrap();
+    let found = mapping.apply(&Log::parse(&text).unwrap(), Path::new("run.csv")).unwrap();
+    for part in [
+        "time: 1 repeated stamps, the first in line 21",
+        "time: 1 stamps before the one above (sorted), the first in line 31",
+        "pressure_mpa: saturated?",
+        "pressure_mpa: negative",
+        "x_mm: 10 of 100 values missing, at most 10 in a row",
+        "y_mm: constant",
+    ] {
+        assert!(found.remarks.iter().any(|remark| remark.starts_with(part)), "{part}: {:?}", found.remarks);
+    }
+}

@@ -1,0 +1,342 @@
+//! `softtwin compare`.
+
+use crate::bench::{self, confusion, inputs_at, line, match_inputs, panel, range};
+use crate::failure::configuration;
+use crate::picture::{Figure, Mark};
+use crate::{files, output};
+use anyhow::Context;
+use formats::log::Recording;
+use rom::model::{BlockKind, Model, Selection};
+use rom::model_state::ModelState;
+use rom::snapshots::FieldKind;
+use serde_json::{Map, Value, json};
+use std::path::PathBuf;
+use train::measured::place;
+
+const EXAMPLES: &str = "\
+Examples:
+  A model against a run that it has not seen, as a table and as pictures:
+    softtwin compare --model mine.twin --recording run2.csv --log log.toml \\
+      --out compared
+  The same as one JSON object:
+    softtwin compare --model mine.twin --recording run2.csv --log log.toml \\
+      --out compared --json
+
+Outputs are named as in the mapping: `tip_x_mm` is the coordinate x at the node set `tip`; `contact_force_n` is the contact force. \
+Coverage is the share of the values within the model's half-widths.";
+
+/// Compare a model with a recording.
+#[derive(clap::Args)]
+#[command(before_help = EXAMPLES)]
+pub struct Args {
+    /// Model file.
+    #[arg(long, value_name = "FILE.twin")]
+    model: PathBuf,
+    /// Recording.
+    #[arg(long, value_name = "FILE")]
+    recording: PathBuf,
+    /// Mapping of the columns.
+    #[arg(long, value_name = "FILE.toml")]
+    log: PathBuf,
+    /// Folder for the pictures and the table.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// One JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Measured and predicted values of an output.
+struct Compared {
+    name: String,
+    measured: Vec<f64>,
+    predicted: Vec<f64>,
+    half_width: Vec<f64>,
+}
+
+/// Where the predicted value of an output comes from.
+enum Origin {
+    Node { field: usize, node: usize },
+    Force,
+}
+
+impl Args {
+    /// Compares and writes pictures and table.
+    pub fn run(self) -> anyhow::Result<()> {
+        let model = files::model(&self.model)?;
+        let recording = bench::read(&self.recording, &bench::mapping(&self.log)?)?;
+        let mut remarks = recording.remarks.clone();
+        let places = match_inputs(&model.header, &recording, &mut remarks).map_err(configuration)?;
+        let outputs = compare(&model, &recording, &places, &mut remarks)?;
+        let rows = outputs.first().map_or(0, |o| o.predicted.iter().filter(|v| v.is_finite()).count());
+        if rows == 0 {
+            return Err(configuration(anyhow::anyhow!(
+                "no row of the recording has all inputs of the model"
+            )));
+        }
+        remarks.extend(suspicions(&outputs));
+        formats::file::create_folder(&self.out)?;
+        figure(&recording, &places, &outputs).save(&self.out.join("compare.svg"))?;
+        files::save(&self.out.join("compare.csv"), table(&recording, &outputs).as_bytes())?;
+        let results: Map<String, Value> = outputs.iter().map(|o| (o.name.clone(), o.json())).collect();
+        let markers = markers(&outputs);
+        if self.json {
+            return output::json(
+                &json!({"source": source(&model), "rows": rows, "outputs": results, "markers": markers,
+                "remarks": remarks}),
+            );
+        }
+        output!("model: {}; {rows} rows", source(&model))?;
+        output!(
+            "  {:<20}{:>10}{:>10}{:>10}{:>10}{:>12}{:>10}{:>8}{:>10}",
+            "output",
+            "RMS",
+            "95 %",
+            "largest",
+            "range",
+            "RMS/range",
+            "bias",
+            "gain",
+            "coverage"
+        )?;
+        for output in &outputs {
+            let s = output.statistics();
+            output!(
+                "  {:<20}{:>10.4}{:>10.4}{:>10.4}{:>10.4}{:>10.1} %{:>10.4}{:>8.3}{:>8.0} %",
+                output.name,
+                s.rms,
+                s.p95,
+                s.max,
+                s.range,
+                100.0 * s.rms / s.range,
+                s.bias,
+                s.gain,
+                100.0 * s.coverage
+            )?;
+        }
+        for (name, marker) in &markers {
+            output!(
+                "  {name}: position RMS {:.3} mm, {:.1} % of the length of its range",
+                marker["rms_mm"].as_f64().unwrap_or(f64::NAN),
+                marker["share"].as_f64().unwrap_or(f64::NAN) * 100.0
+            )?;
+        }
+        for remark in &remarks {
+            output!("  note: {remark}")?;
+        }
+        output!("pictures and table: {}", self.out.display())?;
+        Ok(())
+    }
+}
+
+fn source(model: &Model) -> &'static str {
+    if model.is_measured() { "measured" } else { "finite elements" }
+}
+
+fn compare(
+    model: &Model,
+    recording: &Recording,
+    places: &[Option<usize>],
+    remarks: &mut Vec<String>,
+) -> anyhow::Result<Vec<Compared>> {
+    let mut origins = Vec::new();
+    let mut outputs = Vec::new();
+    for series in &recording.outputs {
+        let origin = match series.name.as_str() {
+            "contact_force_n" | "measured_force_n"
+                if model.header.regimes.iter().any(|r| r.force.is_some()) =>
+            {
+                Some(Origin::Force)
+            }
+            name => place(&model.header, name).map(|(field, node)| Origin::Node { field, node }),
+        };
+        let Some(origin) = origin else {
+            remarks.push(format!("{}: the model has no such output", series.name));
+            continue;
+        };
+        origins.push(origin);
+        let nan = vec![f64::NAN; series.values.len()];
+        outputs.push(Compared {
+            name: series.name.clone(),
+            measured: series.values.clone(),
+            predicted: nan.clone(),
+            half_width: nan,
+        });
+    }
+    if outputs.is_empty() {
+        let fields: Vec<&str> = model.header.fields.iter().map(|f| f.spec.name.as_str()).collect();
+        let sets: Vec<&str> = model.header.node_sets.iter().map(|s| s.name.as_str()).collect();
+        return Err(configuration(anyhow::anyhow!(
+            "the mapping names no output of the model: its fields are {}, its node sets {}",
+            fields.join(", "),
+            sets.join(", ")
+        )));
+    }
+    let mut state = ModelState::new(model, &Selection::default())?;
+    let nodes = model.header.node_count;
+    let mut outside = 0_usize;
+    for row in 0..recording.time_s.len() {
+        let Some(inputs) = inputs_at(places, recording, row) else { continue };
+        state.update(inputs).context("the model has no answer")?;
+        let evaluation = state.evaluation();
+        outside += usize::from(evaluation.flags.extrapolated);
+        let widths = evaluation.halfwidths;
+        for (output, origin) in outputs.iter_mut().zip(&origins) {
+            let (value, width) = match *origin {
+                Origin::Force => (evaluation.contact_force_n, widths.force_n),
+                Origin::Node { field, node } => {
+                    let kind = BlockKind::HalfWidth { field: field as u32 };
+                    let measured = model.f32_block(kind).and_then(|widths| widths.get(node));
+                    let by_kind = match model.header.fields[field].spec.kind {
+                        FieldKind::Coordinate(_) | FieldKind::Magnitude => widths.displacement_mm,
+                        FieldKind::Stress => widths.stress_mpa,
+                        FieldKind::Other => f64::NAN,
+                    };
+                    let width = measured.map_or(by_kind, |width| f64::from(*width));
+                    (f64::from(state.fields()[field * nodes + node]), width)
+                }
+            };
+            (output.predicted[row], output.half_width[row]) = (value, width);
+        }
+    }
+    if outside > 0 {
+        remarks.push(format!("{outside} rows are outside the model's training range"));
+    }
+    Ok(outputs)
+}
+
+/// Statistics of an output.
+struct Statistics {
+    rms: f64,
+    p95: f64,
+    max: f64,
+    range: f64,
+    coverage: f64,
+    bias: f64,
+    gain: f64,
+}
+
+impl Compared {
+    fn pairs(&self) -> impl Iterator<Item = (f64, f64, f64)> + '_ {
+        let all = self.measured.iter().zip(&self.predicted).zip(&self.half_width);
+        all.map(|((m, p), h)| (*m, *p, *h)).filter(|(m, p, _)| m.is_finite() && p.is_finite())
+    }
+
+    fn statistics(&self) -> Statistics {
+        let count = self.pairs().count() as f64;
+        let mut errors: Vec<f64> = self.pairs().map(|(m, p, _)| (m - p).abs()).collect();
+        errors.sort_by(f64::total_cmp);
+        let at = |share: f64| {
+            errors.get(((share * count).ceil() as usize).max(1) - 1).copied().unwrap_or(f64::NAN)
+        };
+        let mean = |of: &dyn Fn(f64, f64) -> f64| self.pairs().map(|(m, p, _)| of(m, p)).sum::<f64>() / count;
+        let (mean_m, mean_p) = (mean(&|m, _| m), mean(&|_, p| p));
+        let product = mean(&|m, p| (m - mean_m) * (p - mean_p));
+        let inside = self.pairs().filter(|(m, p, h)| (m - p).abs() <= *h).count();
+        Statistics {
+            rms: mean(&|m, p| (m - p) * (m - p)).sqrt(),
+            p95: at(0.95),
+            max: at(1.0),
+            range: range(&self.measured),
+            coverage: inside as f64 / count,
+            bias: mean_p - mean_m,
+            gain: product / mean(&|_, p| (p - mean_p) * (p - mean_p)),
+        }
+    }
+
+    fn json(&self) -> Value {
+        let s = self.statistics();
+        json!({"rms": s.rms, "p95": s.p95, "max": s.max, "range": s.range, "coverage": s.coverage, "bias": s.bias, "gain": s.gain})
+    }
+}
+
+/// Position error of the markers with three coordinates, and its share of the diagonal of their range.
+fn markers(outputs: &[Compared]) -> Map<String, Value> {
+    let mut found = Map::new();
+    for x in outputs.iter().filter(|output| output.name.ends_with("_x_mm")) {
+        let marker = x.name.trim_end_matches("_x_mm");
+        let axis = |axis: &str| outputs.iter().find(|output| output.name == format!("{marker}_{axis}_mm"));
+        let all: Vec<Statistics> =
+            [Some(x), axis("y"), axis("z")].iter().flatten().map(|o| o.statistics()).collect();
+        let norm = |of: &dyn Fn(&Statistics) -> f64| all.iter().map(|s| of(s).powi(2)).sum::<f64>().sqrt();
+        let (rms, length) = (norm(&|s| s.rms), norm(&|s| s.range));
+        found.insert(marker.into(), json!({"rms_mm": rms, "range_mm": length, "share": rms / length}));
+    }
+    found
+}
+
+/// Ranges that differ by a factor, and columns that fit one another's prediction.
+fn suspicions(outputs: &[Compared]) -> Vec<String> {
+    let mut remarks = Vec::new();
+    for output in outputs {
+        let ratio = range(&output.measured) / range(&output.predicted);
+        if ratio.is_finite() && ratio > 0.0 && !(0.2..=5.0).contains(&ratio) {
+            remarks.push(format!(
+                "{}: the measured range is {ratio:.3} times the predicted one ({}); is its unit right?",
+                output.name,
+                confusion(ratio)
+            ));
+        }
+    }
+    let error = |a: &Compared, b: &Compared| -> f64 {
+        let both = a.measured.iter().zip(&b.predicted).filter(|(m, p)| m.is_finite() && p.is_finite());
+        both.map(|(m, p)| (m - p) * (m - p)).sum()
+    };
+    for (at, a) in outputs.iter().enumerate() {
+        for b in &outputs[at + 1..] {
+            let (own, swapped) = (error(a, a) + error(b, b), error(a, b) + error(b, a));
+            if swapped < 0.25 * own {
+                remarks.push(format!("{} and {}: swapped? Each fits the other's prediction", a.name, b.name));
+            }
+        }
+    }
+    remarks
+}
+
+fn figure(recording: &Recording, places: &[Option<usize>], outputs: &[Compared]) -> Figure {
+    let inputs = places.iter().flatten().map(|at| &recording.inputs[*at]);
+    let main = inputs.max_by(|a, b| range(&a.values).total_cmp(&range(&b.values)));
+    let mut panels = Vec::new();
+    for output in outputs {
+        let over = |x: &[f64], y: &[f64]| x.iter().copied().zip(y.iter().copied()).collect::<Vec<_>>();
+        let both = |x: &[f64], mark| {
+            vec![
+                line("measured", 0, mark, over(x, &output.measured).into_iter()),
+                line("predicted", 1, mark, over(x, &output.predicted).into_iter()),
+            ]
+        };
+        panels.push(panel(&output.name, "time [s]", &output.name, both(&recording.time_s, Mark::Line)));
+        if let Some(main) = main {
+            panels.push(panel("loops", &main.name, &output.name, both(&main.values, Mark::Line)));
+        }
+        let residuals: Vec<f64> = output.measured.iter().zip(&output.predicted).map(|(m, p)| m - p).collect();
+        let band = |sign: f64| {
+            let widths = output.half_width.iter().map(move |h| sign * h);
+            line("", 4, Mark::Line, recording.time_s.iter().copied().zip(widths))
+        };
+        let own =
+            line("measured minus predicted", 0, Mark::Line, over(&recording.time_s, &residuals).into_iter());
+        panels.push(panel(
+            "residuals and half-widths",
+            "time [s]",
+            &output.name,
+            vec![own, band(1.0), band(-1.0)],
+        ));
+    }
+    Figure { title: "model and measurement".into(), panels, columns: if main.is_some() { 3 } else { 2 } }
+}
+
+fn table(recording: &Recording, outputs: &[Compared]) -> String {
+    let mut text: String = "t_s".into();
+    for output in outputs {
+        text += &format!(",{0}_measured,{0}_predicted,{0}_half_width", output.name);
+    }
+    for (row, t_s) in recording.time_s.iter().enumerate() {
+        text += &format!("\n{t_s}");
+        for output in outputs {
+            text +=
+                &format!(",{},{},{}", output.measured[row], output.predicted[row], output.half_width[row]);
+        }
+    }
+    text + "\n"
+}

@@ -1,0 +1,262 @@
+//! `softtwin log`.
+
+use crate::bench::{self, line, panel, range};
+use crate::picture::{Figure, Mark};
+use crate::{files, output};
+use formats::log::{Log, unit};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  What a table contains, with a picture of every column and a mapping to complete:
+    softtwin log describe run.csv --out log.toml --picture columns.svg
+  The table as a trace for replay, bridge, plot:
+    softtwin log convert run.csv --log log.toml --out trace.csv
+
+The mapping names columns by number or heading. What is not known from the heading stands as a comment and is to be decided.";
+
+/// Describe tables of a bench.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(clap::Subcommand)]
+enum Action {
+    Describe(Describe),
+    Convert(Convert),
+}
+
+/// Write a table as a trace for replay, bridge, plot and import.
+#[derive(clap::Args)]
+struct Convert {
+    /// Table.
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Mapping of the columns.
+    #[arg(long, value_name = "FILE.toml")]
+    log: PathBuf,
+    /// Trace to write: t_s and the names of the mapping.
+    #[arg(long, value_name = "FILE.csv")]
+    out: PathBuf,
+}
+
+impl Convert {
+    fn run(self) -> anyhow::Result<()> {
+        let recording = bench::read(&self.file, &bench::mapping(&self.log)?)?;
+        files::save(&self.out, recording.csv().as_bytes())?;
+        for remark in &recording.remarks {
+            output!("  note: {remark}")?;
+        }
+        Ok(output!("{} rows in {}", recording.time_s.len(), self.out.display())?)
+    }
+}
+
+/// Show columns and propose a mapping.
+#[derive(clap::Args)]
+#[command(before_help = EXAMPLES)]
+struct Describe {
+    /// Table: comma, semicolon, tab or blanks.
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Mapping to write.
+    #[arg(long, value_name = "FILE.toml")]
+    out: Option<PathBuf>,
+    /// Picture of all columns (.svg or .png).
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+    /// One JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is known of a column.
+struct Known {
+    number: usize,
+    heading: String,
+    unit: Option<String>,
+    quantity: Option<unit::Quantity>,
+    low: f64,
+    high: f64,
+    missing: usize,
+    is_time: bool,
+}
+
+impl Args {
+    /// Describes the table.
+    pub fn run(self) -> anyhow::Result<()> {
+        match self.action {
+            Action::Describe(args) => args.run(),
+            Action::Convert(args) => args.run(),
+        }
+    }
+}
+
+impl Describe {
+    fn run(self) -> anyhow::Result<()> {
+        let log = Log::read(&self.file).map_err(files::refusal)?;
+        let columns: Vec<Known> = (0..log.columns.len()).map(|at| Known::of(&log, at)).collect();
+        let time = columns.iter().position(|column| column.is_time);
+        let proposal = proposal(&self.file.display().to_string(), &columns, time);
+        if let Some(out) = &self.out {
+            files::save(out, proposal.as_bytes())?;
+        }
+        if let Some(picture) = &self.picture {
+            figure(&log, &columns, time).save(picture)?;
+        }
+        if self.json {
+            return output::json(&json!({
+                "rows": log.rows(), "separator": log.separator.to_string(), "first_line": log.lines.first(),
+                "damaged_lines": log.damaged.iter().map(ToString::to_string).collect::<Vec<_>>(),
+                "time_column": time.map(|at| at + 1),
+                "columns": columns.iter().map(Known::json).collect::<Vec<_>>(),
+            }));
+        }
+        let separator = if log.separator == '\t' { "tab".into() } else { format!("`{}`", log.separator) };
+        output!("{} rows from line {}, separator {separator}", log.rows(), log.lines.first().unwrap_or(&0))?;
+        for damaged in log.damaged.iter().take(10) {
+            output!("  left out: {damaged}")?;
+        }
+        for column in &columns {
+            output!("{}", column.text())?;
+        }
+        if time.is_none() {
+            output!("no column rises throughout: name the time's column or a rate")?;
+        }
+        match &self.out {
+            Some(out) => output!("mapping to complete: {}", out.display())?,
+            None => output!("\n{}", proposal.trim_end())?,
+        }
+        Ok(())
+    }
+}
+
+impl Known {
+    fn of(log: &Log, at: usize) -> Self {
+        let values = &log.columns[at];
+        let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+        let (low, high) =
+            finite.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+        let heading = log.headings[at].clone();
+        let unit = unit::in_heading(&heading).map(str::to_owned);
+        let quantity = unit.as_deref().and_then(unit::unit).map(|(quantity, _)| quantity);
+        let rises =
+            finite.len() == values.len() && finite.windows(2).all(|pair| pair[1] >= pair[0]) && high > low;
+        let named = heading.to_lowercase().starts_with("time") || heading.to_lowercase().starts_with("t_");
+        let first_rising = at == 0 && rises && quantity.is_none_or(|q| q == unit::Quantity::Time);
+        let is_time = quantity == Some(unit::Quantity::Time) || named || first_rising;
+        Self {
+            number: at + 1,
+            heading,
+            unit,
+            quantity,
+            low,
+            high,
+            missing: values.len() - finite.len(),
+            is_time,
+        }
+    }
+
+    fn is_constant(&self) -> bool {
+        self.low >= self.high
+    }
+
+    fn text(&self) -> String {
+        let unit = self.unit.as_ref().map_or("unit not known".into(), |unit| format!("unit {unit}?"));
+        let mut text = format!(
+            "{:>4}  {:<28} {:>12.5} .. {:<12.5} {unit}",
+            self.number, self.heading, self.low, self.high
+        );
+        if self.is_time {
+            text += ", time?";
+        }
+        if self.is_constant() {
+            text += ", constant";
+        }
+        if self.missing > 0 {
+            text += &format!(", {} missing", self.missing);
+        }
+        text
+    }
+
+    fn json(&self) -> Value {
+        let finite = |v: f64| Some(v).filter(|v| v.is_finite());
+        json!({"column": self.number, "heading": self.heading, "unit": self.unit, "min": finite(self.low), "max": finite(self.high),
+            "missing": self.missing, "constant": self.is_constant()})
+    }
+}
+
+fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
+    let mut text = format!(
+        "# Proposed by softtwin log describe for {file}: check every unit against the picture.\n\n[time]\n"
+    );
+    match time {
+        Some(at) => {
+            let spelling = columns[at].unit.as_deref();
+            let known = spelling.unwrap_or("s");
+            let note = if spelling.is_some() { "" } else { " # not in the heading: s, ms, us or ns" };
+            text += &format!("column = {}\nunit = \"{known}\"{note}\n", at + 1);
+        }
+        None => {
+            text += "# no column rises throughout: column = N with unit, or\nrate_hz = 0 # rows per second\n"
+        }
+    }
+    for column in columns.iter().filter(|column| Some(column.number) != time.map(|at| at + 1)) {
+        let (kind, suffix) = match column.quantity {
+            Some(unit::Quantity::Pressure) => ("input", "mpa"),
+            Some(unit::Quantity::Length) => ("output", "mm"),
+            Some(unit::Quantity::Force) => ("output", "n"),
+            Some(unit::Quantity::Angle) => ("output", "deg"),
+            Some(unit::Quantity::Voltage) => ("output", "v"),
+            _ => ("output", "UNIT"),
+        };
+        let letters = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
+        let heading = column.heading.split(['(', '[']).next().unwrap_or_default().trim();
+        let stem = match heading {
+            "" => format!("column{}", column.number),
+            heading => {
+                let name: String = heading.chars().map(letters).collect();
+                let own = column.unit.as_deref().map(|unit| format!("_{}", unit.to_lowercase()));
+                own.and_then(|own| name.strip_suffix(&own).map(str::to_owned)).unwrap_or(name)
+            }
+        };
+        let entry = format!(
+            "[[{kind}]] # {:.5} .. {:.5}\nname = \"{stem}_{suffix}\"\ncolumn = {}\nunit = \"{}\"\n",
+            column.low,
+            column.high,
+            column.number,
+            column.unit.as_deref().unwrap_or("?")
+        );
+        text += "\n";
+        if column.unit.is_some() && suffix != "UNIT" && !column.is_constant() {
+            text += &entry;
+        } else {
+            let why = if column.is_constant() { "constant" } else { "input or output and unit not known" };
+            text += &format!("# {why}:\n");
+            entry.lines().for_each(|line| text += &format!("# {line}\n"));
+        }
+    }
+    text
+}
+
+fn figure(log: &Log, columns: &[Known], time: Option<usize>) -> Figure {
+    let rows: Vec<f64> = (0..log.rows()).map(|row| row as f64).collect();
+    let x = time.map_or(&rows, |at| &log.columns[at]);
+    let first = x.first().copied().unwrap_or(0.0);
+    let label = if time.is_some() { "time, in the column's unit" } else { "row" };
+    let one = |column: &Known| {
+        let values = &log.columns[column.number - 1];
+        let points = x.iter().zip(values).map(|(x, y)| (x - first, *y));
+        let title = format!("{} {}", column.number, column.heading);
+        let y = if range(values) > 0.0 {
+            column.unit.clone().unwrap_or("unit not known".into())
+        } else {
+            "constant".into()
+        };
+        panel(&title, label, &y, vec![line("", 0, Mark::Line, points)])
+    };
+    let panels = columns.iter().filter(|c| Some(c.number) != time.map(|at| at + 1)).map(one).collect();
+    Figure { title: "columns against time".into(), panels, columns: 3 }
+}

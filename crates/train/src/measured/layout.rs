@@ -1,0 +1,115 @@
+//! Fields and nodes of measured outputs: markers `NAME_x_mm` are coordinates of the node NAME, other outputs are scalars.
+
+use rom::model::{BlockKind, Model, ModelHeader};
+use rom::snapshots::{FieldKind, FieldSpec};
+
+/// Name of the model's pressure.
+pub(super) const PRESSURE_NAME: &str = "pressure_mpa";
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// Field and nodes of the outputs.
+pub(super) struct Layout {
+    /// Markers, one node each.
+    pub nodes: Vec<String>,
+    /// Field, and the output at each node.
+    pub fields: Vec<(FieldSpec, Vec<Option<usize>>)>,
+}
+
+/// Marker and axis of `NAME_x_mm`.
+fn coordinate(output: &str) -> Option<(&str, usize)> {
+    let (marker, axis) = output.strip_suffix("_mm")?.rsplit_once('_')?;
+    Some((marker, AXES.iter().position(|known| *known == axis)?))
+}
+
+impl Layout {
+    pub(super) fn of(outputs: &[&str]) -> Self {
+        let mut nodes: Vec<String> = Vec::new();
+        for (marker, _) in outputs.iter().filter_map(|name| coordinate(name)) {
+            if !nodes.iter().any(|node| node == marker) {
+                nodes.push(marker.to_owned());
+            }
+        }
+        let mut fields = Vec::new();
+        for (k, axis) in AXES.iter().enumerate() {
+            let at = |node: &String| outputs.iter().position(|name| coordinate(name) == Some((node, k)));
+            let places: Vec<Option<usize>> = nodes.iter().map(at).collect();
+            if places.iter().any(Option::is_some) {
+                let kind = FieldKind::Coordinate(k as u8);
+                fields.push((FieldSpec { name: (*axis).into(), unit: "mm".into(), kind }, places));
+            }
+        }
+        for (at, name) in outputs.iter().enumerate().filter(|(_, name)| coordinate(name).is_none()) {
+            let spec = FieldSpec { name: (*name).into(), unit: unit_of(name), kind: FieldKind::Other };
+            fields.push((spec, vec![Some(at); nodes.len().max(1)]));
+        }
+        Self { nodes, fields }
+    }
+
+    /// Number of nodes of the model.
+    pub(super) fn node_count(&self) -> usize {
+        self.nodes.len().max(1)
+    }
+}
+
+/// Unit at the end of a name as it is written: `mpa` is `MPa`.
+pub(super) fn unit_of(name: &str) -> String {
+    match name.rsplit('_').next().unwrap_or_default() {
+        "mpa" => "MPa".into(),
+        "kpa" => "kPa".into(),
+        "n" => "N".into(),
+        "v" => "V".into(),
+        other => other.into(),
+    }
+}
+
+/// Place of an output in a model: field and node. `tip_x_mm` is the field `x` at the first node of the set `tip`, a scalar the field of
+/// its name.
+#[must_use]
+pub fn place(header: &ModelHeader, output: &str) -> Option<(usize, usize)> {
+    let field = |name: &str| header.fields.iter().position(|field| field.spec.name == name);
+    if let Some(at) = field(output) {
+        return Some((at, 0));
+    }
+    let (marker, axis) = coordinate(output)?;
+    let node = *header.node_sets.iter().find(|set| set.name == marker)?.nodes.first()?;
+    let of_axis = |field: &rom::model::OutputField| field.spec.kind == FieldKind::Coordinate(axis as u8);
+    Some((header.fields.iter().position(of_axis)?, node as usize))
+}
+
+/// Output of a measured model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeasuredOutput {
+    /// Name with its unit.
+    pub name: String,
+    /// Field.
+    pub field: usize,
+    /// Node.
+    pub node: usize,
+    /// Half-width in the output's unit.
+    pub half_width: f64,
+}
+
+/// Outputs of a model that was learned from measurements; empty for other models.
+#[must_use]
+pub fn outputs(model: &Model) -> Vec<MeasuredOutput> {
+    let mut found = Vec::new();
+    for (field, output) in model.header.fields.iter().enumerate() {
+        let Some(widths) = model.f32_block(BlockKind::HalfWidth { field: field as u32 }) else { continue };
+        let mut push = |name: String, node: usize| {
+            // A coordinate that was not measured has none.
+            let half_width = widths.get(node).copied().map(f64::from).filter(|width| *width > 0.0);
+            found.extend(half_width.map(|half_width| MeasuredOutput { name, field, node, half_width }));
+        };
+        match output.spec.kind {
+            FieldKind::Coordinate(axis) => {
+                for set in &model.header.node_sets {
+                    let name = format!("{}_{}_mm", set.name, AXES[usize::from(axis).min(2)]);
+                    set.nodes.iter().for_each(|node| push(name.clone(), *node as usize));
+                }
+            }
+            _ => push(output.spec.name.clone(), 0),
+        }
+    }
+    found
+}

@@ -1,0 +1,104 @@
+//! Models of measurements: closed-form curves with noise, still inputs, runs that are shifted.
+
+use rom::inputs::Inputs;
+use rom::model::Selection;
+use rom::model_state::ModelState;
+use rom::rng::Rng;
+use train::measured::{Measured, MeasuredError, Run, fit, learn, outputs, select};
+
+/// Two inputs that move at different rates and one that only scatters; a marker in a plane and an angle.
+fn bench(seed: u64, rows: usize, shift_mm: f64) -> Measured {
+    let mut rng = Rng::new(seed);
+    let mut run = Run { inputs: vec![Vec::new(); 3], outputs: vec![Vec::new(); 3], ..Run::default() };
+    for row in 0..rows {
+        let t_s = 0.05 * row as f64;
+        let [a, b] = [0.5 - 0.5 * (0.4 * t_s).cos(), 0.5 - 0.5 * (0.93 * t_s).cos()];
+        let mut noise = || rng.uniform() - 0.5;
+        let still = 0.01 * noise();
+        run.time_s.push(t_s);
+        run.inputs.iter_mut().zip([0.1 * a, 0.1 * b, still]).for_each(|(column, v)| column.push(v));
+        let clean = truth(a, b);
+        let values = [clean[0] + shift_mm + 0.4 * noise(), clean[1] + 0.4 * noise(), clean[2] + noise()];
+        run.outputs.iter_mut().zip(values).for_each(|(column, v)| column.push(v));
+    }
+    let names = |names: [&str; 3]| names.map(str::to_owned).to_vec();
+    Measured {
+        inputs: names(["pressure_mpa", "second_mpa", "still_mpa"]),
+        outputs: names(["tip_x_mm", "tip_y_mm", "angle_deg"]),
+        runs: vec![run],
+    }
+}
+
+fn truth(a: f64, b: f64) -> [f64; 3] {
+    [100.0 - 8.0 * a * a - 5.0 * b, 20.0 * (1.3 * a).sin() + 10.0 * b * b, 90.0 * a + 20.0 * b]
+}
+
+#[test]
+fn smooth_map_is_found_through_noise_and_its_half_widths_hold_on_another_run() {
+    let learned = learn("arm", &bench(1, 2000, 0.0)).unwrap();
+    assert_eq!(learned.inputs, ["pressure_mpa", "second_mpa"]);
+    assert!(learned.remarks.iter().any(|remark| remark.starts_with("still_mpa")), "{:?}", learned.remarks);
+    for (report, noise) in
+        learned.outputs.iter().zip([0.4, 0.4, 1.0_f64].map(|width| width / 12.0_f64.sqrt()))
+    {
+        assert!((report.noise / noise - 1.0).abs() < 0.15, "{report:?}");
+        assert!((report.rms / noise - 1.0).abs() < 0.1 && report.loop_share < 0.01, "{report:?}");
+    }
+    let named: Vec<String> = outputs(&learned.model).into_iter().map(|output| output.name).collect();
+    assert_eq!(named, ["tip_x_mm", "tip_y_mm", "angle_deg"]);
+    let mut state = ModelState::new(&learned.model, &Selection::default()).unwrap();
+    for (a, b) in [(0.1, 0.2), (0.5, 0.5), (0.9, 0.3)] {
+        state.update(Inputs::new(0.1 * a, f64::INFINITY).with(2, 0.1 * b)).unwrap();
+        for (output, exact) in outputs(&learned.model).iter().zip(truth(a, b)) {
+            let found = f64::from(state.fields()[output.field + output.node]);
+            assert!((found - exact).abs() < 0.1, "{}: {found} for {exact}", output.name);
+        }
+    }
+    let other = &bench(2, 1500, 0.0).runs[0];
+    let mut inside = [0.0; 3];
+    for row in 0..1500 {
+        state.update(Inputs::new(other.inputs[0][row], f64::INFINITY).with(2, other.inputs[1][row])).unwrap();
+        for (k, output) in outputs(&learned.model).iter().enumerate() {
+            let error = f64::from(state.fields()[output.field]) - other.outputs[k][row];
+            inside[k] += f64::from(u8::from(error.abs() <= output.half_width)) / 1500.0;
+        }
+    }
+    assert!(inside.iter().all(|share| (0.85..=0.97).contains(share)), "{inside:?}");
+}
+
+#[test]
+fn shift_between_runs_widens_the_half_widths() {
+    let mut two = bench(1, 1000, 0.0);
+    let narrow = learn("arm", &two).unwrap().outputs[0].half_width;
+    two.runs.extend(bench(2, 1000, 2.0).runs);
+    let wide = learn("arm", &two).unwrap().outputs[0].half_width;
+    // Means are 1 and -1 of their centre: s = sqrt(2), times 1.28 sqrt(1.5), on the errors of 1 mm themselves.
+    assert!(narrow < 0.3 && (2.9..3.6).contains(&wide), "{narrow} {wide}");
+}
+
+#[test]
+fn still_inputs_and_unrelated_outputs_are_refused() {
+    let mut still = bench(1, 1000, 0.0);
+    let noise = still.runs[0].inputs[2].clone();
+    still.runs[0].inputs = vec![noise.clone(), noise.iter().rev().copied().collect(), noise];
+    assert!(matches!(learn("arm", &still), Err(MeasuredError::Unrelated { .. })));
+    still.runs[0].inputs = vec![vec![0.05; 1000]; 3];
+    assert!(matches!(learn("arm", &still), Err(MeasuredError::Still)));
+    let mut silent = bench(1, 1000, 0.0);
+    silent.runs[0].outputs = vec![vec![1.0; 1000], vec![f64::NAN; 1000], vec![2.0; 1000]];
+    assert!(matches!(learn("arm", &silent), Err(MeasuredError::NoOutput)));
+    assert!(matches!(learn("arm", &bench(1, 30, 0.0)), Err(MeasuredError::Few { found: 30, .. })));
+}
+
+#[test]
+fn missing_values_leave_out_their_rows_and_too_many_inputs_are_refused() {
+    let mut data = bench(1, 1000, 0.0);
+    data.runs[0].outputs[1][100..400].fill(f64::NAN);
+    data.runs[0].inputs[0][500..510].fill(f64::NAN);
+    let mut remarks = Vec::new();
+    assert_eq!(fit("arm", &select(&data, &mut remarks).unwrap()).unwrap().rows, 690);
+    let column = data.runs[0].inputs[1].clone();
+    data.runs[0].inputs = vec![column; 8];
+    data.inputs = (0..8).map(|at| format!("p{at}_mpa")).collect();
+    assert!(matches!(learn("arm", &data), Err(MeasuredError::Many { expected: 6, found: 8 })));
+}
