@@ -21,6 +21,7 @@ fn layouts_of_benches_are_one_table() {
     same("0 1,5\n0,5 2,5\n1 -3\n", &["", ""]);
     same("Width (mm);6;;\nMachine;X 5569;;\n;;;\nTime;Pressure\n(s);(kPa)\n0;1.5\n0.5;2.5\n1;-3\n", &named);
     same("Time (s);Pressure (kPa)\n0,0;1,5\n0,5;2,5\n1,0;-3,0\n", &named);
+    same("# Rate = 5%/s\n# Time (s) Pressure (kPa)\n0 1.5\n0.5 2.5\n1 -3\n", &named);
     same("Time (s) Pressure (kPa)\n0 1.5\n0.5 2.5\n1 -3\n", &named);
     same("Time (s);Pressure (kPa);\n0;1.5\n0.5;2.5\n1;\u{2212}3\n", &named);
     same("\"Time (s)\",\"Pressure (kPa)\"\n\"0\",\"1.5\"\n0.5,2.5\n1,-3\n", &named);
@@ -73,6 +74,51 @@ fn rows_are_in_order_of_time_and_a_second_run_is_refused() {
     let rows = |from: i32| (from..from + 100).map(|row| format!("{row},{row}\n")).collect::<String>();
     let error = apply(&format!("{}{}", rows(0), rows(0))).unwrap_err().to_string();
     assert!(error.contains("line 101"), "{error}");
+}
+
+#[test]
+fn clocks_of_two_files_are_joined_by_correlation() {
+    let folder = tempfile::tempdir().unwrap();
+    let pressure = |t: f64| (0.9 * t).sin() + 0.7 * (0.31 * t + 1.0).sin() + 0.3 * (2.3 * t).cos();
+    let table = |name: &str, rows: u32, step: f64, value: &dyn Fn(f64) -> f64, from: f64| {
+        let lines: String = (0..rows)
+            .map(|row| f64::from(row) * step)
+            .map(|t| format!("{},{}\n", t + from, value(t)))
+            .collect();
+        std::fs::write(folder.path().join(name), lines).unwrap();
+    };
+    table("valve.csv", 900, 0.05, &pressure, 100.0);
+    // The camera starts 3.2 s later, with a clock of its own.
+    table("camera.csv", 500, 0.08, &|t| -4.0 * pressure(t + 3.2), 7000.0);
+    let channel = |kind: &str, name: &str, unit: &str| {
+        format!("[[{kind}]]\nname = \"{name}\"\ncolumn = 2\nunit = \"{unit}\"\n")
+    };
+    let time = "time = { column = 1, unit = \"s\" }\n";
+    let text = format!(
+        "{time}{}[[file]]\n{time}{}",
+        channel("input", "pressure_mpa", "MPa"),
+        channel("file.output", "tip_x_mm", "mm")
+    );
+    let read = |text: &str, name: &str| {
+        mapping(text).unwrap().read_run(&folder.path().join(name)).map_err(|error| error.to_string())
+    };
+    let joined = read(&text, "valve.csv+camera.csv").unwrap();
+    let tip = &joined.outputs[0].values;
+    for row in [100, 400, 700] {
+        let exact = -4.0 * joined.inputs[0].values[row];
+        assert!((tip[row] - exact).abs() < 0.15, "{} {exact}: {:?}", tip[row], joined.remarks);
+    }
+    assert!(
+        tip[0].is_nan() && joined.remarks.iter().any(|remark| remark.contains("offset_s = -6896.")),
+        "{:?}",
+        joined.remarks
+    );
+    assert!(read(&text, "valve.csv").unwrap_err().contains("2 files"));
+    let given = text.replace("[[file]]\n", "[[file]]\noffset_s = -6896.8\n");
+    let joined = read(&given, "valve.csv+camera.csv").unwrap();
+    assert!((joined.outputs[0].values[400] + 4.0 * joined.inputs[0].values[400]).abs() < 0.02);
+    table("still.csv", 500, 0.08, &|_| 1.0, 0.0);
+    assert!(read(&text, "valve.csv+still.csv").unwrap_err().contains("offset_s"));
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! Recordings of a bench as quantities, and checks of them against each other and against a model.
 
 use crate::files;
-use crate::picture::{Axis, Mark, Panel, Series as Line};
-use formats::log::{Log, Mapping, Recording, Series};
+use crate::picture::{Axis, Figure, Mark, Panel, Series as Line};
+use formats::log::{Mapping, Recording, Series};
 use rom::inputs::{GAP, Inputs};
 use rom::model::ModelHeader;
 use std::path::{Path, PathBuf};
@@ -28,8 +28,7 @@ const MAX_POINTS: usize = 2000;
 
 /// Reads a recording with its mapping.
 pub fn read(recording: &Path, mapping: &Mapping) -> anyhow::Result<Recording> {
-    let log = Log::read(recording).map_err(files::refusal)?;
-    let mut found = mapping.apply(&log, recording).map_err(files::refusal)?;
+    let mut found = mapping.read_run(recording).map_err(files::refusal)?;
     let all: Vec<&Series> = found.inputs.iter().chain(&found.outputs).collect();
     let remarks: Vec<String> = all.into_iter().filter_map(implausible).collect();
     found.remarks.extend(remarks);
@@ -156,4 +155,14 @@ pub fn line(name: &str, colour: usize, mark: Mark, points: impl Iterator<Item = 
 /// A panel.
 pub fn panel(title: &str, x: &str, y: &str, series: Vec<Line>) -> Panel {
     Panel { title: title.into(), x: Axis::linear(x), y: Axis::linear(y), series, map: None }
+}
+
+/// All quantities of a recording over time.
+pub fn figure(recording: &Recording, title: &str) -> Figure {
+    let one = |series: &Series| {
+        let points = recording.time_s.iter().copied().zip(series.values.iter().copied());
+        panel("", "time [s]", &series.name, vec![line("", 0, Mark::Line, points)])
+    };
+    let panels = recording.inputs.iter().chain(&recording.outputs).map(one).collect();
+    Figure { title: title.into(), panels, columns: 3 }
 }

@@ -119,13 +119,21 @@ fn configure(options: &BridgeOptions) -> Result<Scene, ConfigError> {
         actuator.source = Some(SourceSpec::replay_of(trace));
         (actuator.sensors, actuator.pace) = (Default::default(), None);
     }
+    let mut is_replay = false;
     for actuator in &mut scene.actuators {
         if let Some(SourceSpec::Replay(replay)) = &mut actuator.source {
+            is_replay = true;
+            if let Some(log) = &options.log {
+                replay.log = Some(std::path::absolute(log).unwrap_or_else(|_| log.clone()));
+            }
             replay.speed = options.speed.unwrap_or(replay.speed);
             replay.repeat |= options.repeat;
             replay.from_s = options.from_s.unwrap_or(replay.from_s);
             replay.to_s = options.to_s.unwrap_or(replay.to_s);
         }
+    }
+    if options.log.is_some() && !is_replay {
+        return Err(refuse("--log: expected --trace, or a scene whose source is a replay; found neither"));
     }
     Ok(scene)
 }

@@ -79,6 +79,9 @@ pub struct BridgeOptions {
     /// Replay this trace instead of the scene's source (scenes with one actuator)
     #[arg(long, value_name = "CSV")]
     pub trace: Option<PathBuf>,
+    /// Mapping of the columns of the trace, if it is a bench's table (softtwin log describe)
+    #[arg(long, value_name = "FILE.toml")]
+    pub log: Option<PathBuf>,
     /// Factor on the speed of a replay
     #[arg(long, value_name = "FACTOR")]
     pub speed: Option<f64>,

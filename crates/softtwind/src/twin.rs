@@ -110,12 +110,16 @@ fn prepare(settings: &Settings, twin: &Twin) -> anyhow::Result<realtime::Granted
 /// Logs the settings.
 fn log_settings(settings: &Settings) {
     let (limits, realtime) = (&settings.limits, &settings.realtime);
+    let deadline = match limits.deadline_ms {
+        Some(deadline_ms) => format!("{deadline_ms} ms"),
+        None => "4 intervals of the source and at least 100 ms".into(),
+    };
     tracing::info!(
-        "readings of {} to {} MPa and at most {} mm are accepted; without one for {} ms the state is stale",
+        "readings of {} to {} MPa and at most {} mm are accepted; without one for {} the state is stale",
         limits.pressure_min_mpa,
         limits.pressure_max_mpa,
         limits.gap_max_mm,
-        limits.deadline_ms
+        deadline
     );
     let scheduler = match realtime.fifo_priority {
         0 => "ordinary scheduler".to_owned(),

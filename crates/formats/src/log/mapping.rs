@@ -1,12 +1,13 @@
 //! Mapping of a log's columns to quantities, and the log as quantities.
 
 use super::Log;
+use super::clock;
 use super::unit::{self, Quantity};
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Content of `log.toml`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,6 +23,25 @@ pub struct Mapping {
     pub output: Vec<Channel>,
     /// Frame of markers in the model's frame; applied to outputs `NAME_x_mm`, `NAME_y_mm`, `NAME_z_mm`.
     pub frame: Option<Frame>,
+    /// Further files of a run, with their clocks.
+    #[serde(default)]
+    pub file: Vec<Further>,
+}
+
+/// A further file of a run (`run.csv+camera.csv`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Further {
+    /// Time of its rows.
+    pub time: TimeColumn,
+    /// Added to its times, s; default: estimated by correlation.
+    pub offset_s: Option<f64>,
+    /// Inputs of a model.
+    #[serde(default)]
+    pub input: Vec<Channel>,
+    /// Measured outputs.
+    #[serde(default)]
+    pub output: Vec<Channel>,
 }
 
 /// Column by number, counted from 1, or by its heading.
@@ -98,6 +118,8 @@ pub struct Series {
 /// A log as quantities.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
+    /// Time of the first row, s; from the clock's zero.
+    pub start_s: f64,
     /// Time of the rows from the first one, s.
     pub time_s: Vec<f64>,
     /// Inputs.
@@ -124,14 +146,18 @@ impl Mapping {
     pub fn read(path: &Path) -> Result<Self, FormatError> {
         let mapping: Self = file::read_toml(path, "[time], [[input]], [[output]] with name, column, unit")?;
         let mut errors = Vec::new();
-        for channel in mapping.input.iter().chain(&mapping.output) {
+        let further = mapping.file.iter().flat_map(|file| file.input.iter().chain(&file.output));
+        let channels: Vec<&Channel> = mapping.input.iter().chain(&mapping.output).chain(further).collect();
+        for channel in &channels {
             let _ = collect(channel.factor(), &mut errors);
         }
-        let names: Vec<&String> = mapping.input.iter().chain(&mapping.output).map(|c| &c.name).collect();
+        let names: Vec<&String> = channels.iter().map(|c| &c.name).collect();
         if let Some(at) = (0..names.len()).find(|at| names[..*at].contains(&names[*at])) {
             errors.push(Diagnostic::new("name", "each name once", format!("`{}` twice", names[at])));
         }
-        let _ = collect(mapping.time.factor(), &mut errors);
+        for time in std::iter::once(&mapping.time).chain(mapping.file.iter().map(|file| &file.time)) {
+            let _ = collect(time.factor(), &mut errors);
+        }
         if let Some(frame) = mapping.frame.as_ref().filter(|frame| !frame.is_rigid()) {
             let expected = "rows of a rotation matrix (orthonormal, determinant 1)";
             errors.push(Diagnostic::new("frame.rotation", expected, format!("{:?}", frame.rotation)));
@@ -139,7 +165,42 @@ impl Mapping {
         FormatError::check(mapping, path, errors)
     }
 
-    /// The log as quantities; `path` names it in errors.
+    /// Reads a run: one table, or as many joined by `+` as the mapping has files (`run/valve.csv+camera.csv`, both in `run`).
+    ///
+    /// # Errors
+    /// As [`Log::read`] and [`Self::apply`]; a number of files that the mapping does not have; clocks that cannot be joined.
+    pub fn read_run(&self, run: &Path) -> Result<Recording, FormatError> {
+        let text = run.to_string_lossy();
+        let is_joined = !self.file.is_empty() && !run.exists();
+        let folder = run.parent().unwrap_or(Path::new(""));
+        let paths: Vec<PathBuf> = match is_joined {
+            true => text
+                .split('+')
+                .enumerate()
+                .map(|(at, part)| if at == 0 { part.into() } else { folder.join(part) })
+                .collect(),
+            false => vec![run.to_owned()],
+        };
+        if paths.len() != 1 + self.file.len() {
+            let expected = format!("{} files of the mapping, joined by `+`", 1 + self.file.len());
+            return Err(FormatError::one(run, Diagnostic::new("recording", expected, paths.len())));
+        }
+        let first = self.apply(&Log::read(&paths[0])?, &paths[0])?;
+        let mut further = Vec::new();
+        for (file, path) in self.file.iter().zip(&paths[1..]) {
+            let mapping = Self {
+                time: file.time.clone(),
+                input: file.input.clone(),
+                output: file.output.clone(),
+                frame: self.frame.clone(),
+                file: Vec::new(),
+            };
+            further.push((mapping.apply(&Log::read(path)?, path)?, file.offset_s));
+        }
+        clock::join(first, further).map_err(|found| FormatError::one(run, found))
+    }
+
+    /// The log as quantities; `path` names it in errors. Further files are left out.
     ///
     /// # Errors
     /// Columns that the log does not have.
@@ -165,7 +226,8 @@ impl Mapping {
         if let Some(frame) = &self.frame {
             let _ = collect(frame.apply(&mut outputs), &mut errors);
         }
-        FormatError::check(Recording { time_s, inputs, outputs, remarks }, path, errors)
+        let start_s = rows.first().map_or(0.0, |row| stamps[*row]);
+        FormatError::check(Recording { start_s, time_s, inputs, outputs, remarks }, path, errors)
     }
 }
 
@@ -224,8 +286,7 @@ impl TimeColumn {
             return Ok((0..log.rows()).map(|row| factor * row as f64).collect());
         };
         let values = column.find(log, "time.column")?;
-        let first = values.iter().copied().find(|v| v.is_finite()).unwrap_or(f64::NAN);
-        Ok(values.iter().map(|v| factor * (v - first)).collect())
+        Ok(values.iter().map(|v| factor * v).collect())
     }
 }
 

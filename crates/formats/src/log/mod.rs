@@ -1,10 +1,11 @@
 //! Tables as benches write them: any separator, headings above or none, comments, decimal comma, any end of line, clocks.
 
 mod cell;
+mod clock;
 mod mapping;
 pub mod unit;
 
-pub use mapping::{Channel, Column, Frame, Mapping, Recording, Series, TimeColumn};
+pub use mapping::{Channel, Column, Frame, Further, Mapping, Recording, Series, TimeColumn};
 
 use cell::number;
 
@@ -170,9 +171,16 @@ impl Layout {
     fn headings(&self, lines: &[(usize, &str)]) -> Vec<String> {
         let mut headings = vec![String::new(); self.width];
         let above = lines[..self.first].iter().rev().filter(|(_, line)| !line.is_empty());
-        for (_, line) in above.take(MAX_HEADINGS) {
+        for (at, (_, line)) in above.take(MAX_HEADINGS).enumerate() {
             let text = line.trim_start_matches(['#', '%', '!', '/']).trim();
-            let Some(cells) = self.heading(text) else { break };
+            // Further lines of headings have the separator of the rows; a sentence is none.
+            let cells = match at {
+                0 => self.heading(text),
+                _ => Some(cells(text, self.separator))
+                    .filter(|_| self.separator != ' ')
+                    .and_then(|c| self.fitted(c)),
+            };
+            let Some(cells) = cells else { break };
             for (heading, cell) in headings.iter_mut().zip(cells) {
                 *heading = format!("{cell} {heading}").trim().to_owned();
             }
@@ -180,7 +188,8 @@ impl Layout {
         headings
     }
 
-    /// Headings of one line. A separator too few or too many at its end is accepted.
+    /// Headings of the line above the rows, with the separator of the rows, two blanks, comma, tab or blanks. A separator too few or too many at
+    /// its end is accepted.
     fn heading(&self, line: &str) -> Option<Vec<String>> {
         let spaced = || line.split("  ").map(str::trim).filter(|part| !part.is_empty()).map(str::to_owned);
         let candidates = [
@@ -190,18 +199,20 @@ impl Layout {
             cells(line, '\t'),
             words(line),
         ];
-        let fitted = |mut cells: Vec<String>| {
-            if cells.len() == self.width + 1 && cells.last().is_some_and(String::is_empty) {
-                cells.pop();
-            }
-            if cells.len() + 1 == self.width && self.separator != ' ' {
-                cells.push(String::new());
-            }
-            let named = cells.iter().filter(|cell| !cell.is_empty()).count();
-            let numeric = cells.iter().any(|cell| number(cell, self.separator).is_some_and(|v| !v.is_nan()));
-            (cells.len() == self.width && 2 * named > self.width && !numeric).then_some(cells)
-        };
-        candidates.into_iter().find_map(fitted)
+        candidates.into_iter().find_map(|cells| self.fitted(cells))
+    }
+
+    /// The cells, if they are one heading per column.
+    fn fitted(&self, mut cells: Vec<String>) -> Option<Vec<String>> {
+        if cells.len() == self.width + 1 && cells.last().is_some_and(String::is_empty) {
+            cells.pop();
+        }
+        if cells.len() + 1 == self.width && self.separator != ' ' {
+            cells.push(String::new());
+        }
+        let named = cells.iter().filter(|cell| !cell.is_empty()).count();
+        let numeric = cells.iter().any(|cell| number(cell, self.separator).is_some_and(|v| !v.is_nan()));
+        (cells.len() == self.width && 2 * named > self.width && !numeric).then_some(cells)
     }
 }
 

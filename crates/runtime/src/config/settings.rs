@@ -3,7 +3,6 @@
 use super::error::{ConfigError, read};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use std::time::Duration;
 
 /// Settings of a twin process.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -25,8 +24,9 @@ pub struct Limits {
     pub pressure_max_mpa: f64,
     /// Higher than this is absurd, mm; below 0 always is.
     pub gap_max_mm: f64,
-    /// Time without a good reading after which the state is stale, ms.
-    pub deadline_ms: f64,
+    /// Time without a good reading after which the state is stale, ms; `None`: it follows the source's rate
+    /// ([`Deadline`](crate::twin::Deadline)).
+    pub deadline_ms: Option<f64>,
     /// A reading older than this on arrival is held, ms.
     pub max_age_ms: f64,
     /// A reading stamped later than now by more than this is held, ms.
@@ -59,20 +59,13 @@ impl Default for Limits {
             pressure_min_mpa: -0.005,
             pressure_max_mpa: 1.0,
             gap_max_mm: 1000.0,
-            deadline_ms: 100.0,
+            deadline_ms: None,
             max_age_ms: 1000.0,
             max_ahead_ms: 100.0,
             late_ms: 5.0,
             force_mismatch_ms: 500.0,
             outside_domain: OutsideDomain::default(),
         }
-    }
-}
-
-impl Limits {
-    /// The deadline as a duration.
-    pub fn deadline(&self) -> Duration {
-        Duration::from_nanos(ms_to_ns(self.deadline_ms))
     }
 }
 
@@ -136,7 +129,7 @@ impl Settings {
         }
         for (key, value) in [
             ("gap_max_mm", limits.gap_max_mm),
-            ("deadline_ms", limits.deadline_ms),
+            ("deadline_ms", limits.deadline_ms.unwrap_or(f64::MAX)),
             ("max_age_ms", limits.max_age_ms),
             ("max_ahead_ms", limits.max_ahead_ms),
             ("late_ms", limits.late_ms),

@@ -13,6 +13,8 @@ use wire::SensorSample;
 pub struct ReplaySpec {
     /// The trace, CSV or a recording; a relative path is taken from the scene file's folder.
     pub trace: PathBuf,
+    /// Mapping of the columns of a bench's table (`log.toml`); a relative path is taken from the scene file's folder.
+    pub log: Option<PathBuf>,
     /// Which sensor topic of a recording; needed when it holds several.
     pub topic: Option<String>,
     /// Factor on the speed: 2 sends twice as fast.
@@ -30,6 +32,7 @@ impl Default for ReplaySpec {
     fn default() -> Self {
         Self {
             trace: PathBuf::new(),
+            log: None,
             topic: None,
             speed: 1.0,
             repeat: false,
@@ -55,7 +58,11 @@ impl ReplaySpec {
             return Err(problems);
         }
         let part = Part { from_s: self.from_s, to_s: self.to_s };
-        match Rows::open(&path, self.topic.as_deref(), part, inputs) {
+        let opened = match &self.log {
+            Some(log) => Trace::read_log(&path, &folder.join(log), inputs).map(|trace| Rows::of(trace, part)),
+            None => Rows::open(&path, self.topic.as_deref(), part, inputs),
+        };
+        match opened {
             Ok((rows, about)) => match Replay::new(self, rows, &about) {
                 Some(replay) if problems.is_empty() => {
                     for (line, seconds) in about.gaps {
@@ -165,6 +172,15 @@ enum Rows {
 }
 
 impl Rows {
+    /// The part of a trace in memory.
+    fn of(trace: Trace, part: Part) -> (Self, About) {
+        let Trace { mut rows, period_s, gaps } = trace;
+        let mut about = About { period_s, gaps, ..About::default() };
+        rows.iter().for_each(|row| about.take(row, part));
+        rows.retain(|row| part.contains(row));
+        (Self::Memory { rows, next: 0 }, about)
+    }
+
     /// Reads a trace or a recording once, from start to end, so that what is wrong is known now.
     fn open(
         path: &Path,
@@ -176,10 +192,7 @@ impl Rows {
             .map_err(|error| vec![TraceError::Unreadable { cause: error.to_string() }])?;
         let mut about = About::default();
         if !is_recording {
-            let Trace { mut rows, period_s, gaps } = Trace::read_named(path, None, inputs)?;
-            rows.iter().for_each(|row| about.take(row, part));
-            rows.retain(|row| part.contains(row));
-            return Ok((Self::Memory { rows, next: 0 }, About { period_s, gaps, ..about }));
+            return Ok(Self::of(Trace::read_named(path, None, inputs)?, part));
         }
         let mut survey = Survey::default();
         let mut rows = recorded::Rows::open(path, topic).map_err(|error| vec![error])?;

@@ -9,6 +9,8 @@
 use super::reading::{InputNames, MARKERS, QUANTITIES, value_mut};
 use super::recorded::{self, TraceError};
 use crate::file;
+use formats::FormatError;
+use formats::log::Mapping;
 use std::path::Path;
 use wire::SensorSample;
 
@@ -71,6 +73,21 @@ impl Trace {
         }
         let bytes = file::read(path, MAX_BYTES).map_err(unreadable)?;
         Self::parse_named(&String::from_utf8_lossy(&bytes), inputs)
+    }
+
+    /// Reads a table of a bench with the mapping of its columns (`log.toml`): the mapping's quantities are the columns of the trace.
+    /// Remarks on the table are logged.
+    ///
+    /// # Errors
+    /// All errors in the mapping or in the table; columns of `inputs` that the mapping lacks.
+    pub fn read_log(path: &Path, mapping: &Path, inputs: &InputNames) -> Result<Self, Vec<TraceError>> {
+        let unreadable = |error: FormatError| vec![TraceError::Unreadable { cause: error.to_string() }];
+        let mapping = Mapping::read(mapping).map_err(unreadable)?;
+        let recording = mapping.read_run(path).map_err(unreadable)?;
+        for remark in &recording.remarks {
+            tracing::warn!("{}: {remark}", path.display());
+        }
+        Self::parse_named(&recording.csv(), inputs)
     }
 
     /// Parses a trace's text.

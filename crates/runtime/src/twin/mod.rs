@@ -14,11 +14,13 @@
 //! After start the loop allocates nothing (except the transport's handle for each loaned sample, which a test counts), takes no
 //! lock and writes no log: its events go through a channel. Its only system calls are the wait and the wake-up of readers.
 
+mod deadline;
 mod ingest;
 mod record;
 mod residual;
 mod swap;
 
+pub use deadline::Deadline;
 pub use record::{Event, EventKind, EventSender, event_channel};
 pub use swap::{Retired, SwapError};
 
@@ -147,6 +149,7 @@ struct ActuatorTwin {
     waiting: VecDeque<Taken>,
     force_watch: Watch,
     limits: Limits,
+    deadline: Deadline,
     /// `None` if the scene estimates nothing.
     estimation: Option<Estimation>,
     /// The last state, sent again with flags when readings are held or stay away.
@@ -154,6 +157,8 @@ struct ActuatorTwin {
     record: Record,
     /// When the last good reading was taken; the start before there was one.
     last_good_ns: u64,
+    /// There was a good reading.
+    has_answered: bool,
     next_deadline_ns: u64,
 }
 
@@ -249,6 +254,7 @@ impl ActuatorTwin {
         parts.describe(&mut state, &mut health);
         let record = Record::new(number, health_writer, health, events);
         let last_good_ns = record.start_ns();
+        let deadline = Deadline::new(limits.deadline_ms);
         Ok(Self {
             reader,
             state_writer,
@@ -261,10 +267,12 @@ impl ActuatorTwin {
             force_watch: Watch::default(),
             parts,
             limits,
+            deadline,
             state,
             record,
             last_good_ns,
-            next_deadline_ns: last_good_ns + ms_to_ns(limits.deadline_ms),
+            has_answered: false,
+            next_deadline_ns: last_good_ns + deadline.ns(),
         })
     }
 
@@ -419,9 +427,14 @@ impl ActuatorTwin {
         }
         self.record.answered(sample, taken_ns);
         // A good reading restarts the deadline.
-        self.record.good(self.state.flags, taken_ns.saturating_sub(self.last_good_ns));
+        let silence_ns = taken_ns.saturating_sub(self.last_good_ns);
+        self.record.good(self.state.flags, silence_ns);
+        if self.has_answered {
+            self.deadline.take(silence_ns);
+        }
+        self.has_answered = true;
         self.last_good_ns = taken_ns;
-        self.next_deadline_ns = taken_ns + ms_to_ns(self.limits.deadline_ms);
+        self.next_deadline_ns = taken_ns + self.deadline.ns();
         outcome
     }
 
@@ -532,7 +545,7 @@ impl ActuatorTwin {
         {
             self.record.failed(EventKind::SendFailed);
         }
-        self.next_deadline_ns = now + ms_to_ns(self.limits.deadline_ms);
+        self.next_deadline_ns = now + self.deadline.ns();
     }
 
     /// The wait for readings failed.

@@ -3,7 +3,7 @@
 use crate::failure::{configuration, unexplained};
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::unknowns::{Unknowns, problems};
-use crate::{bench, files, output};
+use crate::{files, output};
 use anyhow::{Context, bail};
 use estimate::{Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
 use runtime::config::Scene;
@@ -71,9 +71,7 @@ impl Args {
             Unknowns::load(&scene, &self.scene, self.actuator.as_deref())?;
         let names = spec.input_names();
         let trace = match &self.log {
-            Some(log) => {
-                Trace::parse_named(&bench::read(&self.recording, &bench::mapping(log)?)?.csv(), &names)
-            }
+            Some(log) => Trace::read_log(&self.recording, log, &names),
             None => Trace::read_named(&self.recording, self.topic.as_deref(), &names),
         };
         let trace = trace.map_err(|errors| {
@@ -132,6 +130,7 @@ impl Args {
             actuator.model = absolute(&actuator.model)?;
             if let Some(SourceSpec::Replay(replay)) = &mut actuator.source {
                 replay.trace = absolute(&replay.trace)?;
+                replay.log = replay.log.as_deref().map(absolute).transpose()?;
             }
             if actuator.name != name {
                 continue;

@@ -122,8 +122,18 @@ impl Describe {
         for column in &columns {
             output!("{}", column.text())?;
         }
-        if time.is_none() {
-            output!("no column rises throughout: name the time's column or a rate")?;
+        match time {
+            Some(at) => output!("{}", pace(&log, at))?,
+            None => output!("no column rises throughout: name the time's column or a rate")?,
+        }
+        let unknown = |column: &&Known| column.unit.is_none() && !column.is_time && !column.is_constant();
+        let numbers: Vec<String> =
+            columns.iter().filter(unknown).map(|column| column.number.to_string()).collect();
+        if !numbers.is_empty() {
+            output!(
+                "not guessed: unit and meaning of column(s) {}; they are comments of the mapping",
+                numbers.join(", ")
+            )?;
         }
         match &self.out {
             Some(out) => output!("mapping to complete: {}", out.display())?,
@@ -131,6 +141,23 @@ impl Describe {
         }
         Ok(())
     }
+}
+
+/// Steps of a time column, in its unit: median, smallest and largest, repeated stamps and steps back.
+fn pace(log: &Log, at: usize) -> String {
+    let mut steps: Vec<f64> = log.columns[at].windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let count = |is_so: &dyn Fn(f64) -> bool| steps.iter().filter(|step| is_so(**step)).count();
+    let (repeated, back) = (count(&|step| step == 0.0), count(&|step| step < 0.0));
+    steps.retain(|step| step.is_finite());
+    steps.sort_by(f64::total_cmp);
+    let [least, median, most] = [0, steps.len() / 2, steps.len().saturating_sub(1)]
+        .map(|at| steps.get(at).copied().unwrap_or(f64::NAN));
+    let mut text =
+        format!("column {}: steps of {median:.5} (median), {least:.5} to {most:.5}, in its unit", at + 1);
+    if repeated + back > 0 {
+        text += &format!("; {repeated} repeated stamps, {back} steps back");
+    }
+    text
 }
 
 impl Known {
@@ -200,7 +227,7 @@ fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
             text += &format!("column = {}\nunit = \"{known}\"{note}\n", at + 1);
         }
         None => {
-            text += "# no column rises throughout: column = N with unit, or\nrate_hz = 0 # rows per second\n"
+            text += "# no column rises throughout: column = N with unit, or\nrate_hz = 0 # rows per second; 1 for settled states without time\n"
         }
     }
     for column in columns.iter().filter(|column| Some(column.number) != time.map(|at| at + 1)) {

@@ -2,6 +2,7 @@
 
 mod recording;
 
+use crate::bench;
 use crate::failure::usage;
 use crate::files;
 use crate::output;
@@ -26,6 +27,8 @@ Examples:
   A recording: pressure, gap, force, displacement, stress and latency over time (displacement and stress by the model):
     softtwin plot recording --recording run.mcap --model finger.twin \\
       --out run.png
+  A table of a bench: its inputs and outputs over time:
+    softtwin plot recording --recording run1.csv --log log.toml --out run.png
 The modes themselves are drawn by `softtwin render --modes`.";
 
 /// Cells of the force map along each axis.
@@ -43,9 +46,12 @@ pub struct Args {
     /// Model file.
     #[arg(long, value_name = "FILE.twin", required_unless_present = "recording")]
     model: Option<PathBuf>,
-    /// Recording to draw.
-    #[arg(long, value_name = "FILE.mcap", required_if_eq("kind", "recording"))]
+    /// Recording to draw: MCAP, or a table with --log.
+    #[arg(long, value_name = "FILE", required_if_eq("kind", "recording"))]
     recording: Option<PathBuf>,
+    /// Mapping of the columns of a bench's table.
+    #[arg(long, value_name = "FILE.toml", requires = "recording", conflicts_with = "model")]
+    log: Option<PathBuf>,
     /// Picture: .svg or .png.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -80,6 +86,10 @@ impl Args {
 
     fn recording(&self) -> anyhow::Result<Figure> {
         let path = self.recording.as_ref().ok_or_else(|| usage("which recording? --recording FILE.mcap"))?;
+        if let Some(log) = &self.log {
+            let recording = bench::read(path, &bench::mapping(log)?)?;
+            return Ok(bench::figure(&recording, &path.display().to_string()));
+        }
         let model = self.model.as_ref().map(|path| files::model(path)).transpose()?;
         recording::figure(path, model.as_ref())
     }

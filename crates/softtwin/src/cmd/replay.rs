@@ -2,7 +2,7 @@
 
 use crate::failure::{configuration, usage};
 use crate::live::DomainArgs;
-use crate::output;
+use crate::{bench, output};
 use anyhow::{Result, anyhow};
 use runtime::bridge::{Bridge, BridgeCounters};
 use runtime::source::{InputNames, Poll, Reading, ReplaySpec, Source, SourceSpec, in_another_unit};
@@ -26,6 +26,8 @@ Examples:
     softtwin replay load.csv --actuator part
   All files of a recorder that rotates, as one recording:
     softtwin replay /var/lib/softtwin --actuator finger
+  A table of a bench, with the mapping of its columns (softtwin log describe):
+    softtwin replay run1.csv --log log.toml --actuator finger
   A recording of two actuators: say which one:
     softtwin replay run.mcap --actuator left --topic softtwin/left/sensor
 
@@ -44,6 +46,9 @@ pub struct Args {
     /// Actuator whose sensor to be
     #[arg(long, value_name = "NAME", help_heading = "Selection")]
     actuator: String,
+    /// Mapping of the columns of a bench's table
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "topic")]
+    log: Option<PathBuf>,
     /// Sensor topic of a recording that holds several
     #[arg(long, value_name = "TOPIC")]
     topic: Option<String>,
@@ -78,13 +83,17 @@ impl Args {
         let topic = Topic::sensor(&self.actuator).map_err(usage)?;
         let spec = ReplaySpec {
             trace: self.file.clone(),
+            log: self.log.clone(),
             topic: self.topic.clone(),
             speed: self.speed,
             repeat: self.repeat,
             from_s: self.from_s,
             to_s: self.to_s,
         };
-        let inputs = inputs(&self.file)?;
+        let inputs = match &self.log {
+            Some(log) => mapped_inputs(log)?,
+            None => inputs(&self.file)?,
+        };
         let source = SourceSpec::Replay(spec)
             .open(Path::new(""), &inputs)
             .map_err(|problems| configuration(anyhow!("{}", problems.join("\n  "))))?;
@@ -111,6 +120,22 @@ impl Args {
         anyhow::ensure!(failed == 0, "{failed} readings could not be sent");
         Ok(count(&counters.sent))
     }
+}
+
+/// The inputs of a mapping that no reading has by itself.
+fn mapped_inputs(log: &Path) -> Result<InputNames> {
+    let mapping = bench::mapping(log)?;
+    let names = mapping.input.iter().map(|channel| channel.name.as_str());
+    let names: Vec<&str> =
+        names.filter(|name| !["pressure_mpa", "gap_mm", "measured_force_n"].contains(name)).collect();
+    if names.len() > PARAMETERS_MAX {
+        return Err(configuration(anyhow!(
+            "{}: expected at most {PARAMETERS_MAX} inputs besides pressure and gap, found {}",
+            log.display(),
+            names.len()
+        )));
+    }
+    Ok(InputNames::new(names))
 }
 
 /// The model inputs among the columns of a trace: without a pressure, all that no reading has by itself. `None` if it is a recording,

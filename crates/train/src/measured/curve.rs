@@ -23,7 +23,7 @@ const LOOP_CELLS: usize = 10;
 const MIN_LOOP_ROWS: f64 = 3.0;
 /// Relative regularisation of the tail: only makes the system definite.
 const TAIL_SMOOTHING: f64 = 1e-10;
-const SMOOTHINGS: [f64; 9] = [1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 10.0, 1e6];
+const SMOOTHINGS: [f64; 11] = [1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 10.0, 1e6];
 
 /// One candidate.
 #[derive(Clone, Copy)]

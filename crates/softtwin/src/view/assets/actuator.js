@@ -25,8 +25,11 @@ export class Actuator {
   // Makes a frame the shown one; `mesh` is the model's, if known.
   show(frame, mesh, quantity) {
     this.shown = frame;
-    const { x, y, z } = frame.fields ?? {};
-    if (!x || !y || !z) return; // a state came without its field: the shape stays
+    const fields = frame.fields ?? {};
+    const nodes = (fields.x ?? fields.y ?? fields.z)?.length;
+    if (!nodes) return; // a state came without its field: the shape stays
+    for (const axis of ["x", "y", "z"]) fields[axis] ??= new Float32Array(nodes); // markers of one camera lie in a plane
+    const { x, y, z } = fields;
     this.shape = frame;
     if (!this.body || this.model !== frame.model || this.body.nodes !== x.length) {
       this.model = frame.model;

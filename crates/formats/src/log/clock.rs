@@ -1,0 +1,171 @@
+//! Files of one run with different clocks: offset by correlation, values on the first file's times.
+//!
+//! The offset is the lag with the largest correlation between the quantity of either file that moves most: `|r|` of the values, means removed.
+//! Its standard deviation is `sqrt(1 - r^2) / (r w sqrt(n))`, `w` the RMS rate over the standard deviation of the signal, `n = T w / pi` its
+//! independent values. The lag of an actuator behind its pressure counts as offset.
+
+use super::mapping::{Recording, Series};
+use crate::error::Diagnostic;
+
+/// Points of the grid on which files are correlated.
+const GRID: usize = 2000;
+/// Smallest part of the shorter file that must overlap.
+const MIN_OVERLAP: f64 = 0.5;
+/// Smallest correlation, and the largest of another peak as a fraction of it.
+const MIN_CORRELATION: f64 = 0.5;
+const MAX_SECOND: f64 = 0.95;
+/// Median steps across which values are interpolated.
+const MAX_STEPS: f64 = 5.0;
+
+/// Joins files at the times of the first.
+pub(super) fn join(
+    mut first: Recording,
+    further: Vec<(Recording, Option<f64>)>,
+) -> Result<Recording, Diagnostic> {
+    for (other, given_s) in further {
+        let shift_s = match given_s {
+            Some(offset_s) => other.start_s + offset_s - first.start_s,
+            None => {
+                let found = estimate(&first, &other)?;
+                let offset_s = found.shift_s + first.start_s - other.start_s;
+                first.remarks.push(format!(
+                    "clock of a further file: offset_s = {offset_s:.4} +- {:.4} by correlation ({:.3}) of {}; an actuator's lag counts \
+                     as offset: set offset_s if it is known",
+                    found.sigma_s, found.correlation, found.names
+                ));
+                found.shift_s
+            }
+        };
+        let times: Vec<f64> = first.time_s.iter().map(|t| t - shift_s).collect();
+        let onto = |series: Series| {
+            let values = interpolated(&other.time_s, &series.values, &times);
+            Series { name: series.name, values }
+        };
+        let missing = times.iter().filter(|t| !(0.0..=last(&other.time_s)).contains(*t)).count();
+        if missing > 0 {
+            first.remarks.push(format!("{missing} of {} rows lie outside a further file", times.len()));
+        }
+        first.remarks.extend(other.remarks);
+        first.inputs.extend(other.inputs.into_iter().map(onto));
+        first.outputs.extend(other.outputs.into_iter().map(onto));
+    }
+    Ok(first)
+}
+
+fn last(times: &[f64]) -> f64 {
+    times.last().copied().unwrap_or(0.0)
+}
+
+/// Linear interpolation; NaN outside, at missing values and across gaps.
+fn interpolated(times: &[f64], values: &[f64], at: &[f64]) -> Vec<f64> {
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    let most = MAX_STEPS * steps.get(steps.len() / 2).copied().unwrap_or(0.0);
+    let one = |t: &f64| {
+        let next = times.partition_point(|time| time < t);
+        match (next.checked_sub(1), times.get(next)) {
+            (_, Some(time)) if time == t => values[next],
+            (Some(before), Some(time)) if time - times[before] <= most => {
+                let share = (t - times[before]) / (time - times[before]);
+                values[before] + share * (values[next] - values[before])
+            }
+            _ => f64::NAN,
+        }
+    };
+    at.iter().map(one).collect()
+}
+
+/// Estimated shift of a file's times to those of the first.
+struct Shift {
+    shift_s: f64,
+    sigma_s: f64,
+    correlation: f64,
+    names: String,
+}
+
+/// The quantity whose values differ most from row to row on the scale of their standard deviation: steps and ramps instead of noise.
+fn liveliest(recording: &Recording) -> Option<&Series> {
+    let smooth = |series: &&Series| {
+        let finite: Vec<f64> = series.values.iter().copied().filter(|v| v.is_finite()).collect();
+        let mean = finite.iter().sum::<f64>() / finite.len() as f64;
+        let variance: f64 = finite.iter().map(|v| (v - mean).powi(2)).sum();
+        let steps: f64 = finite.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
+        if variance > 0.0 { variance / steps } else { 0.0 }
+    };
+    let all = recording.inputs.iter().chain(&recording.outputs).filter(|series| smooth(series) > 0.0);
+    all.max_by(|a, b| smooth(a).total_cmp(&smooth(b)))
+}
+
+fn estimate(first: &Recording, other: &Recording) -> Result<Shift, Diagnostic> {
+    let refused = |found: String| {
+        Diagnostic::new("offset_s", "clocks that a correlation can join; give offset_s in the mapping", found)
+    };
+    let (Some(a), Some(b)) = (liveliest(first), liveliest(other)) else {
+        return Err(refused("a file in which nothing moves".into()));
+    };
+    let spans = [last(&first.time_s), last(&other.time_s)];
+    let step_s = spans[0].max(spans[1]) / GRID as f64;
+    let grid = |times: &[f64], series: &Series, span: f64| -> Vec<f64> {
+        let at: Vec<f64> = (0..(span / step_s) as usize + 1).map(|k| k as f64 * step_s).collect();
+        interpolated(times, &series.values, &at)
+    };
+    let (x, y) = (grid(&first.time_s, a, spans[0]), grid(&other.time_s, b, spans[1]));
+    let least = (MIN_OVERLAP * x.len().min(y.len()) as f64) as i64;
+    let lags: Vec<i64> = (least - y.len() as i64..=x.len() as i64 - least).collect();
+    let sizes: Vec<f64> = lags.iter().map(|lag| correlation(&x, &y, *lag).abs()).collect();
+    let best = (0..sizes.len()).max_by(|i, j| sizes[*i].total_cmp(&sizes[*j]));
+    let Some(best) = best.filter(|best| sizes[*best] >= MIN_CORRELATION) else {
+        let most = sizes.iter().copied().fold(0.0, f64::max);
+        return Err(refused(format!("a correlation of {most:.2} between {} and {} at most", a.name, b.name)));
+    };
+    let is_peak =
+        |i: usize| i > 0 && i + 1 < sizes.len() && sizes[i] >= sizes[i - 1] && sizes[i] >= sizes[i + 1];
+    // Lags between which the correlation does not fall below half of the peak belong to it.
+    let low = (0..best).rev().find(|i| sizes[*i] < 0.5 * sizes[best]).unwrap_or(0);
+    let high = (best..sizes.len()).find(|i| sizes[*i] < 0.5 * sizes[best]).unwrap_or(sizes.len());
+    let second = (0..sizes.len())
+        .filter(|i| !(low..high).contains(i) && is_peak(*i))
+        .map(|i| sizes[i])
+        .fold(0.0, f64::max);
+    if second > MAX_SECOND * sizes[best] {
+        return Err(refused(format!("two offsets with correlations of {:.3} and {second:.3}", sizes[best])));
+    }
+    let bend = |i: usize| sizes[i - 1] - 2.0 * sizes[i] + sizes[i + 1];
+    let fraction = if is_peak(best) && bend(best) < 0.0 {
+        0.5 * (sizes[best - 1] - sizes[best + 1]) / bend(best)
+    } else {
+        0.0
+    };
+    let r = sizes[best].min(1.0);
+    let rate = rate(&x, step_s);
+    let independent = (spans[0].min(spans[1]) * rate / std::f64::consts::PI).max(1.0);
+    Ok(Shift {
+        shift_s: (lags[best] as f64 + fraction) * step_s,
+        sigma_s: ((1.0 - r * r).sqrt() / (r * rate * independent.sqrt())).hypot(step_s / 12.0_f64.sqrt()),
+        correlation: r,
+        names: format!("{} and {}", a.name, b.name),
+    })
+}
+
+/// Correlation of `x[k + lag]` and `y[k]` over what overlaps.
+fn correlation(x: &[f64], y: &[f64], lag: i64) -> f64 {
+    let from = (-lag).max(0) as usize;
+    let pairs =
+        y.iter().enumerate().skip(from).map_while(|(k, y)| Some((*x.get((k as i64 + lag) as usize)?, *y)));
+    let mut sums = [0.0; 6];
+    for (x, y) in pairs.filter(|(x, y)| x.is_finite() && y.is_finite()) {
+        sums.iter_mut().zip([1.0, x, y, x * x, y * y, x * y]).for_each(|(sum, v)| *sum += v);
+    }
+    let [n, x, y, xx, yy, xy] = sums;
+    let size = ((xx - x * x / n) * (yy - y * y / n)).sqrt();
+    if size > 0.0 { (xy - x * y / n) / size } else { 0.0 }
+}
+
+/// RMS rate over the standard deviation, 1/s.
+fn rate(values: &[f64], step_s: f64) -> f64 {
+    let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    let mean = finite.iter().sum::<f64>() / finite.len() as f64;
+    let variance = finite.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / finite.len() as f64;
+    let square = finite.windows(2).map(|pair| ((pair[1] - pair[0]) / step_s).powi(2)).sum::<f64>();
+    (square / finite.len() as f64 / variance).sqrt()
+}
