@@ -118,6 +118,36 @@ fn replay_keeps_the_timing_and_knows_speed_part_and_rounds() {
 }
 
 #[test]
+fn table_of_a_bench_is_replayed_through_its_mapping() {
+    let folder = folder();
+    std::fs::write(
+        folder.path().join("run.csv"),
+        "Time (ms);P (kPa);Load (gf)\n100;10,0;100\n105;20,0;200\n110;;300\n",
+    )
+    .unwrap();
+    let channel = |name: &str, column: &str, unit: &str| {
+        format!("[[input]]\nname = \"{name}\"\ncolumn = \"{column}\"\nunit = \"{unit}\"\n")
+    };
+    let mapping = format!(
+        "[time]\ncolumn = 1\nunit = \"ms\"\n{}{}",
+        channel("pressure_mpa", "P", "kPa"),
+        channel("load_n", "Load", "gf")
+    );
+    std::fs::write(folder.path().join("log.toml"), mapping).unwrap();
+    let spec = ReplaySpec { trace: "run.csv".into(), log: Some("log.toml".into()), ..ReplaySpec::default() };
+    let open = |names: &[&str]| {
+        SourceSpec::Replay(spec.clone()).open(folder.path(), &InputNames::new(names.iter().copied()))
+    };
+    let readings = take(open(&["load_n"]).unwrap(), 9);
+    let due: Vec<f64> = readings.iter().map(|reading| (reading.due_s * 1e6).round() / 1e6).collect();
+    assert_eq!(due, [0.0, 0.005, 0.01]);
+    assert!((readings[1].sample.pressure_mpa - 0.02).abs() < 1e-12);
+    assert!((readings[1].sample.inputs[0] - 1.961_33).abs() < 1e-9, "{:?}", readings[1].sample);
+    assert!(readings[2].sample.pressure_mpa.is_nan());
+    assert!(open(&["torque_nmm"]).is_err(), "an input that the mapping lacks");
+}
+
+#[test]
 fn profiles_have_their_shape() {
     let flow = Profile::ConstantFlow {
         flow_ml_per_min: 125.0,

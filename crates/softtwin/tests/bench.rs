@@ -103,8 +103,8 @@ fn twin_of_a_recording_predicts_another_run_within_its_half_widths() {
         assert!(rms < 0.06 * range && rms < p95 && p95 <= max, "{name}: {output}");
         assert!((0.8..=1.0).contains(&coverage), "{name}: {output}");
     }
-    assert!(folder.join("out/compare.png").is_file() && folder.join("out/compare.csv").is_file());
-    let state = json(folder, &["predict", "--model", "mine.twin", "--pressure", "0.03"]);
+    assert!(folder.join("out/compare.svg").is_file() && folder.join("out/compare.csv").is_file());
+    let state = json(folder, &["predict", "--model", "mine.twin", "--pressure-mpa", "0.03"]);
     assert_eq!(state["in_domain"], true);
     let inspected = json(folder, &["inspect", "mine.twin", "--json"]);
     assert_eq!(inspected["source"], "measured");

@@ -4,7 +4,7 @@
 //! Its standard deviation is `sqrt(1 - r^2) / (r w sqrt(n))`, `w` the RMS rate over the standard deviation of the signal, `n = T w / pi` its
 //! independent values. The lag of an actuator behind its pressure counts as offset.
 
-use super::mapping::{Recording, Series};
+use super::recording::{Recording, Series};
 use crate::error::Diagnostic;
 
 /// Points of the grid on which files are correlated.

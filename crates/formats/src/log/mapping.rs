@@ -2,6 +2,7 @@
 
 use super::Log;
 use super::clock;
+use super::recording::{Recording, Series};
 use super::unit::{self, Quantity};
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
@@ -104,30 +105,6 @@ pub struct Frame {
     pub rotation: [[f64; 3]; 3],
     /// Origin of the camera's frame in the model's frame, mm.
     pub origin_mm: [f64; 3],
-}
-
-/// One quantity over the rows.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Series {
-    /// Name with its unit.
-    pub name: String,
-    /// Values; NaN if missing.
-    pub values: Vec<f64>,
-}
-
-/// A log as quantities.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Recording {
-    /// Time of the first row, s; from the clock's zero.
-    pub start_s: f64,
-    /// Time of the rows from the first one, s.
-    pub time_s: Vec<f64>,
-    /// Inputs.
-    pub inputs: Vec<Series>,
-    /// Outputs.
-    pub outputs: Vec<Series>,
-    /// Remarks on times, missing values, flat tops, negative pressures.
-    pub remarks: Vec<String>,
 }
 
 /// Largest deviation of a rotation matrix from orthonormal.
@@ -387,21 +364,6 @@ impl Frame {
             }
         }
         Ok(())
-    }
-}
-
-impl Recording {
-    /// The recording as a trace: comma-separated, columns by name.
-    #[must_use]
-    pub fn csv(&self) -> String {
-        let all = || self.inputs.iter().chain(&self.outputs);
-        let mut text: String = "t_s".into();
-        all().for_each(|series| text += &format!(",{}", series.name));
-        for (row, t_s) in self.time_s.iter().enumerate() {
-            text += &format!("\n{t_s}");
-            all().for_each(|series| text += &format!(",{}", series.values[row]));
-        }
-        text + "\n"
     }
 }
 

@@ -3,9 +3,11 @@
 mod cell;
 mod clock;
 mod mapping;
+mod recording;
 pub mod unit;
 
-pub use mapping::{Channel, Column, Frame, Further, Mapping, Recording, Series, TimeColumn};
+pub use mapping::{Channel, Column, Frame, Further, Mapping, TimeColumn};
+pub use recording::{Recording, Series};
 
 use cell::number;
 

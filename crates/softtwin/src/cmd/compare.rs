@@ -76,7 +76,7 @@ impl Args {
         }
         remarks.extend(suspicions(&outputs));
         formats::file::create_folder(&self.out)?;
-        figure(&recording, &places, &outputs).save(&self.out.join("compare.png"))?;
+        figure(&recording, &places, &outputs).save(&self.out.join("compare.svg"))?;
         files::save(&self.out.join("compare.csv"), table(&recording, &outputs).as_bytes())?;
         let results: Map<String, Value> = outputs.iter().map(|o| (o.name.clone(), o.json())).collect();
         let markers = markers(&outputs);

@@ -1,8 +1,8 @@
 //! A fitted curve as a model: markers are nodes, every output a coefficient with a unit mode.
 
 use super::curve::{Curve, quantile};
+use super::data::{COVERAGE, Measured, OutputReport};
 use super::layout::Layout;
-use super::{COVERAGE, Measured, OutputReport};
 use rom::halfwidths::HalfWidths;
 use rom::hull::TrainingRange;
 use rom::inputs::Point;
@@ -10,9 +10,6 @@ use rom::interpolant::Interpolant;
 use rom::kernel::{Modes, Precision};
 use rom::model::{BlockData, BlockKind, GroupModel, Model, ModelHeader, OutputField, RegimeModel};
 use rom::snapshots::{Database, FieldKind, FieldSpec, NodeSet, RegimeKind};
-
-/// Rows of the training range.
-const RANGE_ROWS: usize = 400;
 
 impl Curve {
     pub(super) fn model(
@@ -33,7 +30,7 @@ impl Curve {
             inputs: self.map.clone(),
             groups,
             force: None,
-            domain: TrainingRange::of_points(self.map.operating(), dimensions, &self.thinned()),
+            domain: TrainingRange::of_points(self.map.operating(), dimensions, &self.range_points()),
             halfwidths: HalfWidths {
                 coverage: COVERAGE,
                 displacement_mm: self.marker_half_width(&layout, errors),
@@ -81,13 +78,13 @@ impl Curve {
         quantile(worst) + shift.fold(0.0, f64::max)
     }
 
-    /// Some hundred rows, those at the ends of the inputs among them.
-    fn thinned(&self) -> Vec<Point> {
+    /// Centres and the rows at the ends of the inputs: neighbours are a cell apart, while rows follow a path.
+    fn range_points(&self) -> Vec<Point> {
         let ends = (0..self.map.dimensions()).flat_map(|axis| {
             let by = |a: &&Point, b: &&Point| a[axis].total_cmp(&b[axis]);
             self.x.iter().min_by(by).into_iter().chain(self.x.iter().max_by(by))
         });
-        self.x.iter().step_by(self.x.len().div_ceil(RANGE_ROWS)).chain(ends).copied().collect()
+        self.centres.iter().chain(ends).copied().collect()
     }
 }
 

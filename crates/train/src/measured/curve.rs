@@ -1,14 +1,15 @@
 //! The map from inputs to outputs by least squares, chosen on left-out segments.
 
+use super::data::{COVERAGE, MAX_ROWS, MIN_ROWS, Measured, MeasuredError, OutputReport, mean, range_of};
 use super::layout::{PRESSURE_NAME, unit_of};
 use super::motion::noise_of;
-use super::{COVERAGE, MAX_ROWS, MIN_ROWS, Measured, MeasuredError, OutputReport, mean, range_of};
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use rom::inputs::{InputMap, InputSpec, Inputs, PARAMETERS, PRESSURE, Parameter, Point, square_distance};
 use rom::interpolant::{Interpolant, Metric};
 use rom::radial::{KernelKind, Tail};
 use std::collections::BTreeMap;
+use std::fmt::{self, Display};
 
 const MAX_CENTRES: usize = 48;
 /// Segments of a run, and the parts they are dealt to.
@@ -33,6 +34,12 @@ pub(super) struct Choice {
     pub smoothing: f64,
 }
 
+impl Display for Choice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, {}, smoothing {:.0e}", self.kernel, self.tail, self.smoothing)
+    }
+}
+
 /// Rows in scaled inputs.
 pub(super) struct Curve {
     pub map: InputMap,
@@ -42,7 +49,7 @@ pub(super) struct Curve {
     fold: Vec<usize>,
     /// Number of the run.
     run: Vec<usize>,
-    centres: Vec<Point>,
+    pub centres: Vec<Point>,
 }
 
 /// One row of a run.

@@ -1,6 +1,7 @@
 //! Columns that move, and the noise of a column.
 
-use super::{Measured, MeasuredError, Run, mean};
+use super::data::{Measured, MeasuredError, Run, mean};
+use super::layout::PRESSURE_NAME;
 use rom::inputs::{MAX_INPUTS, PARAMETERS};
 
 /// Smallest range of an input, as a fraction of the largest in the same unit.
@@ -19,7 +20,7 @@ const OUTLIERS: f64 = 0.005;
 pub fn select(data: &Measured, remarks: &mut Vec<String>) -> Result<Measured, MeasuredError> {
     let inputs = moving(&data.inputs, &columns(data, |run| &run.inputs), true, remarks);
     let outputs = moving(&data.outputs, &columns(data, |run| &run.outputs), false, remarks);
-    let has_pressure = inputs.iter().any(|at| data.inputs[*at] == super::layout::PRESSURE_NAME);
+    let has_pressure = inputs.iter().any(|at| data.inputs[*at] == PRESSURE_NAME);
     let most = MAX_INPUTS - PARAMETERS + usize::from(has_pressure);
     match (inputs.is_empty(), outputs.is_empty()) {
         (true, _) => Err(MeasuredError::Still),

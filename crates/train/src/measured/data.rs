@@ -1,0 +1,135 @@
+//! Measured runs, and what is learned from them.
+
+use rom::model::Model;
+
+/// Measured inputs and outputs of one or several runs.
+#[derive(Clone, Debug, Default)]
+pub struct Measured {
+    /// Names of the inputs, with units (`pressure_mpa`).
+    pub inputs: Vec<String>,
+    /// Names of the outputs, with units (`tip_x_mm`).
+    pub outputs: Vec<String>,
+    /// Runs.
+    pub runs: Vec<Run>,
+}
+
+/// One run: columns of equal length, in order of time; NaN where a value is missing.
+#[derive(Clone, Debug, Default)]
+pub struct Run {
+    /// Time, s.
+    pub time_s: Vec<f64>,
+    /// Values by input, then row.
+    pub inputs: Vec<Vec<f64>>,
+    /// Values by output, then row.
+    pub outputs: Vec<Vec<f64>>,
+}
+
+/// Figures of an output.
+#[derive(Clone, Debug)]
+pub struct OutputReport {
+    /// Name.
+    pub name: String,
+    /// Largest minus smallest value.
+    pub range: f64,
+    /// Standard deviation of the noise from row to row.
+    pub noise: f64,
+    /// RMS error on segments that were left out.
+    pub rms: f64,
+    /// Half-width.
+    pub half_width: f64,
+    /// Mean difference of rising and falling at equal predicted values, as a fraction of the range.
+    pub loop_share: f64,
+    /// Fraction of the variance on left-out segments that the inputs explain.
+    pub explained: f64,
+}
+
+/// Result of [`learn`](super::learn) and [`fit`](super::fit).
+#[derive(Clone, Debug)]
+pub struct Learned {
+    /// The model.
+    pub model: Model,
+    /// Inputs of the model.
+    pub inputs: Vec<String>,
+    /// Outputs of the model.
+    pub outputs: Vec<OutputReport>,
+    /// Remarks.
+    pub remarks: Vec<String>,
+    /// Kernel, tail and smoothing.
+    pub kernel: String,
+    /// Changes between rising and falling inputs.
+    pub turns: usize,
+    /// Rows of the fit.
+    pub rows: usize,
+    /// RMS error on left-out segments over all outputs, as a fraction of the length of their ranges.
+    pub error_share: f64,
+}
+
+/// Reason why nothing can be learned.
+#[derive(Debug, thiserror::Error)]
+pub enum MeasuredError {
+    /// No input moves.
+    #[error(
+        "no input moves beyond its noise: the recording teaches nothing; record a run in which the pressures change, or check \
+         the input columns of the mapping"
+    )]
+    Still,
+    /// No output moves.
+    #[error(
+        "no output moves beyond its noise: the recording teaches nothing; check the output columns of the mapping"
+    )]
+    NoOutput,
+    /// The outputs do not follow the inputs.
+    #[error(
+        "the inputs explain {explained:.0} % of the outputs' variance on parts that were left out, expected at least {least:.0} %: \
+         no input moves beyond its noise, or the columns belong to something else; check the mapping"
+    )]
+    Unrelated {
+        /// Explained variance of the best output, %.
+        explained: f64,
+        /// Smallest that is accepted, %.
+        least: f64,
+    },
+    /// Few rows.
+    #[error(
+        "expected at least {expected} rows without missing values, found {found}; leave out columns that are mostly empty"
+    )]
+    Few {
+        /// Fewest rows.
+        expected: usize,
+        /// Rows there are.
+        found: usize,
+    },
+    /// More inputs move than a model has.
+    #[error(
+        "expected at most {expected} inputs that move, found {found}; leave out some of them in the mapping"
+    )]
+    Many {
+        /// Most inputs.
+        expected: usize,
+        /// Inputs that move.
+        found: usize,
+    },
+    /// The least-squares system has no solution.
+    #[error("the least-squares system of the measured rows has no finite solution")]
+    Singular,
+}
+
+/// Fewest rows.
+pub(super) const MIN_ROWS: usize = 40;
+/// Rows beyond which only every n-th is used.
+pub(super) const MAX_ROWS: usize = 20_000;
+/// Smallest explained variance.
+pub(super) const MIN_EXPLAINED: f64 = 0.2;
+/// Nominal coverage of the half-widths.
+pub(super) const COVERAGE: f64 = 0.9;
+
+pub(super) fn range_of(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (low, high) =
+        values.into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    (high - low).max(0.0)
+}
+
+pub(super) fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
+    if count > 0.0 { sum / count } else { f64::NAN }
+}
