@@ -88,7 +88,7 @@ fn clocks_of_two_files_are_joined_by_correlation() {
         std::fs::write(folder.path().join(name), lines).unwrap();
     };
     table("valve.csv", 900, 0.05, &pressure, 100.0);
-    // The camera starts 3.2 s later, with a clock of its own.
+    // The camera starts 3.2 s later, with another clock.
     table("camera.csv", 500, 0.08, &|t| -4.0 * pressure(t + 3.2), 7000.0);
     let channel = |kind: &str, name: &str, unit: &str| {
         format!("[[{kind}]]\nname = \"{name}\"\ncolumn = 2\nunit = \"{unit}\"\n")

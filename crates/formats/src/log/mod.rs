@@ -175,7 +175,7 @@ impl Layout {
         let above = lines[..self.first].iter().rev().filter(|(_, line)| !line.is_empty());
         for (at, (_, line)) in above.take(MAX_HEADINGS).enumerate() {
             let text = line.trim_start_matches(['#', '%', '!', '/']).trim();
-            // Further lines of headings have the separator of the rows; a sentence is none.
+            // Further lines of headings have the separator of the rows, sentences have not.
             let cells = match at {
                 0 => self.heading(text),
                 _ => Some(cells(text, self.separator))

@@ -8,6 +8,7 @@ use anyhow::Context;
 use formats::log::Recording;
 use rom::model::{BlockKind, Model, Selection};
 use rom::model_state::ModelState;
+use rom::observable::Observables;
 use rom::snapshots::FieldKind;
 use serde_json::{Map, Value, json};
 use std::path::PathBuf;
@@ -22,8 +23,9 @@ Examples:
     softtwin compare --model mine.twin --recording run2.csv --log log.toml \\
       --out compared --json
 
-Outputs are named as in the mapping: `tip_x_mm` is the coordinate x at the node set `tip`; `contact_force_n` is the contact force. \
-Coverage is the share of the values within the model's half-widths.";
+Outputs are named as in the mapping: `tip_x_mm` is the coordinate x at the node set `tip`; `contact_force_n` is the contact force; \
+observables have their name. \
+Coverage is the fraction of the values within the model's half-widths.";
 
 /// Compare a model with a recording.
 #[derive(clap::Args)]
@@ -57,6 +59,7 @@ struct Compared {
 /// Where the predicted value of an output comes from.
 enum Origin {
     Node { field: usize, node: usize },
+    Observable(usize),
     Force,
 }
 
@@ -139,6 +142,7 @@ fn compare(
     places: &[Option<usize>],
     remarks: &mut Vec<String>,
 ) -> anyhow::Result<Vec<Compared>> {
+    let observables = Observables::of(model)?;
     let mut origins = Vec::new();
     let mut outputs = Vec::new();
     for series in &recording.outputs {
@@ -148,7 +152,11 @@ fn compare(
             {
                 Some(Origin::Force)
             }
-            name => place(&model.header, name).map(|(field, node)| Origin::Node { field, node }),
+            name => {
+                let observable = observables.names().position(|known| known == name).map(Origin::Observable);
+                let at = || place(&model.header, name).map(|(field, node)| Origin::Node { field, node });
+                observable.or_else(at)
+            }
         };
         let Some(origin) = origin else {
             remarks.push(format!("{}: the model has no such output", series.name));
@@ -167,7 +175,8 @@ fn compare(
         let fields: Vec<&str> = model.header.fields.iter().map(|f| f.spec.name.as_str()).collect();
         let sets: Vec<&str> = model.header.node_sets.iter().map(|s| s.name.as_str()).collect();
         return Err(configuration(anyhow::anyhow!(
-            "the mapping names no output of the model: its fields are {}, its node sets {}",
+            "the mapping names no output of the model: its observables are {}, its fields {}, its node sets {}",
+            observables.names().collect::<Vec<_>>().join(", "),
             fields.join(", "),
             sets.join(", ")
         )));
@@ -183,6 +192,10 @@ fn compare(
         let widths = evaluation.halfwidths;
         for (output, origin) in outputs.iter_mut().zip(&origins) {
             let (value, width) = match *origin {
+                Origin::Observable(at) => {
+                    let found = observables.value(at, evaluation);
+                    (found.value, found.halfwidth)
+                }
                 Origin::Force => (evaluation.contact_force_n, widths.force_n),
                 Origin::Node { field, node } => {
                     let kind = BlockKind::HalfWidth { field: field as u32 };

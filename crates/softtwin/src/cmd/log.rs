@@ -72,7 +72,7 @@ struct Describe {
     json: bool,
 }
 
-/// What is known of a column.
+/// Properties of a column.
 struct Known {
     number: usize,
     heading: String,

@@ -42,7 +42,7 @@ pub fn select(data: &Measured, remarks: &mut Vec<String>) -> Result<Measured, Me
     }
 }
 
-/// By column the finite values of each run.
+/// Finite values of each run, by column.
 fn columns(data: &Measured, of: impl Fn(&Run) -> &Vec<Vec<f64>>) -> Vec<Vec<Vec<f64>>> {
     let count = data.runs.first().map_or(0, |run| of(run).len());
     let finite = |values: &Vec<f64>| values.iter().copied().filter(|v| v.is_finite()).collect();
