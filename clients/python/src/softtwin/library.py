@@ -117,10 +117,7 @@ def check(status: int) -> None:
     if status == 0:
         return
     text = (library().softtwin_last_error() or b"").decode("utf-8", "replace")
-    raise ValueError(text) if status in (MAX_OBSERVABLES = 8
-"""Largest number of observables of a model."""
-
-_ARGUMENT, _REFUSED) else SofttwinError(text)
+    raise ValueError(text) if status in (_ARGUMENT, _REFUSED) else SofttwinError(text)
 
 
 def open_model(path: "os.PathLike[str] | str") -> int:
