@@ -3,6 +3,7 @@
 use rom::inputs::{GAP, InputSpec};
 use rom::model::{Model, ModelHeader};
 use rom::observable::Observables;
+use rom::snapshots::FieldKind;
 
 /// The model in an FMU's resources.
 pub const MODEL_FILE: &str = "model.twin";
@@ -97,6 +98,7 @@ pub(crate) fn outputs(header: &ModelHeader, observables: &Observables, nodes: &[
         all.push(Output { name, unit, about, quantity });
     };
     let has_force = header.has_forces();
+    let has_stress = header.fields.iter().any(|field| field.spec.kind == FieldKind::Stress);
     if has_force {
         add("contact_force_n".into(), "N".into(), "Contact force", Quantity::Force);
     }
@@ -125,7 +127,8 @@ pub(crate) fn outputs(header: &ModelHeader, observables: &Observables, nodes: &[
         ("regime", "", "1 free, 2 contact", Quantity::Regime),
     ] {
         let is_of_contact = matches!(quantity, Quantity::Onset | Quantity::ForceHalfwidth);
-        if has_force || !is_of_contact {
+        let is_of_stress = matches!(quantity, Quantity::StressHalfwidth | Quantity::MaxStress);
+        if (has_force || !is_of_contact) && (has_stress || !is_of_stress) {
             add(name.into(), unit.into(), about, quantity);
         }
     }

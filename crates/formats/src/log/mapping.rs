@@ -429,11 +429,14 @@ fn value_remarks(name: &str, values: &[f64]) -> Vec<String> {
         remarks.push(format!("{name}: constant"));
         return remarks;
     }
+    // A command holds other values for at least 50 % of that time.
+    let others = values.chunk_by(|a, b| a == b).filter(|run| run[0] != high && run[0] != low);
+    let held = others.map(<[f64]>::len).max().unwrap_or(0);
     for (what, extreme) in [("largest", high), ("smallest", low)] {
         let share = finite.iter().filter(|v| **v == extreme).count() as f64 / finite.len() as f64;
         // A gauge at rest repeats a value too; a flat top ends in both directions with motion.
         if share >= SATURATED_SHARE
-            && longest(&|v| v == extreme) >= SATURATED_RUN
+            && longest(&|v| v == extreme) >= SATURATED_RUN.max(2 * held)
             && !(what == "smallest" && extreme == 0.0)
         {
             remarks.push(format!(

@@ -193,7 +193,11 @@ impl Assembly {
         self.kept = run.blocks.iter().map(kept).filter(|block| !block.nodes.is_empty()).collect();
         self.used = (0..run.points.len() as u32).filter(|node| is_used[*node as usize]).collect();
         if self.used.is_empty() || cells::surface(&run.points, &self.kept).is_empty() {
-            return Err(Diagnostic::new("mesh", "elements with a surface", "none"));
+            return Err(Diagnostic::new(
+                "mesh",
+                "elements with a surface (a measured table without a mesh becomes a model by `softtwin learn`)",
+                "none",
+            ));
         }
         let length = self.wanted.length_mm;
         self.points_mm =

@@ -44,6 +44,11 @@ pub fn write(source: &Path, out: &Path, mut nodes: Vec<ChosenNode>, as_json: boo
     let bytes = file::read_bytes(source, 4 << 30).map_err(files::refusal)?;
     let place = || source.display().to_string();
     let model = Model::from_bytes(&bytes).with_context(place).map_err(configuration)?;
+    if nodes.is_empty() && model.is_measured() {
+        let marker = |(name, node): (&String, &u32)| ChosenNode { name: name.clone(), node: *node };
+        let sets = model.header.node_sets.iter().filter_map(|set| Some((&set.name, set.nodes.first()?)));
+        nodes.extend(sets.map(marker));
+    }
     if nodes.is_empty() {
         nodes.extend(tip(&model).map(|node| ChosenNode { name: "tip".into(), node }));
     }
