@@ -141,6 +141,7 @@ fn database() -> Database {
         obstacle: Footprint::PLATE,
         parameters: vec![],
         sensitivities: None,
+        vibrations: Vec::new(),
         hash: [0; 32],
     };
     database.hash = database.content_hash();

@@ -39,7 +39,8 @@ fn blocks_of(loaded: &Loaded, kind: RegimeKind) -> usize {
         | BlockKind::UndeformedBy { .. }
         | BlockKind::Surface
         | BlockKind::Observables
-        | BlockKind::HalfWidth { .. } => false,
+        | BlockKind::HalfWidth { .. }
+        | BlockKind::Inertia => false,
     };
     loaded.read.iter().filter(|block| of(block.kind)).count()
 }

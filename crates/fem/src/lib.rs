@@ -9,6 +9,7 @@ mod contact;
 mod element;
 mod family;
 mod linear;
+mod mass;
 pub mod material;
 mod mesh;
 mod newton;
@@ -25,6 +26,7 @@ mod state;
 mod system;
 mod tangent;
 mod transfer;
+mod vibration;
 
 pub use config::{
     ContactSettings, GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2, Load, NewtonSettings, ProblemConfig,
@@ -42,6 +44,7 @@ pub use sensitivity::{Change, Sensitivity};
 pub use solver::{Bodies, FORMULATION, NotConverged, Report, SolveError, Solver};
 pub use state::State;
 pub use transfer::{Locator, Place};
+pub use vibration::{BodyMass, Vibration, VibrationError};
 
 #[cfg(test)]
 #[path = "../tests/unit/mod.rs"]

@@ -112,7 +112,6 @@ impl SymmetricBlocks {
     }
 
     /// Matrix times vector, both over scalar unknowns.
-    #[cfg(test)]
     pub(crate) fn multiply(&self, values: &[f64], v: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; v.len()];
         for (c, range) in self.col_ptr.windows(2).enumerate() {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::builder::{Builder, close};
 use fem::material::{Elastomer, Hyperelastic, VolumeChange};
-use fem::{CavityLoad, Load, NewtonSettings, Problem, ProblemConfig, Solver};
+use fem::{BodyMass, CavityLoad, Load, NewtonSettings, Problem, ProblemConfig, Solver};
 
 /// A cube of side 4 with a hole of side 2, its nodes moved so that both become spheres of radius 2 and 1; held at one
 /// small triangle of its skin.
@@ -97,6 +97,35 @@ fn cantilever_converges_to_beam_theory() {
     );
     assert!(close(fine, theory, 0.03), "{fine} against {theory}");
     assert!((fine - middle).abs() < 0.5 * (middle - coarse).abs(), "{coarse} {middle} {fine}");
+}
+
+#[test]
+fn cantilever_vibrates_at_the_frequency_of_beam_theory() {
+    let (length, side, mu, density_t_per_mm3) = (24.0_f64, 2.0, 1.0, 1.0e-9);
+    let mut b = Builder::default();
+    b.solid([0.0; 3], [length, side, side], [24, 3, 3]);
+    b.mesh.fixed_nodes = b.nodes_where(|p| p[0] < 1.0e-9);
+    let law = Hyperelastic::NeoHookean { mu_mpa: mu };
+    let volume_change = VolumeChange::Mean;
+    let elastomers = vec![Elastomer { law, bulk_mpa: 2000.0, density_t_per_mm3, volume_change }];
+    let problem = Problem::new(b.mesh, ProblemConfig { elastomers, ..ProblemConfig::default() }).unwrap();
+    let problem = Arc::new(problem);
+    let mass = BodyMass::new(Arc::clone(&problem));
+    let total_t: f64 = mass.node_mass_t().iter().sum();
+    assert!(close(total_t, density_t_per_mm3 * length * side * side, 1e-9), "{total_t}");
+    let mut solver = Solver::new(problem).unwrap();
+    let found = solver.vibrations(&solver.undeformed(), 3).unwrap();
+    for vibration in &found {
+        let weighted = mass.times(&vibration.shape_mm);
+        let pairs = weighted.iter().flatten().zip(vibration.shape_mm.iter().flatten());
+        assert!(close(pairs.map(|(m, x)| m * x).sum(), 1.0, 1e-9));
+    }
+    let line = 3.0 * mu * side.powi(4) / 12.0 / (density_t_per_mm3 * side * side * length.powi(4));
+    let theory = 1.8751_f64.powi(2) * line.sqrt();
+    let rates = [0, 1, 2].map(|k| found[k].rate_rad_s);
+    println!("cantilever: {rates:?} rad/s, beam theory {theory} rad/s");
+    assert!(close(rates[0], theory, 0.03) && close(rates[1], rates[0], 0.01), "{rates:?} {theory}");
+    assert!(rates[2] > 4.0 * rates[0], "{rates:?}");
 }
 
 #[test]

@@ -33,6 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         obstacle: Footprint::PLATE,
         parameters: vec![],
         sensitivities: None,
+        vibrations: vec![],
         hash: [0; 32],
     };
     mine.hash = mine.content_hash();

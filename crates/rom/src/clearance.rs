@@ -101,6 +101,40 @@ impl OnsetSolver {
         -self.lowest(inputs, scratch, false).1
     }
 
+    /// Height of the lowest node at a state's pressure and parameters, mm, with a further height per node.
+    pub(crate) fn lowest_mm(
+        &self,
+        inputs: &Inputs,
+        further_mm: impl Fn(usize) -> f64,
+        out: &mut Evaluation,
+    ) -> f64 {
+        out.coefficients.resize(self.modes, 0.0);
+        self.sums.evaluate(&self.inputs.scale(inputs), &mut out.scratch, &mut out.coefficients, None);
+        let sums = out.scratch.weighted(&self.heights, &out.coefficients);
+        let heights = self.clearance.mean_mm.iter().zip(sums.as_flattened()).enumerate();
+        heights.map(|(node, (mean, sum))| mean + sum + further_mm(node)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Value of a parameter, sought from that of the inputs, at which the lowest node touches the obstacle. `None` if there is none within
+    /// the range of the parameter and half of it beyond either end.
+    pub(crate) fn touching(&self, parameter: usize, inputs: &Inputs, out: &mut Evaluation) -> Option<f64> {
+        let axis = self.inputs.axes.iter().find(|axis| axis.input == parameter)?;
+        let width = axis.max - axis.min;
+        let mut value = inputs.values()[parameter];
+        for _ in 0..STEPS {
+            let here = self.depth(&inputs.with(parameter, value), out);
+            let off_mm = here.mm - inputs.gap_mm();
+            if off_mm.abs() <= 1e3 * TOLERANCE_MM {
+                return Some(value);
+            }
+            value -= (off_mm / here.gradient[parameter]).clamp(-0.25 * width, 0.25 * width);
+            if !(axis.min - 0.5 * width..=axis.max + 0.5 * width).contains(&value) {
+                return None;
+            }
+        }
+        None
+    }
+
     /// Onset at a state. `table`: a known onset table, and whether it was made for the state's parameters. If so, it
     /// provides the ends of the search, otherwise only the first guess. No allocation if `scratch` is from the
     /// model's evaluator; at most 160 evaluations of the free model's height, 2 to 5 with a table.

@@ -8,13 +8,11 @@ use crate::interpolant::Interpolant;
 use crate::model::{FarOnset, GroupModel, ModelHeader, RegimeModel};
 use crate::snapshots::RegimeKind;
 
-/// A wanted output of a regime: a weighted sum of one group's coefficients.
+/// A wanted output of a regime: a weighted sum of the coefficients of groups with one kernel.
 #[derive(Clone, Debug)]
 pub(crate) struct Output {
-    /// Position of the group.
-    pub(crate) group: usize,
-    /// Weight of each of its coefficients.
-    pub(crate) weights: Vec<f64>,
+    /// Position of each group and weight of each of its coefficients; at least one.
+    pub(crate) parts: Vec<(usize, Vec<f64>)>,
 }
 
 /// The header with these outputs, by regime, in place of its groups; and by regime where each output then lies in the
@@ -41,7 +39,7 @@ pub(crate) fn contracted(header: &ModelHeader, outputs: &[Vec<Output>]) -> (Mode
 /// One regime; the group `kept` follows the outputs unchanged.
 fn of_regime(old: &RegimeModel, wanted: &[Output], kept: Option<usize>) -> (RegimeModel, Vec<usize>) {
     let mut new = RegimeModel { groups: Vec::new(), local_halfwidths: None, far_onset: None, ..old.clone() };
-    let surrogate = |output: &Output| &old.groups[output.group].surrogate;
+    let surrogate = |output: &Output| &old.groups[output.parts[0].0].surrogate;
     let (mut place, mut next, mut corrections) = (Vec::new(), 0, Vec::new());
     let alike = |a: &Output, b: &Output| {
         surrogate(a).shares_kernel_with(surrogate(b)) && surrogate(a).tail == surrogate(b).tail
@@ -84,15 +82,19 @@ fn push(regime: &mut RegimeModel, begin: usize, surrogate: Interpolant) -> usize
 
 /// The interpolant of outputs whose groups share their kernel.
 fn weighed(old: &RegimeModel, outputs: &[Output]) -> Interpolant {
-    let first = &old.groups[outputs[0].group].surrogate;
+    let first = &old.groups[outputs[0].parts[0].0].surrogate;
     let width = outputs.len();
     let sums = |terms: usize, of: &dyn Fn(&Interpolant) -> &[f64]| {
         let mut sums = vec![0.0; terms * width];
-        for (at, output) in outputs.iter().enumerate() {
-            let source = &old.groups[output.group].surrogate;
+        let parts = outputs
+            .iter()
+            .enumerate()
+            .flat_map(|(at, output)| output.parts.iter().map(move |part| (at, part)));
+        for (at, (group, weights)) in parts {
+            let source = &old.groups[*group].surrogate;
             let rows = of(source).chunks_exact(source.outputs.max(1));
             for (row, sums) in rows.zip(sums.chunks_exact_mut(width)) {
-                sums[at] = dot(&output.weights, row);
+                sums[at] += dot(weights, row);
             }
         }
         sums
@@ -107,8 +109,11 @@ fn weighed(old: &RegimeModel, outputs: &[Output]) -> Interpolant {
 
 fn corrected(old: &RegimeModel, far: &FarOnset, outputs: &[&Output]) -> FarOnset {
     let rows = far.corrections.chunks_exact(old.coefficient_count().max(1));
-    let one = |row: &[f64], output: &Output| {
-        dot(&output.weights, &row[old.groups[output.group].coefficients.clone()])
+    let one = |row: &[f64], output: &Output| -> f64 {
+        let part = |(group, weights): &(usize, Vec<f64>)| {
+            dot(weights, &row[old.groups[*group].coefficients.clone()])
+        };
+        output.parts.iter().map(part).sum()
     };
     let corrections = rows.flat_map(|row| outputs.iter().map(move |output| one(row, output))).collect();
     FarOnset { gap_mm: far.gap_mm.clone(), corrections }

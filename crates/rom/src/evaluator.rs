@@ -271,6 +271,52 @@ impl Evaluator {
         self.coefficients(out, true);
     }
 
+    /// Inputs with the model's values for parameters that are not set.
+    pub(crate) fn completed(&self, inputs: Inputs) -> Inputs {
+        inputs.or(&self.values)
+    }
+
+    /// Coefficients and their derivatives in a given regime, whatever the onset.
+    pub(crate) fn differentiate_as(&self, kind: RegimeKind, inputs: Inputs, out: &mut Evaluation) {
+        out.scratch.reserve(&self.scratch);
+        (out.inputs, out.regime) = (inputs.or(&self.values), kind);
+        self.coefficients(out, true);
+    }
+
+    /// Contact force of the contact regime and its gradient, negative below the onset; the onset is searched for near the last one.
+    pub(crate) fn signed_force(
+        &self,
+        inputs: Inputs,
+        last: &mut LastOnset,
+        out: &mut Evaluation,
+    ) -> Option<(f64, [f64; MAX_INPUTS])> {
+        let inputs = inputs.or(&self.values);
+        out.scratch.reserve(&self.scratch);
+        let near = self.solver.as_ref().and_then(|solver| solver.onset_near(&inputs, last, out));
+        let at = near.unwrap_or_else(|| self.onset_at(&inputs, out));
+        last.0 = Some((inputs, at));
+        let part = self.parts.iter().find(|part| part.model.kind == RegimeKind::Contact)?;
+        signed_force(part, &at, &part.model.inputs.scale(&inputs), inputs, out)
+    }
+
+    /// [`Self::evaluate`] in a given regime, whatever the onset.
+    pub(crate) fn evaluate_as(&self, kind: RegimeKind, inputs: Inputs, out: &mut Evaluation) {
+        let inputs = inputs.or(&self.values);
+        out.scratch.reserve(&self.scratch);
+        let found = self.onset_at(&inputs, out);
+        let onset = if kind == RegimeKind::Contact { Onset::Always } else { Onset::Never };
+        let at = OnsetAt { onset, ..found };
+        let part = self.place_at(inputs, &at, out);
+        out.onset_pressure_mpa = found.onset.pressure_mpa();
+        if let Some(part) = part {
+            let x = part.model.inputs.scale(&inputs);
+            force(part, &at, &x, out);
+            let local = part.model.local_halfwidths.as_ref();
+            out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
+        }
+        self.coefficients(out, false);
+    }
+
     fn coefficients(&self, out: &mut Evaluation, gradient: bool) {
         if let Some(part) = self.parts.iter().find(|part| part.model.kind == out.regime) {
             coefficients(part, &part.model.inputs.scale(&out.inputs), out, gradient);
@@ -382,7 +428,23 @@ fn coefficients(part: &RegimePart, x: &Point, out: &mut Evaluation, gradient: bo
 
 /// `F = (P - P_c) h` or `F = h`, lifted to 0 where negative, with its gradient.
 fn force(part: &RegimePart, onset: &OnsetAt, x: &Point, out: &mut Evaluation) {
-    let (Some(model), Some(sums)) = (&part.model.force, &part.force) else { return };
+    let Some((force, gradient)) = signed_force(part, onset, x, out.inputs, out) else { return };
+    if force < 0.0 {
+        out.flags.force_clamped = true;
+        return;
+    }
+    (out.contact_force_n, out.force_gradient) = (force, gradient);
+}
+
+/// `F = (P - P_c) h` or `F = h` with its gradient; `None` if the regime has no force.
+fn signed_force(
+    part: &RegimePart,
+    onset: &OnsetAt,
+    x: &Point,
+    inputs: Inputs,
+    out: &mut Evaluation,
+) -> Option<(f64, [f64; MAX_INPUTS])> {
+    let (model, sums) = part.model.force.as_ref().zip(part.force.as_ref())?;
     let (mut h, mut rows) = ([0.0], [[0.0]; MAX_INPUTS]);
     sums.evaluate(x, &mut out.scratch, &mut h, Some(rows.each_mut().map(|row| row.as_mut_slice())));
     let (h, mut force, mut gradient) = (h[0], h[0], [0.0; MAX_INPUTS]);
@@ -390,15 +452,11 @@ fn force(part: &RegimePart, onset: &OnsetAt, x: &Point, out: &mut Evaluation) {
         gradient[axis.input] = row[0] / (axis.max - axis.min);
     }
     if model.times_excess_pressure {
-        let excess = out.inputs.pressure_mpa() - onset.pressure_mpa;
+        let excess = inputs.pressure_mpa() - onset.pressure_mpa;
         force = excess * h;
         gradient = gradient.map(|by_input| excess * by_input);
         gradient[PRESSURE] += h;
         gradient.iter_mut().zip(onset.gradient).for_each(|(by_input, slope)| *by_input -= slope * h);
     }
-    if force < 0.0 {
-        out.flags.force_clamped = true;
-        return;
-    }
-    (out.contact_force_n, out.force_gradient) = (force, gradient);
+    Some((force, gradient))
 }

@@ -141,6 +141,18 @@ impl Inputs {
     pub fn values(&self) -> &[f64; MAX_INPUTS] {
         &self.0
     }
+
+    /// Point of the straight line to other inputs; entries whose difference is not finite, such as infinite gaps, are those of `to`.
+    pub fn between(&self, to: &Self, fraction: f64) -> Self {
+        let mut values = to.0;
+        for (value, from) in values.iter_mut().zip(self.0) {
+            let change = *value - from;
+            if change.is_finite() {
+                *value = from + fraction * change;
+            }
+        }
+        Self(values)
+    }
 }
 
 impl From<[f64; MAX_INPUTS]> for Inputs {

@@ -39,6 +39,7 @@ pub mod evaluator;
 pub mod goal;
 pub mod halfwidths;
 pub mod hull;
+pub mod inertia;
 pub mod inputs;
 pub mod interpolant;
 mod parameters;

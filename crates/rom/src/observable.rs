@@ -290,9 +290,9 @@ impl Row {
         point: &MeshPoint,
         axis: u8,
     ) -> Result<Self, ModelError> {
-        let (mean, output) = crate::probe::coordinate(model, regime, point, axis)?;
-        let first = regime.groups.get(output.group).map_or(0, |group| group.coefficients.start);
-        Ok(Self { mean, first, weights: output.weights })
+        let (mean, group, weights) = crate::probe::coordinate(model, regime, point, axis)?;
+        let first = regime.groups.get(group).map_or(0, |group| group.coefficients.start);
+        Ok(Self { mean, first, weights })
     }
 
     fn change(&self, coefficients: &[f64]) -> f64 {

@@ -199,9 +199,9 @@ impl Probes {
             let (mut of_points, mut of_axes) = (vec![[0.0; 3]; points.len()], Vec::new());
             for axis in 0..3 {
                 for (point, mean) in points.iter().zip(&mut of_points) {
-                    let (value, output) = coordinate(model, regime, point, axis)?;
+                    let (value, group, weights) = coordinate(model, regime, point, axis)?;
                     mean[usize::from(axis)] = value;
-                    of_axes.push(output);
+                    of_axes.push(Output { parts: vec![(group, weights)] });
                 }
             }
             means.push(of_points);
@@ -273,13 +273,13 @@ impl Probes {
     }
 }
 
-/// Mean of a point's coordinate, and what it is of the coefficients.
+/// Mean of a point's coordinate, its group, and the weight of each of the group's coefficients.
 pub(crate) fn coordinate(
     model: &Model,
     regime: &RegimeModel,
     point: &MeshPoint,
     axis: u8,
-) -> Result<(f64, Output), ModelError> {
+) -> Result<(f64, usize, Vec<f64>), ModelError> {
     let nodes = model.header.node_count;
     let is_axis = |kind: FieldKind| kind == FieldKind::Coordinate(axis);
     let missing = |block: String, found: usize| ModelError::MissingBlock { block, expected: nodes, found };
@@ -297,5 +297,5 @@ pub(crate) fn coordinate(
         point.weights.iter().map(|(node, weight)| weight * value(*node as usize)).sum()
     };
     let weights = (0..modes.count()).map(|mode| weighted(&|node| modes.value(mode, node))).collect();
-    Ok((weighted(&|node| f64::from(mean[node])), Output { group, weights }))
+    Ok((weighted(&|node| f64::from(mean[node])), group, weights))
 }

@@ -143,6 +143,19 @@ pub struct Sensitivity {
     pub contact_force_n_per_unit: f64,
 }
 
+/// Small vibration about a state of a regime: a linear mode of a model that moves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Vibration {
+    /// Regime.
+    pub regime: RegimeKind,
+    /// Circular frequency, rad/s.
+    pub rate_rad_s: f64,
+    /// Shape of modal mass 1 t in mm: all x, then all y, then all z.
+    pub shape_mm: Vec<f64>,
+    /// Contact force per amplitude, N.
+    pub reaction_n: f64,
+}
+
 /// A named set of nodes (`surface`, `bottom`).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NodeSet {
@@ -217,6 +230,8 @@ pub struct Database {
     pub parameters: Vec<Parameter>,
     /// Derivatives, where they were computed.
     pub sensitivities: Option<Sensitivities>,
+    /// Vibrations that the modes of their regimes shall contain.
+    pub vibrations: Vec<Vibration>,
     /// blake3 of the database's content.
     pub hash: [u8; 32],
 }

@@ -3,6 +3,7 @@
 mod dense;
 mod footprint;
 mod goal;
+mod inertia;
 mod kernel;
 mod model_file;
 mod observable;

@@ -3,7 +3,9 @@
 use crate::config::{self, ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Scene};
 use crate::estimation::Estimator;
 use crate::file;
+use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
+use rom::inertia::model_motion::ModelMotion;
 use rom::inputs::Needs;
 use rom::model::{
     BlockData, BlockEntry, BlockKind, Model, ModelFileError, ModelHeader, ModelReader, Nodes, RegimeModel,
@@ -37,6 +39,8 @@ pub struct Loaded {
     pub model_hash: [u8; 16],
     /// From inputs to regime, force and coefficients: those of the fields whose modes were read, all where states carry them.
     pub evaluator: Evaluator,
+    /// Motion of a model with inertia.
+    pub motion: Option<ModelMotion>,
     /// Content of states beside their evaluation.
     pub description: Description,
     /// One for each field topic.
@@ -80,6 +84,12 @@ pub struct ReadBlock {
 }
 
 impl Loaded {
+    /// Evaluation with capacity for any state.
+    #[must_use]
+    pub fn evaluation(&self) -> Evaluation {
+        self.motion.as_ref().map_or_else(|| self.evaluator.evaluation(), ModelMotion::evaluation)
+    }
+
     /// Names of the regimes that can occur.
     #[must_use]
     pub fn regime_names(&self) -> Vec<&'static str> {
@@ -137,7 +147,9 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     let moves =
         |kind| matches!(kind, BlockKind::UndeformedBy { .. }) && needed.contains(&BlockKind::Undeformed(0));
     let is_needed = |entry: &&BlockEntry| {
-        needed.contains(&entry.kind) || moves(entry.kind) || entry.kind == BlockKind::Observables
+        needed.contains(&entry.kind)
+            || moves(entry.kind)
+            || matches!(entry.kind, BlockKind::Observables | BlockKind::Inertia)
     };
     let entries: Vec<BlockEntry> = reader.blocks().iter().filter(is_needed).cloned().collect();
     let read =
@@ -156,12 +168,14 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         let observed = coordinates.map(|(at, _)| at).filter(|_| description.observables.count() > 0);
         evaluator.restrict(&read.iter().filter_map(field).chain(observed).collect::<Vec<_>>());
     }
+    let motion = ModelMotion::new(&model).map_err(|error| at(error.to_string()))?;
     let outputs = outputs(spec, &model, selections)?;
     let estimator = Estimator::new(spec, &model)?;
     Ok(Loaded {
         spec: spec.clone(),
         model_hash,
         evaluator,
+        motion,
         description,
         outputs,
         estimator,

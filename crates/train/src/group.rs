@@ -103,6 +103,8 @@ pub(crate) struct Columns {
     pub states: usize,
     /// States along the onset: in the span of the modes only.
     pub onset: usize,
+    /// Vibrations: in the span of the modes only.
+    pub vibrations: usize,
     /// Derivatives: in the span, and fitted where a kernel takes them.
     pub derivatives: usize,
     /// Factor of the derivatives: each counts as a step of this fraction of the input's range.
@@ -112,7 +114,7 @@ pub(crate) struct Columns {
 impl Columns {
     /// All of them.
     pub fn count(&self) -> usize {
-        self.states + self.onset + self.derivatives
+        self.states + self.onset + self.vibrations + self.derivatives
     }
 }
 
@@ -160,8 +162,8 @@ impl Decomposed {
             |source| TrainError::Pod { group: group.name.clone(), regime: regime.to_owned(), source };
         let states = columns.states;
         weigh_onset(&mut snapshots, columns, centred);
-        let compact =
-            Compact::new(snapshots, columns.onset + columns.derivatives, centred).map_err(pod_error)?;
+        let directions = columns.count() - states;
+        let compact = Compact::new(snapshots, directions, centred).map_err(pod_error)?;
         let pod = decompose(compact.r.as_ref()).map_err(pod_error)?;
         let limit = pod.rank.min(config.max_modes);
         let a = pod.u.get(.., ..limit).transpose() * &compact.r;
@@ -170,7 +172,7 @@ impl Decomposed {
         let task = Task {
             values: (0..states).flat_map(|j| a.col_as_slice(j)).copied().collect(),
             outputs: limit,
-            slope_values: (states + columns.onset..a.ncols())
+            slope_values: (columns.count() - columns.derivatives..a.ncols())
                 .flat_map(|j| a.col_as_slice(j).iter().map(|v| v / columns.weight))
                 .collect(),
             dropped: (0..states).map(dropped).collect(),

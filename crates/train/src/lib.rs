@@ -35,6 +35,7 @@ pub mod evaluate;
 #[doc(hidden)] // for tests/numerics.rs and tests/slopes.rs, as pod and select
 pub mod fit;
 mod group;
+pub mod inertia;
 pub mod measured;
 mod onset;
 #[doc(hidden)]

@@ -15,7 +15,7 @@ use rom::interpolant::Slope;
 use rom::model::{Clearance, FarOnset, ForceModel, GroupModel, RegimeModel, modes_within};
 use rom::reconstructor::BasisOptions;
 use rom::regime::{OnsetAt, OnsetTable};
-use rom::snapshots::{Database, FieldKind, RegimeKind};
+use rom::snapshots::{Database, FieldKind, RegimeKind, Vibration};
 
 /// Largest half-width of predicted cases, as a fraction of the largest coordinate.
 const PREDICTED_FRACTION: f64 = 0.02;
@@ -69,6 +69,9 @@ impl OnsetModel {
         self.solver.map(OnsetSolver::into_clearance)
     }
 }
+
+/// Largest coordinate of a vibration in the decomposition, mm: that of a swing after a jump of pressure.
+const VIBRATION_MM: f64 = 5.0;
 
 /// A trained regime, before assembly.
 pub(crate) struct Part {
@@ -350,8 +353,12 @@ impl<'a> Training<'a> {
                     y.col_as_slice_mut(j).copy_from_slice(&state);
                 }
             }
-            for j in 0..columns.derivatives {
+            for (j, vibration) in self.vibrations().enumerate().take(columns.vibrations) {
                 let at = columns.states + columns.onset + j;
+                self.vibration(vibration, group, y.col_as_slice_mut(at));
+            }
+            for j in 0..columns.derivatives {
+                let at = columns.count() - columns.derivatives + j;
                 self.derivative(j, group, columns.weight, y.col_as_slice_mut(at));
             }
             Decomposed::new(group, y, columns, self.name(), choices, config.centred)
@@ -374,8 +381,25 @@ impl<'a> Training<'a> {
         Columns {
             states: self.points.len(),
             onset: self.onset.len(),
+            vibrations: if group.coordinates { self.vibrations().count() } else { 0 },
             derivatives: if all { self.slopes.len() } else { 0 },
             weight: spacing / 12.0_f64.sqrt(),
+        }
+    }
+
+    /// Vibrations of the regime.
+    fn vibrations(&self) -> impl Iterator<Item = &Vibration> {
+        self.database.vibrations.iter().filter(|vibration| vibration.regime == self.kind)
+    }
+
+    /// Vibration along a group's coordinates, of an amplitude of [`VIBRATION_MM`].
+    fn vibration(&self, vibration: &Vibration, group: &Group, column: &mut [f64]) {
+        let nodes = self.database.node_count;
+        let largest = vibration.shape_mm.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+        for (field, column) in group.fields.iter().zip(column.chunks_exact_mut(nodes)) {
+            let FieldKind::Coordinate(axis) = self.database.fields[*field].kind else { continue };
+            let shape = vibration.shape_mm.chunks_exact(nodes).nth(usize::from(axis)).unwrap_or_default();
+            column.iter_mut().zip(shape).for_each(|(y, v)| *y = VIBRATION_MM / largest * v);
         }
     }
 

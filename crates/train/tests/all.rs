@@ -3,6 +3,7 @@
 mod accuracy;
 mod calibration;
 mod database;
+mod inertia;
 mod measured;
 mod numerics;
 mod parameters;

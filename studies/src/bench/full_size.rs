@@ -109,6 +109,7 @@ fn database() -> Database {
         obstacle: Footprint::PLATE,
         parameters: Vec::new(),
         sensitivities: None,
+        vibrations: Vec::new(),
         hash: [0; 32],
     };
     database.hash = database.content_hash();

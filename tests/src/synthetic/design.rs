@@ -108,6 +108,7 @@ pub fn database(states: &[(Split, State)], with_derivatives: bool) -> Database {
         obstacle: Footprint::PLATE,
         parameters: parameters().into_iter().map(|p| p.0).collect(),
         sensitivities: with_derivatives.then(|| derivatives(states)),
+        vibrations: Vec::new(),
         hash: [0; 32],
     };
     database.hash = database.content_hash();

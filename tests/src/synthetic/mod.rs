@@ -99,6 +99,7 @@ pub fn database(states: &[State]) -> Database {
         obstacle: Footprint::PLATE,
         parameters: Vec::new(),
         sensitivities: None,
+        vibrations: Vec::new(),
         hash: [0; 32],
     };
     database.hash = database.content_hash();

@@ -271,6 +271,7 @@ impl Assembly {
             obstacle: Footprint::PLATE,
             parameters,
             sensitivities: None,
+            vibrations: Vec::new(),
             hash: [0; 32],
         };
         Ok((database, self.kept.iter().map(renumbered).collect()))

@@ -57,6 +57,7 @@ pub fn database(cases: Vec<Case>) -> (Database, Vec<[u32; 10]>) {
         obstacle: Footprint::PLATE,
         parameters: vec![],
         sensitivities: None,
+        vibrations: vec![],
         hash: [0; 32],
     };
     database.hash = database.content_hash();

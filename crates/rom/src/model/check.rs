@@ -2,6 +2,8 @@
 
 use super::header::{Clearance, ModelHeader, RegimeModel};
 use super::selection::{ModelError, Nodes};
+use crate::inertia::data::{InertiaModel, RegimeInertia, StoredMode};
+use crate::inertia::manifold::{MAX_COORDINATES, MAX_LINEAR_MODES};
 use crate::inputs::{InputMap, MAX_INPUTS, PARAMETERS};
 use crate::interpolant::{Interpolant, Slope};
 use crate::snapshots::RegimeKind;
@@ -48,6 +50,50 @@ impl Interpolant {
             [&self.weights[..], &self.tail_weights, &self.centres, &self.metric.scale, &[self.metric.shear]];
         let sane = |number: &f64| number.abs() <= LARGEST;
         require(numbers.into_iter().flatten().all(sane), "an interpolant has numbers that no training gives")
+    }
+}
+
+impl InertiaModel {
+    /// Checks that the data fit the model's header.
+    ///
+    /// # Errors
+    /// A sentence on the first contradiction.
+    pub fn check(&self, header: &ModelHeader) -> Result<(), String> {
+        let require = |sound: bool, what: &str| if sound { Ok(()) } else { Err(format!("inertia: {what}")) };
+        let (input, count) = (self.load_input as usize, self.coordinates());
+        require((PARAMETERS..header.inputs.len()).contains(&input), "its load is no parameter of the model")?;
+        require((1..=MAX_COORDINATES).contains(&count), "expected 1 to 16 coordinates")?;
+        let sane = self.step_ns > 0 && self.damping_s >= 0.0 && self.damping_s.is_finite();
+        require(sane, "expected a step above 0 and a damping of at least 0")?;
+        let kinds = header.regimes.iter().map(|regime| regime.kind);
+        require(kinds.eq(self.regimes.iter().map(|regime| regime.kind)), "it has other regimes")?;
+        require(self.regimes.first().is_some_and(|r| r.kind == RegimeKind::Free), "it has no free regime")?;
+        let nodes = header.clearance.as_ref().map_or(0, |clearance| clearance.mean_mm.len());
+        for (regime, of) in self.regimes.iter().zip(&header.regimes) {
+            let coefficients = of.coefficient_count();
+            let varies = of.inputs.axes.iter().any(|axis| axis.input == input);
+            require(varies, "its load does not vary in a regime")?;
+            let sizes = [regime.mean.len(), regime.by_coefficient.len()];
+            require(sizes == [count, count * coefficients], "coordinates are cut")?;
+            require(regime.modes.len() <= MAX_LINEAR_MODES, "expected at most 4 linear modes")?;
+            for mode in &regime.modes {
+                let heights = if regime.kind == RegimeKind::Free { nodes } else { 0 };
+                let sizes = [mode.shape.len(), mode.coefficients.len(), mode.heights_mm.len()];
+                require(sizes == [count, coefficients, heights], "a linear mode is cut")?;
+                let rate = mode.rate_rad_s;
+                require(rate > 0.0 && rate.is_finite(), "a frequency is not above 0")?;
+            }
+        }
+        let of_modes = |mode: &StoredMode| {
+            let all = [&mode.shape, &mode.coefficients, &mode.heights_mm].into_iter().flatten();
+            all.chain([&mode.reaction_n]).all(|v| v.abs() <= LARGEST)
+        };
+        let of_regime = |regime: &RegimeInertia| {
+            let all = regime.mean.iter().chain(&regime.by_coefficient);
+            all.into_iter().all(|v| v.abs() <= LARGEST) && regime.modes.iter().all(of_modes)
+        };
+        let sane = self.unit_load.iter().all(|v| v.abs() <= LARGEST) && self.regimes.iter().all(of_regime);
+        require(sane, "it has numbers that no training gives")
     }
 }
 

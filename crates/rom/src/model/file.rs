@@ -375,7 +375,8 @@ impl<R: Read + Seek> ModelReader<R> {
             BlockKind::Undeformed(_)
             | BlockKind::UndeformedBy { .. }
             | BlockKind::Surface
-            | BlockKind::Observables => true,
+            | BlockKind::Observables
+            | BlockKind::Inertia => true,
         };
         let entries: Vec<BlockEntry> =
             self.header.blocks.iter().filter(|b| needed(&b.kind)).cloned().collect();

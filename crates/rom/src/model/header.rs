@@ -215,12 +215,14 @@ pub enum BlockKind {
         /// Output field.
         field: u32,
     },
+    /// Record of the reduced inertia of a model that moves.
+    Inertia,
 }
 
 impl BlockKind {
     /// True for values of any structure instead of numbers.
     pub const fn is_record(self) -> bool {
-        matches!(self, Self::Observables)
+        matches!(self, Self::Observables | Self::Inertia)
     }
 }
 

@@ -34,6 +34,7 @@ use residual::{Residual, Watch};
 use rom::evaluation::Evaluation;
 use rom::evaluator::{HysteresisEvaluator, RegimeLabel};
 use rom::hull::DomainStatus;
+use rom::inertia::model_motion::ModelMotion;
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
@@ -182,6 +183,8 @@ struct Estimation {
 struct Parts {
     model_hash: [u8; 16],
     evaluator: HysteresisEvaluator,
+    /// Motion of a model with inertia, which answers instead of the evaluator.
+    motion: Option<ModelMotion>,
     description: Description,
     needed: Needed,
     names: PackedNames,
@@ -207,6 +210,7 @@ impl Parts {
             force_sigma_n: loaded.spec.force_sigma_n(),
             description: loaded.description,
             evaluator: HysteresisEvaluator::new(loaded.evaluator),
+            motion: loaded.motion,
         }
     }
 
@@ -247,7 +251,7 @@ impl ActuatorTwin {
             })
             .transpose()?;
         let reader = SensorReader::attach(bus, &Topic::sensor(loaded.spec.sensor())?)?;
-        let evaluation = loaded.evaluator.evaluation();
+        let evaluation = loaded.evaluation();
         let parts = Parts::new(loaded);
         let mut state = State { boot_id, actuator, ..State::default() };
         let mut health = Health { boot_id, actuator, ..Health::default() };
@@ -300,10 +304,11 @@ impl ActuatorTwin {
             *estimate = Estimate { model_hash, boot_id, actuator, seq, ..new.payload() };
             retired.estimators.push(std::mem::replace(estimator, new));
         }
-        self.evaluation = loaded.evaluator.evaluation();
+        self.evaluation = loaded.evaluation();
         self.force_watch.restart();
         let old = std::mem::replace(&mut self.parts, Parts::new(loaded));
         retired.evaluators.push(old.evaluator);
+        retired.motions.extend(old.motion);
         self.validator.set_needed(self.parts.needed.clone());
         self.waiting.reserve(self.parts.backlog.saturating_sub(self.waiting.len()));
         self.parts.describe(&mut self.state, &mut self.record.health);
@@ -388,7 +393,13 @@ impl ActuatorTwin {
             estimator.fill(&update, estimate);
             inputs = self.validator.with_idle(Inputs::from(update.inputs), &inputs);
         }
-        self.label = self.parts.evaluator.state(inputs, &mut self.evaluation);
+        if let Some(motion) = &mut self.parts.motion {
+            let moved = motion.advance(sample.t_sensor_ns, inputs, &mut self.evaluation);
+            let moved = moved.map_err(|_| Outcome::DroppedModel)?;
+            self.label = RegimeLabel { regime: moved.state.regime, held: false };
+        } else {
+            self.label = self.parts.evaluator.state(inputs, &mut self.evaluation);
+        }
         if self.parts.wanted.coefficients || self.parts.description.observables.count() > 0 {
             self.parts.evaluator.complete(&mut self.evaluation);
         }

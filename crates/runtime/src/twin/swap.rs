@@ -5,6 +5,7 @@ use crate::estimation::Estimator;
 use crate::load::Loaded;
 use crate::publish::shape;
 use rom::evaluator::HysteresisEvaluator;
+use rom::inertia::model_motion::ModelMotion;
 use rom::reconstructor::Reconstructor;
 
 /// Why a running twin cannot continue with what was loaded. It continues with what it has.
@@ -38,6 +39,8 @@ pub enum SwapError {
 pub struct Retired {
     /// Evaluators.
     pub(super) evaluators: Vec<HysteresisEvaluator>,
+    /// Motions.
+    pub(super) motions: Vec<ModelMotion>,
     /// Reconstructors, with their bases.
     pub(super) reconstructors: Vec<Reconstructor>,
     /// Estimators.

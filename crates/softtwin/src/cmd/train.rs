@@ -1,6 +1,7 @@
 //! `softtwin train`.
 
 use crate::failure::{configuration, usage};
+use crate::inertia::Body;
 use crate::options::ObstacleArg;
 use crate::progress::Progress;
 use crate::{card, files, output, unseen_errors};
@@ -47,6 +48,9 @@ pub struct Args {
     /// instead of leave-one-out, which over-states errors.
     #[arg(long, value_name = "FILE.csv")]
     errors: Option<PathBuf>,
+    /// Actuator file of the cases: the model then moves with inertia. The cases have a column loads.gravity_mm_s2.1, the inertial load.
+    #[arg(long, value_name = "FILE.toml")]
+    inertia: Option<PathBuf>,
     /// Obstacle of the cases to train on; default: the plate, if the database has it.
     #[arg(long, value_enum)]
     obstacle: Option<ObstacleArg>,
@@ -86,8 +90,14 @@ impl Args {
         let mut progress = Progress::new(self.json);
         progress.step("reading the database");
         let obstacle = self.obstacle.map_or_else(|| only_obstacle(&self.database), ObstacleKind::from);
-        let database = files::database(&self.database, obstacle)?;
+        let mut database = files::database(&self.database, obstacle)?;
         let started = Instant::now();
+        let body = self.inertia.as_ref().map(|actuator| Body::read(&database, actuator)).transpose()?;
+        let mut vibrations = Vec::new();
+        if let Some(body) = &body {
+            progress.step("vibrations of the actuator");
+            (database.vibrations, vibrations) = body.vibrations(&database)?;
+        }
         let trained = train::train(&database, &config, &mut |step| progress.step(step));
         let (mut model, mut sheet) = trained.map_err(|e| match e {
             TrainError::Database(_) | TrainError::Config(_) => configuration(e),
@@ -95,6 +105,10 @@ impl Args {
         })?;
         if let Some(errors) = &self.errors {
             unseen_errors::calibrate(errors, &mut model, &mut sheet)?;
+        }
+        if let Some(body) = &body {
+            progress.step("reduced mass");
+            vibrations.extend(body.add_to(&mut model, &database)?);
         }
         let training_s = started.elapsed().as_secs_f64();
         // The sheet of a file names the chosen candidate only; the others are the larger part of it.
@@ -109,7 +123,8 @@ impl Args {
         let hash = bytes.last_chunk::<32>().context("the model has no hash")?;
         card::save(&self.out, &model, hash, None)?;
         drop(progress);
-        let done = Done { model: &self.out, data_sheet: &sheet_path, training_s, bytes: bytes.len() };
+        let done =
+            Done { model: &self.out, data_sheet: &sheet_path, training_s, bytes: bytes.len(), vibrations };
         if self.json { done.json(&sheet, &database) } else { done.text(&sheet, &database) }
     }
 
@@ -143,6 +158,8 @@ struct Done<'a> {
     data_sheet: &'a Path,
     training_s: f64,
     bytes: usize,
+    /// Remarks on the inertia.
+    vibrations: Vec<String>,
 }
 
 impl Done<'_> {
@@ -157,6 +174,7 @@ impl Done<'_> {
             "sag_mm": sheet.sag_mm,
             "reach_mm": sheet.reach_mm,
             "remarks": sheet.remarks,
+            "vibrations": self.vibrations,
             "regimes": sheet.regimes.iter().map(|r| (r.kind.name().to_owned(), regime_json(r)))
                 .collect::<serde_json::Map<_, _>>(),
         }))
@@ -174,6 +192,9 @@ impl Done<'_> {
             output!("touches by its weight up to gap {sag:.2} mm, never beyond {reach:.2} mm")?;
         }
         super::inspect::sheet_table(sheet)?;
+        for line in &self.vibrations {
+            output!("inertia     {line}")?;
+        }
         output!("model       {} ({:.1} MB)", self.model.display(), self.bytes as f64 / 1e6)?;
         output!("data sheet  {}", self.data_sheet.display())?;
         Ok(())

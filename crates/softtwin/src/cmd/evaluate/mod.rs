@@ -1,6 +1,7 @@
 //! `softtwin evaluate`.
 
 mod sealed;
+mod traces;
 
 use crate::options::ObstacleArg;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
@@ -29,6 +30,9 @@ Examples:
       --sealed 300 --seed 31 --errors errors.csv
     softtwin train --database finger/database --errors errors.csv \\
       --out finger.twin
+  A model with inertia along motions of the finite elements, and the same model without:
+    softtwin simulate --actuator finger/actuator.toml --trace step.csv --out step
+    softtwin evaluate --model finger.twin --traces step
 
 Normalised: largest error over nodes by the field's largest value in that case. Relative: Eq. (16) with the floor, a fraction \
 of the field's largest value, because stress is exactly 0 at some nodes. Truncation: what the modes cannot represent; \
@@ -42,12 +46,15 @@ pub struct Args {
     #[arg(long, value_name = "FILE.twin")]
     model: PathBuf,
     /// Database folder of the same actuator and mesh.
-    #[arg(long, value_name = "DIR", required_unless_present = "sealed", conflicts_with = "sealed")]
+    #[arg(long, value_name = "DIR", required_unless_present_any = ["sealed", "traces"], conflicts_with = "sealed")]
     database: Option<PathBuf>,
     /// Number of states to draw over the whole training range, 10 % of them free, simulate into the system's folder for temporary
     /// files, evaluate on and remove.
     #[arg(long, value_name = "N", requires = "seed", conflicts_with = "split", value_parser = clap::value_parser!(u64).range(10..=10_000), help_heading = "Sampling")]
     sealed: Option<u64>,
+    /// Folders of motions with their series.csv, written by `softtwin simulate --trace`.
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["database", "sealed", "split", "errors", "picture"])]
+    traces: Vec<PathBuf>,
     /// Seed of the random states.
     #[arg(long, value_name = "N", requires = "sealed", help_heading = "Computing")]
     seed: Option<u64>,
@@ -108,6 +115,9 @@ impl Args {
     /// Evaluates and prints.
     pub fn run(self) -> anyhow::Result<()> {
         let model = files::model(&self.model)?;
+        if !self.traces.is_empty() {
+            return traces::run(&model, &self.traces, self.json);
+        }
         if let Some(count) = self.sealed {
             return self.sealed(&model, count as usize);
         }

@@ -1,4 +1,6 @@
-//! `softtwin predict`.
+//! `softtwin predict`: one state, or the motion along a trace.
+
+mod trace;
 
 use super::export::{Body, prediction};
 use crate::failure::usage;
@@ -29,6 +31,8 @@ Examples:
       --set elastomer.law.mu_mpa=0.7
   No obstacle; only the answer on standard output:
     softtwin predict --model finger.twin --pressure-mpa 0.05
+  Along a trace (t_s, pressure_mpa; gap_mm and other inputs if given), with the columns of `softtwin simulate --trace`:
+    softtwin predict --model finger.twin --trace swing.csv --out series.csv
 
 Standard output is one JSON object. `inputs` shows the value of every input that was used, `dforce` the force's derivative by \
 each in N per unit. `in_domain` is false outside the training states: the answer is then an extrapolation and its error \
@@ -45,15 +49,22 @@ pub struct Args {
     #[arg(long, value_name = "FILE.twin")]
     model: PathBuf,
     /// Cavity pressure in MPa, at least 0; may be left out where the model was not trained over pressures.
-    #[arg(long, value_name = "MPA", allow_negative_numbers = true, value_parser = crate::range::pressure_mpa)]
+    #[arg(long, value_name = "MPA", allow_negative_numbers = true, conflicts_with = "trace", value_parser = crate::range::pressure_mpa)]
     pressure_mpa: Option<f64>,
     /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = crate::range::gap_mm)]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "trace", value_parser = crate::range::gap_mm)]
     gap_mm: Option<f64>,
+    /// Inputs over time: t_s, pressure_mpa; gap_mm and other inputs of the model, if given. A model with inertia begins at rest under
+    /// the first row.
+    #[arg(long, value_name = "FILE.csv", requires = "out", conflicts_with = "mesh")]
+    trace: Option<PathBuf>,
+    /// Largest time between two rows of the series in ms (0.001 to 1000).
+    #[arg(long, value_name = "MS", default_value_t = 2.0, requires = "trace", value_parser = crate::range::number(0.001, 1000.0))]
+    step_ms: f64,
     /// Value of a parameter of the model by its name; nominal when left out. Repeat for others.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = crate::options::setting)]
     settings: Vec<(String, f64)>,
-    /// File for the fields: .npy, .csv, .vtu, .dat (Tecplot ASCII) or .xdmf.
+    /// File for the fields: .npy, .csv, .vtu, .dat (Tecplot ASCII) or .xdmf. With --trace: the series, .csv.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Undeformed mesh (.vtu, .msh, .inp) whose cells the output shall have; the model's surface when left out.
@@ -67,6 +78,12 @@ pub struct Args {
 impl Args {
     /// Predicts and prints one JSON object.
     pub fn run(self) -> anyhow::Result<()> {
+        if let (Some(trace), Some(out)) = (&self.trace, &self.out) {
+            let mut model = files::model(&self.model)?;
+            let given = self.settings.iter().map(|(name, value)| (name.as_str(), *value));
+            model.header.set_parameters(given).map_err(|error| usage(format!("--set: {error}")))?;
+            return trace::run(&model, trace, out, self.step_ms);
+        }
         let gap_mm = self.gap_mm.unwrap_or(f64::INFINITY);
         if let Some(out) = &self.out {
             StateFormat::of(out).map_err(usage)?; // before the work, not after it

@@ -1,0 +1,76 @@
+//! Static family of equilibria on which a body moves.
+
+use crate::inputs::Inputs;
+use crate::snapshots::RegimeKind;
+
+/// Largest number of M-orthonormal coordinates.
+pub const MAX_COORDINATES: usize = 16;
+/// Largest number of linear modes of a regime.
+pub const MAX_LINEAR_MODES: usize = 4;
+
+/// Values over the M-orthonormal coordinates, mm t^1/2; unused entries are 0.
+pub type Coordinates = [f64; MAX_COORDINATES];
+/// Amplitudes of the linear modes, mm t^1/2; unused entries are 0.
+pub type Amplitudes = [f64; MAX_LINEAR_MODES];
+
+/// Scalar product over the coordinates.
+pub(super) fn dot(a: &Coordinates, b: &Coordinates) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Linear mode of a regime, constant over its states.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearMode {
+    /// Circular frequency, rad/s.
+    pub rate_rad_s: f64,
+    /// M-normalised shape in coordinates.
+    pub shape: Coordinates,
+}
+
+/// Equilibrium under a load and its derivative with respect to the load.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Position in coordinates.
+    pub position: Coordinates,
+    /// Derivative of the position with respect to the load, per mm/s2.
+    pub tangent: Coordinates,
+}
+
+/// Contact force of an equilibrium with linear modes, and its derivatives.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PlateForce {
+    /// Force, N; negative where the body would have to be held.
+    pub n: f64,
+    /// Derivative with respect to the load, N per mm/s2.
+    pub by_load: f64,
+    /// Derivatives with respect to the amplitudes, N per mm t^1/2.
+    pub by_amplitude: Amplitudes,
+}
+
+/// Equilibria under pressure, gap and inertial load, in each regime also a little beyond the onset of contact.
+pub trait Manifold {
+    /// Position of the inertial load (mm/s2) in the inputs. Its value in a reading is the load at rest.
+    fn load_input(&self) -> usize;
+
+    /// Inertial force of a unit acceleration, `Psi' M e`, in coordinates.
+    fn unit_load(&self) -> &Coordinates;
+
+    /// Linear modes of a regime, by increasing frequency, at most [`MAX_LINEAR_MODES`].
+    fn modes(&self, regime: RegimeKind) -> &[LinearMode];
+
+    /// Equilibrium of a regime; `inputs` contain the load.
+    fn place(&mut self, regime: RegimeKind, inputs: &Inputs) -> Place;
+
+    /// Distance of the lowest point of a free shape from the obstacle, mm: negative if it would penetrate, infinite without
+    /// an obstacle.
+    fn clearance_mm(&mut self, inputs: &Inputs, amplitudes: &Amplitudes) -> f64;
+
+    /// Load at which the free equilibrium touches the obstacle, sought near the load of the inputs.
+    fn onset_load(&mut self, inputs: &Inputs) -> f64;
+
+    /// Contact force of the contact regime.
+    fn force(&mut self, inputs: &Inputs, amplitudes: &Amplitudes) -> PlateForce;
+
+    /// Smallest and largest load of the training states, mm/s2.
+    fn load_range(&self) -> [f64; 2];
+}

@@ -1,0 +1,256 @@
+//! Motion of a model: its regimes as manifold, its evaluation at the moving state.
+
+use super::data::{InertiaModel, RegimeInertia, StoredMode};
+use super::manifold::{Amplitudes, Coordinates, LinearMode, Manifold, Place, PlateForce};
+use super::stepper::{Motion, MotionSettings, Moved, ReadingError};
+use crate::clearance::OnsetSolver;
+use crate::contract::{self, Output};
+use crate::evaluation::Evaluation;
+use crate::evaluator::Evaluator;
+use crate::inputs::Inputs;
+use crate::model::{BlockKind, Model, ModelError, ModelHeader};
+use crate::regime::LastOnset;
+use crate::snapshots::RegimeKind;
+
+/// Time between two readings up to which inputs are straight lines, ns.
+const HELD_AFTER_NS: u64 = 250_000_000;
+/// Time between two readings from which the motion restarts at rest, ns.
+const RESTART_AFTER_NS: u64 = 1_000_000_000;
+
+/// One regime over coordinates.
+#[derive(Clone, Debug)]
+struct RegimePlace {
+    kind: RegimeKind,
+    mean: Coordinates,
+    /// Coordinate of each output of the contracted regime, with its place in the coefficients.
+    outputs: Vec<(usize, usize)>,
+    modes: Vec<LinearMode>,
+    reactions_n: Amplitudes,
+}
+
+/// Static model over its M-orthonormal coordinates.
+#[derive(Clone, Debug)]
+pub struct ModelManifold {
+    load_input: usize,
+    range: [f64; 2],
+    unit_load: Coordinates,
+    evaluator: Evaluator,
+    regimes: Vec<RegimePlace>,
+    solver: Option<OnsetSolver>,
+    /// Heights of the free regime's linear modes at the nodes of the clearance, mm.
+    heights_mm: Vec<Vec<f64>>,
+    last: LastOnset,
+    scratch: Evaluation,
+}
+
+fn padded(values: &[f64]) -> Coordinates {
+    let mut all = Coordinates::default();
+    all.iter_mut().zip(values).for_each(|(to, from)| *to = *from);
+    all
+}
+
+impl ModelManifold {
+    fn new(header: &ModelHeader, inertia: &InertiaModel) -> Result<Self, ModelError> {
+        inertia.check(header).map_err(ModelError::Inconsistent)?;
+        let (mut outputs, mut coordinates) = (Vec::new(), Vec::new());
+        for (regime, of) in inertia.regimes.iter().zip(&header.regimes) {
+            let (mut wanted, mut at): (Vec<Output>, Vec<usize>) = (Vec::new(), Vec::new());
+            let rows = regime.by_coefficient.chunks_exact(of.coefficient_count().max(1));
+            for (coordinate, row) in rows.enumerate() {
+                let begin = wanted.len();
+                for (group, model) in of.groups.iter().enumerate() {
+                    let weights = row[model.coefficients.clone()].to_vec();
+                    if weights.iter().all(|w| *w == 0.0) {
+                        continue;
+                    }
+                    let alike = |output: &&mut Output| {
+                        of.groups[output.parts[0].0].surrogate.shares_kernel_with(&model.surrogate)
+                    };
+                    match wanted[begin..].iter_mut().find(alike) {
+                        Some(output) => output.parts.push((group, weights)),
+                        None => {
+                            wanted.push(Output { parts: vec![(group, weights)] });
+                            at.push(coordinate);
+                        }
+                    }
+                }
+            }
+            outputs.push(wanted);
+            coordinates.push(at);
+        }
+        let (contracted, places) = contract::contracted(header, &outputs);
+        let evaluator = Evaluator::new(&contracted)?;
+        let regime = |(regime, (at, places)): (&RegimeInertia, (&Vec<usize>, &Vec<usize>))| {
+            let mode =
+                |mode: &StoredMode| LinearMode { rate_rad_s: mode.rate_rad_s, shape: padded(&mode.shape) };
+            let mut reactions_n = Amplitudes::default();
+            reactions_n.iter_mut().zip(&regime.modes).for_each(|(to, mode)| *to = mode.reaction_n);
+            RegimePlace {
+                kind: regime.kind,
+                mean: padded(&regime.mean),
+                outputs: at.iter().copied().zip(places.iter().copied()).collect(),
+                modes: regime.modes.iter().map(mode).collect(),
+                reactions_n,
+            }
+        };
+        let regimes: Vec<RegimePlace> =
+            inertia.regimes.iter().zip(coordinates.iter().zip(&places)).map(regime).collect();
+        let free = header.regimes.iter().find(|regime| regime.kind == RegimeKind::Free);
+        // Without contact there is nothing to land on.
+        let has_contact = regimes.iter().any(|regime| regime.kind == RegimeKind::Contact);
+        let clearance = header.clearance.clone().filter(|_| has_contact);
+        let solver = clearance.zip(free).map(|(clearance, free)| OnsetSolver::new(clearance, free));
+        let heights = inertia.regimes.iter().filter(|regime| regime.kind == RegimeKind::Free);
+        let mut scratch = evaluator.evaluation();
+        if let Some(solver) = &solver {
+            let more = solver.scratch();
+            scratch.scratch.reserve(&more.scratch);
+            scratch.coefficients.reserve(more.coefficients.capacity());
+            scratch.gradients.iter_mut().for_each(|row| row.reserve(more.coefficients.capacity()));
+        }
+        let load_input = inertia.load_input as usize;
+        Ok(Self {
+            load_input,
+            range: header.inputs[load_input].range,
+            unit_load: padded(&inertia.unit_load),
+            evaluator,
+            regimes,
+            solver,
+            heights_mm: heights.flat_map(|r| r.modes.iter().map(|mode| mode.heights_mm.clone())).collect(),
+            last: LastOnset::default(),
+            scratch,
+        })
+    }
+
+    fn regime(&self, kind: RegimeKind) -> &RegimePlace {
+        self.regimes.iter().find(|regime| regime.kind == kind).unwrap_or(&self.regimes[0])
+    }
+}
+
+impl Manifold for ModelManifold {
+    fn load_input(&self) -> usize {
+        self.load_input
+    }
+
+    fn unit_load(&self) -> &Coordinates {
+        &self.unit_load
+    }
+
+    fn modes(&self, kind: RegimeKind) -> &[LinearMode] {
+        &self.regime(kind).modes
+    }
+
+    fn place(&mut self, kind: RegimeKind, inputs: &Inputs) -> Place {
+        self.evaluator.differentiate_as(kind, *inputs, &mut self.scratch);
+        let regime = self.regime(kind);
+        let mut place = Place { position: regime.mean, tangent: Coordinates::default() };
+        let slopes = self.scratch.coefficient_gradient(self.load_input);
+        for (coordinate, at) in &regime.outputs {
+            place.position[*coordinate] += self.scratch.coefficients[*at];
+            place.tangent[*coordinate] += slopes[*at];
+        }
+        place
+    }
+
+    fn clearance_mm(&mut self, inputs: &Inputs, amplitudes: &Amplitudes) -> f64 {
+        let Some(solver) = self.solver.as_ref().filter(|_| inputs.gap_mm().is_finite()) else {
+            return f64::INFINITY;
+        };
+        let heights = &self.heights_mm;
+        let further =
+            |node: usize| heights.iter().zip(amplitudes).map(|(mode, y)| mode[node] * y).sum::<f64>();
+        solver.lowest_mm(inputs, further, &mut self.scratch) + inputs.gap_mm()
+    }
+
+    fn onset_load(&mut self, inputs: &Inputs) -> f64 {
+        let found = self
+            .solver
+            .as_ref()
+            .and_then(|solver| solver.touching(self.load_input, inputs, &mut self.scratch));
+        found.unwrap_or(inputs.values()[self.load_input])
+    }
+
+    fn force(&mut self, inputs: &Inputs, amplitudes: &Amplitudes) -> PlateForce {
+        let found = self.evaluator.signed_force(*inputs, &mut self.last, &mut self.scratch);
+        let Some((n, gradient)) = found else { return PlateForce::default() };
+        let by_amplitude = self.regime(RegimeKind::Contact).reactions_n;
+        let n = n + by_amplitude.iter().zip(amplitudes).map(|(by, y)| by * y).sum::<f64>();
+        PlateForce { n, by_load: gradient[self.load_input], by_amplitude }
+    }
+
+    fn load_range(&self) -> [f64; 2] {
+        self.range
+    }
+}
+
+/// A moving model: steps by the time of its readings.
+#[derive(Clone, Debug)]
+pub struct ModelMotion {
+    motion: Motion<ModelManifold>,
+    evaluator: Evaluator,
+    /// Coefficients of the linear modes, by regime.
+    modes: Vec<(RegimeKind, Vec<Vec<f64>>)>,
+}
+
+impl ModelMotion {
+    /// Motion of a model; `None` for a static model.
+    ///
+    /// # Errors
+    /// [`ModelError::Inconsistent`] when its inertia does not fit its header.
+    pub fn new(model: &Model) -> Result<Option<Self>, ModelError> {
+        let found = model.record::<InertiaModel>(BlockKind::Inertia);
+        let found = found.map_err(|error| ModelError::Inconsistent(error.to_string()))?;
+        let Some(inertia) = found else { return Ok(None) };
+        let manifold = ModelManifold::new(&model.header, &inertia)?;
+        let settings = MotionSettings {
+            step_ns: inertia.step_ns,
+            damping_s: inertia.damping_s,
+            held_after_ns: HELD_AFTER_NS,
+            restart_after_ns: RESTART_AFTER_NS,
+        };
+        let of = |r: &RegimeInertia| (r.kind, r.modes.iter().map(|mode| mode.coefficients.clone()).collect());
+        Ok(Some(Self {
+            motion: Motion::new(manifold, settings),
+            evaluator: Evaluator::new(&model.header)?,
+            modes: inertia.regimes.iter().map(of).collect(),
+        }))
+    }
+
+    /// Treats all readings as instants of one recording: inputs are straight lines between any two of them.
+    pub fn as_recording(mut self) -> Self {
+        self.motion.hold_never();
+        self
+    }
+
+    /// Evaluation with capacity for any state.
+    pub fn evaluation(&self) -> Evaluation {
+        self.evaluator.evaluation()
+    }
+
+    /// Forgets the motion: the next reading begins at rest.
+    pub fn reset(&mut self) {
+        self.motion.reset();
+    }
+
+    /// Moves to a reading and evaluates the moving state: the inputs of the evaluation contain the inertial load. Inputs that the reading
+    /// does not set take the model's value. Allocates nothing.
+    ///
+    /// # Errors
+    /// [`ReadingError`]; motion and evaluation are unchanged.
+    pub fn advance(
+        &mut self,
+        t_ns: u64,
+        inputs: Inputs,
+        out: &mut Evaluation,
+    ) -> Result<Moved, ReadingError> {
+        let moved = self.motion.advance(t_ns, &self.evaluator.completed(inputs))?;
+        let state = &moved.state;
+        self.evaluator.evaluate_as(state.regime, state.inputs, out);
+        out.contact_force_n = if out.flags.no_force { f64::NAN } else { state.contact_force_n };
+        let modes = self.modes.iter().find(|(kind, _)| *kind == state.regime);
+        for (mode, y) in modes.iter().flat_map(|(_, modes)| modes).zip(&state.amplitudes) {
+            out.coefficients.iter_mut().zip(mode).for_each(|(c, by)| *c += y * by);
+        }
+        Ok(moved)
+    }
+}

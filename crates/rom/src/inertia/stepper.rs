@@ -1,0 +1,301 @@
+//! Motion over time: inner steps of fixed length, landing and leaving, defined outcomes of bad readings.
+//!
+//! Inner steps lie on a grid that begins at the first reading; inputs are straight lines between readings; a reading between two
+//! instants of the grid is answered by a shorter step that is not kept. Results thus do not depend on how readings are cut.
+//!
+//! **Landing**: a step whose whole shape, linear modes included, penetrates the obstacle is repeated in contact: from the load of the
+//! onset, amplitudes by projection of the position, momenta those of the velocity tested with the tangents of contact. **Leaving**: a
+//! step whose contact force is negative is repeated free, in the same way. Projection never adds kinetic energy.
+
+use super::manifold::{Amplitudes, Coordinates, MAX_LINEAR_MODES, Manifold, dot};
+use super::momenta::{Forces, Instant, Step, Stepped, solve, step};
+use crate::inputs::Inputs;
+use crate::snapshots::RegimeKind;
+use thiserror::Error;
+
+/// Distance beyond the training range of the load, as a fraction of it, at which the motion restarts at rest.
+const FAR: f64 = 1.0;
+
+/// Constants of a motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionSettings {
+    /// Length of the inner steps, ns.
+    pub step_ns: u64,
+    /// Damping proportional to the stiffness, s.
+    pub damping_s: f64,
+    /// Time between two readings up to which inputs are straight lines, ns; beyond it the last one is held until the next reading.
+    pub held_after_ns: u64,
+    /// Time between two readings from which the motion restarts at rest, ns.
+    pub restart_after_ns: u64,
+}
+
+/// Why a reading was not used. The motion is unchanged.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum ReadingError {
+    /// Time is not later than that of the last reading.
+    #[error("a reading at {found_ns} ns is not later than the last one, at {last_ns} ns")]
+    NotLater {
+        /// Its time.
+        found_ns: u64,
+        /// Time of the last reading.
+        last_ns: u64,
+    },
+    /// An input that the model needs is not finite.
+    #[error("a reading at {found_ns} ns has no finite pressure or load at rest")]
+    NotFinite {
+        /// Its time.
+        found_ns: u64,
+    },
+}
+
+/// Outcome of a reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moved {
+    /// State of the motion at the reading.
+    pub state: MotionState,
+    /// The load was outside of its training range since the last reading.
+    pub left_range: bool,
+    /// The inputs were held over a gap in the readings.
+    pub held: bool,
+    /// The motion began at rest with this reading: the first one, one after a long gap, or one at which the motion could not be continued.
+    pub at_rest: bool,
+}
+
+/// Motion at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionState {
+    /// Regime.
+    pub regime: RegimeKind,
+    /// Inputs, with the inertial load (mm/s2) in place of the load at rest.
+    pub inputs: Inputs,
+    /// Amplitudes of the linear modes, mm t^1/2.
+    pub amplitudes: Amplitudes,
+    /// Contact force, N; 0 when free, never negative.
+    pub contact_force_n: f64,
+    /// Kinetic energy, mJ.
+    pub kinetic_mj: f64,
+}
+
+/// Everything that the next step depends on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Now {
+    regime: RegimeKind,
+    instant: Instant,
+    position: Coordinates,
+    velocity: Coordinates,
+    /// Inputs with the load at rest.
+    inputs: Inputs,
+    force_n: f64,
+}
+
+/// Time and inputs of the last reading, begin of the grid, inner steps made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Clock {
+    begin_ns: u64,
+    steps: u64,
+    last_ns: u64,
+    last: Inputs,
+}
+
+/// Motion on a manifold.
+#[derive(Clone, Debug)]
+pub struct Motion<M> {
+    manifold: M,
+    settings: MotionSettings,
+    now: Option<(Now, Clock)>,
+}
+
+impl<M: Manifold> Motion<M> {
+    /// Begins at rest with the first reading.
+    pub fn new(manifold: M, settings: MotionSettings) -> Self {
+        Self {
+            manifold,
+            settings: MotionSettings { step_ns: settings.step_ns.max(1), ..settings },
+            now: None,
+        }
+    }
+
+    /// The manifold.
+    pub fn manifold(&mut self) -> &mut M {
+        &mut self.manifold
+    }
+
+    /// Takes inputs as straight lines between any two readings, however long.
+    pub(super) fn hold_never(&mut self) {
+        (self.settings.held_after_ns, self.settings.restart_after_ns) = (u64::MAX, u64::MAX);
+    }
+
+    /// Forgets the motion: the next reading begins at rest.
+    pub fn reset(&mut self) {
+        self.now = None;
+    }
+
+    /// Moves to a reading. Allocates nothing. Cost: `O(time / step)` inner steps and one more.
+    ///
+    /// # Errors
+    /// [`ReadingError`]; the motion is unchanged.
+    pub fn advance(&mut self, t_ns: u64, inputs: &Inputs) -> Result<Moved, ReadingError> {
+        let rest = inputs.values()[self.manifold.load_input()];
+        if !(inputs.pressure_mpa().is_finite() && rest.is_finite()) || inputs.gap_mm().is_nan() {
+            return Err(ReadingError::NotFinite { found_ns: t_ns });
+        }
+        let Some((mut now, mut clock)) = self.now else { return Ok(self.begin(t_ns, inputs)) };
+        if t_ns <= clock.last_ns {
+            return Err(ReadingError::NotLater { found_ns: t_ns, last_ns: clock.last_ns });
+        }
+        let gap_ns = t_ns - clock.last_ns;
+        if gap_ns > self.settings.restart_after_ns {
+            return Ok(self.begin(t_ns, inputs));
+        }
+        let held = gap_ns > self.settings.held_after_ns;
+        let (last_ns, last) = (clock.last_ns, clock.last);
+        let between = |at_ns: u64| match at_ns {
+            at_ns if at_ns == t_ns => *inputs,
+            _ if held => last,
+            at_ns => last.between(inputs, (at_ns - last_ns) as f64 / gap_ns as f64),
+        };
+        let h_ns = self.settings.step_ns;
+        let mut left_range = false;
+        loop {
+            let at_ns = clock.begin_ns + clock.steps * h_ns;
+            if t_ns - at_ns < h_ns {
+                let shown = if t_ns == at_ns { Some(now) } else { self.step(&now, t_ns - at_ns, inputs) };
+                let Some(shown) = shown else { return Ok(self.begin(t_ns, inputs)) };
+                left_range |= self.outside(&shown) > 0.0;
+                clock = Clock { last_ns: t_ns, last: *inputs, ..clock };
+                self.now = Some((now, clock));
+                return Ok(Moved { state: self.state(&shown), left_range, held, at_rest: false });
+            }
+            let next = self.step(&now, h_ns, &between(at_ns + h_ns));
+            let Some(next) = next.filter(|next| self.outside(next) <= FAR) else {
+                return Ok(self.begin(t_ns, inputs));
+            };
+            left_range |= self.outside(&next) > 0.0;
+            now = next;
+            clock.steps += 1;
+        }
+    }
+
+    /// Distance of the load from its training range, as a fraction of it.
+    fn outside(&self, now: &Now) -> f64 {
+        let [low, high] = self.manifold.load_range();
+        (low - now.instant.load).max(now.instant.load - high).max(0.0) / (high - low)
+    }
+
+    /// At rest under the reading's inputs.
+    fn begin(&mut self, t_ns: u64, inputs: &Inputs) -> Moved {
+        let still = Amplitudes::default();
+        let is_free = self.manifold.clearance_mm(inputs, &still) >= 0.0;
+        let regime = if is_free { RegimeKind::Free } else { RegimeKind::Contact };
+        let place = self.manifold.place(regime, inputs);
+        let load = inputs.values()[self.manifold.load_input()];
+        let instant =
+            Instant { load, amplitudes: still, tangent: place.tangent, momenta: [0.0; _], rates: [0.0; _] };
+        let (position, velocity) = (place.position, Coordinates::default());
+        let force_n = self.force_n(regime, inputs, &instant);
+        let now = Now { regime, instant, position, velocity, inputs: *inputs, force_n };
+        self.now = Some((now, Clock { begin_ns: t_ns, steps: 0, last_ns: t_ns, last: *inputs }));
+        Moved { state: self.state(&now), left_range: self.outside(&now) > 0.0, held: false, at_rest: true }
+    }
+
+    fn state(&self, now: &Now) -> MotionState {
+        MotionState {
+            regime: now.regime,
+            inputs: now.inputs.with(self.manifold.load_input(), now.instant.load),
+            amplitudes: now.instant.amplitudes,
+            contact_force_n: now.force_n.max(0.0),
+            kinetic_mj: 0.5 * dot(&now.velocity, &now.velocity),
+        }
+    }
+
+    /// Contact force, the part of the damping included: `F + beta dF/dt` at constant pressure and gap.
+    fn force_n(&mut self, regime: RegimeKind, inputs: &Inputs, instant: &Instant) -> f64 {
+        if regime == RegimeKind::Free {
+            return 0.0;
+        }
+        let inputs = inputs.with(self.manifold.load_input(), instant.load);
+        let force = self.manifold.force(&inputs, &instant.amplitudes);
+        let by = std::iter::once(&force.by_load).chain(&force.by_amplitude);
+        force.n + self.settings.damping_s * by.zip(instant.rates).map(|(by, rate)| by * rate).sum::<f64>()
+    }
+
+    /// One step with its change of regime, if any.
+    fn step(&mut self, now: &Now, step_ns: u64, next: &Inputs) -> Option<Now> {
+        let at = self.manifold.load_input();
+        let damping_s = self.settings.damping_s;
+        let of = |regime| Step {
+            regime,
+            h: step_ns as f64 * 1e-9,
+            damping_s,
+            rest: [now.inputs.values()[at], next.values()[at]],
+        };
+        let stepped = step(&mut self.manifold, &of(now.regime), &now.instant, &now.position, next)?;
+        let force_n = self.force_n(now.regime, next, &stepped.instant);
+        let leaves = match now.regime {
+            RegimeKind::Free => self.penetrates(next, &stepped.instant),
+            RegimeKind::Contact => force_n < 0.0,
+        };
+        if !leaves {
+            return Some(moved(now.regime, stepped, next, force_n));
+        }
+        let regime = match now.regime {
+            RegimeKind::Free => RegimeKind::Contact,
+            RegimeKind::Contact => RegimeKind::Free,
+        };
+        let changed = of(regime);
+        let instant = self.arrival(now, &changed)?;
+        let other = step(&mut self.manifold, &changed, &instant, &now.position, next)?;
+        if regime == RegimeKind::Free && self.penetrates(next, &other.instant) {
+            // Neither held nor away from the obstacle: it touches without force.
+            return Some(moved(now.regime, stepped, next, 0.0));
+        }
+        // The load of the onset is not that of the position: its change in this step is no rate.
+        let arrived = Instant { rates: [0.0; _], ..other.instant };
+        let force_n = self.force_n(regime, next, &arrived);
+        Some(moved(regime, Stepped { instant: arrived, ..other }, next, force_n))
+    }
+
+    /// True if the whole shape of a free instant, linear modes included, reaches behind the obstacle.
+    fn penetrates(&mut self, inputs: &Inputs, instant: &Instant) -> bool {
+        let reached = inputs.with(self.manifold.load_input(), instant.load);
+        self.manifold.clearance_mm(&reached, &instant.amplitudes) < 0.0
+    }
+
+    /// The present instant in another regime: load and amplitudes at the onset nearest to the position, momenta of the velocity tested
+    /// with the tangents of arrival.
+    fn arrival(&mut self, now: &Now, step: &Step) -> Option<Instant> {
+        let at = self.manifold.load_input();
+        let inputs = now.inputs.with(at, now.instant.load);
+        let onset = self.manifold.onset_load(&inputs);
+        let place = self.manifold.place(step.regime, &inputs.with(at, onset));
+        let modes = self.manifold.modes(step.regime);
+        let forces = Forces { modes, unit_load: self.manifold.unit_load(), damping_s: step.damping_s };
+        let off = std::array::from_fn(|i| now.position[i] - place.position[i]);
+        let (mut load, mut amplitudes) = (onset, Amplitudes::default());
+        if step.regime == RegimeKind::Free {
+            // Least squares over load and amplitudes.
+            let count = 1 + modes.len();
+            let mut matrix = [[0.0; 1 + MAX_LINEAR_MODES]; 1 + MAX_LINEAR_MODES];
+            matrix[0] = forces.tested(&place.tangent, &place.tangent);
+            for (k, mode) in modes.iter().enumerate() {
+                matrix[0][1 + k] = dot(&place.tangent, &mode.shape);
+                matrix[1 + k] = forces.tested(&place.tangent, &mode.shape);
+            }
+            let mut right = forces.tested(&place.tangent, &off);
+            solve(&mut matrix, &mut right, count)?;
+            load += right[0];
+            amplitudes[..modes.len()].copy_from_slice(&right[1..count]);
+        } else {
+            // Where the tangent of contact is small, the load is that of the onset.
+            amplitudes.iter_mut().zip(modes).for_each(|(y, mode)| *y = dot(&mode.shape, &off));
+        }
+        let excess = step.rest[0] - load;
+        let momenta = forces.momenta(step.h, excess, &amplitudes, &place.tangent, &now.velocity);
+        Some(Instant { load, amplitudes, tangent: place.tangent, momenta, rates: [0.0; _] })
+    }
+}
+
+fn moved(regime: RegimeKind, stepped: Stepped, inputs: &Inputs, force_n: f64) -> Now {
+    let Stepped { instant, position, velocity } = stepped;
+    Now { regime, instant, position, velocity, inputs: *inputs, force_n }
+}

@@ -1,0 +1,124 @@
+//! A model along motions of the finite elements: errors of the series, and those of the same model without inertia.
+
+use crate::files::refusal;
+use crate::motion::{COLUMNS, Trace, follow};
+use crate::output;
+use anyhow::Result;
+use formats::table::Table;
+use formats::{Diagnostic, FormatError};
+use rom::model::{BlockKind, Model};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Width of the mean of the contact force, s.
+const FORCE_WINDOW_S: f64 = 0.01;
+/// Place of the contact force in a series.
+const FORCE: usize = 6;
+/// First quantity of a series that is predicted.
+const FIRST: usize = 3;
+
+/// Errors along one motion, root mean square in % of the range of each quantity.
+#[derive(Debug, Serialize)]
+struct Errors {
+    series: PathBuf,
+    /// `free`, `contact` (throughout) or `landing`.
+    class: &'static str,
+    inertia: [Option<f64>; 5],
+    statics: [Option<f64>; 5],
+    outside_training_range: usize,
+}
+
+/// Compares and prints.
+pub fn run(model: &Model, folders: &[PathBuf], as_json: bool) -> Result<()> {
+    let mut without = model.clone();
+    without.blocks.retain(|(kind, _)| *kind != BlockKind::Inertia);
+    let compare = |folder: &PathBuf| -> Result<Errors> {
+        let series = folder.join("series.csv");
+        let truth = read(&series)?;
+        let trace = Trace::read(&series, model)?;
+        let followed = follow(model, &trace, u64::MAX)?;
+        let still = follow(&without, &trace, u64::MAX)?;
+        let touching = truth.iter().filter(|row| row[FORCE] > 0.0).count();
+        let class = match touching {
+            0 => "free",
+            all if all == truth.len() => "contact",
+            _ => "landing",
+        };
+        let outside_training_range = followed.outside;
+        let (inertia, statics) = (errors(&truth, &followed.rows), errors(&truth, &still.rows));
+        Ok(Errors { series, class, inertia, statics, outside_training_range })
+    };
+    let all = folders.iter().map(compare).collect::<Result<Vec<_>>>()?;
+    if as_json {
+        return output::json(&all);
+    }
+    let names = COLUMNS[FIRST..].iter().map(|name| format!("{name:>17}")).collect::<String>();
+    output!("root mean square error in % of the range; contact force as mean over 10 ms")?;
+    output!("{:<9}{:<9}{names}  series", "class", "model")?;
+    for errors in &all {
+        for (name, values) in [("inertia", &errors.inertia), ("static", &errors.statics)] {
+            let cell = |value: &Option<f64>| value.map_or(format!("{:>17}", "-"), |v| format!("{v:>17.2}"));
+            let cells = values.iter().map(cell).collect::<String>();
+            output!("{:<9}{name:<9}{cells}  {}", errors.class, errors.series.display())?;
+        }
+        if errors.outside_training_range > 0 {
+            output!("         {} instants are outside of the training range", errors.outside_training_range)?;
+        }
+    }
+    Ok(())
+}
+
+fn read(path: &Path) -> Result<Vec<[f64; 8]>> {
+    let wrong = |diagnostics| refusal(FormatError::Content { path: path.into(), diagnostics });
+    let table = Table::read(path, true).map_err(refusal)?;
+    let columns = table.columns(COLUMNS).map_err(wrong)?;
+    let mut diagnostics: Vec<Diagnostic> = Vec::new();
+    let mut rows = Vec::new();
+    for row in table.rows() {
+        rows.push(columns.map(|column| match row.optional_number(column) {
+            Ok(value) => value.unwrap_or(f64::NAN),
+            Err(diagnostic) => {
+                diagnostics.push(diagnostic);
+                f64::NAN
+            }
+        }));
+    }
+    if diagnostics.is_empty() { Ok(rows) } else { Err(wrong(diagnostics)) }
+}
+
+fn errors(truth: &[[f64; 8]], found: &[[f64; 8]]) -> [Option<f64>; 5] {
+    std::array::from_fn(|k| {
+        let at = FIRST + k;
+        let column = |rows: &[[f64; 8]]| -> Vec<f64> {
+            if at == FORCE { means(rows) } else { rows.iter().map(|row| row[at]).collect() }
+        };
+        let (truth, found) = (column(truth), column(found));
+        let (low, high) =
+            truth.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+        let square =
+            truth.iter().zip(&found).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / truth.len() as f64;
+        (high > low).then(|| 100.0 * square.sqrt() / (high - low))
+    })
+}
+
+/// Mean of the force over a window about each instant; forces are straight lines between the rows.
+fn means(rows: &[[f64; 8]]) -> Vec<f64> {
+    let mut impulse = vec![0.0];
+    for pair in rows.windows(2) {
+        let last = impulse[impulse.len() - 1];
+        impulse.push(last + 0.5 * (pair[0][FORCE] + pair[1][FORCE]) * (pair[1][0] - pair[0][0]));
+    }
+    let (begin, end) = (rows[0][0], rows[rows.len() - 1][0]);
+    let until = |t: f64| {
+        let i = rows.partition_point(|row| row[0] <= t).clamp(1, rows.len() - 1) - 1;
+        let part = (t - rows[i][0]) / (rows[i + 1][0] - rows[i][0]);
+        let force = rows[i][FORCE] + part * (rows[i + 1][FORCE] - rows[i][FORCE]);
+        impulse[i] + 0.5 * (rows[i][FORCE] + force) * (t - rows[i][0])
+    };
+    let mean = |row: &[f64; 8]| {
+        let (from, to) =
+            ((row[0] - 0.5 * FORCE_WINDOW_S).max(begin), (row[0] + 0.5 * FORCE_WINDOW_S).min(end));
+        (until(to) - until(from)) / (to - from)
+    };
+    rows.iter().map(mean).collect()
+}

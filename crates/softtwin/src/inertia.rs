@@ -1,0 +1,171 @@
+//! Inertia of a trained model from the finite elements of its actuator.
+
+use crate::failure::{configuration, usage};
+use crate::files;
+use anyhow::Result;
+use fem::actuator::Actuator;
+use fem::{BodyMass, Load, Problem, Solver};
+use rom::model::{BlockKind, Model};
+use rom::snapshots::{Case, Database, RegimeKind, Split, Vibration};
+use std::path::Path;
+use std::sync::Arc;
+use train::inertia::{Mass, Nodal, reduce};
+
+/// Name of the inertial load along each axis.
+const LOADS: [&str; 3] = ["loads.gravity_mm_s2.0", "loads.gravity_mm_s2.1", "loads.gravity_mm_s2.2"];
+/// Linear modes of a regime in addition to the load.
+const MODES: usize = 3;
+/// Vibrations among which they are sought: those across the load are left out.
+const SOUGHT: usize = 12;
+/// Least part of the mass, as a square root, that takes part in a vibration along the load.
+const LEAST_PART: f64 = 0.03;
+/// Length of the inner steps, ns.
+const STEP_NS: u64 = 500_000;
+
+/// Mass and load of the actuator of a database.
+pub struct Body {
+    actuator: Actuator,
+    problem: Arc<Problem>,
+    mass: BodyMass,
+    axis: usize,
+}
+
+impl Body {
+    /// Reads the actuator of a database whose cases vary the inertial load.
+    ///
+    /// # Errors
+    /// The load does not vary between the cases; the actuator cannot be read.
+    pub fn read(database: &Database, actuator: &Path) -> Result<Self> {
+        let varies = |load: &&str| database.parameters.iter().any(|parameter| parameter.name == **load);
+        let Some(axis) = LOADS.iter().position(varies) else {
+            return Err(usage(format!(
+                "--inertia: expected a column {} in the database's cases, found none; `softtwin sample --parameter {}=LOW:HIGH` \
+                 makes one",
+                LOADS[1], LOADS[1]
+            )));
+        };
+        let (actuator, problem) = files::actuator(actuator)?;
+        let (found, expected) = (problem.mesh().nodes_mm.len(), database.node_count);
+        if found != expected {
+            return Err(usage(format!(
+                "--inertia: expected the actuator of the database, with {expected} nodes, found {found}"
+            )));
+        }
+        Ok(Self { actuator, mass: BodyMass::new(Arc::clone(&problem)), problem, axis })
+    }
+
+    /// Linear modes of the regimes that the database has, and lines for the user.
+    ///
+    /// # Errors
+    /// A state cannot be solved or is not stable.
+    pub fn vibrations(&self, database: &Database) -> Result<(Vec<Vibration>, Vec<String>)> {
+        let (mut vibrations, mut lines) = (Vec::new(), Vec::new());
+        let unit_load = self.unit_load();
+        let total_t: f64 = self.mass.node_mass_t().iter().sum();
+        for regime in [RegimeKind::Free, RegimeKind::Contact] {
+            let Some(case) = middle(database, regime) else { continue };
+            let found = self.slowest(&self.load(database, case))?;
+            let vibration = |found: fem::Vibration| Vibration {
+                regime,
+                rate_rad_s: found.rate_rad_s,
+                shape_mm: by_axis(&found.shape_mm),
+                reaction_n: found.reaction_n,
+            };
+            let moves = |v: &Vibration| {
+                let along: f64 = v.shape_mm.iter().zip(&unit_load).map(|(x, m)| x * m).sum();
+                along.abs() > LEAST_PART * total_t.sqrt()
+            };
+            let taken: Vec<Vibration> =
+                found.into_iter().map(vibration).filter(moves).take(1 + MODES).collect();
+            let hertz: Vec<String> =
+                taken.iter().map(|v| format!("{:.2}", v.rate_rad_s / std::f64::consts::TAU)).collect();
+            lines.push(format!("{}, case {}: {} Hz", regime.name(), case.name, hertz.join(", ")));
+            // The load contains the first.
+            vibrations.extend(taken.into_iter().skip(1));
+        }
+        Ok((vibrations, lines))
+    }
+
+    /// Adds the inertia to a model that was trained on this database with these vibrations.
+    ///
+    /// # Errors
+    /// Model and database do not fit.
+    pub fn add_to(&self, model: &mut Model, database: &Database) -> Result<Vec<String>> {
+        let times = |v: &[f64]| by_axis(&self.mass.times(&by_node(v)));
+        let mass = Mass {
+            load: LOADS[self.axis],
+            unit_load: self.unit_load(),
+            times: &times,
+            damping_s: 0.002,
+            step_ns: STEP_NS,
+        };
+        let reduced = reduce(model, database, &mass).map_err(configuration)?;
+        let line = |(kind, part): &(RegimeKind, f64)| {
+            format!("{}: {:.2} % of a linear mode is not in the model's modes", kind.name(), 100.0 * part)
+        };
+        let mut lines = vec![format!("{} coordinates", reduced.inertia.coordinates())];
+        lines.extend(reduced.outside.iter().map(line));
+        model.set_record(BlockKind::Inertia, &reduced.inertia)?;
+        Ok(lines)
+    }
+
+    /// Force of a unit of the load on each node.
+    fn unit_load(&self) -> Nodal {
+        let nodes = self.mass.node_mass_t();
+        let mut unit_load = vec![0.0; 3 * nodes.len()];
+        unit_load[self.axis * nodes.len()..][..nodes.len()].copy_from_slice(nodes);
+        unit_load
+    }
+
+    /// Load of a case.
+    fn load(&self, database: &Database, case: &Case) -> Load {
+        let mut load = self.actuator.load(case.pressure_mpa, case.gap_mm);
+        let at = database.parameters.iter().position(|parameter| parameter.name == LOADS[self.axis]);
+        if let Some(value) = at.and_then(|at| case.parameters.get(at)) {
+            load.gravity_mm_s2[self.axis] = *value;
+        }
+        load
+    }
+
+    fn slowest(&self, load: &Load) -> Result<Vec<fem::Vibration>> {
+        let mut solver = Solver::new(Arc::clone(&self.problem))?;
+        let (rest, _) = solver.gravity_equilibrium(load.gravity_mm_s2)?;
+        let (state, _) = solver.solve_to(&rest, load)?;
+        Ok(solver.vibrations(&state, SOUGHT)?)
+    }
+}
+
+/// Case in the middle of a regime's training cases, nearest to the load at rest.
+fn middle(database: &Database, kind: RegimeKind) -> Option<&Case> {
+    let touches = |case: &&Case| (case.contact_force_n > 0.0) == (kind == RegimeKind::Contact);
+    let cases: Vec<&Case> =
+        database.of_split(Split::Train).map(|i| &database.cases[i]).filter(touches).collect();
+    let of =
+        |case: &Case| [case.pressure_mpa, case.gap_mm.filter(|_| kind == RegimeKind::Contact).unwrap_or(0.0)];
+    let distance = |case: &Case| {
+        let mut sum = 0.0;
+        for (at, value) in of(case).into_iter().enumerate() {
+            let all = cases.iter().map(|other| of(other)[at]);
+            let (low, high) =
+                (all.clone().fold(f64::INFINITY, f64::min), all.fold(f64::NEG_INFINITY, f64::max));
+            sum += if high > low { ((value - 0.5 * (low + high)) / (high - low)).powi(2) } else { 0.0 };
+        }
+        for (at, (value, parameter)) in case.parameters.iter().zip(&database.parameters).enumerate() {
+            let all = cases.iter().map(|other| other.parameters[at]);
+            let (low, high) =
+                (all.clone().fold(f64::INFINITY, f64::min), all.fold(f64::NEG_INFINITY, f64::max));
+            sum += if high > low { ((value - parameter.nominal) / (high - low)).powi(2) } else { 0.0 };
+        }
+        sum
+    };
+    cases.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
+fn by_node(v: &[f64]) -> Vec<[f64; 3]> {
+    let nodes = v.len() / 3;
+    (0..nodes).map(|n| [v[n], v[nodes + n], v[2 * nodes + n]]).collect()
+}
+
+fn by_axis(v: &[[f64; 3]]) -> Nodal {
+    (0..3).flat_map(|axis| v.iter().map(move |at| at[axis])).collect()
+}

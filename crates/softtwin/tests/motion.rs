@@ -1,0 +1,68 @@
+//! Models with inertia from the command line: sampling, training, prediction and evaluation along traces.
+
+use crate::program::{run, succeeds};
+use serde_json::Value;
+use std::path::Path;
+
+/// Column of a table as numbers; empty cells are NaN.
+fn column(folder: &Path, file: &str, name: &str) -> Vec<f64> {
+    let text = std::fs::read_to_string(folder.join(file)).unwrap();
+    let mut lines = text.lines();
+    let at = lines.next().unwrap().split(',').position(|column| column == name).unwrap();
+    lines.map(|line| line.split(',').nth(at).unwrap().parse().unwrap_or(f64::NAN)).collect()
+}
+
+#[test]
+fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let save = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+    let new = "new f --chambers 1 --length-mm 24 --width-mm 16 --shear-modulus-mpa 0.4";
+    let words = |line: &str| line.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+    let succeed = |line: &str| {
+        let words = words(line);
+        succeeds(folder, &words.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    let end_of = |line: &str| {
+        let words = words(line);
+        run(folder, &words.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    succeed(new);
+    succeed("mesh --actuator f/actuator.toml --size-mm 12 --out f/mesh.vtu");
+    let sample = "sample --kind sequence --n 12 --regime free --pressure-mpa 0 0.03 --actuator f/actuator.toml --out c.csv";
+    succeed(&format!("{sample} --parameter loads.gravity_mm_s2.1=-400000:400000"));
+    succeed("simulate --actuator f/actuator.toml --cases c.csv --out db");
+    succeed("train --database db --inertia f/actuator.toml --out moves.twin");
+    succeed("train --database db --out still.twin");
+    save("step.csv", "t_s,pressure_mpa\n0,0.01\n0.0005,0.02\n0.08,0.02\n");
+    let report: Value = serde_json::from_str(&succeed(
+        "predict --model moves.twin --trace step.csv --out moves.csv --step-ms 0.5",
+    ))
+    .unwrap();
+    assert_eq!((report["moves"].as_bool(), report["restarts"].as_u64()), (Some(true), Some(0)));
+    succeed("predict --model still.twin --trace step.csv --out still.csv --step-ms 0.5");
+    let tip = |file: &str| column(folder, file, "tip_y_mm");
+    let (moves, still) = (tip("moves.csv"), tip("still.csv"));
+    assert_eq!(moves.len(), still.len());
+    assert!((moves[0] - still[0]).abs() < 1e-5);
+    let (end, way) = (still.len() - 1, still[still.len() - 1] - still[0]);
+    // The static model jumps with the pressure; the vibration of this short actuator is overdamped.
+    assert!((still[1] - moves[1]) / way > 0.3, "{moves:?} {still:?}");
+    assert!(((still[end] - moves[end]) / way).abs() < 0.01, "{moves:?} {still:?}");
+    // The series of a motion is a trace, here with the model's own answers.
+    std::fs::create_dir(folder.join("own")).unwrap();
+    std::fs::copy(folder.join("moves.csv"), folder.join("own/series.csv")).unwrap();
+    let errors: Value =
+        serde_json::from_str(&succeed("evaluate --model moves.twin --traces own --json")).unwrap();
+    assert_eq!(errors[0]["class"], "free");
+    assert!(errors[0]["inertia"][2].as_f64().unwrap() < 0.01, "{errors}");
+    assert!(errors[0]["statics"][2].as_f64().unwrap() > 1.0, "{errors}");
+    save("back.csv", "t_s,pressure_mpa\n0,0.01\n0.1,0.02\n0.05,0.02\n");
+    save("unknown.csv", "t_s,pressure_mpa,valve\n0,0.01,1\n0.1,0.02,1\n");
+    for bad in ["back.csv", "unknown.csv"] {
+        let (code, _, error) = end_of(&format!("predict --model moves.twin --trace {bad} --out x.csv"));
+        assert_eq!(code, 78, "{bad}: {error}");
+    }
+    let (code, _, error) = end_of("train --database db --inertia c.csv --out x.twin");
+    assert_eq!(code, 78, "{error}");
+}
