@@ -2,6 +2,8 @@
 
 use std::net::UdpSocket;
 use std::time::Instant;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
 use tests::Stage;
 use tests::process::Program;
 use tests::wait::wait_until;
@@ -18,6 +20,31 @@ fn runs(pid: i32) -> bool {
 fn signal(pid: i32, signal: i32) {
     // SAFETY: a signal to a process that the test has started.
     assert_eq!(unsafe { libc::kill(pid, signal) }, 0);
+}
+
+/// Model, trace and command of a scene count from its folder, also where it is named without one.
+#[test]
+fn paths_in_a_scene_named_without_a_folder_are_found() {
+    let stage = Stage::new("bare");
+    let gauge = stage.write("gauge.sh", "#!/bin/sh\nwhile echo \"0.03; 40\"; do sleep 0.01; done\n");
+    std::fs::set_permissions(gauge, std::fs::Permissions::from_mode(0o755)).unwrap();
+    stage.write(
+        "gauge.toml",
+        "name = \"bare\"\n[[actuator]]\nname = \"finger\"\nmodel = \"beam.twin\"\npace = 100\n\
+         [actuator.sensors.gauge]\nkind = \"lines\"\ncommand = [\"./gauge.sh\"]\nage_limit_ms = 3000\n\
+         values.pressure_mpa = { from = 1 }\nvalues.gap_mm = { from = 2 }\n",
+    );
+    stage.trace("short.csv", 10, 500.0, 0.03, 40.0);
+    stage.finger("kind = \"replay\"\ntrace = \"short.csv\"");
+    for folder in ["", "./"] {
+        let twin = Program::twin(&stage, Path::new(&format!("{folder}finger.toml")));
+        let replay = ["bridge", "--scene", &format!("{folder}finger.toml")];
+        assert_eq!(Program::daemon(&stage, &replay).ended().0.code(), Some(0), "{folder}");
+        let bridge = Program::bridge(&stage, Path::new(&format!("{folder}gauge.toml")));
+        let readings = SensorReader::open(&stage.bus(), &Topic::sensor("finger").unwrap()).unwrap();
+        reading(&readings, "a reading of the program", |reading| reading.pressure_mpa == 0.03);
+        assert!(bridge.stop().0.success() && twin.stop().0.success(), "{folder}");
+    }
 }
 
 #[test]

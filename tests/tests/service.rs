@@ -1,7 +1,9 @@
 //! The daemons as services: notifications, reload, watchdog.
 
-use std::io::Write;
+use std::io::{Read, Write};
 use std::net::TcpStream;
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -41,6 +43,45 @@ fn daemons_notify_the_service_manager() {
         assert!(status.success(), "{daemon}: {said:?}");
         manager.receive("STOPPING=1");
     }
+}
+
+/// A manager may listen on a socket without a path.
+#[test]
+fn the_manager_is_notified_on_an_abstract_socket() {
+    let stage = Stage::new("abstract");
+    let scene = stage.finger(STEADY).display().to_string();
+    let name = format!("softtwin-test-{}", std::process::id());
+    let address = SocketAddr::from_abstract_name(&name).unwrap();
+    let manager = UnixDatagram::bind_addr(&address).unwrap();
+    manager.set_read_timeout(Some(PATIENCE)).unwrap();
+    let environment = [("NOTIFY_SOCKET", format!("@{name}"))];
+    let _bridge = Program::daemon_with(&stage, &["bridge", "--scene", &scene], &environment);
+    let mut message = [0; 4096];
+    let count = manager.recv(&mut message).expect("READY");
+    assert!(String::from_utf8_lossy(&message[..count]).lines().any(|line| line == "READY=1"));
+}
+
+/// Exit code 1 when the twin could use no reading of a finite trace, 0 when it used some or there is no twin.
+#[test]
+fn a_bridge_ends_with_an_error_when_nothing_was_used() {
+    let stage = Stage::new("unused");
+    let scene = stage.finger(STEADY);
+    let scene_text = scene.display().to_string();
+    let good = stage.trace("good.csv", 100, 500.0, 0.03, 40.0).display().to_string();
+    let absurd = stage.trace("absurd.csv", 100, 500.0, 0.03, 1e6).display().to_string();
+    let code = |trace: &str| {
+        let arguments = ["bridge", "--scene", &scene_text, "--trace", trace];
+        Program::daemon(&stage, &arguments).ended().0.code()
+    };
+    assert_eq!(code(&absurd), Some(0), "no twin");
+    let _twin = Program::twin(&stage, &scene);
+    assert_eq!(code(&absurd), Some(1));
+    assert_eq!(code(&good), Some(0));
+    assert_eq!(code(&absurd), Some(1), "after another bridge");
+    let repeated = ["bridge", "--scene", &scene_text, "--trace", &absurd, "--loop"];
+    let mut bridge = Program::daemon(&stage, &repeated);
+    bridge.wait_for("used no reading so far");
+    assert!(bridge.stop().0.success(), "a signal is no end of the trace");
 }
 
 /// A process that is stopped (SIGSTOP) feeds no watchdog: the manager would restart it.
@@ -191,6 +232,12 @@ fn metrics_are_served_on_loopback() {
     }
     assert!(get(&bridge_at, "/metrics").contains("\nsofttwin_bridge_failed_total 0\n"));
     assert!(get(&bridge_at, "/").starts_with("HTTP/1.1 404"));
+    let mut head = TcpStream::connect(&bridge_at).unwrap();
+    let host = "Host: localhost\r\nConnection: close";
+    write!(head, "HEAD /metrics HTTP/1.1\r\n{host}\r\n\r\n").unwrap();
+    let mut reply = String::new();
+    head.read_to_string(&mut reply).unwrap();
+    assert!(reply.starts_with("HTTP/1.1 200 OK") && reply.ends_with("\r\n\r\n"), "no body: {reply}");
     let foreign = get_as("twin.example", &twin_at, "/metrics");
     assert!(foreign.starts_with("HTTP/1.1 403"), "a page of another name reads the metrics: {foreign}");
     // More clients than fit at a time send nothing or half a request; others are still served.

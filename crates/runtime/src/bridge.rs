@@ -102,6 +102,11 @@ impl Bridge {
         Ok(Self { lines, boot_id: boot_id(), wakes, waker, replacements: None })
     }
 
+    /// Run id in all its readings.
+    pub fn boot_id(&self) -> u64 {
+        self.boot_id
+    }
+
     /// The devices behind the sources.
     pub fn devices(&self) -> BridgeDevices {
         let of_line = |line: &Line| {

@@ -3,6 +3,7 @@
 use crate::bridge_reload::{BridgeReloader, SharedDevices, open};
 use crate::files;
 use crate::options::BridgeOptions;
+use crate::usage::Usage;
 use anyhow::Context;
 use runtime::bridge::{Bridge, BridgeCounters, BridgeDevices, BridgeError};
 use runtime::config::{self, ActuatorSpec, ConfigError, Scene};
@@ -11,7 +12,7 @@ use runtime::service::{self, Watchdog};
 use runtime::source::{Devices, SourceSpec};
 use runtime::thread_group::{StopFlag, ThreadGroup};
 use runtime::valve::{self, OpenValve, ValveSpec};
-use runtime::wire::{Bus, Topic, background_thread};
+use runtime::wire::{Bus, Topic, background_thread, now_ns};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -51,8 +52,16 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     let counters = Arc::new(BridgeCounters::default());
     let devices: SharedDevices = Arc::new(Mutex::new(bridge.devices()));
     let (counted, of_devices) = (counters.clone(), devices.clone());
+    let (domain, boot_id, begin_ns) = (options.domain.domain(), bridge.boot_id(), now_ns());
+    let names: Vec<String> = scene.actuators.iter().map(|actuator| actuator.name.clone()).collect();
+    let (signal, unused) = (stop.clone(), Arc::<Mutex<Option<String>>>::default());
+    let found = unused.clone();
     group.start("status", move |end| {
-        report(&counted, &of_devices, end);
+        let mut usage = Usage::new(&domain, boot_id, begin_ns, &names)?;
+        report(&counted, &of_devices, &mut usage, end);
+        if !signal.load(Ordering::Relaxed) {
+            *found.lock().unwrap_or_else(PoisonError::into_inner) = usage.unused();
+        }
         Ok(())
     })?;
     group.start(files::NAME, move |end| files::watch(&own_files, end))?;
@@ -83,16 +92,20 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     ended?;
     ran?;
     anyhow::ensure!(failed == 0, "{failed} readings could not be sent");
+    if let Some(names) = unused.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        anyhow::bail!("no reading of {names} could be used by its twin");
+    }
     Ok(())
 }
 
 /// The status thread: feeds the watchdog while the loop runs, and updates the status line.
-fn report(counters: &BridgeCounters, devices: &SharedDevices, end: &StopFlag) {
+fn report(counters: &BridgeCounters, devices: &SharedDevices, usage: &mut Usage, end: &StopFlag) {
     background_thread();
     let mut watchdog = Watchdog::from_env();
     let mut next_status = Instant::now() + STATUS_EVERY;
     while !end.is_set() {
         watchdog.feed(counters.turns.load(Ordering::Relaxed));
+        usage.update();
         if Instant::now() >= next_status {
             next_status = Instant::now() + STATUS_EVERY;
             let mut status = format!("{} readings sent", counters.sent.load(Ordering::Relaxed));

@@ -26,6 +26,7 @@ mod reload;
 mod reporter;
 mod side_services;
 mod twin;
+mod usage;
 
 pub use options::DomainArgs;
 

@@ -11,6 +11,8 @@ use wire::{Health, HealthWriter, Outcome, SensorSample, now_ns};
 
 /// Interval of the health topic, ns.
 const HEALTH_NS: u64 = 1_000_000_000;
+/// Time from the first reading of a bridge to the next health: the bridge reports from it whether its readings are used.
+const FIRST_HEALTH_NS: u64 = 500_000_000;
 
 /// The counters of one actuator.
 #[derive(Debug)]
@@ -22,6 +24,7 @@ pub(super) struct Record {
     latency: Histogram<u32>,
     compute: Histogram<u32>,
     start_ns: u64,
+    last_health_ns: u64,
     next_health_ns: u64,
     received_at_last_health: u64,
     last_outcome: Outcome,
@@ -39,6 +42,7 @@ impl Record {
             latency: latency::histogram(),
             compute: latency::histogram(),
             start_ns,
+            last_health_ns: start_ns,
             next_health_ns: start_ns + HEALTH_NS,
             received_at_last_health: 0,
             last_outcome: Outcome::Published,
@@ -67,6 +71,7 @@ impl Record {
         if check.restarted {
             self.health.sensor_restarts += u64::from(self.health.sensor_boot_id != 0);
             self.health.sensor_boot_id = sample.boot_id;
+            self.next_health_ns = self.next_health_ns.min(now_ns() + FIRST_HEALTH_NS);
             self.event(EventKind::SensorStarted, sample.boot_id);
         }
     }
@@ -119,7 +124,7 @@ impl Record {
             return;
         }
         let health = &mut self.health;
-        let interval_ns = now.saturating_sub(self.next_health_ns) + HEALTH_NS;
+        let interval_ns = now.saturating_sub(self.last_health_ns).max(1);
         health.seq += 1;
         health.t_publish_ns = now;
         health.uptime_ns = now.saturating_sub(self.start_ns);
@@ -136,7 +141,7 @@ impl Record {
         let sent = self.writer.publish(self.health).is_ok();
         self.latency.reset();
         self.compute.reset();
-        self.next_health_ns = now + HEALTH_NS;
+        (self.last_health_ns, self.next_health_ns) = (now, now + HEALTH_NS);
         if !sent {
             self.failed(EventKind::SendFailed);
         }
