@@ -53,6 +53,9 @@ grep -q '^# mine$' "$root/etc/softtwin/finger.toml" || fail "installing again re
 
 python3 -m venv "$work/venv"
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check setuptools wheel
+before=$(git status --porcelain --ignored clients/python)
+"$work/venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --no-build-isolation ./clients/python
+[ "$before" = "$(git status --porcelain --ignored clients/python)" ] || fail "pip install ./clients/python left files in the checkout"
 PYTHON=$work/venv/bin/python scripts/package.sh wheel "$work" --profile "$profile"
 python3 -m venv "$work/clean"
 "$work/clean/bin/pip" install --quiet --disable-pip-version-check "$work"/softtwin-*.whl

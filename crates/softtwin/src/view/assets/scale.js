@@ -59,7 +59,7 @@ export class Scale {
   follow(bodies) {
     this.largest = Math.max(...bodies.map((body) => body.largest).filter(Number.isFinite));
     const { unit } = QUANTITIES[this.quantity];
-    this.element.largest.textContent = Number.isFinite(this.largest) ? `largest ${this.largest.toPrecision(3)} ${unit}` : "no value to colour by";
+    this.element.largest.textContent = Number.isFinite(this.largest) ? `largest of the outer skin ${this.largest.toPrecision(3)} ${unit}` : "no value to colour by";
     if (this.mode === "fixed") return;
     const tops = bodies.map(({ values, largest }) => (this.mode === "peak" || !values ? largest : quantile(values, 0.99)));
     const largest = Math.max(...tops.filter(Number.isFinite));
