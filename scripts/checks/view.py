@@ -216,6 +216,31 @@ def a_page_opened_before_the_twin_waits_then_shows_frames_and_says_when_they_sto
 
 
 @check
+def a_lost_graphics_context_is_no_empty_picture_under_live_and_the_page_draws_again(stage, program):
+    twin, bridge = stage.twin()
+    view, url = stage.view("--model", MODEL)
+    page = Page(program, url)
+    wait(lambda: page.badge() == "live" and page.frames() > 0, "a live picture", 30)
+    page.run("window.isFirstPage = true")
+    page.run("window.extension = document.getElementById('scene').getContext('webgl2').getExtension('WEBGL_lose_context')")
+    page.run("window.extension.loseContext()")
+    wait(lambda: page.badge() == "no picture" and page.alarm(), "a notice", 10)
+    page.run("window.extension.restoreContext()")
+
+    def is_drawn_again():
+        try:
+            return page.run("!window.isFirstPage && Boolean(window.softtwin) && softtwin.state.frames > 0")
+        except RuntimeError:  # between two pages
+            return False
+
+    wait(is_drawn_again, "the page's own new start", 30)
+    assert not page.run("document.getElementById('scene').getContext('webgl2').isContextLost()")
+    wait(lambda: page.badge() == "live", "live", 30)
+    page.browser.close()
+    stage.end(view, bridge, twin)
+
+
+@check
 def what_if_answers_sliders_without_a_twin_and_its_colours_are_the_published_maximum(stage, program):
     view, url = stage.view("--model", MODEL)
     page = Page(program, url)

@@ -19,9 +19,10 @@ const at = (id) => document.getElementById(id);
 const PREDICTION = "what if";
 const SHORTEST_MS = 2000; // that the charts show
 const READINGS_EVERY_MS = 100;
+const RESTORED_MS = 10000; // that a browser has to restore a graphics context
 
 const table = new Uint8Array(await (await fetch(`colours${location.search}`)).arrayBuffer());
-const state = { models: new Map(), meshes: new Map(), actuators: new Map(), chosen: null, places: {}, plates: {}, blocks: [], up: false, everUp: false, paused: false,
+const state = { models: new Map(), meshes: new Map(), actuators: new Map(), chosen: null, places: {}, plates: {}, blocks: [], up: false, everUp: false, noContext: false, paused: false,
   age_ms: 0, frozen_ms: 0, dirty: true, lit: true, lines: false, drawn: [], frames: 0, reason: "" };
 
 const touch = () => { state.dirty = true; };
@@ -34,7 +35,8 @@ const scene = new Scene(painter, camera, at("marks"), () => ({ actuators: visibl
 const recorder = new Recorder(at("scene"), describe, notice);
 at("scene").addEventListener("webglcontextlost", (event) => {
   event.preventDefault(); // or the browser never restores it
-  notice("The browser has withdrawn the graphics context; the viewer reloads when it is back.");
+  state.noContext = true;
+  setTimeout(() => location.reload(), RESTORED_MS); // some browsers restore nothing: a new page gets a new context or says why not
 });
 at("scene").addEventListener("webglcontextrestored", () => location.reload());
 
@@ -176,7 +178,8 @@ function status() {
   const stale = visible().filter((actuator) => actuator.isStale(now, link.requested_ms));
   const oldest = Math.max(0, ...stale.map((actuator) => now - actuator.latest.received_ms));
   let [badge, mood, text] = ["live", "live", ""];
-  if (!state.up) [badge, mood, text] = ["disconnected", "bad", state.reason || (state.everUp ? "Connection to softtwin view lost; trying again" : "")];
+  if (state.noContext) [badge, mood, text] = ["no picture", "bad", "The browser has withdrawn the graphics context; the page loads itself again when it is back"];
+  else if (!state.up) [badge, mood, text] = ["disconnected", "bad", state.reason || (state.everUp ? "Connection to softtwin view lost; trying again" : "")];
   else if (whatIf.active) [badge, mood] = ["what if", "warn"];
   else if (!visible().length) [badge, mood, text] = ["waiting", "warn", `Nothing is published yet: start a twin${whatIf.model ? ", or press What if" : ""}`];
   else if (stale.length) [badge, mood, text] = ["stale", "bad", `Stale: ${stale.map((a) => a.name).join(", ")} (last data ${(oldest / 1000).toFixed(0)} s ago)`];
