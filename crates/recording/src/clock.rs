@@ -55,6 +55,11 @@ impl RunClock {
         }
     }
 
+    /// Monotonic time at which a message was recorded, ns; `None` if the recorder's clocks are not known.
+    pub fn recorded_at(&self, log_time_ns: u64) -> Option<i128> {
+        self.run.as_ref().map(|(_, offset)| i128::from(log_time_ns) - offset)
+    }
+
     /// Time of a stamp, ns. Within a run it may go back as the stamps do.
     pub fn at(&mut self, stamp_ns: u64) -> i128 {
         if std::mem::take(&mut self.begins) {

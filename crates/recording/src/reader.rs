@@ -13,7 +13,7 @@ use wire::layout::LAYOUT_VERSION;
 use crate::contents::{Contents, Item};
 use crate::parse;
 
-/// Largest record, and largest decompressed chunk, that a reader takes into memory: 64 MiB.
+/// Largest record, and largest decompressed chunk, that a reader takes into memory: 64 MiB. A longer one is left out.
 ///
 /// A field of 125,110 values is half a megabyte, so a chunk of ours stays far below.
 pub const MAX_RECORD_BYTES: u64 = 64 << 20;
@@ -187,6 +187,9 @@ impl<R: Read> Reader<R> {
                 self.taken_bytes += count as u64;
                 return Ok(None);
             }
+            Some(Err(McapError::RecordTooLarge { opcode, len })) if may_be_long(opcode) => {
+                return self.skip_record(opcode, len).map(|()| None);
+            }
             failed => {
                 let reason = match failed {
                     Some(Err(McapError::RecordTooLarge { .. })) => {
@@ -224,6 +227,30 @@ impl<R: Read> Reader<R> {
         }
         Ok(None)
     }
+}
+
+impl<R: Read> Reader<R> {
+    /// Leaves out a record that is too long for memory, of which the head was read. Its length is a claim: the file may end before.
+    fn skip_record(&mut self, opcode: u8, len: u64) -> Result<(), ReadError> {
+        let end = self.at_byte.saturating_add(RECORD_HEAD as u64).saturating_add(len);
+        let rest = end.saturating_sub(self.taken_bytes);
+        let skipped = io::copy(&mut self.input.by_ref().take(rest), &mut io::sink())?;
+        if skipped < rest {
+            let reason = "the file ends inside a record";
+            self.ending = Some(Ending::Truncated { at_byte: self.at_byte, reason });
+            return Ok(());
+        }
+        (self.at_byte, self.taken_bytes) = (end, end);
+        self.file = LinearReader::new_with_options(options().with_emit_chunks(true));
+        self.has_chunks |= opcode == op::CHUNK;
+        self.contents.skipped += 1;
+        Ok(())
+    }
+}
+
+/// True for records that have any length in a whole file, those of other programs among them.
+fn may_be_long(opcode: u8) -> bool {
+    matches!(opcode, op::MESSAGE | op::CHUNK | op::ATTACHMENT | op::METADATA) || opcode >= 0x80
 }
 
 /// Refuses a recording whose payloads have another layout. Files of other programs have no such metadata.

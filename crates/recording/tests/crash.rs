@@ -205,6 +205,25 @@ fn a_chunk_that_claims_to_be_huge_is_left_out() {
     assert!(matches!(ending, Ending::Truncated { .. }));
 }
 
+/// A record longer than what a reader takes into memory costs itself, not what follows it; cut within it, the file ends there.
+#[test]
+fn an_over_long_record_is_left_out_alone() {
+    let whole = small();
+    let header = recording::MAGIC.len() + 9 + usize::from(whole[recording::MAGIC.len() + 1]);
+    for opcode in [5, 9, 0x91] {
+        let length = recording::MAX_RECORD_BYTES + 1;
+        let mut bytes = whole[..header].to_vec();
+        bytes.push(opcode);
+        bytes.extend(length.to_le_bytes());
+        bytes.resize(bytes.len() + length as usize, 6);
+        let cut = bytes.len() - 1;
+        bytes.extend(&whole[header..]);
+        let expected = (expected(MESSAGES as usize), Ending::Damaged { skipped: 1 });
+        assert_eq!(read_all(&bytes), expected, "opcode {opcode}");
+        assert!(matches!(read_all(&bytes[..cut]).1, Ending::Truncated { .. }));
+    }
+}
+
 /// A chunk without compression and checksum whose only record claims more bytes than the chunk holds; they are there, as
 /// padding behind its records.
 #[test]

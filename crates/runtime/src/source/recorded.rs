@@ -2,7 +2,7 @@
 
 use crate::file;
 use recording::message::decode_reading;
-use recording::{Item, ReadItems, RunClock, Series, SeriesReader, Stamps};
+use recording::{Item, Message, ReadItems, RunClock, Series, SeriesReader, Stamps};
 use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::Path;
@@ -10,6 +10,8 @@ use wire::{Payload, SensorSample};
 
 /// Most readings taken into memory from one recording: 11 hours at 1 kHz. A replay takes them one by one and has no limit.
 pub const MAX_ROWS: usize = 40_000_000;
+/// Largest time of a stamp after that of its recording, ns: the default of `max_ahead_ms`.
+const AHEAD_NS: i128 = 100_000_000;
 
 /// Whether the path is a recording: a file that begins as one does, or no file.
 pub(super) fn is_recording(path: &Path) -> std::io::Result<bool> {
@@ -54,6 +56,8 @@ pub(super) struct Rows {
 pub struct LeftOut {
     /// Stamped before the one before them: the twin dropped them, too.
     pub late: usize,
+    /// Stamped after the time of their recording: the twin held them, too.
+    pub ahead: usize,
     /// Messages that are no reading.
     pub unreadable: usize,
     /// Cause of the first of these.
@@ -93,7 +97,7 @@ impl Rows {
                 self.topics.insert(message.channel.topic.clone());
             }
             if self.topic.as_ref().is_none_or(|topic| *topic == message.channel.topic)
-                && let Some(row) = self.row(&message.data)
+                && let Some(row) = self.row(&message)
             {
                 return Ok(Some(row));
             }
@@ -105,8 +109,8 @@ impl Rows {
         self.reader.next_item().map_err(|error| TraceError::Unreadable { cause: error.to_string() })
     }
 
-    fn row(&mut self, data: &[u8]) -> Option<SensorSample> {
-        let reading = match decode_reading(data) {
+    fn row(&mut self, message: &Message) -> Option<SensorSample> {
+        let reading = match decode_reading(&message.data) {
             Ok(reading) => reading,
             Err(error) => {
                 if self.left_out.unreadable == 0 {
@@ -116,6 +120,11 @@ impl Rows {
                 return None;
             }
         };
+        let recorded_ns = self.clock.recorded_at(message.log_time_ns);
+        if recorded_ns.is_some_and(|at_ns| i128::from(reading.t_sensor_ns) > at_ns + AHEAD_NS) {
+            self.left_out.ahead += 1; // it must not make all later readings late
+            return None;
+        }
         let t_ns = self.clock.at(reading.t_sensor_ns);
         let begin_ns = *self.begin_ns.get_or_insert(t_ns);
         let t_trace_s = (t_ns - begin_ns) as f64 * 1e-9;
@@ -146,17 +155,20 @@ impl Rows {
 impl LeftOut {
     /// Logs what is left out.
     pub(super) fn warn(&self, path: &Path) {
-        let (late, unreadable, path) = (self.late, self.unreadable, path.display());
+        let Self { late, ahead, unreadable, cause } = self;
+        let (late, ahead, unreadable, path) = (*late, *ahead, *unreadable, path.display());
         if late > 0 {
             tracing::warn!(
                 "{late} readings are stamped before the one before them and left out, as by the twin ({path})"
             );
         }
-        if unreadable > 0 {
+        if ahead > 0 {
             tracing::warn!(
-                "{unreadable} messages are no readings and left out, the first: {} ({path})",
-                self.cause
+                "{ahead} readings are stamped in their future and left out, as by the twin ({path})"
             );
+        }
+        if unreadable > 0 {
+            tracing::warn!("{unreadable} messages are no readings and left out, the first: {cause} ({path})");
         }
     }
 }
