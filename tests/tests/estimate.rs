@@ -143,7 +143,7 @@ fn fit_of_gap_and_bias_writes_a_scene_that_runs() {
     assert!(std::fs::read_to_string(picture).expect("a picture").contains("<svg"));
     let scene = runtime::config::Scene::load(&out).expect("the scene is valid");
     assert!((scene.actuators[0].estimate["gap_mm"].prior - 46.0).abs() < 0.25);
-    assert!(scene.resolve(&scene.actuators[0].model).exists());
+    assert!(scene.actuators[0].model.exists());
 }
 
 #[test]

@@ -87,7 +87,7 @@ impl Config {
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let file: File = runtime::config::read(path)?;
         let mut problems = Vec::new();
-        let config = check(file, path.parent().unwrap_or(Path::new("")), &mut problems);
+        let config = check(file, runtime::file::folder_of(path), &mut problems);
         if problems.is_empty() { Ok(config) } else { Err(ConfigError { path: path.into(), problems }) }
     }
 }

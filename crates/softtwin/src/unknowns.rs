@@ -25,7 +25,7 @@ impl Unknowns {
     /// Unknowns of the named actuator, or of the only one that estimates something.
     pub fn load(scene: &Scene, path: &Path, actuator: Option<&str>) -> anyhow::Result<Self> {
         let spec = spec(scene, path, actuator)?.clone();
-        let mut model = files::model(&scene.resolve(&spec.model))?;
+        let mut model = files::model(&spec.model)?;
         model.header.set_parameters(spec.given_inputs()).map_err(configuration)?;
         let setup = estimation::setup(&spec, &model).map_err(problems)?;
         let sensors = SensorModel::new(&spec, &model).map_err(problems)?;

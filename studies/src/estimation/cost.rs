@@ -22,7 +22,7 @@ pub(super) fn extend(
     markers: Option<usize>,
 ) -> anyhow::Result<()> {
     let Some(spec) = scene.actuators.first() else { return Ok(()) };
-    let model = files::model(&scene.resolve(&spec.model))?;
+    let model = files::model(&spec.model)?;
     let Some(spec) = scene.actuators.first_mut() else { return Ok(()) };
     let of_parameter = |input: &InputSpec| {
         let [low, high] = input.range;

@@ -97,7 +97,7 @@ impl Args {
         }
         cost::extend(&mut scene, self.unknowns, self.markers)?;
         let mut of = Unknowns::load(&scene, &self.scene, None)?;
-        let path = self.truth.clone().unwrap_or_else(|| scene.resolve(&of.spec.model));
+        let path = self.truth.clone().unwrap_or_else(|| of.spec.model.clone());
         let model = files::model(&path)?;
         let mut world = truth::World::new(&of, &model)?;
         let (mut found, mut unscented, mut unscented_us) = ([vec![], vec![], vec![]], vec![], vec![]);

@@ -57,8 +57,8 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         let scene = Scene::load(&self.scene)?;
         let spec = scene.actuators.first().context("the scene has no actuator")?;
-        let answerer = Answerer::load(spec, &scene.resolve(&spec.model))
-            .map_err(|found| anyhow::anyhow!(found.join("\n")))?;
+        let answerer =
+            Answerer::load(spec, &spec.model).map_err(|found| anyhow::anyhow!(found.join("\n")))?;
         let plant = PlantSpec {
             valve_s: self.tau_s,
             line_s: 0.0,

@@ -5,6 +5,7 @@ mod error;
 mod estimate;
 mod grasp;
 mod input;
+mod paths;
 mod scene;
 mod settings;
 

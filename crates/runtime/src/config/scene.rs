@@ -29,7 +29,7 @@ pub struct Scene {
     /// Rigid blocks, for pictures.
     #[serde(default, rename = "block")]
     pub blocks: Vec<BlockSpec>,
-    /// Folder of the file: relative paths in it begin there.
+    /// Folder of the file: relative paths in it begin there, and commands run there.
     #[serde(skip)]
     pub folder: PathBuf,
 }
@@ -236,6 +236,8 @@ impl Scene {
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let mut scene: Self = read(path)?;
         scene.folder = crate::file::folder_of(path).to_owned();
+        let resolved = scene.resolve_paths();
+        resolved.map_err(|error| ConfigError { path: path.into(), problems: vec![error.to_string()] })?;
         ConfigError::unless(path, scene.problems())?;
         Ok(scene)
     }
@@ -290,11 +292,6 @@ impl Scene {
         }
         let named = |name: &String| self.actuators.iter().find(|actuator| actuator.name == *name);
         grasp.fingers.iter().filter_map(named).collect()
-    }
-
-    /// Resolves a path of the scene file.
-    pub fn resolve(&self, path: &Path) -> PathBuf {
-        self.folder.join(path)
     }
 }
 

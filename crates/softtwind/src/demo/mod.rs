@@ -99,7 +99,7 @@ impl Args {
         let [actuator] = scene.actuators.as_slice() else {
             return Err(usage(format!("--scene: expected one actuator, found {}", scene.actuators.len())));
         };
-        let model = self.model.clone().unwrap_or_else(|| scene.resolve(&actuator.model));
+        let model = self.model.clone().unwrap_or_else(|| actuator.model.clone());
         if !model.exists() {
             return Err(configuration(anyhow::anyhow!(
                 "the model is not there; make it with `softtwin train --database DIR --out FILE.twin`, or name another \

@@ -30,7 +30,7 @@ pub fn scene(args: &Args, path: &Path) -> Result<Canvas> {
         let gap_mm = args.gap_mm.or((min_mm == max_mm).then_some(min_mm)).ok_or_else(|| {
             usage(format!("--gap-mm: the scene leaves the gap of `{}` open, so give one", actuator.name))
         })?;
-        let loaded = LoadedModel::read(&scene.resolve(&actuator.model))?;
+        let loaded = LoadedModel::read(&actuator.model)?;
         let state = StateDrawer::new(&loaded, args.field)?.draw_state(pressure, Some(gap_mm))?;
         whole.force_n = whole.force_n.max(state.force_n);
         whole.outside |= state.outside;
