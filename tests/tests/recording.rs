@@ -279,7 +279,7 @@ fn recorder_metrics_count_messages_losses_and_flushes() {
     let messages = "messages_total{topic=\"softtwin/finger/sensor\"}";
     send(100);
     reaches(messages, 100);
-    assert_eq!((value("missing_total"), value("dropped_total")), (Some(0.0), Some(0.0)));
+    assert_eq!((value("missing"), value("dropped_total")), (Some(0.0), Some(0.0)));
     assert_eq!((value("errors"), value("skipped")), (Some(0.0), Some(0.0)));
     // While it does not run, its buffer keeps the newest readings; how many it gave up shows in the next number.
     let buffer = wire::qos::of(topic.kind()).buffer as u64;
@@ -287,7 +287,7 @@ fn recorder_metrics_count_messages_losses_and_flushes() {
     wait_until("a stopped recorder", || is_stopped(&recorder).then_some(()));
     send(buffer + OVERRUN);
     recorder.signal(libc::SIGCONT);
-    reaches("missing_total", OVERRUN);
+    reaches("missing", OVERRUN);
     let mut count = 100 + buffer;
     reaches(messages, count);
     for removed in 0..3 {

@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use std::ffi::{c_char, c_int, c_void};
 use std::mem::MaybeUninit;
 use std::time::{Duration, Instant};
-use wire::{AnyReader, AnySample, FieldHeader, FieldSample, Topic, WakeSet, Wakeable, Waking};
+use wire::{AnyReader, AnySample, Arrivals, FieldHeader, FieldSample, Topic, WakeSet, Wakeable, Waking};
 
 /// A reader of one topic.
 pub struct softtwin_reader {
@@ -21,20 +21,20 @@ pub struct softtwin_reader {
 struct Counts {
     received: u64,
     lost: u64,
-    last: Option<(u64, u64)>,
+    last: Option<(u64, Arrivals)>,
 }
 
 impl Counts {
     /// Counts a sample and those between it and the last one of the same sender.
     fn take(&mut self, sample: &AnySample) {
         let stamp = sample.stamp();
-        if let Some((boot_id, seq)) = self.last
-            && boot_id == stamp.boot_id
-        {
-            self.lost = self.lost.saturating_add(stamp.seq.saturating_sub(seq.saturating_add(1)));
+        match &mut self.last {
+            Some((boot_id, arrivals)) if *boot_id == stamp.boot_id => {
+                self.lost = self.lost.saturating_add_signed(arrivals.take(stamp.seq).lost());
+            }
+            last => *last = Some((stamp.boot_id, Arrivals::new(stamp.seq))),
         }
         self.received += 1;
-        self.last = Some((stamp.boot_id, stamp.seq));
     }
 }
 

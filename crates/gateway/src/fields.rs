@@ -86,7 +86,7 @@ impl FieldTopic {
 
     fn send(&mut self, link: &Link, sample: &EncodedSample, stamp: Stamp) {
         let (counters, bridge) = (&link.counters, &self.read.bridge);
-        let replaced = self.gaps.observe(stamp).map_or(0, Gap::missing);
+        let replaced = self.gaps.observe(stamp).gap.map_or(0, Gap::missing);
         counters.replaced.fetch_add(replaced, Ordering::Relaxed);
         self.sent += 1;
         bridge.send(sample, &counters.fields, &counters.longest_send_us);

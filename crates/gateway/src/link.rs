@@ -68,14 +68,13 @@ impl Link {
 
 impl Counters {
     /// Name, description and value of each count.
-    fn values(&self) -> [(&'static str, &'static str, u64); 9] {
+    fn values(&self) -> [(&'static str, &'static str, u64); 8] {
         let value = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         [
             ("softtwin_gateway_messages", "Messages sent, without fields", value(&self.messages)),
             ("softtwin_gateway_fields", "Fields sent", value(&self.fields)),
             ("softtwin_gateway_fields_replaced", "Fields replaced by newer ones", value(&self.replaced)),
             ("softtwin_gateway_late_periods", "Field periods that passed unused", value(&self.late_periods)),
-            ("softtwin_gateway_lost", "Samples lost before the gateway", value(&self.lost)),
             ("softtwin_gateway_answers", "Requests answered", value(&self.answers)),
             ("softtwin_gateway_refusals", "Requests refused", value(&self.refusals)),
             ("softtwin_gateway_readings", "Readings taken from the network", value(&self.readings)),
@@ -86,7 +85,8 @@ impl Counters {
     /// The counts in the format of Prometheus.
     pub fn metrics(&self) -> String {
         let longest_us = self.longest_send_us.load(Ordering::Relaxed);
-        runtime::metrics::gateway(&self.values(), longest_us as f64 * 1e-6)
+        let lost = self.lost.load(Ordering::Relaxed);
+        runtime::metrics::gateway(&self.values(), lost, longest_us as f64 * 1e-6)
     }
 
     /// The counts in one line: `messages=12 fields=3 ...`.
@@ -94,7 +94,8 @@ impl Counters {
         let short = |name: &'static str| name.trim_start_matches("softtwin_gateway_");
         let counts = self.values().map(|(name, _, value)| format!("{}={value}", short(name)));
         let longest_us = self.longest_send_us.load(Ordering::Relaxed);
-        format!("{} longest_send_us={longest_us}", counts.join(" "))
+        let lost = self.lost.load(Ordering::Relaxed);
+        format!("{} lost={lost} longest_send_us={longest_us}", counts.join(" "))
     }
 }
 

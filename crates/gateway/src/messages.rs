@@ -3,7 +3,7 @@
 use crate::link::{Link, network};
 use crate::topic_bridge::{EncodedSample, ReadBridge, TopicBridge};
 use recording::message::{GapMessage, Json, Recorded};
-use recording::{Gap, GapCounter};
+use recording::{Gap, GapCounter, Observed};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Receiver;
 use std::thread;
@@ -81,8 +81,10 @@ impl MessageTopic {
         let Some(reader) = &self.read.reader else { return Ok(()) };
         let (bridge, counters) = (&self.read.bridge, &link.counters);
         while let Some(sample) = reader.next()? {
-            if let Some(gap) = self.gaps.observe(sample.stamp()) {
-                counters.lost.fetch_add(gap.missing(), Ordering::Relaxed);
+            let Observed { gap, missing } = self.gaps.observe(sample.stamp());
+            // Two's complement: a late sample takes one away.
+            counters.lost.fetch_add(missing.cast_unsigned(), Ordering::Relaxed);
+            if let Some(gap) = gap {
                 report_loss(bridge.topic.name(), gap, gap_publisher);
             }
             let encoded = encode(&sample);

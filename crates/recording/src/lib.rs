@@ -27,7 +27,7 @@ mod writer;
 pub use clock::{RunClock, Stamps};
 pub use contents::{ChannelInfo, Item, Message};
 pub use csv::{ExportError, Exported, TableForm, export_csv};
-pub use message::{Gap, GapCounter};
+pub use message::{Gap, GapCounter, Observed};
 pub use reader::{Ending, MAX_RECORD_BYTES, ReadError, Reader};
 pub use recorder::{FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions, wall_offset_ns};
 pub use retention::{FreeSpace, Retention};

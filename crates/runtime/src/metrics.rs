@@ -130,7 +130,6 @@ pub fn recorder(summary: &RecordSummary, free_bytes: Option<u64>) -> String {
     let by_topic = summary.messages.iter().map(|(topic, count)| (vec![("topic", topic.clone())], *count));
     counters(&mut page, "softtwin_recorder_messages", "Messages recorded", by_topic);
     for (name, help, value) in [
-        ("softtwin_recorder_missing", "Samples that were published and never arrived", summary.missing),
         ("softtwin_recorder_dropped", "Messages dropped because the disk was too slow", summary.dropped),
         ("softtwin_recorder_removed_files", "Old files removed", summary.disk.removed),
         ("softtwin_recorder_flushes", "Times that everything was forced onto the disk", summary.flushes),
@@ -138,6 +137,11 @@ pub fn recorder(summary: &RecordSummary, free_bytes: Option<u64>) -> String {
         counters(&mut page, name, help, [(Vec::new(), value)]);
     }
     for (name, help, value) in [
+        (
+            "softtwin_recorder_missing",
+            "Samples that were published and did not arrive yet",
+            Some(summary.missing),
+        ),
         ("softtwin_recorder_files", "Files of the series", Some(summary.disk.files as u64)),
         ("softtwin_recorder_bytes", "Bytes of the series", Some(summary.disk.bytes)),
         ("softtwin_recorder_free_bytes", "Free in the file system", free_bytes),
@@ -157,14 +161,18 @@ pub fn recorder(summary: &RecordSummary, free_bytes: Option<u64>) -> String {
     text(&page)
 }
 
-/// Metrics of a gateway process: name, help and value of its counters, and the longest time to send a message, s.
-pub fn gateway(values: &[(&'static str, &'static str, u64)], longest_send_s: f64) -> String {
+/// Metrics of a gateway process: name, help and value of its counters, samples lost before it, and the longest time to send a message, s.
+pub fn gateway(values: &[(&'static str, &'static str, u64)], lost: u64, longest_send_s: f64) -> String {
     let mut page = Registry::default();
     for (name, help, value) in values {
         counters(&mut page, name, help, [(Vec::new(), *value)]);
     }
-    let (name, help) = ("softtwin_gateway_longest_send_seconds", "Slowest hand-over to the network");
-    gauges(&mut page, name, help, [(Vec::new(), longest_send_s)]);
+    for (name, help, value) in [
+        ("softtwin_gateway_lost", "Samples that did not arrive before the gateway yet", lost as f64),
+        ("softtwin_gateway_longest_send_seconds", "Slowest hand-over to the network", longest_send_s),
+    ] {
+        gauges(&mut page, name, help, [(Vec::new(), value)]);
+    }
     text(&page)
 }
 

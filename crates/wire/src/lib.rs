@@ -20,6 +20,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+mod arrivals;
 mod bus;
 mod domain;
 mod error;
@@ -35,6 +36,7 @@ pub mod thread_group;
 mod topic;
 mod wake;
 
+pub use arrivals::{Arrival, Arrivals};
 pub use bus::{Bus, TopicInfo};
 pub use domain::Domain;
 pub use error::WireError;

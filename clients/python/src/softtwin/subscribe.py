@@ -15,6 +15,7 @@ from .qos import QOS
 from .start import Holder, check_process, hold
 
 _SLICE_S = 0.2  # longest single wait, so that Ctrl-C interrupts
+_WINDOW = 1024  # a number as far below the newest begins the count again
 
 
 class Subscription(Holder):
@@ -38,13 +39,15 @@ class Subscription(Holder):
         qos = QOS[kind_of(topic)]
         #: The topic's name.
         self.topic = topic
-        #: Missing samples (jumps in the sequence numbers).
+        #: Missing samples (jumps in the sequence numbers); one that comes late is not missing.
         self.lost = 0
         #: Restarts of the sender seen.
         self.restarts = 0
         self._timeout_s = timeout_s
         self._on_restart = on_restart
         self._last: Optional[tuple] = None
+        self._first = 0
+        self._came = 0  # bit k: the number k below the newest came
         self._kind = None if kind_of(topic) == "field" else payload_type(topic)
         self._origins, self._buffer = Origins(bus.places, topic), qos.buffer
         service = bus.open_topic(topic, create=wait_for_twin)
@@ -143,11 +146,20 @@ class Subscription(Holder):
             await asyncio.to_thread(wait, self._listener, next(waits))
 
     def _count(self, boot_seq: tuple, value: Any) -> None:
-        last, self._last = self._last, boot_seq
-        if last is None:
+        last, seq = self._last, boot_seq[1]
+        step = seq - last[1] if last is not None and last[0] == boot_seq[0] else None
+        if step is not None and -_WINDOW < step <= 0:
+            if seq >= self._first and not self._came >> -step & 1:
+                self.lost -= 1
+                self._came |= 1 << -step
             return
-        if last[0] == boot_seq[0]:
-            self.lost += max(0, boot_seq[1] - last[1] - 1)
+        self._last = boot_seq
+        if step is not None and step > 0:
+            self.lost += step - 1
+            self._came = (self._came << min(step, _WINDOW) | 1) & ((1 << _WINDOW) - 1)
+            return
+        self._first, self._came = seq, 1
+        if last is None or step is not None:
             return
         self.restarts += 1
         if self._on_restart == "raise":

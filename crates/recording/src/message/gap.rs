@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use serde_json::json;
-use wire::Stamp;
+use wire::{Arrival, Arrivals, Stamp};
 
 use super::{Recorded, schema, write};
 use crate::writer::Channel;
@@ -26,15 +26,37 @@ impl Gap {
 /// Follows the sequence numbers of one topic. A new publisher (another boot id) starts a new count.
 #[derive(Debug, Default)]
 pub struct GapCounter {
-    last: Option<(u64, u64)>,
+    last: Option<(u64, Arrivals)>,
+}
+
+/// Effect of a sample on the count of the missing ones.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Observed {
+    /// The gap in front of it, if there is one.
+    pub gap: Option<Gap>,
+    /// Change of the number of missing samples: that of the gap, or -1 for one that was missing and came late.
+    pub missing: i64,
 }
 
 impl GapCounter {
-    /// Notes a sample; returns the gap in front of it, if there is one.
-    pub fn observe(&mut self, stamp: Stamp) -> Option<Gap> {
-        let (boot_id, last_seq) = self.last.replace((stamp.boot_id, stamp.seq))?;
-        let gap = Gap { expected_seq: last_seq.saturating_add(1), found_seq: stamp.seq };
-        (boot_id == stamp.boot_id && gap.missing() > 0).then_some(gap)
+    /// Notes a sample.
+    pub fn observe(&mut self, stamp: Stamp) -> Observed {
+        match &mut self.last {
+            Some((boot_id, arrivals)) if *boot_id == stamp.boot_id => {
+                let arrival = arrivals.take(stamp.seq);
+                let gap = match arrival {
+                    Arrival::New { missing } if missing > 0 => {
+                        Some(Gap { expected_seq: stamp.seq - missing, found_seq: stamp.seq })
+                    }
+                    _ => None,
+                };
+                Observed { gap, missing: arrival.lost() }
+            }
+            last => {
+                *last = Some((stamp.boot_id, Arrivals::new(stamp.seq)));
+                Observed::default()
+            }
+        }
     }
 }
 

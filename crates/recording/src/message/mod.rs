@@ -1,7 +1,7 @@
 //! The JSON form of payloads: one object each, with a JSON schema, both derived from the payload's layout.
 //!
-//! Numbers are read back bit-identical: finite ones have enough digits, the others are the strings `"NaN"`, `"Infinity"` and
-//! `"-Infinity"`. Boot ids and hashes are hexadecimal strings, because many viewers keep only 53 bits of an integer.
+//! Numbers are read back bit-identical: finite ones have enough digits, NaN (absent) is null, the others are the strings
+//! `"Infinity"` and `"-Infinity"`. Boot ids and hashes are hexadecimal strings, because many viewers keep only 53 bits of an integer.
 
 mod decode;
 mod field;
@@ -11,7 +11,7 @@ mod schema;
 
 pub use decode::{decode, decode_field, decode_reading};
 pub use field::FieldMessage;
-pub use gap::{Gap, GapCounter, GapMessage};
+pub use gap::{Gap, GapCounter, GapMessage, Observed};
 pub use json::{Json, answer};
 
 use serde::Serialize;

@@ -14,7 +14,7 @@ use wire::{
 };
 
 use super::summary::{RecordError, RecordSummary};
-use crate::message::{self, FieldMessage, GapCounter, GapMessage, Recorded};
+use crate::message::{self, FieldMessage, GapCounter, GapMessage, Observed, Recorded};
 use crate::rotate::{RotateSummary, RotatingWriter};
 use crate::writer::{Channel, WriteError};
 use wire::thread_group::{ThreadEnded, panic_cause};
@@ -124,8 +124,11 @@ impl QueueSink {
     /// Queues one sample, after a message about the jump in its topic's sequence numbers, if there is one.
     pub fn put(&mut self, sample: &AnySample) {
         let stamp = sample.stamp();
-        if let Some(gap) = self.gaps.observe(stamp) {
-            self.queue.summary().add_missing(gap.missing());
+        let Observed { gap, missing } = self.gaps.observe(stamp);
+        if missing != 0 {
+            self.queue.summary().add_missing(missing);
+        }
+        if let Some(gap) = gap {
             let mut data = Vec::new();
             GapMessage::new(self.topic.name(), gap).encode(&mut data);
             self.enqueue(self.gap_channel.clone(), stamp, data);

@@ -63,9 +63,9 @@ impl RecordSummary {
         self.flushes += 1;
     }
 
-    /// Counts samples that never arrived.
-    pub(super) fn add_missing(&mut self, samples: u64) {
-        self.missing = self.missing.saturating_add(samples);
+    /// Counts samples that never arrived; of one that came late -1.
+    pub(super) fn add_missing(&mut self, samples: i64) {
+        self.missing = self.missing.saturating_add_signed(samples);
     }
 
     /// Sets or clears the error of `what`.

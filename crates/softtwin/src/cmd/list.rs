@@ -2,7 +2,7 @@
 
 use crate::live::{self, DomainArgs, Latencies, PercentilesUs, Readers};
 use crate::output;
-use recording::{Gap, GapCounter};
+use recording::GapCounter;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 use wire::layout::flags;
@@ -196,8 +196,7 @@ impl Meter {
 
     fn record(&mut self, sample: &AnySample) {
         self.count += 1;
-        let lost = self.gaps.observe(sample.stamp()).map_or(0, Gap::missing);
-        self.lost = self.lost.saturating_add(lost);
+        self.lost = self.lost.saturating_add_signed(self.gaps.observe(sample.stamp()).missing);
         if let Some(t_sensor_ns) = reading_time_ns(sample) {
             self.latencies.record_ns(now_ns().saturating_sub(t_sensor_ns));
         }
