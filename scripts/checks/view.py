@@ -233,7 +233,7 @@ def a_lost_graphics_context_is_no_empty_picture_under_live_and_the_page_draws_ag
         except RuntimeError:  # between two pages
             return False
 
-    wait(is_drawn_again, "the page's own new start", 30)
+    wait(is_drawn_again, "the viewer after its restart", 30)
     assert not page.run("document.getElementById('scene').getContext('webgl2').isContextLost()")
     wait(lambda: page.badge() == "live", "live", 30)
     page.browser.close()

@@ -1,9 +1,9 @@
 //! A bridge with several sensors, as processes: one is held up, one is pulled, the bridge is killed.
 
 use std::net::UdpSocket;
-use std::time::Instant;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
+use std::time::Instant;
 use tests::Stage;
 use tests::process::Program;
 use tests::wait::wait_until;

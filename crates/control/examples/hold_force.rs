@@ -90,7 +90,7 @@ fn main() -> anyhow::Result<()> {
         scene.actuators.iter().find(|spec| is_meant(&spec.name)).context("the scene has no such actuator")?;
     let (quantity, target) = args.tip_mm.map_or((Quantity::Force, args.target_n), |mm| (Quantity::Tip, mm));
     let marker = if quantity == Quantity::Tip { marker(spec, args.marker.as_deref())? } else { None };
-    let mut model = model(&scene, spec, quantity, marker)?;
+    let mut model = model(spec, quantity, marker)?;
     let settings = settings(spec, &model, args.force_max_n)?;
     let bus = Bus::open(&Domain::from_env())?;
     let states = StateReader::open(&bus, &Topic::state(&spec.name)?)?;
@@ -193,13 +193,8 @@ fn marker(spec: &ActuatorSpec, name: Option<&str>) -> anyhow::Result<Option<usiz
 }
 
 /// The scene's model with its values of inputs, at the point that is held.
-fn model(
-    scene: &Scene,
-    spec: &ActuatorSpec,
-    quantity: Quantity,
-    marker: Option<usize>,
-) -> anyhow::Result<TwinModel> {
-    let mut model = read_model(&scene.resolve(&spec.model))?;
+fn model(spec: &ActuatorSpec, quantity: Quantity, marker: Option<usize>) -> anyhow::Result<TwinModel> {
+    let mut model = read_model(&spec.model)?;
     model.header.set_parameters(spec.given_inputs())?;
     Ok(match (quantity, marker.and_then(|at| spec.markers.get(at))) {
         // The force needs no point: any will do.

@@ -102,7 +102,7 @@ impl Loaded {
 /// # Errors
 /// The problems of all actuators at once.
 pub fn load_scene(scene: &Scene, path: &Path) -> Result<Vec<Loaded>, ConfigError> {
-    let load = |spec: &ActuatorSpec| load(spec, &scene.resolve(&spec.model));
+    let load = |spec: &ActuatorSpec| load(spec, &spec.model);
     config::collect(path, scene.actuators.iter().map(|spec| (spec.name.as_str(), load(spec))))
 }
 

@@ -55,6 +55,34 @@ fn a_recording_is_replayed_to_the_bit() {
     assert_eq!(source.poll(f64::INFINITY), Poll::End);
 }
 
+/// A stamp from the future is left out alone, as by the twin; without it all later readings would be late.
+#[test]
+fn a_reading_stamped_in_its_future_costs_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut writer = RotatingWriter::create(&path, RotateOptions::default()).unwrap();
+    let offset_ns = 1_000_000_000_000;
+    let about = [
+        ("layout", wire::layout::LAYOUT_VERSION.to_string()),
+        ("boot_id", "a".to_owned()),
+        ("wall_minus_monotonic_ns", offset_ns.to_string()),
+    ];
+    let about = about.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+    writer.metadata("softtwin.recording", &about).unwrap();
+    let mut bytes = Vec::new();
+    for seq in 0..6 {
+        let taken = sample(seq);
+        let log_time_ns = taken.t_sensor_ns + 1_000_000 + offset_ns;
+        let stamp = if seq == 2 { u64::MAX / 2 } else { taken.t_sensor_ns };
+        SensorSample { t_sensor_ns: stamp, ..taken }.view().encode(&mut bytes);
+        let channel = channel(SensorSample::LAYOUT, "softtwin/finger/sensor");
+        writer.message(&channel, seq as u32, log_time_ns, log_time_ns, &bytes).unwrap();
+    }
+    writer.finish().unwrap();
+    let times: Vec<f64> = Trace::read(&path).unwrap().rows.iter().map(|row| row.t_trace_s).collect();
+    assert_eq!(times.iter().map(|t_s| (t_s * 1e3).round()).collect::<Vec<_>>(), [0.0, 5.0, 15.0, 20.0, 25.0]);
+}
+
 #[test]
 fn several_sensors_need_a_topic() {
     let (_folder, path) = recording(&["softtwin/left/sensor", "softtwin/right/sensor"], 4);

@@ -31,6 +31,7 @@ impl ActuatorSpec {
         let mut paths = vec![&mut self.model];
         if let Some(SourceSpec::Replay(replay)) = &mut self.source {
             paths.push(&mut replay.trace);
+            paths.extend(&mut replay.log);
         }
         let mut lines: Vec<&mut Option<SerialSpec>> = Vec::new();
         for sensor in self.sensors.values_mut() {

@@ -106,7 +106,7 @@ impl GraspModel {
         let named = scene.fingers(spec);
         let load = |finger: &ActuatorSpec| {
             let small = ActuatorSpec { outputs: Vec::new(), ..finger.clone() };
-            Answerer::load(&small, &scene.resolve(&finger.model)).map(|model| (finger.name.clone(), model))
+            Answerer::load(&small, &finger.model).map(|model| (finger.name.clone(), model))
         };
         let fingers = config::collect(path, named.iter().map(|finger| (finger.name.as_str(), load(finger))))?;
         let sensors = named.iter().map(|finger| finger.sensor().to_owned()).collect();

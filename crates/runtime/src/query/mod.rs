@@ -251,7 +251,7 @@ pub struct QueryService {
 /// The problems of all actuators at once.
 pub fn load_answerers(scene: &Scene, path: &Path) -> Result<Vec<Answerer>, ConfigError> {
     let asked = scene.actuators.iter().filter(|spec| spec.queries != Queries::Off);
-    let load = |spec: &ActuatorSpec| Answerer::load(spec, &scene.resolve(&spec.model));
+    let load = |spec: &ActuatorSpec| Answerer::load(spec, &spec.model);
     config::collect(path, asked.map(|spec| (spec.name.as_str(), load(spec))))
 }
 

@@ -8,7 +8,7 @@ name = "paths"
 [[actuator]]
 name = "replayed"
 model = "NAME"
-source = { kind = "replay", trace = "NAME" }
+source = { kind = "replay", trace = "NAME", log = "NAME" }
 [actuator.valve]
 range_mpa = [0.0, 0.1]
 iio = { root = "NAME", device = "iio:device0", scale = 1e-4, raw_max = 4095 }
@@ -54,7 +54,7 @@ fn every_path_counts_from_the_folder_of_its_file() {
             paths.extend(actuator.programs_mut().map(|program| PathBuf::from(&*program)));
         }
         assert!(
-            paths.len() == 10 && paths.iter().all(|path| *path == folder.join("NAME")),
+            paths.len() == 11 && paths.iter().all(|path| *path == folder.join("NAME")),
             "{file}: {paths:?}"
         );
         // Neither an argument nor a name that is no path is changed, and no other key has one.

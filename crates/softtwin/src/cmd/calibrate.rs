@@ -9,7 +9,7 @@ use estimate::{Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, S
 use runtime::config::Scene;
 use runtime::estimation::{self, SensorModel};
 use runtime::measured::MeasuredInputs;
-use runtime::source::{SourceSpec, Trace};
+use runtime::source::Trace;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
@@ -115,7 +115,7 @@ impl Args {
         Ok(())
     }
 
-    /// The scene with the fitted values as priors. Its paths hold from the new file's folder.
+    /// The scene with the fitted values as priors. Its paths are absolute.
     fn save_scene(
         &self,
         scene: &Scene,
@@ -125,16 +125,7 @@ impl Args {
         out: &Path,
     ) -> anyhow::Result<()> {
         let mut new = scene.clone();
-        let absolute = |path: &Path| std::path::absolute(scene.resolve(path));
-        for actuator in &mut new.actuators {
-            actuator.model = absolute(&actuator.model)?;
-            if let Some(SourceSpec::Replay(replay)) = &mut actuator.source {
-                replay.trace = absolute(&replay.trace)?;
-                replay.log = replay.log.as_deref().map(absolute).transpose()?;
-            }
-            if actuator.name != name {
-                continue;
-            }
+        for actuator in new.actuators.iter_mut().filter(|actuator| actuator.name == name) {
             for (unknown, estimate) in setup.unknowns.iter().zip(&fit.estimates) {
                 if let Some(spec) = actuator.estimate.get_mut(&unknown.name) {
                     (spec.prior, spec.sigma) = (estimate.value, estimate.sigma);

@@ -133,7 +133,7 @@ impl Catalogue {
         let scene = scene.map(Scene::load).transpose().map_err(configuration)?;
         let mut paths = models.to_vec();
         if let Some(scene) = &scene {
-            for path in scene.actuators.iter().map(|actuator| scene.resolve(&actuator.model)) {
+            for path in scene.actuators.iter().map(|actuator| actuator.model.clone()) {
                 if !paths.contains(&path) {
                     paths.push(path);
                 }

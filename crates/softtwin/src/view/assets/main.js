@@ -178,7 +178,7 @@ function status() {
   const stale = visible().filter((actuator) => actuator.isStale(now, link.requested_ms));
   const oldest = Math.max(0, ...stale.map((actuator) => now - actuator.latest.received_ms));
   let [badge, mood, text] = ["live", "live", ""];
-  if (state.noContext) [badge, mood, text] = ["no picture", "bad", "The browser has withdrawn the graphics context; the page loads itself again when it is back"];
+  if (state.noContext) [badge, mood, text] = ["no picture", "bad", "The browser has withdrawn the graphics context; the viewer loads itself again when it is back"];
   else if (!state.up) [badge, mood, text] = ["disconnected", "bad", state.reason || (state.everUp ? "Connection to softtwin view lost; trying again" : "")];
   else if (whatIf.active) [badge, mood] = ["what if", "warn"];
   else if (!visible().length) [badge, mood, text] = ["waiting", "warn", `Nothing is published yet: start a twin${whatIf.model ? ", or press What if" : ""}`];
