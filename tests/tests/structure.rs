@@ -260,6 +260,62 @@ fn input_is_estimated_next_to_a_measured_one() {
     assert!(twin.stop().0.success());
 }
 
+/// A beam whose tip follows its load late, drifts, or is read wrongly is not the model's: exit code 65, what the residuals show, and no
+/// calibrated scene unless forced.
+#[test]
+fn recording_that_the_model_does_not_explain_calibrates_nothing() {
+    let (stage, _) = stage("unexplained");
+    let scene = stage.write(
+        "wrong.toml",
+        &format!(
+            "name = \"bench\"\n[[actuator]]\nname = \"part\"\nmodel = \"part.twin\"\n[actuator.inputs]\n\
+             load_n = {{ sigma = 0.001 }}\n[actuator.estimate]\nthickness_mm = {{ prior = 7.9, sigma = 1.0 }}\n\
+             [actuator.sigma]\nmarker_mm = 0.01\n[[actuator.marker]]\nname = \"end\"\nnode = {MARKER}\n\
+             [actuator.source]\nkind = \"replay\"\ntrace = \"wrong.csv\"\n"
+        ),
+    );
+    let load_n = |t_s: f64| 2.2 + 0.9 * (1.5 * t_s).sin();
+    // First order with this time constant, its start passed.
+    let late_n = |t_s: f64, lag_s: f64| {
+        let angle = (1.5 * lag_s).atan();
+        2.2 + 0.9 * angle.cos() * (1.5 * t_s - angle).sin()
+    };
+    let calibrate = |more: &[&str], tip: &dyn Fn(usize, f64) -> (f64, f64)| {
+        let mut trace = String::from("t_s,load_n,marker1_x_mm,marker1_y_mm,marker1_z_mm\n");
+        for at in 0..160 {
+            let t_s = 0.05 * at as f64;
+            let (of_n, off_mm) = tip(at, t_s);
+            let (point, moved, _) = beam(of_n, THICKNESS_MM)[MARKER];
+            let [x, y, z] = [0, 1, 2].map(|axis| point[axis] + moved[axis]);
+            trace += &format!("{t_s},{},{x},{},{z}\n", load_n(t_s), y + off_mm);
+        }
+        stage.write("wrong.csv", &trace);
+        let scene = scene.display().to_string();
+        let fixed =
+            ["calibrate", "--scene", &scene, "--recording", "wrong.csv", "--json", "--out", "fitted.toml"];
+        let (status, said) = Program::tool(&stage, &[&fixed[..], more].concat()).end();
+        let json = said.iter().find(|line| line.starts_with("{\"chi2")).expect("an answer");
+        let answer: Value = serde_json::from_str(json).expect("JSON");
+        (status.code(), answer, stage.path("fitted.toml").exists())
+    };
+    let in_y = |answer: &Value, what: &str| answer["residuals"]["end y"][what].as_f64();
+    let (code, late, is_saved) = calibrate(&[], &|_, t_s| (late_n(t_s, 0.3), 0.0));
+    assert_eq!((code, is_saved, &late["is_explained"]), (Some(65), false, &Value::Bool(false)), "{late}");
+    assert!(in_y(&late, "lag_s").is_some_and(|lag_s| (lag_s - 0.3).abs() < 0.1), "{late}");
+    assert!(in_y(&late, "loop_share").is_some_and(|share| share.abs() > 0.1), "{late}");
+    let (code, drifts, is_saved) = calibrate(&[], &|_, t_s| (load_n(t_s), 0.05 * (t_s - 4.0)));
+    assert_eq!((code, is_saved), (Some(65), false), "{drifts}");
+    assert!(in_y(&drifts, "drift_per_s").is_some_and(|drift| (drift - 0.05).abs() < 0.01), "{drifts}");
+    let (code, wrong, is_saved) =
+        calibrate(&[], &|at, t_s| (load_n(t_s), if at % 3 == 0 { 5.0 } else { 0.0 }));
+    assert_eq!((code, is_saved), (Some(65), false), "{wrong}");
+    assert!(wrong["outliers"].as_u64().is_some_and(|count| count >= 50), "{wrong}");
+    let (code, _, is_saved) = calibrate(&["--force"], &|_, t_s| (late_n(t_s, 0.3), 0.0));
+    assert_eq!((code, is_saved), (Some(65), true));
+    let (code, right, _) = calibrate(&[], &|_, t_s| (load_n(t_s), 0.0));
+    assert_eq!((code, &right["is_explained"]), (Some(0), &Value::Bool(true)), "{right}");
+}
+
 #[test]
 fn scene_that_measures_an_unknown_input_is_refused() {
     let (stage, scene) = stage("structure-wrong");

@@ -6,6 +6,7 @@ use crate::unknowns::{Unknowns, problems};
 use crate::{files, output};
 use anyhow::{Context, bail};
 use estimate::{Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
+use rom::inputs::InputSpec;
 use runtime::config::Scene;
 use runtime::estimation::{self, SensorModel};
 use runtime::measured::MeasuredInputs;
@@ -85,9 +86,10 @@ impl Args {
         check_recording(&setup, &readings).map_err(configuration)?;
         let fit = estimate::fit(&setup, &readings, &mut sensors)
             .map_err(|errors| problems(errors.iter().map(ToString::to_string).collect()))?;
-        let curves = Curves::of(&setup, &readings, &fit, &mut sensors);
+        let keys: Vec<String> = header.inputs.iter().map(InputSpec::key).collect();
+        let curves = Curves::of(&setup, &readings, &fit, &mut sensors, &keys);
         let structures = curves.structures(&setup, &readings);
-        let reasons = reasons(&fit, &structures, self.max_rejected);
+        let reasons = reasons(&fit, &structures, &curves.driving_name, self.max_rejected);
         let is_explained = reasons.is_empty();
         if let Some(out) = self.out.as_ref().filter(|_| fit.converged && (is_explained || self.force)) {
             self.save_scene(&scene, &spec.name, &setup, &fit, out)?;
@@ -153,7 +155,7 @@ fn check_recording(setup: &Setup, readings: &[Measurement]) -> anyhow::Result<()
 }
 
 /// Why a fit explains nothing; empty if it does.
-fn reasons(fit: &Fit, structures: &[(String, Structure)], max_rejected: f64) -> Vec<String> {
+fn reasons(fit: &Fit, structures: &[(String, Structure)], driving: &str, max_rejected: f64) -> Vec<String> {
     let values = fit.used + fit.outliers;
     let mut reasons = Vec::new();
     if fit.outliers as f64 > max_rejected * values as f64 {
@@ -168,7 +170,7 @@ fn reasons(fit: &Fit, structures: &[(String, Structure)], max_rejected: f64) -> 
         shape.extend(found.drift_per_s.map(|drift| format!("it drifts by {drift:.2e} per s")));
         if found.loop_share.abs() > 0.01 {
             shape.push(format!(
-                "rising and falling pressure differ by {:.1} % of the range",
+                "rising and falling {driving} differ by {:.1} % of the range",
                 100.0 * found.loop_share.abs()
             ));
         }
@@ -251,11 +253,20 @@ fn text(setup: &Setup, fit: &Fit, readings: usize) -> String {
 struct Curves {
     before: Vec<Vec<f64>>,
     after: Vec<Vec<f64>>,
+    /// Position and key of the first input that varies.
+    driving: usize,
+    driving_name: String,
 }
 
 impl Curves {
     /// With the priors and with the fitted values.
-    fn of(setup: &Setup, readings: &[Measurement], fit: &Fit, sensors: &mut SensorModel) -> Self {
+    fn of(
+        setup: &Setup,
+        readings: &[Measurement],
+        fit: &Fit,
+        sensors: &mut SensorModel,
+        keys: &[String],
+    ) -> Self {
         let mut predict = |unknowns: &[f64]| -> Vec<Vec<f64>> {
             let one = |reading: &Measurement| {
                 let mut rows = vec![Predicted::default(); setup.rows.len()];
@@ -267,13 +278,18 @@ impl Curves {
         };
         let before: Vec<f64> = setup.unknowns.iter().map(|unknown| unknown.prior).collect();
         let after: Vec<f64> = fit.estimates.iter().map(|estimate| estimate.value).collect();
-        Self { before: predict(&before), after: predict(&after) }
+        let varies = |at: &usize| {
+            readings.windows(2).any(|pair| (pair[0].inputs[*at] - pair[1].inputs[*at]).abs() > 0.0)
+        };
+        let driving = (0..keys.len()).find(varies).unwrap_or(0);
+        let driving_name = keys.get(driving).cloned().unwrap_or_default();
+        Self { before: predict(&before), after: predict(&after), driving, driving_name }
     }
 
     /// Structure of the residuals by measured quantity.
     fn structures(&self, setup: &Setup, readings: &[Measurement]) -> Vec<(String, Structure)> {
         let t_s: Vec<f64> = readings.iter().map(|reading| reading.t_s).collect();
-        let driving: Vec<f64> = readings.iter().map(|reading| reading.inputs[0]).collect();
+        let driving: Vec<f64> = readings.iter().map(|reading| reading.inputs[self.driving]).collect();
         let of_row = |(at, row): (usize, &estimate::Row)| {
             let measured: Vec<f64> = readings.iter().map(|reading| reading.rows[at]).collect();
             let predicted: Vec<f64> = self.after.iter().map(|rows| rows[at]).collect();
@@ -293,7 +309,7 @@ impl Curves {
 
 /// Measured values, predictions before and after the fit, residuals after it; one row of panels a measured quantity.
 fn figure(setup: &Setup, readings: &[Measurement], curves: &Curves) -> Figure {
-    let Curves { before, after } = curves;
+    let Curves { before, after, .. } = curves;
     let begin_s = readings.first().map_or(0.0, |reading| reading.t_s);
     let mut panels = Vec::new();
     for (at, row) in setup.rows.iter().enumerate() {
