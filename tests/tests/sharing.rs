@@ -9,7 +9,9 @@ use std::time::{Duration, Instant};
 use tests::skip::{Missing, skipped};
 use tests::{Program, Stage};
 use wire::layout::query_kind;
-use wire::{Bus, Domain, Query, QueryClient, SetpointWriter, StateReader, Topic, WakeSet, Wakeable};
+use wire::{
+    Bus, Domain, Query, QueryClient, QueryServer, SetpointWriter, StateReader, Topic, WakeSet, Wakeable,
+};
 
 const SERVICE: u32 = 61_001;
 const MEMBER: u32 = 61_002;
@@ -105,6 +107,17 @@ fn in_another_role() {
             println!("SAID publishes");
             loop {
                 writer.publish(wire::State::default())?;
+                std::thread::sleep(Duration::from_millis(2));
+            }
+        }),
+        "answer" => Bus::open(&domain).and_then(|bus| {
+            let server = QueryServer::create(&bus, "finger")?;
+            println!("SAID ready");
+            loop {
+                while let Some(question) = server.next()? {
+                    question.answer(0, |_, _| {})?;
+                    println!("SAID answered");
+                }
                 std::thread::sleep(Duration::from_millis(2));
             }
         }),
@@ -404,6 +417,26 @@ fn readers_ignore_publishers_without_the_right() {
         assert!(after.next().unwrap().is_none(), "a state of a publisher without the right");
     }
     stranger.kill();
+}
+
+/// A reader that answers queries, which takes no lock, in place of the twin.
+#[test]
+fn clients_ignore_answers_of_users_who_may_not_publish() {
+    if !has_other_users() {
+        return skipped(Missing::SecondUser);
+    }
+    let stage = shared("answer");
+    let query = Query { kind: query_kind::WHATIF, pressure_mpa: 0.03, gap_mm: 30.0, ..Query::default() };
+    for (user, groups, is_taken) in [(SERVICE, vec![READERS], true), (MEMBER, vec![READERS], false)] {
+        let mut server = in_role(&stage, user, &groups, "answer");
+        server.wait_for("SAID ready");
+        let bus = stage.bus();
+        let mut client = QueryClient::open(&bus, "finger").unwrap();
+        let limit = if is_taken { tests::PATIENCE } else { Duration::from_millis(500) };
+        assert_eq!(client.ask(&query, limit).is_ok(), is_taken, "user {user}");
+        server.wait_for("SAID answered");
+        server.kill();
+    }
 }
 
 /// Root in a user's private domain: refused before it makes a file that the twin would wait for.

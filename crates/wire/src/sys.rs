@@ -23,12 +23,12 @@ pub(crate) fn open_or_make(options: &OpenOptions, path: &Path) -> io::Result<Fil
     })
 }
 
-/// Owner of a file that this process has open, by the end of its name. What was opened counts, not what has the name now.
-pub(crate) fn owner_of_open_file(ending: &str) -> Option<u32> {
+/// Owner of a file that this process has open, by its path. What was opened counts, not what has the name now.
+pub(crate) fn owner_of_open_file(is_wanted: impl Fn(&str) -> bool) -> Option<u32> {
     let entries = std::fs::read_dir("/proc/self/fd").ok()?.flatten();
     let open = entries.map(|entry| entry.path()).find(|fd| {
         std::fs::read_link(fd).is_ok_and(|link| {
-            link.to_str().is_some_and(|path| path.strip_suffix(REMOVED).unwrap_or(path).ends_with(ending))
+            link.to_str().is_some_and(|path| is_wanted(path.strip_suffix(REMOVED).unwrap_or(path)))
         })
     })?;
     // The link is followed to the open file, also if that was removed.

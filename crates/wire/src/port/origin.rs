@@ -43,7 +43,9 @@ impl Origins {
         if let Some((_, allowed)) = shared.known.get().filter(|(known, _)| *known == publisher) {
             return allowed;
         }
-        let user = sys::owner_of_open_file(&format!("_{publisher}.data"));
+        // Memory of a fixed size, and memory that grows (answers): `_<number>__0.data`.
+        let (fixed, growing) = (format!("_{publisher}.data"), format!("_{publisher}__"));
+        let user = sys::owner_of_open_file(|path| path.ends_with(&fixed) || path.contains(&growing));
         let allowed = user.is_some_and(|user| shared.may_publish(user));
         shared.known.set(Some((publisher, allowed)));
         if !allowed && shared.reported.replace(user) != user {

@@ -1,5 +1,6 @@
 //! Questions and answers: one server a twin, many clients. Nothing here is on the real-time path.
 
+use super::origin::Origins;
 use super::retry::Refusal;
 use super::segment;
 use super::service::{self, EventShape, Missing};
@@ -8,7 +9,7 @@ use crate::error::WireError;
 use crate::layout::{Answer, Query};
 use crate::qos;
 use crate::sys::Ipc;
-use crate::topic::{ROOT, check_name};
+use crate::topic::{ROOT, Topic, check_name};
 use crate::wake::{Wake, WakeSet, Wakeable, Waker};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
@@ -46,6 +47,8 @@ pub struct QueryClient {
     client: Client<Ipc, Query, (), [f32], Answer>,
     asking: Notifier<Ipc>,
     answered: WakeSet,
+    /// Who publishes the states also answers.
+    origins: Origins,
 }
 
 /// Longest wait before a client looks whether its question is still held by the twin.
@@ -190,7 +193,8 @@ impl QueryClient {
                     }),
                 })
         })?;
-        Ok(Self { name: names.query, client, asking, answered: WakeSet::of([answered]) })
+        let origins = Origins::new(&bus.places, &Topic::state(actuator)?);
+        Ok(Self { name: names.query, client, asking, answered: WakeSet::of([answered]), origins })
     }
 
     /// Asks and waits for the answer.
@@ -204,7 +208,7 @@ impl QueryClient {
         loop {
             let pending = self.send(query)?;
             loop {
-                if let Some(response) = receive(&self.name, &pending)? {
+                if let Some(response) = self.receive(&pending)? {
                     return Ok(AnswerSample { response });
                 }
                 let left = end.saturating_duration_since(Instant::now());
@@ -218,12 +222,20 @@ impl QueryClient {
                     break;
                 }
             }
-            if let Some(response) = receive(&self.name, &pending)? {
+            if let Some(response) = self.receive(&pending)? {
                 return Ok(AnswerSample { response });
             }
             // The twin let go of the question and no answer came: one that was sent while the connection was being made is
             // lost. Asked again, or refused when the twin has gone.
         }
+    }
+
+    /// The answer, if there is one, of a user who may publish the states.
+    fn receive(&self, pending: &Pending) -> Result<Option<Response<Ipc, [f32], Answer>>, WireError> {
+        let received = pending.receive();
+        let response = received
+            .map_err(|error| WireError::Receive { topic: self.name.clone(), cause: format!("{error:?}") })?;
+        Ok(response.filter(|response| self.origins.allow(response.origin().value())))
     }
 
     fn send(&self, query: &Query) -> Result<Pending, WireError> {
@@ -247,12 +259,6 @@ impl AnswerSample {
     pub fn values(&self) -> &[f32] {
         self.response.payload().get(..self.answer().entries() as usize).unwrap_or(&[])
     }
-}
-
-fn receive(name: &str, pending: &Pending) -> Result<Option<Response<Ipc, [f32], Answer>>, WireError> {
-    pending
-        .receive()
-        .map_err(|error| WireError::Receive { topic: name.to_owned(), cause: format!("{error:?}") })
 }
 
 fn open(bus: &Bus, name: &str, missing: Missing) -> Result<Service, WireError> {
