@@ -14,11 +14,12 @@ use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
+use tests::wait::wait_state;
 use tests::{PATIENCE, Program, Stage};
 use wire::layout::{MARKERS_MAX, Marker, pack_name, unpack_name, valve_interlock, valve_reason};
 use wire::{
-    Bus, SensorSample, SensorWriter, Setpoint, SetpointReader, SetpointWriter, Topic, Valve, ValveReader,
-    now_ns,
+    Bus, SensorSample, SensorWriter, Setpoint, SetpointReader, SetpointWriter, StateReader, Topic, Valve,
+    ValveReader, now_ns,
 };
 
 fn repository() -> PathBuf {
@@ -202,10 +203,11 @@ const CAMERA_MM: [f64; 3] = [200.0, 50.0, 16.0];
 const SOFTER_MPA: f64 = 0.72;
 const HIGHEST_MPA: f64 = 0.05;
 
-fn softer_finger() -> TwinModel {
+/// The softer finger, with this coordinate of its tip.
+fn softer_finger(axis: usize) -> TwinModel {
     let mut model = read_model(&repository().join("models/pneunet-design/pneunet-design.twin")).unwrap();
     model.header.set_parameters([("elastomer.law.mu_mpa", SOFTER_MPA)]).unwrap();
-    TwinModel::new(&model, Tip { at_mm: TIP_MM, axis: 1 }).unwrap()
+    TwinModel::new(&model, Tip { at_mm: TIP_MM, axis }).unwrap()
 }
 
 impl Finger {
@@ -217,7 +219,8 @@ impl Finger {
             let bus = Bus::open(&domain).unwrap();
             let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
             let setpoints = SetpointReader::attach(&bus, &Topic::setpoint("finger").unwrap()).unwrap();
-            let (mut model, mut seq, mut last_ns) = (softer_finger(), 0, now_ns());
+            let (mut along, mut model) = (softer_finger(0), softer_finger(1));
+            let (mut seq, mut last_ns) = (0, now_ns());
             let (mut wanted_mpa, mut most_mpa, mut pressure_mpa) = (0.0_f64, 0.0_f64, 0.0_f64);
             while !stopped.load(Ordering::Relaxed) {
                 std::thread::sleep(Duration::from_millis(5)); // pace of the readings
@@ -231,7 +234,9 @@ impl Finger {
                 (last_ns, seq) = (t_sensor_ns, seq + 1);
                 let truth = model.at(pressure_mpa, GAP_MM);
                 let mut markers_mm = [Marker::ABSENT; MARKERS_MAX];
-                markers_mm[0] = Marker { x: truth.tip_mm + off_mm - CAMERA_MM[1], y: 85.0, z: 0.0 };
+                let tip_x_mm = along.at(pressure_mpa, GAP_MM).tip_mm;
+                let (x, y) = (truth.tip_mm + off_mm - CAMERA_MM[1], CAMERA_MM[0] - tip_x_mm);
+                markers_mm[0] = Marker { x, y, z: 0.0 };
                 let (gap_mm, measured_force_n) = (GAP_MM, truth.force_n);
                 let of_state = SensorSample { boot_id: 5, seq, t_sensor_ns, ..SensorSample::default() };
                 let reading = SensorSample { pressure_mpa, gap_mm, measured_force_n, ..of_state };
@@ -280,10 +285,14 @@ fn scene_holds_for_the_controller() {
         assert!(found.abs() < error && report["measured_by"] == by, "{report}");
         assert_eq!(report["is_limited"], false, "{report}");
     };
-    let mut truth = softer_finger();
+    let mut truth = softer_finger(1);
     // In reach at the measured gap only; the marker is elsewhere than the model's tip.
     let (report, _) = hold(&["--tip-mm", "-45"], -3.4);
     near(&report.unwrap(), "marker tip", 0.1);
+    // The published half-width contains what the marker shows of the model's error.
+    let states = StateReader::open(&stage.bus(), &Topic::state("finger").unwrap()).unwrap();
+    let state = wait_state(&states, "a state", |_| true);
+    assert!((3.3..5.0).contains(&state.displacement_halfwidth_mm), "{state:?}");
     // The model at the scene's stiffness, without the load cell in the loop.
     let target_n = truth.at(0.045, GAP_MM).force_n;
     assert!(target_n > 0.05, "{target_n} N");

@@ -213,21 +213,21 @@ pub struct Estimator {
 /// Times of the force and the markers that were used last, ns: a measurement counts once, although the readings repeat a slow
 /// sensor's value.
 #[derive(Debug, Clone, Default)]
-struct Used {
+pub(crate) struct Used {
     force_ns: u64,
     markers_ns: [u64; MARKERS_MAX],
 }
 
 /// Values of a reading that were not used before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct New {
-    force: bool,
-    markers: [bool; MARKERS_MAX],
+pub(crate) struct New {
+    pub(crate) force: bool,
+    pub(crate) markers: [bool; MARKERS_MAX],
 }
 
 impl Used {
     /// Values that are new in this reading; they count as used from now on. Without ages all are new.
-    fn new_in(&mut self, sample: &SensorSample) -> New {
+    pub(crate) fn new_in(&mut self, sample: &SensorSample) -> New {
         let mut new = New { force: true, markers: [true; MARKERS_MAX] };
         if sample.age_count == 0 {
             return new;

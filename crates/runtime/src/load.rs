@@ -1,7 +1,7 @@
 //! From scene to memory: which regimes, fields and nodes are needed, and nothing else.
 
 use crate::config::{self, ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Scene};
-use crate::estimation::Estimator;
+use crate::estimation::{Estimator, SensorModel};
 use crate::file;
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
@@ -47,6 +47,8 @@ pub struct Loaded {
     pub outputs: Vec<LoadedOutput>,
     /// Estimator, if the scene has one.
     pub estimator: Option<Estimator>,
+    /// Predictions of the markers, if the scene has some.
+    pub markers: Option<SensorModel>,
     /// Whether the model's answers depend on pressure and gap.
     pub needs: Needs,
     /// Regimes that can occur.
@@ -171,6 +173,7 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     let motion = ModelMotion::new(&model).map_err(|error| at(error.to_string()))?;
     let outputs = outputs(spec, &model, selections)?;
     let estimator = Estimator::new(spec, &model)?;
+    let markers = (!spec.markers.is_empty()).then(|| SensorModel::new(spec, &model)).transpose()?;
     Ok(Loaded {
         spec: spec.clone(),
         model_hash,
@@ -179,6 +182,7 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         description,
         outputs,
         estimator,
+        markers,
         needs,
         regimes,
         read,

@@ -362,6 +362,11 @@ impl ActuatorSpec {
         self.sigmas().force_n
     }
 
+    /// Standard deviations of the noise of the markers' coordinates, mm.
+    pub(crate) fn marker_sigmas_mm(&self) -> [Marker; MARKERS_MAX] {
+        self.sigmas().markers_mm
+    }
+
     /// Standard deviations of the sensors' noise: the sensor's own if it has one, otherwise that of `sigma`.
     pub(crate) fn sigmas(&self) -> Sigmas {
         let SigmaSpec { pressure_mpa, gap_mm, force_n, marker_mm, .. } = self.sigma;

@@ -6,7 +6,7 @@
 //! | --- | --- |
 //! | 1. poll: take it from the sensor topic | `mod.rs` |
 //! | 2. ingest: validate it; a good one waits for its answer | `ingest.rs` |
-//! | 3. evaluate: coefficients, force, gradients, half-widths with the residual's contribution; fill the state | `mod.rs`, `residual.rs`, `../publish.rs` |
+//! | 3. evaluate: coefficients, force, gradients, half-widths with the residual's contribution; fill the state | `mod.rs`, `residual.rs`, `markers.rs`, `../publish.rs` |
 //! | 4. reconstruct: write each field into a sample on loan | `../publish.rs` |
 //! | 5. publish: send state and fields | `mod.rs`, `../publish.rs` |
 //! | 6. record the outcome: count it once, after its outputs | `record.rs` |
@@ -16,6 +16,7 @@
 
 mod deadline;
 mod ingest;
+mod markers;
 mod record;
 mod residual;
 mod swap;
@@ -29,6 +30,7 @@ use crate::estimation::{Estimator, HALFWIDTH_SIGMAS};
 use crate::load::{Description, Loaded};
 use crate::publish::{self, FieldError, FieldOutput, PackedNames};
 use ingest::{Needed, Validator};
+use markers::Markers;
 use record::Record;
 use residual::{Residual, Watch};
 use rom::evaluation::Evaluation;
@@ -194,11 +196,14 @@ struct Parts {
     wanted: StateSpec,
     /// Standard deviation of the load cell, N.
     force_sigma_n: f64,
+    /// `None` if the scene has no markers.
+    markers: Option<Markers>,
 }
 
 impl Parts {
     /// Parts of a loaded actuator whose outputs and estimator have been taken.
-    fn new(loaded: Loaded) -> Self {
+    fn new(mut loaded: Loaded) -> Self {
+        let markers = loaded.markers.take().map(|model| Markers::new(model, &loaded.spec));
         let inputs = loaded.evaluator.inputs();
         Self {
             model_hash: loaded.model_hash,
@@ -208,6 +213,7 @@ impl Parts {
             backlog: loaded.spec.backlog,
             wanted: loaded.spec.state,
             force_sigma_n: loaded.spec.force_sigma_n(),
+            markers,
             description: loaded.description,
             evaluator: HysteresisEvaluator::new(loaded.evaluator),
             motion: loaded.motion,
@@ -309,6 +315,7 @@ impl ActuatorTwin {
         let old = std::mem::replace(&mut self.parts, Parts::new(loaded));
         retired.evaluators.push(old.evaluator);
         retired.motions.extend(old.motion);
+        retired.markers.extend(old.markers);
         self.validator.set_needed(self.parts.needed.clone());
         self.waiting.reserve(self.parts.backlog.saturating_sub(self.waiting.len()));
         self.parts.describe(&mut self.state, &mut self.record.health);
@@ -465,7 +472,11 @@ impl ActuatorTwin {
             sigma: self.parts.force_sigma_n,
         };
         let residual = self.force_watch.update(residual, 1e-3 * self.limits.force_mismatch_ms);
-        evaluation.halfwidths.force_n = evaluation.halfwidths.force_n.hypot(residual.contribution);
+        let markers = self.parts.markers.as_mut();
+        let of_markers_mm = markers.map_or(0.0, |markers| markers.update(sample, evaluation.inputs));
+        let halfwidths = &mut evaluation.halfwidths;
+        halfwidths.force_n = halfwidths.force_n.hypot(residual.contribution);
+        halfwidths.displacement_mm = halfwidths.displacement_mm.hypot(of_markers_mm);
         let (regime_before, flags_before) = (state.regime, self.record.health.flags);
         publish::fill_state(state, evaluation, &self.parts.description, self.parts.wanted);
         publish::fill_label(state, self.label);

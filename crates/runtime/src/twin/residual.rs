@@ -24,7 +24,7 @@ const CHANCE: f64 = 2.0;
 const RARE: f64 = 3.0;
 /// Factor of what is seen beyond chance in the contribution, so that the contribution grows from 0 continuously.
 const GROWTH: f64 = 4.0;
-/// Standard deviations beyond which a reading begins another steady residual.
+/// Standard deviations beyond which a reading is far from those before.
 const STEP: f64 = 4.0;
 /// Smallest number of readings of a steady residual.
 const MIN_STEADY: f64 = 5.0;
@@ -100,6 +100,31 @@ impl Sums {
     }
 }
 
+/// Contribution of the residuals of a measured quantity.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Seen {
+    sums: [Sums; 2],
+    /// The last reading was far from those before: it counts if the next one is, too. Single outliers do not.
+    is_doubtful: bool,
+}
+
+impl Seen {
+    /// Takes the residual of a reading, for a sensor of this standard deviation; NaN, nothing measured, leaves it unchanged.
+    pub(super) fn update(&mut self, t_sensor_ns: u64, value: f64, sigma: f64) -> f64 {
+        let [latest, _] = &self.sums;
+        let spread = sigma.hypot(latest.variance().sqrt());
+        let is_far = latest.weight > 0.0 && (value - latest.mean()).abs() > STEP * spread; // false for NaN
+        let counts = !value.is_nan() && (!is_far || self.is_doubtful);
+        self.is_doubtful = is_far;
+        if counts {
+            let each = self.sums.iter_mut().zip(SEEN_S);
+            each.for_each(|(sums, memory_s)| sums.add(t_sensor_ns, value, memory_s));
+        }
+        let of_reading = if counts { value.abs() - RARE * sigma } else { 0.0 };
+        self.sums.iter().map(|sums| sums.contribution(sigma)).fold(of_reading.max(0.0), f64::max)
+    }
+}
+
 /// Residuals of a measured quantity: what they add to the half-width, and whether they contradict the model.
 ///
 /// The alarm rises when the residual stays outside half-width and noise for longer than a given time, or when its mean over that time
@@ -108,7 +133,7 @@ impl Sums {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Watch {
     outside_since_ns: Option<u64>,
-    seen: [Sums; 2],
+    seen: Seen,
     steady: Sums,
     steady_since_ns: u64,
 }
@@ -118,13 +143,12 @@ impl Watch {
     /// contribution stays.
     pub(super) fn update(&mut self, residual: Residual, after_s: f64) -> Judged {
         let Residual { t_sensor_ns, value, halfwidth, sigma } = residual;
+        let contribution = self.seen.update(t_sensor_ns, value, sigma);
         if value.is_nan() {
             self.outside_since_ns = None;
             self.steady = Sums::default();
-            return Judged { contribution: self.contribution(sigma), mismatch: false };
+            return Judged { contribution, mismatch: false };
         }
-        self.seen.iter_mut().zip(SEEN_S).for_each(|(seen, memory_s)| seen.add(t_sensor_ns, value, memory_s));
-        let contribution = self.contribution(sigma).max(value.abs() - RARE * sigma);
         // Without a half-width nothing can be said.
         let mismatch = self.is_outside(residual, after_s) | self.is_steady(residual, after_s);
         Judged { contribution, mismatch: mismatch && !halfwidth.is_nan() }
@@ -133,10 +157,6 @@ impl Watch {
     /// Forgets all readings, for another model.
     pub(super) fn restart(&mut self) {
         *self = Self::default();
-    }
-
-    fn contribution(&self, sigma: f64) -> f64 {
-        self.seen.iter().map(|seen| seen.contribution(sigma)).fold(0.0, f64::max)
     }
 
     /// Every residual has been outside half-width and noise for the time.

@@ -1,6 +1,7 @@
 //! Another model, or another scene, between two readings. Topics, sequence numbers and counters continue; readers see a new
 //! model hash and nothing else.
 
+use super::markers::Markers;
 use crate::estimation::Estimator;
 use crate::load::Loaded;
 use crate::publish::shape;
@@ -45,6 +46,8 @@ pub struct Retired {
     pub(super) reconstructors: Vec<Reconstructor>,
     /// Estimators.
     pub(super) estimators: Vec<Estimator>,
+    /// Predictions of markers.
+    pub(super) markers: Vec<Markers>,
 }
 
 /// Properties that readers of a running actuator depend on.

@@ -44,6 +44,18 @@ fn contribution_is_zero_without_measurement_and_stays_while_none_comes() {
     assert_eq!(watch.update(none, 0.5).contribution, 0.0);
 }
 
+#[test]
+fn single_outlier_does_not_widen_and_two_in_a_row_do() {
+    let (mut seen, mut random) = (Seen::default(), Rng::new(3));
+    let mut at = |k: u64, value: f64| seen.update(1_000 * MS + 5 * k * MS, value, 0.2);
+    for k in 0..395 {
+        let value = if k % 50 == 49 { 30.0 } else { 0.2 * random.normal() };
+        let contribution = at(k, value);
+        assert!(contribution < 0.4, "{contribution} mm at reading {k}");
+    }
+    assert!(at(400, 30.0) < 0.4 && at(401, 30.0) > 20.0);
+}
+
 /// Half-width of the model, N.
 const HALFWIDTH_N: f64 = 1e-4;
 
