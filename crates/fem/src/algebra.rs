@@ -75,3 +75,33 @@ pub(crate) fn det_inv_transpose(m: &Mat3) -> (f64, Mat3) {
     let inv = 1.0 / det;
     (det, [scale(inv, rows[0]), scale(inv, rows[1]), scale(inv, rows[2])])
 }
+
+/// Eigenvalues of a symmetric matrix and their orthonormal eigenvectors, one per row (Jacobi's method; equal eigenvalues are no special
+/// case).
+pub(crate) fn symmetric_eigen(m: &Mat3) -> (Vec3, Mat3) {
+    let (mut a, mut axes) = (*m, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    // Convergence is quadratic: six sweeps reach rounding level from any start.
+    for _ in 0..12 {
+        let off = a[0][1].abs() + a[0][2].abs() + a[1][2].abs();
+        if off <= 1.0e-17 * (a[0][0].abs() + a[1][1].abs() + a[2][2].abs()) {
+            break;
+        }
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            if a[p][q] == 0.0 {
+                continue;
+            }
+            let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+            let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+            let c = 1.0 / (t * t + 1.0).sqrt();
+            let s = t * c;
+            for row in &mut a {
+                (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
+            }
+            for k in 0..3 {
+                (a[p][k], a[q][k]) = (c * a[p][k] - s * a[q][k], s * a[p][k] + c * a[q][k]);
+                (axes[p][k], axes[q][k]) = (c * axes[p][k] - s * axes[q][k], s * axes[p][k] + c * axes[q][k]);
+            }
+        }
+    }
+    ([a[0][0], a[1][1], a[2][2]], axes)
+}

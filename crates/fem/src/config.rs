@@ -106,6 +106,8 @@ impl Default for ProblemConfig {
                 bulk_mpa: 2000.0,
                 density_t_per_mm3: 1.0e-9,
                 volume_change: VolumeChange::Mean,
+                stretch_range: None,
+                shear_interval_mpa: None,
             }],
             sheet: Some(SheetMaterial {
                 youngs_mpa: 6500.0,
@@ -135,9 +137,15 @@ pub struct Load {
     pub gravity_mm_s2: [f64; 3],
 }
 
-/// Debug form of a configuration without the fields of an absent round obstacle; part of a checkpoint's fingerprint.
+/// Debug form of a configuration without the fields of an absent round obstacle or range of stretches; part of a checkpoint's fingerprint.
 pub(crate) fn flat(debug: &str) -> String {
-    [", round: None", ", radius_mm: None", ", centre_mm: None"]
-        .iter()
-        .fold(debug.into(), |text: String, none| text.replace(none, ""))
+    [
+        ", round: None",
+        ", radius_mm: None",
+        ", centre_mm: None",
+        ", stretch_range: None",
+        ", shear_interval_mpa: None",
+    ]
+    .iter()
+    .fold(debug.into(), |text: String, none| text.replace(none, ""))
 }

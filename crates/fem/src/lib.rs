@@ -23,6 +23,7 @@ mod sensitivity;
 mod solver;
 mod sparse;
 mod state;
+mod strain;
 mod system;
 mod tangent;
 mod transfer;
@@ -43,6 +44,7 @@ pub use recovery::StressRecovery;
 pub use sensitivity::{Change, Sensitivity};
 pub use solver::{Bodies, FORMULATION, NotConverged, Report, SolveError, Solver};
 pub use state::State;
+pub use strain::Stretches;
 pub use transfer::{Locator, Place};
 pub use vibration::{BodyMass, Vibration, VibrationError};
 

@@ -70,6 +70,11 @@ impl From<InvalidState> for NewtonError {
             Invalid::BeyondLimit(i) => {
                 format!("its stretch invariant {i:.2} passed the material's limit (locking)")
             }
+            Invalid::Unstable(i) => {
+                format!(
+                    "its law is unstable at the stretch invariant {i:.2}, as `softtwin material fit` reports"
+                )
+            }
         };
         Self::MaterialLimit { element: invalid.element, what }
     }

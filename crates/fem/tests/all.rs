@@ -6,6 +6,7 @@ mod actuators;
 #[path = "common/builder.rs"]
 mod builder;
 mod closed_forms;
+mod fits;
 mod inputs;
 mod meshes;
 mod sample;

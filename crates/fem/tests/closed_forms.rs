@@ -23,7 +23,14 @@ fn hollow_sphere(cells: usize, mu: f64) -> Problem {
     }
     let law = Hyperelastic::NeoHookean { mu_mpa: mu };
     let volume_change = VolumeChange::Mean;
-    let elastomers = vec![Elastomer { law, bulk_mpa: 2000.0 * mu, density_t_per_mm3: 0.0, volume_change }];
+    let elastomers = vec![Elastomer {
+        law,
+        bulk_mpa: 2000.0 * mu,
+        density_t_per_mm3: 0.0,
+        volume_change,
+        stretch_range: None,
+        shear_interval_mpa: None,
+    }];
     // The residual that is asked for below is far under that of the default tolerance.
     let newton = NewtonSettings { correction_tolerance_mm: 1.0e-5, ..NewtonSettings::default() };
     let config =
@@ -72,7 +79,14 @@ fn cantilever(cells: [usize; 3], bulk: f64, volume_change: VolumeChange) -> (f64
     b.mesh.fixed_nodes = b.nodes_where(|p| p[0] < 1.0e-9);
     let density = 1.0e-9;
     let law = Hyperelastic::NeoHookean { mu_mpa: mu };
-    let elastomers = vec![Elastomer { law, bulk_mpa: bulk, density_t_per_mm3: density, volume_change }];
+    let elastomers = vec![Elastomer {
+        law,
+        bulk_mpa: bulk,
+        density_t_per_mm3: density,
+        volume_change,
+        stretch_range: None,
+        shear_interval_mpa: None,
+    }];
     let problem = Problem::new(b.mesh, ProblemConfig { elastomers, ..ProblemConfig::default() }).unwrap();
     let mut solver = Solver::new(Arc::new(problem)).unwrap();
     let gravity = 500.0;
@@ -107,7 +121,14 @@ fn cantilever_vibrates_at_the_frequency_of_beam_theory() {
     b.mesh.fixed_nodes = b.nodes_where(|p| p[0] < 1.0e-9);
     let law = Hyperelastic::NeoHookean { mu_mpa: mu };
     let volume_change = VolumeChange::Mean;
-    let elastomers = vec![Elastomer { law, bulk_mpa: 2000.0, density_t_per_mm3, volume_change }];
+    let elastomers = vec![Elastomer {
+        law,
+        bulk_mpa: 2000.0,
+        density_t_per_mm3,
+        volume_change,
+        stretch_range: None,
+        shear_interval_mpa: None,
+    }];
     let problem = Problem::new(b.mesh, ProblemConfig { elastomers, ..ProblemConfig::default() }).unwrap();
     let problem = Arc::new(problem);
     let mass = BodyMass::new(Arc::clone(&problem));

@@ -8,6 +8,7 @@ mod card;
 mod common;
 mod import_pneunets;
 mod import_results;
+mod material;
 mod motion;
 mod offline;
 mod parameters;

@@ -9,6 +9,7 @@ mod grid;
 mod meshing;
 mod parameters;
 mod reading;
+mod sag;
 mod shape;
 mod surfaces;
 

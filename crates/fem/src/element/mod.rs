@@ -3,5 +3,6 @@
 pub(crate) mod bending;
 pub(crate) mod cavity;
 pub(crate) mod membrane;
+pub(crate) mod spectral;
 pub(crate) mod tet10;
 pub(crate) mod tri6;

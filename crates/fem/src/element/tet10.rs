@@ -2,10 +2,12 @@
 //!
 //! Notation: `N` shape functions, `grad N` with respect to the undeformed position, `F` deformation gradient,
 //! `g = F^-T grad N`, `f = F grad N`, `I1 = tr(F^T F)`, `I = J^(-2/3) I1`, `s = 2 W' J^(-2/3)`.
-//! First Piola stress: `P = s (F - I1/3 F^-T) + p J F^-T`.
+//! First Piola stress of an energy of `I`: `P = s (F - I1/3 F^-T) + p J F^-T`. For one of the principal stretches `s = 0`, and
+//! [`Spectral`] adds the isochoric part.
 
+use super::spectral::Spectral;
 use crate::algebra::{Mat3, Vec3, axpy, det_inv_transpose, dot, mat_vec, scale};
-use crate::material::{Elastomer, Hyperelastic};
+use crate::material::{Dependence, Elastomer, Hyperelastic, is_stable_invariant};
 use formats::mesh_file::TET_EDGES;
 
 /// Barycentric coordinates of the Gauss points: `OWN` for the nearest corner, `OTHER` for the three others.
@@ -25,6 +27,8 @@ pub(crate) enum Invalid {
     Collapsed(f64),
     /// The invariant `I` passed the material's limit.
     BeyondLimit(f64),
+    /// The law is unstable at the invariant `I` (Drucker).
+    Unstable(f64),
 }
 
 /// Undeformed geometry of one element.
@@ -119,8 +123,10 @@ pub(crate) struct Point {
     pub(crate) det: f64,
     trace: f64,
     iso: f64,
+    /// Derivatives of an energy of `I`; 0 for one of the principal stretches.
     d1: f64,
     d2: f64,
+    spectral: Option<Spectral>,
     #[cfg(test)]
     pub(crate) w: f64,
 }
@@ -139,18 +145,55 @@ pub(crate) fn point(
     let trace = dot(f[0], f[0]) + dot(f[1], f[1]) + dot(f[2], f[2]);
     let cbrt = det.cbrt();
     let iso = 1.0 / (cbrt * cbrt);
-    let energy = law.energy(iso * trace).ok_or(Invalid::BeyondLimit(iso * trace))?;
-    Ok(Point {
+    let i1 = iso * trace;
+    let mut point = Point {
         f,
         inv_t,
         det,
         trace,
         iso,
-        d1: energy.d1,
-        d2: energy.d2,
+        d1: 0.0,
+        d2: 0.0,
+        spectral: None,
         #[cfg(test)]
-        w: energy.w,
-    })
+        w: 0.0,
+    };
+    match law.at(i1).ok_or(Invalid::BeyondLimit(i1))? {
+        Dependence::Invariant(energy) => {
+            if !law.is_always_stable() {
+                let b = point.left_cauchy_green();
+                let squares: f64 = b.iter().map(|row| dot(*row, *row)).sum();
+                if !is_stable_invariant(&energy, i1, 0.5 * (i1 * i1 - squares)) {
+                    return Err(Invalid::Unstable(i1));
+                }
+            }
+            (point.d1, point.d2) = (energy.d1, energy.d2);
+            #[cfg(test)]
+            {
+                point.w = energy.w;
+            }
+        }
+        Dependence::Stretches(powers) => {
+            let spectral = Spectral::new(&point.left_cauchy_green(), &powers);
+            if !law.is_always_stable() && !spectral.is_stable {
+                return Err(Invalid::Unstable(i1));
+            }
+            #[cfg(test)]
+            {
+                point.w = spectral.w;
+            }
+            point.spectral = Some(spectral);
+        }
+    }
+    Ok(point)
+}
+
+impl Point {
+    /// `J^(-2/3) F F^T`.
+    fn left_cauchy_green(&self) -> Mat3 {
+        let f = &self.f;
+        std::array::from_fn(|i| std::array::from_fn(|j| self.iso * dot(f[i], f[j])))
+    }
 }
 
 /// Contribution of one element.
@@ -215,6 +258,12 @@ impl TetTerms {
                 axpy(-s * p.trace / 3.0, g[a], &mut self.force[a]);
                 axpy(weight * p.det, g[a], &mut self.volume_gradient[a]);
             }
+            if let Some(spectral) = &p.spectral {
+                let stress = spectral.stress();
+                for (force, g) in self.force.iter_mut().zip(g) {
+                    axpy(weight, mat_vec(&stress, g), force);
+                }
+            }
             self.volume_change += weight * (p.det - 1.0);
             let mut pressure_mpa = pressure_mpa;
             if point_bulk_mpa > 0.0 {
@@ -226,6 +275,9 @@ impl TetTerms {
             if with_tangent {
                 let follows = point_bulk_mpa * p.det * p.det * weight;
                 self.add_tangent(&p, weight, [pressure_mpa, follows], gradients, &g, &f);
+                if let Some(spectral) = &p.spectral {
+                    spectral.add_tangent(weight, &g, &mut self.tangent);
+                }
             }
         }
         Ok(())
@@ -274,7 +326,7 @@ impl TetTerms {
     }
 }
 
-/// Deviatoric Cauchy stress (xx, yy, zz, xy, xz, yz; MPa) at the four Gauss points: `2 W' J^(-2/3) dev(F F^T) / J`.
+/// Deviatoric Cauchy stress (xx, yy, zz, xy, xz, yz; MPa) at the four Gauss points: `2 W' J^(-2/3) dev(F F^T) / J` or `tau / J`.
 ///
 /// # Errors
 /// [`Invalid`] as in [`TetTerms::evaluate`].
@@ -287,9 +339,10 @@ pub(crate) fn deviatoric_stress(
     for (q, stress) in out.iter_mut().enumerate() {
         let p = point(geometry, q, u, law)?;
         let factor = 2.0 * p.d1 * p.iso / p.det;
+        let isochoric = p.spectral.as_ref().map_or([[0.0; 3]; 3], Spectral::stress);
         for (s, (i, j)) in stress.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
             let mean = if i == j { p.trace / 3.0 } else { 0.0 };
-            *s = factor * (dot(p.f[i], p.f[j]) - mean);
+            *s = factor * (dot(p.f[i], p.f[j]) - mean) + isochoric[i][j] / p.det;
         }
     }
     Ok(out)

@@ -5,6 +5,7 @@ mod actuators;
 #[path = "../common/builder.rs"]
 mod builder;
 mod energy;
+mod laws;
 mod meshes;
 mod physics;
 mod tangents;

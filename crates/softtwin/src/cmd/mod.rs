@@ -21,6 +21,7 @@ mod learn;
 mod list;
 mod log;
 mod manual;
+mod material;
 mod mesh;
 mod new;
 mod pack;
@@ -64,7 +65,7 @@ commands! {
         Plot => plot, Render => render;
     "Model": Predict => predict, Design => design, Calibrate => calibrate, PlanExperiment => plan_experiment, Train => train, Learn => learn,
         Compare => compare, Evaluate => evaluate, Inspect => inspect, Pack => pack;
-    "Simulate": New => new, Build => build, Mesh => mesh, Sample => sample, Simulate => simulate, Import => import;
+    "Simulate": New => new, Material => material, Build => build, Mesh => mesh, Sample => sample, Simulate => simulate, Import => import;
 }
 
 impl Command {

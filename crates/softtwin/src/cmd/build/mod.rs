@@ -106,10 +106,25 @@ impl Args {
             )));
         }
         let actuator = Actuator::read(&path).map_err(refusal)?;
+        if let Some((file, material)) = Actuator::material(&path).map_err(refusal)? {
+            folder.say("material", &format!("{}: {}", file.display(), material.summary()))?;
+        }
         folder.say("mesh", &self.mesh(&actuator)?)?;
         let family = files::family(&path)?;
         let actuator = &family.actuator;
         let pressures = self.pressures(&folder, &family)?;
+        let interval = material_interval(actuator, &pressures);
+        if let Some([low, high]) = interval {
+            let [softest, stiffest] = actuator.elastomer.shear_interval_mpa.unwrap_or([f64::NAN; 2]);
+            folder.say(
+                "material",
+                &format!(
+                    "no constants of this silicone were measured: {:.0} mm need anything from {low:.2e} to {high:.2e} MPa (shear modulus \
+                     {softest} to {stiffest} MPa); a tension test narrows it most (softtwin material fit)",
+                    pressures.displacement_mm
+                ),
+            )?;
+        }
         let counts = if self.quick { Counts::QUICK } else { Counts::FULL };
         let plan = Plan::new(&pressures, counts)?;
         let [low, high] = plan.gaps_mm;
@@ -133,6 +148,7 @@ impl Args {
             return output::json(&json!({
                 "model": model, "scene": scene, "states": states, "failed": outcome.failed.len(),
                 "reused": outcome.reused, "pressure_mpa": pressures.largest_mpa(), "pressure_reason": pressures.reason,
+                "pressure_interval_mpa": interval, "largest_stretch": pressures.stretch,
                 "displacement_mm": pressures.displacement_mm, "gap_mm": plan.gaps_mm, "quality": quality, "seconds": seconds, "cpu_seconds": cpu_s,
             }));
         }
@@ -178,7 +194,11 @@ impl Args {
             // What a reader of the output misses when it is closed is a progress line.
             let _ = folder.say("pressures", text);
         })?;
-        folder.say("pressures", &format!("0 to {} MPa: {}", found.largest_mpa(), found.reason))?;
+        let largest = found.largest_mpa();
+        folder.say(
+            "pressures",
+            &format!("0 to {largest} MPa, stretches to {:.2}: {}", found.stretch, found.reason),
+        )?;
         Ok(found)
     }
 
@@ -197,4 +217,14 @@ impl Args {
         output!("  softtwin render {state} --out {}", quoted(&self.folder.join("state.png")))?;
         Ok(())
     }
+}
+
+/// Largest pressure (MPa) over the interval of the shear modulus: the elastomer's stresses and the pressure scale together; the weight
+/// and the sheet, which does not stretch, are left out.
+fn material_interval(actuator: &Actuator, pressures: &Pressures) -> Option<[f64; 2]> {
+    let shear = actuator.elastomer.law.shear_modulus_mpa();
+    actuator
+        .elastomer
+        .shear_interval_mpa
+        .map(|interval| interval.map(|mpa| pressures.largest_mpa() * mpa / shear))
 }

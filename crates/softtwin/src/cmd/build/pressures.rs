@@ -22,6 +22,11 @@ const FAILURES: usize = 3;
 /// More states than this mean that pressure hardly bends the actuator.
 const MAX_STATES: usize = 30;
 
+/// Fraction of the elastomer's volume that may be beyond the range of its law: re-entrant corners are.
+const MAX_BEYOND: f64 = 0.01;
+/// Fewest states of a curve.
+const FEWEST: usize = 3;
+
 /// Remedy for an actuator that sags too far.
 const LIGHTER: &str = "let it hang (loads.gravity_mm_s2 = [9810.0, 0.0, 0.0], `softtwin new --hanging`), make it shorter or take a \
                        stiffer silicone";
@@ -33,6 +38,8 @@ pub struct Pressures {
     pub states: Vec<(f64, f64)>,
     /// Largest displacement at the largest pressure, mm.
     pub displacement_mm: f64,
+    /// Largest stretch of the elastomer at the largest pressure.
+    pub stretch: f64,
     /// Why it ends there.
     pub reason: String,
 }
@@ -80,6 +87,7 @@ pub fn find(run: &Run<'_>, mut say: impl FnMut(&str)) -> Result<Pressures> {
     say(&format!("rest: sags by {sag:.1} mm"));
     let mut states = vec![(0.0, rest.clearance_mm)];
     let (mut displacement, mut failures) = (sag, 0);
+    let mut stretch = run.family.problem.stretches(&rest.state).largest;
     let mut step = FIRST_SHARE * run.family.actuator.elastomer.law.shear_modulus_mpa();
     let reason = loop {
         let pressure = rounded(states[states.len() - 1].0 + step);
@@ -97,6 +105,15 @@ pub fn find(run: &Run<'_>, mut say: impl FnMut(&str)) -> Result<Pressures> {
         };
         failures = 0;
         let now = largest_mm(solved);
+        let stretches = run.family.problem.stretches(&solved.state);
+        if stretches.beyond > MAX_BEYOND && states.len() >= FEWEST {
+            list.pop();
+            break format!(
+                "at {pressure} MPa {:.0} % of the silicone is beyond the stretches over which its law was fitted",
+                100.0 * stretches.beyond
+            );
+        }
+        stretch = stretches.largest;
         say(&format!("{pressure} MPa: bends by {now:.1} mm"));
         let slope = (now - displacement) / (pressure - states[states.len() - 1].0);
         states.push((pressure, solved.clearance_mm));
@@ -114,8 +131,8 @@ pub fn find(run: &Run<'_>, mut say: impl FnMut(&str)) -> Result<Pressures> {
         let way = ((wanted - sag) / STEPS).min(1.05 * (wanted - now));
         step = if slope > 0.0 { (way / slope).min(3.0 * step) } else { 2.0 * step };
     };
-    anyhow::ensure!(states.len() > 2, "only {} pressures could be solved ({reason})", states.len() - 1);
-    Ok(Pressures { states, displacement_mm: displacement, reason })
+    anyhow::ensure!(states.len() >= FEWEST, "only {} pressures could be solved ({reason})", states.len() - 1);
+    Ok(Pressures { states, displacement_mm: displacement, stretch, reason })
 }
 
 fn quiet(_: Event<'_>) {}

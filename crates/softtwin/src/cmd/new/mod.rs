@@ -1,5 +1,6 @@
 //! `softtwin new`: a folder with a commented actuator file.
 
+mod data_sheet;
 mod shape;
 mod silicone;
 mod text;
@@ -8,6 +9,7 @@ use crate::failure::usage;
 use crate::files::{quoted, refusal, save};
 use crate::output;
 use anyhow::Result;
+use data_sheet::Figure;
 use fem::actuator::Actuator;
 use shape::{Entry, Shape};
 use silicone::{SILICONES, Silicone};
@@ -23,6 +25,9 @@ Example: a finger of six chambers, 100 mm long, and its twin
 
 Without options on a terminal it asks for chambers, length, wall and silicone. Every other length follows the proportions of \
 the reference actuator; actuator.toml explains each, and all of them may be changed there.";
+
+/// Sag as a fraction of the length from which hanging is advised.
+const HANGING_SHARE: f64 = 0.15;
 
 /// Create a new actuator: a folder with a commented actuator.toml.
 #[derive(clap::Args)]
@@ -46,12 +51,25 @@ pub struct Args {
     /// Wall between cavity and slot in mm (0.5 to 20); the top is 0.8 and a side 1.2 of it [default: 2.5].
     #[arg(long, value_name = "MM", value_parser = crate::range::number(0.5, 20.0), help_heading = "Shape")]
     wall_mm: Option<f64>,
-    /// Silicone, with published constants: reference, elastosil-m4601, dragon-skin-30, dragon-skin-10-medium, ecoflex-00-50 or ecoflex-00-30.
+    /// Silicone: with a public tension test dragon-skin-30, -20, -10-medium, ecoflex-00-50, -00-30, -00-10; by published constants alone
+    /// reference, elastosil-m4601. Your own tests: `softtwin material fit`.
     #[arg(long, value_name = "NAME", value_parser = silicone::named, help_heading = "Material")]
     silicone: Option<&'static Silicone>,
     /// Instead: a neo-Hookean silicone of this shear modulus in MPa (0.005 to 10).
     #[arg(long, value_name = "MPA", conflicts_with = "silicone", value_parser = crate::range::number(0.005, 10.0), help_heading = "Material")]
     shear_modulus_mpa: Option<f64>,
+    /// Only a data sheet: Shore A hardness (5 to 80). The constants get a wide interval, which `softtwin build` carries on.
+    #[arg(long, value_name = "HARDNESS", group = "sheet", conflicts_with_all = ["silicone", "shear_modulus_mpa"], value_parser = crate::range::number(5.0, 80.0), help_heading = "Material")]
+    shore_a: Option<f64>,
+    /// Only a data sheet: Shore 00 hardness (10 to 60).
+    #[arg(long, value_name = "HARDNESS", group = "sheet", conflicts_with_all = ["silicone", "shear_modulus_mpa"], value_parser = crate::range::number(10.0, 60.0), help_heading = "Material")]
+    shore_00: Option<f64>,
+    /// Only a data sheet: nominal stress at 100 % elongation in MPa (0.01 to 10).
+    #[arg(long, value_name = "MPA", group = "sheet", conflicts_with_all = ["silicone", "shear_modulus_mpa"], value_parser = crate::range::number(0.01, 10.0), help_heading = "Material")]
+    modulus_100_mpa: Option<f64>,
+    /// Elongation at break in %, the end of the range of stretches (10 to 2000).
+    #[arg(long, value_name = "PERCENT", requires = "sheet", value_parser = crate::range::number(10.0, 2000.0), help_heading = "Material")]
+    elongation_percent: Option<f64>,
     /// Hangs down, base along the wall it is to touch; level when left out. Soft long fingers carry their weight only so.
     #[arg(long, help_heading = "Shape")]
     hanging: bool,
@@ -88,9 +106,67 @@ impl Args {
             actuator.base.length_mm,
             actuator.thinnest_wall_mm()
         )?;
+        self.print_material(&actuator)?;
+        self.print_sag(&actuator)?;
         output!("look at it and change what you like, then make its twin:")?;
         output!("  softtwin build {} --quick    few states, for a first look", quoted(&self.folder))?;
         output!("  softtwin build {}            for use", quoted(&self.folder))?;
+        Ok(())
+    }
+
+    /// Figure of a data sheet.
+    fn figure(&self) -> Option<Figure> {
+        let shore_a = self.shore_a.map(Figure::ShoreA);
+        shore_a.or(self.shore_00.map(Figure::Shore00)).or(self.modulus_100_mpa.map(Figure::Modulus100))
+    }
+
+    fn print_material(&self, actuator: &Actuator) -> Result<()> {
+        let shear = actuator.elastomer.law.shear_modulus_mpa();
+        match (self.figure(), actuator.elastomer.shear_interval_mpa) {
+            (Some(figure), Some([low, high])) => {
+                output!(
+                    "silicone: initial shear modulus {shear:.4} MPa, anywhere from {low:.4} to {high:.4} MPa ({}); a tension test to the \
+                     strains of use narrows it most: softtwin material fit",
+                    figure.source()
+                )?;
+            }
+            _ if self.shear_modulus_mpa.is_some() => {
+                output!("silicone: neo-Hookean, shear modulus {shear} MPa, as given")?
+            }
+            _ => {
+                let silicone = self.silicone.unwrap_or(&SILICONES[0]);
+                output!(
+                    "silicone: {}, initial shear modulus {shear:.4} MPa; {}",
+                    silicone.name,
+                    silicone.evidence()
+                )?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Sag under the actuator's weight, by beam theory.
+    fn print_sag(&self, actuator: &Actuator) -> Result<()> {
+        if self.hanging {
+            output!("it hangs: its weight pulls along it")?;
+            return Ok(());
+        }
+        let sag = actuator.sag_estimate_mm(1.0);
+        let band = actuator.elastomer.shear_interval_mpa.map_or_else(String::new, |interval| {
+            let shear = actuator.elastomer.law.shear_modulus_mpa();
+            let [most, least] = interval.map(|mpa| actuator.sag_estimate_mm(mpa / shear));
+            format!(" ({least:.0} to {most:.0} mm over the interval of its silicone)")
+        });
+        let share = sag / actuator.base.length_mm;
+        let advice = if share > HANGING_SHARE {
+            "; --hanging mounts it vertically, where it does not sag"
+        } else {
+            ""
+        };
+        output!(
+            "own weight: the tip sags by about {sag:.1} mm of {:.0} mm{band} by beam theory{advice}",
+            actuator.base.length_mm
+        )?;
         Ok(())
     }
 
@@ -108,7 +184,7 @@ impl Args {
     /// Asks on a terminal for what was not given, unless something was.
     fn ask(&mut self) -> Result<()> {
         let given = self.chambers.is_some() || self.length_mm.is_some() || self.wall_mm.is_some();
-        let material = self.silicone.is_some() || self.shear_modulus_mpa.is_some();
+        let material = self.silicone.is_some() || self.shear_modulus_mpa.is_some() || self.figure().is_some();
         if given || material || !std::io::stdin().is_terminal() {
             return Ok(());
         }
@@ -116,7 +192,12 @@ impl Args {
         self.length_mm = ask("length in mm, 0 for 9 mm a chamber", 0.0).map(|mm| (mm > 0.0).then_some(mm))?;
         self.wall_mm = Some(ask("wall between cavity and slot in mm", 2.5)?);
         for silicone in &SILICONES {
-            output!("  {:<21} shear modulus {} MPa; {}", silicone.name, silicone.shear_mpa, silicone.source)?;
+            output!(
+                "  {:<21} shear modulus {} MPa; {}",
+                silicone.name,
+                silicone.shear_mpa,
+                silicone.evidence()
+            )?;
         }
         let name: String = ask("silicone", SILICONES[0].name.to_owned())?;
         self.silicone = Some(silicone::named(&name).map_err(usage)?);
@@ -132,15 +213,35 @@ impl Args {
         };
         let mut entries: Vec<Entry> = shape.entries().map_err(usage)?;
         let silicone = self.silicone.unwrap_or(&SILICONES[0]);
-        let law = match self.shear_modulus_mpa {
-            Some(mu) => {
+        let mut elastomer = String::new();
+        let law = match (self.figure(), self.shear_modulus_mpa) {
+            (Some(figure), _) => {
+                let estimate = figure.estimate();
+                let [low, high] = estimate.interval_mpa.map(rounded);
+                elastomer = format!(
+                    "shear_interval_mpa = [{low:?}, {high:?}] # MPa, of the initial shear modulus, by the data sheet\n"
+                );
+                if let Some(percent) = self.elongation_percent {
+                    elastomer += &format!(
+                        "stretch_range = [1.0, {:?}]      # to the elongation at break\n",
+                        rounded(1.0 + 0.01 * percent)
+                    );
+                }
+                let mu = rounded(estimate.shear_mpa);
+                format!("# {}.\nlaw = \"neo-hookean\"\nmu_mpa = {mu:?}\n", figure.source())
+            }
+            (None, Some(mu)) => {
                 format!("# Own constant: a neo-Hookean silicone.\nlaw = \"neo-hookean\"\nmu_mpa = {mu:?}\n")
             }
-            None => {
+            (None, None) => {
                 let lines: String =
                     silicone.law.iter().map(|(key, value)| format!("{key} = {value}\n")).collect();
                 entries.push(("elastomer", "density_t_per_mm3", silicone.density_t_per_mm3.into()));
-                format!("# {}: {}.\n{lines}", silicone.name, silicone.source)
+                if let Some(test) = &silicone.test {
+                    elastomer =
+                        format!("stretch_range = [1.0, {:?}]        # of a bar, fitted\n", test.stretch);
+                }
+                format!("# {}: {}.\n{lines}", silicone.name, silicone.evidence())
             }
         };
         entries.push(("", "name", format!("\"{name}\"")));
@@ -152,8 +253,13 @@ impl Args {
             "# {name}: a soft pneumatic actuator, begun by `softtwin new`. `softtwin build {folder}` makes its mesh, its states and its\n\
              # twin. After a change here run it again.\n#\n"
         );
-        Ok(text::compose(&heading, &entries, &law, 2.0 * shape.wall_mm))
+        Ok(text::compose(&heading, &entries, [&elastomer, &law], 2.0 * shape.wall_mm))
     }
+}
+
+/// Three significant digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
 }
 
 /// Asks for a value on the terminal; an empty line takes the one in brackets.

@@ -12,16 +12,33 @@ pub struct Silicone {
     pub shear_mpa: f64,
     /// Where the constants come from.
     pub source: &'static str,
+    /// The public test behind the constants.
+    pub test: Option<PublicTest>,
 }
 
+/// Public tension test.
+pub struct PublicTest {
+    /// Largest stretch that was fitted.
+    pub stretch: f64,
+    /// RMS error, % of the largest stress.
+    pub rms_percent: f64,
+}
+
+const STRIPS: &str = "`softtwin material fit` on a tension test of the Soft-Robotics-Materials-Database (github.com/LucMarechal), commit \
+                      8ff66c3; density of the data sheet";
+
+const MORE_STRIPS: &str = "`softtwin material fit` on 30 to 54 rows of a tension test of the Soft-Robotics-Materials-Database \
+                           (github.com/LucMarechal), commit 0f67d88; density of the data sheet";
+
 /// All of them; the first is the default.
-pub const SILICONES: [Silicone; 6] = [
+pub const SILICONES: [Silicone; 8] = [
     Silicone {
         name: "reference",
         law: &[("law", "\"gent\""), ("mu_mpa", "0.8"), ("jm", "6.0")],
         density_t_per_mm3: "1.0e-9",
         shear_mpa: 0.8,
         source: "Pu, Hu, Liu, Niu, An, Int. J. Solids Struct. 2026: the elastomer of the reference actuator",
+        test: None,
     },
     Silicone {
         name: "elastosil-m4601",
@@ -29,40 +46,92 @@ pub const SILICONES: [Silicone; 6] = [
         density_t_per_mm3: "1.13e-9",
         shear_mpa: 0.22,
         source: "Soft Robotics Toolkit (softroboticstoolkit.com), PneuNets bending actuators, modeling",
+        test: None,
     },
     Silicone {
         name: "dragon-skin-30",
-        law: &[("law", "\"yeoh\""), ("c10_mpa", "0.1193"), ("c20_mpa", "0.00306"), ("c30_mpa", "0.0")],
+        law: &[("law", "\"ogden\""), ("mu1_mpa", "0.144777"), ("alpha1", "2.71607")],
         density_t_per_mm3: "1.08e-9",
-        shear_mpa: 0.239,
-        source: "fitted to a tension test at strain 0.02 to 3, RMS 1.9 % of its largest stress: Soft-Robotics-Materials-Database \
-                 (github.com/LucMarechal), commit 8ff66c3; density of the data sheet",
+        shear_mpa: 0.197,
+        source: STRIPS,
+        test: Some(PublicTest { stretch: 4.0, rms_percent: 0.90 }),
+    },
+    Silicone {
+        name: "dragon-skin-20",
+        law: &[("law", "\"ogden\""), ("mu1_mpa", "0.0965366"), ("alpha1", "2.82639")],
+        density_t_per_mm3: "1.08e-9",
+        shear_mpa: 0.136,
+        source: MORE_STRIPS,
+        test: Some(PublicTest { stretch: 4.0, rms_percent: 0.86 }),
     },
     Silicone {
         name: "dragon-skin-10-medium",
-        law: &[("law", "\"yeoh\""), ("c10_mpa", "0.0311"), ("c20_mpa", "0.00104"), ("c30_mpa", "0.0")],
+        law: &[
+            ("law", "\"yeoh\""),
+            ("c10_mpa", "0.0242928"),
+            ("c20_mpa", "0.00225046"),
+            ("c30_mpa", "-5.42765e-5"),
+        ],
         density_t_per_mm3: "1.07e-9",
-        shear_mpa: 0.0622,
-        source: "fitted to a tension test at strain 0.02 to 3, RMS 2.4 % of its largest stress: Soft-Robotics-Materials-Database \
-                 (github.com/LucMarechal), commit 8ff66c3; density of the data sheet",
+        shear_mpa: 0.0486,
+        source: STRIPS,
+        test: Some(PublicTest { stretch: 4.0, rms_percent: 0.77 }),
     },
     Silicone {
         name: "ecoflex-00-50",
-        law: &[("law", "\"yeoh\""), ("c10_mpa", "0.01108"), ("c20_mpa", "0.000188"), ("c30_mpa", "0.0")],
+        law: &[
+            ("law", "\"ogden\""),
+            ("mu1_mpa", "0.0166585"),
+            ("alpha1", "2.40842"),
+            ("mu2_mpa", "1.36228e-5"),
+            ("alpha2", "5.71541"),
+        ],
         density_t_per_mm3: "1.07e-9",
-        shear_mpa: 0.0222,
-        source: "fitted to a tension test at strain 0.02 to 3, RMS 0.6 % of its largest stress: Soft-Robotics-Materials-Database \
-                 (github.com/LucMarechal), commit 8ff66c3; density of the data sheet",
+        shear_mpa: 0.0201,
+        source: STRIPS,
+        test: Some(PublicTest { stretch: 4.0, rms_percent: 0.21 }),
     },
     Silicone {
         name: "ecoflex-00-30",
-        law: &[("law", "\"yeoh\""), ("c10_mpa", "0.00793"), ("c20_mpa", "0.0000854"), ("c30_mpa", "0.0")],
+        law: &[
+            ("law", "\"ogden\""),
+            ("mu1_mpa", "0.0135641"),
+            ("alpha1", "2.22708"),
+            ("mu2_mpa", "8.57298e-6"),
+            ("alpha2", "5.81547"),
+        ],
         density_t_per_mm3: "1.07e-9",
-        shear_mpa: 0.0159,
-        source: "fitted to a tension test at strain 0.02 to 3, RMS 0.5 % of its largest stress: Soft-Robotics-Materials-Database \
-                 (github.com/LucMarechal), commit 8ff66c3; density of the data sheet",
+        shear_mpa: 0.0151,
+        source: STRIPS,
+        test: Some(PublicTest { stretch: 4.0, rms_percent: 0.43 }),
+    },
+    Silicone {
+        name: "ecoflex-00-10",
+        law: &[
+            ("law", "\"yeoh\""),
+            ("c10_mpa", "0.00359612"),
+            ("c20_mpa", "0.000139825"),
+            ("c30_mpa", "-2.72637e-7"),
+        ],
+        density_t_per_mm3: "1.04e-9",
+        shear_mpa: 0.00719,
+        source: MORE_STRIPS,
+        test: Some(PublicTest { stretch: 4.0, rms_percent: 0.45 }),
     },
 ];
+
+impl Silicone {
+    /// Source, with range and error of the test behind it.
+    pub fn evidence(&self) -> String {
+        match &self.test {
+            Some(test) => format!(
+                "stretches 1 to {}, RMS {} % of the largest stress: {}",
+                test.stretch, test.rms_percent, self.source
+            ),
+            None => format!("published constants, compared with no public test: {}", self.source),
+        }
+    }
+}
 
 /// The silicone of that name.
 ///

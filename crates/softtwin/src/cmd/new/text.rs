@@ -18,8 +18,8 @@ netgen_passes = 1                 # passes of the Netgen optimiser
 random_seed = 34                  # of gmsh
 ";
 
-/// The file: `heading` above, `entries` in place of the reference's values, `law` as the elastomer's law.
-pub fn compose(heading: &str, entries: &[Entry], law: &str, size_mm: f64) -> String {
+/// The file: `heading` above, `entries` in place of the reference's values, `elastomer` as further lines of the elastomer and `law` as its law.
+pub fn compose(heading: &str, entries: &[Entry], [elastomer, law]: [&str; 2], size_mm: f64) -> String {
     let body = REFERENCE.find("# Actuator frame").map_or(REFERENCE, |at| &REFERENCE[at..]);
     let (mut section, mut text) = (String::new(), heading.to_owned());
     for line in body.lines() {
@@ -31,7 +31,7 @@ pub fn compose(heading: &str, entries: &[Entry], law: &str, size_mm: f64) -> Str
         match (section.as_str(), entry) {
             ("mesh", _) => {}
             ("elastomer.law", _) if line.contains(" = ") => {}
-            ("elastomer.law", _) if line.starts_with('[') => text += &format!("{line}\n{law}"),
+            ("elastomer.law", _) if line.starts_with('[') => text += &format!("{elastomer}{line}\n{law}"),
             (_, Some((_, _, value))) => text += &replaced(line, key, value),
             _ => text += &format!("{line}\n"),
         }

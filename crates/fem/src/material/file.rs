@@ -1,0 +1,79 @@
+//! Material files: the elastomer of an actuator with the tests behind it.
+
+use super::Elastomer;
+use formats::{Diagnostic, FormatError, file};
+use serde::Deserialize;
+use std::path::Path;
+
+/// Content of a material file; `elastomer.file` of `actuator.toml` names it.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialFile {
+    /// Layout version, 1.
+    pub layout: u32,
+    /// The elastomer.
+    pub elastomer: Elastomer,
+    /// The fit.
+    pub fit: Option<FitRecord>,
+}
+
+/// Fit behind the constants.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FitRecord {
+    /// RMS error over all tests, % of the largest stress.
+    pub rms_percent: f64,
+    /// The tests.
+    pub tests: Vec<TestRecord>,
+}
+
+/// Test that was fitted.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TestRecord {
+    /// Name of its table.
+    pub file: String,
+    /// Kind.
+    pub test: String,
+    /// RMS error, % of its largest stress.
+    pub rms_percent: f64,
+}
+
+impl MaterialFile {
+    /// Reads and checks the file.
+    ///
+    /// # Errors
+    /// I/O error, invalid TOML, constants out of range.
+    pub fn read(path: &Path) -> Result<Self, FormatError> {
+        let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
+        let wrong = |place: &str, expected: &str, found: String| {
+            FormatError::one(path, Diagnostic::new(place, expected, found))
+        };
+        let this: Self = toml::from_str(&text).map_err(|error| {
+            wrong("content", "a file of `softtwin material fit`", error.to_string().trim_end().to_owned())
+        })?;
+        if this.layout != 1 {
+            return Err(wrong("layout", "1", this.layout.to_string()));
+        }
+        this.elastomer.check().map_err(|e| wrong(e.name, e.expected, e.found.to_string()))?;
+        Ok(this)
+    }
+
+    /// Source and range in one line.
+    #[must_use]
+    pub fn summary(&self) -> String {
+        let law = self.elastomer.law.name();
+        let range = self
+            .elastomer
+            .stretch_range
+            .map_or_else(String::new, |[low, high]| format!(", stretches {low} to {high}"));
+        match &self.fit {
+            None => format!("{law}{range}"),
+            Some(fit) => {
+                let tests: Vec<String> =
+                    fit.tests.iter().map(|test| format!("{} ({})", test.file, test.test)).collect();
+                format!("{law}, fitted to {}, RMS {} %{range}", tests.join(", "), fit.rms_percent)
+            }
+        }
+    }
+}

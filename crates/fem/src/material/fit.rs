@@ -1,0 +1,361 @@
+//! Constants of a law from homogeneous tests.
+//!
+//! Minimises `sum_t w_t^2 mean_i ((P(l_i) - P_i) / max|P_t|)^2` over the tests `t`: each counts by its weight, whatever its number of rows
+//! and its unit. Linear constants follow from normal equations, the others (`jm`, exponents) from a grid and a simplex search.
+
+use super::law::Hyperelastic;
+use super::least_squares::{Gram, inverse, minimum};
+use super::tension::{Deformation, invariant, stretch_at};
+
+/// A test: stretches and nominal stresses (MPa), in any order.
+#[derive(Clone, Debug)]
+pub struct Test {
+    /// Deformation.
+    pub deformation: Deformation,
+    /// Stretch and nominal stress (MPa).
+    pub points: Vec<[f64; 2]>,
+    /// Weight of the test's RMS error.
+    pub weight: f64,
+}
+
+impl Test {
+    /// Largest magnitude of the stress, MPa.
+    #[must_use]
+    pub fn largest_mpa(&self) -> f64 {
+        self.points.iter().map(|p| p[1].abs()).fold(0.0, f64::max)
+    }
+
+    /// RMS and largest difference between a law and the test, MPa; infinite beyond the law's limit.
+    #[must_use]
+    pub fn error_mpa(&self, law: &Hyperelastic) -> [f64; 2] {
+        let off = |p: &[f64; 2]| {
+            law.nominal_stress_mpa(self.deformation, p[0]).map_or(f64::INFINITY, |s| (s - p[1]).abs())
+        };
+        let (sum, largest) =
+            self.points.iter().map(off).fold((0.0, 0.0_f64), |(s, m), e| (s + e * e, m.max(e)));
+        [(sum / self.points.len().max(1) as f64).sqrt(), largest]
+    }
+
+    /// Means of consecutive rows by stretch, at most [`BINS`].
+    fn thinned(&self) -> Self {
+        let mut points = self.points.clone();
+        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let size = points.len().div_ceil(BINS).max(1);
+        let mean =
+            |rows: &[[f64; 2]]| [0, 1].map(|k| rows.iter().map(|p| p[k]).sum::<f64>() / rows.len() as f64);
+        Self { points: points.chunks(size).map(mean).collect(), ..self.clone() }
+    }
+}
+
+/// Most points of a test that enter the search.
+const BINS: usize = 250;
+/// Parts of consecutive stretches of each test; all but the first and the last are left out in turn: the range of a law is stated, so what
+/// it predicts beyond does not choose it.
+const PARTS: usize = 8;
+/// Largest magnitude of an exponent.
+const LARGEST_EXPONENT: f64 = 12.0;
+/// Difference of exponents below which two terms are one.
+const SAME_EXPONENT: f64 = 0.1;
+/// Grid of the exponents.
+const GRID_STEP: f64 = 0.5;
+
+/// Laws that can be fitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Family {
+    /// One constant.
+    NeoHookean,
+    /// Two constants.
+    MooneyRivlin,
+    /// Two constants.
+    Gent,
+    /// Three constants.
+    Yeoh,
+    /// Two terms, four constants.
+    Ogden2,
+    /// Three terms, six constants.
+    Ogden3,
+}
+
+/// Fitted law.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// Family.
+    pub family: Family,
+    /// Law with its constants.
+    pub law: Hyperelastic,
+    /// Half-widths of the 95 % confidence intervals, in the order of [`Hyperelastic::constants`]; `None` where the tests leave a constant
+    /// open or it is at a bound.
+    pub half_widths: Vec<Option<f64>>,
+    /// RMS error as a fraction of the largest stress, over all tests by weight.
+    pub error: f64,
+    /// The same over inner parts of the tests, each predicted from the others.
+    pub held_out_error: f64,
+    /// Stretch of a bar from which the law is unstable ([`Hyperelastic::stable_to`]).
+    pub stable_to: Option<f64>,
+}
+
+/// Fits families; a three-term law that needs no third term is left out.
+#[must_use]
+pub fn fit_all(families: &[Family], tests: &[Test]) -> Vec<Fitted> {
+    let mut all: Vec<Fitted> = families.iter().filter_map(|family| fit(*family, tests)).collect();
+    let terms = |fitted: &Fitted| fitted.law.constants().len();
+    let two = all.iter().find(|fitted| fitted.family == Family::Ogden2).map(terms);
+    all.retain(|fitted| fitted.family != Family::Ogden3 || two.is_none_or(|two| terms(fitted) > two));
+    all
+}
+
+/// Fits a family; `None` if no constants are stable over the tests' first invariants.
+#[must_use]
+pub fn fit(family: Family, tests: &[Test]) -> Option<Fitted> {
+    let thinned: Vec<Test> = tests.iter().map(Test::thinned).collect();
+    let reach = reach(tests);
+    let law = solve(family, &Rows::of(&thinned), reach)?;
+    let error = combined(tests.iter().map(|test| (test, test.error_mpa(&law)[0])));
+    Some(Fitted {
+        family,
+        law,
+        half_widths: half_widths(&law, &thinned),
+        error,
+        held_out_error: held_out(family, &thinned, reach).unwrap_or(f64::INFINITY),
+        stable_to: law.stable_to(),
+    })
+}
+
+/// Error below which laws count as equal: the repeatability of such tests.
+const EQUAL: f64 = 0.001;
+
+impl Fitted {
+    /// The better one: by the error over parts left out; among equals (10 %, or 0.1 % of the largest stress) the law that is stable
+    /// everywhere, then the one with fewer constants.
+    #[must_use]
+    pub fn best(mut fitted: Vec<Self>) -> Option<Self> {
+        let least = fitted.iter().map(|f| f.held_out_error).min_by(f64::total_cmp)?;
+        fitted.retain(|f| f.held_out_error <= (1.1 * least).max(least + EQUAL));
+        fitted.into_iter().min_by(|a, b| {
+            let key = |f: &Self| (f.stable_to.is_some(), f.law.constants().len());
+            key(a).cmp(&key(b)).then(a.held_out_error.total_cmp(&b.held_out_error))
+        })
+    }
+}
+
+/// Smallest and largest stretch of a bar whose first invariant the tests reach; the smallest is 1 unless a bar was compressed.
+#[must_use]
+pub fn stretch_range(tests: &[Test]) -> [f64; 2] {
+    let low = tests.iter().filter(|test| test.deformation == Deformation::Uniaxial);
+    let low = low.flat_map(|test| &test.points).map(|p| p[0]).fold(1.0, f64::min);
+    let high = stretch_at(tests.iter().flat_map(invariants).fold(3.0, f64::max));
+    // A bar's compression has the invariant of a larger tension.
+    let tension = tests.iter().any(|test| test.points.iter().any(|p| p[0] > 1.0));
+    [low, if tension || low == 1.0 { high } else { 1.0 }]
+}
+
+fn invariants(test: &Test) -> impl Iterator<Item = f64> {
+    test.points.iter().map(|p| test.deformation.invariant(p[0]))
+}
+
+/// Largest first invariant of the tests.
+fn reach(tests: &[Test]) -> f64 {
+    let [low, high] = stretch_range(tests);
+    invariant(low).max(invariant(high))
+}
+
+fn is_stable(law: &Hyperelastic, reach: f64) -> bool {
+    law.stable_to().is_none_or(|stretch| invariant(stretch) >= reach)
+}
+
+fn combined<'a>(errors: impl Iterator<Item = (&'a Test, f64)>) -> f64 {
+    let of = |(test, rms): (&Test, f64)| {
+        let squared = test.weight * test.weight;
+        (squared * (rms / test.largest_mpa()).powi(2), squared)
+    };
+    let (sum, weights) = errors.map(of).fold((0.0, 0.0), |(a, b), (c, d)| (a + c, b + d));
+    (sum / weights).sqrt()
+}
+
+/// Weighted rows of all tests.
+struct Rows {
+    points: Vec<(Deformation, f64)>,
+    factor: Vec<f64>,
+    stress: Vec<f64>,
+}
+
+impl Rows {
+    fn of(tests: &[Test]) -> Self {
+        let mut rows = Self { points: Vec::new(), factor: Vec::new(), stress: Vec::new() };
+        for test in tests {
+            let factor = test.weight / (test.largest_mpa() * (test.points.len() as f64).sqrt());
+            for p in &test.points {
+                rows.points.push((test.deformation, p[0]));
+                rows.factor.push(factor);
+                rows.stress.push(factor * p[1]);
+            }
+        }
+        rows
+    }
+
+    /// Column of a law with unit constants.
+    fn column(&self, law: &Hyperelastic) -> Vec<f64> {
+        let value = |((deformation, stretch), factor): (&(Deformation, f64), &f64)| {
+            factor * law.nominal_stress_mpa(*deformation, *stretch).unwrap_or(f64::INFINITY)
+        };
+        self.points.iter().zip(&self.factor).map(value).collect()
+    }
+
+    fn gram(&self, laws: &[Hyperelastic]) -> Gram {
+        Gram::new(&laws.iter().map(|law| self.column(law)).collect::<Vec<_>>(), &self.stress)
+    }
+}
+
+fn yeoh(c: &[f64]) -> Hyperelastic {
+    Hyperelastic::Yeoh { c10_mpa: c[0], c20_mpa: c[1], c30_mpa: c[2] }
+}
+
+fn mooney_rivlin(c: &[f64]) -> Hyperelastic {
+    Hyperelastic::MooneyRivlin { c10_mpa: c[0], c01_mpa: c[1] }
+}
+
+fn power(alpha: f64) -> Hyperelastic {
+    ogden(&[1.0], &[alpha])
+}
+
+fn ogden(mu: &[f64], alpha: &[f64]) -> Hyperelastic {
+    // Terms with a factor are written first; terms with nearly the same exponent are one.
+    let mut terms: Vec<(f64, f64)> = Vec::new();
+    for (mu, alpha) in mu.iter().copied().zip(alpha.iter().copied()).filter(|term| term.0 != 0.0) {
+        match terms.iter_mut().find(|term| (term.1 - alpha).abs() < SAME_EXPONENT) {
+            Some(term) => *term = (term.0 + mu, (term.0 * term.1 + mu * alpha) / (term.0 + mu)),
+            None => terms.push((mu, alpha)),
+        }
+    }
+    terms.resize(3, (0.0, 0.0));
+    let [(mu1_mpa, alpha1), (mu2_mpa, alpha2), (mu3_mpa, alpha3)] = [terms[0], terms[1], terms[2]];
+    Hyperelastic::Ogden { mu1_mpa, alpha1, mu2_mpa, alpha2, mu3_mpa, alpha3 }
+}
+
+fn solve(family: Family, rows: &Rows, reach: f64) -> Option<Hyperelastic> {
+    let stable = |law: &Hyperelastic| law.shear_modulus_mpa() > 0.0 && is_stable(law, reach);
+    // Linear laws: least squares where that is stable, otherwise with constants that are not negative.
+    let linear = |units: &[Hyperelastic], law: fn(&[f64]) -> Hyperelastic| {
+        let gram = rows.gram(units);
+        let free = gram.solve().map(|(c, _)| law(&c)).filter(stable);
+        free.or_else(|| gram.solve_signed(&vec![1.0; units.len()]).map(|(c, _)| law(&c)).filter(stable))
+    };
+    match family {
+        Family::NeoHookean => {
+            linear(&[Hyperelastic::NeoHookean { mu_mpa: 1.0 }], |c| Hyperelastic::NeoHookean { mu_mpa: c[0] })
+        }
+        Family::MooneyRivlin => linear(&[[1.0, 0.0], [0.0, 1.0]].map(|c| mooney_rivlin(&c)), mooney_rivlin),
+        Family::Yeoh => linear(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|c| yeoh(&c)), yeoh),
+        Family::Gent => {
+            // Within 95 % of the limit, where the element accepts states.
+            let least = (reach - 3.0) / 0.95;
+            let at = |x: f64| least * (1.0 + x.exp());
+            let of =
+                |x: f64| rows.gram(&[Hyperelastic::Gent { mu_mpa: 1.0, jm: at(x) }]).solve_signed(&[1.0]);
+            let cost = |x: f64| of(x).map_or(f64::INFINITY, |(_, sum)| sum);
+            let start =
+                (-12..=14).map(|k| 0.5 * f64::from(k)).min_by(|a, b| cost(*a).total_cmp(&cost(*b)))?;
+            let x = minimum(&[start], 0.2, |x| cost(x[0].clamp(-8.0, 10.0)))[0].clamp(-8.0, 10.0);
+            Some(Hyperelastic::Gent { mu_mpa: of(x)?.0[0], jm: at(x) })
+        }
+        Family::Ogden2 => exponents(rows, 2),
+        Family::Ogden3 => exponents(rows, 3),
+    }
+}
+
+/// Sums of powers with `mu alpha >= 0`, stable at every stretch.
+fn exponents(rows: &Rows, terms: usize) -> Option<Hyperelastic> {
+    let count = (LARGEST_EXPONENT / GRID_STEP) as i32;
+    let grid: Vec<f64> = (-count..=count).filter(|k| *k != 0).map(|k| GRID_STEP * f64::from(k)).collect();
+    let gram = rows.gram(&grid.iter().map(|alpha| power(*alpha)).collect::<Vec<_>>());
+    let mut best: Vec<(f64, Vec<usize>)> = Vec::new();
+    let mut consider = |chosen: Vec<usize>| {
+        let signs: Vec<f64> = chosen.iter().map(|k| grid[*k].signum()).collect();
+        if let Some((_, sum)) = gram.part(&chosen).solve_signed(&signs) {
+            best.push((sum, chosen));
+        }
+    };
+    for i in 0..grid.len() {
+        for j in i + 1..grid.len() {
+            if terms == 2 {
+                consider(vec![i, j]);
+                continue;
+            }
+            // A coarser grid for three terms.
+            (j + 1..grid.len())
+                .filter(|k| i % 3 == 0 && j % 3 == 1 && k % 3 == 2)
+                .for_each(|k| consider(vec![i, j, k]));
+        }
+    }
+    best.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let of = |x: &[f64]| {
+        let alpha: Vec<f64> = x.iter().map(|a| a.clamp(-LARGEST_EXPONENT, LARGEST_EXPONENT)).collect();
+        if alpha.iter().any(|a| a.abs() < 0.05) {
+            return None;
+        }
+        let signs: Vec<f64> = alpha.iter().map(|a| a.signum()).collect();
+        let gram = rows.gram(&alpha.iter().map(|a| power(*a)).collect::<Vec<_>>());
+        gram.solve_signed(&signs).map(|(mu, sum)| (ogden(&mu, &alpha), sum))
+    };
+    let refine = |(_, chosen): &(f64, Vec<usize>)| {
+        let start: Vec<f64> = chosen.iter().map(|k| grid[*k]).collect();
+        of(&minimum(&start, 0.3, |x| of(x).map_or(f64::INFINITY, |(_, sum)| sum)))
+    };
+    best.iter().take(2).filter_map(refine).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(law, _)| law)
+}
+
+/// RMS error over parts of consecutive stretches, each predicted from the others.
+fn held_out(family: Family, tests: &[Test], reach: f64) -> Option<f64> {
+    let mut sum = 0.0;
+    for part in 1..PARTS - 1 {
+        let is_out = |at: usize, of: usize| at * PARTS / of == part;
+        let split = |out: bool| -> Vec<Test> {
+            let keep = |test: &Test| {
+                let points = test.points.iter().enumerate();
+                let kept = points.filter(|(at, _)| is_out(*at, test.points.len()) == out).map(|(_, p)| *p);
+                Test { points: kept.collect(), ..test.clone() }
+            };
+            tests.iter().map(keep).collect()
+        };
+        let law = solve(family, &Rows::of(&split(false)), reach)?;
+        let out = split(true);
+        let scaled = tests.iter().zip(&out).map(|(whole, part)| (whole, part.error_mpa(&law)[0]));
+        sum += combined(scaled).powi(2) / (PARTS - 2) as f64;
+    }
+    Some(sum.sqrt())
+}
+
+/// Half-widths of the 95 % intervals from the Jacobian at the solution. Residuals of neighbouring stretches are correlated: the number of
+/// independent ones is `n (1 - r) / (1 + r)` with the correlation `r` of neighbours.
+fn half_widths(law: &Hyperelastic, tests: &[Test]) -> Vec<Option<f64>> {
+    let rows = Rows::of(tests);
+    let constants = law.constants();
+    let residuals: Vec<f64> = rows.column(law).iter().zip(&rows.stress).map(|(a, b)| a - b).collect();
+    let open: Vec<usize> = (0..constants.len()).filter(|k| constants[*k].1 != 0.0).collect();
+    let columns: Vec<Vec<f64>> = open
+        .iter()
+        .map(|k| {
+            let step = 1.0e-5 * constants[*k].1;
+            let (up, down) = (rows.column(&law.with(*k, step)), rows.column(&law.with(*k, -step)));
+            up.iter().zip(&down).map(|(up, down)| (up - down) / 2.0e-5).collect()
+        })
+        .collect();
+    let sum: f64 = residuals.iter().map(|r| r * r).sum();
+    let neighbours: f64 = residuals.windows(2).map(|pair| pair[0] * pair[1]).sum();
+    let correlation = if sum > 0.0 { (neighbours / sum).clamp(0.0, 0.99) } else { 0.0 };
+    let n = residuals.len() as f64;
+    let independent = (n * (1.0 - correlation) / (1.0 + correlation)).max(2.0);
+    let free = (independent - open.len() as f64).max(1.0);
+    let product = |a: usize, b: usize| columns[a].iter().zip(&columns[b]).map(|(x, y)| x * y).sum::<f64>();
+    let matrix: Vec<Vec<f64>> =
+        (0..open.len()).map(|a| (0..open.len()).map(|b| product(a, b)).collect()).collect();
+    let mut half_widths = vec![None; constants.len()];
+    if let Some(inverse) = inverse(&matrix) {
+        // Relative to the constants: the columns are derivatives with respect to their logarithms.
+        for (at, k) in open.iter().enumerate() {
+            let relative = 1.96 * (inverse[at][at] * sum / free).sqrt();
+            half_widths[*k] = Some(relative * constants[*k].1.abs());
+        }
+    }
+    half_widths
+}

@@ -1,0 +1,171 @@
+//! Constitutive laws: isochoric hyperelastic energies, and the linear elastic sheet.
+//!
+//! The elastomer's energy per undeformed volume is `W + p (J - 1) - p^2 / (2 K)` with one pressure `p` per element. `W` is a function of
+//! `I = J^(-2/3) tr(F^T F)`, or a sum of powers of the principal stretches of `J^(-1/3) F`.
+
+mod check;
+mod file;
+pub mod fit;
+mod law;
+mod least_squares;
+mod principal;
+mod tension;
+
+pub use check::MaterialError;
+pub use file::{FitRecord, MaterialFile, TestRecord};
+pub use law::Hyperelastic;
+pub(crate) use law::{Dependence, Power};
+pub(crate) use principal::{Principal, is_stable_invariant};
+pub use tension::Deformation;
+pub(crate) use tension::{invariant as bar_invariant, stretch_at as bar_stretch};
+
+pub(crate) use check::{at_least_zero, positive};
+use serde::{Deserialize, Serialize};
+
+/// Volume change that the bulk modulus resists.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum VolumeChange {
+    /// Mean over each element: nearly incompressible rubber does not lock.
+    #[default]
+    Mean,
+    /// Value at each Gauss point, as in the C3D10 of other programs: for compressible rubber; a large bulk modulus locks.
+    Points,
+}
+
+impl VolumeChange {
+    fn is_mean(&self) -> bool {
+        *self == Self::Mean
+    }
+}
+
+/// A nearly incompressible elastomer.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Elastomer {
+    /// Isochoric energy.
+    pub law: Hyperelastic,
+    /// Bulk modulus `K` (MPa); 2000 for rubber.
+    pub bulk_mpa: f64,
+    /// Mass density (t/mm3).
+    pub density_t_per_mm3: f64,
+    /// Volume change that the bulk modulus resists; default: the mean over each element.
+    #[serde(default, skip_serializing_if = "VolumeChange::is_mean")]
+    pub volume_change: VolumeChange,
+    /// Stretches of a bar in tension or compression between which the law was fitted; required of a law that is not stable everywhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stretch_range: Option<[f64; 2]>,
+    /// Interval of the initial shear modulus (MPa) of constants that were not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shear_interval_mpa: Option<[f64; 2]>,
+}
+
+impl Elastomer {
+    /// Bulk modulus of the element pressure (MPa); 0 if each Gauss point has its own pressure.
+    pub(crate) fn element_bulk_mpa(&self) -> f64 {
+        if self.volume_change.is_mean() { self.bulk_mpa } else { 0.0 }
+    }
+
+    /// Bulk modulus of the pressure at each Gauss point (MPa); 0 if the element has one pressure.
+    pub(crate) fn point_bulk_mpa(&self) -> f64 {
+        self.bulk_mpa - self.element_bulk_mpa()
+    }
+
+    /// Checks that the formulation is valid for the constants.
+    ///
+    /// # Errors
+    /// [`MaterialError`] names the first constant out of range.
+    pub(crate) fn check(&self) -> Result<(), MaterialError> {
+        self.law.check()?;
+        self.check_stability()?;
+        if let Some([low, high]) = self.shear_interval_mpa {
+            let shear = self.law.shear_modulus_mpa();
+            if !(low > 0.0 && low <= shear && high >= shear && high.is_finite()) {
+                let expected = "[low, high] in MPa around the initial shear modulus";
+                return Err(MaterialError {
+                    law: "elastomer",
+                    name: "shear_interval_mpa",
+                    found: shear,
+                    expected,
+                });
+            }
+        }
+        // Below ten shear moduli the split into W(I) and pressure no longer describes a rubber.
+        if !(self.bulk_mpa.is_finite() && self.bulk_mpa >= 10.0 * self.law.shear_modulus_mpa()) {
+            let expected = "at least 10 times the shear modulus";
+            return Err(MaterialError { law: "elastomer", name: "bulk_mpa", found: self.bulk_mpa, expected });
+        }
+        at_least_zero("elastomer", "density_t_per_mm3", self.density_t_per_mm3)
+    }
+}
+
+impl Elastomer {
+    /// Checks that the law is stable over its range, or everywhere without one.
+    fn check_stability(&self) -> Result<(), MaterialError> {
+        let error =
+            |name, found, expected| Err(MaterialError { law: self.law.name(), name, found, expected });
+        let Some([low, high]) = self.stretch_range else {
+            return match self.law.stable_to() {
+                Some(stretch) => error("stretch_range", stretch, LIMITED),
+                None => Ok(()),
+            };
+        };
+        if !(low > 0.0 && low <= 1.0 && high >= 1.0 && high.is_finite()) {
+            return error(
+                "stretch_range",
+                if low > 0.0 && low <= 1.0 { high } else { low },
+                "[low, high] around 1",
+            );
+        }
+        let needed = tension::invariant(low).max(tension::invariant(high));
+        match self.law.stable_to() {
+            Some(stretch) if tension::invariant(stretch) < needed => error("stretch_range", stretch, STABLE),
+            _ => Ok(()),
+        }
+    }
+}
+
+const LIMITED: &str = "a range that ends at the stretch found, from which on the law is unstable, or constants that are stable everywhere";
+const STABLE: &str = "a range within the stretch found, from which on the law is unstable";
+
+/// The strain-limiting sheet: a linear elastic plate, weightless as in the authors' model.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SheetMaterial {
+    /// Young's modulus (MPa).
+    pub youngs_mpa: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Thickness (mm).
+    pub thickness_mm: f64,
+    /// Interior-penalty factor `eta` of the plate bending across element edges (5 is stable on quadratic triangles).
+    pub bending_penalty: f64,
+}
+
+impl SheetMaterial {
+    /// Bending stiffness `D = E t^3 / (12 (1 - nu^2))` (N mm).
+    pub(crate) fn bending_stiffness_n_mm(&self) -> f64 {
+        self.youngs_mpa * self.thickness_mm.powi(3) / (12.0 * (1.0 - self.poisson * self.poisson))
+    }
+
+    /// Plane-stress membrane stiffness: the entries 11, 12 and 33 of the resultant-strain relation (N/mm).
+    pub(crate) fn membrane_stiffness_n_per_mm(&self) -> [f64; 3] {
+        let c11 = self.youngs_mpa * self.thickness_mm / (1.0 - self.poisson * self.poisson);
+        [c11, c11 * self.poisson, 0.5 * c11 * (1.0 - self.poisson)]
+    }
+
+    /// Checks that the constants are in range.
+    ///
+    /// # Errors
+    /// [`MaterialError`] names the first constant out of range.
+    pub(crate) fn check(&self) -> Result<(), MaterialError> {
+        positive("sheet", "youngs_mpa", self.youngs_mpa)?;
+        positive("sheet", "thickness_mm", self.thickness_mm)?;
+        positive("sheet", "bending_penalty", self.bending_penalty)?;
+        if self.poisson > -1.0 && self.poisson < 0.5 {
+            return Ok(());
+        }
+        let expected = "between -1 and 0.5";
+        Err(MaterialError { law: "sheet", name: "poisson", found: self.poisson, expected })
+    }
+}

@@ -1,0 +1,38 @@
+//! Stretches that a state reaches, against the range over which the law of its elastomer was fitted.
+
+use crate::algebra::{det_inv_transpose, dot};
+use crate::material::{bar_invariant, bar_stretch};
+use crate::problem::Problem;
+use crate::state::State;
+
+/// Stretches of a state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stretches {
+    /// Stretch of a bar with the largest first invariant of the elastomer.
+    pub largest: f64,
+    /// Fraction of the elastomer's volume beyond the range of its law; 0 without a range.
+    pub beyond: f64,
+}
+
+impl Problem {
+    /// Stretches of a state at the Gauss points.
+    #[must_use]
+    pub fn stretches(&self, state: &State) -> Stretches {
+        let (mut largest, mut beyond, mut volume) = (3.0_f64, 0.0, 0.0);
+        for (e, (tet, geometry)) in self.mesh().tets.iter().zip(&self.tets).enumerate() {
+            let u = tet.map(|n| state.displacement_mm[n as usize]);
+            let range = self.elastomer(e).stretch_range;
+            let limit =
+                range.map_or(f64::INFINITY, |[low, high]| bar_invariant(low).max(bar_invariant(high)));
+            for (q, weight) in geometry.weights.iter().enumerate() {
+                let f = geometry.deformation_gradient(q, &u);
+                let det = det_inv_transpose(&f).0;
+                let i1 = f.iter().map(|row| dot(*row, *row)).sum::<f64>() / det.cbrt().powi(2);
+                largest = largest.max(i1);
+                volume += weight;
+                beyond += if i1 > limit { *weight } else { 0.0 };
+            }
+        }
+        Stretches { largest: bar_stretch(largest), beyond: beyond / volume }
+    }
+}

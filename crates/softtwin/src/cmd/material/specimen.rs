@@ -1,0 +1,347 @@
+//! A tensile test as stretches and nominal stresses: which rows are fitted, and what was left out.
+
+use super::columns;
+use super::description::{Branch, Description, Extension, Kind, Load, Origin};
+use crate::failure::configuration;
+use crate::files::refusal;
+use anyhow::{Result, anyhow};
+use fem::material::fit::Test;
+use fem::material::{Deformation, Hyperelastic};
+use formats::log::Log;
+
+/// A test that was read.
+pub struct Specimen {
+    /// Name of the file.
+    pub name: String,
+    /// Kind.
+    pub kind: Kind,
+    /// All rows in their order: stretch, nominal stress (MPa).
+    pub rows: Vec<[f64; 2]>,
+    /// Rows that are fitted.
+    pub test: Test,
+    /// Energy lost in the first and in the last loop, as a fraction of that of loading.
+    pub loops: Vec<f64>,
+    /// Columns, assumptions, and rows left out.
+    pub notes: Vec<String>,
+    /// True if the load was assumed to be nominal.
+    pub is_load_assumed: bool,
+}
+
+/// Smallest number of rows of a fit.
+const FEWEST: usize = 8;
+/// Fraction of the range of the deformation by which loading and unloading differ at least.
+const TURN: f64 = 0.05;
+/// Fraction of the largest stress below which a specimen that is pulled on has failed.
+const FAILED: f64 = 0.8;
+/// Stretch of the rows from which the origin is found.
+const FIRST_STRETCH: f64 = 1.3;
+/// Fraction of the stress of the first rows above which a specimen is taut.
+const TAUT: f64 = 0.1;
+/// Stress at no strain that is reported, as a fraction of the largest.
+const OFFSET: f64 = 0.01;
+
+impl Specimen {
+    /// Reads a test; strains above `max_strain` are left out.
+    ///
+    /// # Errors
+    /// I/O errors; a table whose columns are not known; too few rows.
+    pub fn read(description: &Description, max_strain: f64) -> Result<Self> {
+        let path = &description.file;
+        let error = |text: String| configuration(anyhow!("{}: {text}", path.display()));
+        let log = Log::read(path).map_err(refusal)?;
+        let deformation = columns::deformation(&log, &description.deformation).map_err(error)?;
+        let load = columns::load(&log, &description.load).map_err(error)?;
+        let mut notes = vec![deformation.note.clone(), load.note.clone()];
+        if !log.damaged.is_empty() {
+            notes.push(format!(
+                "{} damaged lines left out, the first: {}",
+                log.damaged.len(),
+                log.damaged[0]
+            ));
+        }
+        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let length = || {
+            description
+                .length_mm
+                .ok_or_else(|| error("a displacement or length needs the specimen's --length-mm".into()))
+        };
+        let area =
+            || description.area_mm2.ok_or_else(|| error("a force needs the specimen's --area-mm2".into()));
+        let stretch: Box<dyn Fn(f64) -> f64> = match deformation.quantity {
+            Extension::Strain => Box::new(|v| 1.0 + v),
+            Extension::TrueStrain => Box::new(f64::exp),
+            Extension::Stretch => Box::new(|v| v),
+            Extension::Displacement => {
+                let length = length()?;
+                Box::new(move |v| 1.0 + v / length)
+            }
+            Extension::Length => {
+                let length = length()?;
+                Box::new(move |v| v / length)
+            }
+        };
+        let area_mm2 = if load.quantity == Load::Force { area()? } else { 1.0 };
+        let values = log.columns[deformation.index].iter().zip(&log.columns[load.index]);
+        let finite: Vec<[f64; 2]> = values
+            .map(|(d, l)| [d * deformation.factor, l * load.factor / area_mm2])
+            .filter(|row| row.iter().all(|v| v.is_finite()))
+            .collect();
+        if finite.len() < log.rows() {
+            notes.push(format!(
+                "{} of {} rows without a value left out",
+                log.rows() - finite.len(),
+                log.rows()
+            ));
+        }
+        let (kind, why) = description.test.map_or_else(|| guessed(&name, &log), |kind| (kind, ""));
+        if !why.is_empty() {
+            notes.push(format!("a {} test, {why}; --test states it", kind_name(kind)));
+        }
+        let is_strain = !matches!(deformation.quantity, Extension::Stretch | Extension::Length);
+        let sum: f64 = finite.iter().map(|row| row[0]).sum();
+        let sign = if kind == Kind::Compression && is_strain && sum > 0.0 { -1.0 } else { 1.0 };
+        let mut rows: Vec<[f64; 2]> = finite.iter().map(|row| [stretch(sign * row[0]), row[1]]).collect();
+        if rows.iter().any(|row| row[0].is_nan() || row[0] <= 0.0) {
+            return Err(error(
+                "expected stretches above 0, found a strain of -1 or less; check quantity and unit of the deformation".into(),
+            ));
+        }
+        let compressed = rows.iter().map(|row| row[0].ln()).sum::<f64>() < 0.0;
+        if compressed && rows.iter().map(|row| row[1]).sum::<f64>() > 0.0 {
+            rows.iter_mut().for_each(|row| row[1] = -row[1]);
+            notes.push("compression with positive loads: their sign is changed".into());
+        }
+        if load.quantity == Load::TrueStress {
+            rows.iter_mut().for_each(|row| row[1] /= row[0]);
+        }
+        let (branch, loops) = branch(&rows, description.branch, &mut notes);
+        let origin = Zero::of(kind.deformation(), &branch);
+        let zeroed = |rows: Vec<[f64; 2]>| {
+            rows.into_iter().map(|row| origin.applied(row, description.origin)).collect()
+        };
+        let (branch, rows): (Vec<[f64; 2]>, Vec<[f64; 2]>) = (zeroed(branch), zeroed(rows));
+        notes.extend(origin.note(description.origin));
+        let points = usable(branch, compressed, max_strain, &mut notes);
+        if points.len() < FEWEST {
+            return Err(error(format!(
+                "expected at least {FEWEST} rows of loading, found {} ({})",
+                points.len(),
+                notes.join("; ")
+            )));
+        }
+        let test = Test { deformation: kind.deformation(), points, weight: description.weight };
+        let is_load_assumed = load.note.contains("assumed");
+        Ok(Self { name, kind, rows, test, loops, notes, is_load_assumed })
+    }
+}
+
+/// `uniaxial`.
+pub fn kind_name(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Compression => "compression",
+        other => other.deformation().name(),
+    }
+}
+
+/// Kind by the file's name and headings.
+fn guessed(name: &str, log: &Log) -> (Kind, &'static str) {
+    let text = format!("{name} {}", log.headings.join(" ")).to_lowercase();
+    let has = |words: &[&str]| words.iter().any(|word| text.contains(word));
+    match () {
+        () if has(&["planar", "pure shear", "pure_shear", "pureshear"]) => (Kind::Planar, "by its name"),
+        () if has(&["biax", "bi-ax", "bubble", "bulge", "balloon"]) => (Kind::Biaxial, "by its name"),
+        () if has(&["compress"]) => (Kind::Compression, "by its name"),
+        () if has(&["uniax", "tens", "strip", "d412", "iso37"]) => (Kind::Uniaxial, "by its name"),
+        () => (Kind::Uniaxial, "assumed"),
+    }
+}
+
+/// Rows of the wanted branch, and the fraction of energy lost in the first and last loop.
+fn branch(rows: &[[f64; 2]], wanted: Branch, notes: &mut Vec<String>) -> (Vec<[f64; 2]>, Vec<f64>) {
+    let reach: Vec<f64> = rows.iter().map(|row| row[0].ln().abs()).collect();
+    let turns = turns(&reach);
+    let branches: Vec<(usize, usize)> = turns.windows(2).map(|pair| (pair[0], pair[1])).collect();
+    let loading: Vec<usize> =
+        (0..branches.len()).filter(|k| reach[branches[*k].1] > reach[branches[*k].0]).collect();
+    let energy = |(from, to): (usize, usize)| -> f64 {
+        rows[from..=to].windows(2).map(|p| 0.5 * (p[0][1] + p[1][1]) * (p[1][0] - p[0][0])).sum::<f64>().abs()
+    };
+    let lost =
+        |k: usize| (k + 1 < branches.len()).then(|| 1.0 - energy(branches[k + 1]) / energy(branches[k]));
+    let mut loops: Vec<f64> =
+        loading.iter().filter_map(|k| lost(*k)).filter(|lost| lost.is_finite()).collect();
+    if loops.len() > 2 {
+        notes.push(format!("{} loops of loading and unloading", loops.len()));
+        loops = vec![loops[0], loops[loops.len() - 1]];
+    }
+    if let Some(first) = loops.first() {
+        notes.push(format!(
+            "unloading returns {:.0} % less energy than the first loading took{}",
+            100.0 * first.max(0.0),
+            loops.get(1).map_or_else(String::new, |last| format!(
+                ", {:.0} % less in the last loop",
+                100.0 * last.max(0.0)
+            ))
+        ));
+    }
+    let chosen = match (loading.is_empty(), wanted) {
+        (true, _) => {
+            notes.push("the deformation only decreases: the rows are taken as one curve".into());
+            rows.iter().rev().copied().collect()
+        }
+        (false, Branch::First) => {
+            let mut farthest = -1.0;
+            let mut further = |at: &usize| {
+                let is_further = reach[*at] > farthest;
+                farthest = reach[*at].max(farthest);
+                is_further
+            };
+            // From the first loading on: what comes before (clamping, a descent to the origin) is no virgin curve.
+            let first = branches[loading[0]].0;
+            (first..rows.len()).filter(|at| further(at)).map(|at| rows[at]).collect()
+        }
+        (false, Branch::Last) => {
+            let (from, to) = branches[loading[loading.len() - 1]];
+            rows[from..=to].to_vec()
+        }
+    };
+    if chosen.len() < rows.len() && !loading.is_empty() {
+        let what = if wanted == Branch::First { "first loading" } else { "last loading" };
+        notes.push(format!("{what}: {} of {} rows", chosen.len(), rows.len()));
+    }
+    (chosen, loops)
+}
+
+/// Indices at which the reach turns by more than a fraction of its range, with the first and the last row.
+fn turns(reach: &[f64]) -> Vec<usize> {
+    let (low, high) = reach.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), v| (a.min(*v), b.max(*v)));
+    let turn = TURN * (high - low);
+    let mut turns = vec![0];
+    let (mut least, mut most, mut rising) = (0, 0, None);
+    for (at, value) in reach.iter().enumerate() {
+        if *value <= reach[least] {
+            least = at;
+        }
+        if *value >= reach[most] {
+            most = at;
+        }
+        if rising != Some(true) && *value > reach[least] + turn {
+            if rising == Some(false) || least > 0 {
+                turns.push(least);
+            }
+            (rising, most) = (Some(true), at);
+        } else if rising != Some(false) && *value < reach[most] - turn {
+            if rising == Some(true) || most > 0 {
+                turns.push(most);
+            }
+            (rising, least) = (Some(false), at);
+        }
+    }
+    let last = reach.len().saturating_sub(1);
+    let end = match rising {
+        Some(true) => most,
+        Some(false) => least,
+        None => last,
+    };
+    turns.push(end);
+    turns.dedup();
+    turns
+}
+
+/// Rows without those above the strain, after failure, or with a load against the deformation.
+fn usable(
+    mut rows: Vec<[f64; 2]>,
+    compressed: bool,
+    max_strain: f64,
+    notes: &mut Vec<String>,
+) -> Vec<[f64; 2]> {
+    let peak = (0..rows.len()).max_by(|a, b| rows[*a][1].abs().total_cmp(&rows[*b][1].abs())).unwrap_or(0);
+    if rows.last().is_some_and(|row| row[1].abs() < FAILED * rows[peak][1].abs())
+        && rows[peak][0].ln().abs() > 0.0
+    {
+        let failed = rows.len() - peak - 1;
+        notes.push(format!("failed at a stretch of {:.2}: {failed} rows after it left out", rows[peak][0]));
+        rows.truncate(peak + 1);
+    }
+    let before = rows.len();
+    rows.retain(|row| row[0] <= 1.0 + max_strain + 1.0e-9);
+    if rows.len() < before {
+        notes.push(format!(
+            "{} rows above a strain of {max_strain} left out (--max-strain)",
+            before - rows.len()
+        ));
+    }
+    let before = rows.len();
+    let sign = if compressed { -1.0 } else { 1.0 };
+    rows.retain(|row| sign * (row[0] - 1.0) >= 0.0 && sign * row[1] >= 0.0);
+    if rows.len() < before {
+        notes.push(format!("{} rows with a load against the deformation left out", before - rows.len()));
+    }
+    rows
+}
+
+/// Strain at which the stress of the first rows extrapolates to 0, and stress (MPa) to which it extrapolates at no strain, by a neo-Hookean
+/// law.
+struct Zero {
+    slack: f64,
+    stress_mpa: f64,
+    largest_mpa: f64,
+}
+
+impl Zero {
+    /// Zeros if too few rows are near the origin.
+    fn of(deformation: Deformation, rows: &[[f64; 2]]) -> Self {
+        let largest_mpa = rows.iter().map(|row| row[1].abs()).fold(0.0, f64::max);
+        let first: Vec<&[f64; 2]> = rows.iter().filter(|p| p[0].max(1.0 / p[0]) <= FIRST_STRETCH).collect();
+        if first.len() < 5 {
+            return Self { slack: 0.0, stress_mpa: 0.0, largest_mpa };
+        }
+        let law = Hyperelastic::NeoHookean { mu_mpa: 1.0 };
+        let unit = |p: &[f64; 2], slack: f64| {
+            law.nominal_stress_mpa(deformation, p[0] / (1.0 + slack)).unwrap_or(f64::NAN)
+        };
+        // A slack specimen carries nothing: the other rows show where it begins.
+        let least = TAUT * first.iter().map(|p| p[1].abs()).fold(0.0, f64::max);
+        let taut: Vec<&[f64; 2]> = first.iter().copied().filter(|p| p[1].abs() > least).collect();
+        let error = |slack: f64| {
+            let model: Vec<f64> = taut.iter().map(|p| unit(p, slack)).collect();
+            let (cross, own) =
+                model.iter().zip(&taut).fold((0.0, 0.0), |(a, b), (m, p)| (a + m * p[1], b + m * m));
+            model.iter().zip(&taut).map(|(m, p)| (cross / own * m - p[1]).powi(2)).sum::<f64>()
+        };
+        let shifts = (-150..=150).map(|k| 0.001 * f64::from(k));
+        let slack = shifts.min_by(|a, b| error(*a).total_cmp(&error(*b))).unwrap_or(0.0);
+        let model: Vec<f64> = first.iter().map(|p| unit(p, 0.0)).collect();
+        let n = first.len() as f64;
+        let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / n;
+        let (m, p) = (mean(&mut model.iter().copied()), mean(&mut first.iter().map(|p| p[1])));
+        let slope = model.iter().zip(&first).map(|(v, q)| (v - m) * (q[1] - p)).sum::<f64>()
+            / model.iter().map(|v| (v - m).powi(2)).sum::<f64>();
+        Self { slack, stress_mpa: p - slope * m, largest_mpa }
+    }
+
+    fn applied(&self, [stretch, stress_mpa]: [f64; 2], origin: Origin) -> [f64; 2] {
+        match origin {
+            Origin::Table => [stretch, stress_mpa],
+            Origin::Slack => [stretch / (1.0 + self.slack), stress_mpa],
+            Origin::Load => [stretch, stress_mpa - self.stress_mpa],
+        }
+    }
+
+    fn note(&self, origin: Origin) -> Option<String> {
+        let off = self.stress_mpa.abs() / self.largest_mpa;
+        let found = format!(
+            "the stress begins at a strain of {:.1} %, or with {:.2e} MPa at no strain",
+            100.0 * self.slack,
+            self.stress_mpa
+        );
+        match origin {
+            Origin::Table if off > OFFSET => {
+                Some(format!("{found}: slack, or an offset of the load; --origin slack or load removes it"))
+            }
+            Origin::Table => None,
+            Origin::Slack => Some(format!("{found}: the strain is shifted")),
+            Origin::Load => Some(format!("{found}: the stress is shifted")),
+        }
+    }
+}
