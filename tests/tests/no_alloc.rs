@@ -1,6 +1,8 @@
 //! After its start the twin's loop does not allocate; a counting allocator verifies it. What is counted is
 //! exactly the transport's small handle for each loaned sample, and nothing else.
 
+use rom::inputs::Inputs;
+use rom::memory::{Creep, InputMemory, Line, Memory, MemorySpec, Play, Slopes};
 use runtime::config::{Scene, Settings};
 use runtime::load::load_scene;
 use runtime::source::{Devices, Poll};
@@ -41,13 +43,28 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
+/// Line, play and creep of the pressure.
+fn memory() -> Memory {
+    let of = InputMemory {
+        input: 0,
+        range: [0.0, 0.06],
+        line: Some(Line { fill_s: 0.2, empty_s: 0.5 }),
+        play: vec![Play { threshold: 0.001, weight: 0.4 }],
+        creep: vec![Creep { time_s: 3.0, weight: 0.1 }],
+        slopes: Slopes { displacement_mm: 1000.0, ..Slopes::default() },
+    };
+    Memory::new(MemorySpec { inputs: vec![of], max_gap_s: 1.0 }).unwrap()
+}
+
 #[test]
-fn twin_loop_allocates_only_the_transports_sample_handles() {
+fn twin_loop_allocates_only_the_transports_sample_handles_and_publishes_inputs_behind_the_memory() {
     let stage = Stage::new("alloc");
     let path = stage.finger("kind = \"simulate\"");
     let scene = Scene::load(&path).unwrap();
     let bus = stage.bus();
-    let loaded = load_scene(&scene, &path).unwrap();
+    let mut loaded = load_scene(&scene, &path).unwrap();
+    loaded[0].memory = Some(memory());
+    let mut expected = memory();
     let (events, _reporter) = event_channel();
     let mut twin = Twin::start(&bus, loaded, &Settings::default(), &events).unwrap();
     let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
@@ -63,7 +80,13 @@ fn twin_loop_allocates_only_the_transports_sample_handles() {
         let before = COUNT.get();
         twin.turn(Duration::from_millis(100));
         let allocations = COUNT.get() - before;
-        assert!(states.newest().unwrap().is_some());
+        if pressure_mpa.is_finite() {
+            expected.advance(t_sensor_ns, &Inputs::new(pressure_mpa, 30.0));
+        }
+        let state = states.newest().unwrap().expect("a state");
+        let behind = expected.effective(&Inputs::new(pressure_mpa, 30.0)).pressure_mpa();
+        assert_eq!(state.pressure_mpa.to_bits(), behind.to_bits(), "{seq}");
+        assert!(f64::from(state.displacement_halfwidth_mm) > 999.0 * expected.spread()[0], "{seq}");
         drop(fields.newest().unwrap());
         allocations
     };

@@ -40,7 +40,8 @@ fn blocks_of(loaded: &Loaded, kind: RegimeKind) -> usize {
         | BlockKind::Surface
         | BlockKind::Observables
         | BlockKind::HalfWidth { .. }
-        | BlockKind::Inertia => false,
+        | BlockKind::Inertia
+        | BlockKind::Memory => false,
     };
     loaded.read.iter().filter(|block| of(block.kind)).count()
 }

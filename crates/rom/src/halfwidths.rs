@@ -25,6 +25,19 @@ pub struct HalfWidths {
     pub force_n: f64,
 }
 
+impl HalfWidths {
+    /// The same with those of an independent source: the root of the sum of the squares, at this coverage.
+    #[must_use]
+    pub fn with(self, other: &Self) -> Self {
+        Self {
+            coverage: self.coverage,
+            displacement_mm: self.displacement_mm.hypot(other.displacement_mm),
+            stress_mpa: self.stress_mpa.hypot(other.stress_mpa),
+            force_n: self.force_n.hypot(other.force_n),
+        }
+    }
+}
+
 /// Errors of a case, at its worst node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors {

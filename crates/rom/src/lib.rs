@@ -10,6 +10,7 @@
 //! a(x) = sum_k w_k g(|x - x_k|) + tail(x)   sums.rs            inputs x = (P) free, (P, gap) in contact, scaled to [0, 1]
 //! P_c(gap)                                  regime.rs          onset pressure, read off the free model
 //! P_c(gap, parameters)                      clearance.rs       the same, solved from the free model
+//! P -> line -> play -> creep                memory           inputs over time, where a model has memory
 //! F = (P - P_c(gap)) h(P, gap)              evaluator.rs       contact force, 0 on the onset exactly
 //! y = mean + Phi a                          reconstructor.rs   fields, straight into the caller's memory
 //! ```
@@ -46,6 +47,7 @@ mod parameters;
 // Intrinsics and writes into loaned memory; each with its SAFETY line.
 #[allow(unsafe_code)]
 pub mod kernel;
+pub mod memory;
 pub mod model;
 pub mod model_state;
 pub mod observable;

@@ -5,6 +5,7 @@ mod footprint;
 mod goal;
 mod inertia;
 mod kernel;
+mod memory;
 mod model_file;
 mod observable;
 mod predict;

@@ -4,6 +4,7 @@ use crate::synthetic;
 use proptest::prelude::*;
 use rom::inputs::{InputSpec, Inputs};
 use rom::kernel::{Modes, Precision};
+use rom::memory::{Creep, InputMemory, Line, MemorySpec, Play, Slopes};
 use rom::model::{
     BlockData, BlockKind, MAGIC, Model, ModelError, ModelFileError, ModelReader, Nodes, Selection, VERSION,
 };
@@ -53,6 +54,37 @@ fn modes_in_f32_and_shifts_of_the_mesh_survive_the_round_trip() {
     let loaded = Model::from_bytes(&model.to_bytes().expect("encodes")).expect("loads");
     assert_eq!(loaded, model);
     assert_eq!(loaded.modes(RegimeKind::Contact, 0).expect("modes").precision(), Precision::F32);
+}
+
+#[test]
+fn memory_survives_the_round_trip_and_is_refused_where_it_does_not_fit() {
+    let (statics, bytes) = model();
+    let of_bytes = |bytes: &[u8]| MemorySpec::of(&Model::from_bytes(bytes).expect("loads"));
+    assert_eq!(of_bytes(bytes).expect("static"), None);
+    let of = InputMemory {
+        input: 0,
+        range: [0.0, 0.08],
+        line: Some(Line { fill_s: 0.4, empty_s: 1.2 }),
+        play: vec![Play { threshold: 0.002, weight: 0.3 }],
+        creep: vec![Creep { time_s: 5.0, weight: 0.1 }],
+        slopes: Slopes { displacement_mm: 900.0, ..Slopes::default() },
+    };
+    let memory = MemorySpec { inputs: vec![of], max_gap_s: 1.0 };
+    let with = |memory: &MemorySpec| {
+        let mut model = statics.clone();
+        model.set_record(BlockKind::Memory, memory).expect("encodes");
+        model.to_bytes().expect("encodes")
+    };
+    assert_eq!(of_bytes(&with(&memory)).expect("valid"), Some(memory.clone()));
+    for change in [
+        |memory: &mut MemorySpec| memory.inputs[0].input = 2,
+        |memory: &mut MemorySpec| memory.inputs[0].play[0].weight = f64::NAN,
+        |memory: &mut MemorySpec| memory.max_gap_s = 0.0,
+    ] {
+        let mut wrong = memory.clone();
+        change(&mut wrong);
+        assert!(matches!(of_bytes(&with(&wrong)), Err(ModelFileError::Header(_))), "{wrong:?}");
+    }
 }
 
 #[test]

@@ -7,6 +7,7 @@ use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inertia::model_motion::ModelMotion;
 use rom::inputs::Needs;
+use rom::memory::Memory;
 use rom::model::{
     BlockData, BlockEntry, BlockKind, Model, ModelFileError, ModelHeader, ModelReader, Nodes, RegimeModel,
     Selection,
@@ -49,6 +50,8 @@ pub struct Loaded {
     pub estimator: Option<Estimator>,
     /// Predictions of the markers, if the scene has some.
     pub markers: Option<SensorModel>,
+    /// Memory of the inputs; `None` for a static model.
+    pub memory: Option<Memory>,
     /// Whether the model's answers depend on pressure and gap.
     pub needs: Needs,
     /// Regimes that can occur.
@@ -137,6 +140,7 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     }
     let selections = selections(spec, &header, &mut reader)?;
     let mut needed = needed_blocks(&header, &regimes, &selections);
+    needed.push(BlockKind::Memory);
     if !spec.markers.is_empty() {
         let coordinates =
             header.fields.iter().filter(|field| matches!(field.spec.kind, FieldKind::Coordinate(_)));
@@ -183,6 +187,7 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         outputs,
         estimator,
         markers,
+        memory: Memory::of(&model).map_err(|error| at(error.to_string()))?,
         needs,
         regimes,
         read,

@@ -14,6 +14,7 @@ mod live;
 mod load;
 mod motion;
 pub mod options;
+mod past;
 pub mod picture;
 pub mod progress;
 mod recording_data;

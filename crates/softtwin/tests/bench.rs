@@ -161,3 +161,23 @@ fn less_than_two_periods_are_remarked() {
     assert_eq!(learned["turns"], 0);
     assert!(learned["remarks"].to_string().contains("less than two periods"), "{learned}");
 }
+
+#[test]
+fn memory_of_a_recording_lowers_the_error_on_another_run() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    bench(folder, "run1.csv", 1, 1.0);
+    bench(folder, "run2.csv", 2, 1.0);
+    std::fs::write(folder.join("log.toml"), LOG).unwrap();
+    json(folder, &LEARN);
+    let rms = || json(folder, &compare("run2.csv", "log.toml"))["outputs"]["tip_y_mm"].clone();
+    let statics = rms();
+    let learned = json(folder, &[&LEARN[..], &["--memory"]].concat());
+    let kept: Vec<&Value> =
+        learned["memory"]["blocks"].as_array().unwrap().iter().filter(|b| b["kept"] == true).collect();
+    assert!(kept.len() == 1 && kept[0]["block"] == "play", "{learned}");
+    let remembering = rms();
+    let of = |value: &Value, key: &str| value[key].as_f64().unwrap();
+    assert!(of(&remembering, "rms") < 0.4 * of(&statics, "rms"), "{remembering} {statics}");
+    assert!((0.85..=1.0).contains(&of(&remembering, "coverage")), "{remembering}");
+}

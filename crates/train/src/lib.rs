@@ -37,6 +37,7 @@ pub mod fit;
 mod group;
 pub mod inertia;
 pub mod measured;
+pub mod memory;
 mod onset;
 #[doc(hidden)]
 pub mod pod;

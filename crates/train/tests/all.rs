@@ -5,6 +5,7 @@ mod calibration;
 mod database;
 mod inertia;
 mod measured;
+mod memory;
 mod numerics;
 mod parameters;
 mod shipped_design;

@@ -376,7 +376,8 @@ impl<R: Read + Seek> ModelReader<R> {
             | BlockKind::UndeformedBy { .. }
             | BlockKind::Surface
             | BlockKind::Observables
-            | BlockKind::Inertia => true,
+            | BlockKind::Inertia
+            | BlockKind::Memory => true,
         };
         let entries: Vec<BlockEntry> =
             self.header.blocks.iter().filter(|b| needed(&b.kind)).cloned().collect();

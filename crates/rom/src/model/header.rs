@@ -217,12 +217,14 @@ pub enum BlockKind {
     },
     /// Record of the reduced inertia of a model that moves.
     Inertia,
+    /// Memory of the inputs ([`crate::memory::MemorySpec`]); absent in a static model.
+    Memory,
 }
 
 impl BlockKind {
     /// True for values of any structure instead of numbers.
     pub const fn is_record(self) -> bool {
-        matches!(self, Self::Observables | Self::Inertia)
+        matches!(self, Self::Observables | Self::Inertia | Self::Memory)
     }
 }
 

@@ -5,7 +5,7 @@
 //! | step | file |
 //! | --- | --- |
 //! | 1. poll: take it from the sensor topic | `mod.rs` |
-//! | 2. ingest: validate it; a good one waits for its answer | `ingest.rs` |
+//! | 2. ingest: validate it; advance the memory; a good one waits for its answer | `ingest.rs`, `past.rs` |
 //! | 3. evaluate: coefficients, force, gradients, half-widths with the residual's contribution; fill the state | `mod.rs`, `residual.rs`, `markers.rs`, `../publish.rs` |
 //! | 4. reconstruct: write each field into a sample on loan | `../publish.rs` |
 //! | 5. publish: send state and fields | `mod.rs`, `../publish.rs` |
@@ -17,6 +17,7 @@
 mod deadline;
 mod ingest;
 mod markers;
+mod past;
 mod record;
 mod residual;
 mod swap;
@@ -35,9 +36,11 @@ use record::Record;
 use residual::{Residual, Watch};
 use rom::evaluation::Evaluation;
 use rom::evaluator::{HysteresisEvaluator, RegimeLabel};
+use rom::halfwidths::HalfWidths;
 use rom::hull::DomainStatus;
 use rom::inertia::model_motion::ModelMotion;
 use rom::inputs::{GAP, Inputs, PRESSURE};
+use rom::memory::Memory;
 use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -170,6 +173,10 @@ struct ActuatorTwin {
 struct Taken {
     sample: SensorSample,
     taken_ns: u64,
+    /// The model's inputs: those of the reading, behind the memory if the model has one.
+    inputs: Inputs,
+    /// Half-widths from an unknown past.
+    past: HalfWidths,
 }
 
 /// Filter, topic and last estimate of an actuator.
@@ -198,6 +205,8 @@ struct Parts {
     force_sigma_n: f64,
     /// `None` if the scene has no markers.
     markers: Option<Markers>,
+    /// Memory of the inputs; `None` for a static model.
+    memory: Option<Memory>,
 }
 
 impl Parts {
@@ -215,6 +224,7 @@ impl Parts {
             force_sigma_n: loaded.spec.force_sigma_n(),
             markers,
             description: loaded.description,
+            memory: loaded.memory,
             evaluator: HysteresisEvaluator::new(loaded.evaluator),
             motion: loaded.motion,
         }
@@ -316,6 +326,7 @@ impl ActuatorTwin {
         retired.evaluators.push(old.evaluator);
         retired.motions.extend(old.motion);
         retired.markers.extend(old.markers);
+        retired.memories.extend(old.memory);
         self.validator.set_needed(self.parts.needed.clone());
         self.waiting.reserve(self.parts.backlog.saturating_sub(self.waiting.len()));
         self.parts.describe(&mut self.state, &mut self.record.health);
@@ -361,7 +372,10 @@ impl ActuatorTwin {
                     self.waiting.pop_front();
                     self.record.record_outcome(Outcome::DroppedSuperseded);
                 }
-                self.waiting.push_back(Taken { sample, taken_ns: now });
+                let said = self.validator.inputs(&sample);
+                let (inputs, past) =
+                    past::inputs_behind(&mut self.parts.memory, &sample, said, check.restarted);
+                self.waiting.push_back(Taken { sample, taken_ns: now, inputs, past });
             }
             Some(outcome) => {
                 if outcome.is_held() {
@@ -376,8 +390,8 @@ impl ActuatorTwin {
 
     /// Steps 3 to 6 for every good reading that waits.
     fn answer_waiting(&mut self) {
-        while let Some(Taken { sample, taken_ns }) = self.waiting.pop_front() {
-            let outcome = match self.evaluate(&sample) {
+        while let Some(Taken { sample, taken_ns, inputs, past }) = self.waiting.pop_front() {
+            let outcome = match self.evaluate(&sample, inputs, &past) {
                 Ok(()) => self.publish(&sample, taken_ns),
                 Err(outcome) => {
                     if outcome.is_held() {
@@ -393,8 +407,12 @@ impl ActuatorTwin {
     }
 
     /// Step 3: force, gradients and half-widths of the reading. The coefficients wait for the fields unless states carry them.
-    fn evaluate(&mut self, sample: &SensorSample) -> Result<(), Outcome> {
-        let mut inputs = self.validator.inputs(sample);
+    fn evaluate(
+        &mut self,
+        sample: &SensorSample,
+        mut inputs: Inputs,
+        past: &HalfWidths,
+    ) -> Result<(), Outcome> {
         if let Some(Estimation { estimator, estimate, .. }) = &mut self.estimation {
             let update = estimator.update(sample, &inputs);
             estimator.fill(&update, estimate);
@@ -407,6 +425,7 @@ impl ActuatorTwin {
         } else {
             self.label = self.parts.evaluator.state(inputs, &mut self.evaluation);
         }
+        self.evaluation.halfwidths = self.evaluation.halfwidths.with(past);
         if self.parts.wanted.coefficients || self.parts.description.observables.count() > 0 {
             self.parts.evaluator.complete(&mut self.evaluation);
         }

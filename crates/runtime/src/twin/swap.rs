@@ -7,6 +7,7 @@ use crate::load::Loaded;
 use crate::publish::shape;
 use rom::evaluator::HysteresisEvaluator;
 use rom::inertia::model_motion::ModelMotion;
+use rom::memory::Memory;
 use rom::reconstructor::Reconstructor;
 
 /// Why a running twin cannot continue with what was loaded. It continues with what it has.
@@ -48,6 +49,8 @@ pub struct Retired {
     pub(super) estimators: Vec<Estimator>,
     /// Predictions of markers.
     pub(super) markers: Vec<Markers>,
+    /// Memories of inputs.
+    pub(super) memories: Vec<Memory>,
 }
 
 /// Properties that readers of a running actuator depend on.

@@ -2,6 +2,7 @@
 
 use crate::bench::{self, confusion, inputs_at, line, match_inputs, panel, range};
 use crate::failure::configuration;
+use crate::past::Past;
 use crate::picture::{Figure, Mark};
 use crate::{files, output};
 use anyhow::Context;
@@ -184,32 +185,44 @@ fn compare(
     let mut state = ModelState::new(model, &Selection::default())?;
     let nodes = model.header.node_count;
     let mut outside = 0_usize;
+    // Value and half-width of an output at the present state.
+    let answer = |state: &ModelState, origin: &Origin| {
+        let evaluation = state.evaluation();
+        let widths = evaluation.halfwidths;
+        match *origin {
+            Origin::Observable(at) => {
+                let found = observables.value(at, evaluation);
+                (found.value, found.halfwidth)
+            }
+            Origin::Force => (evaluation.contact_force_n, widths.force_n),
+            Origin::Node { field, node } => {
+                let kind = BlockKind::HalfWidth { field: field as u32 };
+                let measured = model.f32_block(kind).and_then(|widths| widths.get(node));
+                let by_kind = match model.header.fields[field].spec.kind {
+                    FieldKind::Coordinate(_) | FieldKind::Magnitude => widths.displacement_mm,
+                    FieldKind::Stress => widths.stress_mpa,
+                    FieldKind::Other => f64::NAN,
+                };
+                let width = measured.map_or(by_kind, |width| f64::from(*width));
+                (f64::from(state.fields()[field * nodes + node]), width)
+            }
+        }
+    };
+    let mut past = Past::of(model)?;
     for row in 0..recording.time_s.len() {
         let Some(inputs) = inputs_at(places, recording, row) else { continue };
-        state.update(inputs).context("the model has no answer")?;
-        let evaluation = state.evaluation();
-        outside += usize::from(evaluation.flags.extrapolated);
-        let widths = evaluation.halfwidths;
-        for (output, origin) in outputs.iter_mut().zip(&origins) {
-            let (value, width) = match *origin {
-                Origin::Observable(at) => {
-                    let found = observables.value(at, evaluation);
-                    (found.value, found.halfwidth)
-                }
-                Origin::Force => (evaluation.contact_force_n, widths.force_n),
-                Origin::Node { field, node } => {
-                    let kind = BlockKind::HalfWidth { field: field as u32 };
-                    let measured = model.f32_block(kind).and_then(|widths| widths.get(node));
-                    let by_kind = match model.header.fields[field].spec.kind {
-                        FieldKind::Coordinate(_) | FieldKind::Magnitude => widths.displacement_mm,
-                        FieldKind::Stress => widths.stress_mpa,
-                        FieldKind::Other => f64::NAN,
-                    };
-                    let width = measured.map_or(by_kind, |width| f64::from(*width));
-                    (f64::from(state.fields()[field * nodes + node]), width)
-                }
-            };
-            (output.predicted[row], output.half_width[row]) = (value, width);
+        let effective = past.at(recording.time_s[row], &inputs);
+        let mut enclosing: Vec<Vec<f64>> = Vec::new();
+        for inputs in effective.enclosing.into_iter().flatten() {
+            state.update(inputs).context("the model has no answer")?;
+            enclosing.push(origins.iter().map(|origin| answer(&state, origin).0).collect());
+        }
+        state.update(effective.inputs).context("the model has no answer")?;
+        outside += usize::from(state.evaluation().flags.extrapolated);
+        for (at, (output, origin)) in outputs.iter_mut().zip(&origins).enumerate() {
+            let (value, width) = answer(&state, origin);
+            let of_past = enclosing.iter().map(|values| (values[at] - value).abs()).fold(0.0, f64::max);
+            (output.predicted[row], output.half_width[row]) = (value, width.hypot(of_past));
         }
     }
     if outside > 0 {

@@ -5,7 +5,8 @@ use crate::{bench, files, output};
 use formats::log::Series;
 use serde_json::{Map, Value, json};
 use std::path::PathBuf;
-use train::measured::{Learned, Measured, Run, learn};
+use train::measured::{Learned, Measured, Run, learn, learn_with_memory};
+use train::memory::{BlockReport, Constant, Identified};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -14,7 +15,10 @@ Examples:
   From several runs; their differences are in the half-widths:
     softtwin learn run1.csv run2.csv --log log.toml --out mine.twin
 
-The model is measured, without mesh and without memory. Exit code 65: the recording teaches nothing.";
+  With memory (line, play, creep) where it improves parts that were left out:
+    softtwin learn run1.csv --log log.toml --memory --out mine.twin
+
+The model is measured, without mesh. Exit code 65: the recording teaches nothing.";
 
 /// Learn a model from measured inputs and outputs alone.
 #[derive(clap::Args)]
@@ -26,6 +30,9 @@ pub struct Args {
     /// Mapping of the columns.
     #[arg(long, value_name = "FILE.toml")]
     log: PathBuf,
+    /// Identify memory of the inputs: line, play, creep (docs/memory.md).
+    #[arg(long)]
+    memory: bool,
     /// Model file to write.
     #[arg(long, value_name = "FILE.twin")]
     out: PathBuf,
@@ -52,11 +59,17 @@ impl Args {
             });
         }
         let name = self.out.file_stem().map_or("measured".into(), |stem| stem.to_string_lossy().into_owned());
-        let learned = learn(&name, &data).map_err(unexplained)?;
+        let (learned, found) = if self.memory {
+            let (learned, found) = learn_with_memory(&name, &data).map_err(unexplained)?;
+            (learned, Some(found))
+        } else {
+            (learn(&name, &data).map_err(unexplained)?, None)
+        };
         remarks.extend(learned.remarks.iter().cloned());
+        remarks.extend(found.iter().flat_map(|found| found.remarks.iter().cloned()));
         files::save(&self.out, &learned.model.to_bytes()?)?;
         if self.json {
-            return output::json(&as_json(&learned, &remarks));
+            return output::json(&as_json(&learned, found.as_ref(), &remarks));
         }
         output!(
             "{}: measured, {} rows, inputs {}; {}",
@@ -89,6 +102,9 @@ impl Args {
             "  RMS error on left-out parts {:.1} % of the length of the outputs' range",
             100.0 * learned.error_share
         )?;
+        if let Some(found) = &found {
+            print_memory(found)?;
+        }
         for remark in &remarks {
             output!("  note: {remark}")?;
         }
@@ -96,7 +112,33 @@ impl Args {
     }
 }
 
-fn as_json(learned: &Learned, remarks: &[String]) -> Value {
+fn print_memory(found: &Identified) -> anyhow::Result<()> {
+    let [without, with] = found.left_out;
+    output!(
+        "  memory: RMS error on left-out parts {:.1} % without, {:.1} % with it",
+        100.0 * without,
+        100.0 * with
+    )?;
+    for BlockReport { block, is_kept, left_out: [before, after], constants } in &found.blocks {
+        let outcome = if *is_kept { "kept" } else { "not kept" };
+        output!("  {:<6} {outcome:<9} {:>6.2} -> {:.2} %", block.name(), 100.0 * before, 100.0 * after)?;
+        for Constant { name, unit, value, interval: [low, high] } in constants {
+            output!("    {name} {value:.4} {unit} ({low:.4} .. {high:.4})")?;
+        }
+    }
+    Ok(())
+}
+
+fn memory_json(found: &Identified) -> Value {
+    let constant = |Constant { name, unit, value, interval }: &Constant| json!({"name": name, "unit": unit, "value": value, "interval": interval});
+    let block = |report: &BlockReport| {
+        json!({"block": report.block.name(), "kept": report.is_kept, "left_out": report.left_out,
+            "constants": report.constants.iter().map(constant).collect::<Vec<_>>()})
+    };
+    json!({"left_out": found.left_out, "blocks": found.blocks.iter().map(block).collect::<Vec<_>>()})
+}
+
+fn as_json(learned: &Learned, found: Option<&Identified>, remarks: &[String]) -> Value {
     let outputs: Map<String, Value> = learned
         .outputs
         .iter()
@@ -107,5 +149,5 @@ fn as_json(learned: &Learned, remarks: &[String]) -> Value {
         })
         .collect();
     json!({"source": "measured", "rows": learned.rows, "inputs": learned.inputs, "outputs": outputs, "kernel": learned.kernel,
-        "turns": learned.turns, "error_share": learned.error_share, "remarks": remarks})
+        "memory": found.map(memory_json), "turns": learned.turns, "error_share": learned.error_share, "remarks": remarks})
 }

@@ -1,6 +1,6 @@
 //! Measured runs, and what is learned from them.
 
-use rom::model::Model;
+use rom::model::{Model, ModelFileError};
 
 /// Measured inputs and outputs of one or several runs.
 #[derive(Clone, Debug, Default)]
@@ -112,6 +112,9 @@ pub enum MeasuredError {
     /// The least-squares system has no solution.
     #[error("the least-squares system of the measured rows has no finite solution")]
     Singular,
+    /// The memory cannot be written.
+    #[error(transparent)]
+    File(#[from] ModelFileError),
 }
 
 /// Fewest rows.

@@ -7,17 +7,20 @@
 //! repeats, and the difference of loading and unloading. `s` is the standard deviation of the mean errors of the `n` runs, or of the two
 //! halves of a single run: the second term is the 90 % bound of a further run's mean error, if these means are normally distributed.
 //!
-//! Blocks that transform inputs over time (lag, play) act between [`select`] and [`fit`]: they change [`Run::inputs`].
+//! With memory ([`learn_with_memory`]) blocks that transform inputs over time (lag, play, creep) act between [`select`] and [`fit`]: they change
+//! [`Run::inputs`].
 
 mod assemble;
 mod curve;
 mod data;
 mod layout;
 mod motion;
+mod past;
 
 pub use data::{Learned, Measured, MeasuredError, OutputReport, Run};
 pub use layout::{MeasuredOutput, outputs, place};
 pub use motion::select;
+pub use past::learn_with_memory;
 
 use curve::Curve;
 use data::MIN_EXPLAINED;

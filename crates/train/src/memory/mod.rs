@@ -1,0 +1,268 @@
+//! Identification of memory from recordings: which blocks, and their constants.
+//!
+//! ```text
+//! minimise over the blocks' constants   sum |y - map(memory(u))|^2       search.rs
+//! the map by least squares within                                        map.rs
+//! ```
+//! Parts of the recordings are left out in turn: four contiguous quarters of one run, or whole runs. Constants and map are fitted without the
+//! part and judged on it. Starting from no block, the block that lowers this error most is added, as long as it lowers it by
+//! [`KEPT`] and on at least half of the parts. A time constant at the longest that the runs can show is drift and no block. Inputs share
+//! their constants. Remarks name what the recordings cannot show.
+
+mod blocks;
+mod map;
+mod search;
+
+pub use blocks::Block;
+
+use crate::measured::Run;
+use blocks::Limits;
+use map::Terms;
+use rom::memory::MemorySpec;
+use search::{Candidate, Problem};
+
+/// Fraction by which a block must lower the error on left-out parts.
+pub const KEPT: f64 = 0.03;
+/// Parts of one run that are left out in turn, and most parts of several.
+pub const PARTS: usize = 4;
+/// Gap of a recording: a multiple of the median interval, at least some time.
+const GAP_INTERVALS: f64 = 20.0;
+const SHORTEST_GAP_S: f64 = 1.0;
+/// Standard normal quantile of two-sided 90 % intervals.
+const Z90: f64 = 1.645;
+/// Ratio of the ends of an interval from which a constant is not identified.
+const WIDE: f64 = 4.0;
+
+/// A constant with its 90 % interval.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Constant {
+    /// Name (`filling`).
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Value.
+    pub value: f64,
+    /// Interval.
+    pub interval: [f64; 2],
+}
+
+/// Result for a block.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlockReport {
+    /// Block.
+    pub block: Block,
+    /// True if it is part of the memory.
+    pub is_kept: bool,
+    /// Error on left-out parts without and with it.
+    pub left_out: [f64; 2],
+    /// Constants, if it is kept.
+    pub constants: Vec<Constant>,
+}
+
+/// Result of [`identify`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identified {
+    /// Blocks for inputs 0, 1, ... in the order of the columns; `None` if none is kept.
+    pub memory: Option<MemorySpec>,
+    /// RMS error on left-out parts in units of the scales: without and with memory.
+    pub left_out: [f64; 2],
+    /// All blocks.
+    pub blocks: Vec<BlockReport>,
+    /// Limits of what the recordings can show.
+    pub remarks: Vec<String>,
+}
+
+/// Part of the recordings that each row belongs to, by run: whole runs, or contiguous quarters of one.
+#[must_use]
+pub fn parts(rows: &[usize]) -> Vec<Vec<usize>> {
+    let one = |(run, count): (usize, &usize)| -> Vec<usize> {
+        let part = |row: usize| if rows.len() > 1 { run % PARTS.max(2) } else { row * PARTS / count };
+        (0..*count).map(part).collect()
+    };
+    rows.iter().enumerate().map(one).collect()
+}
+
+/// Identifies the memory of runs. `scales` is the unit of each output's error, e.g. the range of the outputs with its unit.
+/// Returns `None` where the least-squares map has no finite solution. Cost: `O(1000 rows)`.
+#[must_use]
+pub fn identify(runs: &[Run], scales: &[f64]) -> Option<Identified> {
+    let inputs = runs.first()?.inputs.len();
+    let range = |input: usize| {
+        let values = runs.iter().flat_map(|run| &run.inputs[input]);
+        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(*v), h.max(*v)])
+    };
+    let ranges: Vec<[f64; 2]> = (0..inputs).map(range).collect();
+    let mut intervals: Vec<f64> =
+        runs.iter().flat_map(|run| run.time_s.windows(2).map(|t| t[1] - t[0])).collect();
+    intervals.sort_by(f64::total_cmp);
+    let interval_s = *intervals.get(intervals.len() / 2)?;
+    let duration = |run: &Run| Some(run.time_s.last()? - run.time_s.first()?);
+    let duration_s = runs.iter().filter_map(duration).fold(0.0, f64::max);
+    let sound = ranges.iter().all(|[low, high]| high > low) && interval_s > 0.0;
+    if !sound || inputs == 0 {
+        return None;
+    }
+    let limits = Limits { interval_s, duration_s };
+    let max_gap_s = (GAP_INTERVALS * interval_s).max(SHORTEST_GAP_S);
+    let folds = parts(&runs.iter().map(|run| run.time_s.len()).collect::<Vec<_>>());
+    let problem = Problem::new(runs, &folds, ranges.clone(), scales, max_gap_s, limits);
+    let start = Candidate {
+        blocks: Vec::new(),
+        terms: Terms::Cubic,
+        unknowns: Vec::new(),
+        left_out: f64::INFINITY,
+        by_fold: Vec::new(),
+        without: Vec::new(),
+    };
+    let best = |blocks: &[Block], from: &Candidate| {
+        let found = [Terms::Linear, Terms::Cubic]
+            .into_iter()
+            .filter_map(|terms| problem.candidate(blocks, terms, from));
+        found.min_by(|a, b| a.left_out.total_cmp(&b.left_out))
+    };
+    let memoryless = best(&[], &start)?;
+    let mut kept = memoryless.clone();
+    let (mut reports, mut remarks): (Vec<BlockReport>, Vec<String>) = (Vec::new(), Vec::new());
+    loop {
+        let missing: Vec<Block> =
+            Block::ALL.into_iter().filter(|block| !kept.blocks.contains(block)).collect();
+        let with = |block: Block| -> Vec<Block> {
+            Block::ALL.into_iter().filter(|b| *b == block || kept.blocks.contains(b)).collect()
+        };
+        let found: Vec<(Block, Candidate)> =
+            missing.iter().filter_map(|block| Some((*block, best(&with(*block), &kept)?))).collect();
+        let improves = |with: &Candidate| {
+            let better = with.by_fold.iter().zip(&kept.by_fold).filter(|(with, without)| with < without);
+            let is_lower = with.left_out < (1.0 - KEPT) * kept.left_out;
+            is_lower && 2 * better.count() >= with.by_fold.len() && limits.drift(with).is_none()
+        };
+        let added = found.iter().filter(|(_, with)| improves(with));
+        let Some((block, next)) = added.min_by(|a, b| a.1.left_out.total_cmp(&b.1.left_out)) else {
+            remarks.extend(found.iter().filter_map(|(_, with)| limits.drift(with)));
+            reports.extend(found.iter().map(|(block, with)| BlockReport {
+                block: *block,
+                is_kept: false,
+                left_out: [kept.left_out, with.left_out],
+                constants: Vec::new(),
+            }));
+            break;
+        };
+        let left_out = [kept.left_out, next.left_out];
+        reports.push(BlockReport { block: *block, is_kept: true, left_out, constants: Vec::new() });
+        kept = next.clone();
+    }
+    let deviations = problem.deviations(&kept).unwrap_or_default();
+    for (at, block) in kept.blocks.iter().enumerate() {
+        let constants: Vec<Constant> =
+            (0..2).map(|k| constant(*block, k, &kept, &limits, 2 * at + k, &deviations)).collect();
+        for found in &constants {
+            let [low, high] = found.interval;
+            if high > WIDE * low && high - low > 0.2 {
+                remarks.push(format!(
+                    "{}, {}: {low:.3} to {high:.3} {}: these recordings do not tell it",
+                    block.name(),
+                    found.name,
+                    found.unit
+                ));
+            }
+        }
+        if let Some(report) = reports.iter_mut().find(|report| report.block == *block) {
+            report.constants = constants;
+        }
+    }
+    remarks.extend(unseen(runs, &ranges, &limits));
+    let memory = (!kept.blocks.is_empty()).then(|| problem.spec(&kept.blocks, &kept.unknowns));
+    Some(Identified { memory, left_out: [memoryless.left_out, kept.left_out], blocks: reports, remarks })
+}
+
+/// Constant with an interval from the curvature of the error and from its change without each part, whichever is wider.
+fn constant(
+    block: Block,
+    which: usize,
+    kept: &Candidate,
+    limits: &Limits,
+    at: usize,
+    deviations: &[f64],
+) -> Constant {
+    let value = kept.unknowns[at];
+    let count = kept.without.len() as f64;
+    let mean = kept.without.iter().map(|own| own[at]).sum::<f64>() / count;
+    let jackknife: f64 = kept.without.iter().map(|own| (own[at] - mean) * (own[at] - mean)).sum();
+    let jackknife = ((count - 1.0) / count * jackknife).sqrt();
+    let half = Z90 * deviations.get(at).copied().unwrap_or(f64::INFINITY).max(jackknife);
+    let [low, high] = limits.of(block)[which];
+    let ends = [(value - half).max(low), (value + half).min(high)];
+    let plain = |v: f64| if block.is_log(which) { v.exp() } else { v };
+    let (name, unit) = block.constants()[which];
+    Constant { name, unit, value: plain(value), interval: ends.map(plain) }
+}
+
+impl Limits {
+    /// Remark on a set of blocks whose time constant is at the longest that the runs can show: the next run will differ.
+    fn drift(&self, of: &Candidate) -> Option<String> {
+        let at_limit =
+            |block: Block, u: &[f64]| (0..2).any(|k| block.is_time(k) && u[k] > self.of(block)[k][1] - 0.01);
+        let mut both = of.blocks.iter().zip(of.unknowns.chunks_exact(2));
+        let (block, _) = both.find(|(block, u)| at_limit(**block, u))?;
+        Some(format!(
+            "{}: its time constant came out at the longest that a run of {:.3} s can show ({:.3} s): drift, not kept",
+            block.name(),
+            self.duration_s,
+            0.25 * self.duration_s
+        ))
+    }
+}
+
+/// Limits of what any fit to these runs can show.
+fn unseen(runs: &[Run], ranges: &[[f64; 2]], limits: &Limits) -> Vec<String> {
+    let Limits { interval_s, duration_s } = *limits;
+    let mut remarks = vec![format!(
+        "creep slower than {:.3} s and lags shorter than {:.3} s are not identifiable from runs of {duration_s:.3} s with a reading each {interval_s:.3} s",
+        0.25 * duration_s,
+        0.3 * interval_s
+    )];
+    // Shortest time in which an input crosses half of its range, and its turns.
+    let (mut shortest_s, mut turns) = (f64::INFINITY, 0);
+    for run in runs {
+        for (values, [low, high]) in run.inputs.iter().zip(ranges) {
+            let (half, least) = (0.5 * (high - low), 0.1 * (high - low));
+            let mut from = 0;
+            for to in 1..values.len() {
+                while from + 1 < to && (values[to] - values[from + 1]).abs() >= half {
+                    from += 1;
+                }
+                if (values[to] - values[from]).abs() >= half {
+                    shortest_s = shortest_s.min(run.time_s[to] - run.time_s[from]);
+                } else if run.time_s[to] - run.time_s[from] > shortest_s {
+                    from += 1;
+                }
+            }
+            let (mut extreme, mut way) = (values[0], 0.0);
+            for value in values {
+                let ahead = value - extreme;
+                if way == 0.0 || ahead * way < 0.0 {
+                    if ahead.abs() > least {
+                        turns += usize::from(way != 0.0);
+                        (extreme, way) = (*value, ahead.signum());
+                    }
+                } else {
+                    extreme = *value;
+                }
+            }
+        }
+    }
+    remarks.push(if shortest_s.is_finite() {
+        format!(
+            "inertia is not identified here; no input crosses half of its range in less than {shortest_s:.3} s, so nothing is seen of swings above {:.3} Hz",
+            0.35 / shortest_s
+        )
+    } else {
+        "inertia is not identified here".to_owned()
+    });
+    if turns < 3 {
+        remarks.push(format!(
+            "the inputs turn {turns} times by more than 10 % of their range: play and slow creep are not told apart"
+        ));
+    }
+    remarks
+}

@@ -1,0 +1,286 @@
+//! Search for the constants of a set of blocks: outer Levenberg-Marquardt, inner static fit.
+
+use super::blocks::{self, Block, Limits};
+use super::map::{Normal, Terms};
+use crate::measured::Run;
+use rom::dense::Dense;
+
+/// Most rows that the static map is fitted to.
+const MAX_ROWS: usize = 2000;
+/// Iterations of the search over all rows, and of that without one fold.
+const ITERATIONS: usize = 12;
+const FOLD_ITERATIONS: usize = 5;
+/// Decrease of the squared error below which the search ends.
+const STOP: f64 = 1e-4;
+/// Step of the difference quotients.
+const STEP: f64 = 1e-3;
+
+/// Recordings, prepared.
+pub(super) struct Problem<'a> {
+    runs: &'a [Run],
+    /// Rows that are fitted, as run and row.
+    rows: Vec<(usize, usize)>,
+    /// Fold of each of them.
+    fold: Vec<usize>,
+    folds: usize,
+    /// Range of each input, and the unit of each output's error.
+    ranges: Vec<[f64; 2]>,
+    scales: &'a [f64],
+    max_gap_s: f64,
+    limits: Limits,
+}
+
+/// Set of blocks with their constants.
+#[derive(Clone, Debug)]
+pub(super) struct Candidate {
+    pub blocks: Vec<Block>,
+    pub terms: Terms,
+    pub unknowns: Vec<f64>,
+    /// RMS error on left-out folds, all together and by fold.
+    pub left_out: f64,
+    pub by_fold: Vec<f64>,
+    /// Unknowns without each fold.
+    pub without: Vec<Vec<f64>>,
+}
+
+/// Fitted map on all rows: terms by row, and weights.
+struct Fitted {
+    terms: Vec<f64>,
+    weights: Vec<f64>,
+}
+
+impl<'a> Problem<'a> {
+    pub(super) fn new(
+        runs: &'a [Run],
+        folds: &[Vec<usize>],
+        ranges: Vec<[f64; 2]>,
+        scales: &'a [f64],
+        max_gap_s: f64,
+        limits: Limits,
+    ) -> Self {
+        let usable = |(run, row): &(usize, usize)| runs[*run].outputs.iter().any(|y| y[*row].is_finite());
+        let all = (0..runs.len()).flat_map(|run| (0..runs[run].time_s.len()).map(move |row| (run, row)));
+        let all: Vec<(usize, usize)> = all.filter(usable).collect();
+        let step = all.len().div_ceil(MAX_ROWS).max(1);
+        let rows: Vec<(usize, usize)> = all.into_iter().step_by(step).collect();
+        let fold: Vec<usize> = rows.iter().map(|(run, row)| folds[*run][*row]).collect();
+        let count = fold.iter().max().map_or(0, |fold| fold + 1);
+        Self { runs, rows, fold, folds: count, ranges, scales, max_gap_s, limits }
+    }
+
+    pub(super) fn spec(&self, blocks: &[Block], unknowns: &[f64]) -> rom::memory::MemorySpec {
+        blocks::spec(blocks, unknowns, &self.ranges, self.max_gap_s)
+    }
+
+    /// Scaled inputs behind the memory, at all fitted rows, input after input.
+    fn behind(&self, blocks: &[Block], unknowns: &[f64]) -> Vec<Vec<f64>> {
+        let spec = self.spec(blocks, unknowns);
+        let one = |input: usize| {
+            let of = &spec.inputs[input];
+            let [low, high] = self.ranges[input];
+            let runs: Vec<Vec<f64>> = self
+                .runs
+                .iter()
+                .map(|run| match blocks.is_empty() {
+                    true => run.inputs[input].clone(),
+                    false => of.responses(&run.time_s, &run.inputs[input], self.max_gap_s),
+                })
+                .collect();
+            self.rows.iter().map(|(run, row)| (runs[*run][*row] - low) / (high - low)).collect()
+        };
+        (0..self.ranges.len()).map(one).collect()
+    }
+
+    fn output(&self, at: usize, k: usize) -> f64 {
+        let (run, row) = self.rows[at];
+        self.runs[run].outputs[k][row]
+    }
+
+    /// Terms of all rows, and the weights fitted to those outside a fold.
+    fn fit(
+        &self,
+        blocks: &[Block],
+        terms: Terms,
+        unknowns: &[f64],
+        without: Option<usize>,
+    ) -> Option<Fitted> {
+        let x = self.behind(blocks, unknowns);
+        let (count, outputs) = (terms.count(x.len()), self.scales.len());
+        let mut all = Vec::with_capacity(count * self.rows.len());
+        let mut normal = Normal::new(count, outputs);
+        for at in 0..self.rows.len() {
+            terms.push(x.iter().map(|x| x[at]), &mut all);
+            if Some(self.fold[at]) != without {
+                normal.add(&all[at * count..], (0..outputs).map(|k| self.output(at, k)));
+            }
+        }
+        Some(Fitted { terms: all, weights: normal.solve()? })
+    }
+
+    /// Scaled errors at the rows that `of` selects; 0 where nothing was measured.
+    fn errors(&self, fitted: &Fitted, of: impl Fn(usize) -> bool) -> Vec<f64> {
+        let count = fitted.terms.len() / self.rows.len();
+        let mut errors = Vec::new();
+        for (at, row) in fitted.terms.chunks_exact(count).enumerate().filter(|(at, _)| of(self.fold[*at])) {
+            for (k, weights) in fitted.weights.chunks_exact(count).enumerate() {
+                let predicted: f64 = row.iter().zip(weights).map(|(a, b)| a * b).sum();
+                let error = (self.output(at, k) - predicted) / self.scales[k];
+                errors.push(if error.is_finite() { error } else { 0.0 });
+            }
+        }
+        errors
+    }
+
+    fn residuals(
+        &self,
+        blocks: &[Block],
+        terms: Terms,
+        unknowns: &[f64],
+        without: Option<usize>,
+    ) -> Option<Vec<f64>> {
+        let fitted = self.fit(blocks, terms, unknowns, without)?;
+        Some(self.errors(&fitted, |fold| Some(fold) != without))
+    }
+
+    fn clamp(&self, blocks: &[Block], unknowns: &mut [f64]) {
+        for (block, pair) in blocks.iter().zip(unknowns.chunks_exact_mut(2)) {
+            for (value, [low, high]) in pair.iter_mut().zip(self.limits.of(*block)) {
+                *value = value.clamp(low, high);
+            }
+        }
+    }
+
+    /// Levenberg-Marquardt on the projected residuals; returns the unknowns and the normal matrix there.
+    fn minimise(
+        &self,
+        blocks: &[Block],
+        terms: Terms,
+        start: &[f64],
+        without: Option<usize>,
+        iterations: usize,
+    ) -> Option<Vec<f64>> {
+        let mut unknowns = start.to_vec();
+        self.clamp(blocks, &mut unknowns);
+        let mut residuals = self.residuals(blocks, terms, &unknowns, without)?;
+        let mut damping = 1e-2;
+        for _ in 0..iterations {
+            let jacobian = self.jacobian(blocks, terms, &unknowns, without, &residuals)?;
+            let before = square(&residuals);
+            let mut is_better = false;
+            for _ in 0..5 {
+                let step = damped_step(&jacobian, &residuals, damping)?;
+                let mut next: Vec<f64> =
+                    unknowns.iter().zip(&step).map(|(u, s)| u + s.clamp(-1.0, 1.0)).collect();
+                self.clamp(blocks, &mut next);
+                let found = self.residuals(blocks, terms, &next, without);
+                if let Some(found) = found.filter(|found| square(found) < before) {
+                    (unknowns, residuals, is_better) = (next, found, true);
+                    damping *= 0.3;
+                    break;
+                }
+                damping *= 5.0;
+            }
+            if !is_better || square(&residuals) > (1.0 - STOP) * before {
+                break;
+            }
+        }
+        Some(unknowns)
+    }
+
+    /// Derivatives of the residuals, one column per unknown.
+    fn jacobian(
+        &self,
+        blocks: &[Block],
+        terms: Terms,
+        unknowns: &[f64],
+        without: Option<usize>,
+        residuals: &[f64],
+    ) -> Option<Vec<Vec<f64>>> {
+        let column = |k: usize| {
+            let mut moved = unknowns.to_vec();
+            let high = self.limits.of(blocks[k / 2])[k % 2][1];
+            let step = if unknowns[k] + STEP > high { -STEP } else { STEP };
+            moved[k] += step;
+            let found = self.residuals(blocks, terms, &moved, without)?;
+            Some(found.iter().zip(residuals).map(|(a, b)| (a - b) / step).collect())
+        };
+        (0..unknowns.len()).map(column).collect()
+    }
+
+    /// Standard deviations of the unknowns by the curvature of the error.
+    pub(super) fn deviations(&self, candidate: &Candidate) -> Option<Vec<f64>> {
+        let Candidate { blocks, terms, unknowns, .. } = candidate;
+        let residuals = self.residuals(blocks, *terms, unknowns, None)?;
+        let jacobian = self.jacobian(blocks, *terms, unknowns, None, &residuals)?;
+        let variance = square(&residuals) / residuals.len() as f64;
+        let one = |k: usize| {
+            let mut unit = vec![0.0; unknowns.len()];
+            unit[k] = 1.0;
+            normal_matrix(&jacobian, 1e-12).solve(&mut unit, 1)?;
+            Some((variance * unit[k]).sqrt())
+        };
+        (0..unknowns.len()).map(one).collect()
+    }
+
+    /// A set of blocks, its added block started from a grid, the others from `from`.
+    pub(super) fn candidate(&self, blocks: &[Block], terms: Terms, from: &Candidate) -> Option<Candidate> {
+        let starts: Vec<Vec<f64>> = match blocks.iter().position(|block| !from.blocks.contains(block)) {
+            Some(added) => {
+                let insert = |start: [f64; 2]| {
+                    let mut unknowns = from.unknowns.clone();
+                    unknowns.splice(2 * added..2 * added, start);
+                    unknowns
+                };
+                self.limits.starts(blocks[added]).into_iter().map(insert).collect()
+            }
+            None => vec![from.unknowns.clone()],
+        };
+        let cost = |start: &Vec<f64>| {
+            let found = self.residuals(blocks, terms, start, None);
+            found.map_or(f64::INFINITY, |residuals| square(&residuals))
+        };
+        let best =
+            starts.into_iter().map(|start| (cost(&start), start)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let unknowns = self.minimise(blocks, terms, &best.1, None, ITERATIONS)?;
+        let (mut without, mut by_fold, mut sum, mut count) = (Vec::new(), Vec::new(), 0.0, 0.0);
+        for fold in 0..self.folds {
+            let own = self.minimise(blocks, terms, &unknowns, Some(fold), FOLD_ITERATIONS)?;
+            let fitted = self.fit(blocks, terms, &own, Some(fold))?;
+            let errors = self.errors(&fitted, |at| at == fold);
+            let rows = errors.len() as f64 / self.scales.len() as f64;
+            by_fold.push((square(&errors) / rows.max(1.0)).sqrt());
+            sum += square(&errors);
+            count += rows;
+            without.push(own);
+        }
+        let left_out = (sum / count).sqrt();
+        left_out.is_finite().then(|| Candidate {
+            blocks: blocks.to_vec(),
+            terms,
+            unknowns,
+            left_out,
+            by_fold,
+            without,
+        })
+    }
+}
+
+fn square(values: &[f64]) -> f64 {
+    values.iter().map(|v| v * v).sum()
+}
+
+fn normal_matrix(jacobian: &[Vec<f64>], damping: f64) -> Dense {
+    let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+    let largest = jacobian.iter().map(|column| square(column)).fold(f64::MIN_POSITIVE, f64::max);
+    Dense::from_fn(jacobian.len(), |i, j| {
+        let sum = dot(&jacobian[i], &jacobian[j]);
+        if i == j { sum * (1.0 + damping) + 1e-9 * largest } else { sum }
+    })
+}
+
+fn damped_step(jacobian: &[Vec<f64>], residuals: &[f64], damping: f64) -> Option<Vec<f64>> {
+    let dot = |column: &Vec<f64>| -> f64 { column.iter().zip(residuals).map(|(a, b)| a * b).sum() };
+    let mut right: Vec<f64> = jacobian.iter().map(|column| -dot(column)).collect();
+    normal_matrix(jacobian, damping).solve(&mut right, 1)?;
+    right.iter().all(|v| v.is_finite()).then_some(right)
+}

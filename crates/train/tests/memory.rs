@@ -1,0 +1,95 @@
+//! Memory identified from synthetic runs whose truth is known.
+
+use rom::memory::{Creep, InputMemory, Line, Play, Slopes};
+use train::measured::Run;
+use train::memory::{Block, Identified, identify};
+
+/// Deterministic noise of unit variance, roughly normal.
+fn noise(seed: u64, count: usize) -> Vec<f64> {
+    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    let mut uniform = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    };
+    (0..count).map(|_| (0..12).map(|_| uniform()).sum()).collect()
+}
+
+/// Pressure of steps of 0.3 s and ramps, MPa.
+fn pressure(t_s: f64, shift: f64) -> f64 {
+    let level = |k: i64| 0.045 + 0.04 * ((k as f64 * 2.4 + shift).sin());
+    let k = (t_s / 3.0).floor();
+    let share = ((t_s - 3.0 * k) / 0.3).min(1.0);
+    level(k as i64 - 1) + share * (level(k as i64) - level(k as i64 - 1))
+}
+
+fn run(of: &InputMemory, shift: f64, sigma: f64) -> Run {
+    let t_s: Vec<f64> =
+        (0..800_u32).map(|k| 0.05 * f64::from(k) + 0.01 * (f64::from(k) * 1.7).sin()).collect();
+    let values: Vec<f64> = t_s.iter().map(|t| pressure(*t, shift)).collect();
+    let behind = of.responses(&t_s, &values, 1.0);
+    let noise = noise(7 + (shift * 10.0) as u64, values.len());
+    let y = behind.iter().zip(&noise).map(|(p, e)| 900.0 * p + 4000.0 * p * p + sigma * e).collect();
+    Run { time_s: t_s, inputs: vec![values], outputs: vec![y] }
+}
+
+fn block(line: Option<Line>, play: Vec<Play>, creep: Vec<Creep>) -> InputMemory {
+    InputMemory { input: 0, range: [0.0, 0.09], line, play, creep, slopes: Slopes::default() }
+}
+
+fn found(of: &InputMemory, sigma: f64) -> Identified {
+    identify(&[run(of, 0.0, sigma)], &[100.0]).expect("a fit")
+}
+
+fn kept(found: &Identified) -> Vec<Block> {
+    let kept: Vec<Block> = found.blocks.iter().filter(|b| b.is_kept).map(|b| b.block).collect();
+    Block::ALL.into_iter().filter(|block| kept.contains(block)).collect()
+}
+
+#[test]
+fn line_is_found_with_its_time_constants_within_the_intervals() {
+    let of = block(Some(Line { fill_s: 0.4, empty_s: 1.3 }), vec![], vec![]);
+    let found = found(&of, 0.5);
+    assert_eq!(kept(&found), [Block::Line], "{found:?}");
+    let constants = &found.blocks.iter().find(|b| b.block == Block::Line).expect("line").constants;
+    for (constant, truth) in constants.iter().zip([0.4, 1.3]) {
+        assert!((constant.value / truth - 1.0).abs() < 0.05, "{constant:?}");
+        let [low, high] = constant.interval;
+        assert!(low <= truth * 1.02 && truth <= high * 1.02 && high < 1.5 * low, "{constant:?}");
+    }
+    assert!(found.left_out[1] < 0.2 * found.left_out[0], "{:?}", found.left_out);
+}
+
+#[test]
+fn play_is_found_where_loops_do_not_depend_on_time() {
+    let plays = (1..=4).map(|k| Play { threshold: 0.002 * f64::from(k), weight: 0.15 }).collect();
+    let found = found(&block(None, plays, vec![]), 0.2);
+    assert_eq!(kept(&found), [Block::Play], "{found:?}");
+    assert!(found.left_out[1] < 0.4 * found.left_out[0], "{:?}", found.left_out);
+}
+
+#[test]
+fn creep_is_found_beside_a_line() {
+    let of =
+        block(Some(Line { fill_s: 0.3, empty_s: 0.6 }), vec![], vec![Creep { time_s: 5.0, weight: 0.15 }]);
+    let found = found(&of, 0.1);
+    assert_eq!(kept(&found), [Block::Line, Block::Creep], "{found:?}");
+    let creep = &found.blocks.iter().find(|b| b.block == Block::Creep).expect("creep").constants;
+    assert!((creep[0].value / 5.0 - 1.0).abs() < 0.3 && (creep[1].value - 0.15).abs() < 0.05, "{creep:?}");
+}
+
+#[test]
+fn static_actuator_gets_no_memory_at_any_noise() {
+    for sigma in [0.1, 5.0] {
+        let found = found(&block(None, vec![], vec![]), sigma);
+        assert!(found.memory.is_none(), "{found:?}");
+    }
+}
+
+#[test]
+fn runs_without_use_have_no_result() {
+    let still = Run { time_s: vec![0.0, 1.0, 2.0], inputs: vec![vec![0.1; 3]], outputs: vec![vec![1.0; 3]] };
+    assert!(identify(&[still], &[1.0]).is_none());
+    assert!(identify(&[], &[1.0]).is_none());
+}
