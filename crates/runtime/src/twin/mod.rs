@@ -407,20 +407,17 @@ impl ActuatorTwin {
     }
 
     /// Step 3: force, gradients and half-widths of the reading. The coefficients wait for the fields unless states carry them.
-    fn evaluate(
-        &mut self,
-        sample: &SensorSample,
-        mut inputs: Inputs,
-        past: &HalfWidths,
-    ) -> Result<(), Outcome> {
+    fn evaluate(&mut self, sample: &SensorSample, at: Inputs, past: &HalfWidths) -> Result<(), Outcome> {
+        let mut inputs = at;
         if let Some(Estimation { estimator, estimate, .. }) = &mut self.estimation {
             let update = estimator.update(sample, &inputs);
             estimator.fill(&update, estimate);
             inputs = self.validator.with_idle(Inputs::from(update.inputs), &inputs);
         }
         if let Some(motion) = &mut self.parts.motion {
-            let moved = motion.advance(sample.t_sensor_ns, inputs, &mut self.evaluation);
-            let moved = moved.map_err(|_| Outcome::DroppedModel)?;
+            let Ok(moved) = motion.advance(sample.t_sensor_ns, inputs, &mut self.evaluation) else {
+                return Err(Outcome::DroppedModel);
+            };
             self.label = RegimeLabel { regime: moved.state.regime, held: false };
         } else {
             self.label = self.parts.evaluator.state(inputs, &mut self.evaluation);
@@ -463,7 +460,6 @@ impl ActuatorTwin {
             }
         }
         self.record.answered(sample, taken_ns);
-        // A good reading restarts the deadline.
         let silence_ns = taken_ns.saturating_sub(self.last_good_ns);
         self.record.good(self.state.flags, silence_ns);
         if self.has_answered {
