@@ -144,7 +144,10 @@ fn removed_iceoryx2_files_end_the_daemons() {
         let mut twin = Program::twin(&stage, &scene);
         let mut bridge = Program::bridge(&stage, &scene);
         if removed.is_empty() {
-            std::fs::remove_dir_all(stage.root()).unwrap();
+            // A daemon may make a file in it meanwhile.
+            while stage.root().exists() {
+                let _ = std::fs::remove_dir_all(stage.root());
+            }
         }
         for file in stage.everything() {
             if !removed.is_empty() && file.to_string_lossy().ends_with(removed) {

@@ -131,7 +131,7 @@ struct FileHeader<H> {
 }
 
 impl Model {
-    /// Identifies the model's predictions: hash of the file without half-widths.
+    /// Identifies the model's predictions: hash of the file without half-widths and observables.
     ///
     /// # Errors
     /// [`ModelFileError`], as [`Model::to_bytes`].
@@ -141,6 +141,7 @@ impl Model {
             regime.halfwidths = HalfWidths { coverage: regime.halfwidths.coverage, ..HalfWidths::default() };
             regime.local_halfwidths = None;
         }
+        bare.blocks.retain(|(kind, _)| *kind != BlockKind::Observables);
         Ok(*blake3::hash(&bare.to_bytes()?).as_bytes())
     }
 

@@ -18,6 +18,7 @@ The mapping names columns by number or heading. What is not known from the headi
 
 /// Describe tables of a bench.
 #[derive(clap::Args)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     #[command(subcommand)]
     action: Action,
@@ -31,6 +32,7 @@ enum Action {
 
 /// Write a table as a trace for replay, bridge, plot and import.
 #[derive(clap::Args)]
+#[command(before_help = EXAMPLES)]
 struct Convert {
     /// Table.
     #[arg(value_name = "FILE")]

@@ -11,7 +11,7 @@ use fem::material::fit::{self, Family, Fitted, Test, stretch_range};
 use formats::log::Column;
 use std::path::PathBuf;
 
-const EXAMPLES: &str = "\
+pub(super) const EXAMPLES: &str = "\
 Examples:
   softtwin material fit strip.csv --out silicone.toml --picture fit.png
   softtwin material fit pull.txt --load-column 1 --load nominal-stress --load-unit MPa \\

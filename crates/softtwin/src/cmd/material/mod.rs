@@ -10,6 +10,7 @@ use anyhow::Result;
 
 /// Fit a silicone's law to its tension, shear, biaxial and compression tests.
 #[derive(clap::Args)]
+#[command(before_help = fit::EXAMPLES)]
 pub struct Args {
     #[command(subcommand)]
     what: What,
