@@ -287,8 +287,8 @@ import os, signal, sys, softtwin
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGALRM, lambda *_: print("handled", flush=True))
 readings = softtwin.subscribe("softtwin/finger/command", wait_for_twin=True, timeout_s=float(sys.argv[1]))
-print("waiting", flush=True)
 try:
+    print("waiting", flush=True)
     readings.next()
 except (KeyboardInterrupt, softtwin.TwinSilent) as end:
     print(type(end).__name__, flush=True)
