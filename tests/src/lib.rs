@@ -9,6 +9,7 @@ pub mod inputs;
 pub mod kills;
 pub mod manager;
 pub mod modules;
+pub mod moving;
 pub mod process;
 pub mod skip;
 pub mod stage;

@@ -3,7 +3,7 @@
 
 use rom::inputs::Inputs;
 use rom::memory::{Creep, InputMemory, Line, Memory, MemorySpec, Play, Slopes};
-use runtime::config::{Scene, Settings};
+use runtime::config::{Limits, Scene, Settings};
 use runtime::load::load_scene;
 use runtime::source::{Devices, Poll};
 use runtime::twin::{Twin, event_channel};
@@ -12,7 +12,8 @@ use std::cell::Cell;
 use std::net::UdpSocket;
 use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
-use tests::Stage;
+use tests::{Stage, moving};
+use wire::layout::regime;
 use wire::{FieldReader, SensorSample, SensorWriter, StateReader, Topic, now_ns};
 
 struct Counting;
@@ -100,6 +101,47 @@ fn twin_loop_allocates_only_the_transports_sample_handles_and_publishes_inputs_b
     assert_eq!(health.received, 400);
     assert_eq!(health.count(wire::Outcome::HeldNotFinite), 40);
     assert_eq!(health.count(wire::Outcome::Published), 360);
+}
+
+/// As above for a model with inertia, which swings, lands on the plate and leaves it.
+#[test]
+fn twin_loop_of_a_moving_model_allocates_only_the_transports_sample_handles() {
+    let stage = Stage::with_model("moving", moving::model_bytes());
+    let path = stage.whole_finger("kind = \"simulate\"");
+    let scene = Scene::load(&path).unwrap();
+    let bus = stage.bus();
+    let loaded = load_scene(&scene, &path).unwrap();
+    let (events, _reporter) = event_channel();
+    let settings =
+        Settings { limits: Limits { max_age_ms: 60_000.0, ..Limits::default() }, ..Settings::default() };
+    let mut twin = Twin::start(&bus, loaded, &settings, &events).unwrap();
+    let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
+    let fields = FieldReader::open(&bus, &Topic::field("finger", None).unwrap()).unwrap();
+    let states = StateReader::open(&bus, &Topic::state("finger").unwrap()).unwrap();
+    let begin_ns = now_ns() - 20_000_000_000;
+    let mut regimes = [0; 3];
+    let mut send_and_turn = |seq: u64| {
+        let pressure_mpa = if seq % 100 < 40 { 0.02 } else { 0.18 };
+        // Every 150th reading comes after a gap that is held, every 200th after one that is not.
+        let gaps_ns = seq / 150 * 400_000_000 + seq / 200 * 1_100_000_000;
+        let t_sensor_ns = begin_ns + seq * 5_000_000 + gaps_ns;
+        let sample =
+            SensorSample { boot_id: 5, seq, t_sensor_ns, pressure_mpa, gap_mm: 20.0, ..Default::default() };
+        sensor.publish(sample).unwrap();
+        let before = COUNT.get();
+        twin.turn(Duration::from_millis(100));
+        let allocations = COUNT.get() - before;
+        regimes[states.newest().unwrap().unwrap().regime as usize] += 1;
+        drop(fields.newest().unwrap());
+        allocations
+    };
+    let warm_up: u64 = (1..=20).map(&mut send_and_turn).sum();
+    let steady: u64 = (21..=400).map(&mut send_and_turn).sum();
+    let samples = 380 * 2;
+    assert_eq!(steady, samples, "{steady} allocations for {samples} samples ({warm_up} while warming up)");
+    assert_eq!(twin.health().next().unwrap().count(wire::Outcome::Published), 400);
+    let [free, contact] = [regime::FREE, regime::CONTACT].map(|number| regimes[number as usize]);
+    assert!(free > 50 && contact > 50, "{free} free, {contact} in contact");
 }
 
 /// The bridge's loop asks its sources: what several sensors have said becomes readings without an allocation.

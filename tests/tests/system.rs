@@ -11,6 +11,7 @@ mod faults;
 mod given;
 mod gripper;
 mod hostile;
+mod inertia;
 mod kills;
 mod live;
 mod memory;

@@ -1,6 +1,7 @@
 //! The C and C++ examples, compiled and run with a twin.
 
 use crate::synthetic::design;
+use rom::evaluator::Evaluator;
 use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
@@ -9,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tests::skip::{Missing, skipped};
 use tests::wait::wait_until;
-use tests::{Program, Stage};
+use tests::{Program, Stage, moving};
 use train::config::TrainConfig;
 use train::train;
 
@@ -308,5 +309,24 @@ fn model_in_c_equals_the_model_in_rust() {
     ] {
         let (status, said) = Program::shell(&stage, &format!("{program} {arguments}")).end();
         assert!(!status.success() && said.join("\n").contains(expected), "{arguments}: {said:?}");
+    }
+}
+
+/// Without a twin nothing moves: a model with inertia answers with the equilibrium under the load at rest, or under a given one.
+#[test]
+fn model_with_inertia_is_its_equilibrium_in_c() {
+    let stage = Stage::with_model("capimoving", moving::model_bytes());
+    let program = compile(&stage, "cc", "-std=c11", "model.c").unwrap();
+    let model = Model::from_bytes(moving::model_bytes()).unwrap();
+    let evaluator = Evaluator::new(&model.header).unwrap();
+    let mut still = evaluator.evaluation();
+    for (load, setting) in [(moving::REST, String::new()), (-20_000.0, format!(" {}=-20000", moving::LOAD))] {
+        evaluator.evaluate(Inputs::new(0.18, 20.0).with(2, load), &mut still);
+        assert!(still.contact_force_n > 0.005, "{}", still.contact_force_n);
+        let command = format!("{program} beam.twin pressure_mpa=0.18 gap_mm=20{setting}");
+        let (status, said) = Program::shell(&stage, &command).end();
+        assert!(status.success(), "{said:?}");
+        let expected = read_numbers(&format!("force {:?}", still.contact_force_n));
+        assert!(said.iter().any(|line| read_numbers(line).starts_with(&expected)), "{load}: {said:?}");
     }
 }

@@ -508,5 +508,5 @@ fn readings_that_are_late_or_not_numbers_are_refused_and_gaps_are_reported() {
     assert_eq!(motion.advance(3_001_000_000, &free(0.001)).unwrap().state.inputs.values()[LOAD], REST);
     // A jump of 100 times the range.
     let lost = motion.advance(3_002_000_000, &free(10.0)).unwrap();
-    assert!(lost.left_range || lost.at_rest, "{lost:?}");
+    assert!(lost.load_distance > 0.0 || lost.at_rest, "{lost:?}");
 }

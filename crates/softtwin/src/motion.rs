@@ -183,7 +183,7 @@ pub fn follow(model: &Model, trace: &Trace, step_ns: u64) -> Result<Followed> {
             Follower::Static(evaluator) => evaluator.evaluate(inputs, &mut evaluation),
             Follower::Moving(motion) => {
                 let moved = motion.advance(t_ns, inputs, &mut evaluation)?;
-                followed.load_outside += usize::from(moved.left_range);
+                followed.load_outside += usize::from(moved.load_distance > 0.0);
                 followed.restarts += usize::from(moved.at_rest && !followed.rows.is_empty());
             }
         }

@@ -148,7 +148,7 @@ fn trained_model_moves_as_the_equation_of_motion_and_rests_as_the_static_model()
         let moved = motion
             .advance(u64::try_from(i).unwrap_or(0) * 5_000_000, reading, &mut evaluation)
             .expect("a reading");
-        assert!(!moved.left_range && !moved.at_rest, "{moved:?}");
+        assert!(moved.load_distance == 0.0 && !moved.at_rest, "{moved:?}");
         let angle = equilibrium(pressure_mpa(t_s), evaluation.inputs.values()[PARAMETERS]);
         square += (angle - exact).powi(2) / truth.len() as f64;
     }

@@ -49,6 +49,9 @@ pub struct PlateForce {
 
 /// Equilibria under pressure, gap and inertial load, in each regime also a little beyond the onset of contact.
 pub trait Manifold {
+    /// Forgets states at which a search would begin: a motion at rest does not depend on those before it.
+    fn forget(&mut self) {}
+
     /// Position of the inertial load (mm/s2) in the inputs. Its value in a reading is the load at rest.
     fn load_input(&self) -> usize;
 

@@ -7,6 +7,7 @@ use crate::clearance::OnsetSolver;
 use crate::contract::{self, Output};
 use crate::evaluation::Evaluation;
 use crate::evaluator::Evaluator;
+use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::Inputs;
 use crate::model::{BlockKind, Model, ModelError, ModelHeader};
 use crate::regime::LastOnset;
@@ -128,6 +129,10 @@ impl ModelManifold {
 }
 
 impl Manifold for ModelManifold {
+    fn forget(&mut self) {
+        self.last = LastOnset::default();
+    }
+
     fn load_input(&self) -> usize {
         self.load_input
     }
@@ -246,6 +251,12 @@ impl ModelMotion {
         let moved = self.motion.advance(t_ns, &self.evaluator.completed(inputs))?;
         let state = &moved.state;
         self.evaluator.evaluate_as(state.regime, state.inputs, out);
+        // A motion that left the range between two readings is as uncertain as one that is outside at the reading.
+        if moved.load_distance > out.domain_distance {
+            out.domain_distance = moved.load_distance;
+            out.domain = TrainingRange::status(moved.load_distance);
+            out.flags.extrapolated = out.domain != DomainStatus::Inside;
+        }
         out.contact_force_n = if out.flags.no_force { f64::NAN } else { state.contact_force_n };
         let modes = self.modes.iter().find(|(kind, _)| *kind == state.regime);
         for (mode, y) in modes.iter().flat_map(|(_, modes)| modes).zip(&state.amplitudes) {

@@ -53,8 +53,8 @@ pub enum ReadingError {
 pub struct Moved {
     /// State of the motion at the reading.
     pub state: MotionState,
-    /// The load was outside of its training range since the last reading.
-    pub left_range: bool,
+    /// Largest distance of the load from its training range since the last reading, as a fraction of it; 0 inside.
+    pub load_distance: f64,
     /// The inputs were held over a gap in the readings.
     pub held: bool,
     /// The motion began at rest with this reading: the first one, one after a long gap, or one at which the motion could not be continued.
@@ -155,22 +155,22 @@ impl<M: Manifold> Motion<M> {
             at_ns => last.between(inputs, (at_ns - last_ns) as f64 / gap_ns as f64),
         };
         let h_ns = self.settings.step_ns;
-        let mut left_range = false;
+        let mut load_distance = 0.0_f64;
         loop {
             let at_ns = clock.begin_ns + clock.steps * h_ns;
             if t_ns - at_ns < h_ns {
                 let shown = if t_ns == at_ns { Some(now) } else { self.step(&now, t_ns - at_ns, inputs) };
                 let Some(shown) = shown else { return Ok(self.begin(t_ns, inputs)) };
-                left_range |= self.outside(&shown) > 0.0;
+                load_distance = load_distance.max(self.outside(&shown));
                 clock = Clock { last_ns: t_ns, last: *inputs, ..clock };
                 self.now = Some((now, clock));
-                return Ok(Moved { state: self.state(&shown), left_range, held, at_rest: false });
+                return Ok(Moved { state: self.state(&shown), load_distance, held, at_rest: false });
             }
             let next = self.step(&now, h_ns, &between(at_ns + h_ns));
             let Some(next) = next.filter(|next| self.outside(next) <= FAR) else {
                 return Ok(self.begin(t_ns, inputs));
             };
-            left_range |= self.outside(&next) > 0.0;
+            load_distance = load_distance.max(self.outside(&next));
             now = next;
             clock.steps += 1;
         }
@@ -184,6 +184,7 @@ impl<M: Manifold> Motion<M> {
 
     /// At rest under the reading's inputs.
     fn begin(&mut self, t_ns: u64, inputs: &Inputs) -> Moved {
+        self.manifold.forget();
         let still = Amplitudes::default();
         let is_free = self.manifold.clearance_mm(inputs, &still) >= 0.0;
         let regime = if is_free { RegimeKind::Free } else { RegimeKind::Contact };
@@ -195,7 +196,7 @@ impl<M: Manifold> Motion<M> {
         let force_n = self.force_n(regime, inputs, &instant);
         let now = Now { regime, instant, position, velocity, inputs: *inputs, force_n };
         self.now = Some((now, Clock { begin_ns: t_ns, steps: 0, last_ns: t_ns, last: *inputs }));
-        Moved { state: self.state(&now), left_range: self.outside(&now) > 0.0, held: false, at_rest: true }
+        Moved { state: self.state(&now), load_distance: self.outside(&now), held: false, at_rest: true }
     }
 
     fn state(&self, now: &Now) -> MotionState {

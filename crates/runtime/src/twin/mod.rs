@@ -365,6 +365,11 @@ impl ActuatorTwin {
     fn ingest(&mut self, sample: SensorSample) {
         let now = now_ns();
         let check = self.validator.validate(&sample, now);
+        if check.restarted {
+            // The motion does not go on from the stamps of another run, which need not compare with its own.
+            self.answer_waiting();
+            self.parts.motion.iter_mut().for_each(ModelMotion::reset);
+        }
         self.record.ingested(&sample, &check);
         match check.rejection {
             None => {
@@ -415,9 +420,8 @@ impl ActuatorTwin {
             inputs = self.validator.with_idle(Inputs::from(update.inputs), &inputs);
         }
         if let Some(motion) = &mut self.parts.motion {
-            let Ok(moved) = motion.advance(sample.t_sensor_ns, inputs, &mut self.evaluation) else {
-                return Err(Outcome::DroppedModel);
-            };
+            let moved = motion.advance(sample.t_sensor_ns, inputs, &mut self.evaluation);
+            let moved = moved.map_err(past::refused)?;
             self.label = RegimeLabel { regime: moved.state.regime, held: false };
         } else {
             self.label = self.parts.evaluator.state(inputs, &mut self.evaluation);
