@@ -420,9 +420,7 @@ impl ActuatorTwin {
             inputs = self.validator.with_idle(Inputs::from(update.inputs), &inputs);
         }
         if let Some(motion) = &mut self.parts.motion {
-            let moved = motion.advance(sample.t_sensor_ns, inputs, &mut self.evaluation);
-            let moved = moved.map_err(past::refused)?;
-            self.label = RegimeLabel { regime: moved.state.regime, held: false };
+            self.label = past::moved(motion, sample.t_sensor_ns, inputs, &mut self.evaluation)?;
         } else {
             self.label = self.parts.evaluator.state(inputs, &mut self.evaluation);
         }

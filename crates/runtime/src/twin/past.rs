@@ -1,6 +1,9 @@
-//! Inputs behind the memory of a model; readings that its motion refuses.
+//! States that a model carries from reading to reading: inputs behind its memory, its motion.
 
+use rom::evaluation::Evaluation;
+use rom::evaluator::RegimeLabel;
 use rom::halfwidths::HalfWidths;
+use rom::inertia::model_motion::ModelMotion;
 use rom::inertia::stepper::ReadingError;
 use rom::inputs::Inputs;
 use rom::memory::Memory;
@@ -21,10 +24,19 @@ pub(super) fn inputs_behind(
     (memory.effective(&inputs), memory.half_widths())
 }
 
-/// Outcome of a reading that the motion did not use.
-pub(super) fn refused(error: ReadingError) -> Outcome {
-    match error {
+/// Moves a model with inertia to a reading and evaluates it.
+///
+/// # Errors
+/// Outcome of a reading that the motion does not use.
+pub(super) fn moved(
+    motion: &mut ModelMotion,
+    t_sensor_ns: u64,
+    inputs: Inputs,
+    out: &mut Evaluation,
+) -> Result<RegimeLabel, Outcome> {
+    let moved = motion.advance(t_sensor_ns, inputs, out).map_err(|error| match error {
         ReadingError::NotLater { .. } => Outcome::DroppedBackInTime,
         ReadingError::NotFinite { .. } => Outcome::DroppedModel,
-    }
+    })?;
+    Ok(RegimeLabel { regime: moved.state.regime, held: false })
 }
