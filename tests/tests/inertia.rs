@@ -170,7 +170,7 @@ fn live_twin_swings_as_predict_and_begins_at_rest_after_gaps_and_restarts() {
     let again = readings.run(begin_ns + 5_000_000_000, &pressures);
     assert!(again.iter().map(bits).eq(first.iter().cloned()), "after a restart of the twin");
     assert_ne!(again[0].0.boot_id, before);
-    // Shorter gaps: the motion goes on, with the last pressure up to the next reading.
+    // Shorter gaps: the motion continues with the last pressure up to the next reading.
     let t_ns = again[again.len() - 1].0.t_sensor_ns;
     let (held, _) = readings.answer(t_ns + 500_000_000, 0.03);
     assert!((held.inputs[LOAD_AT] - REST).abs() > 100.0, "{}", held.inputs[LOAD_AT]);

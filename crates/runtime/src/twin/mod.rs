@@ -366,7 +366,7 @@ impl ActuatorTwin {
         let now = now_ns();
         let check = self.validator.validate(&sample, now);
         if check.restarted {
-            // The motion does not go on from the stamps of another run, which need not compare with its own.
+            // Stamps of another run need not compare with those of the motion.
             self.answer_waiting();
             self.parts.motion.iter_mut().for_each(ModelMotion::reset);
         }
