@@ -111,8 +111,8 @@ class Finger:
         assert away.max() < 1e-3, f"no node at a corner or an edge's middle of a box, the nearest {away.max():.3g} mm away"
         return nodes
 
-    def calculix(self, kind, pressure, gap):
-        """Results of CalculiX with elements C3D10 (the same tetrahedra) or C3D20R (the boxes); displacements are NaN where it has no node."""
+    def body(self, kind):
+        """Nodes, elements of that kind, supports and material for CalculiX; elements, and their faces on cavity and underside."""
         elements, faces = (self.tets, [f[:3] for f in FACES]) if kind == "C3D10" else (self.hexahedra(), QUADS)
         cavity, bottom = self.surfaces(elements, faces)
         used = numpy.unique(elements)
@@ -124,7 +124,18 @@ class Finger:
         lines += ["*NSET, NSET=FIXED", *(f"{n + 1}," for n in numpy.intersect1d(self.fixed, used)), "*BOUNDARY", "FIXED,1,3"]
         constants = ",".join(map(str, LAW))
         lines += ["*MATERIAL, NAME=YEOH", "*HYPERELASTIC, YEOH", f"{constants},{2 / self.bulk:.9e},0,0", "*DENSITY", f"{DENSITY}"]
-        lines += ["*SOLID SECTION, ELSET=RUBBER, MATERIAL=YEOH"]
+        return [*lines, "*SOLID SECTION, ELSET=RUBBER, MATERIAL=YEOH"], elements, cavity, bottom
+
+    def ccx(self, lines):
+        """Runs CalculiX and returns the lines of its printed results."""
+        (self.folder / "job.inp").write_text("\n".join([*lines, ""]))
+        ended = subprocess.run(["ccx", "-i", "job"], cwd=self.folder, capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
+        assert "Job finished" in ended.stdout, f"ccx: {ended.stdout[-1500:]}"
+        return (self.folder / "job.dat").read_text().splitlines()
+
+    def calculix(self, kind, pressure, gap):
+        """Results of CalculiX with elements C3D10 (the same tetrahedra) or C3D20R (the boxes); displacements are NaN where it has no node."""
+        lines, elements, cavity, bottom = self.body(kind)
         if gap is not None:
             lines += plate_lines(len(self.points) + 1, len(elements) + 1, gap, self.high)
             lines += ["*SURFACE, NAME=UNDERSIDE", *(f"{e + 1},S{f + 1}" for e, f in bottom)]
@@ -134,16 +145,59 @@ class Finger:
         lines += [f"{e + 1},P{f + 1},{pressure}" for e, f in cavity]
         lines += ["*NODE PRINT, NSET=BODY, FREQUENCY=999", "U"]
         lines += [] if gap is None else ["*NODE PRINT, NSET=PLATE, FREQUENCY=999, TOTALS=ONLY", "RF"]
-        (self.folder / "job.inp").write_text("\n".join([*lines, "*END STEP", ""]))
-        ended = subprocess.run(["ccx", "-i", "job"], cwd=self.folder, capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
-        assert "Job finished" in ended.stdout, f"ccx: {ended.stdout[-1500:]}"
         moved, force = numpy.full_like(self.points, numpy.nan), 0.0
-        for row in (line.split() for line in (self.folder / "job.dat").read_text().splitlines()):
+        for row in (line.split() for line in self.ccx([*lines, "*END STEP"])):
             if len(row) == 4 and row[0].isdigit():
                 moved[int(row[0]) - 1] = [float(v) for v in row[1:]]
             elif len(row) == 3 and gap is not None:
                 force = float(row[1])
         return moved, force
+
+
+    def swing(self, trace, step):
+        """Height of the tip over time by both programs: same elements, same method (alpha = -0.05), no damping. The trace has times, pressures
+        and factors of gravity."""
+        self.file.write_text(actuator(self.bulk, "points"))
+        (self.folder / "trace.csv").write_text(
+            "t_s,pressure_mpa,loads.gravity_mm_s2.1\n" + "".join(f"{t},{p},{-GRAVITY * g}\n" for t, p, g in trace)
+        )
+        options = ["--trace", self.folder / "trace.csv", "--out", self.folder / "swing", "--step-ms", 1e3 * step, "--step-error-mm", 1000]
+        self.run("simulate", "--actuator", self.file, "--set", "dynamics.beta_s=0", *options)
+        table = numpy.genfromtxt(self.folder / "swing" / "series.csv", delimiter=",", names=True)
+        tip = numpy.linalg.norm(self.points - [self.high[0], *self.points[self.points[:, 0] > self.high[0] - 0.01, 1:].mean(0)], axis=1).argmin()
+        lines, _, cavity, _ = self.body("C3D10")
+        start = trace[0][1]
+        lines += [f"*NSET, NSET=TIP\n{tip + 1},", "*AMPLITUDE, NAME=PRESSURE", *(f"{t},{p / start}" for t, p, _ in trace)]
+        lines += ["*AMPLITUDE, NAME=WEIGHT", *(f"{t},{g}" for t, _, g in trace)]
+        gravity, wall = f"RUBBER,GRAV,{GRAVITY},0,-1,0", [f"{e + 1},P{f + 1},{start}" for e, f in cavity]
+        lines += ["*STEP, NLGEOM, INC=200", "*STATIC", "0.5,1.0,1e-4", *TOLERANCES, "*DLOAD", gravity, *wall, "*EL FILE", "ENER", "*END STEP"]
+        lines += ["*STEP, NLGEOM, INC=100000", "*DYNAMIC, DIRECT, ALPHA=-0.05", f"{step},{trace[-1][0]}", *TOLERANCES]
+        lines += ["*DLOAD, AMPLITUDE=WEIGHT", gravity, "*DLOAD, AMPLITUDE=PRESSURE", *wall]
+        printed = self.ccx([*lines, "*NODE PRINT, NSET=TIP, FREQUENCY=1", "U", "*END STEP"])
+        rows, time = [], 0.0
+        for line in printed:
+            words = line.split()
+            time = float(words[-1]) if "time" in words else time
+            if len(words) == 4 and words[0] == str(tip + 1):
+                rows.append((time - 1.0, float(words[2])))  # the static step takes the first second
+        theirs = numpy.array(rows)[1:]
+        at_rest = self.points[tip, 1]
+        return (table["t_s"], table["tip_y_mm"] - at_rest), (theirs[:, 0], theirs[:, 1])
+
+
+def swing_of(t, y):
+    """Frequency and amplitudes (half the heights) of the lowest mode, by six extrema after the step, refined by parabolas."""
+    turns, least = [], 0.3 * (y.max() - y.min())
+    for k in range(1, len(y) - 1):
+        if t[k] > 0.01 and (y[k] - y[k - 1]) * (y[k + 1] - y[k]) < 0 and (not turns or abs(y[k] - y[turns[-1]]) > least):
+            turns.append(k)
+    assert len(turns) >= 6, f"{len(turns)} extrema, expected 6"
+    times, heights = [], []
+    for k in turns[:6]:
+        d = 0.5 * (y[k - 1] - y[k + 1]) / (y[k - 1] - 2 * y[k] + y[k + 1])
+        times.append(t[k] + d * (t[k + 1] - t[k]))
+        heights.append(y[k] - 0.25 * (y[k - 1] - y[k + 1]) * d)
+    return 2.5 / (times[5] - times[0]), 0.5 * numpy.abs(numpy.diff(heights))
 
 
 def plate_lines(node, element, gap, high):
@@ -201,6 +255,13 @@ def main():
                 book.compare("softtwin, points / CalculiX C3D10", found["points"], calculix, (0.01, 0.02))
                 book.compare("softtwin, mean / CalculiX C3D10", found["mean"], calculix)
                 book.compare("softtwin, mean / CalculiX C3D20R", found["mean"], finger.calculix("C3D20R", pressure, gap))
+        finger = Finger(options.programs, pathlib.Path(folder) / "swing", options.size_mm, options.bulk[0])
+        step, trace = 1e-3, [(0.0, 0.02, 1.0), (0.005, 0.06, 0.5), (0.25, 0.06, 0.5)]
+        (ours_hz, ours_mm), (ccx_hz, ccx_mm) = (swing_of(*series) for series in finger.swing(trace, step))
+        off = ours_hz / ccx_hz - 1, numpy.abs(ours_mm / ccx_mm - 1).max()
+        print(f"\nswing after a step of pressure and gravity: softtwin {ours_hz:.4f} Hz, {ours_mm.max():.4f} mm; CalculiX *DYNAMIC {ccx_hz:.4f} Hz, {ccx_mm.max():.4f} mm")
+        print(f"{100 * off[0]:+.3f} % in frequency (at most 1 %), {100 * off[1]:.3f} % in amplitude (at most 3 %)", flush=True)
+        book.missed += ["swing"] if abs(off[0]) > 0.01 or off[1] > 0.03 else []
         for size in options.finer_mm:
             finger = Finger(options.programs, pathlib.Path(folder) / f"finer-{size}", size, options.bulk[0])
             for pressure, gap in loads:

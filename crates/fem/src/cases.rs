@@ -12,8 +12,8 @@ use std::path::Path;
 /// Columns of a list; other columns, as in a table of results, are ignored.
 pub(crate) const COLUMNS: [&str; 5] = ["case", "regime", "split", "pressure_mpa", "gap_mm"];
 /// Largest pressure, far above that of elastomer actuators; a larger value has another unit.
-const MAX_MPA: f64 = 10.0;
-const MAX_MM: f64 = 10_000.0;
+pub(crate) const MAX_MPA: f64 = 10.0;
+pub(crate) const MAX_MM: f64 = 10_000.0;
 
 /// State to compute.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::contact::obstacle::{Obstacle, Round};
+use crate::dynamics::Dynamics;
 use crate::element::cavity::CavityLoad;
 use crate::material::{Elastomer, Hyperelastic, SheetMaterial, VolumeChange};
 use rom::snapshots::Footprint;
@@ -137,14 +138,17 @@ pub struct Load {
     pub gravity_mm_s2: [f64; 3],
 }
 
-/// Debug form of a configuration without the fields of an absent round obstacle or range of stretches; part of a checkpoint's fingerprint.
+/// Debug form of a configuration without the fields of an absent round obstacle or range of stretches, and without motion, of which
+/// static states are independent; part of a checkpoint's fingerprint.
 pub(crate) fn flat(debug: &str) -> String {
+    let motion = format!(", dynamics: {:?}", Dynamics::default());
     [
         ", round: None",
         ", radius_mm: None",
         ", centre_mm: None",
         ", stretch_range: None",
         ", shear_interval_mpa: None",
+        &motion,
     ]
     .iter()
     .fold(debug.into(), |text: String, none| text.replace(none, ""))

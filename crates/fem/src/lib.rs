@@ -6,7 +6,9 @@ mod algebra;
 pub mod cases;
 mod config;
 mod contact;
+mod dynamics;
 mod element;
+mod energy;
 mod family;
 mod linear;
 mod mass;
@@ -27,12 +29,14 @@ mod strain;
 mod system;
 mod tangent;
 mod transfer;
+pub mod transient;
 mod vibration;
 
 pub use config::{
     ContactSettings, GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2, Load, NewtonSettings, ProblemConfig,
 };
 pub use contact::obstacle::{Form, Obstacle, Round};
+pub use dynamics::{Dynamics, PronyTerm};
 pub use element::cavity::CavityLoad;
 pub use family::{Family, Variant, VariantError};
 pub use linear::LinearError;

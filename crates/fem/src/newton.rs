@@ -211,6 +211,12 @@ impl Newton {
         Err(NewtonError::Stalled { iterations: settings.max_iterations, correction_mm: self.last_mm })
     }
 
+    /// Moves the nodes by `displacement_mm`, the stress unknowns by the linearised relations of the system assembled at `state`.
+    pub(crate) fn displace(&mut self, state: &mut State, displacement_mm: Vec<Vec3>) {
+        self.increment.displacement = displacement_mm;
+        self.update(state, 1.0);
+    }
+
     /// Sum over the nodes of the difference between the obstacle's force at the new iterate and the one that the last
     /// tangent predicted (N).
     ///

@@ -1,7 +1,7 @@
 //! Fields, forces and contact sets of a solved state.
 
 use crate::algebra::{Vec3, add, axpy, norm};
-use crate::element::tet10;
+use crate::element::tet10::{self, PointTensors};
 use crate::problem::Problem;
 use crate::sparse::CONSTRAINED;
 use crate::state::State;
@@ -115,21 +115,30 @@ fn slot_contact_nodes(problem: &Problem, x: &[Vec3]) -> Vec<u32> {
 
 /// Nodal von Mises stress: mean over the elements, and by owner where the mesh names one.
 fn von_mises(problem: &Problem, state: &State) -> (Vec<f64>, Vec<f64>) {
-    let (mean, elements) = mean_von_mises(problem, &state.displacement_mm);
+    let (mean, elements) = mean_von_mises(problem, &state.displacement_mm, None);
     let owner = |o: &Option<(u32, u8)>| o.map_or(0.0, |(e, local)| elements[e as usize][usize::from(local)]);
     let owned = problem.mesh.mises_owner.as_ref().map_or_else(Vec::new, |o| o.iter().map(owner).collect());
     (mean, owned)
 }
 
 /// Nodal von Mises stress (MPa) of displacements `u`: the mean over the elements at a node, and each element's own.
-pub(crate) fn mean_von_mises(problem: &Problem, displacement_mm: &[Vec3]) -> (Vec<f64>, Vec<[f64; 10]>) {
+/// `overstress_mpa` is the viscous part of each element's stress.
+pub(crate) fn mean_von_mises(
+    problem: &Problem,
+    displacement_mm: &[Vec3],
+    overstress_mpa: Option<&[PointTensors]>,
+) -> (Vec<f64>, Vec<[f64; 10]>) {
     let nodes = problem.mesh.nodes_mm.len();
     let (mut sum, mut count) = (vec![0.0; nodes], vec![0.0; nodes]);
     let mut elements = Vec::with_capacity(problem.mesh.tets.len());
     for (e, tet) in problem.mesh.tets.iter().enumerate() {
         let u = tet.map(|n| displacement_mm[n as usize]);
         let law = &problem.elastomer(e).law;
-        let stress = tet10::deviatoric_stress(&problem.tets[e], &u, law).unwrap_or([[f64::NAN; 6]; 4]);
+        let mut stress = tet10::deviatoric_stress(&problem.tets[e], &u, law).unwrap_or([[f64::NAN; 6]; 4]);
+        if let Some(over) = overstress_mpa {
+            let over = tet10::cauchy_of_stress(&problem.tets[e], &u, &over[e]);
+            stress.as_flattened_mut().iter_mut().zip(over.as_flattened()).for_each(|(s, o)| *s += o);
+        }
         let values = tet10::extrapolate(stress).map(tet10::von_mises);
         for (n, v) in tet.iter().zip(values) {
             sum[*n as usize] += v;

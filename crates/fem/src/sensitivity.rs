@@ -105,7 +105,7 @@ fn follow(problem: &Problem, state: &State, change: &Change, side: &[f64]) -> Se
         contact_force_n: 0.0,
     };
     let add_stress = |body: &Problem, u: &[Vec3], weight: f64, sum: &mut [f64]| {
-        let values = mean_von_mises(body, u).0;
+        let values = mean_von_mises(body, u, None).0;
         sum.iter_mut().zip(values).for_each(|(s, v)| *s += weight * v);
     };
     for (u, weight) in &ends {

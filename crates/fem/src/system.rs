@@ -11,7 +11,7 @@ use crate::contact::slot::Turning;
 use crate::element::bending;
 use crate::element::cavity::face_terms;
 use crate::element::membrane::{self, Plane};
-use crate::element::tet10::{Invalid, TetTerms};
+use crate::element::tet10::{Invalid, PointTensors, TetTerms};
 use crate::problem::{Problem, add_gravity};
 use crate::sparse::CONSTRAINED;
 use crate::state::State;
@@ -25,6 +25,15 @@ pub(crate) struct InvalidState {
     pub(crate) element: usize,
 }
 
+/// Viscous part of the stress within a step.
+#[derive(Clone, Debug)]
+pub(crate) struct Overstress {
+    /// Factor of the isochoric energy.
+    pub(crate) factor: f64,
+    /// Given stress of each element (MPa).
+    pub(crate) stress_mpa: Vec<PointTensors>,
+}
+
 /// Residuals, tangent and terms for the update of the stress unknowns.
 #[derive(Clone, Debug)]
 pub(crate) struct System {
@@ -34,6 +43,10 @@ pub(crate) struct System {
     pub(crate) condensed: Vec<Vec3>,
     /// Residual force (N) at each node with the carried stresses.
     pub(crate) mixed: Vec<Vec3>,
+    /// Part of both residuals from the contacts.
+    pub(crate) contact: Vec<Vec3>,
+    /// Viscous part of the elastomer's stress; `None` in static states.
+    pub(crate) overstress: Option<Overstress>,
     /// `dV/du` of each element (mm2).
     pub(crate) volume_gradient: Vec<[Vec3; 10]>,
     /// Volume change of each element (mm3).
@@ -55,6 +68,8 @@ impl System {
             tangent: vec![0.0; problem.pattern.stored()],
             condensed: vec![[0.0; 3]; nodes],
             mixed: vec![[0.0; 3]; nodes],
+            contact: vec![[0.0; 3]; nodes],
+            overstress: None,
             volume_gradient: vec![[[0.0; 3]; 10]; tets],
             volume_change: vec![0.0; tets],
             cavity_volume_mm3: 0.0,
@@ -78,6 +93,29 @@ impl System {
         ahead: Ahead,
         with_tangent: bool,
     ) -> Result<(), InvalidState> {
+        let x = problem.positions(&state.displacement_mm);
+        self.assemble_body(problem, state, &x, load, ahead.pressure_mpa, with_tangent)?;
+        self.assemble_contact(problem, load.obstacle, ahead.advance_mm, &x, with_tangent.then_some(1.0));
+        for ((c, m), s) in self.condensed.iter_mut().zip(&mut self.mixed).zip(&self.contact) {
+            axpy(1.0, *s, c);
+            axpy(1.0, *s, m);
+        }
+        Ok(())
+    }
+
+    /// Assembles all but the contacts, at deformed positions `x` of `state`.
+    ///
+    /// # Errors
+    /// [`InvalidState`].
+    pub(crate) fn assemble_body(
+        &mut self,
+        problem: &Problem,
+        state: &State,
+        x: &[Vec3],
+        load: &Load,
+        ahead_mpa: f64,
+        with_tangent: bool,
+    ) -> Result<(), InvalidState> {
         self.condensed.fill([0.0; 3]);
         if with_tangent {
             self.tangent.fill(0.0);
@@ -85,19 +123,32 @@ impl System {
         add_gravity(problem, load.gravity_mm_s2, &mut self.condensed);
         self.mixed.copy_from_slice(&self.condensed);
         self.add_tets(problem, state, with_tangent)?;
-        let x = problem.positions(&state.displacement_mm);
-        self.add_membrane(problem, state, &x, with_tangent);
+        self.add_membrane(problem, state, x, with_tangent);
         // The remaining forces follow from the displacements alone and are the same in both residuals.
         let mut shared = vec![[0.0; 3]; x.len()];
-        self.add_bending(problem, &x, &mut shared, with_tangent);
-        self.add_cavity(problem, load.pressure_mpa, ahead.pressure_mpa, &x, &mut shared, with_tangent);
-        self.add_slots(problem, &x, &mut shared, with_tangent);
-        self.add_obstacle(problem, load.obstacle, ahead.advance_mm, &x, &mut shared, with_tangent);
+        self.add_bending(problem, x, &mut shared, with_tangent);
+        self.add_cavity(problem, load.pressure_mpa, ahead_mpa, x, &mut shared, with_tangent);
         for ((c, m), s) in self.condensed.iter_mut().zip(&mut self.mixed).zip(&shared) {
             axpy(1.0, *s, c);
             axpy(1.0, *s, m);
         }
         Ok(())
+    }
+
+    /// Assembles the forces of the contacts and adds their tangent, multiplied by `weight`.
+    pub(crate) fn assemble_contact(
+        &mut self,
+        problem: &Problem,
+        obstacle: Obstacle,
+        advance_mm: f64,
+        x: &[Vec3],
+        weight: Option<f64>,
+    ) {
+        let mut forces = std::mem::take(&mut self.contact);
+        forces.fill([0.0; 3]);
+        self.add_slots(problem, x, &mut forces, weight);
+        self.add_obstacle(problem, obstacle, advance_mm, x, &mut forces, weight);
+        self.contact = forces;
     }
 
     fn add_tets(&mut self, problem: &Problem, state: &State, with_tangent: bool) -> Result<(), InvalidState> {
@@ -106,9 +157,13 @@ impl System {
             let material = problem.elastomer(e);
             let geometry = &problem.tets[e];
             let carried = state.element_pressure_mpa[e];
+            let stiffened = self.overstress.as_ref().map(|over| material.stiffened(over.factor));
             self.terms
-                .evaluate(geometry, &u, carried, material, with_tangent)
+                .evaluate(geometry, &u, carried, stiffened.as_ref().unwrap_or(material), with_tangent)
                 .map_err(|reason| InvalidState { reason, element: e })?;
+            if let Some(over) = &self.overstress {
+                self.terms.add_stress(geometry, &u, &over.stress_mpa[e], with_tangent);
+            }
             let bulk = material.element_bulk_mpa() / geometry.volume_mm3();
             let follows = bulk * self.terms.volume_change;
             self.volume_change[e] = self.terms.volume_change;
@@ -227,12 +282,12 @@ impl System {
         }
     }
 
-    fn add_slots(&mut self, problem: &Problem, x: &[Vec3], residual: &mut [Vec3], with_tangent: bool) {
+    fn add_slots(&mut self, problem: &Problem, x: &[Vec3], residual: &mut [Vec3], weight: Option<f64>) {
         let settings = &problem.config.contact;
         self.turning.clear();
         for walls in &problem.slots {
-            if with_tangent {
-                let penalty = settings.slot_penalty_mpa_per_mm;
+            if let Some(weight) = weight {
+                let penalty = weight * settings.slot_penalty_mpa_per_mm;
                 self.turning.extend(walls.turning(x, settings.slot_smoothing_mm, penalty));
             }
             for contact in walls.contacts(x, settings.slot_smoothing_mm) {
@@ -241,9 +296,10 @@ impl System {
                 for (n, c) in contact.pair.nodes.iter().zip(contact.pair.coefficients) {
                     axpy(-force * c, contact.normal, &mut residual[*n as usize]);
                 }
-                if with_tangent {
+                if let Some(weight) = weight {
                     let free = contact.pair.nodes.map(|n| problem.free[n as usize]);
-                    let normal = outer(stiffness * contact.penalty.stiffness, contact.normal, contact.normal);
+                    let normal =
+                        outer(weight * stiffness * contact.penalty.stiffness, contact.normal, contact.normal);
                     for a in 0..12 {
                         for b in 0..=a {
                             let both = contact.pair.coefficients[a] * contact.pair.coefficients[b];
@@ -264,7 +320,7 @@ impl System {
         advance_mm: f64,
         x: &[Vec3],
         residual: &mut [Vec3],
-        with_tangent: bool,
+        weight: Option<f64>,
     ) {
         self.contact_force_n = 0.0;
         let Some(face) = face(problem, obstacle) else { return };
@@ -277,8 +333,8 @@ impl System {
             axpy(*stiffness, force, &mut residual[*n as usize]);
             self.contact_force_n += stiffness * touch.vertical();
             let free = problem.free[*n as usize];
-            if with_tangent && free != CONSTRAINED {
-                let block = tangent.map(|row| scale(*stiffness, row));
+            if let Some(weight) = weight.filter(|_| free != CONSTRAINED) {
+                let block = tangent.map(|row| scale(weight * *stiffness, row));
                 problem.pattern.add(&mut self.tangent, free, free, 0, &block);
             }
         }

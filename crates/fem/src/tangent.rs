@@ -82,6 +82,14 @@ impl Tangent {
     }
 }
 
+/// Adds the part of `K v` from the rotation of the slots' normals that `system` assembled.
+pub(crate) fn add_turning(problem: &Problem, system: &System, v: &[f64], out: &mut [f64]) {
+    for (slot, k) in system.turning.iter().flat_map(|slot| [0, 1].map(|k| (slot, k))) {
+        let turn = product(&column(problem, &slot.turn, k), v);
+        column(problem, &slot.force, k).into_iter().for_each(|(i, force)| out[i] += force * turn);
+    }
+}
+
 fn product(column: &Column, x: &[f64]) -> f64 {
     column.iter().map(|(i, v)| v * x[*i]).sum()
 }

@@ -11,6 +11,7 @@ mod inputs;
 mod meshes;
 mod sample;
 mod store;
+mod transient;
 mod variants;
 
 use fem::Mesh;

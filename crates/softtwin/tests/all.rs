@@ -17,6 +17,7 @@ mod ranges;
 mod recording;
 mod recording_memory;
 mod simulate;
+mod simulate_motion;
 #[allow(dead_code, reason = "shared by several test programs")]
 #[path = "../../../tests/src/synthetic/mod.rs"]
 mod synthetic;

@@ -11,9 +11,9 @@ use std::time::{Duration, Instant, SystemTime};
 const DEADLINE: Duration = Duration::from_secs(300);
 
 /// A folder with the tiny actuator and its mesh.
-struct Place(tempfile::TempDir);
+pub struct Place(tempfile::TempDir);
 
-struct Ended {
+pub struct Ended {
     code: Option<i32>,
     out: String,
     err: String,
@@ -25,20 +25,20 @@ impl Ended {
         self.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
     }
 
-    fn json(&self) -> Value {
+    pub fn json(&self) -> Value {
         let mut lines = self.lines();
         assert_eq!(lines.len(), 1, "{}", self.out);
         lines.remove(0)
     }
 
-    fn refused(&self, code: i32, part: &str) {
+    pub fn refused(&self, code: i32, part: &str) {
         assert_eq!(self.code, Some(code), "{} {}", self.out, self.err);
         assert!(self.err.contains(part), "{}", self.err);
     }
 }
 
 impl Place {
-    fn new() -> Self {
+    pub fn new() -> Self {
         let place = Self(tempfile::tempdir().unwrap());
         place.put("a.toml", &crate::actuators::tiny());
         let mesh = place.run("mesh --actuator a.toml --size-mm 9 --json").json();
@@ -46,25 +46,25 @@ impl Place {
         place
     }
 
-    fn at(&self, name: &str) -> PathBuf {
+    pub fn at(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
-    fn put(&self, name: &str, text: &str) {
+    pub fn put(&self, name: &str, text: &str) {
         std::fs::write(self.at(name), text).unwrap();
     }
 
-    fn read(&self, name: &str) -> String {
+    pub fn read(&self, name: &str) -> String {
         std::fs::read_to_string(self.at(name)).unwrap()
     }
 
-    fn command(&self, line: &str) -> Command {
+    pub fn command(&self, line: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_softtwin"));
         command.args(line.split_whitespace()).current_dir(self.0.path()).env_remove("RUST_LOG");
         command
     }
 
-    fn run(&self, line: &str) -> Ended {
+    pub fn run(&self, line: &str) -> Ended {
         let output = self.command(line).output().unwrap();
         let text = |bytes| String::from_utf8(bytes).unwrap();
         Ended { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
@@ -79,7 +79,7 @@ impl Place {
     }
 }
 
-fn bytes(path: &Path) -> Vec<u8> {
+pub fn bytes(path: &Path) -> Vec<u8> {
     std::fs::read(path).unwrap()
 }
 

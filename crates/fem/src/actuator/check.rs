@@ -130,6 +130,9 @@ impl Actuator {
         if let Err(e) = self.sheet.check() {
             found.add(format!("sheet: {}", e.name), e.expected, e.found);
         }
+        if let Err(e) = self.dynamics.check() {
+            found.add(format!("dynamics: {}", e.name), e.expected, e.found);
+        }
     }
 
     fn surroundings(&self, found: &mut Found) {

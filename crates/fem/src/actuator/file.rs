@@ -2,6 +2,7 @@
 
 use crate::config::{ContactSettings, Load, NewtonSettings, ProblemConfig};
 use crate::contact::obstacle::{Form, Obstacle, Round};
+use crate::dynamics::Dynamics;
 use crate::element::cavity::CavityLoad;
 use crate::material::{Elastomer, SheetMaterial};
 use formats::database::ObstacleKind;
@@ -43,6 +44,9 @@ pub struct Actuator {
     pub newton: NewtonSettings,
     /// The mesh.
     pub mesh: MeshSettings,
+    /// Damping and relaxation in transients.
+    #[serde(default)]
+    pub dynamics: Dynamics,
 }
 
 /// Elastomer slab with the sheet inside (mm).

@@ -87,6 +87,7 @@ pub fn unit(name: &str) -> &'static str {
         ("_mpa", "MPa"),
         ("_mm", "mm"),
         ("_n", "N"),
+        ("_s", "s"),
     ];
     units.iter().find(|(end, _)| key.ends_with(end)).map_or("", |(_, unit)| unit)
 }

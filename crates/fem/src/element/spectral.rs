@@ -18,7 +18,6 @@ pub(crate) struct Spectral {
     shear: Mat3,
     /// False if Drucker's criterion is violated.
     pub(crate) is_stable: bool,
-    #[cfg(test)]
     pub(crate) w: f64,
 }
 
@@ -51,7 +50,6 @@ impl Spectral {
             normal,
             shear,
             is_stable: principal.is_stable(),
-            #[cfg(test)]
             w: powers
                 .iter()
                 .filter(|power| power.mu_mpa != 0.0)

@@ -127,7 +127,6 @@ pub(crate) struct Point {
     d1: f64,
     d2: f64,
     spectral: Option<Spectral>,
-    #[cfg(test)]
     pub(crate) w: f64,
 }
 
@@ -146,18 +145,7 @@ pub(crate) fn point(
     let cbrt = det.cbrt();
     let iso = 1.0 / (cbrt * cbrt);
     let i1 = iso * trace;
-    let mut point = Point {
-        f,
-        inv_t,
-        det,
-        trace,
-        iso,
-        d1: 0.0,
-        d2: 0.0,
-        spectral: None,
-        #[cfg(test)]
-        w: 0.0,
-    };
+    let mut point = Point { f, inv_t, det, trace, iso, d1: 0.0, d2: 0.0, spectral: None, w: 0.0 };
     match law.at(i1).ok_or(Invalid::BeyondLimit(i1))? {
         Dependence::Invariant(energy) => {
             if !law.is_always_stable() {
@@ -168,20 +156,14 @@ pub(crate) fn point(
                 }
             }
             (point.d1, point.d2) = (energy.d1, energy.d2);
-            #[cfg(test)]
-            {
-                point.w = energy.w;
-            }
+            point.w = energy.w;
         }
         Dependence::Stretches(powers) => {
             let spectral = Spectral::new(&point.left_cauchy_green(), &powers);
             if !law.is_always_stable() && !spectral.is_stable {
                 return Err(Invalid::Unstable(i1));
             }
-            #[cfg(test)]
-            {
-                point.w = spectral.w;
-            }
+            point.w = spectral.w;
             point.spectral = Some(spectral);
         }
     }
@@ -326,6 +308,105 @@ impl TetTerms {
     }
 }
 
+/// A symmetric tensor (xx, yy, zz, xy, xz, yz) at each Gauss point.
+pub(crate) type PointTensors = [[f64; 6]; 4];
+
+/// Symmetric tensor as a matrix.
+fn matrix([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> Mat3 {
+    [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+}
+
+impl TetTerms {
+    /// Adds the forces and the tangent of a given stress `H` (MPa) with the energy `J^(-2/3) H : C / 2`. Its second Piola stress
+    /// `J^(-2/3) (H - (H : C) / 3 C^-1)` has no pressure.
+    pub(crate) fn add_stress(
+        &mut self,
+        geometry: &TetGeometry,
+        u: &[Vec3; 10],
+        stress_mpa: &PointTensors,
+        with_tangent: bool,
+    ) {
+        for (q, stress) in stress_mpa.iter().enumerate() {
+            let (f, h) = (geometry.deformation_gradient(q, u), matrix(*stress));
+            let (det, inv_t) = det_inv_transpose(&f);
+            let s = det.cbrt().powi(-2) * geometry.weights[q];
+            let gradients = &geometry.gradients[q];
+            let turned = gradients.map(|n| mat_vec(&h, n));
+            let (g, fh) = (gradients.map(|n| mat_vec(&inv_t, n)), turned.map(|n| mat_vec(&f, n)));
+            let third = f.iter().map(|row| dot(*row, mat_vec(&h, *row))).sum::<f64>() / 3.0;
+            for a in 0..10 {
+                axpy(s, fh[a], &mut self.force[a]);
+                axpy(-s * third, g[a], &mut self.force[a]);
+            }
+            if !with_tangent {
+                continue;
+            }
+            let mut pair = 0;
+            for a in 0..10 {
+                for b in 0..=a {
+                    let block = &mut self.tangent[pair];
+                    pair += 1;
+                    for i in 0..3 {
+                        for j in 0..3 {
+                            let mixed = g[a][i] * fh[b][j] + fh[a][i] * g[b][j];
+                            let pressure = 2.0 / 3.0 * g[a][i] * g[b][j] + g[b][i] * g[a][j];
+                            block[i][j] += s * (third * pressure - 2.0 / 3.0 * mixed);
+                        }
+                        block[i][i] += s * dot(gradients[a], turned[b]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Isochoric second Piola stress times `J^(2/3)` (MPa) at the Gauss points: `2 W' (1 - tr C / 3 C^-1)` or `J^(2/3) F^-1 tau F^-T`.
+///
+/// # Errors
+/// [`Invalid`] as in [`TetTerms::evaluate`].
+pub(crate) fn isochoric_stress(
+    geometry: &TetGeometry,
+    u: &[Vec3; 10],
+    law: &Hyperelastic,
+) -> Result<PointTensors, Invalid> {
+    let mut out = [[0.0; 6]; 4];
+    for (q, stress) in out.iter_mut().enumerate() {
+        let p = point(geometry, q, u, law)?;
+        let tau = p.spectral.as_ref().map_or([[0.0; 3]; 3], Spectral::stress);
+        for (s, (i, j)) in stress.iter_mut().zip(ENTRIES) {
+            let inverse: f64 = p.inv_t.iter().map(|row| row[i] * row[j]).sum();
+            let unit = if i == j { 1.0 } else { 0.0 };
+            let isochoric: f64 =
+                (0..3).map(|k| p.inv_t[k][i] * (0..3).map(|l| tau[k][l] * p.inv_t[l][j]).sum::<f64>()).sum();
+            *s = 2.0 * p.d1 * (unit - p.trace / 3.0 * inverse) + isochoric / p.iso;
+        }
+    }
+    Ok(out)
+}
+
+/// Deviatoric Cauchy stress (MPa) of a given stress as in [`TetTerms::add_stress`].
+pub(crate) fn cauchy_of_stress(
+    geometry: &TetGeometry,
+    u: &[Vec3; 10],
+    stress_mpa: &PointTensors,
+) -> PointTensors {
+    let mut out = [[0.0; 6]; 4];
+    for (q, out) in out.iter_mut().enumerate() {
+        let (f, h) = (geometry.deformation_gradient(q, u), matrix(stress_mpa[q]));
+        let det = det_inv_transpose(&f).0;
+        let factor = det.cbrt().powi(-2) / det;
+        let turned = f.map(|row| mat_vec(&h, row));
+        let third = (0..3).map(|i| dot(f[i], turned[i])).sum::<f64>() / 3.0;
+        for (s, (i, j)) in out.iter_mut().zip(ENTRIES) {
+            *s = factor * (dot(f[i], turned[j]) - if i == j { third } else { 0.0 });
+        }
+    }
+    out
+}
+
+/// Rows and columns of a symmetric tensor's entries.
+const ENTRIES: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
+
 /// Deviatoric Cauchy stress (xx, yy, zz, xy, xz, yz; MPa) at the four Gauss points: `2 W' J^(-2/3) dev(F F^T) / J` or `tau / J`.
 ///
 /// # Errors
@@ -334,13 +415,13 @@ pub(crate) fn deviatoric_stress(
     geometry: &TetGeometry,
     u: &[Vec3; 10],
     law: &Hyperelastic,
-) -> Result<[[f64; 6]; 4], Invalid> {
+) -> Result<PointTensors, Invalid> {
     let mut out = [[0.0; 6]; 4];
     for (q, stress) in out.iter_mut().enumerate() {
         let p = point(geometry, q, u, law)?;
         let factor = 2.0 * p.d1 * p.iso / p.det;
         let isochoric = p.spectral.as_ref().map_or([[0.0; 3]; 3], Spectral::stress);
-        for (s, (i, j)) in stress.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
+        for (s, (i, j)) in stress.iter_mut().zip(ENTRIES) {
             let mean = if i == j { p.trace / 3.0 } else { 0.0 };
             *s = factor * (dot(p.f[i], p.f[j]) - mean) + isochoric[i][j] / p.det;
         }

@@ -138,6 +138,22 @@ impl Hyperelastic {
         }
     }
 
+    /// The law with its energy multiplied by a factor.
+    pub(super) fn multiplied(mut self, factor: f64) -> Self {
+        match &mut self {
+            Self::Gent { mu_mpa, .. } | Self::NeoHookean { mu_mpa } => *mu_mpa *= factor,
+            Self::MooneyRivlin { c10_mpa, c01_mpa } => {
+                *c10_mpa *= factor;
+                *c01_mpa *= factor;
+            }
+            Self::Ogden { mu1_mpa: a, mu2_mpa: b, mu3_mpa: c, .. }
+            | Self::Yeoh { c10_mpa: a, c20_mpa: b, c30_mpa: c } => {
+                [a, b, c].into_iter().for_each(|constant| *constant *= factor);
+            }
+        }
+        self
+    }
+
     /// Initial shear modulus (MPa).
     #[must_use]
     pub fn shear_modulus_mpa(&self) -> f64 {

@@ -71,6 +71,11 @@ impl Elastomer {
         self.bulk_mpa - self.element_bulk_mpa()
     }
 
+    /// The elastomer with its isochoric energy multiplied by a factor.
+    pub(crate) fn stiffened(&self, factor: f64) -> Self {
+        Self { law: self.law.multiplied(factor), ..*self }
+    }
+
     /// Checks that the formulation is valid for the constants.
     ///
     /// # Errors

@@ -4,10 +4,10 @@
 mod actuators;
 #[path = "../common/builder.rs"]
 mod builder;
-mod energy;
 mod laws;
 mod meshes;
 mod physics;
+mod potential;
 mod tangents;
 
 use crate::mesh::Mesh;

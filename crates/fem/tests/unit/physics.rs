@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::builder::{Builder, close};
-use super::energy::potential_n_mm;
 use super::noise;
+use super::potential::potential_n_mm;
 use crate::algebra::{Mat3, Vec3, add, axpy, dot, mat_vec, norm, scale, sub};
 use crate::config::{ContactSettings, GRAVITY_DOWN_MM_S2, NewtonSettings};
 use crate::element::{membrane, tet10};
@@ -93,7 +93,7 @@ fn follow(problem: &Problem, u: Vec<Vec3>, load: Load) -> State {
         let geometry = tet10::TetGeometry::new(&tet.map(|n| mesh.nodes_mm[n as usize])).unwrap();
         let material = problem.elastomer(e);
         let (_, change) =
-            super::energy::isochoric(&geometry, &tet.map(|n| u[n as usize]), &material.law).unwrap();
+            crate::energy::isochoric(&geometry, &tet.map(|n| u[n as usize]), &material.law).unwrap();
         material.element_bulk_mpa() * change / geometry.volume_mm3()
     };
     let x = problem.positions(&u);

@@ -1,7 +1,7 @@
 //! Every tangent is the derivative of its force, and every force the derivative of its energy.
 
 use super::noise;
-use crate::algebra::{Vec3, add, axpy, dot, scale, skew};
+use crate::algebra::{Vec3, add, axpy, det_inv_transpose, dot, mat_vec, scale, skew};
 use crate::contact::penalty::penalty;
 use crate::element::cavity::{CavityLoad, face_terms};
 use crate::element::membrane::{self, MembraneGeometry};
@@ -97,8 +97,8 @@ fn solid_force_is_the_derivative_of_its_energy() {
                 let at = |step: f64| {
                     let mut moved = u;
                     moved[a][i] += step;
-                    let (w, change) = super::energy::isochoric(&geometry, &moved, &law).unwrap();
-                    let squared = super::energy::squared_change(&geometry, &moved, &law).unwrap();
+                    let (w, change) = crate::energy::isochoric(&geometry, &moved, &law).unwrap();
+                    let squared = crate::energy::squared_change(&geometry, &moved, &law).unwrap();
                     (w + 0.5 * material.point_bulk_mpa() * squared, change)
                 };
                 let (up, down) = (at(STEP), at(-STEP));
@@ -141,6 +141,50 @@ fn solid_tangent_is_the_derivative_of_its_force_at_constant_pressure() {
                         let measured = (up[a][i] - down[a][i]) / (2.0 * STEP);
                         assert!((block[i][j] - measured).abs() < 1.0e-6, "{material:?} {a}{i} {b}{j}");
                     }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn force_and_tangent_of_a_given_stress_are_derivatives_of_its_energy() {
+    let geometry = TetGeometry::new(&tet()).unwrap();
+    let stress: tet10::PointTensors =
+        std::array::from_fn(|q| std::array::from_fn(|k| 0.4 * noise(50 + 6 * q + k)));
+    let u = shaken::<10>(0.12, 5);
+    let energy = |u: &[Vec3; 10]| -> f64 {
+        let at = |q: usize| {
+            let f = geometry.deformation_gradient(q, u);
+            let det = det_inv_transpose(&f).0;
+            let [xx, yy, zz, xy, xz, yz] = stress[q];
+            let h = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+            let product: f64 = f.iter().map(|row| dot(*row, mat_vec(&h, *row))).sum();
+            0.5 * geometry.weights[q] * det.powf(-2.0 / 3.0) * product
+        };
+        (0..4).map(at).sum()
+    };
+    let terms = |u: &[Vec3; 10]| {
+        let mut terms = TetTerms::default();
+        terms.add_stress(&geometry, u, &stress, true);
+        terms
+    };
+    let here = terms(&u);
+    for b in 0..10 {
+        for j in 0..3 {
+            let moved = |step: f64| {
+                let mut moved = u;
+                moved[b][j] += step;
+                moved
+            };
+            let (up, down) = (moved(STEP), moved(-STEP));
+            let force = (energy(&up) - energy(&down)) / (2.0 * STEP);
+            assert!((force - here.force[b][j]).abs() < 1.0e-7);
+            let (up, down) = (terms(&up), terms(&down));
+            for a in b..10 {
+                for i in 0..3 {
+                    let measured = (up.force[a][i] - down.force[a][i]) / (2.0 * STEP);
+                    assert!((here.tangent[a * (a + 1) / 2 + b][i][j] - measured).abs() < 1.0e-6);
                 }
             }
         }

@@ -1,12 +1,14 @@
-//! `softtwin simulate`: finite-element states of an actuator, one, a path, or a whole database.
+//! `softtwin simulate`: finite-element states of an actuator, one, a path, or a whole database; and its motion in time.
 
 pub mod batch;
 mod single;
+mod transient;
 
 use crate::failure::usage;
 use crate::files;
 use crate::options::{ActuatorFile, setting};
 use fem::actuator::Setting;
+use fem::transient::StepSettings;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -29,6 +31,13 @@ Examples:
       --cases models/pneunet/cases.csv --out database
     softtwin train --database database --out finger.twin
 
+  Motion in time along a trace (t_s, pressure_mpa; gap_mm and keys of actuator.toml if given):
+    softtwin simulate --actuator models/pneunet/actuator.toml \\
+      --trace swing.csv --out swing
+
+A motion starts from the static equilibrium of the trace's first row; inputs are linear between the rows. OUT/series.csv has a row for each
+row of the trace and in between at least every --step-ms. Stopped and started again, it continues.
+
 A database run keeps every solved state in OUT/states: what is there is not computed again. Needs about 1 GB a thread.
 
 Several machines: config/batch has a SLURM array and a Snakefile that split the list.";
@@ -40,22 +49,35 @@ pub struct Args {
     #[command(flatten)]
     geometry: ActuatorFile,
     /// Cavity pressure in MPa, at least 0.
-    #[arg(long, value_name = "MPA", allow_negative_numbers = true, required_unless_present = "cases", value_parser = crate::range::pressure_mpa, help_heading = "State")]
+    #[arg(long, value_name = "MPA", allow_negative_numbers = true, required_unless_present_any = ["cases", "trace"], value_parser = crate::range::pressure_mpa, help_heading = "State")]
     pressure_mpa: Option<f64>,
     /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cases", value_parser = crate::range::gap_mm, help_heading = "State")]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with_all = ["cases", "trace"], value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Option<f64>,
     /// Another value of a quantity of the actuator: its dotted key in actuator.toml, such as elastomer.law.mu_mpa=0.72. Geometry
     /// moves the existing mesh. A list of cases has a column for each parameter; this sets the others.
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, help_heading = "State")]
     set: Vec<Setting>,
     /// Steps of the path from rest to the pressure; each is printed (1 to 100000).
-    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "cases", value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "State")]
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with_all = ["cases", "trace"], value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "State")]
     steps: u32,
     /// List of cases: case,regime,split,pressure_mpa,gap_mm.
     #[arg(long, value_name = "FILE.csv", conflicts_with = "pressure_mpa", requires = "out")]
     cases: Option<PathBuf>,
-    /// One state: .npy, .csv or .vtu. A list of cases: the database's folder.
+    /// Inputs over time: t_s, pressure_mpa; gap_mm and dotted keys of numbers in actuator.toml, if given.
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["pressure_mpa", "cases"], requires = "out", help_heading = "Motion")]
+    trace: Option<PathBuf>,
+    /// Largest step of a motion in ms, and the largest time between two rows of its series (0.001 to 100).
+    #[arg(long, value_name = "MS", default_value_t = 2.0, allow_negative_numbers = true, requires = "trace", value_parser = crate::range::number(0.001, 100.0), help_heading = "Motion")]
+    step_ms: f64,
+    /// Largest estimated error of a step in displacement, mass-weighted root mean square in mm. Steps with a larger one are
+    /// halved, down to 1/16 of --step-ms.
+    #[arg(long, value_name = "MM", default_value_t = StepSettings::default().tolerance_mm, allow_negative_numbers = true, requires = "trace", value_parser = crate::range::number(1.0e-9, 1000.0), help_heading = "Motion")]
+    step_error_mm: f64,
+    /// Instants in s whose fields are written to OUT/fields as .vtu.
+    #[arg(long, value_name = "S,S,...", value_delimiter = ',', requires = "trace", allow_negative_numbers = true, value_parser = crate::range::number(-1.0e9, 1.0e9), help_heading = "Motion")]
+    fields_s: Vec<f64>,
+    /// One state: .npy, .csv or .vtu. A list of cases: the database's folder. A motion: the folder of its series.
     #[arg(long, value_name = "FILE|DIR", help_heading = "Output")]
     out: Option<PathBuf>,
     /// Cases solved at the same time (1 to 256).
@@ -64,7 +86,7 @@ pub struct Args {
     /// Keep derivatives of coordinates, stress and force by pressure, gap and every parameter with each state.
     #[arg(long, requires = "cases")]
     sensitivities: bool,
-    /// The report of a database run as one JSON object. One state or a path is JSON anyway: adds the nodes that touch.
+    /// The report of a database run or a motion as one JSON object. One state or a path is JSON anyway: adds the nodes that touch.
     #[arg(long, help_heading = "Output")]
     json: bool,
 }
@@ -73,6 +95,15 @@ impl Args {
     /// Reads actuator and mesh, then computes.
     pub fn run(self) -> anyhow::Result<()> {
         let family = files::family(&self.geometry.actuator)?;
+        if let (Some(trace), Some(out)) = (&self.trace, &self.out) {
+            let largest_s = 1.0e-3 * self.step_ms;
+            let steps =
+                StepSettings { largest_s, smallest_s: largest_s / 16.0, tolerance_mm: self.step_error_mm };
+            let (trace, out) = (trace.clone(), out.clone());
+            let options =
+                transient::Options { trace, out, steps, fields_s: self.fields_s, settings: self.set };
+            return transient::run(&family, options, self.json);
+        }
         match (&self.cases, self.pressure_mpa, &self.out) {
             (Some(cases), _, Some(out)) => {
                 let (threads, sensitivities) = (self.threads, self.sensitivities);
@@ -84,7 +115,7 @@ impl Args {
                 let target = single::Target { pressure_mpa, gap_mm, steps, node_sets, settings: self.set };
                 single::run(&family, &target, out.as_deref())
             }
-            _ => Err(usage("expected --pressure-mpa, or --cases with --out")),
+            _ => Err(usage("expected --pressure-mpa, or --cases or --trace with --out")),
         }
     }
 }

@@ -97,7 +97,8 @@ fn label(target: &Target, output: &Output) -> Label {
     Label::of_state(target.pressure_mpa, target.gap_mm, settings, output.contact_force_n)
 }
 
-fn write(problem: &Problem, output: &Output, label: &Label, out: &Path) -> anyhow::Result<()> {
+/// Writes the fields of a state in the format of the name's ending.
+pub fn write(problem: &Problem, output: &Output, label: &Label, out: &Path) -> anyhow::Result<()> {
     let mesh = problem.mesh();
     let axis = |points: &[[f64; 3]], k: usize| points.iter().map(|p| p[k] as f32).collect::<Vec<f32>>();
     let mut values: Vec<f32> = (0..3).flat_map(|k| axis(&output.coordinates_mm, k)).collect();

@@ -1,24 +1,19 @@
-//! Total potential energy: the scalar whose derivative the residual is.
-//!
-//! `E = W_solid + K/(2V) (integral (J - 1))^2 + W_sheet + x.Hx/2 + k psi(overlap) - p V_cavity - m g . u`. Contact of
-//! slot walls is left out: its normal is held while force and tangent are formed, so it has no exact potential.
+//! Energies whose derivatives the internal and contact forces are.
 
 use crate::algebra::{Vec3, dot};
-use crate::config::Load;
-use crate::element::cavity::face_terms;
+use crate::contact::obstacle::Obstacle;
 use crate::element::tet10::{Invalid, TetGeometry, point};
 use crate::element::{bending, membrane};
 use crate::material::{Elastomer, Hyperelastic};
 use crate::problem::Problem;
-use crate::state::State;
 use crate::system::{InvalidState, face};
 
-/// Potential energy (N mm) of a state under a load, with stresses that follow from the displacements.
+/// Strain energy (N mm) of elastomer and sheet, `W_solid + K/(2V) (integral (J - 1))^2 + W_sheet + x.Hx/2`, with stresses that
+/// follow from the displacements `u`.
 ///
 /// # Errors
 /// [`InvalidState`] names the element that collapsed or passed its material's limit.
-pub fn potential_n_mm(problem: &Problem, state: &State, load: &Load) -> Result<f64, InvalidState> {
-    let u = &state.displacement_mm;
+pub(crate) fn strain_n_mm(problem: &Problem, u: &[Vec3]) -> Result<f64, InvalidState> {
     let mut sum = 0.0;
     for (e, (tet, geometry)) in problem.mesh.tets.iter().zip(&problem.tets).enumerate() {
         let material = problem.elastomer(e);
@@ -36,20 +31,23 @@ pub fn potential_n_mm(problem: &Problem, state: &State, load: &Load) -> Result<f
     }
     let mut bent = vec![[0.0; 3]; x.len()];
     bending::add_force(&problem.sheet.bending, &x, &mut bent);
-    sum += 0.5 * x.iter().zip(&bent).map(|(x, f)| dot(*x, *f)).sum::<f64>();
-    for nodes in &problem.cavity {
-        let terms = face_terms(&nodes.map(|n| x[n as usize]), problem.config.cavity_load);
-        sum -= load.pressure_mpa * terms.volume_mm3;
-    }
-    for (u, mass) in u.iter().zip(&problem.node_mass_t) {
-        sum -= mass * dot(load.gravity_mm_s2, *u);
-    }
-    if let Some(face) = face(problem, load.obstacle) {
-        let nodes = problem.contact_nodes.iter().zip(&problem.contact_stiffness_n_per_mm);
-        let touching = nodes.filter_map(|(n, k)| Some(k * face.touch(x[*n as usize])?.penalty.energy));
-        sum += touching.sum::<f64>();
-    }
-    Ok(sum)
+    Ok(sum + 0.5 * x.iter().zip(&bent).map(|(x, f)| dot(*x, *f)).sum::<f64>())
+}
+
+/// Energy (N mm) of the obstacle's penalty at displacements `u`.
+pub(crate) fn obstacle_n_mm(problem: &Problem, u: &[Vec3], obstacle: Obstacle) -> f64 {
+    let Some(face) = face(problem, obstacle) else { return 0.0 };
+    let x = problem.positions(u);
+    let nodes = problem.contact_nodes.iter().zip(&problem.contact_stiffness_n_per_mm);
+    nodes.filter_map(|(n, k)| Some(k * face.touch(x[*n as usize])?.penalty.energy)).sum()
+}
+
+/// Energy (N mm) of the penalty between the walls of slots at displacements `u`. The forces are its derivative at a fixed normal.
+pub(crate) fn slots_n_mm(problem: &Problem, u: &[Vec3]) -> f64 {
+    let (x, settings) = (problem.positions(u), &problem.config.contact);
+    let touching = problem.slots.iter().flat_map(|walls| walls.contacts(&x, settings.slot_smoothing_mm));
+    let energy = touching.map(|contact| contact.pair.area_mm2 * contact.penalty.energy);
+    settings.slot_penalty_mpa_per_mm * energy.sum::<f64>()
 }
 
 /// Strain energy (N mm) of an element.
@@ -60,12 +58,20 @@ fn solid(geometry: &TetGeometry, u: &[Vec3; 10], material: &Elastomer) -> Result
 }
 
 /// Squared volume change `integral (J - 1)^2` (mm3) of an element.
-pub fn squared_change(geometry: &TetGeometry, u: &[Vec3; 10], law: &Hyperelastic) -> Result<f64, Invalid> {
+pub(crate) fn squared_change(
+    geometry: &TetGeometry,
+    u: &[Vec3; 10],
+    law: &Hyperelastic,
+) -> Result<f64, Invalid> {
     (0..4).map(|q| Ok(geometry.weights[q] * (point(geometry, q, u, law)?.det - 1.0).powi(2))).sum()
 }
 
 /// Isochoric strain energy (N mm) and volume change `integral (J - 1)` (mm3) of an element.
-pub fn isochoric(geometry: &TetGeometry, u: &[Vec3; 10], law: &Hyperelastic) -> Result<(f64, f64), Invalid> {
+pub(crate) fn isochoric(
+    geometry: &TetGeometry,
+    u: &[Vec3; 10],
+    law: &Hyperelastic,
+) -> Result<(f64, f64), Invalid> {
     let mut sum = (0.0, 0.0);
     for q in 0..4 {
         let p = point(geometry, q, u, law)?;

@@ -1,0 +1,245 @@
+//! Motion along a trace of inputs: `series.csv`, `energy.csv` and fields of chosen instants.
+
+use crate::failure::{configuration, usage};
+use crate::files::refusal;
+use crate::{output, resources};
+use anyhow::Context;
+use fem::actuator::{Actuator, Setting};
+use fem::transient::{
+    Checkpoint, Record, StepSettings, Trace, Transient, TransientError, energy_csv, run_mark, series_csv,
+};
+use fem::{Family, Problem, Solver};
+use formats::export::Label;
+use formats::file;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Records between two checkpoints.
+const CHECKPOINT_EVERY: usize = 25;
+
+/// Options.
+pub struct Options {
+    /// The inputs.
+    pub trace: PathBuf,
+    /// Folder of the results.
+    pub out: PathBuf,
+    /// Step control.
+    pub steps: StepSettings,
+    /// Instants (s) whose fields are written.
+    pub fields_s: Vec<f64>,
+    /// Quantities of the actuator with other values than its file's.
+    pub settings: Vec<Setting>,
+}
+
+/// Moves the actuator along the trace, or continues an interrupted run, and reports.
+pub fn run(family: &Family, options: Options, as_json: bool) -> anyhow::Result<()> {
+    let began = Instant::now();
+    let trace = Trace::read(&options.trace, &family.actuator).map_err(refusal)?;
+    let settings = [options.settings.clone(), trace.settings.clone()].concat();
+    let variant = family.variant(&settings).map_err(configuration)?;
+    let actuator = family.actuator_of(&variant).map_err(configuration)?;
+    let problem = family.problem_of(&variant).map_err(configuration)?;
+    let (first_s, last_s) = (trace.rows[0].t_s, trace.rows[trace.rows.len() - 1].t_s);
+    if let Some(bad) = options.fields_s.iter().find(|t| !(first_s..=last_s).contains(*t)) {
+        return Err(usage(format!(
+            "--fields-s {bad}: expected an instant of the trace, {first_s} to {last_s} s"
+        )));
+    }
+    for (begin_s, length_s) in trace.long_intervals() {
+        tracing::warn!(
+            "no row of the trace for {length_s} s after t = {begin_s} s: inputs are interpolated linearly"
+        );
+    }
+    let instants = trace.instants(&options.fields_s, options.steps.largest_s);
+    file::create_folder(&options.out)?;
+    let mark = run_mark(&problem, &actuator.dynamics, &options.steps, &trace, &instants);
+    let mut run = Run { actuator, problem, trace, instants, options, mark };
+    let (mut motion, mut records, frequency_hz) = run.start()?;
+    let reused = records.len();
+    let outcome = run.continue_to_end(&mut motion, &mut records);
+    run.save(&mut motion, &records)?;
+    outcome?;
+    let report = report(&records, reused, &motion, frequency_hz, &run, began.elapsed().as_secs_f64());
+    if as_json { output::json(&report) } else { print(&report, &run.options.out) }
+}
+
+struct Run {
+    actuator: Actuator,
+    problem: Arc<Problem>,
+    trace: Trace,
+    instants: Vec<f64>,
+    options: Options,
+    mark: [u8; 32],
+}
+
+impl Run {
+    fn checkpoint(&self) -> PathBuf {
+        self.options.out.join("checkpoint.state")
+    }
+
+    /// Motion at the last record of a checkpoint, or at rest in the equilibrium of the first row; and the lowest frequency there.
+    fn start(&mut self) -> anyhow::Result<(Transient, Vec<Record>, Option<f64>)> {
+        let mut solver = Solver::new(Arc::clone(&self.problem))?;
+        let first = self.trace.load(&self.actuator, self.instants[0]);
+        let (problem, steps) = (Arc::clone(&self.problem), self.options.steps);
+        let checked = |state| {
+            Transient::from_equilibrium(problem, &self.actuator.dynamics, steps, self.instants[0], state)
+                .map_err(sorted)
+        };
+        if let Some(checkpoint) = Checkpoint::load(&self.checkpoint(), &self.mark) {
+            let mut motion = checked(solver.undeformed())?;
+            let load_at = |t_s| self.trace.load(&self.actuator, t_s);
+            if motion.restore(&checkpoint.motion, &load_at) {
+                return Ok((motion, checkpoint.records, None));
+            }
+            anyhow::bail!("{} is damaged; remove it", self.checkpoint().display());
+        }
+        if self.checkpoint().exists() {
+            tracing::warn!("{} is of another run; starting again", self.checkpoint().display());
+        }
+        let (rest, _) = solver.gravity_equilibrium(first.gravity_mm_s2).context("the start of the motion")?;
+        let (state, _) = solver.solve_to(&rest, &first).context("the start of the motion")?;
+        let mut motion = checked(state)?;
+        let frequency_hz = motion.check_resolution().map_err(sorted)?;
+        self.fields(&mut motion)?;
+        let record = Record::new(&self.trace.at(self.instants[0]), motion.figures()?);
+        Ok((motion, vec![record], frequency_hz))
+    }
+
+    fn continue_to_end(&self, motion: &mut Transient, records: &mut Vec<Record>) -> anyhow::Result<()> {
+        let bar = ProgressBar::new(self.instants.len() as u64);
+        bar.set_style(ProgressStyle::with_template(
+            "{bar:30} {pos}/{len} instants, {elapsed} elapsed, about {eta} left  {msg}",
+        )?);
+        bar.set_position(records.len() as u64);
+        bar.reset_eta();
+        let lines = !std::io::stderr().is_terminal();
+        let load_at = |t_s| self.trace.load(&self.actuator, t_s);
+        while let Some(instant) = self.instants.get(records.len()) {
+            motion.advance(&load_at, *instant)?;
+            records.push(Record::new(&self.trace.at(*instant), motion.figures()?));
+            self.fields(motion)?;
+            bar.inc(1);
+            bar.set_message(format!("t = {instant:.4} s"));
+            let done = records.len();
+            if done.is_multiple_of(CHECKPOINT_EVERY) {
+                self.save(motion, records)?;
+            }
+            if lines && done.is_multiple_of(self.instants.len().div_ceil(10)) {
+                let work = motion.work();
+                tracing::info!(
+                    "t = {instant:.4} s, {done} of {} instants, {} steps, {} factorisations",
+                    self.instants.len(),
+                    work.steps,
+                    work.factorisations
+                );
+            }
+        }
+        bar.finish_and_clear();
+        Ok(())
+    }
+
+    /// Writes series, energies and checkpoint of the records so far.
+    fn save(&self, motion: &mut Transient, records: &[Record]) -> anyhow::Result<()> {
+        let out = &self.options.out;
+        file::replace(&out.join("series.csv"), series_csv(records).as_bytes())?;
+        file::replace(&out.join("energy.csv"), energy_csv(records).as_bytes())?;
+        // After an error the motion may be between two records, from which no series continues.
+        if records.last().is_some_and(|last| last.t_s.total_cmp(&motion.t_s()).is_eq()) {
+            let checkpoint = Checkpoint { records: records.to_vec(), motion: motion.checkpoint() };
+            checkpoint.save(&self.checkpoint(), &self.mark)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the fields of the present instant if it is one of those chosen.
+    fn fields(&self, motion: &mut Transient) -> anyhow::Result<()> {
+        let t_s = motion.t_s();
+        if !self.options.fields_s.iter().any(|chosen| (chosen - t_s).abs() < 1.0e-6) {
+            return Ok(());
+        }
+        let inputs = self.trace.at(t_s);
+        let output = motion.output();
+        let time = [("t_s".to_owned(), t_s)];
+        let label = Label::of_state(inputs.pressure_mpa, inputs.gap_mm, time, output.contact_force_n);
+        let folder = self.options.out.join("fields");
+        file::create_folder(&folder)?;
+        super::single::write(&self.problem, &output, &label, &folder.join(format!("{t_s:.6}.vtu")))
+    }
+}
+
+/// Density, step lengths and frequency are the user's mistakes; a motion that cannot be solved is not.
+fn sorted(error: TransientError) -> anyhow::Error {
+    match error {
+        TransientError::Density(_) | TransientError::Setting { .. } | TransientError::Unresolved { .. } => {
+            configuration(error)
+        }
+        _ => error.into(),
+    }
+}
+
+fn report(
+    records: &[Record],
+    reused: usize,
+    motion: &Transient,
+    frequency_hz: Option<f64>,
+    run: &Run,
+    seconds: f64,
+) -> Value {
+    let energy = records.iter().map(|record| record.figures.energy);
+    let largest = |of: fn(&fem::transient::Energy) -> f64| {
+        energy.clone().map(|energy| of(&energy).abs()).fold(0.0, f64::max)
+    };
+    let work = motion.work();
+    json!({
+        "series": run.options.out.join("series.csv"),
+        "instants": records.len(),
+        "reused": reused,
+        "steps": work.steps,
+        "steps_rejected": work.rejected,
+        "steps_beyond_tolerance": work.beyond_tolerance,
+        "iterations": work.iterations,
+        "factorisations": work.factorisations,
+        "lowest_frequency_hz": frequency_hz,
+        "long_intervals": run.trace.long_intervals().iter().map(|(t_s, length_s)| json!({"t_s": t_s, "length_s": length_s})).collect::<Vec<_>>(),
+        "largest_external_mj": largest(|energy| energy.external_mj),
+        "largest_numerical_mj": largest(fem::transient::Energy::numerical_mj),
+        "seconds": seconds,
+        "peak_memory_mb": resources::status("self", "VmHWM").map(|kb| kb * 1024 / 1_000_000),
+    })
+}
+
+fn print(report: &Value, out: &Path) -> anyhow::Result<()> {
+    output!(
+        "{}: {} instants, {} of them reused",
+        out.join("series.csv").display(),
+        report["instants"],
+        report["reused"]
+    )?;
+    output!(
+        "{} steps, {} rejected, {} of the least length beyond the tolerance, {} iterations, {} factorisations",
+        report["steps"],
+        report["steps_rejected"],
+        report["steps_beyond_tolerance"],
+        report["iterations"],
+        report["factorisations"]
+    )?;
+    if let Some(frequency_hz) = report["lowest_frequency_hz"].as_f64() {
+        output!("lowest frequency at the start: {frequency_hz:.3} Hz")?;
+    }
+    output!(
+        "energy: external work up to {:.4} mJ, dissipated by the time integration up to {:.4} mJ",
+        report["largest_external_mj"].as_f64().unwrap_or(f64::NAN),
+        report["largest_numerical_mj"].as_f64().unwrap_or(f64::NAN)
+    )?;
+    output!(
+        "{:.0} s elapsed, {} MB at most",
+        report["seconds"].as_f64().unwrap_or(0.0),
+        report["peak_memory_mb"]
+    )?;
+    Ok(())
+}
