@@ -6,8 +6,8 @@ use fem::actuator::Actuator;
 use fem::material::{Elastomer, Hyperelastic, VolumeChange};
 use fem::transient::{StepSettings, Trace, Transient, TransientError};
 use fem::{
-    ContactSettings, Dynamics, Load, Mesh, NewtonSettings, Obstacle, Problem, ProblemConfig, PronyTerm,
-    Solver, State,
+    BodyMass, ContactSettings, Dynamics, Load, Mesh, NewtonSettings, Obstacle, Problem, ProblemConfig,
+    PronyTerm, Solver, State,
 };
 use std::sync::Arc;
 
@@ -90,62 +90,47 @@ fn spin_is_damped_by_the_turn_of_its_centrifugal_stress_alone() {
 
 #[test]
 fn cantilever_swings_at_its_frequency_and_converges_with_second_order() {
-    let (length, height, width) = (24.0, 2.0, 3.0);
-    let beam = |cells| {
-        let mut b = Builder::default();
-        b.solid([0.0; 3], [length, height, width], cells);
-        b.mesh.fixed_nodes = b.nodes_where(|p| p[0] < 1.0e-9);
-        problem(b.mesh, 1.0e-9, ContactSettings::default())
-    };
-    let load = Load { gravity_mm_s2: [0.0, -2000.0, 0.0], ..Load::default() };
-    let begin = |problem: &Arc<Problem>, step_s| {
-        let state = State { load, ..undeformed(problem) };
-        let still = vec![[0.0; 3]; state.displacement_mm.len()];
-        Transient::released(Arc::clone(problem), &elastic(), every(step_s), state, &still).unwrap()
-    };
-    let eigenvalue_hz = |problem| begin(problem, 1.0e-3).lowest_frequency_hz().unwrap().unwrap();
-    let (problem, fine) = (beam([6, 1, 1]), beam([16, 2, 2]));
-    let fine_hz = eigenvalue_hz(&fine);
-    let frequency_hz = eigenvalue_hz(&problem);
-    let start = |step_s| begin(&problem, step_s);
-    // Euler and Bernoulli's, with Timoshenko's first-order correction for shear and rotary inertia.
-    let (youngs, inertia) = (3.0, height * height / 12.0);
-    let slender = 1.875_104_f64.powi(2) / length.powi(2) * (youngs * inertia / 1.0e-9).sqrt();
-    let correction = 1.0 + 0.5 * inertia / length.powi(2) * (4.65 + 3.0 * 1.2 * 3.52);
-    let theory_hz = slender / correction / std::f64::consts::TAU;
-    let tip = |motion: &Transient| motion.figures().unwrap().tip_y_mm;
-    // A load that rises smoothly: a sudden one moves modes that no step resolves.
-    let rising = |t: f64| {
-        let part = 0.5 - 0.5 * (std::f64::consts::TAU * frequency_hz * t).cos();
-        Load { gravity_mm_s2: [0.0, -2000.0 * part, 0.0], ..Load::default() }
-    };
-    let at = |steps: f64| {
-        let (until_s, state) = (0.8 / frequency_hz, undeformed(&problem));
-        let settings = every(until_s / steps);
+    let mut b = Builder::default();
+    b.solid([0.0; 3], [24.0, 2.0, 3.0], [6, 1, 1]);
+    b.mesh.fixed_nodes = b.nodes_where(|p| p[0] < 1.0e-9);
+    let problem = problem(b.mesh, 1.0e-9, ContactSettings::default());
+    let rest = undeformed(&problem);
+    let mode = Solver::new(Arc::clone(&problem)).unwrap().vibrations(&rest, 1).unwrap().swap_remove(0);
+    let frequency_hz = mode.rate_rad_s / std::f64::consts::TAU;
+    // A small vibration of one degree of freedom: the tip moves as `amplitude_mm * sin(omega t)`. `closed_forms` compares the
+    // eigenvalue with beam theory.
+    let amplitude_mm = 0.01;
+    let largest_mm = mode.shape_mm.iter().map(|shape| shape[1].abs()).fold(0.0, f64::max);
+    let scale = amplitude_mm / largest_mm * mode.rate_rad_s;
+    let velocity: Vec<_> = mode.shape_mm.iter().map(|shape| shape.map(|s| scale * s)).collect();
+    let series = |steps: u32| {
+        let step_s = 1.0 / (frequency_hz * f64::from(steps));
         let mut motion =
-            Transient::from_equilibrium(Arc::clone(&problem), &elastic(), settings, 0.0, state).unwrap();
-        motion.advance(&rising, until_s).unwrap();
-        tip(&motion)
+            Transient::released(Arc::clone(&problem), &elastic(), every(step_s), rest.clone(), &velocity)
+                .unwrap();
+        let start_mm = motion.figures().unwrap().tip_y_mm;
+        let sign = velocity.iter().map(|v| v[1]).sum::<f64>().signum();
+        let tip_mm = |k: u32| {
+            motion.advance(&|_| Load::default(), f64::from(k) * step_s).unwrap();
+            sign * (motion.figures().unwrap().tip_y_mm - start_mm)
+        };
+        (1..=steps).map(tip_mm).collect::<Vec<f64>>()
     };
-    let [coarse, middle, fine] = [32.0, 64.0, 128.0].map(at);
-    let order = ((coarse - middle) / (middle - fine)).abs().log2();
-    let mut motion = start(0.02 / frequency_hz);
-    let mut lowest = [(0.0, tip(&motion)); 3];
-    let turn_s = loop {
-        motion.advance(&|_| load, motion.t_s() + 0.02 / frequency_hz).unwrap();
-        lowest = [lowest[1], lowest[2], (motion.t_s(), tip(&motion))];
-        let [before, here, after] = lowest.map(|(_, y)| y);
-        if here < before && here < after {
-            let shift = 0.5 * (before - after) / (before - 2.0 * here + after);
-            break lowest[1].0 + shift * (lowest[2].0 - lowest[1].0);
-        }
+    let [coarse, fine] = [32, 64].map(series);
+    let error = |tips: &[f64]| {
+        let exact =
+            |k: usize| amplitude_mm * (std::f64::consts::TAU * (k + 1) as f64 / tips.len() as f64).sin();
+        tips.iter().enumerate().map(|(k, tip)| (tip - exact(k)).abs()).fold(0.0, f64::max) / amplitude_mm
     };
-    let measured_hz = 0.5 / turn_s;
+    let (errors, order) = ([error(&coarse), error(&fine)], (error(&coarse) / error(&fine)).log2());
+    let turn = fine.iter().rposition(|tip| *tip > 0.0).unwrap();
+    let half = (turn + 1) as f64 + fine[turn] / (fine[turn] - fine[turn + 1]);
+    let measured_hz = 0.5 * fine.len() as f64 * frequency_hz / half;
     println!(
-        "cantilever: {measured_hz:.4} Hz in time, {frequency_hz:.4} Hz as eigenvalue; on a finer mesh {fine_hz:.4} Hz, beam theory {theory_hz:.4} Hz; order {order:.2}"
+        "cantilever: {measured_hz:.4} Hz in time, {frequency_hz:.4} Hz as eigenvalue; largest errors {errors:.5?} of the amplitude with 32 and 64 steps in a period, order {order:.2}"
     );
-    assert!(close(fine_hz, theory_hz, 0.01) && close(measured_hz, frequency_hz, 0.01));
-    assert!((1.7..2.3).contains(&order), "{coarse} {middle} {fine}");
+    assert!(close(measured_hz, frequency_hz, 0.005));
+    assert!((1.85..2.15).contains(&order) && errors[1] < 0.01, "{errors:?}");
 }
 
 const WEIGHT: f64 = 0.3;
@@ -155,13 +140,13 @@ fn viscous() -> Dynamics {
     Dynamics { beta_s: 0.0, prony: vec![PronyTerm { weight: WEIGHT, time_s: TIME_S }] }
 }
 
-/// A bar of 2 x 10 x 2 that hangs from its upper end, almost without inertia.
+/// A bar of 4 x 6 x 4 that hangs from its upper end, almost without inertia; it buckles at a strain of 9 %.
 fn bar(bottom_mm: f64) -> Arc<Problem> {
     let mut b = Builder::default();
-    b.solid([4.0, bottom_mm, 4.0], [6.0, bottom_mm + 10.0, 6.0], [1, 5, 1]);
-    b.mesh.fixed_nodes = b.nodes_where(|p| p[1] > bottom_mm + 10.0 - 1.0e-9);
+    b.solid([4.0, bottom_mm, 4.0], [8.0, bottom_mm + 6.0, 8.0], [1, 2, 1]);
+    b.mesh.fixed_nodes = b.nodes_where(|p| p[1] > bottom_mm + 6.0 - 1.0e-9);
     b.mesh.bottom = b.faces(|p| p[1] < bottom_mm + 1.0e-9);
-    let contact = ContactSettings { obstacle_penalty_mpa_per_mm: Some(1000.0), ..ContactSettings::default() };
+    let contact = ContactSettings { obstacle_penalty_mpa_per_mm: Some(1.0e5), ..ContactSettings::default() };
     problem(b.mesh, 1.0e-14, contact)
 }
 
@@ -188,30 +173,32 @@ fn hanging_bar_creeps_as_its_series() {
         worst = worst.max((sag / end - exact(k + 1) / exact(100)).abs());
     }
     println!("creep: largest error {worst:.2e} of the sag {end:.4} mm");
-    assert!(end > 0.001 && worst < 2.0e-3, "{worst}");
+    assert!(end > 0.0005 && worst < 1.0e-3, "{worst}");
 }
 
 #[test]
 fn pressed_bar_relaxes_as_its_series() {
     let problem = bar(-1.0);
     let load = |gap_mm| Load { obstacle: Obstacle::Plate { gap_mm }, ..Load::default() };
-    let start = State { load: load(1.02), ..undeformed(&problem) };
+    let mut solver = Solver::new(Arc::clone(&problem)).unwrap();
+    let (start, _) = solver.solve_to(&undeformed(&problem), &load(0.99)).unwrap();
     let h = TIME_S / 20.0;
     let mut motion = Transient::from_equilibrium(problem, &viscous(), every(h), 0.0, start).unwrap();
-    let load_at = |t: f64| load(1.02 - 0.8 * (t / h).min(1.0));
-    let mut forces = Vec::new();
+    let load_at = |t: f64| load(0.99 - 0.05 * (t / h).min(1.0));
+    let (before, mut forces) = (motion.figures().unwrap().contact_force_n, Vec::new());
     for k in 1..=100 {
         motion.advance(&load_at, f64::from(k) * h).unwrap();
         forces.push(motion.figures().unwrap().contact_force_n);
     }
-    let (end, ramp) = (forces[99], TIME_S / h * (h / TIME_S).exp_m1());
+    // The force rises by its long-term part and an overstress that decays.
+    let (end, ramp) = (forces[99] - before, TIME_S / h * (h / TIME_S).exp_m1());
     let mut worst = 0.0_f64;
     for (k, force) in forces.iter().enumerate() {
         let exact = |k: usize| 1.0 + WEIGHT / (1.0 - WEIGHT) * ramp * (-(k as f64) * h / TIME_S).exp();
-        worst = worst.max((force / end - exact(k + 1) / exact(100)).abs());
+        worst = worst.max(((force - before) / end - exact(k + 1) / exact(100)).abs());
     }
-    println!("relaxation: largest error {worst:.2e} of the force {end:.4} N");
-    assert!(end > 0.5 && worst < 5.0e-3, "{worst} {forces:?}");
+    println!("relaxation: largest error {worst:.2e} of the rise of the force by {end:.4} N");
+    assert!(end > 0.3 && worst < 2.0e-3, "{worst} {forces:?}");
     let energy = motion.figures().unwrap().energy;
     assert!(energy.viscous_mj > 0.0 && energy.numerical_mj().abs() < 0.03 * energy.external_mj, "{energy:?}");
 }
@@ -240,8 +227,7 @@ fn impact_conserves_momentum_and_gains_no_energy() {
         kinetic.push(figures.energy.kinetic_mj + figures.energy.strain_mj);
         assert!(figures.contact_force_n >= 0.0);
     }
-    // The mean velocity of a body is that of its mass: weights of the faces' own mass matrix, here from the energy of translation.
-    let after = momentum(&motion, &problem);
+    let after: f64 = BodyMass::new(problem).times(&motion.velocity_mm_s()).iter().map(|m| m[1]).sum();
     println!(
         "impact: impulse {impulse:.4e} N s, momentum changes by {:.4e}, peak {peak:.2} N, energy {:+.3} % at most",
         after + mass * speed,
@@ -250,24 +236,6 @@ fn impact_conserves_momentum_and_gains_no_energy() {
     assert!(impulse > mass * speed && close(impulse, after + mass * speed, 1.0e-4));
     assert!(kinetic.iter().all(|change| *change < 0.01 * before) && kinetic[249] > -0.5 * before);
     assert!(motion.figures().unwrap().contact_force_n == 0.0, "the block has left the plate");
-}
-
-/// y momentum of the loose block (t mm/s): shape functions' integrals are -1/20 of an element's mass at corners, 1/5 at edges.
-fn momentum(motion: &Transient, problem: &Problem) -> f64 {
-    let (velocity, mesh) = (motion.velocity_mm_s(), problem.mesh());
-    let volume = |t: &[u32; 10]| {
-        let [o, a, b, c] = [0, 1, 2, 3].map(|k| mesh.nodes_mm[t[k] as usize]);
-        let e = |p: [f64; 3]| [p[0] - o[0], p[1] - o[1], p[2] - o[2]];
-        let [a, b, c] = [a, b, c].map(e);
-        (a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0])
-            + a[2] * (b[0] * c[1] - b[1] * c[0]))
-            / 6.0
-    };
-    let of = |t: &[u32; 10]| {
-        let sum = |nodes: &[u32]| nodes.iter().map(|n| velocity[*n as usize][1]).sum::<f64>();
-        1.0e-9 * volume(t) * (0.2 * sum(&t[4..]) - 0.05 * sum(&t[..4]))
-    };
-    mesh.tets.iter().map(of).sum()
 }
 
 /// The tiny finger over a plate, undeformed and without loads at first.
@@ -285,39 +253,47 @@ fn finger(settings: StepSettings, dynamics: &Dynamics) -> (Transient, impl Fn(f6
 
 #[test]
 fn energies_of_a_finger_balance() {
-    for dynamics in
-        [elastic(), Dynamics { beta_s: 5.0e-5, prony: vec![PronyTerm { weight: 0.2, time_s: 0.002 }] }]
-    {
-        let settings = StepSettings { largest_s: 5.0e-4, smallest_s: 3.0e-5, tolerance_mm: 1.0e-3 };
-        let (mut motion, load_at) = finger(settings, &dynamics);
-        let (mut external, mut worst) = (0.0_f64, 0.0_f64);
-        for k in 1..=13 {
-            motion.advance(&load_at, f64::from(k) * 5.0e-4).unwrap();
-            let energy = motion.figures().unwrap().energy;
-            external = external.max(energy.external_mj.abs());
-            worst = worst.max(energy.numerical_mj().abs());
-        }
-        let (figures, work) = (motion.figures().unwrap(), motion.work());
-        let energy = figures.energy;
-        println!("{dynamics:?}: {:.3} % of {external:.4} mJ, {energy:?}, {work:?}", 100.0 * worst / external);
-        assert!(
-            worst < 0.01 * external && figures.contact_force_n > 0.0,
-            "{worst} of {external}, {figures:?}"
-        );
+    let dynamics = Dynamics { beta_s: 5.0e-5, prony: vec![PronyTerm { weight: 0.2, time_s: 0.002 }] };
+    let settings = StepSettings { largest_s: 5.0e-4, smallest_s: 3.0e-5, tolerance_mm: 4.0e-3 };
+    let (mut motion, load_at) = finger(settings, &dynamics);
+    let (mut external, mut worst) = (0.0_f64, 0.0_f64);
+    for k in 1..=13 {
+        motion.advance(&load_at, f64::from(k) * 5.0e-4).unwrap();
+        let energy = motion.figures().unwrap().energy;
+        external = external.max(energy.external_mj.abs());
+        worst = worst.max(energy.numerical_mj().abs());
     }
+    let (figures, work) = (motion.figures().unwrap(), motion.work());
+    let energy = figures.energy;
+    println!(
+        "finger: numerical dissipation {:.3} % of {external:.4} mJ, {energy:?}, {work:?}",
+        100.0 * worst / external
+    );
+    assert!(worst < 0.01 * external && figures.contact_force_n > 0.0, "{worst} of {external}, {figures:?}");
 }
 
 #[test]
 fn motion_continues_from_a_checkpoint_with_the_same_bits() {
-    let (mut whole, load_at) = finger(StepSettings::default(), &viscous());
+    let problem = bar(-1.0);
+    let load_at = |t: f64| Load {
+        obstacle: Obstacle::Plate { gap_mm: 1.05 - 30.0 * t },
+        gravity_mm_s2: [1.0e9, 0.0, 0.0],
+        ..Load::default()
+    };
+    let begin = || {
+        let start = State { load: load_at(0.0), ..undeformed(&problem) };
+        Transient::from_equilibrium(Arc::clone(&problem), &viscous(), StepSettings::default(), 0.0, start)
+            .unwrap()
+    };
+    let (mut whole, mut again) = (begin(), begin());
     whole.advance(&load_at, 0.002).unwrap();
     let values = whole.checkpoint();
-    let (mut again, _) = finger(StepSettings::default(), &viscous());
     assert!(again.restore(&values, &load_at) && again.t_s().total_cmp(&0.002).is_eq());
     for motion in [&mut whole, &mut again] {
         motion.advance(&load_at, 0.005).unwrap();
     }
     assert!(whole.state() == again.state() && whole.figures() == again.figures());
+    assert!(whole.figures().unwrap().contact_force_n > 0.0);
     assert!(!again.restore(&values[1..], &load_at));
 }
 
@@ -330,7 +306,7 @@ fn motions_without_mass_or_resolution_are_refused() {
     let weightless = self::problem(problem.mesh().clone(), 0.0, ContactSettings::default());
     assert!(matches!(start(&weightless, every(1.0e-3)), Err(TransientError::Density(_))));
     assert!(matches!(start(&problem, every(1.0e-9)), Err(TransientError::Setting { .. })));
-    let mut fast = start(&problem, every(1.0e-3)).unwrap();
+    let fast = start(&problem, every(1.0e-3)).unwrap();
     let Err(TransientError::Unresolved { frequency_hz, longest_s, .. }) = fast.check_resolution() else {
         panic!("a bar without inertia is faster than any step");
     };

@@ -96,7 +96,7 @@ impl Body {
             load: LOADS[self.axis],
             unit_load: self.unit_load(),
             times: &times,
-            damping_s: 0.002,
+            damping_s: self.actuator.dynamics.beta_s,
             step_ns: STEP_NS,
         };
         let reduced = reduce(model, database, &mass).map_err(configuration)?;

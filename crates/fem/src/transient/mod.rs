@@ -20,8 +20,10 @@ use crate::mass::{Mass, gather, product, scatter};
 use crate::newton::{Newton, NewtonError};
 use crate::output::{self, Output, clearance_mm, mean_von_mises};
 use crate::problem::Problem;
+use crate::solver::Solver;
 use crate::state::State;
 use crate::system::InvalidState;
+use crate::vibration::VibrationError;
 use motion::Motion;
 use relaxation::Relaxation;
 use std::sync::Arc;
@@ -215,42 +217,21 @@ impl Transient {
     }
 
     /// Lowest frequency (Hz) of small motions about the present state; `None` if it is not stable.
-    ///
-    /// # Errors
-    /// [`TransientError`].
-    pub fn lowest_frequency_hz(&mut self) -> Result<Option<f64>, TransientError> {
-        let (problem, state) = (Arc::clone(&self.problem), &self.motion.state);
-        self.newton.system.overstress = None;
-        self.newton.system.assemble(&problem, state, &state.load, crate::system::Ahead::default(), true)?;
-        self.has_factor = false;
-        self.newton.tangent.factorise(&problem, &self.newton.system)?;
-        if !self.newton.tangent.positive_definite() {
-            return Ok(None);
+    fn lowest_frequency_hz(&self) -> Result<Option<f64>, TransientError> {
+        let mut solver = Solver::new(Arc::clone(&self.problem))?;
+        match solver.vibrations(&self.motion.state, 1) {
+            Ok(found) => Ok(found.first().map(|vibration| vibration.rate_rad_s / std::f64::consts::TAU)),
+            Err(VibrationError::State(reason)) => Err(TransientError::Start(reason)),
+            Err(VibrationError::Linear(error)) => Err(error.into()),
+            Err(VibrationError::Unstable { .. } | VibrationError::None) => Ok(None),
         }
-        // Inverse iteration; the start has a part of every mode.
-        let mut v: Vec<f64> =
-            (0..self.motion.velocity.len()).map(|k| (k * 7919 % 1009) as f64 - 504.0).collect();
-        let mut rate = 0.0;
-        for _ in 0..INVERSE_ITERATIONS {
-            let load = self.mass.times(&problem, &v);
-            v.clone_from(&load);
-            self.newton.tangent.solve(&mut v);
-            let before = rate;
-            rate = product(&v, &load) / square(&self.mass, &problem, &v);
-            let length = product(&v, &v).sqrt();
-            v.iter_mut().for_each(|v| *v /= length);
-            if (rate - before).abs() < 1.0e-8 * rate {
-                break;
-            }
-        }
-        Ok((rate > 0.0).then(|| rate.sqrt() / std::f64::consts::TAU))
     }
 
     /// Checks that the largest step resolves the lowest frequency, and returns it (Hz).
     ///
     /// # Errors
     /// [`TransientError::Unresolved`].
-    pub fn check_resolution(&mut self) -> Result<Option<f64>, TransientError> {
+    pub fn check_resolution(&self) -> Result<Option<f64>, TransientError> {
         let found_s = self.settings.largest_s;
         let frequency_hz = self.lowest_frequency_hz()?;
         match frequency_hz {
@@ -372,9 +353,6 @@ impl Transient {
 fn square(mass: &Mass, problem: &Problem, v: &[f64]) -> f64 {
     product(v, &mass.times(problem, v))
 }
-
-/// Inverse iterations for the lowest frequency.
-const INVERSE_ITERATIONS: usize = 100;
 
 /// Strain energy and energy of the contacts (mJ).
 fn stored_mj(problem: &Problem, u: &[Vec3], load: &Load) -> Result<f64, InvalidState> {
