@@ -14,7 +14,14 @@ use std::sync::Arc;
 fn problem(mesh: Mesh, density_t_per_mm3: f64, contact: ContactSettings) -> Arc<Problem> {
     let law = Hyperelastic::NeoHookean { mu_mpa: 1.0 };
     let volume_change = VolumeChange::Mean;
-    let elastomers = vec![Elastomer { law, bulk_mpa: 2000.0, density_t_per_mm3, volume_change }];
+    let elastomers = vec![Elastomer {
+        law,
+        bulk_mpa: 2000.0,
+        density_t_per_mm3,
+        volume_change,
+        stretch_range: None,
+        shear_interval_mpa: None,
+    }];
     // Far below the errors of the time integration that are measured.
     let newton = NewtonSettings { correction_tolerance_mm: 1.0e-9, ..NewtonSettings::default() };
     let config = ProblemConfig { elastomers, contact, newton, ..ProblemConfig::default() };

@@ -148,6 +148,31 @@ fn solid_tangent_is_the_derivative_of_its_force_at_constant_pressure() {
 }
 
 #[test]
+fn second_piola_stress_is_that_of_the_cauchy_stress_for_every_law() {
+    let geometry = TetGeometry::new(&tet()).unwrap();
+    let u = shaken::<10>(0.12, 5);
+    for law in [
+        Hyperelastic::Gent { mu_mpa: 0.8, jm: 20.0 },
+        Hyperelastic::MooneyRivlin { c10_mpa: 0.3, c01_mpa: 0.2 },
+        Hyperelastic::Ogden {
+            mu1_mpa: 0.4,
+            alpha1: 3.1,
+            mu2_mpa: -0.1,
+            alpha2: -2.0,
+            mu3_mpa: 0.0,
+            alpha3: 0.0,
+        },
+    ] {
+        let stress = tet10::isochoric_stress(&geometry, &u, &law).unwrap();
+        let found = tet10::cauchy_of_stress(&geometry, &u, &stress);
+        let expected = tet10::deviatoric_stress(&geometry, &u, &law).unwrap();
+        for (found, expected) in found.as_flattened().iter().zip(expected.as_flattened()) {
+            assert!((found - expected).abs() < 1.0e-12, "{law:?}: {found} {expected}");
+        }
+    }
+}
+
+#[test]
 fn force_and_tangent_of_a_given_stress_are_derivatives_of_its_energy() {
     let geometry = TetGeometry::new(&tet()).unwrap();
     let stress: tet10::PointTensors =
