@@ -1,8 +1,10 @@
 //! Default parameter values of a model.
 
 use crate::evaluator::Evaluator;
+use crate::halfwidths::HalfWidths;
 use crate::inputs::{GAP, InputSpec, Needs, PARAMETERS, PRESSURE, nearest_name};
 use crate::model::{ModelError, ModelHeader};
+use crate::snapshots::FieldKind;
 
 impl ModelHeader {
     /// Sets default values of parameters by name. All are checked before any is changed; the onset table is that of the new values.
@@ -39,6 +41,19 @@ impl ModelHeader {
     /// True if the model was trained on contact forces; an onset remains where a scene loads the free regime alone.
     pub fn has_forces(&self) -> bool {
         self.onset.is_some() || self.regimes.iter().any(|regime| regime.force.is_some())
+    }
+
+    /// True if the model has a von Mises stress.
+    pub fn has_stress(&self) -> bool {
+        self.fields.iter().any(|field| field.spec.kind == FieldKind::Stress)
+    }
+
+    /// Half-widths of the quantities that the model has; NaN for the others.
+    pub fn known_halfwidths(&self, of: HalfWidths) -> HalfWidths {
+        let known = |is_known: bool, value: f64| if is_known { value } else { f64::NAN };
+        let (stress_mpa, force_n) =
+            (known(self.has_stress(), of.stress_mpa), known(self.has_forces(), of.force_n));
+        HalfWidths { stress_mpa, force_n, ..of }
     }
 
     /// Needs of pressure and gap: an input is needed if a regime was trained over it or the onset depends on it. Any value is valid for

@@ -61,6 +61,8 @@ fn outputs(model: &Model) -> Vec<Value> {
         all.extend(model.header.taken_inputs().map(|(_, input)| {
             json!({ "name": format!("force_by_{}", input.key()), "unit": format!("N/{}", input.unit), "per": "state" })
         }));
+    }
+    if model.header.onset.is_some() {
         all.push(json!({ "name": "onset_pressure_mpa", "unit": "MPa", "per": "state" }));
     }
     // Observables that do not fit are refused where the model is read.
@@ -80,7 +82,8 @@ fn outputs(model: &Model) -> Vec<Value> {
 /// Training range of a regime and the coverage of its half-widths there.
 fn regime_of(model: &Model, regime: &RegimeModel) -> Value {
     let inputs = &model.header.inputs;
-    let halfwidths = regime.halfwidths;
+    let halfwidths = model.header.known_halfwidths(regime.halfwidths);
+    let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     json!({
         "trained": regime.inputs.axes.iter()
             .map(|axis| (inputs[axis.input].key(), json!([axis.min, axis.max]))).collect::<Map<_, _>>(),
@@ -89,8 +92,8 @@ fn regime_of(model: &Model, regime: &RegimeModel) -> Value {
             "method": "conformal half-widths of the worst node, from errors of states that the fit did not see: left out one by one, or never trained on",
             "share_of_states": halfwidths.coverage,
             "displacement_mm": halfwidths.displacement_mm,
-            "von_mises_mpa": halfwidths.stress_mpa,
-            "contact_force_n": model.header.has_forces().then_some(halfwidths.force_n),
+            "von_mises_mpa": finite(halfwidths.stress_mpa),
+            "contact_force_n": finite(halfwidths.force_n),
         },
     })
 }

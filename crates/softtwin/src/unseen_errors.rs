@@ -23,13 +23,16 @@ const ERRORS: [&str; 4] = ["displacement_error_mm", "stress_error_mpa", "force_e
 /// The operating system's; a model that cannot be written.
 pub fn write(path: &Path, model: &Model, cases: &[CaseReport]) -> anyhow::Result<()> {
     let (header, hash) = (&model.header, wire::layout::hex(&model.prediction_hash()?[..8]));
-    let keys: Vec<String> = header.inputs.iter().map(|input| input.key()).collect();
+    let (places, keys): (Vec<usize>, Vec<String>) =
+        header.taken_inputs().map(|(at, input)| (at, input.key())).unzip();
     let columns = ["case", "regime"].into_iter().chain(keys.iter().map(String::as_str)).chain(ERRORS);
     let row = |case: &CaseReport| {
-        let inputs = case.inputs.values()[..keys.len()].iter();
-        // No obstacle, or an input that the state does not have: an empty cell.
+        let inputs = places.iter().map(|at| case.inputs.values()[*at]);
+        // No obstacle: an empty cell.
         let inputs = inputs.map(|value| if value.is_finite() { value.to_string() } else { String::new() });
-        let errors = case.errors.values().map(|error| format!("{error:.4e}"));
+        // Nor is there an error of a quantity that the model does not have.
+        let errors = case.errors.values();
+        let errors = errors.map(|error| if error.is_nan() { String::new() } else { format!("{error:.4e}") });
         let names = [case.case.clone(), case.regime.name().to_owned()];
         names.into_iter().chain(inputs).chain(errors).chain([hash.clone()]).collect::<Vec<_>>()
     };
@@ -67,8 +70,8 @@ pub fn read(path: &Path, model: &Model) -> anyhow::Result<Vec<UnseenState>> {
     let table = Table::read(path, true).map_err(files::refusal)?;
     let refused = |diagnostic| files::refusal(FormatError::one(path, diagnostic));
     let column = |name: &str| table.column(name).map_err(refused);
-    let inputs =
-        header.inputs.iter().map(|input| column(&input.key())).collect::<anyhow::Result<Vec<_>>>()?;
+    let inputs = header.taken_inputs().map(|(at, input)| Ok((at, column(&input.key())?)));
+    let inputs = inputs.collect::<anyhow::Result<Vec<_>>>()?;
     let (regime, [displacement, stress, force, predictions]) = (column("regime")?, ERRORS.map(column));
     let (errors, predictions) = ([displacement?, stress?, force?], predictions?);
     let names: Vec<_> = header.regimes.iter().map(|r| (r.kind.name(), r.kind)).collect();
@@ -83,17 +86,22 @@ pub fn read(path: &Path, model: &Model) -> anyhow::Result<Vec<UnseenState>> {
             ));
         }
         let mut values = Inputs::new(f64::NAN, f64::INFINITY);
-        for (at, column) in inputs.iter().enumerate() {
+        for (at, column) in &inputs {
             if let Some(value) = row.optional_number(*column)? {
-                values = values.with(at, value);
+                values = values.with(*at, value);
             }
         }
-        let [displacement_mm, stress_mpa, force_n] = errors.map(|column| row.number(column));
+        let [displacement, stress, force] = errors;
+        let of = |is_known: bool, column| if is_known { row.number(column) } else { Ok(0.0) };
         Ok(UnseenState {
             regime: row.choice(regime, &names)?,
             inputs: values,
             domain: DomainStatus::Inside,
-            errors: Errors { displacement_mm: displacement_mm?, stress_mpa: stress_mpa?, force_n: force_n? },
+            errors: Errors {
+                displacement_mm: row.number(displacement)?,
+                stress_mpa: of(header.has_stress(), stress)?,
+                force_n: of(header.has_forces(), force)?,
+            },
         })
     };
     table.rows().map(|row| state(row).map_err(refused)).collect()

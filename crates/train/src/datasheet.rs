@@ -29,6 +29,18 @@ pub struct DataSheet {
     pub config: TrainConfig,
 }
 
+impl DataSheet {
+    /// True if the model has a von Mises stress.
+    pub fn has_stress(&self) -> bool {
+        self.fields.iter().any(|field| field.name == "von_mises")
+    }
+
+    /// True if the model was trained on contact forces.
+    pub fn has_forces(&self) -> bool {
+        self.regimes.iter().any(|regime| regime.force.is_some())
+    }
+}
+
 /// One field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FieldSheet {

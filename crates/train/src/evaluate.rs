@@ -74,7 +74,7 @@ pub struct CaseReport {
     /// All inputs by position.
     #[serde(skip)]
     pub inputs: Inputs,
-    /// Pressure in MPa.
+    /// Pressure in MPa; NaN if the model has none.
     pub pressure_mpa: f64,
     /// Gap in mm.
     pub gap_mm: Option<f64>,
@@ -86,13 +86,14 @@ pub struct CaseReport {
     pub fields: Vec<FieldErrors>,
     /// Mean squared error over all entries: the summand of Eq. (15).
     pub mse: f64,
-    /// True force in N.
+    /// True force in N; NaN, as the predicted one, if the model has no forces.
     pub force_true_n: f64,
     /// Predicted force in N.
     pub force_n: f64,
-    /// Relative force error; `None` if the true force is 0.
+    /// Relative force error; `None` if there is no true force or it is 0.
     pub force_relative: Option<f64>,
-    /// Displacement (mm, the length of the coordinate error) and stress (MPa) of the worst node, force (N).
+    /// Displacement (mm, the length of the coordinate error) and stress (MPa) of the worst node, force (N); NaN for what the model does
+    /// not have.
     pub errors: Errors,
     /// Errors within the half-widths.
     pub covered: Covered,
@@ -110,10 +111,10 @@ impl CaseReport {
 pub struct Covered {
     /// Displacement (the length of the coordinate error) at the worst node.
     pub displacement: bool,
-    /// Stress at the worst node.
-    pub stress: bool,
-    /// Force.
-    pub force: bool,
+    /// Stress at the worst node; `None` if the model has no stress.
+    pub stress: Option<bool>,
+    /// Force; `None` if the model has no forces.
+    pub force: Option<bool>,
 }
 
 /// Errors of a set of cases.
@@ -140,7 +141,7 @@ pub struct Summary {
     pub mse: f64,
     /// Per field: mean, 95th percentile and maximum over cases of the normalised error; the worst case and node.
     pub fields: Vec<FieldSummary>,
-    /// Force error over the largest force: mean, 95th percentile, maximum.
+    /// Force error over the largest force: mean, 95th percentile, maximum; NaN if the model has no forces.
     pub force_normalised: [f64; 3],
     /// Share of cases within the displacement, stress and force half-widths; NaN of a quantity that the model does not have.
     pub coverage: [f64; 3],
@@ -188,9 +189,7 @@ pub fn evaluate(
         cases.iter().map(|&i| one_case(model, database, &mut state, i, floor)).collect();
     let regimes = [RegimeKind::Free, RegimeKind::Contact]
         .into_iter()
-        .filter_map(|kind| {
-            summary(model, database, kind, cases.iter().filter(|c| c.sampled == kind).collect())
-        })
+        .filter_map(|kind| summary(database, kind, cases.iter().filter(|c| c.sampled == kind).collect()))
         .collect();
     Ok(Report { floor, cases, regimes })
 }
@@ -230,7 +229,10 @@ fn one_case(
         }
         fields.push(errors);
     }
-    let error_n = (evaluation.contact_force_n - case.contact_force_n).abs();
+    let (needs, has_stress) = (model.header.needs(), model.header.has_stress());
+    let force_true_n = if model.header.has_forces() { case.contact_force_n } else { f64::NAN };
+    let error_n = (evaluation.contact_force_n - force_true_n).abs();
+    let error_mpa = if has_stress { stress } else { f64::NAN };
     let halfwidths = evaluation.halfwidths;
     let error_mm = displacement.iter().copied().fold(0.0, f64::max).sqrt().max(magnitude);
     CaseReport {
@@ -238,20 +240,20 @@ fn one_case(
         regime: evaluation.regime,
         sampled: case.regime,
         inputs: case.inputs(),
-        errors: Errors { displacement_mm: error_mm, stress_mpa: stress, force_n: error_n },
-        pressure_mpa: case.pressure_mpa,
+        errors: Errors { displacement_mm: error_mm, stress_mpa: error_mpa, force_n: error_n },
+        pressure_mpa: if needs.pressure { case.pressure_mpa } else { f64::NAN },
         gap_mm: case.gap_mm,
         domain: evaluation.domain,
         domain_distance: evaluation.domain_distance,
         mse: fields.iter().map(|f| f.mse).sum::<f64>() / fields.len() as f64,
         fields,
-        force_true_n: case.contact_force_n,
+        force_true_n,
         force_n: evaluation.contact_force_n,
-        force_relative: (case.contact_force_n > 0.0).then(|| error_n / case.contact_force_n),
+        force_relative: (force_true_n > 0.0).then(|| error_n / force_true_n),
         covered: Covered {
             displacement: error_mm <= halfwidths.displacement_mm,
-            stress: stress <= halfwidths.stress_mpa,
-            force: error_n <= halfwidths.force_n,
+            stress: has_stress.then_some(stress <= halfwidths.stress_mpa),
+            force: model.header.has_forces().then_some(error_n <= halfwidths.force_n),
         },
     }
 }
@@ -302,12 +304,7 @@ fn field_errors(
     }
 }
 
-fn summary(
-    model: &Model,
-    database: &Database,
-    regime: RegimeKind,
-    cases: Vec<&CaseReport>,
-) -> Option<Summary> {
+fn summary(database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> Option<Summary> {
     let (outside, inside): (Vec<&CaseReport>, Vec<&CaseReport>) =
         cases.into_iter().partition(|case| case.domain == DomainStatus::Outside);
     let (cases, outside) = if inside.is_empty() { (outside, inside) } else { (inside, outside) };
@@ -318,8 +315,9 @@ fn summary(
         |of: &dyn Fn(&CaseReport) -> f64| cases.iter().map(|c| of(c)).sum::<f64>() / cases.len() as f64;
     let largest = database.cases.iter().map(|c| c.contact_force_n).fold(f64::MIN_POSITIVE, f64::max);
     let mut forces: Vec<f64> = cases.iter().map(|c| (c.force_n - c.force_true_n).abs() / largest).collect();
-    let has_stress = database.fields.iter().any(|field| field.kind == FieldKind::Stress);
-    let share = |of: &dyn Fn(&CaseReport) -> bool| mean(&|c| f64::from(u8::from(of(c))));
+    let share = |of: fn(&CaseReport) -> Option<bool>| {
+        mean(&|c| of(c).map_or(f64::NAN, |is_within| f64::from(u8::from(is_within))))
+    };
     let fields = database.fields.iter().enumerate().map(|(f, spec)| {
         let worst = cases
             .iter()
@@ -339,9 +337,9 @@ fn summary(
         fields: fields.collect(),
         force_normalised: spread(&mut forces),
         coverage: [
-            share(&|c| c.covered.displacement),
-            if has_stress { share(&|c| c.covered.stress) } else { f64::NAN },
-            if model.header.has_forces() { share(&|c| c.covered.force) } else { f64::NAN },
+            share(|c| Some(c.covered.displacement)),
+            share(|c| c.covered.stress),
+            share(|c| c.covered.force),
         ],
     })
 }

@@ -1,6 +1,7 @@
 //! `softtwin inspect`.
 
 use crate::{card, files, output};
+use rom::halfwidths::HalfWidths;
 use rom::hull::TrainingRange;
 use rom::model::{Model, ModelHeader, RegimeModel};
 use serde_json::{Value, json};
@@ -71,7 +72,7 @@ fn as_json(model: &Model) -> Value {
         "actuator": header.actuator,
         "source": if model.is_measured() { "measured" } else { "finite elements" },
         "node_count": header.node_count,
-        "inputs": header.inputs.iter().map(|i| json!({
+        "inputs": header.taken_inputs().map(|(_, i)| json!({
             "name": i.key(), "unit": i.unit, "min": finite(i.range[0]), "max": finite(i.range[1]), "nominal": i.value }))
             .collect::<Vec<_>>(),
         "database_hash": hex(&header.database_hash),
@@ -104,7 +105,7 @@ fn regime_json(header: &ModelHeader, regime: &RegimeModel) -> Value {
         "kernels": regime.groups.iter().map(|g| (g.name.clone(), json!(g.surrogate.kernel)))
             .collect::<serde_json::Map<_, _>>(),
         "force": regime.force.as_ref().map(|f| json!(f.surrogate.kernel)),
-        "half_widths": regime.halfwidths,
+        "half_widths": header.known_halfwidths(regime.halfwidths),
     })
 }
 
@@ -142,6 +143,9 @@ fn text(model: &Model) -> anyhow::Result<()> {
         }
         let domain = match &regime.domain {
             TrainingRange::Interval(_) => "the interval of its samples".into(),
+            TrainingRange::Product { reach, .. } if regime.inputs.operating() == 0 => {
+                format!("the ranges of its inputs, within {reach:.2} of a sample")
+            }
             TrainingRange::Product { reach, .. } => format!(
                 "the hull of its samples over pressure and gap, the ranges of the parameters, within {reach:.2} of a sample"
             ),
@@ -170,13 +174,14 @@ fn text(model: &Model) -> anyhow::Result<()> {
             }
             continue;
         }
-        output!(
-            "  {:.0} % within  displacement {:.2e} mm, stress {:.2e} MPa, force {:.2e} N",
-            halfwidths.coverage * 100.0,
-            halfwidths.displacement_mm,
-            halfwidths.stress_mpa,
-            halfwidths.force_n
-        )?;
+        let HalfWidths { coverage, displacement_mm, stress_mpa, force_n } =
+            header.known_halfwidths(halfwidths);
+        let widths =
+            [("displacement", displacement_mm, "mm"), ("stress", stress_mpa, "MPa"), ("force", force_n, "N")];
+        let known = widths.iter().filter(|(_, value, _)| !value.is_nan());
+        let known: Vec<String> =
+            known.map(|(name, value, unit)| format!("{name} {value:.2e} {unit}")).collect();
+        output!("  {:.0} % within  {}", coverage * 100.0, known.join(", "))?;
     }
     Ok(())
 }
@@ -203,12 +208,13 @@ pub fn sheet_table(sheet: &DataSheet) -> anyhow::Result<()> {
             output!("  {}", fit_line(fit))?;
         }
         let halfwidths = regime.halfwidths;
+        let mut widths = vec![format!("{:.2e} mm", halfwidths.displacement_mm)];
+        widths.extend(sheet.has_stress().then(|| format!("{:.2e} MPa", halfwidths.stress_mpa)));
+        widths.extend(sheet.has_forces().then(|| format!("{:.2e} N", halfwidths.force_n)));
         output!(
-            "  {:.0} % of held-out states have errors below {:.2e} mm, {:.2e} MPa, {:.2e} N at their worst node",
+            "  {:.0} % of held-out states have errors below {} at their worst node",
             halfwidths.coverage * 100.0,
-            halfwidths.displacement_mm,
-            halfwidths.stress_mpa,
-            halfwidths.force_n
+            widths.join(", ")
         )?;
     }
     for remark in &sheet.remarks {

@@ -15,7 +15,8 @@ struct Errors {
     regime: String,
     states: usize,
     displacement_percent: [f64; 2],
-    stress_percent: [f64; 2],
+    /// `None` if the model has no stress.
+    stress_percent: Option<[f64; 2]>,
     /// Percent of the largest force.
     force_percent: Option<[f64; 2]>,
 }
@@ -53,29 +54,43 @@ impl Quality {
     /// Prints the figures.
     pub fn print(&self) -> Result<()> {
         output!("\nhow far it is from the finite elements it was trained on, at the worst node of a state:")?;
-        output!("  {:<38}{:>16}{:>16}{:>16}", "mean and largest error", "displacement", "stress", "force")?;
+        let has_stress = self.held_back.iter().any(|e| e.stress_percent.is_some())
+            || self.leave_one_out.iter().any(|left| left.stress_mpa.is_some());
+        let has_force = self.held_back.iter().any(|e| e.force_percent.is_some())
+            || self.leave_one_out.iter().any(|left| left.force_n.is_some());
+        let stress = if has_stress { format!("{:>16}", "stress") } else { String::new() };
+        let force = if has_force { format!("{:>16}", "force") } else { String::new() };
+        output!("  {:<38}{:>16}{stress}{force}", "mean and largest error", "displacement")?;
         let pair = |[mean, largest]: [f64; 2]| format!("{mean:.2}, {largest:.2} %");
         for e in &self.held_back {
             let states = format!("{} {} states never trained on", e.states, e.regime);
-            let force = e.force_percent.map_or("-".into(), pair);
-            output!(
-                "  {states:<38}{:>16}{:>16}{force:>16}",
-                pair(e.displacement_percent),
-                pair(e.stress_percent)
-            )?;
+            let cell = |is_column: bool, value: Option<[f64; 2]>| match is_column {
+                true => format!("{:>16}", value.map_or("-".into(), pair)),
+                false => String::new(),
+            };
+            let (stress, force) = (cell(has_stress, e.stress_percent), cell(has_force, e.force_percent));
+            output!("  {states:<38}{:>16}{stress}{force}", pair(e.displacement_percent))?;
         }
         for left in self.leave_one_out.iter().filter(|left| left.cases > 0) {
             let states = format!("{} {} states, left out in turn", left.cases, left.regime.name());
             let pair = |[mean, _, largest]: [f64; 3], unit: &str| format!("{mean:.1e}, {largest:.1e} {unit}");
-            let (displacement, stress) = (pair(left.displacement_mm, "mm"), pair(left.stress_mpa, "MPa"));
-            let force = if left.regime == RegimeKind::Contact { pair(left.force_n, "N") } else { "-".into() };
-            output!("  {states:<34}{displacement:>20}{stress:>21}{force:>19}")?;
+            let displacement = pair(left.displacement_mm, "mm");
+            let stress =
+                left.stress_mpa.map_or(String::new(), |values| format!("{:>21}", pair(values, "MPa")));
+            let of_contact = left.force_n.filter(|_| left.regime == RegimeKind::Contact);
+            let force = match has_force {
+                true => format!("{:>19}", of_contact.map_or("-".into(), |values| pair(values, "N"))),
+                false => String::new(),
+            };
+            output!("  {states:<34}{displacement:>20}{stress}{force}")?;
         }
         match &self.picture {
-            Some(picture) => output!(
-                "  percent of the state's largest displacement or stress, and of the largest force; {}",
-                picture.display()
-            )?,
+            Some(picture) => {
+                output!(
+                    "  percent of the largest value of a state, of a force of the largest of all; {}",
+                    picture.display()
+                )?;
+            }
             None => output!("  no held-out state (split = test): the error is from leave-one-out only")?,
         }
         Ok(())
@@ -98,15 +113,15 @@ impl Quality {
 
 fn errors(summary: &Summary) -> Errors {
     let of = |name: &str| {
-        let field = summary.fields.iter().find(|field| field.field == name);
-        field.map_or([f64::NAN; 2], |field| [100.0 * field.normalised[0], 100.0 * field.normalised[2]])
+        let field = summary.fields.iter().find(|field| field.field == name)?;
+        Some([100.0 * field.normalised[0], 100.0 * field.normalised[2]])
     };
-    let contact = summary.regime == RegimeKind::Contact;
+    let has_force = summary.regime == RegimeKind::Contact && summary.coverage[2].is_finite();
     Errors {
         regime: summary.regime.name().to_owned(),
         states: summary.cases,
-        displacement_percent: of("displacement"),
+        displacement_percent: of("displacement").unwrap_or([f64::NAN; 2]),
         stress_percent: of("von_mises"),
-        force_percent: contact.then(|| [0, 2].map(|k| 100.0 * summary.force_normalised[k])),
+        force_percent: has_force.then(|| [0, 2].map(|k| 100.0 * summary.force_normalised[k])),
     }
 }

@@ -7,7 +7,8 @@ use crate::options::ObstacleArg;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::{files, output, unseen_errors};
 use formats::database::ObstacleKind;
-use rom::model::Model;
+use rom::inputs::{GAP, InputSpec, PRESSURE};
+use rom::model::{Model, ModelHeader};
 use rom::snapshots::{Database, RegimeKind, Split};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -157,7 +158,7 @@ impl Args {
         if self.json {
             return output::json(&Printed { report, leave_one_out: left_out });
         }
-        text(report, &left_out)
+        text(&model.header, report, &left_out)
     }
 }
 
@@ -182,10 +183,10 @@ pub struct LeftOut {
     pub cases: usize,
     /// In mm.
     pub displacement_mm: [f64; 3],
-    /// In MPa.
-    pub stress_mpa: [f64; 3],
-    /// In N.
-    pub force_n: [f64; 3],
+    /// In MPa; `None` if the model has no stress.
+    pub stress_mpa: Option<[f64; 3]>,
+    /// In N; `None` if the model has no forces.
+    pub force_n: Option<[f64; 3]>,
 }
 
 /// From the data sheet beside the model; none without one.
@@ -203,16 +204,16 @@ pub fn leave_one_out(sheet: &Path) -> Vec<LeftOut> {
             regime: regime.kind,
             cases: inner.len(),
             displacement_mm: column(|c| c.displacement_mm),
-            stress_mpa: column(|c| c.stress_mpa),
-            force_n: column(|c| c.force_n),
+            stress_mpa: sheet.has_stress().then(|| column(|c| c.stress_mpa)),
+            force_n: sheet.has_forces().then(|| column(|c| c.force_n)),
         }
     };
     sheet.regimes.iter().map(of).collect()
 }
 
-fn text(report: &Report, left_out: &[LeftOut]) -> anyhow::Result<()> {
+fn text(header: &ModelHeader, report: &Report, left_out: &[LeftOut]) -> anyhow::Result<()> {
     for summary in &report.regimes {
-        regime_text(report, summary)?;
+        regime_text(header, report, summary)?;
     }
     for left in left_out {
         output!(
@@ -221,17 +222,18 @@ fn text(report: &Report, left_out: &[LeftOut]) -> anyhow::Result<()> {
             left.regime.name()
         )?;
         for (name, values) in [
-            ("displacement mm", left.displacement_mm),
+            ("displacement mm", Some(left.displacement_mm)),
             ("stress MPa", left.stress_mpa),
             ("force N", left.force_n),
         ] {
+            let Some(values) = values else { continue };
             output!("  {name:<18}{:>10.2e}{:>10.2e}{:>10.2e}", values[0], values[1], values[2])?;
         }
     }
     Ok(())
 }
 
-fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
+fn regime_text(header: &ModelHeader, report: &Report, summary: &Summary) -> anyhow::Result<()> {
     let all: Vec<&CaseReport> = report.cases.iter().filter(|c| c.is_of(summary.regime)).collect();
     let cases: Vec<&CaseReport> =
         all.iter().filter(|c| !summary.outside.contains(&c.case)).copied().collect();
@@ -267,7 +269,7 @@ fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
             field.worst_node
         )?;
     }
-    if summary.regime == RegimeKind::Contact {
+    if summary.regime == RegimeKind::Contact && header.has_forces() {
         let [mean, p95, max] = summary.force_normalised.map(percent);
         output!("  {:<14}{mean:>9}{p95:>9}{max:>9}  of the largest force", "force")?;
     }
@@ -282,22 +284,33 @@ fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
         output!("  outside the training range, not in the figures above: {}", summary.outside.join(", "))?;
     }
     for case in &all {
-        let percent = |value: f64| format!("{} %", percent(value));
-        let worst = |name: &str| {
-            case.fields.iter().find(|f| f.field == name).map_or("none".into(), |f| percent(f.normalised))
+        let worst = |label: &str, name: &str| {
+            let field = case.fields.iter().find(|field| field.field == name)?;
+            Some(format!("{label} {} %", percent(field.normalised)))
         };
-        let force = case.force_relative.map_or("none".into(), percent);
-        let gap = case.gap_mm.map_or("no obstacle".into(), |gap| format!("gap {gap:.3} mm"));
-        output!(
-            "  case {:<6} P {:.6} MPa, {gap:>14}, {}: displacement {}, stress {}, force {force}",
-            case.case,
-            case.pressure_mpa,
-            case.domain,
-            worst("displacement"),
-            worst("von_mises")
-        )?;
+        let force =
+            || case.force_relative.map_or("force none".into(), |error| format!("force {} %", percent(error)));
+        let errors: Vec<String> = [worst("displacement", "displacement"), worst("stress", "von_mises")]
+            .into_iter()
+            .chain([header.has_forces().then(force)])
+            .flatten()
+            .collect();
+        output!("  case {:<6} {}{}: {}", case.case, place(header, case), case.domain, errors.join(", "))?;
     }
     Ok(())
+}
+
+/// The inputs that the model has, each followed by a comma.
+fn place(header: &ModelHeader, case: &CaseReport) -> String {
+    let one = |(at, input): (usize, &InputSpec)| match at {
+        PRESSURE => format!("P {:.6} MPa, ", case.pressure_mpa),
+        GAP => {
+            let gap = case.gap_mm.map_or("no obstacle".into(), |gap| format!("gap {gap:.3} mm"));
+            format!("{gap:>14}, ")
+        }
+        _ => format!("{} {:.6}, ", input.key(), case.inputs.values()[at]),
+    };
+    header.taken_inputs().map(one).collect()
 }
 
 fn percent(share: f64) -> String {
