@@ -84,7 +84,7 @@ typedef struct {
 typedef struct {
   double contact_force_n;           /**< Contact force, N. */
   double force_gradient[8];         /**< Derivative of the force with respect to each input, N per unit. */
-  double onset_pressure_mpa;        /**< Pressure at which contact begins, MPa: 0 under gravity alone, infinite out of reach. */
+  double onset_pressure_mpa;        /**< Pressure at which contact begins, MPa: 0 under gravity alone, infinite out of reach, NaN: the model has no onset. */
   double force_halfwidth_n;         /**< Half-width with nominal coverage `coverage`, N. */
   double displacement_halfwidth_mm; /**< The same of the worst node's displacement, mm. */
   double von_mises_halfwidth_mpa;   /**< The same of the worst node's stress, MPa. */

@@ -161,9 +161,9 @@ typedef struct {
   uint64_t sensor_seq; /**< Sequence number of the reading. */
   uint64_t t_sensor_ns; /**< When the reading was taken. Unit: ns. */
   uint64_t t_publish_ns; /**< When the field was sent. Unit: ns. */
-  double pressure_mpa; /**< Pressure of the reading. Unit: MPa. */
-  double gap_mm; /**< Gap of the reading. Unit: mm. */
-  double contact_force_n; /**< Predicted contact force. Unit: N. */
+  double pressure_mpa; /**< Pressure of the reading; NaN: the model has none. Unit: MPa. */
+  double gap_mm; /**< Gap of the reading; NaN: the model has none. Unit: mm. */
+  double contact_force_n; /**< Predicted contact force; NaN: the model has no forces. Unit: N. */
   double max_von_mises_mpa; /**< Largest von Mises stress among the nodes of this sample; NaN when stress is not in it. Unit: MPa. */
   uint32_t max_von_mises_node; /**< Node (number in the model) of that stress; 4294967295 when stress is not in it. */
   uint32_t regime; /**< Regime. */
@@ -191,16 +191,16 @@ typedef struct {
   uint64_t t_publish_ns; /**< When the state was sent. Unit: ns. */
   uint64_t age_ns; /**< Age of that reading when the state was sent. Unit: ns. */
   double measured_force_n; /**< Measured contact force; NaN when there is none. Unit: N. */
+  uint32_t outcome; /**< Outcome of the newest reading. */
+  uint32_t reserved; /**< Zero. */
   uint8_t input_sources[8]; /**< Source of the value of each input. */
   uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
-  uint32_t outcome; /**< Outcome of the newest reading. */
-  uint32_t observable_count; /**< Observables of the model. */
-  double pressure_mpa; /**< Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias. Unit: MPa. */
-  double gap_mm; /**< Gap: of the reading, given, found or estimated. Unit: mm. */
-  double contact_force_n; /**< Predicted contact force; 0 in the free regime. Unit: N. */
-  double force_by_pressure_n_per_mpa; /**< Derivative of the force with respect to the pressure; NaN when not configured. Unit: N/MPa. */
-  double force_by_gap_n_per_mm; /**< Derivative of the force with respect to the gap; NaN when not configured. Unit: N/mm. */
-  double onset_pressure_mpa; /**< Pressure of first contact at this gap; infinite when the plate is out of reach. Unit: MPa. */
+  double pressure_mpa; /**< Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias. NaN: the model has none. Unit: MPa. */
+  double gap_mm; /**< Gap: of the reading, given, found or estimated. NaN: the model has none. Unit: mm. */
+  double contact_force_n; /**< Predicted contact force; 0 in the free regime. NaN: the model has no forces. Unit: N. */
+  double force_by_pressure_n_per_mpa; /**< Derivative of the force with respect to the pressure; NaN when not configured, or if the model has no force or no pressure. Unit: N/MPa. */
+  double force_by_gap_n_per_mm; /**< Derivative of the force with respect to the gap; NaN when not configured, or if the model has no force or no gap. Unit: N/mm. */
+  double onset_pressure_mpa; /**< Pressure of first contact at this gap; infinite when the plate is out of reach. NaN: the model has no onset. Unit: MPa. */
   float force_halfwidth_n; /**< Half-width of the force; NaN when not configured. Unit: N. */
   float displacement_halfwidth_mm; /**< Half-width of the displacement; NaN when not configured. Unit: mm. */
   float von_mises_halfwidth_mpa; /**< Half-width of the stress; NaN when not configured. Unit: MPa. */
@@ -214,9 +214,6 @@ typedef struct {
   double inputs[8]; /**< The model's inputs, in its order and units; NaN without an answer. */
   double force_by_input[8]; /**< Derivative of the force with respect to each input, N per unit of the input; NaN when not configured. */
   uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
-  double observables[8]; /**< Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer. */
-  double observable_halfwidths[8]; /**< Half-widths of the observables; NaN when not configured. */
-  uint8_t observable_names[256]; /**< Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_state;
 
 /** Counters since the start of the twin and latencies of the last interval. `received` is the sum of all outcomes. */
@@ -304,7 +301,7 @@ typedef struct {
   uint32_t identifiable; /**< Bit 0: the readings identify the first quantity, and so on; 0: the value rests on the prior. */
   double values[8]; /**< Estimated values, in the units of their names. */
   double sigmas[8]; /**< Standard deviations of the estimated values. */
-  double inputs[8]; /**< Model inputs that explain the reading best, in the model's order; state and fields are those of these inputs. */
+  double inputs[8]; /**< Model inputs that explain the reading best: pressure, gap, then the others in the model's order; NaN: the model does not have it. State and fields are those of these inputs. */
   uint32_t input_count; /**< Inputs of the model. */
   uint32_t alarm; /**< Persistent contradiction of about the last second. */
   double force_sigma_n; /**< Standard deviation of the force that follows from those of the estimated values. Unit: N. */
@@ -378,17 +375,17 @@ typedef struct {
   uint32_t node_count; /**< Nodes of the field; 0: none was wanted. */
   uint32_t field_count; /**< Fields of the field sample. */
   double max_von_mises_mpa; /**< Largest von Mises stress among the nodes of the field; NaN without a field. Unit: MPa. */
+  uint32_t max_von_mises_node; /**< Node (number in the model) of the largest stress; 4294967295 without a field. */
+  uint32_t reserved; /**< Zero. */
   uint8_t field_ids[16]; /**< Which field is where; unused slots are 0. */
   uint8_t node_set[32]; /**< Name of the node set of the field, zero-padded. */
   uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
-  uint32_t max_von_mises_node; /**< Node (number in the model) of the largest stress; 4294967295 without a field. */
-  uint32_t observable_count; /**< Observables of the model. */
-  double pressure_mpa; /**< Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias. Unit: MPa. */
-  double gap_mm; /**< Gap: of the reading, given, found or estimated. Unit: mm. */
-  double contact_force_n; /**< Predicted contact force; 0 in the free regime. Unit: N. */
-  double force_by_pressure_n_per_mpa; /**< Derivative of the force with respect to the pressure; NaN when not configured. Unit: N/MPa. */
-  double force_by_gap_n_per_mm; /**< Derivative of the force with respect to the gap; NaN when not configured. Unit: N/mm. */
-  double onset_pressure_mpa; /**< Pressure of first contact at this gap; infinite when the plate is out of reach. Unit: MPa. */
+  double pressure_mpa; /**< Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias. NaN: the model has none. Unit: MPa. */
+  double gap_mm; /**< Gap: of the reading, given, found or estimated. NaN: the model has none. Unit: mm. */
+  double contact_force_n; /**< Predicted contact force; 0 in the free regime. NaN: the model has no forces. Unit: N. */
+  double force_by_pressure_n_per_mpa; /**< Derivative of the force with respect to the pressure; NaN when not configured, or if the model has no force or no pressure. Unit: N/MPa. */
+  double force_by_gap_n_per_mm; /**< Derivative of the force with respect to the gap; NaN when not configured, or if the model has no force or no gap. Unit: N/mm. */
+  double onset_pressure_mpa; /**< Pressure of first contact at this gap; infinite when the plate is out of reach. NaN: the model has no onset. Unit: MPa. */
   float force_halfwidth_n; /**< Half-width of the force; NaN when not configured. Unit: N. */
   float displacement_halfwidth_mm; /**< Half-width of the displacement; NaN when not configured. Unit: mm. */
   float von_mises_halfwidth_mpa; /**< Half-width of the stress; NaN when not configured. Unit: MPa. */
@@ -402,9 +399,6 @@ typedef struct {
   double inputs[8]; /**< The model's inputs, in its order and units; NaN without an answer. */
   double force_by_input[8]; /**< Derivative of the force with respect to each input, N per unit of the input; NaN when not configured. */
   uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
-  double observables[8]; /**< Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer. */
-  double observable_halfwidths[8]; /**< Half-widths of the observables; NaN when not configured. */
-  uint8_t observable_names[256]; /**< Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_answer;
 
 /* The layouts, checked by every compiler that reads this. */
@@ -458,7 +452,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_field_header, reserved) == 172);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, inputs) == 176);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, input_names) == 240);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, input_sources) == 496);
-SOFTTWIN_CHECK(sizeof(softtwin_state) == 1504);
+SOFTTWIN_CHECK(sizeof(softtwin_state) == 1120);
 SOFTTWIN_CHECK(offsetof(softtwin_state, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_state, flags) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_state, model_hash) == 8);
@@ -470,10 +464,10 @@ SOFTTWIN_CHECK(offsetof(softtwin_state, t_sensor_ns) == 56);
 SOFTTWIN_CHECK(offsetof(softtwin_state, t_publish_ns) == 64);
 SOFTTWIN_CHECK(offsetof(softtwin_state, age_ns) == 72);
 SOFTTWIN_CHECK(offsetof(softtwin_state, measured_force_n) == 80);
-SOFTTWIN_CHECK(offsetof(softtwin_state, input_sources) == 88);
-SOFTTWIN_CHECK(offsetof(softtwin_state, actuator) == 96);
-SOFTTWIN_CHECK(offsetof(softtwin_state, outcome) == 128);
-SOFTTWIN_CHECK(offsetof(softtwin_state, observable_count) == 132);
+SOFTTWIN_CHECK(offsetof(softtwin_state, outcome) == 88);
+SOFTTWIN_CHECK(offsetof(softtwin_state, reserved) == 92);
+SOFTTWIN_CHECK(offsetof(softtwin_state, input_sources) == 96);
+SOFTTWIN_CHECK(offsetof(softtwin_state, actuator) == 104);
 SOFTTWIN_CHECK(offsetof(softtwin_state, pressure_mpa) == 136);
 SOFTTWIN_CHECK(offsetof(softtwin_state, gap_mm) == 144);
 SOFTTWIN_CHECK(offsetof(softtwin_state, contact_force_n) == 152);
@@ -493,9 +487,6 @@ SOFTTWIN_CHECK(offsetof(softtwin_state, coefficients) == 224);
 SOFTTWIN_CHECK(offsetof(softtwin_state, inputs) == 736);
 SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_input) == 800);
 SOFTTWIN_CHECK(offsetof(softtwin_state, input_names) == 864);
-SOFTTWIN_CHECK(offsetof(softtwin_state, observables) == 1120);
-SOFTTWIN_CHECK(offsetof(softtwin_state, observable_halfwidths) == 1184);
-SOFTTWIN_CHECK(offsetof(softtwin_state, observable_names) == 1248);
 SOFTTWIN_CHECK(sizeof(softtwin_health) == 416);
 SOFTTWIN_CHECK(offsetof(softtwin_health, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_health, flags) == 4);
@@ -619,7 +610,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_query, force_halfwidth_n) == 40);
 SOFTTWIN_CHECK(offsetof(softtwin_query, node_set) == 48);
 SOFTTWIN_CHECK(offsetof(softtwin_query, parameters) == 80);
 SOFTTWIN_CHECK(offsetof(softtwin_query, parameter_names) == 128);
-SOFTTWIN_CHECK(sizeof(softtwin_answer) == 1544);
+SOFTTWIN_CHECK(sizeof(softtwin_answer) == 1160);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, status) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, model_hash) == 8);
@@ -633,11 +624,11 @@ SOFTTWIN_CHECK(offsetof(softtwin_answer, limit) == 64);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, node_count) == 72);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, field_count) == 76);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, max_von_mises_mpa) == 80);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, field_ids) == 88);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, node_set) == 104);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, actuator) == 136);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, max_von_mises_node) == 168);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_count) == 172);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, max_von_mises_node) == 88);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, reserved) == 92);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, field_ids) == 96);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, node_set) == 112);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, actuator) == 144);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, pressure_mpa) == 176);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, gap_mm) == 184);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, contact_force_n) == 192);
@@ -657,9 +648,6 @@ SOFTTWIN_CHECK(offsetof(softtwin_answer, coefficients) == 264);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, inputs) == 776);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, force_by_input) == 840);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, input_names) == 904);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, observables) == 1160);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_halfwidths) == 1224);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_names) == 1288);
 #undef SOFTTWIN_CHECK
 
 #endif /* SOFTTWIN_LAYOUT_H */

@@ -190,18 +190,18 @@ impl softtwin_model {
                 let expected = if is_taken { "a number" } else { "NaN (the model does not have it)" };
                 return Err(argument(&format!("state {at}: expected {expected} for {key}, found {value}")));
             }
-            let own = match position {
-                PRESSURE => Some(0.0),
-                GAP => Some(f64::INFINITY),
-                _ => spec.value,
-            };
-            inputs = inputs.with(position, own.filter(|_| value.is_nan()).unwrap_or(*value));
+            inputs = inputs.with(position, *value);
         }
         Ok(inputs)
     }
 }
 
-fn prediction(e: &Evaluation, peaks: &Peaks, observables: &Observables) -> softtwin_prediction {
+fn prediction(
+    e: &Evaluation,
+    has_onset: bool,
+    peaks: &Peaks,
+    observables: &Observables,
+) -> softtwin_prediction {
     let peak = |found: Option<rom::reconstructor::Peak>| {
         found.map_or((f64::NAN, u32::MAX), |peak| (f64::from(peak.value), peak.node))
     };
@@ -210,7 +210,11 @@ fn prediction(e: &Evaluation, peaks: &Peaks, observables: &Observables) -> softt
     softtwin_prediction {
         contact_force_n: e.contact_force_n,
         force_gradient: e.force_gradient,
-        onset_pressure_mpa: e.onset_pressure_mpa.unwrap_or(f64::INFINITY),
+        onset_pressure_mpa: match e.onset_pressure_mpa {
+            Some(onset_mpa) => onset_mpa,
+            None if has_onset => f64::INFINITY,
+            None => f64::NAN,
+        },
         force_halfwidth_n: e.halfwidths.force_n,
         displacement_halfwidth_mm: e.halfwidths.displacement_mm,
         von_mises_halfwidth_mpa: e.halfwidths.stress_mpa,
@@ -354,6 +358,7 @@ pub unsafe extern "C" fn softtwin_model_predict(
         }
         let (width, entries) = (model.evaluator.inputs().len(), model.reconstructor.entries());
         let mut evaluation = model.evaluator.evaluation();
+        let has_onset = model.evaluator.onset().is_some();
         let mut evaluator = Cow::Borrowed(&model.evaluator);
         for at in 0..states {
             // SAFETY: `states` x `width` numbers by the caller's promise.
@@ -379,7 +384,8 @@ pub unsafe extern "C" fn softtwin_model_predict(
                 peaks = model.reconstructor.reconstruct_uninit(&evaluation, room).map_err(refused)?;
             }
             // SAFETY: room for `states` predictions by the caller's promise.
-            unsafe { put(predictions.add(at), prediction(&evaluation, &peaks, &model.observables)) }?;
+            let predicted = prediction(&evaluation, has_onset, &peaks, &model.observables);
+            unsafe { put(predictions.add(at), predicted) }?;
         }
         Ok(())
     })

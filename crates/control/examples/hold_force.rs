@@ -7,7 +7,6 @@ use clap::Parser;
 use control::inverse::{Model, Quantity};
 use control::law::{Controller, Reading, Settings};
 use control::twin_model::{OUT_OF_REACH_MM, Tip, TwinModel, read_model};
-use rom::inputs::Inputs;
 use rom::probe::MeshPoint;
 use runtime::config::{ActuatorSpec, CameraSpec, Scene};
 use serde_json::json;
@@ -96,7 +95,7 @@ fn main() -> anyhow::Result<()> {
     let states = StateReader::open(&bus, &Topic::state(&spec.name)?)?;
     let mut wake = WakeSet::new([&states as &dyn Wakeable]);
     let first = first(&states, &mut wake)?;
-    model.set_inputs(Inputs::from(first.inputs));
+    model.set_inputs(&first.inputs);
     refuse_out_of_reach(&mut model, quantity, target, gap_mm(&first, &args), &settings)?;
     let mut sensors = Sensors::open(&bus, spec, quantity, marker)?;
     let valves = ValveReader::attach_as(&bus, &Topic::valve(&spec.name)?, Waking::Never)?;
@@ -141,7 +140,7 @@ fn main() -> anyhow::Result<()> {
             gap_mm: gap_mm(&state, &args),
             measured: if is_used { seen } else { f64::NAN },
         };
-        controller.model_mut().set_inputs(Inputs::from(state.inputs));
+        controller.model_mut().set_inputs(&state.inputs);
         if WAITS.contains(&status.valve_reason) {
             controller.start(reading);
         }

@@ -5,6 +5,7 @@ use rom::evaluation::Evaluation;
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::ModelError;
 use rom::probe::{MeshPoint, PointError, ProbePosition, Probes};
+use rom::snapshots::RegimeKind;
 use std::path::Path;
 
 /// Force and tip of a model.
@@ -16,6 +17,8 @@ pub struct TwinModel {
     axis: usize,
     /// Inputs other than pressure and gap; NaN: the model's default.
     inputs: Inputs,
+    /// Positions of the inputs that the model has.
+    taken: Vec<usize>,
     range_mpa: [f64; 2],
     tip_grows: bool,
 }
@@ -90,15 +93,20 @@ impl TwinModel {
         let evaluation = probes.evaluation();
         let (positions, axis) = ([ProbePosition::default()], axis.min(2));
         let inputs = Inputs::new(f64::NAN, f64::NAN);
-        let mut new = Self { probes, evaluation, positions, axis, inputs, range_mpa, tip_grows: false };
+        let taken = model.header.taken_inputs().map(|(at, _)| at).collect();
+        let mut new =
+            Self { probes, evaluation, positions, axis, inputs, taken, range_mpa, tip_grows: false };
         let [first, last] = range_mpa.map(|pressure_mpa| new.at(pressure_mpa, OUT_OF_REACH_MM).tip_mm);
         new.tip_grows = last > first;
         Ok(new)
     }
 
-    /// Sets the inputs other than pressure and gap for the evaluations that follow, in the model's order; NaN: the default.
-    pub fn set_inputs(&mut self, inputs: Inputs) {
-        self.inputs = inputs;
+    /// Sets the inputs for the evaluations that follow from those of a state: the inputs that the model has, in its order; NaN: the
+    /// default. Pressure and gap are those of each evaluation.
+    pub fn set_inputs(&mut self, values: &[f64]) {
+        for (at, value) in self.taken.iter().zip(values) {
+            self.inputs = self.inputs.with(*at, *value);
+        }
     }
 }
 
@@ -112,7 +120,11 @@ impl Model for TwinModel {
             force_by_pressure: self.evaluation.force_by_pressure_n_per_mpa(),
             tip_mm: tip.position_mm[self.axis],
             tip_by_pressure: tip.gradient[self.axis][PRESSURE],
-            onset_mpa: self.evaluation.onset_pressure_mpa.unwrap_or(f64::INFINITY),
+            onset_mpa: match (self.evaluation.onset_pressure_mpa, self.evaluation.regime) {
+                (Some(onset_mpa), _) => onset_mpa,
+                (None, RegimeKind::Contact) => 0.0,
+                (None, RegimeKind::Free) => f64::INFINITY,
+            },
         }
     }
 

@@ -126,9 +126,13 @@ pub(crate) fn outputs(header: &ModelHeader, observables: &Observables, nodes: &[
         ("domain_status", "", "0 inside the training states, 1 near, 2 outside", Quantity::DomainStatus),
         ("regime", "", "1 free, 2 contact", Quantity::Regime),
     ] {
-        let is_of_contact = matches!(quantity, Quantity::Onset | Quantity::ForceHalfwidth);
-        let is_of_stress = matches!(quantity, Quantity::StressHalfwidth | Quantity::MaxStress);
-        if (has_force || !is_of_contact) && (has_stress || !is_of_stress) {
+        let is_known = match quantity {
+            Quantity::Onset => header.onset.is_some(),
+            Quantity::ForceHalfwidth => has_force,
+            Quantity::StressHalfwidth | Quantity::MaxStress => has_stress,
+            _ => true,
+        };
+        if is_known {
             add(name.into(), unit.into(), about, quantity);
         }
     }

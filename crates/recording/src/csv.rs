@@ -41,7 +41,7 @@ pub struct Exported {
 /// Writes every topic that `key` matches into `folder`, named after the topic: `softtwin.finger.state.csv`.
 ///
 /// The columns are the properties of the topic's first message, in its order, after `log_time_ns` and `publish_time_ns`.
-/// A list becomes one cell with spaces between, an object one column for each of its properties.
+/// A list becomes one cell with spaces between, an object one column for each of its properties, an absent number an empty cell.
 /// Memory: one chunk of the recording.
 ///
 /// # Errors
@@ -86,7 +86,7 @@ pub fn export_csv(
 pub enum TableForm {
     /// Every property, unchanged.
     Whole,
-    /// For programs that use FMI: `time` (s, since the table's first row), then the properties that are single numbers.
+    /// For programs that use FMI: `time` (s, since the table's first row), then the properties that are single numbers, NaN if absent.
     Fmi,
 }
 
@@ -139,7 +139,11 @@ impl Table {
                 vec![(message.publish_time_ns.saturating_sub(self.first_ns) as f64 * 1e-9).to_string()]
             }
         };
-        row.extend(self.columns.iter().map(|column| cells.remove(column).unwrap_or_default()));
+        for column in &self.columns {
+            let cell = cells.remove(column).unwrap_or_default();
+            let is_absent = self.form == TableForm::Fmi && cell.is_empty();
+            row.push(if is_absent { "NaN".into() } else { cell });
+        }
         self.rows += 1;
         self.write(&row)
     }
@@ -150,9 +154,9 @@ impl Table {
     }
 }
 
-/// Non-finite numbers are strings in JSON.
+/// An absent number is null in JSON, an infinite one a string.
 fn is_number(value: &Value) -> bool {
-    value.is_number() || value.as_str().is_some_and(|text| matches!(text, "NaN" | "Infinity" | "-Infinity"))
+    value.is_number() || value.is_null() || matches!(value.as_str(), Some("Infinity" | "-Infinity"))
 }
 
 fn cells(properties: &[(String, Value)]) -> Vec<(String, String)> {
@@ -172,7 +176,11 @@ fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
         Value::String(text) => text.clone(),
-        Value::Array(items) => items.iter().map(cell).collect::<Vec<_>>().join(" "),
+        // An absent value keeps its place in a list.
+        Value::Array(items) => {
+            let item = |item: &Value| if item.is_null() { "NaN".to_owned() } else { cell(item) };
+            items.iter().map(item).collect::<Vec<_>>().join(" ")
+        }
         other => other.to_string(),
     }
 }

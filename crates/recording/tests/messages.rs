@@ -115,15 +115,15 @@ fn every_payload_fits_its_schema_at_its_default_and_with_any_bits() {
 }
 
 #[test]
-fn non_finite_numbers_are_strings_that_the_schema_allows() {
+fn non_finite_numbers_have_a_form_that_the_schema_allows() {
     let state = State { onset_pressure_mpa: f64::INFINITY, gap_mm: f64::NEG_INFINITY, ..State::default() };
     let value = check(State::LAYOUT, &state.view());
     assert_eq!(
         (&value["onset_pressure_mpa"], &value["gap_mm"], &value["force_halfwidth_n"]),
-        (&"Infinity".into(), &"-Infinity".into(), &"NaN".into())
+        (&"Infinity".into(), &"-Infinity".into(), &Value::Null)
     );
     let schema = json_schema(&channel(State::LAYOUT, ""));
-    for wrong in ["\"nan\"", "null", "\"1.0\"", "[1.0]"] {
+    for wrong in ["\"nan\"", "\"NaN\"", "\"1.0\"", "[1.0]"] {
         let value = serde_json::from_str(&format!("{{\"gap_mm\":{wrong}}}")).expect("JSON");
         assert!(violation(&schema, &schema, &value).is_some(), "{wrong} must not fit");
     }
@@ -154,11 +154,11 @@ fn the_json_form_of_a_state_is_fixed() {
     assert_eq!(
         String::from_utf8(bytes).expect("text"),
         "{\"seq\":7,\"sensor_seq\":0,\"t_sensor_ns\":0,\"t_publish_ns\":0,\"age_ns\":0,\
-         \"pressure_mpa\":0.30000000000000004,\"gap_mm\":\"NaN\",\"regime\":\"contact\",\"contact_force_n\":\"NaN\",\
-         \"force_halfwidth_n\":0.1,\"force_by_pressure_n_per_mpa\":\"NaN\",\"force_by_gap_n_per_mm\":\"NaN\",\
-         \"onset_pressure_mpa\":\"Infinity\",\"displacement_halfwidth_mm\":\"NaN\",\"von_mises_halfwidth_mpa\":\"NaN\",\
-         \"domain_distance\":\"NaN\",\"domain_status\":1,\"input_names\":[\"gap_mm\"],\"inputs\":[2.5],\
-         \"force_by_input\":[\"NaN\"],\"observable_names\":[],\"observables\":[],\"observable_halfwidths\":[],\"group_sizes\":[2],\"coefficients\":[0.5,-1.5],\"measured_force_n\":\"NaN\",\
+         \"pressure_mpa\":0.30000000000000004,\"gap_mm\":null,\"regime\":\"contact\",\"contact_force_n\":null,\
+         \"force_halfwidth_n\":0.1,\"force_by_pressure_n_per_mpa\":null,\"force_by_gap_n_per_mm\":null,\
+         \"onset_pressure_mpa\":\"Infinity\",\"displacement_halfwidth_mm\":null,\"von_mises_halfwidth_mpa\":null,\
+         \"domain_distance\":null,\"domain_status\":1,\"input_names\":[\"gap_mm\"],\"inputs\":[2.5],\
+         \"force_by_input\":[null],\"observable_names\":[],\"observables\":[],\"observable_halfwidths\":[],\"group_sizes\":[2],\"coefficients\":[0.5,-1.5],\"measured_force_n\":null,\
          \"outcome\":\"held: stale\",\"flags\":[\"stale\",\"held\",\"no-data\"],\"flag_bits\":131,\"input_sources\":[\"given\"],\
          \"actuator\":\"finger\",\"model_hash\":\"00000000000000000000000000000000\",\
          \"boot_id\":\"0000000000000012\",\"sensor_boot_id\":\"0000000000000000\"}"
@@ -191,8 +191,7 @@ fn named_inputs_of_a_reading_come_back() {
     let mut bytes = Vec::new();
     reading.view().encode(&mut bytes);
     let text = String::from_utf8(bytes.clone()).expect("text");
-    let inputs =
-        r#""input_names":["load_n","thickness_mm"],"inputs":[2.6,"NaN"],"input_ages_ns":[0,7000000]"#;
+    let inputs = r#""input_names":["load_n","thickness_mm"],"inputs":[2.6,null],"input_ages_ns":[0,7000000]"#;
     assert!(text.contains(inputs) && text.contains(r#""stale_values":["input2"]"#), "{text}");
     let back = decode_reading(&bytes).expect("a reading");
     let named: Vec<(String, u64)> = back.inputs().map(|(name, value)| (name, value.to_bits())).collect();

@@ -20,7 +20,7 @@ pub struct Flags {
 /// The model's answer at one state. Reused between calls: [`crate::evaluator::Evaluator::evaluation`] sizes it.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
-    /// The state.
+    /// The state; NaN for an input that the model does not have.
     pub inputs: Inputs,
     /// Regime that the state is in; the coefficients belong to its basis.
     pub regime: RegimeKind,
@@ -30,7 +30,8 @@ pub struct Evaluation {
     pub contact_force_n: f64,
     /// Derivative of the force with respect to each input, in N per unit of the input.
     pub force_gradient: [f64; MAX_INPUTS],
-    /// Onset pressure of this gap in MPa: 0 if the actuator's weight closes the gap, `None` if out of reach.
+    /// Onset pressure of this gap in MPa: 0 if the actuator's weight closes the gap, `None` if out of reach or if the
+    /// model has no onset.
     pub onset_pressure_mpa: Option<f64>,
     /// Position of the state with respect to the training range of its regime.
     pub domain: DomainStatus,

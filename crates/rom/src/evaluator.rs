@@ -3,7 +3,7 @@
 use crate::clearance::OnsetSolver;
 use crate::evaluation::{Evaluation, Flags};
 use crate::hull::{DomainStatus, TrainingRange};
-use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, PARAMETERS, PRESSURE, Point};
+use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, Needs, PARAMETERS, PRESSURE, Point};
 use crate::interpolant::Interpolant;
 use crate::kernel::sums::{Scratch, Sums};
 use crate::model::{GroupModel, ModelError, ModelHeader, RegimeModel};
@@ -50,6 +50,8 @@ fn sums<'a>(groups: impl Iterator<Item = &'a GroupModel>) -> Vec<(Sums, Range<us
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     inputs: Vec<InputSpec>,
+    /// Positions of the inputs that the answers depend on.
+    is_taken: [bool; MAX_INPUTS],
     parts: Vec<RegimePart>,
     onset: Option<OnsetTable>,
     /// Solver of the onset if it depends on parameters; the table is then that of their default values.
@@ -59,6 +61,7 @@ pub struct Evaluator {
     hysteresis_mpa: f64,
     /// See [`Flags::no_force`].
     no_force: bool,
+    no_stress: bool,
     /// Largest number of coefficients of a regime, and memory for any interpolant.
     coefficients: usize,
     scratch: Scratch,
@@ -73,6 +76,8 @@ impl Evaluator {
         header.check().map_err(ModelError::Inconsistent)?;
         let mut values = [f64::NAN; MAX_INPUTS];
         values.iter_mut().zip(&header.inputs).for_each(|(v, input)| *v = input.value.unwrap_or(f64::NAN));
+        let mut is_taken = [false; MAX_INPUTS];
+        header.taken_inputs().for_each(|(at, _)| is_taken[at] = true);
         let parts: Vec<RegimePart> = header.regimes.iter().cloned().map(RegimePart::new).collect();
         let free = header.regimes.iter().find(|regime| regime.kind == RegimeKind::Free);
         let solver =
@@ -81,6 +86,7 @@ impl Evaluator {
         solver.iter().for_each(|solver| scratch.reserve(&solver.memory()));
         let mut evaluator = Self {
             inputs: header.inputs.clone(),
+            is_taken,
             coefficients: parts.iter().map(|part| part.coefficient_count).max().unwrap_or(0),
             scratch,
             parts,
@@ -89,6 +95,7 @@ impl Evaluator {
             values,
             hysteresis_mpa: header.hysteresis_mpa,
             no_force: !header.has_forces(),
+            no_stress: !header.has_stress(),
         };
         let mut scratch = evaluator.evaluation();
         evaluator.tabulate(&mut scratch)?;
@@ -131,6 +138,28 @@ impl Evaluator {
         &self.inputs
     }
 
+    /// The inputs that the answers depend on, with their position.
+    pub fn taken_inputs(&self) -> impl Iterator<Item = (usize, &InputSpec)> {
+        self.inputs.iter().enumerate().filter(|(at, _)| self.is_taken[*at])
+    }
+
+    /// As [`ModelHeader::needs`].
+    pub fn needs(&self) -> Needs {
+        Needs { pressure: self.is_taken[PRESSURE], gap: self.is_taken[GAP] }
+    }
+
+    /// As [`ModelHeader::has_forces`].
+    pub fn has_forces(&self) -> bool {
+        !self.no_force
+    }
+
+    /// A state with the defaults of its parameters, and NaN for an input that the model does not have.
+    fn complete_inputs(&self, inputs: Inputs) -> Inputs {
+        let inputs = inputs.or(&self.values);
+        let absent = (0..self.inputs.len()).filter(|at| !self.is_taken[*at]);
+        absent.fold(inputs, |inputs, at| inputs.with(at, f64::NAN))
+    }
+
     /// Onset pressure over gap, with parameters at their default values; `None` for a model of one regime.
     pub fn onset(&self) -> Option<&OnsetTable> {
         self.onset.as_ref()
@@ -171,7 +200,7 @@ impl Evaluator {
         gap_mm.is_finite().then_some(gap_mm)
     }
 
-    /// Evaluates the model at a state; a parameter that the state does not set takes the model's value. Allocates nothing when
+    /// Evaluates the model at a state; a parameter that the state does not set takes the model's value; an input that the model does not have is NaN in `out`. Allocates nothing when
     /// [`Self::evaluation`] made `out`. Any state is answered without panic; one that is not a number, or lies outside the
     /// samples, is flagged as extrapolated. Of the gradients there is that of the force.
     ///
@@ -185,7 +214,7 @@ impl Evaluator {
     /// Regime, onset pressure and position in the training range only: the first part of [`Self::evaluate`]. Coefficients,
     /// force and half-widths stay unchanged. Less than 1 us for a model without parameters.
     pub fn locate(&self, inputs: Inputs, out: &mut Evaluation) {
-        self.place(inputs.or(&self.values), out);
+        self.place(self.complete_inputs(inputs), out);
     }
 
     /// [`Self::locate`] with the contact force and its gradient, without coefficients: for searches.
@@ -195,7 +224,7 @@ impl Evaluator {
 
     /// [`Self::force`], with the regime that answers and the state over its scaled inputs.
     fn place_with_force(&self, inputs: Inputs, out: &mut Evaluation) -> Option<(&RegimePart, Point)> {
-        let (at, part) = self.place(inputs.or(&self.values), out);
+        let (at, part) = self.place(self.complete_inputs(inputs), out);
         let part = part?;
         let x = part.model.inputs.scale(&out.inputs);
         force(part, &at, &x, out);
@@ -214,6 +243,9 @@ impl Evaluator {
             out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
             if out.flags.no_force {
                 out.halfwidths.force_n = f64::NAN;
+            }
+            if self.no_stress {
+                out.halfwidths.stress_mpa = f64::NAN;
             }
         }
     }
@@ -250,12 +282,12 @@ impl Evaluator {
     /// [`Self::differentiate`] where nothing is there to touch, whatever the gap: no onset is searched for.
     pub(crate) fn differentiate_free(&self, inputs: Inputs, out: &mut Evaluation) {
         let never = OnsetAt { onset: Onset::Never, pressure_mpa: f64::INFINITY, gradient: [0.0; MAX_INPUTS] };
-        self.differentiate_at(inputs.or(&self.values), never, out);
+        self.differentiate_at(self.complete_inputs(inputs), never, out);
     }
 
     /// [`Self::differentiate`] near the state of the last one: the onset's pressure is that of the search to some 1e-4 mm of gap.
     pub(crate) fn differentiate_near(&self, inputs: Inputs, last: &mut LastOnset, out: &mut Evaluation) {
-        let inputs = inputs.or(&self.values);
+        let inputs = self.complete_inputs(inputs);
         out.scratch.reserve(&self.scratch);
         let near = self.solver.as_ref().and_then(|solver| solver.onset_near(&inputs, last, out));
         let at = near.unwrap_or_else(|| self.onset_at(&inputs, out));
@@ -336,7 +368,7 @@ impl Evaluator {
         let onset = at.onset;
         out.inputs = inputs;
         out.regime = onset.regime(inputs.pressure_mpa());
-        out.onset_pressure_mpa = onset.pressure_mpa();
+        out.onset_pressure_mpa = self.onset.as_ref().and_then(|_| onset.pressure_mpa());
         let no_force = self.no_force;
         out.flags = Flags { no_force, ..Flags::default() };
         let none = if no_force { f64::NAN } else { 0.0 };
@@ -347,7 +379,7 @@ impl Evaluator {
     /// [`Self::place`] with a known onset.
     fn place_at(&self, inputs: Inputs, at: &OnsetAt, out: &mut Evaluation) -> Option<&RegimePart> {
         let part = self.regime_at(inputs, at, out);
-        let missing = inputs.values()[..self.inputs.len()].iter().any(|value| value.is_nan())
+        let missing = inputs.values().iter().zip(self.is_taken).any(|(value, taken)| taken && value.is_nan())
             || self.onset.is_some() && at.pressure_mpa.is_nan();
         out.domain_distance = match part {
             Some(part) if !missing => {

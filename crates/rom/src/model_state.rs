@@ -53,6 +53,11 @@ impl ModelState {
         &self.evaluation
     }
 
+    /// The evaluator: inputs, onset.
+    pub fn evaluator(&self) -> &Evaluator {
+        &self.evaluator
+    }
+
     /// The state's fields, field-major (all of the first field, then the next).
     pub fn fields(&self) -> &[f32] {
         &self.fields

@@ -157,6 +157,11 @@ impl SensorModel {
         })
     }
 
+    /// False if the model was not trained on forces: a load cell then measures nothing that it explains.
+    fn has_forces(&self) -> bool {
+        !self.evaluation.flags.no_force
+    }
+
     /// Predicted sensor values at the last evaluated state.
     fn read(&self, out: &mut [Predicted]) {
         let force =
@@ -274,7 +279,7 @@ impl Estimator {
         let count = sample.marker_values as usize / 3;
         let markers = sample.markers_mm.iter().zip(new.markers).take(count);
         let markers = markers.map(|(marker, is_new)| if is_new { *marker } else { Marker::ABSENT });
-        let force_n = if new.force { sample.measured_force_n } else { f64::NAN };
+        let force_n = if new.force && self.sensors.has_forces() { sample.measured_force_n } else { f64::NAN };
         let measurement = measured(sample.t_sensor_ns as f64 * 1e-9, *inputs.values(), force_n, markers);
         let update = self.filter.update(&measurement, &mut self.sensors);
         self.rejected_total += u64::from(update.rejected.count_ones());
@@ -316,7 +321,6 @@ impl Estimator {
             Some(Alarm::Unknown(which)) => (estimate_alarm::QUANTITY, which),
             Some(Alarm::NotExplained) => (estimate_alarm::NOT_EXPLAINED, 0),
         };
-        out.inputs = update.inputs;
         (out.nis, [out.nis_low, out.nis_high]) = (update.nis, update.nis_band);
         (out.used_values, out.rejected) = (update.used as u32, update.rejected);
         out.rejected_total = self.rejected_total;

@@ -131,16 +131,14 @@ pub fn explain(loaded: &Loaded) -> Explained {
 
 /// The parameters with their values, in the model's order.
 pub fn inputs(loaded: &Loaded) -> Vec<ExplainedInput> {
-    let inputs = loaded.evaluator.inputs();
-    let sources = publish::input_sources(&loaded.spec, inputs);
-    let one = |(spec, source): (&InputSpec, u8)| {
-        let value = spec.value?;
+    let one = |(at, spec): (usize, &InputSpec)| {
+        let (value, source) = (spec.value?, publish::input_source_of(&loaded.spec, at, spec));
         let prior = loaded.spec.estimate.get(&spec.name).map(|unknown| unknown.prior);
         let (name, unit, from) = (spec.name.clone(), spec.unit.clone(), input_source::as_str(source));
         let value = (source != input_source::MEASURED).then_some(prior.unwrap_or(value));
         Some(ExplainedInput { name, unit, value, from })
     };
-    inputs.iter().zip(sources).filter_map(one).collect()
+    loaded.evaluator.taken_inputs().filter_map(one).collect()
 }
 
 /// A gap at which the costliest regime of the scene is evaluated: contact where it can occur.

@@ -6,7 +6,6 @@ use crate::file;
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inertia::model_motion::ModelMotion;
-use rom::inputs::Needs;
 use rom::memory::Memory;
 use rom::model::{
     BlockData, BlockEntry, BlockKind, Model, ModelFileError, ModelHeader, ModelReader, Nodes, RegimeModel,
@@ -52,8 +51,6 @@ pub struct Loaded {
     pub markers: Option<SensorModel>,
     /// Memory of the inputs; `None` for a static model.
     pub memory: Option<Memory>,
-    /// Whether the model's answers depend on pressure and gap.
-    pub needs: Needs,
     /// Regimes that can occur.
     pub regimes: Vec<RegimeKind>,
     /// Blocks read from the model file.
@@ -126,8 +123,7 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     for (name, _) in spec.measured_inputs() {
         header.parameter(name).map_err(|error| at(format!("inputs: {error}")))?;
     }
-    let needs = header.needs();
-    if !spec.sensors.is_empty() && needs.pressure && !spec.has_sensor_of("pressure_mpa") {
+    if !spec.sensors.is_empty() && header.needs().pressure && !spec.has_sensor_of("pressure_mpa") {
         return Err(vec![
             "sensors: expected a sensor with pressure_mpa, an input of the model; found none".into(),
         ]);
@@ -188,7 +184,6 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         estimator,
         markers,
         memory: Memory::of(&model).map_err(|error| at(error.to_string()))?,
-        needs,
         regimes,
         read,
         file_block_bytes,

@@ -3,28 +3,31 @@
 use crate::config::{ActuatorSpec, Gap, PRESSURE_BIAS, StateSpec};
 use crate::load::{Description, LoadedOutput};
 use rom::evaluation::Evaluation;
-use rom::evaluator::RegimeLabel;
+use rom::evaluator::{Evaluator, RegimeLabel};
 use rom::hull::DomainStatus;
-use rom::inputs::{GAP, InputSpec, PARAMETERS, PRESSURE};
+use rom::inputs::{GAP, InputSpec, MAX_INPUTS, Needs, PARAMETERS, PRESSURE};
 use rom::reconstructor::{Peaks, Reconstructor};
 use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, OBSERVABLES_MAX, flags, input_source, pack_name, set_slot};
 use wire::{Answer, Bus, FieldHeader, FieldLoan, FieldWriter, State, Topic, WireError};
 
 /// Writes an evaluation into a payload: [`State`] and [`Answer`] have these values in common.
 macro_rules! write_evaluation {
-    ($payload:ident, $evaluation:expr, $description:expr) => {{
-        let e: &Evaluation = $evaluation;
+    ($payload:ident, $evaluation:expr, $contents:expr, $description:expr) => {{
+        let (e, contents): (&Evaluation, &Contents) = ($evaluation, $contents);
         let description: &Description = $description;
+        let known = |is_known: bool, value: f64| if is_known { value } else { f64::NAN };
         $payload.flags = flags_of(e);
         $payload.pressure_mpa = e.inputs.pressure_mpa();
         $payload.gap_mm = e.inputs.gap_mm();
         $payload.regime = e.regime.number();
-        $payload.inputs = *e.inputs.values();
-        $payload.force_by_input = e.force_gradient;
+        $payload.inputs = contents.of_inputs(e.inputs.values());
+        $payload.force_by_input = contents.of_inputs(&e.force_gradient);
         $payload.contact_force_n = e.contact_force_n;
-        $payload.force_by_pressure_n_per_mpa = e.force_by_pressure_n_per_mpa();
-        $payload.force_by_gap_n_per_mm = e.force_by_gap_n_per_mm();
-        $payload.onset_pressure_mpa = e.onset_pressure_mpa.unwrap_or(f64::INFINITY);
+        $payload.force_by_pressure_n_per_mpa =
+            known(contents.needs.pressure, e.force_by_pressure_n_per_mpa());
+        $payload.force_by_gap_n_per_mm = known(contents.needs.gap, e.force_by_gap_n_per_mm());
+        $payload.onset_pressure_mpa =
+            known(contents.has_onset, e.onset_pressure_mpa.unwrap_or(f64::INFINITY));
         $payload.force_halfwidth_n = e.halfwidths.force_n as f32;
         $payload.displacement_halfwidth_mm = e.halfwidths.displacement_mm as f32;
         $payload.von_mises_halfwidth_mpa = e.halfwidths.stress_mpa as f32;
@@ -67,18 +70,55 @@ macro_rules! write_peaks {
     }};
 }
 
-/// Number and packed names of a model's inputs, as in states, fields and answers.
+/// What states, fields and answers of a model contain: the inputs that the model has, with packed names.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct PackedNames {
+pub(crate) struct Contents {
     pub(crate) count: u32,
     pub(crate) names: [u8; 32 * INPUTS_MAX],
+    /// Position of each of them in the model's inputs.
+    positions: [usize; INPUTS_MAX],
+    pub(crate) needs: Needs,
+    has_onset: bool,
 }
 
-impl PackedNames {
-    pub(crate) fn new(inputs: &[InputSpec]) -> Self {
-        let mut names = [0; 32 * INPUTS_MAX];
-        inputs.iter().enumerate().for_each(|(at, input)| set_slot(&mut names, at, &input.key()));
-        Self { count: inputs.len().min(INPUTS_MAX) as u32, names }
+impl Contents {
+    pub(crate) fn new(evaluator: &Evaluator) -> Self {
+        let (mut names, mut positions, mut count) = ([0; 32 * INPUTS_MAX], [0; INPUTS_MAX], 0);
+        for ((to, position), (at, input)) in positions.iter_mut().enumerate().zip(evaluator.taken_inputs()) {
+            *position = at;
+            set_slot(&mut names, to, &input.key());
+            count += 1;
+        }
+        let (needs, has_onset) = (evaluator.needs(), evaluator.onset().is_some());
+        Self { count, names, positions, needs, has_onset }
+    }
+
+    /// Positions in the model's inputs, in the order of the payload's.
+    fn positions(&self) -> impl Iterator<Item = usize> {
+        self.positions.into_iter().take(self.count as usize)
+    }
+
+    /// Values by position as the payload has them.
+    fn of_inputs(&self, values: &[f64; MAX_INPUTS]) -> [f64; INPUTS_MAX] {
+        let mut out = [f64::NAN; INPUTS_MAX];
+        let given = self.positions().filter_map(|at| values.get(at));
+        out.iter_mut().zip(given).for_each(|(to, value)| *to = *value);
+        out
+    }
+
+    /// Position in the model's inputs of the one with this packed name.
+    pub(crate) fn position(&self, name: &[u8; 32]) -> Option<usize> {
+        let mut named = self.names.as_chunks::<32>().0.iter().zip(self.positions());
+        named.find(|(known, _)| *known == name).map(|(_, at)| at)
+    }
+
+    /// Where the value of each input comes from in this scene: numbers of [`input_source`].
+    pub(crate) fn sources(&self, spec: &ActuatorSpec, inputs: &[InputSpec]) -> [u8; INPUTS_MAX] {
+        let mut sources = [input_source::UNKNOWN; INPUTS_MAX];
+        for (source, at) in sources.iter_mut().zip(self.positions()) {
+            *source = inputs.get(at).map_or(input_source::UNKNOWN, |input| input_source_of(spec, at, input));
+        }
+        sources
     }
 
     /// A state of a model with these inputs and no values.
@@ -87,29 +127,31 @@ impl PackedNames {
     }
 }
 
-/// Where the value of each input comes from in this scene: numbers of [`input_source`].
-pub(crate) fn input_sources(spec: &ActuatorSpec, inputs: &[InputSpec]) -> [u8; INPUTS_MAX] {
-    let mut sources = [input_source::UNKNOWN; INPUTS_MAX];
-    for ((at, input), source) in inputs.iter().enumerate().zip(&mut sources) {
-        let key = input.key();
-        let is_estimated =
-            spec.estimate.contains_key(&key) || (at == PRESSURE && spec.estimate.contains_key(PRESSURE_BIAS));
-        let from = spec.inputs.get(&key);
-        let is_given = (at == GAP && matches!(spec.gap_mm, Gap::Fixed(_)))
-            || from.is_some_and(|from| from.given().is_some());
-        *source = match (is_estimated, is_given) {
-            (true, _) => input_source::ESTIMATED,
-            (false, true) => input_source::GIVEN,
-            (false, false) if at < PARAMETERS || from.is_some() => input_source::MEASURED,
-            (false, false) => input_source::NOMINAL,
-        };
+/// Where the value of an input comes from in this scene: a number of [`input_source`].
+pub(crate) fn input_source_of(spec: &ActuatorSpec, at: usize, input: &InputSpec) -> u8 {
+    let key = input.key();
+    let is_estimated =
+        spec.estimate.contains_key(&key) || (at == PRESSURE && spec.estimate.contains_key(PRESSURE_BIAS));
+    let from = spec.inputs.get(&key);
+    let is_given = (at == GAP && matches!(spec.gap_mm, Gap::Fixed(_)))
+        || from.is_some_and(|from| from.given().is_some());
+    match (is_estimated, is_given) {
+        (true, _) => input_source::ESTIMATED,
+        (false, true) => input_source::GIVEN,
+        (false, false) if at < PARAMETERS || from.is_some() => input_source::MEASURED,
+        (false, false) => input_source::NOMINAL,
     }
-    sources
 }
 
 /// Fills a state from an evaluation; without the extras that are not wanted.
-pub(crate) fn fill_state(state: &mut State, evaluation: &Evaluation, of: &Description, wanted: StateSpec) {
-    write_evaluation!(state, evaluation, of);
+pub(crate) fn fill_state(
+    state: &mut State,
+    evaluation: &Evaluation,
+    contents: &Contents,
+    of: &Description,
+    wanted: StateSpec,
+) {
+    write_evaluation!(state, evaluation, contents, of);
     if !wanted.gradients {
         state.force_by_pressure_n_per_mpa = f64::NAN;
         state.force_by_gap_n_per_mm = f64::NAN;
@@ -123,12 +165,14 @@ pub(crate) fn fill_state(state: &mut State, evaluation: &Evaluation, of: &Descri
     }
 }
 
-/// A state with the values of an evaluation of a model with these inputs and nothing else: no reading, no run, no times.
-pub fn state_of(evaluation: &Evaluation, inputs: &[InputSpec], of: &Description) -> State {
-    let mut state = PackedNames::new(inputs).state();
+/// A state with the values of an evaluation by this evaluator and nothing else: no reading, no run, no times.
+pub fn state_of(evaluation: &Evaluation, evaluator: &Evaluator, of: &Description) -> State {
+    let contents = Contents::new(evaluator);
+    let mut state = contents.state();
     fill_state(
         &mut state,
         evaluation,
+        &contents,
         of,
         StateSpec { gradients: true, half_widths: true, coefficients: true },
     );
@@ -142,8 +186,13 @@ pub(crate) fn fill_label(state: &mut State, label: RegimeLabel) {
 }
 
 /// Fills an answer from an evaluation.
-pub(crate) fn fill_answer(answer: &mut Answer, evaluation: &Evaluation, of: &Description) {
-    write_evaluation!(answer, evaluation, of);
+pub(crate) fn fill_answer(
+    answer: &mut Answer,
+    evaluation: &Evaluation,
+    contents: &Contents,
+    of: &Description,
+) {
+    write_evaluation!(answer, evaluation, contents, of);
 }
 
 /// Adds the field of an answer.

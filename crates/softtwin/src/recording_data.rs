@@ -4,11 +4,12 @@ use crate::failure::configuration;
 use anyhow::{Context, Result};
 use recording::message::{decode, decode_field};
 use recording::{Item, Message, ReadItems, RunClock, Series, SeriesReader, Stamps};
-use rom::inputs::{GAP, Inputs, PRESSURE};
+use rom::inputs::{InputSpec, Inputs};
 use std::collections::BTreeMap;
 use std::ops::Deref;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
+use wire::layout::set_slot;
 use wire::{FieldHeader, KeyExpr, State, Topic, TopicKind};
 
 /// Fields that are kept of one actuator; of more, every second one is dropped until they fit.
@@ -90,12 +91,27 @@ impl RecordedState {
         self.values.t_publish_ns.saturating_sub(self.values.t_sensor_ns) as f64 * 1e-6
     }
 
-    /// The inputs at which a model can be evaluated for this state; none when it stands for no reading.
-    pub fn inputs(&self) -> Option<Inputs> {
-        let State { pressure_mpa, gap_mm, inputs, .. } = self.values;
-        let is_reading = pressure_mpa.is_finite() && pressure_mpa >= 0.0 && !gap_mm.is_nan();
-        is_reading.then(|| Inputs::from(inputs).with(PRESSURE, pressure_mpa).with(GAP, gap_mm))
+    /// The inputs at which a model with these inputs can be evaluated for this state; none when it stands for no reading.
+    pub fn inputs(&self, of: &[InputSpec]) -> Option<Inputs> {
+        let State { pressure_mpa, gap_mm, input_count, .. } = self.values;
+        let mut inputs = Inputs::new(pressure_mpa, gap_mm);
+        let mut is_reading = input_count > 0 || pressure_mpa.is_finite() && !gap_mm.is_nan();
+        let places: Vec<[u8; 32]> = of.iter().map(|input| packed(&input.key())).collect();
+        for input in self.values.inputs() {
+            let at = places.iter().position(|name| *name == packed(&input.name))?;
+            inputs = inputs.with(at, input.value);
+            is_reading &= !input.value.is_nan();
+        }
+        let is_below_0 = inputs.pressure_mpa() < 0.0;
+        (is_reading && !is_below_0).then_some(inputs)
     }
+}
+
+/// The name of an input as states carry it.
+fn packed(key: &str) -> [u8; 32] {
+    let mut name = [0; 32];
+    set_slot(&mut name, 0, key);
+    name
 }
 
 /// A recorded field.

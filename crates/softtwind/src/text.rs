@@ -61,9 +61,10 @@ fn sensor(sample: &SensorSample) -> String {
     };
     let named: String = sample.inputs().map(|(name, value)| format!("  {name} {value:.5}")).collect();
     format!(
-        "#{:<7} {}{named}{}  age {}{status}{}{}",
+        "#{:<7} P {:8.5} MPa  gap {}{named}{}  age {}{status}{}{}",
         sample.seq,
-        inputs(sample.pressure_mpa, sample.gap_mm),
+        sample.pressure_mpa,
+        gap(sample.gap_mm),
         optional("  measured", sample.measured_force_n, "N"),
         ms(now_ns().saturating_sub(sample.t_sensor_ns)),
         absent("TOO OLD", sample.stale_values),
@@ -74,11 +75,11 @@ fn sensor(sample: &SensorSample) -> String {
 fn state(state: &State) -> String {
     let outcome = Outcome::from_code(state.outcome).filter(|outcome| *outcome != Outcome::Published);
     format!(
-        "#{:<7} {}{}{}  {:7}  {}{}{}  age {}{}{}",
+        "#{:<7} {}{}{}{:7}{}{}{}  age {}{}{}",
         state.seq,
         inputs(state.pressure_mpa, state.gap_mm),
         not_measured(state.inputs()),
-        parameters(state.inputs()),
+        parameter_list(state.inputs()),
         regime::as_str(state.regime),
         force(
             state.contact_force_n,
@@ -183,10 +184,10 @@ fn field(sample: &FieldSample) -> String {
 /// Number, inputs, regime and force of a field.
 pub fn field_header(header: &FieldHeader) -> String {
     format!(
-        "#{:<7} {}{}  {:7}  {}",
+        "#{:<7} {}{}{:7}{}",
         header.seq,
         inputs(header.pressure_mpa, header.gap_mm),
-        parameters(header.inputs()),
+        parameter_list(header.inputs()),
         regime::as_str(header.regime),
         force(header.contact_force_n, f32::NAN, [f64::NAN; 2]),
     )
@@ -218,7 +219,8 @@ pub fn grasp_forces(grasp: &Grasp) -> String {
         stop if stop.is_nan() => "no sampled pressure holds it".to_owned(),
         stop => format!("first held at {stop:.5} +- {:.5} MPa", grasp.stop_pressure_halfwidth_mpa),
     };
-    format!("{:.3} of {:.3} N per finger, {stop}", grasp.least_force_n, grasp.needed_force_n)
+    let least = if grasp.least_force_n.is_nan() { "-".into() } else { format!("{:.3}", grasp.least_force_n) };
+    format!("{least} of {:.3} N per finger, {stop}", grasp.needed_force_n)
 }
 
 /// An answer with its query, or the reason for its refusal.
@@ -236,14 +238,14 @@ pub fn answer(answer: &Answer) -> String {
         _ => format!("  field {} x {}", answer.field_count, answer.node_count),
     };
     format!(
-        "{head}  {}{}{}  {}  {}{}  onset {:.5} MPa{entries}{}  ({:.0} us)",
+        "{head}  {}{}{}{}{}{}{}{entries}{}  ({:.0} us)",
         match answer.kind {
             query_kind::PRESSURE => found("P", answer.pressure_mpa, "MPa"),
             query_kind::GAP => found("gap", answer.gap_mm, "mm"),
             _ => String::new(),
         },
         inputs(answer.pressure_mpa, answer.gap_mm),
-        parameters(answer.inputs()),
+        parameter_list(answer.inputs()),
         regime::as_str(answer.regime),
         force(
             answer.contact_force_n,
@@ -251,22 +253,37 @@ pub fn answer(answer: &Answer) -> String {
             [answer.force_by_pressure_n_per_mpa, answer.force_by_gap_n_per_mm]
         ),
         observed(answer.observables()),
-        answer.onset_pressure_mpa,
+        optional("  onset", answer.onset_pressure_mpa, "MPa"),
         flag_list(answer.flags),
         answer.compute_ns as f64 / 1e3,
     )
 }
 
+/// Pressure and gap of a state, each followed by two blanks; empty for one that the model does not have.
 fn inputs(pressure_mpa: f64, gap_mm: f64) -> String {
-    let gap = if gap_mm.is_finite() { format!("{gap_mm:6.2} mm") } else { "none".into() };
-    format!("P {pressure_mpa:8.5} MPa  gap {gap}")
+    let pressure = if pressure_mpa.is_nan() { String::new() } else { format!("P {pressure_mpa:8.5} MPa  ") };
+    let gap = if gap_mm.is_nan() { String::new() } else { format!("gap {}  ", gap(gap_mm)) };
+    pressure + &gap
 }
 
-/// Sources of pressure and gap if not measured: ` (pressure_mpa estimated, gap_mm given)`.
+fn gap(gap_mm: f64) -> String {
+    if gap_mm.is_finite() { format!("{gap_mm:6.2} mm") } else { "none".into() }
+}
+
+/// Sources of pressure and gap if not measured: `(pressure_mpa estimated, gap_mm given)  `.
 fn not_measured(inputs: impl Iterator<Item = InputValue>) -> String {
-    let other = |input: &InputValue| ![input_source::UNKNOWN, input_source::MEASURED].contains(&input.source);
+    let other = |input: &InputValue| {
+        !input.is_parameter() && ![input_source::UNKNOWN, input_source::MEASURED].contains(&input.source)
+    };
     let named = |input: InputValue| format!("{} {}", input.name, input_source::as_str(input.source));
-    in_brackets(inputs.take(2).filter(other).map(named).collect())
+    let notes = in_brackets(inputs.filter(other).map(named).collect());
+    if notes.is_empty() { notes } else { format!("{}  ", notes.trim_start()) }
+}
+
+/// [`parameters`] between other values, followed by two blanks if there are any.
+fn parameter_list(inputs: impl Iterator<Item = InputValue>) -> String {
+    let list = parameters(inputs);
+    if list.is_empty() { list } else { format!("{}  ", list.trim_start()) }
 }
 
 /// Inputs in addition to pressure and gap, with source and derivative of the force:
@@ -278,18 +295,22 @@ pub fn parameters(inputs: impl Iterator<Item = InputValue>) -> String {
         let more = source.map(|source| input_source::as_str(source).to_owned()).into_iter().chain(gradient);
         format!("  {name} {value:.5}{}", in_brackets(more.collect()))
     };
-    inputs.skip(2).map(one).collect()
+    inputs.filter(InputValue::is_parameter).map(one).collect()
 }
 
 fn in_brackets(notes: Vec<String>) -> String {
     if notes.is_empty() { String::new() } else { format!(" ({})", notes.join(", ")) }
 }
 
-/// Contact force (N) with its half-width and its derivatives with respect to pressure and gap, where known.
+/// Contact force (N) with its half-width and its derivatives with respect to pressure and gap, where known, after two blanks; empty
+/// without a force.
 fn force(force_n: f64, halfwidth_n: f32, [by_pressure, by_gap]: [f64; 2]) -> String {
+    if force_n.is_nan() {
+        return String::new();
+    }
     let halfwidth = if halfwidth_n.is_nan() { String::new() } else { format!(" +- {halfwidth_n:.4}") };
     format!(
-        "F {force_n:7.4}{halfwidth} N{}{}",
+        "  F {force_n:7.4}{halfwidth} N{}{}",
         optional("  dF/dP", by_pressure, "N/MPa"),
         optional("  dF/dgap", by_gap, "N/mm")
     )

@@ -24,7 +24,7 @@ pub(crate) struct Usage {
 struct Use {
     name: String,
     topic: Topic,
-    /// Open from the time that there is a twin until it used a reading.
+    /// Open from the time that there is a twin.
     reader: Option<HealthReader>,
     /// The last one before the bridge's first reading, if it was seen.
     before: Health,
@@ -62,7 +62,7 @@ impl Usage {
         if is_search {
             self.next_search = Instant::now() + SEARCH;
         }
-        for one in self.actuators.iter_mut().filter(|one| !one.is_used) {
+        for one in &mut self.actuators {
             if one.reader.is_none() && is_search {
                 one.reader = HealthReader::open(&self.bus, &one.topic).ok();
             }
@@ -94,6 +94,9 @@ impl Use {
         let found = self.reader.as_ref().and_then(|reader| reader.newest().ok().flatten());
         let Some(health) = found else { return };
         self.newest = Some(health);
+        if self.is_used {
+            return;
+        }
         if health.sensor_boot_id != boot_id {
             self.before = health;
             return;
@@ -102,7 +105,7 @@ impl Use {
         let since = |outcome: Outcome| health.count(outcome).saturating_sub(before.count(outcome));
         // Those of an earlier bridge may be counted, too, but then the last good reading is older than this one.
         if since(Outcome::Published) > 0 && health.t_publish_ns.saturating_sub(health.age_ns) >= begin_ns {
-            (self.is_used, self.reader) = (true, None);
+            self.is_used = true;
             return;
         }
         let rejected = Outcome::ALL.iter().copied().filter(|outcome| *outcome != Outcome::Published);

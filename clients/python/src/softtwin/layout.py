@@ -226,9 +226,9 @@ class FieldHeader(Payload):
         ("sensor_seq", u64),  # Sequence number of the reading.
         ("t_sensor_ns", u64),  # ns: When the reading was taken.
         ("t_publish_ns", u64),  # ns: When the field was sent.
-        ("pressure_mpa", f64),  # MPa: Pressure of the reading.
-        ("gap_mm", f64),  # mm: Gap of the reading.
-        ("contact_force_n", f64),  # N: Predicted contact force.
+        ("pressure_mpa", f64),  # MPa: Pressure of the reading; NaN: the model has none.
+        ("gap_mm", f64),  # mm: Gap of the reading; NaN: the model has none.
+        ("contact_force_n", f64),  # N: Predicted contact force; NaN: the model has no forces.
         ("max_von_mises_mpa", f64),  # MPa: Largest von Mises stress among the nodes of this sample; NaN when stress is not in it.
         ("max_von_mises_node", u32),  # Node (number in the model) of that stress; 4294967295 when stress is not in it.
         ("regime", u32),  # Regime.
@@ -264,16 +264,16 @@ class State(Payload):
         ("t_publish_ns", u64),  # ns: When the state was sent.
         ("age_ns", u64),  # ns: Age of that reading when the state was sent.
         ("measured_force_n", f64),  # N: Measured contact force; NaN when there is none.
+        ("outcome", u32),  # Outcome of the newest reading.
+        ("reserved", u32),  # Zero.
         ("input_sources", u8 * 8),  # Source of the value of each input.
         ("actuator", u8 * 32),  # Name of the actuator, zero-padded.
-        ("outcome", u32),  # Outcome of the newest reading.
-        ("observable_count", u32),  # Observables of the model.
-        ("pressure_mpa", f64),  # MPa: Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias.
-        ("gap_mm", f64),  # mm: Gap: of the reading, given, found or estimated.
-        ("contact_force_n", f64),  # N: Predicted contact force; 0 in the free regime.
-        ("force_by_pressure_n_per_mpa", f64),  # N/MPa: Derivative of the force with respect to the pressure; NaN when not configured.
-        ("force_by_gap_n_per_mm", f64),  # N/mm: Derivative of the force with respect to the gap; NaN when not configured.
-        ("onset_pressure_mpa", f64),  # MPa: Pressure of first contact at this gap; infinite when the plate is out of reach.
+        ("pressure_mpa", f64),  # MPa: Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias. NaN: the model has none.
+        ("gap_mm", f64),  # mm: Gap: of the reading, given, found or estimated. NaN: the model has none.
+        ("contact_force_n", f64),  # N: Predicted contact force; 0 in the free regime. NaN: the model has no forces.
+        ("force_by_pressure_n_per_mpa", f64),  # N/MPa: Derivative of the force with respect to the pressure; NaN when not configured, or if the model has no force or no pressure.
+        ("force_by_gap_n_per_mm", f64),  # N/mm: Derivative of the force with respect to the gap; NaN when not configured, or if the model has no force or no gap.
+        ("onset_pressure_mpa", f64),  # MPa: Pressure of first contact at this gap; infinite when the plate is out of reach. NaN: the model has no onset.
         ("force_halfwidth_n", f32),  # N: Half-width of the force; NaN when not configured.
         ("displacement_halfwidth_mm", f32),  # mm: Half-width of the displacement; NaN when not configured.
         ("von_mises_halfwidth_mpa", f32),  # MPa: Half-width of the stress; NaN when not configured.
@@ -287,14 +287,11 @@ class State(Payload):
         ("inputs", f64 * 8),  # The model's inputs, in its order and units; NaN without an answer.
         ("force_by_input", f64 * 8),  # Derivative of the force with respect to each input, N per unit of the input; NaN when not configured.
         ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
-        ("observables", f64 * 8),  # Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
-        ("observable_halfwidths", f64 * 8),  # Half-widths of the observables; NaN when not configured.
-        ("observable_names", u8 * 256),  # Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left.
     ]
     _texts = {"actuator"}
-    _text_lists = {"input_names": "input_count", "observable_names": "observable_count"}
+    _text_lists = {"input_names": "input_count"}
     _hashes = {"model_hash"}
-    _names = {"flags": FLAGS, "input_sources": INPUT_SOURCES, "outcome": OUTCOMES, "regime": REGIMES}
+    _names = {"flags": FLAGS, "outcome": OUTCOMES, "input_sources": INPUT_SOURCES, "regime": REGIMES}
 
 
 class Health(Payload):
@@ -402,7 +399,7 @@ class Estimate(Payload):
         ("identifiable", u32),  # Bit 0: the readings identify the first quantity, and so on; 0: the value rests on the prior.
         ("values", f64 * 8),  # Estimated values, in the units of their names.
         ("sigmas", f64 * 8),  # Standard deviations of the estimated values.
-        ("inputs", f64 * 8),  # Model inputs that explain the reading best, in the model's order; state and fields are those of these inputs.
+        ("inputs", f64 * 8),  # Model inputs that explain the reading best: pressure, gap, then the others in the model's order; NaN: the model does not have it. State and fields are those of these inputs.
         ("input_count", u32),  # Inputs of the model.
         ("alarm", u32),  # Persistent contradiction of about the last second.
         ("force_sigma_n", f64),  # N: Standard deviation of the force that follows from those of the estimated values.
@@ -502,17 +499,17 @@ class Answer(Payload):
         ("node_count", u32),  # Nodes of the field; 0: none was wanted.
         ("field_count", u32),  # Fields of the field sample.
         ("max_von_mises_mpa", f64),  # MPa: Largest von Mises stress among the nodes of the field; NaN without a field.
+        ("max_von_mises_node", u32),  # Node (number in the model) of the largest stress; 4294967295 without a field.
+        ("reserved", u32),  # Zero.
         ("field_ids", u8 * 16),  # Which field is where; unused slots are 0.
         ("node_set", u8 * 32),  # Name of the node set of the field, zero-padded.
         ("actuator", u8 * 32),  # Name of the actuator, zero-padded.
-        ("max_von_mises_node", u32),  # Node (number in the model) of the largest stress; 4294967295 without a field.
-        ("observable_count", u32),  # Observables of the model.
-        ("pressure_mpa", f64),  # MPa: Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias.
-        ("gap_mm", f64),  # mm: Gap: of the reading, given, found or estimated.
-        ("contact_force_n", f64),  # N: Predicted contact force; 0 in the free regime.
-        ("force_by_pressure_n_per_mpa", f64),  # N/MPa: Derivative of the force with respect to the pressure; NaN when not configured.
-        ("force_by_gap_n_per_mm", f64),  # N/mm: Derivative of the force with respect to the gap; NaN when not configured.
-        ("onset_pressure_mpa", f64),  # MPa: Pressure of first contact at this gap; infinite when the plate is out of reach.
+        ("pressure_mpa", f64),  # MPa: Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias. NaN: the model has none.
+        ("gap_mm", f64),  # mm: Gap: of the reading, given, found or estimated. NaN: the model has none.
+        ("contact_force_n", f64),  # N: Predicted contact force; 0 in the free regime. NaN: the model has no forces.
+        ("force_by_pressure_n_per_mpa", f64),  # N/MPa: Derivative of the force with respect to the pressure; NaN when not configured, or if the model has no force or no pressure.
+        ("force_by_gap_n_per_mm", f64),  # N/mm: Derivative of the force with respect to the gap; NaN when not configured, or if the model has no force or no gap.
+        ("onset_pressure_mpa", f64),  # MPa: Pressure of first contact at this gap; infinite when the plate is out of reach. NaN: the model has no onset.
         ("force_halfwidth_n", f32),  # N: Half-width of the force; NaN when not configured.
         ("displacement_halfwidth_mm", f32),  # mm: Half-width of the displacement; NaN when not configured.
         ("von_mises_halfwidth_mpa", f32),  # MPa: Half-width of the stress; NaN when not configured.
@@ -526,12 +523,9 @@ class Answer(Payload):
         ("inputs", f64 * 8),  # The model's inputs, in its order and units; NaN without an answer.
         ("force_by_input", f64 * 8),  # Derivative of the force with respect to each input, N per unit of the input; NaN when not configured.
         ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
-        ("observables", f64 * 8),  # Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
-        ("observable_halfwidths", f64 * 8),  # Half-widths of the observables; NaN when not configured.
-        ("observable_names", u8 * 256),  # Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left.
     ]
     _texts = {"node_set", "actuator"}
-    _text_lists = {"input_names": "input_count", "observable_names": "observable_count"}
+    _text_lists = {"input_names": "input_count"}
     _hashes = {"model_hash"}
     _names = {"kind": KINDS, "flags": FLAGS, "regime": REGIMES}
 

@@ -84,7 +84,8 @@ class Payload(ctypes.Structure):
         return self.name_of("grasp_status")
 
     def to_dict(self) -> Dict[str, object]:
-        """All fields as plain Python values."""
+        """All fields as plain Python values; None for a number that is absent (NaN)."""
+        absent = lambda number: None if number != number else number  # noqa: E731
         plain: Dict[str, object] = {}
         for name, *_ in self._fields_:
             value = getattr(self, name)
@@ -95,7 +96,9 @@ class Payload(ctypes.Structure):
             elif name in self._hashes:
                 value = bytes(value).hex()
             elif isinstance(value, ctypes.Array):
-                value = list(value)
+                value = [absent(number) for number in value]
+            else:
+                value = absent(value)
             plain[name] = value
         return plain
 

@@ -27,13 +27,13 @@ class Prediction:
     contact_force_n: Any
     """Contact force, N; NaN, as its gradient and half-width, if the model was not trained on forces."""
     onset_pressure_mpa: Any
-    """Pressure at which contact begins, MPa: 0 if weight alone closes the gap, infinite out of reach."""
+    """Pressure at which contact begins, MPa: 0 if weight alone closes the gap, infinite out of reach, NaN: the model has no onset."""
     force_halfwidth_n: Any
     """Half-width that covers the fraction `coverage` of states, N; invalid outside the training range."""
     displacement_halfwidth_mm: Any
     """Half-width of the worst node's displacement, mm."""
     von_mises_halfwidth_mpa: Any
-    """Half-width of the worst node's stress, MPa."""
+    """Half-width of the worst node's stress, MPa; NaN if the model has no stress."""
     coverage: Any
     """Fraction of states that the half-widths cover."""
     domain_distance: Any

@@ -13,15 +13,17 @@ const OK: u8 = 0;
 const WARN: u8 = 1;
 const STALE: u8 = 3;
 
-/// Force of the plate on the actuator, N, along y of the actuator's axes, in the frame of the contact.
-pub fn wrench(state: &State, actuator: &str, time_ns: u64) -> Vec<u8> {
+/// Force of the plate on the actuator, N, along y of the actuator's axes, in the frame of the contact; `None` without a force.
+pub fn wrench(state: &State, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
     let force = [0.0, state.contact_force_n, 0.0, 0.0, 0.0, 0.0];
-    Cdr::new().header(time_ns, &format!("{actuator}_contact")).doubles(&force).finish()
+    let message = || Cdr::new().header(time_ns, &format!("{actuator}_contact")).doubles(&force).finish();
+    (!state.contact_force_n.is_nan()).then(message)
 }
 
-/// Pressure of a state, Pa. Variance 0: unknown.
-pub fn pressure(state: &State, actuator: &str, time_ns: u64) -> Vec<u8> {
-    Cdr::new().header(time_ns, actuator).doubles(&[state.pressure_mpa * PA_PER_MPA, 0.0]).finish()
+/// Pressure of a state, Pa. Variance 0: unknown. `None` without a pressure.
+pub fn pressure(state: &State, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
+    let values = [state.pressure_mpa * PA_PER_MPA, 0.0];
+    (!state.pressure_mpa.is_nan()).then(|| Cdr::new().header(time_ns, actuator).doubles(&values).finish())
 }
 
 /// Nodes of a field in m, with its other fields; `None` without x, y and z. `O(values)`.

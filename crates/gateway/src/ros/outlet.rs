@@ -38,9 +38,9 @@ fn kinds(topic: &Topic, ros: &Ros2) -> Vec<(String, MessageType, Encode)> {
     }
 }
 
-fn of_state(encode: fn(&State, &str, u64) -> Vec<u8>) -> Encode {
+fn of_state(encode: fn(&State, &str, u64) -> Option<Vec<u8>>) -> Encode {
     Box::new(move |sample, actuator, time_ns| match sample {
-        AnySample::State(state) => Some(encode(state, actuator, time_ns)),
+        AnySample::State(state) => encode(state, actuator, time_ns),
         _ => None,
     })
 }

@@ -93,7 +93,7 @@ fn name(codes: Codes, number: u32) -> &'static str {
     codes.iter().find(|code| code.number == number).map_or("unknown", |code| code.name)
 }
 
-/// A number in the shortest bit-identical form; a string if it is not finite.
+/// A number in the shortest bit-identical form; null if it is NaN (absent), a string if it is infinite.
 struct Digits(Number);
 
 impl Serialize for Digits {
@@ -102,17 +102,17 @@ impl Serialize for Digits {
             Number::Whole(whole) => to.serialize_u64(whole),
             Number::Single(number) if number.is_finite() => to.serialize_f32(number),
             Number::Double(number) if number.is_finite() => to.serialize_f64(number),
-            Number::Single(number) => to.serialize_str(not_finite(number.into())),
-            Number::Double(number) => to.serialize_str(not_finite(number)),
+            Number::Single(number) => not_finite(number.into(), to),
+            Number::Double(number) => not_finite(number, to),
         }
     }
 }
 
-/// Non-finite number in the spelling of protocol buffers' JSON.
-fn not_finite(number: f64) -> &'static str {
+/// Infinite numbers have the spelling of protocol buffers' JSON.
+fn not_finite<S: Serializer>(number: f64, to: S) -> Result<S::Ok, S::Error> {
     match number {
-        f64::INFINITY => "Infinity",
-        f64::NEG_INFINITY => "-Infinity",
-        _ => "NaN",
+        f64::INFINITY => to.serialize_str("Infinity"),
+        f64::NEG_INFINITY => to.serialize_str("-Infinity"),
+        _ => to.serialize_unit(),
     }
 }

@@ -26,13 +26,13 @@ pub fn object<'a>(title: &str, properties: impl IntoIterator<Item = (&'a str, Va
         "type": "object",
         "properties": properties,
         "definitions": {
-            "number": {"anyOf": [{"type": "number"}, {"enum": ["NaN", "Infinity", "-Infinity"]}]},
+            "number": {"anyOf": [{"type": "number"}, {"enum": [null, "Infinity", "-Infinity"]}]},
         },
     })
     .to_string()
 }
 
-/// A number, or a string if not finite. A draft 7 validator follows `$ref` and ignores its siblings; viewers (Foxglove, Lichtblick)
+/// A number, null if NaN, or a string if infinite. A draft 7 validator follows `$ref` and ignores its siblings; viewers (Foxglove, Lichtblick)
 /// read `type` and refuse a list of types.
 fn number(scalar: Scalar) -> Value {
     match scalar {

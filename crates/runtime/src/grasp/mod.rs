@@ -64,7 +64,9 @@ pub fn evaluate(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
         (*force, *pressure) = (state.contact_force_n, state.pressure_mpa);
         grasp.flags |= state.flags;
         grasp.t_sensor_ns = grasp.t_sensor_ns.min(state.t_sensor_ns);
-        least_n = least_n.min(state.contact_force_n);
+        // A finger without a force makes the grasp unknown, whatever the others bring.
+        let is_known = !least_n.is_nan() && !state.contact_force_n.is_nan();
+        least_n = if is_known { least_n.min(state.contact_force_n) } else { f64::NAN };
         halfwidth_n = halfwidth_n.max(f64::from(state.force_halfwidth_n)); // NaN (half-widths off) is ignored
     }
     if grasp.t_sensor_ns == u64::MAX {
@@ -78,6 +80,7 @@ pub fn evaluate(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
     }
     let unusable = flags::NO_DATA | flags::STALE | flags::HELD;
     grasp.grasp_status = match grasp.flags & unusable {
+        0 if least_n.is_nan() => grasp_status::UNKNOWN,
         0 if least_n - halfwidth_n >= needed_n => grasp_status::HELD,
         0 if least_n >= needed_n => grasp_status::MARGINAL,
         0 => grasp_status::NOT_HELD,
@@ -106,7 +109,13 @@ impl GraspModel {
         let named = scene.fingers(spec);
         let load = |finger: &ActuatorSpec| {
             let small = ActuatorSpec { outputs: Vec::new(), ..finger.clone() };
-            Answerer::load(&small, &finger.model).map(|model| (finger.name.clone(), model))
+            let mut model = Answerer::load(&small, &finger.model)?;
+            if !model.solver().has_forces() {
+                return Err(vec![
+                    "grasp: expected a model trained on contact forces, found one without".into(),
+                ]);
+            }
+            Ok((finger.name.clone(), model))
         };
         let fingers = config::collect(path, named.iter().map(|finger| (finger.name.as_str(), load(finger))))?;
         let sensors = named.iter().map(|finger| finger.sensor().to_owned()).collect();

@@ -12,9 +12,9 @@ use crate::config::{self, ActuatorSpec, ConfigError, Gap, Queries, Scene, StateS
 use crate::file;
 use crate::load::{Description, Loaded, LoadedOutput, load};
 use crate::measured::MeasuredInputs;
-use crate::publish::{self, PackedNames};
+use crate::publish::{self, Contents};
 use crate::side_service::SideService;
-use rom::inputs::{GAP, Inputs, PARAMETERS, PRESSURE};
+use rom::inputs::{GAP, Inputs, Needs, PARAMETERS, PRESSURE};
 use rom::model::{ModelHeader, ModelReader};
 use rom::snapshots::RegimeKind;
 use std::path::Path;
@@ -35,8 +35,8 @@ pub struct Answerer {
     default_gap_mm: Option<f64>,
     /// Default pressure: any value if the model does not depend on it; otherwise `None`.
     default_pressure_mpa: Option<f64>,
-    /// Names of the inputs, and default values of the parameters; NaN for a measured one, which every query must name.
-    names: PackedNames,
+    /// The inputs, and default values of the parameters; NaN for a measured one, which every query must name.
+    contents: Contents,
     inputs: Inputs,
     measured: MeasuredInputs,
     description: Description,
@@ -69,15 +69,15 @@ impl Answerer {
         let inputs = used.fold(Inputs::new(f64::NAN, f64::NAN), |inputs, (at, value)| inputs.with(at, value));
         let measured = MeasuredInputs::new(spec, specs);
         let inputs = measured.positions().fold(inputs, |inputs, at| inputs.with(at, f64::NAN));
-        let names = PackedNames::new(specs);
+        let contents = Contents::new(&loaded.evaluator);
         let constant_mm = (gap_mm[0] == gap_mm[1]).then_some(gap_mm[0]);
         Self {
             name: loaded.spec.name,
             model_hash: loaded.model_hash,
             solver: Solver::new(loaded.evaluator, pressure_mpa, gap_mm),
             default_gap_mm: fixed_mm.or(constant_mm),
-            default_pressure_mpa: (!loaded.needs.pressure).then_some(0.0),
-            names,
+            default_pressure_mpa: (!contents.needs.pressure).then_some(0.0),
+            contents,
             inputs,
             measured,
             description: loaded.description,
@@ -92,9 +92,9 @@ impl Answerer {
 
     /// The state that a twin would publish at this pressure and gap.
     pub fn state(&mut self, pressure_mpa: f64, gap_mm: f64) -> State {
-        let mut state = self.names.state();
+        let mut state = self.contents.state();
         let evaluation = self.solver.evaluate(pressure_mpa, gap_mm);
-        publish::fill_state(&mut state, evaluation, &self.description, StateSpec::default());
+        publish::fill_state(&mut state, evaluation, &self.contents, &self.description, StateSpec::default());
         state
     }
 
@@ -118,7 +118,7 @@ impl Answerer {
         let begin = Instant::now();
         let mut answer = Answer { kind: query.kind, actuator: pack_name(&self.name), ..Answer::default() };
         answer.model_hash = self.model_hash;
-        (answer.input_count, answer.input_names) = (self.names.count, self.names.names);
+        (answer.input_count, answer.input_names) = (self.contents.count, self.contents.names);
         match self.take_parameters(query).and_then(|()| self.find(query)) {
             Ok((pressure_mpa, gap_mm, solution)) => {
                 if let Some(Solution { uncertainty, low, high, .. }) = solution {
@@ -139,8 +139,7 @@ impl Answerer {
         let refuse = |status| NoSolution { status, limit: f64::NAN };
         let mut inputs = self.inputs;
         for (name, value) in query.parameters() {
-            let mut known = self.names.names.as_chunks::<32>().0.iter().take(self.names.count as usize);
-            let at = known.position(|known| known == name).filter(|at| *at >= PARAMETERS);
+            let at = self.contents.position(name).filter(|at| *at >= PARAMETERS);
             inputs = inputs.with(at.ok_or_else(|| refuse(QueryStatus::UnknownInput))?, value);
             if !value.is_finite() {
                 return Err(refuse(QueryStatus::NotFinite));
@@ -155,6 +154,14 @@ impl Answerer {
     /// Pressure and gap that the question means or asks for.
     fn find(&mut self, query: &Query) -> Result<(f64, f64, Option<Solution>), NoSolution> {
         let refuse = |status| Err(NoSolution { status, limit: f64::NAN });
+        let Needs { pressure, gap } = self.contents.needs;
+        let is_search = query.kind != query_kind::WHATIF;
+        let asks_for_absent = (is_search && !self.solver.has_forces())
+            || (!pressure && (query.pressure_mpa.is_finite() || query.kind == query_kind::PRESSURE))
+            || (!gap && (query.gap_mm.is_finite() || query.kind == query_kind::GAP));
+        if asks_for_absent {
+            return refuse(QueryStatus::UnknownInput);
+        }
         let gap_mm = if query.gap_mm.is_nan() { self.default_gap_mm } else { Some(query.gap_mm) };
         // No obstacle is an infinite gap.
         let gap_mm = gap_mm.or((query.kind == query_kind::WHATIF).then_some(f64::INFINITY));
@@ -190,7 +197,7 @@ impl Answerer {
         }
         let evaluation = self.solver.evaluation();
         if publish::is_finite(evaluation) {
-            publish::fill_answer(answer, evaluation, &self.description);
+            publish::fill_answer(answer, evaluation, &self.contents, &self.description);
         } else {
             answer.status = QueryStatus::Model.code();
         }

@@ -110,6 +110,11 @@ impl Solver {
         &self.evaluation
     }
 
+    /// True if the model was trained on contact forces.
+    pub fn has_forces(&self) -> bool {
+        self.evaluator.has_forces()
+    }
+
     /// The last evaluation.
     pub fn evaluation(&self) -> &Evaluation {
         &self.evaluation

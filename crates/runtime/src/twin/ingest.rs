@@ -3,7 +3,7 @@
 use crate::config::{ActuatorSpec, Gap, Limits, ms_to_ns};
 use crate::load::Loaded;
 use crate::measured::{MeasuredInputs, MeasuredValue};
-use rom::inputs::{GAP, Inputs, Needs, PRESSURE};
+use rom::inputs::{Inputs, Needs};
 use wire::{Outcome, SensorSample};
 
 /// Most sequence numbers between two readings; more is a fault of the later one.
@@ -24,7 +24,7 @@ pub(super) struct Needed {
 impl Needed {
     pub(super) fn of(loaded: &Loaded) -> Self {
         let measured = MeasuredInputs::new(&loaded.spec, loaded.evaluator.inputs());
-        Self { gap: gap_of(&loaded.spec), depends: loaded.needs, measured }
+        Self { gap: gap_of(&loaded.spec), depends: loaded.evaluator.needs(), measured }
     }
 }
 
@@ -208,13 +208,6 @@ impl Validator {
     pub(super) fn inputs(&self, sample: &SensorSample) -> Inputs {
         let operating = Inputs::new(self.pressure_mpa(sample), self.gap_mm(sample));
         self.measured(sample).fold(operating, |inputs, measured| inputs.with(measured.input, measured.value))
-    }
-
-    /// Estimated inputs, where no answer depends on pressure or gap with what the reading `said` of it.
-    pub(super) fn with_idle(&self, estimated: Inputs, said: &Inputs) -> Inputs {
-        let Needs { pressure, gap } = self.needed.depends;
-        let inputs = if pressure { estimated } else { estimated.with(PRESSURE, said.pressure_mpa()) };
-        if gap { inputs } else { inputs.with(GAP, said.gap_mm()) }
     }
 }
 

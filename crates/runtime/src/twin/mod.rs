@@ -29,7 +29,7 @@ pub use swap::{Retired, SwapError};
 use crate::config::{Limits, OutsideDomain, Settings, StateSpec, ms_to_ns};
 use crate::estimation::{Estimator, HALFWIDTH_SIGMAS};
 use crate::load::{Description, Loaded};
-use crate::publish::{self, FieldError, FieldOutput, PackedNames};
+use crate::publish::{self, Contents, FieldError, FieldOutput};
 use ingest::{Needed, Validator};
 use markers::Markers;
 use record::Record;
@@ -39,14 +39,14 @@ use rom::evaluator::{HysteresisEvaluator, RegimeLabel};
 use rom::halfwidths::HalfWidths;
 use rom::hull::DomainStatus;
 use rom::inertia::model_motion::ModelMotion;
-use rom::inputs::{GAP, Inputs, PRESSURE};
+use rom::inputs::Inputs;
 use rom::memory::Memory;
 use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use swap::Running;
-use wire::layout::{INPUTS_MAX, LAYOUT_VERSION, flags, input_source, pack_name};
+use wire::layout::{INPUTS_MAX, LAYOUT_VERSION, flags, pack_name};
 use wire::{
     Bus, Estimate, EstimateWriter, Health, HealthWriter, Outcome, SensorReader, SensorSample, State,
     StateWriter, Topic, WakeSet, Wakeable, WireError, boot_id, now_ns,
@@ -196,8 +196,8 @@ struct Parts {
     motion: Option<ModelMotion>,
     description: Description,
     needed: Needed,
-    names: PackedNames,
-    /// Source of the value of each input, for readings without absent values.
+    contents: Contents,
+    /// Source of the value of each input of the payloads.
     input_sources: [u8; INPUTS_MAX],
     backlog: usize,
     wanted: StateSpec,
@@ -213,12 +213,12 @@ impl Parts {
     /// Parts of a loaded actuator whose outputs and estimator have been taken.
     fn new(mut loaded: Loaded) -> Self {
         let markers = loaded.markers.take().map(|model| Markers::new(model, &loaded.spec));
-        let inputs = loaded.evaluator.inputs();
+        let contents = Contents::new(&loaded.evaluator);
         Self {
             model_hash: loaded.model_hash,
             needed: Needed::of(&loaded),
-            names: PackedNames::new(inputs),
-            input_sources: publish::input_sources(&loaded.spec, inputs),
+            contents,
+            input_sources: contents.sources(&loaded.spec, loaded.evaluator.inputs()),
             backlog: loaded.spec.backlog,
             wanted: loaded.spec.state,
             force_sigma_n: loaded.spec.force_sigma_n(),
@@ -233,7 +233,7 @@ impl Parts {
     /// Writes model and inputs into the state and the health.
     fn describe(&self, state: &mut State, health: &mut Health) {
         (state.model_hash, health.model_hash) = (self.model_hash, self.model_hash);
-        (state.input_count, state.input_names) = (self.names.count, self.names.names);
+        (state.input_count, state.input_names) = (self.contents.count, self.contents.names);
         state.input_sources = self.input_sources;
     }
 }
@@ -417,7 +417,7 @@ impl ActuatorTwin {
         if let Some(Estimation { estimator, estimate, .. }) = &mut self.estimation {
             let update = estimator.update(sample, &inputs);
             estimator.fill(&update, estimate);
-            inputs = self.validator.with_idle(Inputs::from(update.inputs), &inputs);
+            inputs = Inputs::from(update.inputs);
         }
         if let Some(motion) = &mut self.parts.motion {
             self.label = past::moved(motion, sample.t_sensor_ns, inputs, &mut self.evaluation)?;
@@ -425,6 +425,9 @@ impl ActuatorTwin {
             self.label = self.parts.evaluator.state(inputs, &mut self.evaluation);
         }
         self.evaluation.halfwidths = self.evaluation.halfwidths.with(past);
+        if let Some(Estimation { estimate, .. }) = &mut self.estimation {
+            estimate.inputs = *self.evaluation.inputs.values();
+        }
         if self.parts.wanted.coefficients || self.parts.description.observables.count() > 0 {
             self.parts.evaluator.complete(&mut self.evaluation);
         }
@@ -495,22 +498,14 @@ impl ActuatorTwin {
         halfwidths.force_n = halfwidths.force_n.hypot(residual.contribution);
         halfwidths.displacement_mm = halfwidths.displacement_mm.hypot(of_markers_mm);
         let (regime_before, flags_before) = (state.regime, self.record.health.flags);
-        publish::fill_state(state, evaluation, &self.parts.description, self.parts.wanted);
+        let Parts { contents, description, wanted, .. } = &self.parts;
+        publish::fill_state(state, evaluation, contents, description, *wanted);
         publish::fill_label(state, self.label);
         state.outcome = Outcome::Published.code();
         state.sensor_boot_id = sample.boot_id;
         state.sensor_seq = sample.seq;
         state.t_sensor_ns = sample.t_sensor_ns;
         state.measured_force_n = sample.measured_force_n;
-        state.input_sources = self.parts.input_sources;
-        // A pressure or a gap that no answer depends on may be absent.
-        for (at, value) in [(PRESSURE, sample.pressure_mpa), (GAP, sample.gap_mm)] {
-            let source = state.input_sources.get_mut(at);
-            if let Some(source) = source.filter(|source| value.is_nan() && **source == input_source::MEASURED)
-            {
-                *source = input_source::NOMINAL;
-            }
-        }
         let late = taken_ns.saturating_sub(sample.t_sensor_ns) > ms_to_ns(self.limits.late_ms);
         for (bit, set) in [
             (flags::FORCE_MEASURED, sample.measured_force_n.is_finite()),

@@ -158,6 +158,11 @@ impl Catalogue {
         self.models.iter().position(|known| known.hash == hash)
     }
 
+    /// The inputs of a model.
+    pub fn inputs(&self, model: usize) -> &[InputSpec] {
+        self.models.get(model).map_or(&[], |known| &known.inputs)
+    }
+
     /// For each visible node of a model its place in a sample of a node set; none when some are not in it.
     pub fn places(&self, model: usize, node_set: &str) -> Option<Vec<u32>> {
         let known = self.models.get(model).filter(|known| known.mesh_message.is_some())?;
@@ -216,8 +221,7 @@ impl Known {
             let known: Vec<&str> = cards.iter().map(|card| card.key.as_str()).collect();
             return Err(format!("expected inputs of the model ({}), found {key:?}", known.join(", ")));
         }
-        let has_pressure = cards.iter().any(|card| card.key == "pressure_mpa");
-        let mut inputs = Inputs::new(if has_pressure { f64::NAN } else { 0.0 }, f64::INFINITY);
+        let mut inputs = Inputs::new(f64::NAN, f64::INFINITY);
         for card in cards {
             let [low, high] = card.limits;
             match (values.get(&card.key), self.inputs.iter().position(|input| input.key() == card.key)) {
@@ -324,7 +328,7 @@ impl Prediction {
         let mut head = FrameHead::empty(PREDICTION);
         let values = self.shape(inputs, known, &mut head)?;
         head.predicted = true;
-        head.set_state(&state_of(self.state.evaluation(), &known.inputs, &self.description));
+        head.set_state(&state_of(self.state.evaluation(), self.state.evaluator(), &self.description));
         Ok(encode(&head, &[&values]))
     }
 }

@@ -193,9 +193,11 @@ impl Player {
             if let Some(state) = state {
                 head.set_state(&state.values);
             }
-            let message = match (model, state.and_then(RecordedState::inputs)) {
-                (Some(model), Some(inputs)) => self.catalogue.replay(model, inputs, head),
-                _ => Ok(self.recorded_field(track, head)),
+            let inputs =
+                model.zip(state).and_then(|(model, state)| state.inputs(self.catalogue.inputs(model)));
+            let message = match model.zip(inputs) {
+                Some((model, inputs)) => self.catalogue.replay(model, inputs, head),
+                None => Ok(self.recorded_field(track, head)),
             };
             match message {
                 Ok(message) => self.hub.put(actuator, message),
@@ -231,7 +233,8 @@ impl<'a> Strip<'a> {
         let column = |value: fn(&RecordedState) -> f64| track.thinned(MAX_POINTS).map(value).collect();
         let stress = |state: &RecordedState| {
             let model = catalogue.find(state.values.model_hash)?;
-            Some((state.t_s, catalogue.largest_stress_mpa(model, state.inputs()?)?))
+            let inputs = state.inputs(catalogue.inputs(model))?;
+            Some((state.t_s, catalogue.largest_stress_mpa(model, inputs)?))
         };
         let (stress_t_s, max_von_mises_mpa) = track.thinned(MAX_SHAPES).filter_map(stress).unzip();
         Self {

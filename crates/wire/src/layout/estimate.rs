@@ -47,7 +47,8 @@ payload! {
         values: [f64; UNKNOWNS_MAX] = [f64::NAN; UNKNOWNS_MAX], "", Show::Counted("unknown_count");
         /// Standard deviations of the estimated values.
         sigmas: [f64; UNKNOWNS_MAX] = [f64::NAN; UNKNOWNS_MAX], "", Show::Counted("unknown_count");
-        /// Model inputs that explain the reading best, in the model's order; state and fields are those of these inputs.
+        /// Model inputs that explain the reading best: pressure, gap, then the others in the model's order; NaN: the model does not
+        /// have it. State and fields are those of these inputs.
         inputs: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
         /// Inputs of the model.
         input_count: u32 = 0, "";

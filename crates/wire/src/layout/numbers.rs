@@ -369,6 +369,13 @@ pub struct InputValue {
     pub source: u8,
 }
 
+impl InputValue {
+    /// True for an input other than pressure and gap.
+    pub fn is_parameter(&self) -> bool {
+        !["pressure_mpa", "gap_mm"].contains(&self.name.as_str())
+    }
+}
+
 /// The inputs of a payload, `count` of them.
 pub(super) fn inputs_of<'a>(
     count: u32,

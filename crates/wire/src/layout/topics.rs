@@ -133,17 +133,17 @@ macro_rules! evaluated_payload {
                 $($own)*
                 /// Observables of the model.
                 observable_count: u32 = 0, "";
-                /// Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias.
+                /// Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias. NaN: the model has none.
                 pressure_mpa: f64 = f64::NAN, "MPa";
-                /// Gap: of the reading, given, found or estimated.
+                /// Gap: of the reading, given, found or estimated. NaN: the model has none.
                 gap_mm: f64 = f64::NAN, "mm";
-                /// Predicted contact force; 0 in the free regime.
+                /// Predicted contact force; 0 in the free regime. NaN: the model has no forces.
                 contact_force_n: f64 = f64::NAN, "N";
-                /// Derivative of the force with respect to the pressure; NaN when not configured.
+                /// Derivative of the force with respect to the pressure; NaN when not configured, or if the model has no force or no pressure.
                 force_by_pressure_n_per_mpa: f64 = f64::NAN, "N/MPa";
-                /// Derivative of the force with respect to the gap; NaN when not configured.
+                /// Derivative of the force with respect to the gap; NaN when not configured, or if the model has no force or no gap.
                 force_by_gap_n_per_mm: f64 = f64::NAN, "N/mm";
-                /// Pressure of first contact at this gap; infinite when the plate is out of reach.
+                /// Pressure of first contact at this gap; infinite when the plate is out of reach. NaN: the model has no onset.
                 onset_pressure_mpa: f64 = f64::NAN, "MPa";
                 /// Half-width of the force; NaN when not configured.
                 force_halfwidth_n: f32 = f32::NAN, "N";
@@ -280,11 +280,11 @@ payload! {
         t_sensor_ns: u64 = 0, "ns";
         /// When the field was sent.
         t_publish_ns: u64 = 0, "ns";
-        /// Pressure of the reading.
+        /// Pressure of the reading; NaN: the model has none.
         pressure_mpa: f64 = f64::NAN, "MPa";
-        /// Gap of the reading.
+        /// Gap of the reading; NaN: the model has none.
         gap_mm: f64 = f64::NAN, "mm";
-        /// Predicted contact force.
+        /// Predicted contact force; NaN: the model has no forces.
         contact_force_n: f64 = f64::NAN, "N";
         /// Largest von Mises stress among the nodes of this sample; NaN when stress is not in it.
         max_von_mises_mpa: f64 = f64::NAN, "MPa";

@@ -148,7 +148,8 @@ class Field:
                 colors=[m.Color(r=c[0], g=c[1], b=c[2], a=c[3]) for c in (colours[used] / 255.0).tolist()],
                 indices=corners.ravel().tolist(),
             )
-            arrows = [self.arrow(nodes[used], header["contact_force_n"])] if header["contact_force_n"] > 0 else []
+            force_n = header["contact_force_n"]  # None: the model has no forces
+            arrows = [self.arrow(nodes[used], force_n)] if force_n is not None and force_n > 0 else []
             entity = m.SceneEntity(timestamp=stamp, frame_id=self.actuator, id=self.actuator, arrows=arrows, triangles=[body])
             self.surface.log(m.SceneUpdate(entities=[entity]), log_time=now)
         return 1

@@ -12,6 +12,7 @@ use objective::{Goals, Objective};
 use rom::goal::{Found, reach};
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
+use rom::model::ModelHeader;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -82,7 +83,7 @@ impl Args {
             .context("the model has no answer at any start; does it have the regime of these states?")?;
         let values = goals.values(found.inputs).context("the model has no answer at the inputs found")?;
         let predicted: Vec<f64> = values.iter().map(|(value, _)| *value).collect();
-        let mut answer = self.answer(specs, &mut goals, &found, &predicted);
+        let mut answer = self.answer(&model.header, &mut goals, &found, &predicted);
         answer["seconds"] = json!(seconds);
         if let Some(actuator) = &self.actuator {
             let inputs = goals.evaluation(found.inputs).inputs;
@@ -148,11 +149,11 @@ impl Args {
         Ok(specs.iter().enumerate().fold(Inputs::new(pressure_mpa, gap_mm), nominal))
     }
 
-    fn answer(&self, specs: &[InputSpec], goals: &mut Goals, found: &Found, predicted: &[f64]) -> Value {
+    fn answer(&self, header: &ModelHeader, goals: &mut Goals, found: &Found, predicted: &[f64]) -> Value {
         let evaluation = goals.evaluation(found.inputs);
         json!({
             "met": found.is_met(),
-            "inputs": by_input(specs, evaluation.inputs.values()),
+            "inputs": by_input(header, evaluation.inputs.values()),
             "predicted": self.by_objective(predicted),
             "in_domain": evaluation.domain == DomainStatus::Inside,
             "domain_distance": evaluation.domain_distance,

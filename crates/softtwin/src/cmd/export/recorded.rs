@@ -4,7 +4,7 @@ use crate::failure::usage;
 use crate::recording_data::{Messages, RecordedField, RecordedState, no_states, series};
 use anyhow::Result;
 use recording::Series;
-use rom::inputs::Inputs;
+use rom::inputs::{InputSpec, Inputs};
 use std::collections::BTreeSet;
 use std::iter::from_fn;
 use std::path::Path;
@@ -16,6 +16,8 @@ pub struct Recorded {
     topics: KeyExpr,
     actuator: String,
     every: usize,
+    /// Inputs of the model that makes the fields of states; empty for recorded fields.
+    inputs: Vec<InputSpec>,
     /// States that stand for a reading, or fields.
     found: usize,
     first_field: Option<FieldHeader>,
@@ -30,13 +32,14 @@ impl Recorded {
         path: &Path,
         topics: KeyExpr,
         actuator: Option<&str>,
-        states: bool,
+        model: Option<&[InputSpec]>,
         every: usize,
     ) -> Result<Self> {
         let series = series(path)?;
         let actuator = choose(&series, actuator)?;
-        let mut found = Self { series, topics, actuator, every, found: 0, first_field: None };
-        if states {
+        let inputs = model.unwrap_or_default().to_vec();
+        let mut found = Self { series, topics, actuator, every, inputs, found: 0, first_field: None };
+        if model.is_some() {
             let count = found.all_readings().try_fold(0, |count, one| one.map(|_| count + 1))?;
             found.found = count;
             return Ok(found);
@@ -77,8 +80,9 @@ impl Recorded {
     }
 
     fn all_readings(&self) -> impl Iterator<Item = Result<(f64, Inputs)>> {
-        let read =
-            |data: &[u8], t_s| RecordedState::read(data, t_s).and_then(|state| Some((t_s, state.inputs()?)));
+        let read = |data: &[u8], t_s| {
+            RecordedState::read(data, t_s).and_then(|state| Some((t_s, state.inputs(&self.inputs)?)))
+        };
         self.messages(TopicKind::State, read)
     }
 

@@ -10,13 +10,13 @@ use anyhow::Result;
 use formats::database::ObstacleKind;
 use formats::export::{Label, Moment};
 use recording::Series;
-use rom::inputs::{InputSpec, Inputs, PARAMETERS};
+use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::{Database, FieldKind, FieldSpec};
 use std::path::{Path, PathBuf};
 use wire::KeyExpr;
-use wire::layout::field_id;
+use wire::layout::{InputValue, field_id};
 
 /// Which states of a source.
 #[derive(clap::Args)]
@@ -129,10 +129,10 @@ impl Source {
 
     fn recording(options: &Options, path: &Path, key: &str) -> Result<Self> {
         let topics = KeyExpr::new(key).map_err(usage)?;
-        let states = options.model.is_some();
-        let recorded = Recorded::find(path, topics, options.actuator.as_deref(), states, options.every)?;
-        if let Some(model) = &options.model {
-            let model = files::model(model)?;
+        let model = options.model.as_ref().map(|model| files::model(model)).transpose()?;
+        let inputs = model.as_ref().map(|model| model.header.inputs.as_slice());
+        let recorded = Recorded::find(path, topics, options.actuator.as_deref(), inputs, options.every)?;
+        if let Some(model) = model {
             let fields = model.header.fields.iter().map(|field| field.spec.clone()).collect();
             return Ok(Self::Replayed { model: Box::new(model), fields, recorded });
         }
@@ -188,7 +188,8 @@ impl Source {
             Self::Recorded { recorded, .. } => Box::new(recorded.fields().map(|field| {
                 let RecordedField { t_s, header, values } = field?;
                 let (gap_mm, force_n) = (Some(header.gap_mm), header.contact_force_n);
-                let parameters = header.inputs().skip(PARAMETERS).map(|input| (input.name, input.value));
+                let parameters = header.inputs().filter(InputValue::is_parameter);
+                let parameters = parameters.map(|input| (input.name, input.value));
                 let label = Label::of_state(header.pressure_mpa, gap_mm, parameters, force_n);
                 Ok(Moment { time: t_s, label, values, moved: None })
             })),
@@ -224,10 +225,13 @@ fn case(database: &Database, k: usize) -> Moment {
 
 /// A model's state for a file, with every input and the contact force.
 pub fn prediction(model: &Model, state: &ModelState, time: f64) -> Moment {
-    let (inputs, evaluation) = (&model.header.inputs, state.evaluation());
-    let values = evaluation.inputs.values().iter().copied();
-    let mut numbers: Vec<(String, f64)> = inputs.iter().map(InputSpec::key).zip(values).collect();
-    numbers.push(("contact_force_n".to_owned(), evaluation.contact_force_n));
+    let evaluation = state.evaluation();
+    let values = evaluation.inputs.values();
+    let taken = model.header.taken_inputs().map(|(at, input)| (input.key(), values[at]));
+    let mut numbers: Vec<(String, f64)> = taken.collect();
+    if model.header.has_forces() {
+        numbers.push(("contact_force_n".to_owned(), evaluation.contact_force_n));
+    }
     let label = Label { name: String::new(), numbers };
     let moved = model.moved_mm(&evaluation.inputs);
     Moment { time, label, values: state.fields().to_vec(), moved }

@@ -88,7 +88,7 @@ fn largest<'a>(
 ) -> Result<[Vec<(f64, f64)>; 2]> {
     let mut body = ModelState::new(model, &Selection::default())?;
     let mut found = [Vec::new(), Vec::new()];
-    for (t_s, inputs) in states.filter_map(|state| Some((state.t_s, state.inputs()?))) {
+    for (t_s, inputs) in states.filter_map(|state| Some((state.t_s, state.inputs(&model.header.inputs)?))) {
         let peaks = body.update(inputs)?;
         for (points, peak) in found.iter_mut().zip([peaks.displacement_mm, peaks.stress_mpa]) {
             points.push((t_s, peak.map_or(f64::NAN, |peak| peak.value.into())));

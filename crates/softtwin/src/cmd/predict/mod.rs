@@ -9,7 +9,7 @@ use anyhow::Context;
 use formats::export::StateFormat;
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
-use rom::inputs::{InputSpec, Inputs};
+use rom::inputs::{Inputs, MAX_INPUTS};
 use rom::model::{Model, ModelHeader, Selection};
 use rom::model_state::ModelState;
 use rom::observable::Observables;
@@ -48,10 +48,11 @@ pub struct Args {
     /// Model file.
     #[arg(long, value_name = "FILE.twin")]
     model: PathBuf,
-    /// Cavity pressure in MPa, at least 0; may be left out where the model was not trained over pressures.
+    /// Cavity pressure in MPa, at least 0; none where the model was not trained over pressures.
     #[arg(long, value_name = "MPA", allow_negative_numbers = true, conflicts_with = "trace", value_parser = crate::range::pressure_mpa)]
     pressure_mpa: Option<f64>,
-    /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
+    /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out. None where the model was not trained
+    /// over gaps.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "trace", value_parser = crate::range::gap_mm)]
     gap_mm: Option<f64>,
     /// Inputs over time: t_s, pressure_mpa; gap_mm and other inputs of the model, if given. A model with inertia begins at rest under
@@ -84,13 +85,26 @@ impl Args {
             model.header.set_parameters(given).map_err(|error| usage(format!("--set: {error}")))?;
             return trace::run(&model, trace, out, self.step_ms);
         }
-        let gap_mm = self.gap_mm.unwrap_or(f64::INFINITY);
         if let Some(out) = &self.out {
             StateFormat::of(out).map_err(usage)?; // before the work, not after it
         }
         let mut model = files::model(&self.model)?;
-        let pressure_mpa = self.pressure_mpa.or((!model.header.needs().pressure).then_some(0.0));
-        let input = Inputs::new(pressure_mpa.ok_or_else(|| usage(NO_PRESSURE))?, gap_mm);
+        let needs = model.header.needs();
+        for (option, is_given, is_taken) in [
+            ("--pressure-mpa", self.pressure_mpa.is_some(), needs.pressure),
+            ("--gap-mm", self.gap_mm.is_some(), needs.gap),
+        ] {
+            if is_given && !is_taken {
+                let keys: Vec<String> = model.header.taken_inputs().map(|(_, input)| input.key()).collect();
+                let known = keys.join(", ");
+                return Err(usage(format!("{option}: expected an input of the model ({known}), found none")));
+            }
+        }
+        if self.pressure_mpa.is_none() && needs.pressure {
+            return Err(usage(NO_PRESSURE));
+        }
+        let gap_mm = self.gap_mm.unwrap_or(f64::INFINITY);
+        let input = Inputs::new(self.pressure_mpa.unwrap_or(f64::NAN), gap_mm);
         let given = self.settings.iter().map(|(name, value)| (name.as_str(), *value));
         model.header.set_parameters(given).map_err(|error| usage(format!("--set: {error}")))?;
         let mut state = ModelState::new(&model, &Selection::default())?;
@@ -130,10 +144,10 @@ fn measured(model: &Model, fields: &[f32]) -> Value {
     outputs.collect::<Map<_, _>>().into()
 }
 
-/// One number for each input, by its key; `None` if it is not finite.
-pub(super) fn by_input(specs: &[InputSpec], values: &[f64]) -> Map<String, Value> {
-    let finite = |v: &f64| json!(Some(*v).filter(|v| v.is_finite()));
-    specs.iter().zip(values).map(|(spec, value)| (spec.key(), finite(value))).collect()
+/// One number for each input that the model has, by its key; `None` if it is not finite.
+pub(super) fn by_input(header: &ModelHeader, values: &[f64; MAX_INPUTS]) -> Map<String, Value> {
+    let finite = |v: f64| json!(Some(v).filter(|v| v.is_finite()));
+    header.taken_inputs().map(|(at, spec)| (spec.key(), finite(values[at]))).collect()
 }
 
 /// Value and half-width of each observable, by its name.
@@ -146,16 +160,17 @@ fn observed(observables: &Observables, evaluation: &Evaluation) -> Map<String, V
 }
 
 fn answer(header: &ModelHeader, evaluation: &Evaluation, peaks: &Peaks, observables: &Observables) -> Value {
-    let specs = &header.inputs;
+    let needs = header.needs();
+    let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     json!({
-        "inputs": by_input(specs, evaluation.inputs.values()),
-        "dforce": by_input(specs, &evaluation.force_gradient),
+        "inputs": by_input(header, evaluation.inputs.values()),
+        "dforce": by_input(header, &evaluation.force_gradient),
         "regime": evaluation.regime.name(),
-        "pressure_mpa": header.needs().pressure.then(|| evaluation.inputs.pressure_mpa()),
-        "gap_mm": Some(evaluation.inputs.gap_mm()).filter(|gap| gap.is_finite()),
-        "contact_force_n": Some(evaluation.contact_force_n).filter(|force| force.is_finite()),
-        "force_by_pressure_n_per_mpa": Some(evaluation.force_by_pressure_n_per_mpa()).filter(|slope| slope.is_finite()),
-        "force_by_gap_n_per_mm": Some(evaluation.force_by_gap_n_per_mm()).filter(|slope| slope.is_finite()),
+        "pressure_mpa": finite(evaluation.inputs.pressure_mpa()),
+        "gap_mm": finite(evaluation.inputs.gap_mm()),
+        "contact_force_n": finite(evaluation.contact_force_n),
+        "force_by_pressure_n_per_mpa": finite(evaluation.force_by_pressure_n_per_mpa()).filter(|_| needs.pressure),
+        "force_by_gap_n_per_mm": finite(evaluation.force_by_gap_n_per_mm()).filter(|_| needs.gap),
         "onset_pressure_mpa": evaluation.onset_pressure_mpa,
         "in_domain": evaluation.domain == DomainStatus::Inside,
         "domain": evaluation.domain,

@@ -1,13 +1,13 @@
 // The numbers of the chosen actuator.
 
 const ROWS = [
-  { name: "contact force", unit: "N", main: true, value: (f) => f.contact_force_n, digits: 3, more: (f) => [halfwidthText(f.force_halfwidth_n, 3, "N")] },
+  { name: "contact force", unit: "N", main: true, value: (f) => f.contact_force_n, digits: 3, wanted: (f) => known(f.contact_force_n), more: (f) => [halfwidthText(f.force_halfwidth_n, 3, "N")] },
   { name: "measured force", unit: "N", main: true, value: (f) => f.measured_force_n, digits: 3, wanted: (f) => known(f.measured_force_n),
     more: (f) => [comparedText(f.measured_force_n - f.contact_force_n)] },
-  { name: "pressure", unit: "MPa", value: (f) => f.pressure_mpa, digits: 4, more: (f) => [sourceText(f, 0)] },
-  { name: "gap", unit: "mm", value: (f) => f.gap_mm, digits: 2, none: "no plate", more: (f) => [sourceText(f, 1)] },
-  { name: "largest stress", unit: "MPa", value: (f) => f.max_von_mises_mpa, digits: 3,
-    more: (f) => [halfwidthText(f.von_mises_halfwidth_mpa, 3, ""), known(f.max_von_mises_node) ? `node ${f.max_von_mises_node}` : ""] },
+  { name: "pressure", unit: "MPa", value: (f) => f.pressure_mpa, digits: 4, wanted: (f) => known(f.pressure_mpa), more: (f) => [sourceText(f, "pressure_mpa")] },
+  { name: "gap", unit: "mm", value: (f) => f.gap_mm, digits: 2, none: "no plate", wanted: (f) => f.gap_mm !== null, more: (f) => [sourceText(f, "gap_mm")] },
+  { name: "largest stress", unit: "MPa", value: (f) => f.max_von_mises_mpa, digits: 3, wanted: (f) => known(f.max_von_mises_mpa),
+    more: (f) => [halfwidthText(f.von_mises_halfwidth_mpa, 3, ""), partText(f), known(f.max_von_mises_node) ? `node ${f.max_von_mises_node}` : ""] },
   { name: "largest displacement", unit: "mm", value: (f) => f.max_displacement_mm, digits: 2, more: (f) => [halfwidthText(f.displacement_halfwidth_mm, 2, "mm")] },
   { name: "latency", unit: "ms", value: (f) => f.latency_ms, digits: 3, none: "–",
     more: (f, fps) => [known(f.rate_hz) ? `${f.rate_hz.toFixed(0)} read/s` : "", fps > 0 ? `${fps.toFixed(0)} drawn/s` : ""] },
@@ -17,9 +17,12 @@ const known = (value) => Number.isFinite(value);
 const comparedText = (more_n) => (known(more_n) ? `${Math.abs(more_n).toFixed(3)} N ${more_n < 0 ? "below" : "above"} predicted` : "");
 const halfwidthText = (half, digits, unit) => (known(half) ? `± ${Number(half.toFixed(digits + 1)) || !half ? half.toFixed(digits + 1) : half.toPrecision(1)} ${unit}`.trim() : "");
 
+// A prediction and a recording are computed at the nodes that are seen; live it is what the twin found.
+const partText = (f) => (f.predicted || known(f.t_s) ? "of the outer skin" : "of all nodes sent");
+
 // Source of an input's value: measured, given, nominal, estimated; empty if unknown.
-function sourceText({ input_sources = [] }, at) {
-  const source = input_sources[at] ?? "unknown";
+function sourceText({ input_names = [], input_sources = [] }, name) {
+  const source = input_sources[input_names.indexOf(name)] ?? "unknown";
   return source === "unknown" ? "" : source;
 }
 
@@ -39,9 +42,10 @@ export function showNumbers(parent, frame, fps) {
     return cell(row, main, row.more(frame, fps));
   });
   const { input_names = [], inputs = [], force_by_input = [] } = frame;
-  input_names.slice(2).forEach((name, k) => { // the parameters
-    const [value, by] = [inputs[k + 2], force_by_input[k + 2]];
-    const more = [sourceText(frame, k + 2), known(by) ? `dF ${by.toPrecision(3)} N a unit` : ""];
+  input_names.forEach((name, k) => {
+    if (name === "pressure_mpa" || name === "gap_mm") return; // the others are parameters
+    const [value, by] = [inputs[k], force_by_input[k]];
+    const more = [sourceText(frame, name), known(by) ? `dF ${by.toPrecision(3)} N a unit` : ""];
     if (known(value)) cells.push(cell({ name }, [value.toPrecision(4), ""], more));
   });
   cells.push(words("regime", frame.regime, frame.regime === "unknown" ? "warn" : "good", [onsetText(frame.onset_pressure_mpa)]));
