@@ -55,3 +55,11 @@ def test_names_are_packed_and_read_back():
         layout.pack("x" * 32)
     assert layout.State(flags=0b1000_0001).flag_names == ["stale", "no-data"]
     assert layout.State(regime=2).regime_name == "contact"
+
+
+def test_absent_numbers_are_none_in_plain_values():
+    state = layout.State(contact_force_n=float("nan"), pressure_mpa=0.05, onset_pressure_mpa=float("inf"))
+    state.inputs[:2] = [2.6, float("nan")]
+    plain = state.to_dict()
+    assert plain["contact_force_n"] is None and plain["pressure_mpa"] == 0.05 and plain["onset_pressure_mpa"] == float("inf")
+    assert plain["inputs"][:2] == [2.6, None]

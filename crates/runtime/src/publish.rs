@@ -70,7 +70,7 @@ macro_rules! write_peaks {
     }};
 }
 
-/// What states, fields and answers of a model contain: the inputs that the model has, with packed names.
+/// Contents of the states, fields and answers of a model: the inputs that the model has, with packed names.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Contents {
     pub(crate) count: u32,

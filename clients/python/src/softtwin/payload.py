@@ -84,7 +84,7 @@ class Payload(ctypes.Structure):
         return self.name_of("grasp_status")
 
     def to_dict(self) -> Dict[str, object]:
-        """All fields as plain Python values; None for a number that is absent (NaN)."""
+        """All fields as plain Python values; an absent number (NaN) is None."""
         absent = lambda number: None if number != number else number  # noqa: E731
         plain: Dict[str, object] = {}
         for name, *_ in self._fields_:

@@ -48,11 +48,11 @@ pub struct Args {
     /// Model file.
     #[arg(long, value_name = "FILE.twin")]
     model: PathBuf,
-    /// Cavity pressure in MPa, at least 0; none where the model was not trained over pressures.
+    /// Cavity pressure in MPa, at least 0; not for a model that was not trained over pressures.
     #[arg(long, value_name = "MPA", allow_negative_numbers = true, conflicts_with = "trace", value_parser = crate::range::pressure_mpa)]
     pressure_mpa: Option<f64>,
-    /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out. None where the model was not trained
-    /// over gaps.
+    /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out. Not for a model that was not trained over
+    /// gaps.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "trace", value_parser = crate::range::gap_mm)]
     gap_mm: Option<f64>,
     /// Inputs over time: t_s, pressure_mpa; gap_mm and other inputs of the model, if given. A model with inertia begins at rest under
