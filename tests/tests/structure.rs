@@ -176,6 +176,15 @@ fn cantilever_is_served_from_readings_of_its_load() {
     // A query without the load is refused: the scene has no value for it.
     let (status, said) = Program::tool(&stage, &["get", "softtwin/part/whatif?pressure_mpa=0"]).end();
     assert_eq!(status.code(), Some(1), "{said:?}");
+    // Nor is there an answer about a pressure, a gap or a force that the model does not have.
+    for question in [
+        "whatif?load_n=2.6&pressure_mpa=0.02",
+        "whatif?load_n=2.6&gap_mm=40",
+        "pressure?load_n=2.6&force_n=0.1&gap_mm=40",
+    ] {
+        let (status, said) = Program::tool(&stage, &["get", &format!("softtwin/part/{question}")]).end();
+        assert_eq!(status.code(), Some(1), "{question}: {said:?}");
+    }
     recorder.signal(libc::SIGINT);
     let (status, said) = recorder.end();
     assert!(status.success(), "{said:?}");

@@ -42,6 +42,9 @@ fn grasp_uses_the_weakest_finger_and_its_half_width() {
 #[test]
 fn a_finger_without_fresh_data_makes_the_grasp_unknown() {
     assert_eq!(evaluate(&paper(), &[state(1.0, 0.0), None]).grasp_status, grasp_status::UNKNOWN);
+    let of_no_force = evaluate(&paper(), &[state(1.0, 0.0), state(f64::NAN, 0.0), state(1.0, 0.0)]);
+    assert_eq!(of_no_force.grasp_status, grasp_status::UNKNOWN);
+    assert!(of_no_force.least_force_n.is_nan() && of_no_force.margin.is_nan(), "{of_no_force:?}");
     let stale = State { flags: flags::STALE, contact_force_n: 1.0, ..State::default() };
     let grasp = evaluate(&paper(), &[state(1.0, 0.0), Some(stale)]);
     assert_eq!((grasp.grasp_status, grasp.flags), (grasp_status::UNKNOWN, flags::STALE));
