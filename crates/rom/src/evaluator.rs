@@ -2,6 +2,7 @@
 
 use crate::clearance::OnsetSolver;
 use crate::evaluation::{Evaluation, Flags};
+use crate::halfwidths::HalfWidths;
 use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, Needs, PARAMETERS, PRESSURE, Point};
 use crate::interpolant::Interpolant;
@@ -239,15 +240,21 @@ impl Evaluator {
         out.coefficients.clear();
         out.gradients.iter_mut().for_each(Vec::clear);
         if let Some((part, x)) = placed {
-            let local = part.model.local_halfwidths.as_ref();
-            out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
-            if out.flags.no_force {
-                out.halfwidths.force_n = f64::NAN;
-            }
-            if self.no_stress {
-                out.halfwidths.stress_mpa = f64::NAN;
-            }
+            out.halfwidths = self.halfwidths(part, &x);
         }
+    }
+
+    /// Half-widths at a state over scaled inputs; NaN for a quantity that the model does not have.
+    fn halfwidths(&self, part: &RegimePart, x: &Point) -> HalfWidths {
+        let local = part.model.local_halfwidths.as_ref();
+        let mut found = local.map_or(part.model.halfwidths, |local| local.at(x));
+        if self.no_force {
+            found.force_n = f64::NAN;
+        }
+        if self.no_stress {
+            found.stress_mpa = f64::NAN;
+        }
+        found
     }
 
     /// Adds the coefficients to the result of [`Self::state`].
@@ -333,18 +340,17 @@ impl Evaluator {
 
     /// [`Self::evaluate`] in a given regime, whatever the onset.
     pub(crate) fn evaluate_as(&self, kind: RegimeKind, inputs: Inputs, out: &mut Evaluation) {
-        let inputs = inputs.or(&self.values);
+        let inputs = self.complete_inputs(inputs);
         out.scratch.reserve(&self.scratch);
         let found = self.onset_at(&inputs, out);
         let onset = if kind == RegimeKind::Contact { Onset::Always } else { Onset::Never };
         let at = OnsetAt { onset, ..found };
         let part = self.place_at(inputs, &at, out);
-        out.onset_pressure_mpa = found.onset.pressure_mpa();
+        out.onset_pressure_mpa = self.onset.as_ref().and_then(|_| found.onset.pressure_mpa());
         if let Some(part) = part {
             let x = part.model.inputs.scale(&inputs);
             force(part, &at, &x, out);
-            let local = part.model.local_halfwidths.as_ref();
-            out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
+            out.halfwidths = self.halfwidths(part, &x);
         }
         self.coefficients(out, false);
     }
