@@ -191,10 +191,10 @@ typedef struct {
   uint64_t t_publish_ns; /**< When the state was sent. Unit: ns. */
   uint64_t age_ns; /**< Age of that reading when the state was sent. Unit: ns. */
   double measured_force_n; /**< Measured contact force; NaN when there is none. Unit: N. */
-  uint32_t outcome; /**< Outcome of the newest reading. */
-  uint32_t reserved; /**< Zero. */
   uint8_t input_sources[8]; /**< Source of the value of each input. */
   uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
+  uint32_t outcome; /**< Outcome of the newest reading. */
+  uint32_t observable_count; /**< Observables of the model. */
   double pressure_mpa; /**< Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias. NaN: the model has none. Unit: MPa. */
   double gap_mm; /**< Gap: of the reading, given, found or estimated. NaN: the model has none. Unit: mm. */
   double contact_force_n; /**< Predicted contact force; 0 in the free regime. NaN: the model has no forces. Unit: N. */
@@ -214,6 +214,9 @@ typedef struct {
   double inputs[8]; /**< The model's inputs, in its order and units; NaN without an answer. */
   double force_by_input[8]; /**< Derivative of the force with respect to each input, N per unit of the input; NaN when not configured. */
   uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
+  double observables[8]; /**< Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer. */
+  double observable_halfwidths[8]; /**< Half-widths of the observables; NaN when not configured. */
+  uint8_t observable_names[256]; /**< Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_state;
 
 /** Counters since the start of the twin and latencies of the last interval. `received` is the sum of all outcomes. */
@@ -375,11 +378,11 @@ typedef struct {
   uint32_t node_count; /**< Nodes of the field; 0: none was wanted. */
   uint32_t field_count; /**< Fields of the field sample. */
   double max_von_mises_mpa; /**< Largest von Mises stress among the nodes of the field; NaN without a field. Unit: MPa. */
-  uint32_t max_von_mises_node; /**< Node (number in the model) of the largest stress; 4294967295 without a field. */
-  uint32_t reserved; /**< Zero. */
   uint8_t field_ids[16]; /**< Which field is where; unused slots are 0. */
   uint8_t node_set[32]; /**< Name of the node set of the field, zero-padded. */
   uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
+  uint32_t max_von_mises_node; /**< Node (number in the model) of the largest stress; 4294967295 without a field. */
+  uint32_t observable_count; /**< Observables of the model. */
   double pressure_mpa; /**< Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias. NaN: the model has none. Unit: MPa. */
   double gap_mm; /**< Gap: of the reading, given, found or estimated. NaN: the model has none. Unit: mm. */
   double contact_force_n; /**< Predicted contact force; 0 in the free regime. NaN: the model has no forces. Unit: N. */
@@ -399,6 +402,9 @@ typedef struct {
   double inputs[8]; /**< The model's inputs, in its order and units; NaN without an answer. */
   double force_by_input[8]; /**< Derivative of the force with respect to each input, N per unit of the input; NaN when not configured. */
   uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
+  double observables[8]; /**< Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer. */
+  double observable_halfwidths[8]; /**< Half-widths of the observables; NaN when not configured. */
+  uint8_t observable_names[256]; /**< Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_answer;
 
 /* The layouts, checked by every compiler that reads this. */
@@ -452,7 +458,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_field_header, reserved) == 172);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, inputs) == 176);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, input_names) == 240);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, input_sources) == 496);
-SOFTTWIN_CHECK(sizeof(softtwin_state) == 1120);
+SOFTTWIN_CHECK(sizeof(softtwin_state) == 1504);
 SOFTTWIN_CHECK(offsetof(softtwin_state, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_state, flags) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_state, model_hash) == 8);
@@ -464,10 +470,10 @@ SOFTTWIN_CHECK(offsetof(softtwin_state, t_sensor_ns) == 56);
 SOFTTWIN_CHECK(offsetof(softtwin_state, t_publish_ns) == 64);
 SOFTTWIN_CHECK(offsetof(softtwin_state, age_ns) == 72);
 SOFTTWIN_CHECK(offsetof(softtwin_state, measured_force_n) == 80);
-SOFTTWIN_CHECK(offsetof(softtwin_state, outcome) == 88);
-SOFTTWIN_CHECK(offsetof(softtwin_state, reserved) == 92);
-SOFTTWIN_CHECK(offsetof(softtwin_state, input_sources) == 96);
-SOFTTWIN_CHECK(offsetof(softtwin_state, actuator) == 104);
+SOFTTWIN_CHECK(offsetof(softtwin_state, input_sources) == 88);
+SOFTTWIN_CHECK(offsetof(softtwin_state, actuator) == 96);
+SOFTTWIN_CHECK(offsetof(softtwin_state, outcome) == 128);
+SOFTTWIN_CHECK(offsetof(softtwin_state, observable_count) == 132);
 SOFTTWIN_CHECK(offsetof(softtwin_state, pressure_mpa) == 136);
 SOFTTWIN_CHECK(offsetof(softtwin_state, gap_mm) == 144);
 SOFTTWIN_CHECK(offsetof(softtwin_state, contact_force_n) == 152);
@@ -487,6 +493,9 @@ SOFTTWIN_CHECK(offsetof(softtwin_state, coefficients) == 224);
 SOFTTWIN_CHECK(offsetof(softtwin_state, inputs) == 736);
 SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_input) == 800);
 SOFTTWIN_CHECK(offsetof(softtwin_state, input_names) == 864);
+SOFTTWIN_CHECK(offsetof(softtwin_state, observables) == 1120);
+SOFTTWIN_CHECK(offsetof(softtwin_state, observable_halfwidths) == 1184);
+SOFTTWIN_CHECK(offsetof(softtwin_state, observable_names) == 1248);
 SOFTTWIN_CHECK(sizeof(softtwin_health) == 416);
 SOFTTWIN_CHECK(offsetof(softtwin_health, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_health, flags) == 4);
@@ -610,7 +619,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_query, force_halfwidth_n) == 40);
 SOFTTWIN_CHECK(offsetof(softtwin_query, node_set) == 48);
 SOFTTWIN_CHECK(offsetof(softtwin_query, parameters) == 80);
 SOFTTWIN_CHECK(offsetof(softtwin_query, parameter_names) == 128);
-SOFTTWIN_CHECK(sizeof(softtwin_answer) == 1160);
+SOFTTWIN_CHECK(sizeof(softtwin_answer) == 1544);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, status) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, model_hash) == 8);
@@ -624,11 +633,11 @@ SOFTTWIN_CHECK(offsetof(softtwin_answer, limit) == 64);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, node_count) == 72);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, field_count) == 76);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, max_von_mises_mpa) == 80);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, max_von_mises_node) == 88);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, reserved) == 92);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, field_ids) == 96);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, node_set) == 112);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, actuator) == 144);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, field_ids) == 88);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, node_set) == 104);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, actuator) == 136);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, max_von_mises_node) == 168);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_count) == 172);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, pressure_mpa) == 176);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, gap_mm) == 184);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, contact_force_n) == 192);
@@ -648,6 +657,9 @@ SOFTTWIN_CHECK(offsetof(softtwin_answer, coefficients) == 264);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, inputs) == 776);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, force_by_input) == 840);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, input_names) == 904);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, observables) == 1160);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_halfwidths) == 1224);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_names) == 1288);
 #undef SOFTTWIN_CHECK
 
 #endif /* SOFTTWIN_LAYOUT_H */

@@ -383,8 +383,8 @@ pub unsafe extern "C" fn softtwin_model_predict(
                 };
                 peaks = model.reconstructor.reconstruct_uninit(&evaluation, room).map_err(refused)?;
             }
-            // SAFETY: room for `states` predictions by the caller's promise.
             let predicted = prediction(&evaluation, has_onset, &peaks, &model.observables);
+            // SAFETY: room for `states` predictions by the caller's promise.
             unsafe { put(predictions.add(at), predicted) }?;
         }
         Ok(())

@@ -264,10 +264,10 @@ class State(Payload):
         ("t_publish_ns", u64),  # ns: When the state was sent.
         ("age_ns", u64),  # ns: Age of that reading when the state was sent.
         ("measured_force_n", f64),  # N: Measured contact force; NaN when there is none.
-        ("outcome", u32),  # Outcome of the newest reading.
-        ("reserved", u32),  # Zero.
         ("input_sources", u8 * 8),  # Source of the value of each input.
         ("actuator", u8 * 32),  # Name of the actuator, zero-padded.
+        ("outcome", u32),  # Outcome of the newest reading.
+        ("observable_count", u32),  # Observables of the model.
         ("pressure_mpa", f64),  # MPa: Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias. NaN: the model has none.
         ("gap_mm", f64),  # mm: Gap: of the reading, given, found or estimated. NaN: the model has none.
         ("contact_force_n", f64),  # N: Predicted contact force; 0 in the free regime. NaN: the model has no forces.
@@ -287,11 +287,14 @@ class State(Payload):
         ("inputs", f64 * 8),  # The model's inputs, in its order and units; NaN without an answer.
         ("force_by_input", f64 * 8),  # Derivative of the force with respect to each input, N per unit of the input; NaN when not configured.
         ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
+        ("observables", f64 * 8),  # Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
+        ("observable_halfwidths", f64 * 8),  # Half-widths of the observables; NaN when not configured.
+        ("observable_names", u8 * 256),  # Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left.
     ]
     _texts = {"actuator"}
-    _text_lists = {"input_names": "input_count"}
+    _text_lists = {"input_names": "input_count", "observable_names": "observable_count"}
     _hashes = {"model_hash"}
-    _names = {"flags": FLAGS, "outcome": OUTCOMES, "input_sources": INPUT_SOURCES, "regime": REGIMES}
+    _names = {"flags": FLAGS, "input_sources": INPUT_SOURCES, "outcome": OUTCOMES, "regime": REGIMES}
 
 
 class Health(Payload):
@@ -499,11 +502,11 @@ class Answer(Payload):
         ("node_count", u32),  # Nodes of the field; 0: none was wanted.
         ("field_count", u32),  # Fields of the field sample.
         ("max_von_mises_mpa", f64),  # MPa: Largest von Mises stress among the nodes of the field; NaN without a field.
-        ("max_von_mises_node", u32),  # Node (number in the model) of the largest stress; 4294967295 without a field.
-        ("reserved", u32),  # Zero.
         ("field_ids", u8 * 16),  # Which field is where; unused slots are 0.
         ("node_set", u8 * 32),  # Name of the node set of the field, zero-padded.
         ("actuator", u8 * 32),  # Name of the actuator, zero-padded.
+        ("max_von_mises_node", u32),  # Node (number in the model) of the largest stress; 4294967295 without a field.
+        ("observable_count", u32),  # Observables of the model.
         ("pressure_mpa", f64),  # MPa: Pressure: of the reading, given or found; the estimated one if the twin estimates the gauge's bias. NaN: the model has none.
         ("gap_mm", f64),  # mm: Gap: of the reading, given, found or estimated. NaN: the model has none.
         ("contact_force_n", f64),  # N: Predicted contact force; 0 in the free regime. NaN: the model has no forces.
@@ -523,9 +526,12 @@ class Answer(Payload):
         ("inputs", f64 * 8),  # The model's inputs, in its order and units; NaN without an answer.
         ("force_by_input", f64 * 8),  # Derivative of the force with respect to each input, N per unit of the input; NaN when not configured.
         ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
+        ("observables", f64 * 8),  # Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
+        ("observable_halfwidths", f64 * 8),  # Half-widths of the observables; NaN when not configured.
+        ("observable_names", u8 * 256),  # Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left.
     ]
     _texts = {"node_set", "actuator"}
-    _text_lists = {"input_names": "input_count"}
+    _text_lists = {"input_names": "input_count", "observable_names": "observable_count"}
     _hashes = {"model_hash"}
     _names = {"kind": KINDS, "flags": FLAGS, "regime": REGIMES}
 
