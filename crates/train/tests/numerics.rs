@@ -131,7 +131,11 @@ proptest! {
                 let expected = value - prediction;
                 prop_assert!((found - expected).abs() <= 1e-5 * (1.0 + expected.abs()), "{i} of {n}: {found}, refitted {expected}");
             },
-            Err(FitError::TailRestsOn { sample, .. }) => prop_assert_eq!(without(sample), None),
+            // Without it the tail is undetermined, or so nearly that its prediction is far beyond the values, which are at most 6.
+            Err(FitError::TailRestsOn { sample, .. }) => {
+                let prediction = without(sample);
+                prop_assert!(prediction.is_none_or(|found| found.abs() > 1e3), "{prediction:?}");
+            }
             Err(FitError::TailUndetermined { .. } | FitError::Coincident { .. }) => {
                 prop_assert_eq!(refitted(spec, dimensions, &inputs, &values, &inputs[0]), None);
             }
