@@ -7,7 +7,7 @@ const ROWS = [
   { name: "pressure", unit: "MPa", value: (f) => f.pressure_mpa, digits: 4, wanted: (f) => known(f.pressure_mpa), more: (f) => [sourceText(f, "pressure_mpa")] },
   { name: "gap", unit: "mm", value: (f) => f.gap_mm, digits: 2, none: "no plate", wanted: (f) => f.gap_mm !== null, more: (f) => [sourceText(f, "gap_mm")] },
   { name: "largest stress", unit: "MPa", value: (f) => f.max_von_mises_mpa, digits: 3, wanted: (f) => known(f.max_von_mises_mpa),
-    more: (f) => [halfwidthText(f.von_mises_halfwidth_mpa, 3, ""), partText(f), known(f.max_von_mises_node) ? `node ${f.max_von_mises_node}` : ""] },
+    more: (f) => [halfwidthText(f.von_mises_halfwidth_mpa, 3, ""), known(f.max_von_mises_node) ? `${partText(f)}node ${f.max_von_mises_node}` : ""] },
   { name: "largest displacement", unit: "mm", value: (f) => f.max_displacement_mm, digits: 2, more: (f) => [halfwidthText(f.displacement_halfwidth_mm, 2, "mm")] },
   { name: "latency", unit: "ms", value: (f) => f.latency_ms, digits: 3, none: "–",
     more: (f, fps) => [known(f.rate_hz) ? `${f.rate_hz.toFixed(0)} read/s` : "", fps > 0 ? `${fps.toFixed(0)} drawn/s` : ""] },
@@ -17,8 +17,8 @@ const known = (value) => Number.isFinite(value);
 const comparedText = (more_n) => (known(more_n) ? `${Math.abs(more_n).toFixed(3)} N ${more_n < 0 ? "below" : "above"} predicted` : "");
 const halfwidthText = (half, digits, unit) => (known(half) ? `± ${Number(half.toFixed(digits + 1)) || !half ? half.toFixed(digits + 1) : half.toPrecision(1)} ${unit}`.trim() : "");
 
-// A prediction and a recording are computed at the nodes that are seen; live it is what the twin found.
-const partText = (f) => (f.predicted || known(f.t_s) ? "of the outer skin" : "of all nodes sent");
+// A prediction and a recording are computed at the nodes of the outer skin; live it is the largest of all nodes sent.
+const partText = (f) => (f.predicted || known(f.t_s) ? "skin " : "");
 
 // Source of an input's value: measured, given, nominal, estimated; empty if unknown.
 function sourceText({ input_names = [], input_sources = [] }, name) {
