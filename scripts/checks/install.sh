@@ -53,9 +53,10 @@ grep -q '^# mine$' "$root/etc/softtwin/finger.toml" || fail "installing again re
 
 python3 -m venv "$work/venv"
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check setuptools wheel
-before=$(git status --porcelain --ignored clients/python)
+client() { git status --porcelain --ignored clients/python | grep -v '__pycache__\|\.pytest_cache' || true; }
+client_before=$(client)
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --no-build-isolation ./clients/python
-[ "$before" = "$(git status --porcelain --ignored clients/python)" ] || fail "pip install ./clients/python left files in the checkout"
+[ "$client_before" = "$(client)" ] || fail "pip install ./clients/python left files in the checkout"
 PYTHON=$work/venv/bin/python scripts/package.sh wheel "$work" --profile "$profile"
 python3 -m venv "$work/clean"
 "$work/clean/bin/pip" install --quiet --disable-pip-version-check "$work"/softtwin-*.whl
