@@ -6,6 +6,18 @@ use crate::builder::{Builder, close};
 use fem::material::{Elastomer, Hyperelastic, VolumeChange};
 use fem::{BodyMass, CavityLoad, Load, NewtonSettings, Problem, ProblemConfig, Solver};
 
+/// One elastomer for the whole mesh.
+pub fn neo_hookean(
+    mu_mpa: f64,
+    bulk_mpa: f64,
+    density_t_per_mm3: f64,
+    volume_change: VolumeChange,
+) -> Vec<Elastomer> {
+    let law = Hyperelastic::NeoHookean { mu_mpa };
+    let (stretch_range, shear_interval_mpa) = (None, None);
+    vec![Elastomer { law, bulk_mpa, density_t_per_mm3, volume_change, stretch_range, shear_interval_mpa }]
+}
+
 /// A cube of side 4 with a hole of side 2, its nodes moved so that both become spheres of radius 2 and 1; held at one
 /// small triangle of its skin.
 fn hollow_sphere(cells: usize, mu: f64) -> Problem {
@@ -21,16 +33,7 @@ fn hollow_sphere(cells: usize, mu: f64) -> Problem {
         let norm = p.iter().map(|v| v * v).sum::<f64>().sqrt();
         *p = p.map(|v| v * reach / norm);
     }
-    let law = Hyperelastic::NeoHookean { mu_mpa: mu };
-    let volume_change = VolumeChange::Mean;
-    let elastomers = vec![Elastomer {
-        law,
-        bulk_mpa: 2000.0 * mu,
-        density_t_per_mm3: 0.0,
-        volume_change,
-        stretch_range: None,
-        shear_interval_mpa: None,
-    }];
+    let elastomers = neo_hookean(mu, 2000.0 * mu, 0.0, VolumeChange::Mean);
     // The residual that is asked for below is far under that of the default tolerance.
     let newton = NewtonSettings { correction_tolerance_mm: 1.0e-5, ..NewtonSettings::default() };
     let config =
@@ -78,15 +81,7 @@ fn cantilever(cells: [usize; 3], bulk: f64, volume_change: VolumeChange) -> (f64
     b.solid([0.0; 3], [length, side, side], cells);
     b.mesh.fixed_nodes = b.nodes_where(|p| p[0] < 1.0e-9);
     let density = 1.0e-9;
-    let law = Hyperelastic::NeoHookean { mu_mpa: mu };
-    let elastomers = vec![Elastomer {
-        law,
-        bulk_mpa: bulk,
-        density_t_per_mm3: density,
-        volume_change,
-        stretch_range: None,
-        shear_interval_mpa: None,
-    }];
+    let elastomers = neo_hookean(mu, bulk, density, volume_change);
     let problem = Problem::new(b.mesh, ProblemConfig { elastomers, ..ProblemConfig::default() }).unwrap();
     let mut solver = Solver::new(Arc::new(problem)).unwrap();
     let gravity = 500.0;
@@ -119,16 +114,7 @@ fn cantilever_vibrates_at_the_frequency_of_beam_theory() {
     let mut b = Builder::default();
     b.solid([0.0; 3], [length, side, side], [24, 3, 3]);
     b.mesh.fixed_nodes = b.nodes_where(|p| p[0] < 1.0e-9);
-    let law = Hyperelastic::NeoHookean { mu_mpa: mu };
-    let volume_change = VolumeChange::Mean;
-    let elastomers = vec![Elastomer {
-        law,
-        bulk_mpa: 2000.0,
-        density_t_per_mm3,
-        volume_change,
-        stretch_range: None,
-        shear_interval_mpa: None,
-    }];
+    let elastomers = neo_hookean(mu, 2000.0, density_t_per_mm3, VolumeChange::Mean);
     let problem = Problem::new(b.mesh, ProblemConfig { elastomers, ..ProblemConfig::default() }).unwrap();
     let problem = Arc::new(problem);
     let mass = BodyMass::new(Arc::clone(&problem));

@@ -2,8 +2,9 @@
 //! `--nocapture` prints the figures.
 
 use crate::builder::{Builder, close};
+use crate::closed_forms::neo_hookean;
 use fem::actuator::Actuator;
-use fem::material::{Elastomer, Hyperelastic, VolumeChange};
+use fem::material::VolumeChange;
 use fem::transient::{StepSettings, Trace, Transient, TransientError};
 use fem::{
     BodyMass, ContactSettings, Dynamics, Load, Mesh, NewtonSettings, Obstacle, Problem, ProblemConfig,
@@ -12,16 +13,7 @@ use fem::{
 use std::sync::Arc;
 
 fn problem(mesh: Mesh, density_t_per_mm3: f64, contact: ContactSettings) -> Arc<Problem> {
-    let law = Hyperelastic::NeoHookean { mu_mpa: 1.0 };
-    let volume_change = VolumeChange::Mean;
-    let elastomers = vec![Elastomer {
-        law,
-        bulk_mpa: 2000.0,
-        density_t_per_mm3,
-        volume_change,
-        stretch_range: None,
-        shear_interval_mpa: None,
-    }];
+    let elastomers = neo_hookean(1.0, 2000.0, density_t_per_mm3, VolumeChange::Mean);
     // Far below the errors of the time integration that are measured.
     let newton = NewtonSettings { correction_tolerance_mm: 1.0e-9, ..NewtonSettings::default() };
     let config = ProblemConfig { elastomers, contact, newton, ..ProblemConfig::default() };
