@@ -21,6 +21,25 @@ const MAX_DISTANCE_MM: f64 = 4.0;
 /// A point so near a node is that node (mm).
 const SAME_NODE_MM: f64 = 1e-3;
 
+/// Distance from the largest x within which a node belongs to the end face (mm).
+const END_MM: f64 = 0.01;
+
+/// The tip of an actuator along x: the node nearest to the middle of its end face. None without nodes.
+pub fn tip_node(nodes_mm: &[[f64; 3]]) -> Option<usize> {
+    let end_mm = nodes_mm.iter().map(|p| p[0]).fold(f64::NEG_INFINITY, f64::max) - END_MM;
+    let end: Vec<usize> = (0..nodes_mm.len()).filter(|n| nodes_mm[*n][0] >= end_mm).collect();
+    let middle = [0, 1, 2].map(|k| end.iter().map(|n| nodes_mm[*n][k]).sum::<f64>() / end.len() as f64);
+    let square = |n: usize| -> f64 { nodes_mm[n].iter().zip(middle).map(|(a, b)| (a - b) * (a - b)).sum() };
+    end.into_iter().min_by(|a, b| square(*a).total_cmp(&square(*b)))
+}
+
+/// [`tip_node`] of a model's undeformed mesh. None without one.
+pub fn model_tip(model: &Model) -> Option<usize> {
+    let axis = |axis| model.f32_block(BlockKind::Undeformed(axis));
+    let places = axis(0)?.iter().zip(axis(1)?).zip(axis(2)?);
+    tip_node(&places.map(|((x, y), z)| [*x, *y, *z].map(f64::from)).collect::<Vec<_>>())
+}
+
 /// A point of the mesh: nodes and their weights, which add up to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshPoint {

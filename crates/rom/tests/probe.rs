@@ -3,7 +3,7 @@
 use rom::evaluator::Evaluator;
 use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
-use rom::probe::{MeshPoint, PointError, ProbePosition, Probes};
+use rom::probe::{MeshPoint, PointError, ProbePosition, Probes, model_tip, tip_node};
 use rom::reconstructor::Reconstructor;
 use rom::regime::LastOnset;
 use rom::snapshots::RegimeKind;
@@ -78,6 +78,14 @@ fn points_of_the_mesh_are_found_and_others_are_refused() {
     assert!(matches!(far, PointError::OffMesh { distance_mm, .. } if distance_mm > 80.0), "{far}");
     let none = MeshPoint::node(&model, 25_022).expect_err("no such node");
     assert_eq!(none.to_string(), "node 25022: the mesh has 25022 nodes, numbered from 0");
+}
+
+#[test]
+fn tip_is_nearest_to_the_middle_of_the_end_face() {
+    let face = [[9.995, 0.0, 0.0], [10.0, 4.0, 0.0], [10.0, 0.0, 6.0], [10.0, 1.0, 2.0], [9.0, 1.5, 2.0]];
+    assert_eq!(tip_node(&face), Some(3), "the last one lies before the end face");
+    assert_eq!((tip_node(&face[4..]), tip_node(&[])), (Some(0), None));
+    assert_eq!(model_tip(&shipped()), Some(334));
 }
 
 /// A walk through inflation, stiffness and gap, of a model whose onset depends on the stiffness.

@@ -3,31 +3,19 @@
 use crate::failure::usage;
 use crate::files::refusal;
 use anyhow::Result;
+use fem::transient::SERIES_COLUMNS;
 use formats::table::Table;
 use formats::{Diagnostic, FormatError};
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inertia::model_motion::ModelMotion;
 use rom::inputs::{GAP, Inputs};
-use rom::model::{BlockKind, Model, Selection};
+use rom::model::{Model, Selection};
+use rom::probe::model_tip;
 use rom::reconstructor::{BasisOptions, Reconstructor};
 use rom::snapshots::FieldKind;
 use std::path::Path;
 use std::time::Instant;
-
-/// Columns of a series.
-pub const COLUMNS: [&str; 8] = [
-    "t_s",
-    "pressure_mpa",
-    "gap_mm",
-    "lowest_y_mm",
-    "tip_x_mm",
-    "tip_y_mm",
-    "contact_force_n",
-    "max_stress_mpa",
-];
-/// Distance from the end of the base within which nodes are its end face, mm.
-const END_MM: f64 = 0.01;
 
 /// Inputs over time, straight lines between the rows.
 pub struct Trace {
@@ -48,7 +36,7 @@ impl Trace {
         let mut diagnostics = Vec::new();
         let mut others = Vec::new();
         for (column, name) in
-            table.header().iter().enumerate().filter(|(_, name)| !COLUMNS.contains(&name.as_str()))
+            table.header().iter().enumerate().filter(|(_, name)| !SERIES_COLUMNS.contains(&name.as_str()))
         {
             match model.header.inputs.iter().position(|input| input.key() == *name) {
                 Some(input) => others.push((column, input)),
@@ -130,17 +118,8 @@ impl Places {
             let found = model.header.fields.iter().position(|field| field.spec.kind == kind);
             found.ok_or_else(|| usage(format!("--trace: the model has no coordinate along axis {axis}")))
         };
-        let axis = |axis| model.f32_block(BlockKind::Undeformed(axis));
-        let (Some(x), Some(y), Some(z)) = (axis(0), axis(1), axis(2)) else {
-            return Err(usage("--trace: the model has no undeformed coordinates, which define the tip"));
-        };
-        let at = |node: usize| [x[node], y[node], z[node]].map(f64::from);
-        let end_mm = x.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-        let end: Vec<usize> =
-            (0..x.len()).filter(|n| f64::from(x[*n]) >= f64::from(end_mm) - END_MM).collect();
-        let middle = [0, 1, 2].map(|k| end.iter().map(|n| at(*n)[k]).sum::<f64>() / end.len() as f64);
-        let square = |n: usize| -> f64 { at(n).iter().zip(middle).map(|(a, b)| (a - b) * (a - b)).sum() };
-        let tip = end.into_iter().min_by(|a, b| square(*a).total_cmp(&square(*b))).unwrap_or(0);
+        let no_mesh = || usage("--trace: the model has no undeformed coordinates, which define the tip");
+        let tip = model_tip(model).ok_or_else(no_mesh)?;
         Ok(Self { rows, x: field(0)?, y: field(1)?, tip })
     }
 }
@@ -148,7 +127,7 @@ impl Places {
 /// A model along a trace.
 #[derive(Default)]
 pub struct Followed {
-    /// Values of [`COLUMNS`] at each instant; NaN where there is none.
+    /// Values of [`SERIES_COLUMNS`] at each instant; NaN where there is none.
     pub rows: Vec<[f64; 8]>,
     /// Instants outside of the training range.
     pub outside: usize,

@@ -9,7 +9,7 @@ mod trace;
 
 pub use motion::{Energy, Figures, StepSettings, Work};
 pub use record::{Checkpoint, Record, energy_csv, run_mark, series_csv};
-pub use trace::{Trace, TraceRow};
+pub use trace::{SERIES_COLUMNS, Trace, TraceRow};
 
 use crate::algebra::Vec3;
 use crate::config::Load;
@@ -26,6 +26,7 @@ use crate::system::InvalidState;
 use crate::vibration::VibrationError;
 use motion::Motion;
 use relaxation::Relaxation;
+use rom::probe::tip_node;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -162,7 +163,7 @@ impl Transient {
             work: Work::default(),
             state,
         };
-        let (mass, tip) = (Mass::new(&problem), tip(&problem));
+        let (mass, tip) = (Mass::new(&problem), tip_node(&problem.mesh.nodes_mm).unwrap_or(0));
         let dynamics = dynamics.clone();
         Ok(Self { newton, mass, dynamics, settings, motion, tip, has_factor: false, problem })
     }
@@ -357,17 +358,4 @@ fn square(mass: &Mass, problem: &Problem, v: &[f64]) -> f64 {
 /// Strain energy and energy of the contacts (mJ).
 fn stored_mj(problem: &Problem, u: &[Vec3], load: &Load) -> Result<f64, InvalidState> {
     Ok(strain_n_mm(problem, u)? + obstacle_n_mm(problem, u, load.obstacle) + slots_n_mm(problem, u))
-}
-
-/// Distance from the end within which a node belongs to it (mm).
-const END_MM: f64 = 0.01;
-
-/// The node nearest to the middle of the nodes of largest x.
-fn tip(problem: &Problem) -> usize {
-    let nodes = &problem.mesh.nodes_mm;
-    let end_mm = nodes.iter().map(|p| p[0]).fold(f64::NEG_INFINITY, f64::max) - END_MM;
-    let end: Vec<usize> = (0..nodes.len()).filter(|n| nodes[*n][0] >= end_mm).collect();
-    let middle = [0, 1, 2].map(|i| end.iter().map(|n| nodes[*n][i]).sum::<f64>() / end.len() as f64);
-    let distance = |n: usize| crate::algebra::norm(crate::algebra::sub(nodes[n], middle));
-    end.into_iter().min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap_or(0)
 }

@@ -1,9 +1,10 @@
 //! A model along motions of the finite elements: errors of the series, and those of the same model without inertia.
 
 use crate::files::refusal;
-use crate::motion::{COLUMNS, Trace, follow};
+use crate::motion::{Trace, follow};
 use crate::output;
 use anyhow::Result;
+use fem::transient::SERIES_COLUMNS;
 use formats::table::Table;
 use formats::{Diagnostic, FormatError};
 use rom::model::{BlockKind, Model};
@@ -52,7 +53,7 @@ pub fn run(model: &Model, folders: &[PathBuf], as_json: bool) -> Result<()> {
     if as_json {
         return output::json(&all);
     }
-    let names = COLUMNS[FIRST..].iter().map(|name| format!("{name:>17}")).collect::<String>();
+    let names = SERIES_COLUMNS[FIRST..].iter().map(|name| format!("{name:>17}")).collect::<String>();
     output!("root mean square error in % of the range; contact force as mean over 10 ms")?;
     output!("{:<9}{:<9}{names}  series", "class", "model")?;
     for errors in &all {
@@ -71,7 +72,7 @@ pub fn run(model: &Model, folders: &[PathBuf], as_json: bool) -> Result<()> {
 fn read(path: &Path) -> Result<Vec<[f64; 8]>> {
     let wrong = |diagnostics| refusal(FormatError::Content { path: path.into(), diagnostics });
     let table = Table::read(path, true).map_err(refusal)?;
-    let columns = table.columns(COLUMNS).map_err(wrong)?;
+    let columns = table.columns(SERIES_COLUMNS).map_err(wrong)?;
     let mut diagnostics: Vec<Diagnostic> = Vec::new();
     let mut rows = Vec::new();
     for row in table.rows() {

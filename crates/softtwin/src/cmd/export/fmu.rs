@@ -5,7 +5,8 @@ use crate::{files, output};
 use anyhow::{Context, Result};
 use fmu::{ChosenNode, IDENTIFIER, MODEL_FILE, NODES_FILE};
 use formats::file;
-use rom::model::{BlockKind, Model};
+use rom::model::Model;
+use rom::probe::model_tip;
 use serde_json::json;
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
@@ -14,8 +15,6 @@ use zip::write::SimpleFileOptions;
 
 /// Largest library that is packed: 1 GiB.
 const MAX_LIBRARY_BYTES: u64 = 1 << 30;
-/// How far an end face reaches from the largest x, mm.
-const END_MM: f32 = 0.01;
 
 const ABOUT: &str = "<!DOCTYPE html><html><head><meta charset=\"utf-8\"><title>softtwin</title></head><body>
 <h1>Digital twin of a soft pneumatic actuator</h1>
@@ -50,7 +49,7 @@ pub fn write(source: &Path, out: &Path, mut nodes: Vec<ChosenNode>, as_json: boo
         nodes.extend(sets.map(marker));
     }
     if nodes.is_empty() {
-        nodes.extend(tip(&model).map(|node| ChosenNode { name: "tip".into(), node }));
+        nodes.extend(model_tip(&model).map(|node| ChosenNode { name: "tip".into(), node: node as u32 }));
     }
     for (at, chosen) in nodes.iter().enumerate() {
         if chosen.node as usize >= model.header.node_count {
@@ -87,18 +86,6 @@ pub fn write(source: &Path, out: &Path, mut nodes: Vec<ChosenNode>, as_json: boo
     let names: Vec<String> = nodes.iter().map(|c| format!("{} (node {})", c.name, c.node)).collect();
     output!("{}: FMI 3.0, {binary}; nodes: {}", out.display(), names.join(", "))?;
     Ok(())
-}
-
-/// The node nearest to the middle of the nodes of largest x: the end of an actuator along x. None without a mesh.
-fn tip(model: &Model) -> Option<u32> {
-    let axis = |axis| model.f32_block(BlockKind::Undeformed(axis));
-    let mesh = [axis(0)?, axis(1)?, axis(2)?];
-    let end_mm = mesh[0].iter().copied().fold(f32::NEG_INFINITY, f32::max) - END_MM;
-    let end: Vec<usize> = (0..mesh[0].len()).filter(|node| mesh[0][*node] >= end_mm).collect();
-    let middle = mesh.map(|axis| end.iter().map(|node| axis[*node]).sum::<f32>() / end.len() as f32);
-    let square = |node: usize| -> f32 { (0..3).map(|a| (mesh[a][node] - middle[a]).powi(2)).sum() };
-    let nearest = end.into_iter().min_by(|a, b| square(*a).total_cmp(&square(*b)));
-    nearest.and_then(|node| u32::try_from(node).ok())
 }
 
 /// The FMU's library: beside this program, where cargo leaves it, or where the package has it.
