@@ -131,7 +131,7 @@ clients() {
     export PYTHONPATH=$PWD/clients/python/src
     SOFTTWIN_LIBRARY=$(realpath "$target")/debug/libcapi.so
     export SOFTTWIN_LIBRARY
-    "$python" -m mypy --ignore-missing-imports --no-error-summary clients/python/src/softtwin
+    "$python" -m mypy --cache-dir build/mypy --ignore-missing-imports --no-error-summary clients/python/src/softtwin
     exec "$python" -m pytest -q clients/python/tests "$@"
 }
 
