@@ -11,8 +11,8 @@ use tests::http::{free_address, get, get_as};
 use tests::skip::{Missing, skipped};
 use tests::wait::wait_state;
 use tests::{Manager, PATIENCE, Program, Stage};
-use wire::layout::flags;
-use wire::{SensorSample, SensorWriter, StateReader, Topic, now_ns};
+use wire::layout::{Marker, field_id, flags};
+use wire::{FieldReader, SensorSample, SensorWriter, State, StateReader, Topic, now_ns};
 
 const STEADY: &str = r#"kind = "simulate"
 rate_hz = 200.0
@@ -115,7 +115,7 @@ fn wrong_configuration_ends_with_78_before_ready() {
 }
 
 /// The first state whose model hash is `wanted`.
-fn wait_for_model(reader: &StateReader, wanted: impl Fn(&[u8; 16]) -> bool) -> wire::State {
+fn wait_for_model(reader: &StateReader, wanted: impl Fn(&[u8; 16]) -> bool) -> State {
     wait_state(reader, "a state of that model", |state| wanted(&state.model_hash))
 }
 
@@ -171,26 +171,49 @@ fn reload_swaps_a_valid_model_and_keeps_the_old_one_otherwise() {
     assert!(status.success() && bridge.stop().0.success(), "{said:?}");
 }
 
+/// Twin of the finger without a bridge, and the way of one reading to its state.
+struct Answering {
+    twin: Program,
+    states: StateReader,
+    fields: FieldReader,
+    sensor: SensorWriter,
+    seq: u64,
+}
+
+impl Answering {
+    /// Stamps of the past stand for time that passes; a loaded machine must not make them too old.
+    fn start(stage: &Stage, scene: &Path) -> Self {
+        let settings = stage.write("twin.toml", "[limits]\nmax_age_ms = 60000.0\n").display().to_string();
+        let scene = scene.display().to_string();
+        let mut twin = Program::daemon(stage, &["twin", "--scene", &scene, "--config", &settings]);
+        twin.wait_for("ready:");
+        let bus = stage.bus();
+        Self {
+            twin,
+            states: StateReader::open(&bus, &Topic::state("finger").unwrap()).unwrap(),
+            fields: FieldReader::open(&bus, &Topic::field("finger", None).unwrap()).unwrap(),
+            sensor: SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap(),
+            seq: 0,
+        }
+    }
+
+    /// State of a reading taken this long ago.
+    fn state(&mut self, ago_ms: u64, of_reading: SensorSample) -> State {
+        self.seq += 1;
+        let (seq, t_sensor_ns) = (self.seq, now_ns() - ago_ms * 1_000_000);
+        let reading = SensorSample { boot_id: 4, seq, t_sensor_ns, ..of_reading };
+        self.sensor.publish(SensorSample { pressure_mpa: 0.06, gap_mm: 30.0, ..reading }).unwrap();
+        wait_state(&self.states, "the reading's state", |state| state.sensor_seq == seq)
+    }
+}
+
 /// A measured force that stays beyond the half-width raises the alarm, in the state and in the log; one that fits ends it.
 #[test]
 fn contradicting_measured_force_raises_the_alarm() {
     let stage = Stage::new("force");
-    let scene = stage.finger(STEADY).display().to_string();
-    // Stamps of the past stand for time that passes; a loaded machine must not make them too old.
-    let settings = stage.write("twin.toml", "[limits]\nmax_age_ms = 60000.0\n").display().to_string();
-    let mut twin = Program::daemon(&stage, &["twin", "--scene", &scene, "--config", &settings]);
-    twin.wait_for("ready:");
-    let bus = stage.bus();
-    let reader = StateReader::open(&bus, &Topic::state("finger").unwrap()).unwrap();
-    let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
-    let mut seq = 0;
+    let mut finger = Answering::start(&stage, &stage.finger(STEADY));
     let mut answer = |ago_ms: u64, measured_force_n: f64| {
-        seq += 1;
-        let t_sensor_ns = now_ns() - ago_ms * 1_000_000;
-        let reading =
-            SensorSample { boot_id: 4, seq, t_sensor_ns, measured_force_n, ..SensorSample::default() };
-        sensor.publish(SensorSample { pressure_mpa: 0.06, gap_mm: 30.0, ..reading }).unwrap();
-        wait_state(&reader, "the reading's state", |state| state.sensor_seq == seq)
+        finger.state(ago_ms, SensorSample { measured_force_n, ..SensorSample::default() })
     };
     let blind = answer(990, f64::NAN);
     assert_eq!(blind.flags & (flags::FORCE_MEASURED | flags::FORCE_MISMATCH), 0, "{blind:?}");
@@ -198,16 +221,59 @@ fn contradicting_measured_force_raises_the_alarm() {
     assert_eq!(fitting.flags & flags::FORCE_MISMATCH, 0, "{fitting:?}");
     assert_ne!(fitting.flags & flags::FORCE_MEASURED, 0);
     let beyond_n = blind.contact_force_n + 100.0 * f64::from(blind.force_halfwidth_n.max(0.01));
-    assert_eq!(answer(900, beyond_n).flags & flags::FORCE_MISMATCH, 0, "for a moment is no alarm");
+    for ago_ms in [900, 700, 600, 500] {
+        assert_eq!(answer(ago_ms, beyond_n).flags & flags::FORCE_MISMATCH, 0, "for a moment is no alarm");
+    }
     // Half a second of stamps later it is one.
     let alarm = answer(300, beyond_n);
     assert_ne!(alarm.flags & flags::FORCE_MISMATCH, 0, "{alarm:?}");
     assert_eq!(alarm.measured_force_n, beyond_n);
     assert_eq!(alarm.contact_force_n, blind.contact_force_n, "the prediction stands");
-    twin.wait_for("MEASURED FORCE DIFFERS");
-    assert_eq!(answer(200, blind.contact_force_n).flags & flags::FORCE_MISMATCH, 0, "it fits again");
-    twin.wait_for("agree again");
-    assert!(twin.stop().0.success());
+    finger.twin.wait_for("MEASURED FORCE DIFFERS");
+    let again = SensorSample { measured_force_n: blind.contact_force_n, ..SensorSample::default() };
+    assert_eq!(finger.state(200, again).flags & flags::FORCE_MISMATCH, 0, "it fits again");
+    finger.twin.wait_for("agree again");
+    assert!(finger.twin.stop().0.success());
+}
+
+/// A steady difference of a marker from its predicted position by more than its standard deviation allows raises the alarm; noise,
+/// a moment, or a marker that no camera sees raise none.
+#[test]
+fn contradicting_marker_raises_the_alarm() {
+    let stage = Stage::new("marker");
+    let scene = std::fs::read_to_string(stage.finger(STEADY)).unwrap();
+    let marker = "[[actuator.marker]]\nname = \"tip\"\nnode = 119\n[actuator.sigma]\nmarker_mm = 0.2\n";
+    let scene = stage.write("marker.toml", &format!("{scene}{marker}"));
+    let mut finger = Answering::start(&stage, &scene);
+    let first = finger.state(30_000, SensorSample::default());
+    let [x, y, z] = {
+        let fields = &finger.fields;
+        let field = tests::wait::wait_for(fields, "the field", |fields| fields.newest().unwrap());
+        [field_id::X, field_id::Y, field_id::Z].map(|id| f64::from(field.field(id).unwrap()[119]))
+    };
+    let mut answer = |ago_ms: u64, off_mm: f64| {
+        let mut sample = SensorSample { marker_values: 3, ..SensorSample::default() };
+        sample.markers_mm[0] = Marker { x, y: y + off_mm, z };
+        finger.state(ago_ms, sample)
+    };
+    let raised = |state: State| state.flags & flags::MARKER_MISMATCH != 0;
+    assert!(!raised(first), "no camera");
+    let noise_mm = [0.3, -0.2, 0.1, -0.3, 0.25, -0.15, 0.2, -0.2];
+    for (k, off_mm) in noise_mm.into_iter().enumerate() {
+        assert!(!raised(answer(29_900 - 100 * k as u64, off_mm)), "noise of 0.2 mm at reading {k}");
+    }
+    let beyond_mm = 2.0 + f64::from(2.0 * first.displacement_halfwidth_mm);
+    for ago_ms in [900, 800, 700, 600, 500] {
+        assert!(!raised(answer(ago_ms, beyond_mm)), "for a moment is no alarm");
+    }
+    let alarm = answer(300, beyond_mm);
+    assert!(raised(alarm), "{alarm:?}");
+    assert!(f64::from(alarm.displacement_halfwidth_mm) > beyond_mm - 0.6, "{alarm:?}");
+    assert!(!raised(answer(200, 0.0)), "it fits again");
+    for line in ["MEASURED MARKER DIFFERS", "markers and predicted positions agree again"] {
+        finger.twin.wait_for(line);
+    }
+    assert!(finger.twin.stop().0.success());
 }
 
 #[test]

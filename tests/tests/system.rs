@@ -16,6 +16,7 @@ mod kills;
 mod live;
 mod memory;
 mod parameters;
+mod paths;
 mod queries;
 mod realtime;
 mod recording;

@@ -1,8 +1,10 @@
 """The example programs and those of docs/clients run."""
 
+import importlib.util
 import json
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 
@@ -34,12 +36,30 @@ def test_the_force_plot_draws(live, tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+VALVE = """
+    [actuator.valve]
+    range_mpa = {range_mpa}
+    rate_mpa_per_s = 0.5
+    force_max_n = 0.6
+    [actuator.valve.iio]
+    device = "iio:device0"
+    scale = 2e-5
+    raw_max = 65535
+"""
+
+
+def force_scene(stage, range_mpa):
+    """Scene with a valve beside a model given relative to the scene's folder."""
+    shutil.copy(REPOSITORY / "models/pneunet/pneunet.twin", stage.folder / "pneunet.twin")
+    valve = VALVE.format(range_mpa=range_mpa)
+    return stage.scene(f'name = "force"\n[[actuator]]\nname = "finger"\nmodel = "pneunet.twin"\n{valve}')
+
+
 def test_a_python_controller_holds_the_force(stage):
-    model = REPOSITORY / "models/pneunet/pneunet.twin"
-    scene = stage.scene(f'name = "force"\n[[actuator]]\nname = "finger"\nmodel = "{model}"\n')
+    scene = force_scene(stage, [0.0, 0.09])
     stage.twin(scene)
     plant = stage.start("softtwin-studies", "plant", "--scene", str(scene), "--seconds", "4", "--target-n", "0.3")
-    said = json.loads(run(stage, EXAMPLES / "hold_force.py", "--target-n", "0.3", "--seconds", "30", "--json"))
+    said = json.loads(run(stage, EXAMPLES / "hold_force.py", "--scene", scene, "--target-n", "0.3", "--seconds", "30", "--json"))
     assert plant.wait(PATIENCE_S) == 0
     truth = json.loads((stage.folder / "1.log").read_text().splitlines()[-1])
     response = truth["response"]
@@ -47,6 +67,37 @@ def test_a_python_controller_holds_the_force(stage):
     assert response["overshoot"] < 0.4 and abs(response["final_error"]) < 0.05, truth
     assert said["feed_forward_mpa"] > 0.01
     sys.stdout.write(json.dumps({"plant": truth, "controller": said}) + "\n")
+
+
+@pytest.mark.parametrize("range_mpa, target_n", [([0.0, 0.03], 0.3), ([0.0, 0.09], 0.7)])
+def test_a_force_beyond_the_limits_of_the_scene_is_refused(stage, range_mpa, target_n):
+    scene = force_scene(stage, range_mpa)
+    stage.twin(scene)
+    plant = stage.start("softtwin-studies", "plant", "--scene", str(scene), "--seconds", "60")
+    arguments = [sys.executable, EXAMPLES / "hold_force.py", "--scene", scene, "--target-n", str(target_n)]
+    refused = subprocess.run(arguments, env=stage.environment(), capture_output=True, text=True, timeout=PATIENCE_S)
+    assert refused.returncode == 1 and "the scene" in refused.stderr, refused
+    stage.stop(plant)
+    setpoints = json.loads((stage.folder / "1.log").read_text().split("\n", 1)[1])["commands"]
+    assert setpoints <= 1, "at most its release"
+
+
+def test_the_controller_keeps_to_range_and_rate_of_the_scene(stage):
+    specification = importlib.util.spec_from_file_location("hold_force", EXAMPLES / "hold_force.py")
+    hold_force = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(hold_force)
+    limits = hold_force.limits(force_scene(stage, [0.01, 0.05]))
+    assert (limits.actuator, limits.range_mpa, limits.rate_mpa_per_s, limits.force_max_n) == ("finger", (0.01, 0.05), 0.5, 0.6)
+    controller = hold_force.Controller(0.3, 0.04, limits)
+    sent = [controller.update(0.0, 5.0, 0.0, 0.01) for _ in range(100)]
+    assert sent[0] == 0.01 and max(sent) == 0.05
+    assert max(after - before for before, after in zip(sent, sent[1:])) <= 0.5 * 0.01 + 1e-12
+    # The integral did not grow behind the limit: the first force beyond the target lowers the pressure at once.
+    assert controller.update(0.31, 5.0, 0.05, 0.01) < 0.05
+    free = stage.scene('name = "force"\n[[actuator]]\nname = "finger"\nmodel = "pneunet.twin"\n')
+    assert hold_force.limits(free, "finger").range_mpa[1] == pytest.approx(0.09, abs=0.02)
+    with pytest.raises(SystemExit):
+        hold_force.limits(free, "other")
 
 
 @pytest.mark.parametrize("number", range(5))

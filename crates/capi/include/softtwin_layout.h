@@ -28,6 +28,7 @@
 #define SOFTTWIN_FLAG_COEFFICIENTS_CUT 256u /* The model has more coefficients than a state can carry: only the first are in it. */
 #define SOFTTWIN_FLAG_FORCE_CLAMPED 512u /* The interpolated force was negative and was set to 0. */
 #define SOFTTWIN_FLAG_REGIME_HELD 1024u /* The regime is still contact although the pressure is just below the onset (hysteresis). */
+#define SOFTTWIN_FLAG_MARKER_MISMATCH 2048u /* A marker has differed from its predicted position by more than the displacement's half-width for longer than configured. */
 #define SOFTTWIN_VALUE_PRESSURE 1u /* Pressure. */
 #define SOFTTWIN_VALUE_GAP 2u /* Gap. */
 #define SOFTTWIN_VALUE_FORCE 4u /* Measured force. */
@@ -108,6 +109,7 @@
 #define SOFTTWIN_VALVE_INTERLOCK_FORCE 8u /* The force, measured or predicted, was beyond its limit; stays until the owner asks for the safe value or begins a new run. */
 #define SOFTTWIN_VALVE_INTERLOCK_NO_FORCE 16u /* A measured force is needed, and the newest state has none. */
 #define SOFTTWIN_VALVE_INTERLOCK_FORCE_MISMATCH 32u /* The measured force contradicts the predicted one. */
+#define SOFTTWIN_VALVE_INTERLOCK_MARKER_MISMATCH 64u /* A marker contradicts its predicted position. */
 #define SOFTTWIN_VALVE_LIMIT_RANGE 1u /* The value that is wanted lies outside the range. */
 #define SOFTTWIN_VALVE_LIMIT_RATE 2u /* The value moves towards the wanted one at the greatest rate. */
 #define SOFTTWIN_QUERY_WHATIF 1u /* Pressure and gap are given, state and force are asked for. */

@@ -12,6 +12,11 @@ pub const MAX_TEXT_BYTES: u64 = 64 << 20;
 /// Largest array, mesh or matrix that is read: 8 GiB.
 pub const MAX_DATA_BYTES: u64 = 8 << 30;
 
+/// Path that the file `file` has in a key, a table or a line: relative ones count from its folder.
+pub fn named_in(file: &Path, path: impl AsRef<Path>) -> PathBuf {
+    file.parent().unwrap_or(Path::new("")).join(path)
+}
+
 /// Opens a regular file of at most `limit` bytes and returns it with its length in bytes.
 ///
 /// # Errors

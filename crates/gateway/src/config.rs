@@ -87,12 +87,12 @@ impl Config {
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let file: File = runtime::config::read(path)?;
         let mut problems = Vec::new();
-        let config = check(file, runtime::file::folder_of(path), &mut problems);
+        let config = check(file, path, &mut problems);
         if problems.is_empty() { Ok(config) } else { Err(ConfigError { path: path.into(), problems }) }
     }
 }
 
-fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
+fn check(file: File, path: &Path, problems: &mut Vec<String>) -> Config {
     let is_client = file.mode == Mode::Client;
     if !is_client && file.listen.as_ref().is_some_and(Vec::is_empty) && file.connect.is_empty() {
         problems.push("listen, connect: expected at least one endpoint, found none".into());
@@ -106,7 +106,7 @@ fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
         None => endpoints("listen", &[DEFAULT_LISTEN.to_owned()], problems),
     };
     let connect = endpoints("connect", &file.connect, problems);
-    let known = security::check(file.security, folder, problems);
+    let known = security::check(file.security, path, problems);
     for endpoint in &listen {
         problems.extend(security::closed("listen", endpoint, known.may_listen()));
         if endpoint.is_tls && known.own.is_none() {
@@ -141,7 +141,7 @@ fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
         keys: keys(&file.keys, problems),
         field_period: Duration::try_from_secs_f64(1.0 / file.field_rate_hz).unwrap_or_default(),
         inlets: inlets(&file.readings_from_network, problems),
-        ros2: file.ros2.map(|ros2| ros::check(ros2, folder, problems)),
+        ros2: file.ros2.map(|ros2| ros::check(ros2, path, problems)),
         security: known,
     }
 }

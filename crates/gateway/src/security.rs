@@ -81,10 +81,10 @@ impl Security {
     }
 }
 
-/// Reads and checks the table; paths are relative to `folder`.
-pub fn check(file: SecurityFile, folder: &Path, problems: &mut Vec<String>) -> Security {
+/// Reads and checks the table; its paths count from the folder of the configuration file `config`.
+pub fn check(file: SecurityFile, config: &Path, problems: &mut Vec<String>) -> Security {
     let mut read = |key: &str, path: Option<PathBuf>, is_secret: bool| {
-        let path = folder.join(path?);
+        let path = file::named_in(config, path?);
         let found = readable(&path, is_secret);
         let text =
             found.map_err(|error| problems.push(format!("security.{key}: {}: {error}", path.display())));

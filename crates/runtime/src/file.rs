@@ -1,5 +1,6 @@
 //! Opening the files that a start is configured with. Pipes and devices would never end, so they are refused.
 
+pub use formats::file::named_in;
 use std::fs::{self, File};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
@@ -45,9 +46,4 @@ pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>> {
 pub fn read_text(path: &Path, limit: u64) -> Result<String> {
     String::from_utf8(read(path, limit)?)
         .map_err(|_| Error::new(ErrorKind::InvalidData, "expected UTF-8 text, found other bytes"))
-}
-
-/// Folder of a file, from which the paths in it count: `.` for a bare name.
-pub fn folder_of(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

@@ -15,7 +15,7 @@ use rom::observable::Observables;
 use rom::reconstructor::{Basis, BasisOptions, Reconstructor};
 use rom::snapshots::{FieldKind, RegimeKind};
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{Error, ErrorKind, Read, Seek, SeekFrom};
 use std::path::Path;
 use wire::layout::{FIELD_SLOTS, GROUPS_MAX, OBSERVABLES_MAX, field_id, set_slot};
 
@@ -209,8 +209,13 @@ impl Description {
 }
 
 /// The file ends with its blake3 hash; blocks are verified one by one when they are read. Leaves the file at its beginning.
-pub(crate) fn trailer_hash(file: &mut File) -> std::io::Result<[u8; 16]> {
+pub(crate) fn trailer_hash(file: &mut File) -> Result<[u8; 16], Error> {
     let mut trailer = [0; 32];
+    let length = file.metadata()?.len();
+    if length < trailer.len() as u64 {
+        let found = format!("expected a model, found a file of {length} bytes");
+        return Err(Error::new(ErrorKind::InvalidData, found));
+    }
     file.seek(SeekFrom::End(-32))?;
     file.read_exact(&mut trailer)?;
     file.rewind()?;

@@ -60,6 +60,12 @@ fn write(name: &str, event: &Event) {
             );
         }
         EventKind::ForceMismatch => tracing::info!("{name}: measured and predicted force agree again"),
+        EventKind::MarkerMismatch if event.value != 0 => {
+            tracing::warn!(
+                "{name}: MEASURED MARKER DIFFERS from its predicted position: a wrong gap, a marker that slipped, a camera that moved?"
+            );
+        }
+        EventKind::MarkerMismatch => tracing::info!("{name}: markers and predicted positions agree again"),
         EventKind::ReceiveFailed => {
             tracing::error!(
                 "{name}: reading the sensor topic failed {} times; see `softtwin doctor`",

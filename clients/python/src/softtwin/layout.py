@@ -120,6 +120,7 @@ FLAGS: Dict[int, str] = {
     256: "coefficients-cut",
     512: "force-clamped",
     1024: "regime-held",
+    2048: "marker-mismatch",
 }
 """Flags by bit."""
 
@@ -140,6 +141,7 @@ VALVE_INTERLOCKS: Dict[int, str] = {
     8: "force",
     16: "no-force",
     32: "force-mismatch",
+    64: "marker-mismatch",
 }
 """Interlocks of a valve, by bit."""
 

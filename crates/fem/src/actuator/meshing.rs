@@ -3,6 +3,7 @@
 use super::file::Actuator;
 use super::{grid, surfaces};
 use crate::mesh::{self, Mesh, Slot};
+use formats::file::named_in;
 use formats::mesh_file::{MeshFile, Tri6};
 use formats::{Diagnostic, FormatError, msh, vtu};
 use std::path::Path;
@@ -14,7 +15,7 @@ impl Actuator {
     /// # Errors
     /// I/O error, not a mesh, or all errors in the mesh.
     pub fn read_mesh(&self, actuator_path: &Path) -> Result<Mesh, FormatError> {
-        let path = actuator_path.parent().unwrap_or(Path::new(".")).join(&self.mesh.file);
+        let path = named_in(actuator_path, &self.mesh.file);
         let file = match path.extension().and_then(|ending| ending.to_str()) {
             Some("msh") => msh::read(&path)?,
             Some("vtu") => {

@@ -38,7 +38,7 @@ impl Actuator {
         let Some(elastomer) = table.get("elastomer").and_then(Value::as_table) else { return Ok(None) };
         match (elastomer.get("file"), elastomer.len()) {
             (None, _) => Ok(None),
-            (Some(Value::String(file)), 1) => Ok(Some(path.parent().unwrap_or(Path::new("")).join(file))),
+            (Some(Value::String(file)), 1) => Ok(Some(file::named_in(path, file))),
             (Some(Value::String(_)), _) => {
                 let others: Vec<&str> =
                     elastomer.keys().map(String::as_str).filter(|key| *key != "file").collect();

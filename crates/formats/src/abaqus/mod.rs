@@ -126,8 +126,7 @@ enum Current {
 /// I/O error, or all errors in the content.
 pub fn read(path: &Path) -> Result<AbaqusMesh, FormatError> {
     let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
-    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-    run(&String::from_utf8_lossy(&bytes), Some(folder))
+    run(&String::from_utf8_lossy(&bytes), Some(path))
         .map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })
 }
 
@@ -139,9 +138,9 @@ pub fn parse(text: &str) -> Result<AbaqusMesh, Vec<Diagnostic>> {
     run(text, None)
 }
 
-fn run(text: &str, folder: Option<PathBuf>) -> Result<AbaqusMesh, Vec<Diagnostic>> {
+fn run(text: &str, path: Option<&Path>) -> Result<AbaqusMesh, Vec<Diagnostic>> {
     let mut reader = Reader {
-        folder,
+        path: path.map(Path::to_owned),
         files: Vec::new(),
         number: 0,
         file: Scope::default(),
@@ -158,8 +157,8 @@ fn run(text: &str, folder: Option<PathBuf>) -> Result<AbaqusMesh, Vec<Diagnostic
 }
 
 struct Reader {
-    /// Folder of the file; `None` if other files are refused.
-    folder: Option<PathBuf>,
+    /// The file; `None` if other files are refused.
+    path: Option<PathBuf>,
     /// Names of the included files that are being read.
     files: Vec<String>,
     number: usize,
@@ -263,7 +262,7 @@ impl Reader {
     }
 
     fn include(&mut self, name: &str) {
-        let Some(folder) = &self.folder else {
+        let Some(path) = &self.path else {
             return self.report("all nodes and elements written out", format!("INPUT={name}"));
         };
         if self.files.len() >= MAX_DEPTH {
@@ -272,13 +271,16 @@ impl Reader {
                 format!("INPUT={name}"),
             );
         }
-        match file::read_bytes(&folder.join(name), file::MAX_DATA_BYTES) {
+        match file::read_bytes(&file::named_in(path, name), file::MAX_DATA_BYTES) {
             Ok(bytes) => {
                 let number = self.number;
                 self.files.push(name.into());
                 self.lines(&String::from_utf8_lossy(&bytes));
                 self.files.pop();
                 self.number = number;
+            }
+            Err(FormatError::Io { source, .. }) => {
+                self.report(format!("a readable file INPUT={name}"), source);
             }
             Err(error) => self.report(format!("a readable file INPUT={name}"), error),
         }

@@ -149,12 +149,11 @@ impl Mapping {
     pub fn read_run(&self, run: &Path) -> Result<Recording, FormatError> {
         let text = run.to_string_lossy();
         let is_joined = !self.file.is_empty() && !run.exists();
-        let folder = run.parent().unwrap_or(Path::new(""));
         let paths: Vec<PathBuf> = match is_joined {
             true => text
                 .split('+')
                 .enumerate()
-                .map(|(at, part)| if at == 0 { part.into() } else { folder.join(part) })
+                .map(|(at, part)| if at == 0 { part.into() } else { file::named_in(run, part) })
                 .collect(),
             false => vec![run.to_owned()],
         };

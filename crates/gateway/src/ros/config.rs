@@ -1,6 +1,7 @@
 //! The table `[ros2]` of the configuration.
 
 use super::attachment::plain;
+use runtime::file::named_in;
 use runtime::known_model::KnownModel;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -35,8 +36,8 @@ pub struct Ros2 {
     pub marker_full_scale_mpa: f64,
 }
 
-/// Checks the table and reads its models; adds errors to `problems`.
-pub fn check(file: Ros2File, folder: &Path, problems: &mut Vec<String>) -> Ros2 {
+/// Checks the table of the configuration file `config` and reads its models; adds errors to `problems`.
+pub fn check(file: Ros2File, config: &Path, problems: &mut Vec<String>) -> Ros2 {
     let Ros2File { domain_id, node, models, marker_full_scale_mpa } = file;
     if domain_id > 232 {
         problems.push(format!("ros2.domain_id: expected 0 to 232, found {domain_id}"));
@@ -50,7 +51,7 @@ pub fn check(file: Ros2File, folder: &Path, problems: &mut Vec<String>) -> Ros2 
         ));
     }
     let mut read = |path: PathBuf| {
-        let path = folder.join(path);
+        let path = named_in(config, path);
         let model = KnownModel::read(&path);
         model.map_err(|error| problems.push(format!("ros2.models: {error} ({})", path.display()))).ok()
     };

@@ -2,23 +2,25 @@
 
 use super::{ActuatorSpec, Scene};
 use crate::source::{SensorSpec, SerialSpec, SourceSpec};
+use formats::file::named_in;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 impl Scene {
-    /// Makes the folder and every path in the scene absolute.
+    /// Makes every path of the scene in `file` absolute, and finds its folder.
     ///
     /// # Errors
     /// The current folder is not accessible.
-    pub(super) fn resolve_paths(&mut self) -> io::Result<()> {
-        self.folder = std::path::absolute(&self.folder)?;
+    pub(super) fn resolve_paths(&mut self, file: &Path) -> io::Result<()> {
+        let file = std::path::absolute(file)?;
+        self.folder = named_in(&file, "");
         for actuator in &mut self.actuators {
             for path in actuator.paths_mut().into_iter().filter(|path| !path.as_os_str().is_empty()) {
-                *path = self.folder.join(&*path);
+                *path = named_in(&file, &*path);
             }
             // A program without a slash is found by PATH.
             for program in actuator.programs_mut().filter(|program| program.contains('/')) {
-                *program = self.folder.join(&*program).to_string_lossy().into_owned();
+                *program = named_in(&file, &*program).to_string_lossy().into_owned();
             }
         }
         Ok(())

@@ -235,8 +235,7 @@ impl Scene {
     /// All problems at once.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let mut scene: Self = read(path)?;
-        scene.folder = crate::file::folder_of(path).to_owned();
-        let resolved = scene.resolve_paths();
+        let resolved = scene.resolve_paths(path);
         resolved.map_err(|error| ConfigError { path: path.into(), problems: vec![error.to_string()] })?;
         ConfigError::unless(path, scene.problems())?;
         Ok(scene)

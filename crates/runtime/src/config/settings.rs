@@ -33,9 +33,9 @@ pub struct Limits {
     pub max_ahead_ms: f64,
     /// A reading sent later than this after its stamp is counted and flagged late, ms.
     pub late_ms: f64,
-    /// Time for which a measured force must differ from the predicted one by more than its half-width and the load cell's noise to raise
-    /// the alarm, ms: each reading, or the mean of readings that stay alike.
-    pub force_mismatch_ms: f64,
+    /// Time for which a measured force or marker must differ from the predicted one by more than half-width and noise to raise the
+    /// alarm, ms: each reading, or the mean of readings that stay alike.
+    pub mismatch_ms: f64,
     /// Policy for readings outside the model's training range.
     pub outside_domain: OutsideDomain,
 }
@@ -63,7 +63,7 @@ impl Default for Limits {
             max_age_ms: 1000.0,
             max_ahead_ms: 100.0,
             late_ms: 5.0,
-            force_mismatch_ms: 500.0,
+            mismatch_ms: 500.0,
             outside_domain: OutsideDomain::default(),
         }
     }
@@ -133,7 +133,7 @@ impl Settings {
             ("max_age_ms", limits.max_age_ms),
             ("max_ahead_ms", limits.max_ahead_ms),
             ("late_ms", limits.late_ms),
-            ("force_mismatch_ms", limits.force_mismatch_ms),
+            ("mismatch_ms", limits.mismatch_ms),
         ] {
             if !(value.is_finite() && value > 0.0) {
                 problems.push(format!("limits.{key}: expected a finite number above 0, found {value}"));

@@ -1,10 +1,10 @@
 //! Residuals of the markers: measured minus predicted positions, in the camera's frame.
 
-use super::residual::Seen;
+use super::residual::{Judged, Residual, Watch};
 use crate::config::ActuatorSpec;
 use crate::estimation::{SensorModel, Used};
 use estimate::{MAX_ROWS, Model, Predicted};
-use rom::inputs::Inputs;
+use rom::evaluation::Evaluation;
 use wire::SensorSample;
 use wire::layout::{MARKERS_MAX, Marker};
 
@@ -16,7 +16,8 @@ pub(super) struct Markers {
     count: usize,
     sigmas_mm: [Marker; MARKERS_MAX],
     used: Used,
-    seen: [[Seen; 3]; MARKERS_MAX],
+    watches: [[Watch; 3]; MARKERS_MAX],
+    judged: [Judged; MARKERS_MAX],
 }
 
 impl Markers {
@@ -27,29 +28,36 @@ impl Markers {
             count: spec.markers.len().min(MARKERS_MAX),
             sigmas_mm: spec.marker_sigmas_mm(),
             used: Used::default(),
-            seen: [[Seen::default(); 3]; MARKERS_MAX],
+            watches: Default::default(),
+            judged: [Judged::default(); MARKERS_MAX],
         }
     }
 
-    /// Takes the markers of a reading whose model inputs are these: the contribution to the displacement's half-width, mm:
-    /// the largest of the markers.
-    pub(super) fn update(&mut self, sample: &SensorSample, inputs: Inputs) -> f64 {
+    /// Takes the markers of a reading with this evaluation: the contribution to the displacement's half-width, mm, which is the largest of
+    /// the markers, and whether a coordinate contradicts the model for `after_s`. A slow camera's value counts once.
+    pub(super) fn update(&mut self, sample: &SensorSample, evaluation: &Evaluation, after_s: f64) -> Judged {
         let new = self.used.new_in(sample);
         if sample.marker_values > 0 {
             let rows = self.predicted.get_mut(..1 + 3 * self.count).unwrap_or_default();
-            self.model.predict(inputs.values(), rows);
+            self.model.predict(evaluation.inputs.values(), rows);
         }
+        let (t_sensor_ns, halfwidth) = (sample.t_sensor_ns, evaluation.halfwidths.displacement_mm);
         let predicted = self.predicted.get(1..).unwrap_or_default().chunks_exact(3);
-        let markers = sample.markers_mm.iter().zip(new.markers).zip(&self.sigmas_mm).zip(&mut self.seen);
-        let mut most_mm = 0.0_f64;
-        for ((((marker, is_new), sigma), seen), predicted) in markers.zip(predicted).take(self.count) {
-            let marker = if is_new { *marker } else { Marker::ABSENT };
+        let markers = sample.markers_mm.iter().zip(new.markers).zip(&self.sigmas_mm).zip(predicted);
+        let state = self.watches.iter_mut().zip(&mut self.judged);
+        for ((((marker, is_new), sigma), predicted), (watches, judged)) in markers.zip(state).take(self.count)
+        {
             let axes = [(marker.x, sigma.x), (marker.y, sigma.y), (marker.z, sigma.z)];
-            let parts = axes.iter().zip(predicted).zip(seen).map(|(((measured, sigma), predicted), seen)| {
-                seen.update(sample.t_sensor_ns, measured - predicted.value, *sigma)
-            });
-            most_mm = most_mm.max(parts.fold(0.0, f64::hypot));
+            if !is_new && axes.iter().any(|(measured, _)| !measured.is_nan()) {
+                continue;
+            }
+            let each =
+                axes.iter().zip(predicted).zip(watches).map(|(((measured, sigma), predicted), watch)| {
+                    let value = measured - predicted.value;
+                    watch.update(Residual { t_sensor_ns, value, halfwidth, sigma: *sigma }, after_s)
+                });
+            *judged = each.fold(Judged::default(), |all, axis| all.joined(axis, f64::hypot));
         }
-        most_mm
+        self.judged.iter().fold(Judged::default(), |all, marker| all.joined(*marker, f64::max))
     }
 }

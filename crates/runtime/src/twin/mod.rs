@@ -33,7 +33,7 @@ use crate::publish::{self, Contents, FieldError, FieldOutput};
 use ingest::{Needed, Validator};
 use markers::Markers;
 use record::Record;
-use residual::{Residual, Watch};
+use residual::{Judged, Residual, Watch};
 use rom::evaluation::Evaluation;
 use rom::evaluator::{HysteresisEvaluator, RegimeLabel};
 use rom::halfwidths::HalfWidths;
@@ -491,12 +491,14 @@ impl ActuatorTwin {
             halfwidth: evaluation.halfwidths.force_n,
             sigma: self.parts.force_sigma_n,
         };
-        let residual = self.force_watch.update(residual, 1e-3 * self.limits.force_mismatch_ms);
+        let after_s = 1e-3 * self.limits.mismatch_ms;
+        let force = self.force_watch.update(residual, after_s);
         let markers = self.parts.markers.as_mut();
-        let of_markers_mm = markers.map_or(0.0, |markers| markers.update(sample, evaluation.inputs));
+        let markers =
+            markers.map_or(Judged::default(), |markers| markers.update(sample, evaluation, after_s));
         let halfwidths = &mut evaluation.halfwidths;
-        halfwidths.force_n = halfwidths.force_n.hypot(residual.contribution);
-        halfwidths.displacement_mm = halfwidths.displacement_mm.hypot(of_markers_mm);
+        halfwidths.force_n = halfwidths.force_n.hypot(force.contribution);
+        halfwidths.displacement_mm = halfwidths.displacement_mm.hypot(markers.contribution);
         let (regime_before, flags_before) = (state.regime, self.record.health.flags);
         let Parts { contents, description, wanted, .. } = &self.parts;
         publish::fill_state(state, evaluation, contents, description, *wanted);
@@ -509,15 +511,14 @@ impl ActuatorTwin {
         let late = taken_ns.saturating_sub(sample.t_sensor_ns) > ms_to_ns(self.limits.late_ms);
         for (bit, set) in [
             (flags::FORCE_MEASURED, sample.measured_force_n.is_finite()),
-            (flags::FORCE_MISMATCH, residual.mismatch),
+            (flags::FORCE_MISMATCH, force.mismatch),
+            (flags::MARKER_MISMATCH, markers.mismatch),
             (flags::LATE, late),
         ] {
             state.flags |= if set { bit } else { 0 };
         }
         self.record.health.late += u64::from(late);
-        if (state.flags ^ flags_before) & flags::FORCE_MISMATCH != 0 {
-            self.record.event(EventKind::ForceMismatch, u64::from(residual.mismatch));
-        }
+        self.record.alarms(flags_before, state.flags);
         if regime_before != state.regime {
             self.record.event(EventKind::Regime, state.regime.into());
         }

@@ -118,6 +118,17 @@ impl Record {
         self.events.send(Event { t_ns: now_ns(), actuator: self.actuator, kind, value });
     }
 
+    /// Hands the alarms that rose or fell to the reporter.
+    pub(super) fn alarms(&self, before: u32, now: u32) {
+        let alarms = [
+            (flags::FORCE_MISMATCH, EventKind::ForceMismatch),
+            (flags::MARKER_MISMATCH, EventKind::MarkerMismatch),
+        ];
+        for (bit, kind) in alarms.into_iter().filter(|(bit, _)| (before ^ now) & bit != 0) {
+            self.event(kind, u64::from(now & bit != 0));
+        }
+    }
+
     /// Sends the health when it is due.
     pub(super) fn send_health(&mut self, now: u64, last_good_ns: u64) {
         if now < self.next_health_ns {
@@ -178,6 +189,8 @@ pub enum EventKind {
     Missed,
     /// The measured force contradicts the predicted one, or agrees again; value: 1 contradicts, 0 agrees.
     ForceMismatch,
+    /// A marker contradicts its predicted position, or all agree again; value as of the force.
+    MarkerMismatch,
     /// Readings could not be received; value: failures of this kind so far, as for all that follow.
     ReceiveFailed,
     /// A state, field or health could not be sent.

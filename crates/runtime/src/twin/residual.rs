@@ -26,8 +26,8 @@ const RARE: f64 = 3.0;
 const GROWTH: f64 = 4.0;
 /// Standard deviations beyond which a reading is far from those before.
 const STEP: f64 = 4.0;
-/// Smallest number of readings of a steady residual.
-const MIN_STEADY: f64 = 5.0;
+/// Smallest number of readings that raise the alarm.
+const MIN_READINGS: f64 = 5.0;
 
 /// Residual of one reading.
 #[derive(Debug, Clone, Copy)]
@@ -43,12 +43,20 @@ pub(super) struct Residual {
 }
 
 /// Result of a reading.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Judged {
     /// Share of the half-width that the residuals require; 0 if nothing was measured yet.
     pub(super) contribution: f64,
     /// The alarm stands.
     pub(super) mismatch: bool,
+}
+
+impl Judged {
+    /// Both results as one, with the contributions combined by `combine`.
+    pub(super) fn joined(self, other: Self, combine: fn(f64, f64) -> f64) -> Self {
+        let contribution = combine(self.contribution, other.contribution);
+        Self { contribution, mismatch: self.mismatch || other.mismatch }
+    }
 }
 
 /// Weighted sums over the readings.
@@ -133,6 +141,7 @@ impl Seen {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Watch {
     outside_since_ns: Option<u64>,
+    outside_count: f64,
     seen: Seen,
     steady: Sums,
     steady_since_ns: u64,
@@ -145,8 +154,7 @@ impl Watch {
         let Residual { t_sensor_ns, value, halfwidth, sigma } = residual;
         let contribution = self.seen.update(t_sensor_ns, value, sigma);
         if value.is_nan() {
-            self.outside_since_ns = None;
-            self.steady = Sums::default();
+            (self.outside_since_ns, self.steady) = (None, Sums::default());
             return Judged { contribution, mismatch: false };
         }
         // Without a half-width nothing can be said.
@@ -166,7 +174,9 @@ impl Watch {
             self.outside_since_ns = None;
             return false;
         }
-        has_passed(*self.outside_since_ns.get_or_insert(t_sensor_ns), t_sensor_ns, after_s)
+        self.outside_count = self.outside_since_ns.map_or(1.0, |_| self.outside_count + 1.0);
+        let since_ns = *self.outside_since_ns.get_or_insert(t_sensor_ns);
+        self.outside_count >= MIN_READINGS && has_passed(since_ns, t_sensor_ns, after_s)
     }
 
     /// The mean of residuals that stay alike is beyond half-width and standard deviation.
@@ -179,7 +189,7 @@ impl Watch {
         self.steady.add(t_sensor_ns, value, after_s.max(f64::MIN_POSITIVE));
         let count = self.steady.count();
         let allowed = halfwidth.hypot(sigma) + RARE * sigma / count.sqrt();
-        count >= MIN_STEADY
+        count >= MIN_READINGS
             && has_passed(self.steady_since_ns, t_sensor_ns, after_s)
             && self.steady.mean().abs() > allowed
     }

@@ -126,12 +126,13 @@ impl Governor {
         }
         let bit = |is_set: bool, bit: u32| if is_set { bit } else { 0 };
         let outside = state.domain_status == domain_status::OUTSIDE;
-        let mismatch = state.flags & flags::FORCE_MISMATCH != 0;
+        let contradicts = |flag: u32| self.stop_on_mismatch && state.flags & flag != 0;
         self.latched()
             | bit(now_ns.saturating_sub(state.t_sensor_ns) > self.max_age_ns, valve_interlock::STALE)
             | bit(self.stop_outside_domain && outside, valve_interlock::OUTSIDE_DOMAIN)
             | bit(self.needs_force && !state.measured_force_n.is_finite(), valve_interlock::NO_FORCE)
-            | bit(self.stop_on_mismatch && mismatch, valve_interlock::FORCE_MISMATCH)
+            | bit(contradicts(flags::FORCE_MISMATCH), valve_interlock::FORCE_MISMATCH)
+            | bit(contradicts(flags::MARKER_MISMATCH), valve_interlock::MARKER_MISMATCH)
     }
 
     fn latched(&self) -> u32 {

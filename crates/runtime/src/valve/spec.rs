@@ -34,7 +34,7 @@ pub struct ValveSpec {
     /// Closes when the state has no measured force.
     #[serde(default)]
     pub needs_force: bool,
-    /// Closes when the measured force contradicts the predicted one.
+    /// Closes when the measured force or a marker contradicts the predicted one.
     #[serde(default)]
     pub stop_on_mismatch: bool,
     /// A Modbus device.

@@ -1,5 +1,4 @@
 use super::*;
-use crate::file::folder_of;
 use std::path::Path;
 
 /// A scene with every path-valued key; `NAME` is relative.
@@ -45,8 +44,7 @@ fn every_path_counts_from_the_folder_of_its_file() {
         [("scene.toml", here.clone()), ("a/b/scene.toml", here.join("a/b")), ("/x/s.toml", "/x".into())]
     {
         let mut scene: Scene = toml::from_str(SCENE).unwrap();
-        scene.folder = folder_of(Path::new(file)).to_owned();
-        scene.resolve_paths().unwrap();
+        scene.resolve_paths(Path::new(file)).unwrap();
         assert_eq!(scene.folder, folder, "{file}");
         let mut paths: Vec<PathBuf> = Vec::new();
         for actuator in &mut scene.actuators {
@@ -61,7 +59,7 @@ fn every_path_counts_from_the_folder_of_its_file() {
         let text = toml::to_string(&scene).unwrap();
         assert_eq!(text.matches("\"NAME\"").count(), 1, "{text}");
         let before = scene.clone();
-        scene.resolve_paths().unwrap();
+        scene.resolve_paths(Path::new(file)).unwrap();
         assert_eq!(scene, before, "absolute paths stay");
     }
 }

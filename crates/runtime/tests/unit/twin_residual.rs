@@ -14,10 +14,15 @@ fn residual(ms: u64, value: f64, halfwidth: f64) -> Residual {
 fn the_alarm_comes_after_the_time_and_goes_at_once() {
     let mut watch = Watch::default();
     let mut at = |ms: u64, value: f64| watch.update(residual(ms, value, 0.02), 0.3).mismatch;
-    assert!(!at(0, 0.01) && !at(100, -0.5) && !at(399, 0.5), "outside for 299 ms is no alarm");
+    assert!(!at(0, 0.01) && !at(100, -0.5) && !at(200, 0.5) && !at(300, -0.5), "too short and too few");
+    assert!(!at(399, 0.5), "outside for 299 ms is no alarm");
     assert!(at(400, -0.5) && at(500, 0.03), "300 ms are, on either side");
     assert!(!at(600, 0.02), "back inside: over");
-    assert!(!at(700, 0.5) && at(1_000, 0.5), "and the time restarts");
+    assert!(
+        !at(700, 0.5) && !at(1_000, -0.5) && !at(1_100, 0.5) && !at(1_200, -0.5),
+        "and the time restarts"
+    );
+    assert!(at(1_300, 0.5), "five readings are enough");
 }
 
 #[test]

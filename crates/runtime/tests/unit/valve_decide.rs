@@ -53,9 +53,14 @@ fn cause_of_a_closed_valve_is_named() {
     );
     let cell = State { measured_force_n: 0.6, ..fresh(0.1) };
     assert_eq!(reason(Some(&setpoint), Some(&cell), "force_max_n = 0.5"), closed(valve_interlock::FORCE));
-    let contradicts = State { flags: flags::FORCE_MISMATCH, ..fresh(0.1) };
-    let found = reason(Some(&setpoint), Some(&contradicts), "stop_on_mismatch = true");
-    assert_eq!(found, closed(valve_interlock::FORCE_MISMATCH));
+    for (flags, interlock) in [
+        (flags::FORCE_MISMATCH, valve_interlock::FORCE_MISMATCH),
+        (flags::MARKER_MISMATCH, valve_interlock::MARKER_MISMATCH),
+    ] {
+        let contradicts = State { flags, ..fresh(0.1) };
+        let found = reason(Some(&setpoint), Some(&contradicts), "stop_on_mismatch = true");
+        assert_eq!(found, closed(interlock));
+    }
 }
 
 #[test]

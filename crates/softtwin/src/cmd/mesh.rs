@@ -6,6 +6,7 @@ use crate::options::ActuatorFile;
 use crate::output;
 use anyhow::Context;
 use fem::actuator::Actuator;
+use formats::file::named_in;
 use formats::vtu;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -59,7 +60,7 @@ impl Args {
     /// Meshes, checks, writes.
     pub fn run(self) -> anyhow::Result<()> {
         let actuator = Actuator::read(&self.geometry.actuator).map_err(refusal)?;
-        let beside = || self.geometry.actuator.parent().unwrap_or(Path::new(".")).join(&actuator.mesh.file);
+        let beside = || named_in(&self.geometry.actuator, &actuator.mesh.file);
         let out = self.out.clone().unwrap_or_else(beside);
         if out.extension().is_none_or(|e| e != "vtu") {
             return Err(usage(format!(

@@ -28,6 +28,8 @@ codes! {
         FORCE_CLAMPED = 1 << 9, "force-clamped";
         /// The regime is still contact although the pressure is just below the onset (hysteresis).
         REGIME_HELD = 1 << 10, "regime-held";
+        /// A marker has differed from its predicted position by more than the displacement's half-width for longer than configured.
+        MARKER_MISMATCH = 1 << 11, "marker-mismatch";
     }
     /// The names of the set bits.
     pub fn names(flags: u32) -> impl Iterator<Item = &'static str> {
@@ -243,6 +245,8 @@ codes! {
         NO_FORCE = 1 << 4, "no-force";
         /// The measured force contradicts the predicted one.
         FORCE_MISMATCH = 1 << 5, "force-mismatch";
+        /// A marker contradicts its predicted position.
+        MARKER_MISMATCH = 1 << 6, "marker-mismatch";
     }
     /// The names of the set bits.
     pub fn names(bits: u32) -> impl Iterator<Item = &'static str> {

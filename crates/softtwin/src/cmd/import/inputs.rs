@@ -4,6 +4,7 @@ use crate::failure::{configuration, usage};
 use crate::files::refusal;
 use anyhow::{Context, Result, anyhow, bail};
 use formats::database::SPLITS;
+use formats::file::named_in;
 use formats::results::Run;
 use formats::table::{Row, Table};
 use rom::snapshots::Split;
@@ -96,9 +97,8 @@ impl Source<'_> {
     pub(super) fn files(&self) -> Result<Vec<PathBuf>> {
         let Some((place, table)) = &self.table else { return Ok(Vec::new()) };
         let file = table.column("file").map_err(|e| configuration(anyhow!("{}: {e}", place.display())))?;
-        let folder = place.parent().unwrap_or(Path::new(""));
         let mut files: Vec<PathBuf> = Vec::new();
-        for path in table.rows().map(|row| folder.join(row.text(file))) {
+        for path in table.rows().map(|row| named_in(place, row.text(file))) {
             if !files.contains(&path) {
                 files.push(path);
             }

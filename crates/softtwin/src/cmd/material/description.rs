@@ -152,8 +152,7 @@ pub fn read(path: &Path) -> Result<Vec<Description>> {
             path.display()
         ))
     })?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let place = |test: Description| Description { file: folder.join(&test.file), ..test };
+    let place = |test: Description| Description { file: file::named_in(path, &test.file), ..test };
     list.test
         .into_iter()
         .map(place)
