@@ -69,7 +69,7 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// Paths that a run of the command does not find. What stands in them is no data: no run succeeds.
+/// Paths that a run of the command does not find. Their content is no data, so that no run succeeds.
 fn missing(stage: &Stage, folder: &str, case: &Case, file: &str) -> BTreeSet<&'static str> {
     let line = format!("cd {folder} && {}", case.command.replace("FILE", file));
     let (status, said) = Program::shell(stage, &line).ended();

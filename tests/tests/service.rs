@@ -84,6 +84,21 @@ fn a_bridge_ends_with_an_error_when_nothing_was_used() {
     assert!(bridge.stop().0.success(), "a signal is no end of the trace");
 }
 
+/// A bridge whose readings are all rejected reports it within its first second: its line counts the readings that the twin had
+/// rejected by then.
+#[test]
+fn a_bridge_reports_within_a_second_that_nothing_is_used() {
+    let stage = Stage::new("rejected");
+    let scene = stage.finger(STEADY);
+    let absurd = stage.trace("absurd.csv", 100, 100.0, 0.03, 1e6).display().to_string();
+    let _twin = Program::twin(&stage, &scene);
+    let arguments = ["bridge", "--scene", &scene.display().to_string(), "--trace", &absurd, "--loop"];
+    let mut bridge = Program::daemon(&stage, &arguments);
+    let line = bridge.wait_for("used no reading so far");
+    let rejected = line.split(&[' ', ','][..]).filter_map(|word| word.parse::<u32>().ok()).next();
+    assert!(rejected.is_some_and(|count| (1..=100).contains(&count)), "of a second at 100 Hz: {line}");
+}
+
 /// A process that is stopped (SIGSTOP) feeds no watchdog: the manager would restart it.
 #[test]
 fn stopped_loop_stops_watchdog_notifications() {
