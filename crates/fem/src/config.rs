@@ -132,6 +132,9 @@ impl Default for ProblemConfig {
 pub struct Load {
     /// Cavity pressure (MPa).
     pub pressure_mpa: f64,
+    /// Injected volume: that of the cavity minus that of the undeformed one (mm3). If given, the pressure is a result.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub injected_mm3: Option<f64>,
     /// Obstacle below the base.
     pub obstacle: Obstacle,
     /// Gravitational acceleration (mm/s2).

@@ -7,7 +7,8 @@ use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
 use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::perm::PermRef;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky, supernodal::SupernodalLdltRef,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side};
@@ -142,6 +143,27 @@ impl Factor {
     /// True if the last matrix was positive definite.
     pub(crate) fn positive_definite(&self) -> bool {
         self.kind == Kind::Definite
+    }
+
+    /// Number of negative pivots of the last matrix, equal to that of its negative eigenvalues.
+    pub(crate) fn negative_pivots(&self) -> usize {
+        if self.kind == Kind::Definite {
+            return 0;
+        }
+        match self.analysis.symbolic.raw() {
+            SymbolicCholeskyRaw::Simplicial(symbolic) => {
+                let columns = symbolic.col_ptr();
+                columns[..columns.len() - 1].iter().filter(|at| self.values[**at] < 0.0).count()
+            }
+            SymbolicCholeskyRaw::Supernodal(symbolic) => {
+                let factor = SupernodalLdltRef::new(symbolic, &self.values);
+                let negative = |s: usize| {
+                    let block = factor.supernode(s).val();
+                    (0..block.ncols()).filter(|j| block[(*j, *j)] < 0.0).count()
+                };
+                (0..symbolic.n_supernodes()).map(negative).sum()
+            }
+        }
     }
 
     /// Solves in place with the last factor, for any number of right-hand sides, one behind the other.

@@ -47,6 +47,22 @@ pub enum NewtonError {
         /// Largest step along a branch (mm).
         allowed_mm: f64,
     },
+    /// The path winds on without reaching its volume.
+    #[error("the volume was not reached within {points} points")]
+    PathTooLong {
+        /// Points of the path.
+        points: usize,
+    },
+    /// The pressure has a limit on the way.
+    #[error(
+        "the pressure has a limit of {pressure_mpa:.6} MPa at an injected volume of {injected_mm3:.1} mm3: beyond it no state is near"
+    )]
+    Limit {
+        /// Pressure (MPa).
+        pressure_mpa: f64,
+        /// Injected volume (mm3).
+        injected_mm3: f64,
+    },
     /// The state is outside the limits of the elastomer.
     #[error("element {element}: {what}")]
     MaterialLimit {
@@ -94,12 +110,23 @@ const MAX_HALVINGS: usize = 5;
 /// of that force misleads the iteration. Close to it the exact tangent converges quadratically.
 const TURNING_WITHIN_MM: f64 = 0.1;
 
+/// Equation that determines the cavity pressure if it is an unknown. With `g = dV/du` and `y = K^-1 g` the corrections are
+/// `du = K^-1 R + dp y`, where `dp` satisfies the linearised equation.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Closure {
+    /// The cavity has that volume (mm3).
+    Volume(f64),
+    /// Corrections are normal to a direction of the unknowns.
+    Normal(Vec<f64>),
+}
+
 /// Correction of all unknowns.
 #[derive(Clone, Debug, Default)]
 struct Increment {
     displacement: Vec<Vec3>,
     pressure: Vec<f64>,
     resultants: Vec<[Plane; 3]>,
+    cavity_mpa: f64,
 }
 
 impl Increment {
@@ -107,6 +134,7 @@ impl Increment {
         self.displacement.iter_mut().flatten().for_each(|v| *v *= fraction);
         self.pressure.iter_mut().for_each(|v| *v *= fraction);
         self.resultants.iter_mut().flatten().flatten().for_each(|v| *v *= fraction);
+        self.cavity_mpa *= fraction;
     }
 
     fn largest_mm(&self) -> f64 {
@@ -125,6 +153,7 @@ impl Increment {
                 axpy(fraction, *dn, n);
             }
         }
+        state.load.pressure_mpa += fraction * self.cavity_mpa;
     }
 }
 
@@ -135,6 +164,8 @@ pub(crate) struct Newton {
     pub(crate) tangent: Tangent,
     rhs: Vec<f64>,
     increment: Increment,
+    /// Equation of the cavity pressure; `None` where it is given.
+    pub(crate) closure: Option<Closure>,
     /// Length of the last correction (mm).
     last_mm: f64,
 }
@@ -148,7 +179,7 @@ impl Newton {
         let tangent = Tangent::new(&problem)?;
         let system = System::new(&problem);
         let rhs = vec![0.0; problem.pattern.unknowns()];
-        Ok(Self { problem, system, tangent, rhs, increment: Increment::default(), last_mm: 0.0 })
+        Ok(Self { problem, system, tangent, rhs, increment: Increment::default(), closure: None, last_mm: 0.0 })
     }
 
     /// Sets the body of the next steps: the present one or a variant by [`Problem::varied`].
@@ -169,7 +200,7 @@ impl Newton {
         effort: &mut Effort,
     ) -> Result<f64, NewtonError> {
         self.predict(state, load)?;
-        self.solve(effort)?;
+        self.solve(state, effort)?;
         let fraction = (self.problem.config.newton.step_length_mm / self.increment.largest_mm()).min(1.0);
         self.update(state, fraction);
         self.last_mm = self.increment.largest_mm();
@@ -178,7 +209,7 @@ impl Newton {
 
     /// Brings `state`, started towards `load`, into equilibrium with it; `state` is undefined on errors.
     ///
-    /// `effort` counts the work also on errors.
+    /// `effort` counts the work also on errors. With a closure the pressure of `state` changes, otherwise it is that of `load`.
     ///
     /// # Errors
     /// [`NewtonError`].
@@ -194,7 +225,7 @@ impl Newton {
             if self.last_mm > TURNING_WITHIN_MM {
                 self.system.turning.clear();
             }
-            self.solve(effort)?;
+            self.solve(state, effort)?;
             let correction = self.increment.largest_mm();
             self.update(state, (settings.displacement_cap_mm / correction).min(1.0));
             // The next correction shrinks at least by the same factor.
@@ -214,6 +245,7 @@ impl Newton {
     /// Moves the nodes by `displacement_mm`, the stress unknowns by the linearised relations of the system assembled at `state`.
     pub(crate) fn displace(&mut self, state: &mut State, displacement_mm: Vec<Vec3>) {
         self.increment.displacement = displacement_mm;
+        self.increment.cavity_mpa = 0.0;
         self.update(state, 1.0);
     }
 
@@ -242,6 +274,9 @@ impl Newton {
     fn predict(&mut self, state: &State, load: &Load) -> Result<(), NewtonError> {
         let mut linearised = Load { pressure_mpa: state.load.pressure_mpa, ..*load };
         let mut ahead = Ahead { pressure_mpa: load.pressure_mpa - state.load.pressure_mpa, advance_mm: 0.0 };
+        if self.closure.is_some() {
+            ahead.pressure_mpa = 0.0;
+        }
         if state.load.obstacle.same_body(load.obstacle) {
             linearised.obstacle = state.load.obstacle;
             if let (Some(was), Some(is)) = (state.load.obstacle.gap_mm(), load.obstacle.gap_mm()) {
@@ -258,7 +293,7 @@ impl Newton {
         let problem = Arc::clone(&self.problem);
         let mut fraction = 1.0;
         for _ in 0..MAX_HALVINGS {
-            match self.system.assemble(&problem, state, load, Ahead::default(), true) {
+            match self.system.assemble(&problem, state, &self.at(state, load), Ahead::default(), true) {
                 Ok(()) => return Ok(()),
                 Err(_) => {
                     fraction *= 0.5;
@@ -266,14 +301,53 @@ impl Newton {
                 }
             }
         }
-        self.system.assemble(&problem, state, load, Ahead::default(), true)?;
+        self.system.assemble(&problem, state, &self.at(state, load), Ahead::default(), true)?;
+        Ok(())
+    }
+
+    /// The loads of an iterate.
+    fn at(&self, state: &State, load: &Load) -> Load {
+        let pressure_mpa = if self.closure.is_some() { state.load.pressure_mpa } else { load.pressure_mpa };
+        Load { pressure_mpa, ..*load }
+    }
+
+    /// Factorises the tangent at an equilibrium and solves for the displacement (mm) per MPa of cavity pressure; returns it with the
+    /// gradient of the volume (mm2).
+    pub(crate) fn direction(&mut self, state: &State, effort: &mut Effort) -> Result<[Vec<f64>; 2], NewtonError> {
+        let problem = Arc::clone(&self.problem);
+        self.system.assemble(&problem, state, &state.load, Ahead::default(), true)?;
+        self.tangent.factorise(&problem, &self.system)?;
+        effort.factorisations += 1;
+        Ok(self.by_pressure(state))
+    }
+
+    /// `y = K^-1 g` and `g`, with the present factor.
+    fn by_pressure(&mut self, state: &State) -> [Vec<f64>; 2] {
+        let mut gradient = vec![0.0; self.rhs.len()];
+        self.problem.cavity_volume(&self.problem.positions(&state.displacement_mm), Some(&mut gradient));
+        let mut by = gradient.clone();
+        self.tangent.solve(&mut by);
+        [by, gradient]
+    }
+
+    /// Starts a step along a direction of the unknowns from an equilibrium: `state` moves by `cavity_mpa` times `by` (mm per MPa).
+    ///
+    /// # Errors
+    /// [`NewtonError`].
+    pub(crate) fn push(&mut self, state: &mut State, by: &[f64], cavity_mpa: f64) -> Result<(), NewtonError> {
+        let problem = Arc::clone(&self.problem);
+        self.system.assemble(&problem, state, &state.load, Ahead::default(), false)?;
+        self.increment.displacement = spread(&self.problem, by, cavity_mpa);
+        self.increment.cavity_mpa = cavity_mpa;
+        self.update(state, 1.0);
+        self.last_mm = self.increment.largest_mm();
         Ok(())
     }
 
     /// Factorises the assembled tangent and solves for the displacement correction.
-    fn solve(&mut self, effort: &mut Effort) -> Result<(), NewtonError> {
-        let problem = &self.problem;
-        self.tangent.factorise(problem, &self.system)?;
+    fn solve(&mut self, state: &State, effort: &mut Effort) -> Result<(), NewtonError> {
+        let problem = Arc::clone(&self.problem);
+        self.tangent.factorise(&problem, &self.system)?;
         effort.factorisations += 1;
         for (r, free) in self.system.condensed.iter().zip(problem.free.iter()) {
             if *free != CONSTRAINED {
@@ -281,11 +355,21 @@ impl Newton {
             }
         }
         self.tangent.solve(&mut self.rhs);
-        let at = |free: u32| {
-            let k = 3 * free as usize;
-            if free == CONSTRAINED { [0.0; 3] } else { [self.rhs[k], self.rhs[k + 1], self.rhs[k + 2]] }
-        };
-        self.increment.displacement = problem.free.iter().map(|f| at(*f)).collect();
+        self.increment.cavity_mpa = 0.0;
+        if let Some(closure) = self.closure.clone() {
+            let [by, gradient] = self.by_pressure(state);
+            let (row, wanted) = match &closure {
+                Closure::Volume(target_mm3) => (&gradient, target_mm3 - self.system.cavity_volume_mm3),
+                Closure::Normal(direction) => (direction, 0.0),
+            };
+            let cavity_mpa = (wanted - product(row, &self.rhs)) / product(row, &by);
+            if !cavity_mpa.is_finite() {
+                return Err(LinearError::Singular.into());
+            }
+            self.rhs.iter_mut().zip(&by).for_each(|(x, y)| *x += cavity_mpa * y);
+            self.increment.cavity_mpa = cavity_mpa;
+        }
+        self.increment.displacement = spread(&problem, &self.rhs, 1.0);
         let (correction_mm, definite) = (self.increment.largest_mm(), self.tangent.positive_definite());
         tracing::debug!(correction_mm, definite, "Newton iteration");
         Ok(())
@@ -323,4 +407,18 @@ impl Newton {
         };
         self.increment.resultants = problem.mesh.sheet.iter().enumerate().map(resultants).collect();
     }
+}
+
+/// Values of the unknowns times `factor` at the nodes.
+fn spread(problem: &Problem, unknowns: &[f64], factor: f64) -> Vec<Vec3> {
+    let at = |free: &u32| {
+        let k = 3 * *free as usize;
+        if *free == CONSTRAINED { [0.0; 3] } else { [0, 1, 2].map(|c| factor * unknowns[k + c]) }
+    };
+    problem.free.iter().map(at).collect()
+}
+
+/// Scalar product over the unknowns.
+pub(crate) fn product(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -8,6 +8,7 @@ use crate::algebra::{Vec3, add, axpy, cross, dot, norm, scale, sub};
 use crate::config::ProblemConfig;
 use crate::contact::slot::SlotWalls;
 use crate::element::bending::{self, BendingEntry};
+use crate::element::cavity::face_terms;
 use crate::element::membrane::{self, MembraneGeometry};
 use crate::element::tet10::{self, TetGeometry};
 use crate::linear::{Analysis, LinearError};
@@ -234,6 +235,30 @@ impl Problem {
     #[must_use]
     pub(crate) fn elastomer(&self, e: usize) -> &Elastomer {
         elastomer(&self.mesh, &self.config, e)
+    }
+
+    /// Volume of the undeformed cavity (mm3).
+    #[must_use]
+    pub fn undeformed_volume_mm3(&self) -> f64 {
+        self.cavity_volume(&self.mesh.nodes_mm, None)
+    }
+
+    /// Volume of the cavity (mm3) at deformed positions `x`; its derivatives with respect to the unknowns (mm2) are added to `gradient`.
+    pub(crate) fn cavity_volume(&self, x: &[Vec3], mut gradient: Option<&mut [f64]>) -> f64 {
+        let mut volume_mm3 = 0.0;
+        for nodes in &self.cavity {
+            let terms = face_terms(&nodes.map(|n| x[n as usize]), self.config.cavity_load);
+            volume_mm3 += terms.volume_mm3;
+            let Some(gradient) = gradient.as_deref_mut() else { continue };
+            for (n, by) in nodes.iter().zip(&terms.gradient) {
+                let free = self.free[*n as usize];
+                if free != CONSTRAINED {
+                    let at = 3 * free as usize;
+                    gradient[at..at + 3].iter_mut().zip(by).for_each(|(sum, by)| *sum += by);
+                }
+            }
+        }
+        volume_mm3
     }
 
     /// Deformed positions (mm) of displacements `u`.

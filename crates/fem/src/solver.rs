@@ -10,8 +10,9 @@ use crate::config::Load;
 use crate::contact::obstacle::Obstacle;
 use crate::family::VariantError;
 use crate::linear::LinearError;
-use crate::newton::{Effort, Newton, NewtonError};
+use crate::newton::{Closure, Effort, Newton, NewtonError};
 use crate::output::{self, MAX_RESIDUAL, Output};
+use crate::path::Limit;
 use crate::problem::Problem;
 use crate::state::State;
 use crate::transfer::transferred;
@@ -64,6 +65,10 @@ fn advice(reason: &NewtonError) -> &'static str {
         NewtonError::Stalled { .. } | NewtonError::StepTooShort { .. } | NewtonError::Jumped { .. } => {
             "Start from a solved state nearer to it, or check that the loads are meant"
         }
+        NewtonError::Limit { .. } => {
+            "`softtwin simulate --path --volume-mm3 V` follows the states beyond it; lower the pressure to stay before it"
+        }
+        NewtonError::PathTooLong { .. } => "Give a smaller volume",
         NewtonError::Body(_) => "Start from a state whose measures are nearer",
         NewtonError::Linear(_) => "Check the supports; past a limit point no neighbouring equilibrium exists",
     }
@@ -124,6 +129,9 @@ const GRAVITY_STEPS: u32 = 3;
 
 /// Largest number of factorisations of a step after which the next one may grow.
 const EASY_STEP: usize = 9;
+
+/// Failed steps after which a limit of the pressure is looked for.
+const SEARCH_AFTER: usize = 2;
 
 /// Largest displacement of a step's corrections, in step lengths. Beyond it the equilibrium is on another branch, which no slow
 /// change of the loads reaches.
@@ -236,7 +244,7 @@ impl Solver {
         }
         let body = Stays(Arc::clone(&self.problem));
         let (rest, to_rest) = self.gravity_equilibrium(load.gravity_mm_s2)?;
-        let (pressed, to_obstacle) = self.follow(&rest, &Load { pressure_mpa: 0.0, ..*load }, &body)?;
+        let (pressed, to_obstacle) = self.follow(&rest, &Load { pressure_mpa: 0.0, injected_mm3: None, ..*load }, &body)?;
         let (state, inflation) = self.follow(&pressed, load, &body)?;
         let depth_mm = output::depth_mm(&self.problem, &state);
         if depth_mm > MAX_DEPTH_MM {
@@ -300,13 +308,20 @@ impl Solver {
         Ok((state, report))
     }
 
-    fn check(&self, from: &State, load: &Load) -> Result<(), SolveError> {
+    pub(crate) fn check(&self, from: &State, load: &Load) -> Result<(), SolveError> {
         let (found, expected) = (from.displacement_mm.len(), self.problem.mesh.nodes_mm.len());
         if found != expected || from.element_pressure_mpa.len() != self.problem.mesh.tets.len() {
             return Err(SolveError::ForeignState { found, expected });
         }
         let invalid = |name, found, expected| Err(SolveError::Load { name, found, expected });
-        if !(load.pressure_mpa.is_finite() && load.pressure_mpa >= 0.0) {
+        if let Some(injected_mm3) = load.injected_mm3 {
+            if !injected_mm3.is_finite() {
+                return invalid("volume_mm3", injected_mm3, "a finite number");
+            }
+            if self.problem.cavity.is_empty() {
+                return invalid("volume_mm3", injected_mm3, "a mesh with a cavity");
+            }
+        } else if !(load.pressure_mpa.is_finite() && load.pressure_mpa >= 0.0) {
             return invalid("pressure_mpa", load.pressure_mpa, "a finite number, 0 or more");
         }
         if let Some(bad) = load.gravity_mm_s2.iter().find(|g| !g.is_finite()) {
@@ -334,19 +349,38 @@ impl Solver {
     ) -> Result<f64, NewtonError> {
         let aim = (done + length).min(1.0);
         self.set_problem(path.at(aim)?);
-        let taken = self.newton.start(state, &between(from, to, aim), effort)?;
+        let target = self.targeted(between(from, to, aim));
+        let taken = self.newton.start(state, &target, effort)?;
         let reached = if taken < 1.0 { done + taken * (aim - done) } else { aim };
         if reached < aim {
             self.set_problem(path.at(reached)?);
         }
-        state.load = between(from, to, reached);
-        let load = state.load;
+        let load = self.targeted(between(from, to, reached));
+        let pressure_mpa = state.load.pressure_mpa;
+        state.load = load;
+        if load.injected_mm3.is_some() {
+            state.load.pressure_mpa = pressure_mpa;
+        }
         let before = state.displacement_mm.clone();
         self.newton.iterate(state, &load, effort)?;
         let moved = state.displacement_mm.iter().zip(&before).map(|(a, b)| norm(sub(*a, *b)));
         let moved_mm = moved.fold(0.0, f64::max);
         let allowed_mm = MAX_STEP_LENGTHS * self.problem.config.newton.step_length_mm;
         if moved_mm > allowed_mm { Err(NewtonError::Jumped { moved_mm, allowed_mm }) } else { Ok(reached) }
+    }
+
+    /// Sets the equation of the pressure for these loads, which it returns.
+    fn targeted(&mut self, load: Load) -> Load {
+        let volume_mm3 = |injected_mm3| self.problem.undeformed_volume_mm3() + injected_mm3;
+        self.newton.closure = load.injected_mm3.map(volume_mm3).map(Closure::Volume);
+        load
+    }
+
+    /// Volume of the cavity minus that of the undeformed one (mm3).
+    #[must_use]
+    pub fn injected_mm3(&self, state: &State) -> f64 {
+        let x = self.problem.positions(&state.displacement_mm);
+        self.problem.cavity_volume(&x, None) - self.problem.undeformed_volume_mm3()
     }
 
     /// Steps along the straight line of loads; halves a failed step and enlarges an easy one.
@@ -359,12 +393,14 @@ impl Solver {
     ) -> Result<(State, Report), SolveError> {
         let began = Instant::now();
         let mut state = from.clone();
+        state.load.injected_mm3 = to.injected_mm3.map(|_| self.injected_mm3(from));
+        let begin = state.load;
         let mut report = Report::default();
         let (mut done, mut step) = (0.0_f64, first_step);
         loop {
             let mut trial = state.clone();
             let mut effort = Effort::default();
-            let outcome = self.step(&mut trial, (&from.load, to), (done, step), path, &mut effort);
+            let outcome = self.step(&mut trial, (&begin, to), (done, step), path, &mut effort);
             report.factorisations += effort.factorisations;
             report.seconds = began.elapsed().as_secs_f64();
             let shortest = self.problem.config.newton.smallest_step;
@@ -398,13 +434,30 @@ impl Solver {
                 Err(reason) => {
                     report.cuts += 1;
                     step *= 0.5;
+                    if report.cuts == SEARCH_AFTER && to.injected_mm3.is_none() {
+                        let goal_mpa = between(&begin, to, (done + 2.0 * step).min(1.0)).pressure_mpa;
+                        self.set_problem(path.at(done).map_err(SolveError::Body)?);
+                        let mut effort = Effort::default();
+                        let limit = (goal_mpa != state.load.pressure_mpa)
+                            .then(|| self.limit_before(&state, goal_mpa, &mut effort))
+                            .flatten();
+                        report.factorisations += effort.factorisations;
+                        if let Some(Limit { pressure_mpa, injected_mm3, .. }) = limit {
+                            let reason = NewtonError::Limit { pressure_mpa, injected_mm3 };
+                            return Err(stopped(done, state.load, reason, report));
+                        }
+                    }
                     if step < shortest {
                         return Err(stopped(done, state.load, reason, report));
                     }
                 }
             }
             if done >= 1.0 {
+                let pressure_mpa = state.load.pressure_mpa;
                 state.load = *to;
+                if to.injected_mm3.is_some() {
+                    state.load.pressure_mpa = pressure_mpa;
+                }
                 let balance = output::balance(&self.problem, &state, &mut self.newton.system);
                 (report.residual_n, report.residual) = (balance.residual_n, balance.relative());
                 report.seconds = began.elapsed().as_secs_f64();
@@ -441,6 +494,7 @@ fn between(from: &Load, to: &Load, fraction: f64) -> Load {
     };
     Load {
         pressure_mpa: mix(from.pressure_mpa, to.pressure_mpa),
+        injected_mm3: from.injected_mm3.zip(to.injected_mm3).map(|(a, b)| mix(a, b)),
         obstacle,
         gravity_mm_s2: std::array::from_fn(|i| mix(from.gravity_mm_s2[i], to.gravity_mm_s2[i])),
     }

@@ -24,6 +24,8 @@ pub(crate) struct Tangent {
     /// Columns of `V`.
     turns: Vec<Column>,
     small: Option<PartialPivLu<f64>>,
+    /// True if the determinant of `S` is negative.
+    odd: bool,
 }
 
 impl Tangent {
@@ -34,7 +36,7 @@ impl Tangent {
     pub(crate) fn new(problem: &Problem) -> Result<Self, LinearError> {
         let factor = Factor::new(problem.analysis.clone())?;
         let unknowns = problem.pattern.unknowns();
-        Ok(Self { factor, unknowns, turned: Vec::new(), turns: Vec::new(), small: None })
+        Ok(Self { factor, unknowns, turned: Vec::new(), turns: Vec::new(), small: None, odd: false })
     }
 
     /// Factorises the tangent that `system` assembled.
@@ -51,13 +53,14 @@ impl Tangent {
         for ((slot, k), out) in pairs().zip(self.turned.chunks_exact_mut(self.unknowns)) {
             column(problem, &slot.force, k).into_iter().for_each(|(i, v)| out[i] += v);
         }
-        self.small = None;
+        (self.small, self.odd) = (None, false);
         if columns > 0 {
             self.factor.solve(&mut self.turned);
             let turned: Vec<&[f64]> = self.turned.chunks_exact(self.unknowns).collect();
             let unit = |i: usize, j: usize| if i == j { 1.0 } else { 0.0 };
             let small =
                 Mat::from_fn(columns, columns, |i, j| unit(i, j) + product(&self.turns[i], turned[j]));
+            self.odd = small.determinant() < 0.0;
             self.small = Some(small.partial_piv_lu());
         }
         Ok(())
@@ -73,6 +76,17 @@ impl Tangent {
             for (k, turned) in self.turned.chunks_exact(self.unknowns).enumerate() {
                 x.iter_mut().zip(turned).for_each(|(x, w)| *x -= weights[(k, 0)] * w);
             }
+        }
+    }
+
+    /// Number of negative eigenvalues. The sign of the determinant decides on the part of the slots' rotation, which changes the
+    /// number by one at most.
+    pub(crate) fn negative_eigenvalues(&self) -> usize {
+        let sparse = self.factor.negative_pivots();
+        match (sparse, self.odd) {
+            (0, true) => 1,
+            (_, true) => sparse - 1,
+            _ => sparse,
         }
     }
 

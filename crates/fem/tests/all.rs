@@ -8,6 +8,7 @@ mod builder;
 mod closed_forms;
 mod fits;
 mod inputs;
+mod limits;
 mod meshes;
 mod sample;
 mod store;

@@ -13,14 +13,22 @@ pub fn neo_hookean(
     density_t_per_mm3: f64,
     volume_change: VolumeChange,
 ) -> Vec<Elastomer> {
-    let law = Hyperelastic::NeoHookean { mu_mpa };
+    elastomer(Hyperelastic::NeoHookean { mu_mpa }, bulk_mpa, density_t_per_mm3, volume_change)
+}
+
+fn elastomer(
+    law: Hyperelastic,
+    bulk_mpa: f64,
+    density_t_per_mm3: f64,
+    volume_change: VolumeChange,
+) -> Vec<Elastomer> {
     let (stretch_range, shear_interval_mpa) = (None, None);
     vec![Elastomer { law, bulk_mpa, density_t_per_mm3, volume_change, stretch_range, shear_interval_mpa }]
 }
 
 /// A cube of side 4 with a hole of side 2, its nodes moved so that both become spheres of radius 2 and 1; held at one
 /// small triangle of its skin.
-fn hollow_sphere(cells: usize, mu: f64) -> Problem {
+pub fn hollow_sphere(cells: usize, law: Hyperelastic) -> Problem {
     let mut b = Builder::default();
     let hole = cells / 2 - cells / 4..cells / 2 + cells / 4;
     let inside = |c: [usize; 3]| c.iter().all(|i| hole.contains(i));
@@ -33,7 +41,7 @@ fn hollow_sphere(cells: usize, mu: f64) -> Problem {
         let norm = p.iter().map(|v| v * v).sum::<f64>().sqrt();
         *p = p.map(|v| v * reach / norm);
     }
-    let elastomers = neo_hookean(mu, 2000.0 * mu, 0.0, VolumeChange::Mean);
+    let elastomers = elastomer(law, 2000.0 * law.shear_modulus_mpa(), 0.0, VolumeChange::Mean);
     // The residual that is asked for below is far under that of the default tolerance.
     let newton = NewtonSettings { correction_tolerance_mm: 1.0e-5, ..NewtonSettings::default() };
     let config =
@@ -42,7 +50,7 @@ fn hollow_sphere(cells: usize, mu: f64) -> Problem {
 }
 
 /// Pressure of a neo-Hookean incompressible sphere whose inner radius has grown by `stretch`.
-fn sphere_pressure(mu: f64, inner: f64, outer: f64, stretch: f64) -> f64 {
+pub fn sphere_pressure(mu: f64, inner: f64, outer: f64, stretch: f64) -> f64 {
     let grown = (inner * stretch).powi(3) - inner.powi(3);
     let out = (outer.powi(3) + grown).cbrt() / outer;
     let term = |l: f64| 1.0 / l + 0.25 / l.powi(4);
@@ -51,7 +59,7 @@ fn sphere_pressure(mu: f64, inner: f64, outer: f64, stretch: f64) -> f64 {
 
 /// Growth of the cavity's volume when the block is inflated.
 fn growth(cells: usize, mu: f64, pressure_mpa: f64) -> f64 {
-    let mut solver = Solver::new(Arc::new(hollow_sphere(cells, mu))).unwrap();
+    let mut solver = Solver::new(Arc::new(hollow_sphere(cells, Hyperelastic::NeoHookean { mu_mpa: mu }))).unwrap();
     let start = solver.undeformed();
     let before = solver.output(&start).cavity_volume_mm3;
     let (state, report) = solver.solve_to(&start, &Load { pressure_mpa, ..Load::default() }).unwrap();

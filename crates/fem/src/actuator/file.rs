@@ -240,7 +240,7 @@ impl Actuator {
             (Some(gap_mm), ObstacleKind::Plate) => Obstacle::Plate { gap_mm },
             (Some(gap_mm), ObstacleKind::Block) => Obstacle::Block { gap_mm },
         };
-        Load { pressure_mpa, obstacle, gravity_mm_s2: self.loads.gravity_mm_s2 }
+        Load { pressure_mpa, injected_mm3: None, obstacle, gravity_mm_s2: self.loads.gravity_mm_s2 }
     }
 
     /// y of the base's top (mm).

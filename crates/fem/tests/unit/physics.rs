@@ -168,6 +168,7 @@ fn derivatives_agree(problem: &Problem) {
         pressure_mpa: 0.05,
         obstacle: Obstacle::Plate { gap_mm: 0.02 },
         gravity_mm_s2: [1.0e3, -9810.0, 2.0e3],
+        ..Load::default()
     };
     let state = shaken(problem, 0.05, load);
     let nodes = state.displacement_mm.len();
@@ -288,6 +289,7 @@ fn contact_state_is_independent_of_the_path() {
         pressure_mpa,
         obstacle: gap.map_or(Obstacle::None, |gap_mm| Obstacle::Plate { gap_mm }),
         gravity_mm_s2: GRAVITY_DOWN_MM_S2,
+        ..Load::default()
     };
     let (free, _) = solver.solve_to(&rest, &at(0.5, None)).unwrap();
     let sag = crate::output::clearance_mm(solver.problem(), &free);

@@ -1,0 +1,407 @@
+//! Equilibrium paths through limit points: pressure and displacements are unknowns, the length along the path is given.
+//!
+//! ```text
+//! K du - dp g = R,   t . du = 0        g = dV/du, t along y = K^-1 g
+//! ```
+//! The step starts along `y`, in the sense in which the last one went; corrections are normal to it (Riks). `dV/dp = g . y` is exact
+//! at each point. A path has a limit of pressure where the sense of `y` turns, a limit of volume where that of `(g . y) y` turns.
+
+use crate::algebra::{norm, sub};
+use crate::config::Load;
+use crate::newton::{Closure, Effort, NewtonError, product};
+use crate::solver::{NotConverged, Report, SolveError, Solver};
+use crate::state::State;
+
+/// Equilibrium on a path.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathPoint {
+    /// State; its load has the pressure.
+    pub state: State,
+    /// Volume of the cavity minus that of the undeformed one (mm3).
+    pub injected_mm3: f64,
+    /// Change of the volume by the pressure along the path (mm3/MPa).
+    pub compliance_mm3_per_mpa: f64,
+    /// Negative eigenvalues of the tangent at constant pressure.
+    pub negative_eigenvalues: usize,
+    /// Sense of the pressure along the path, 1 or -1.
+    sense: f64,
+}
+
+impl PathPoint {
+    /// Cavity pressure (MPa).
+    #[must_use]
+    pub fn pressure_mpa(&self) -> f64 {
+        self.state.load.pressure_mpa
+    }
+
+    /// True if no neighbouring state has less energy at this pressure.
+    #[must_use]
+    pub fn is_stable_at_pressure(&self) -> bool {
+        self.negative_eigenvalues == 0
+    }
+
+    /// True if no neighbouring state of the same volume has less energy.
+    #[must_use]
+    pub fn is_stable_at_volume(&self) -> bool {
+        match self.negative_eigenvalues {
+            0 => true,
+            1 => self.compliance_mm3_per_mpa < 0.0,
+            _ => false,
+        }
+    }
+}
+
+/// Kind of a limit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LimitKind {
+    /// The pressure has a maximum: at rising pressure the state jumps.
+    PressureMaximum,
+    /// The pressure has a minimum: at falling pressure the state jumps.
+    PressureMinimum,
+    /// The volume has an extremum: at given volume the state jumps.
+    Volume,
+    /// The number of negative eigenvalues changes without a limit: another branch leaves the path.
+    Bifurcation,
+}
+
+impl LimitKind {
+    /// Name in reports.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::PressureMaximum => "pressure_maximum",
+            Self::PressureMinimum => "pressure_minimum",
+            Self::Volume => "volume",
+            Self::Bifurcation => "bifurcation",
+        }
+    }
+}
+
+/// Limit on a path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limit {
+    /// Kind.
+    pub kind: LimitKind,
+    /// Index of the point before it.
+    pub after: usize,
+    /// Pressure there (MPa).
+    pub pressure_mpa: f64,
+    /// Injected volume there (mm3).
+    pub injected_mm3: f64,
+    /// Injected volume (mm3) of the state to which a limit of pressure jumps: the next one on the path that is stable at that
+    /// pressure, behind a maximum, before a minimum.
+    pub next_injected_mm3: Option<f64>,
+}
+
+/// Extent of a path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathSettings {
+    /// Injected volume at the end (mm3).
+    pub end_mm3: f64,
+    /// Points, if the volume rises all the way.
+    pub points: usize,
+}
+
+/// Path so far and why it ended before its volume.
+#[derive(Clone, Debug, Default)]
+pub struct Path {
+    /// Points, in order.
+    pub points: Vec<PathPoint>,
+    /// Cost.
+    pub report: Report,
+    /// Why it ended.
+    pub ended: Option<NewtonError>,
+}
+
+/// Iterations up to which the next step is longer, and from which it is shorter.
+const EASY: usize = 4;
+const HARD: usize = 8;
+/// Fraction of the first step below which a path ends.
+const SHORTEST: f64 = 1.0e-3;
+/// Points per wanted point after which a path ends.
+const MAX_POINTS: usize = 10;
+/// Largest displacement of a step, in its length.
+const MAX_LENGTHS: f64 = 3.0;
+/// Halvings of a bisection.
+const HALVINGS: usize = 60;
+/// Points within which a limit of the pressure is looked for, and the first step as a fraction of the step that failed.
+const SEARCH_POINTS: usize = 16;
+const SEARCH_STEP: f64 = 0.25;
+
+/// Direction of the path at an equilibrium, with the length of a step per MPa.
+struct Tangent {
+    by: Vec<f64>,
+    mm_per_mpa: f64,
+}
+
+impl Solver {
+    /// Follows the path from a solved state to an injected volume. `notify` gets every point. The path ends before it where no step
+    /// converges, or after ten times the wanted number of points.
+    ///
+    /// # Errors
+    /// [`SolveError`]: the start is not an equilibrium of this problem, or the volume is not a number.
+    pub fn path(
+        &mut self,
+        from: &State,
+        settings: PathSettings,
+        notify: &mut dyn FnMut(&PathPoint),
+    ) -> Result<Path, SolveError> {
+        self.check(from, &Load { injected_mm3: Some(settings.end_mm3), ..from.load })?;
+        let began = std::time::Instant::now();
+        let (mut path, mut effort) = (Path::default(), Effort::default());
+        let end_mm3 = settings.end_mm3;
+        let begin_mm3 = self.injected_mm3(from);
+        let up = (end_mm3 - begin_mm3).signum();
+        let (mut point, mut tangent) = self.first(from, up, &mut effort).map_err(|e| stopped(from, e))?;
+        let volume_step = (end_mm3 - begin_mm3).abs() / settings.points.max(1) as f64;
+        let longest = self.problem().config().newton.step_length_mm;
+        let wanted = |point: &PathPoint, tangent: &Tangent| {
+            volume_step / point.compliance_mm3_per_mpa.abs() * tangent.mm_per_mpa
+        };
+        let first = wanted(&point, &tangent).min(longest);
+        let mut length = first;
+        notify(&point);
+        path.points.push(point.clone());
+        while (end_mm3 - point.injected_mm3) * up > 0.0 {
+            if path.points.len() > MAX_POINTS * settings.points {
+                path.ended = Some(NewtonError::PathTooLong { points: path.points.len() });
+                break;
+            }
+            let step = length.min(wanted(&point, &tangent)).min(longest);
+            let before = effort.factorisations;
+            match self.arc(&point, &tangent, step, &mut effort) {
+                Ok((next, along)) => {
+                    let spent = effort.factorisations - before;
+                    length = if spent <= EASY + 1 { 1.5 * step } else if spent >= HARD { 0.6 * step } else { step };
+                    path.report.steps += 1;
+                    if (end_mm3 - next.injected_mm3) * up <= 0.0 {
+                        break;
+                    }
+                    if let Some(limit) = self.at_limit(&point, &next, &mut effort) {
+                        notify(&limit);
+                        path.points.push(limit);
+                    }
+                    (point, tangent) = (next, along);
+                    notify(&point);
+                    path.points.push(point.clone());
+                }
+                Err(reason) => {
+                    path.report.cuts += 1;
+                    length = 0.5 * step;
+                    if length < SHORTEST * first {
+                        path.ended = Some(reason);
+                        break;
+                    }
+                }
+            }
+        }
+        if path.ended.is_none() && point.injected_mm3 != end_mm3 {
+            let (state, report) = self.solve_to(&point.state, &Load { injected_mm3: Some(end_mm3), ..point.state.load })?;
+            path.report = path.report.and(&report);
+            let (last, _) = self.first(&state, up, &mut effort).map_err(|e| stopped(&state, e))?;
+            notify(&last);
+            path.points.push(last);
+        }
+        path.report.factorisations += effort.factorisations;
+        path.report.seconds = began.elapsed().as_secs_f64();
+        Ok(path)
+    }
+
+    /// First limit of pressure on the way from a state to another pressure: looked for along the path, beginning with a part of the
+    /// step that failed, until that pressure is passed.
+    pub(crate) fn limit_before(&mut self, from: &State, to_mpa: f64, effort: &mut Effort) -> Option<Limit> {
+        let up = (to_mpa - from.load.pressure_mpa).signum();
+        let (mut point, mut tangent) = self.first(from, up, effort).ok()?;
+        // The pressure is to move towards the goal: the sense of the volume is that of the path.
+        point.sense = up;
+        let longest = 0.5 * self.problem().config().newton.step_length_mm;
+        let mut length = SEARCH_STEP * (to_mpa - point.pressure_mpa()).abs() * tangent.mm_per_mpa;
+        let mut points = vec![point.clone()];
+        for _ in 0..SEARCH_POINTS {
+            length = length.min(longest);
+            let Ok((next, along)) = self.arc(&point, &tangent, length, effort) else {
+                length *= 0.5;
+                continue;
+            };
+            points.extend(self.at_limit(&point, &next, effort));
+            (point, tangent) = (next, along);
+            points.push(point.clone());
+            length *= 1.5;
+            if let Some(limit) = limits(&points).into_iter().find(|limit| {
+                matches!(limit.kind, LimitKind::PressureMaximum | LimitKind::PressureMinimum)
+            }) {
+                return Some(limit);
+            }
+            if (point.pressure_mpa() - to_mpa) * up > 0.0 {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// Point near the limit of pressure between two points, which makes the cubic there exact to a few digits more.
+    fn at_limit(&mut self, a: &PathPoint, b: &PathPoint, effort: &mut Effort) -> Option<PathPoint> {
+        if a.sense == b.sense {
+            return None;
+        }
+        let cubic = Cubic::pressure(a, b);
+        let injected_mm3 = Some(cubic.x_at(cubic.root(|[_, slope]| slope)));
+        let (state, report) = self.solve_to(&a.state, &Load { injected_mm3, ..a.state.load }).ok()?;
+        effort.factorisations += report.factorisations;
+        Some(self.first(&state, (b.injected_mm3 - a.injected_mm3).signum(), effort).ok()?.0)
+    }
+
+    /// Point of a solved state from which the volume moves in the direction `up`.
+    fn first(&mut self, state: &State, up: f64, effort: &mut Effort) -> Result<(PathPoint, Tangent), NewtonError> {
+        let (mut point, tangent) = self.point(state.clone(), effort)?;
+        point.sense = up * same(point.compliance_mm3_per_mpa, 1.0);
+        Ok((point, tangent))
+    }
+
+    fn point(&mut self, mut state: State, effort: &mut Effort) -> Result<(PathPoint, Tangent), NewtonError> {
+        state.load.injected_mm3 = None;
+        let [by, gradient] = self.newton().direction(&state, effort)?;
+        let injected_mm3 = self.injected_mm3(&state);
+        let point = PathPoint {
+            compliance_mm3_per_mpa: product(&gradient, &by),
+            negative_eigenvalues: self.newton().tangent.negative_eigenvalues(),
+            injected_mm3,
+            state,
+            sense: 1.0,
+        };
+        let mm_per_mpa = by.as_chunks::<3>().0.iter().map(|u| norm(*u)).fold(f64::MIN_POSITIVE, f64::max);
+        Ok((point, Tangent { by, mm_per_mpa }))
+    }
+
+    /// One step along the path.
+    fn arc(
+        &mut self,
+        from: &PathPoint,
+        tangent: &Tangent,
+        length_mm: f64,
+        effort: &mut Effort,
+    ) -> Result<(PathPoint, Tangent), NewtonError> {
+        let mut state = from.state.clone();
+        let newton = self.newton();
+        newton.push(&mut state, &tangent.by, from.sense * length_mm / tangent.mm_per_mpa)?;
+        newton.closure = Some(Closure::Normal(tangent.by.clone()));
+        let load = state.load;
+        let result = newton.iterate(&mut state, &load, effort);
+        newton.closure = None;
+        result?;
+        let moved = state.displacement_mm.iter().zip(&from.state.displacement_mm);
+        let moved_mm = moved.map(|(a, b)| norm(sub(*a, *b))).fold(0.0, f64::max);
+        let allowed_mm = MAX_LENGTHS * length_mm;
+        if moved_mm > allowed_mm {
+            return Err(NewtonError::Jumped { moved_mm, allowed_mm });
+        }
+        let (mut next, along) = self.point(state, effort)?;
+        next.sense = from.sense * same(product(&along.by, &tangent.by), 1.0);
+        Ok((next, along))
+    }
+}
+
+fn stopped(from: &State, reason: NewtonError) -> SolveError {
+    let (fraction, to, last, report) = (0.0, from.load, from.load, Report::default());
+    SolveError::NotConverged(Box::new(NotConverged { fraction, to, last, reason, report }))
+}
+
+/// 1 if two numbers have one sign, otherwise -1.
+fn same(a: f64, b: f64) -> f64 {
+    if (a < 0.0) == (b < 0.0) { 1.0 } else { -1.0 }
+}
+
+/// Cubic through two points with their slopes.
+#[derive(Clone, Copy)]
+struct Cubic {
+    x: [f64; 2],
+    y: [f64; 2],
+    slope: [f64; 2],
+}
+
+impl Cubic {
+    /// Pressure over volume between two points.
+    fn pressure(a: &PathPoint, b: &PathPoint) -> Self {
+        Self {
+            x: [a.injected_mm3, b.injected_mm3],
+            y: [a.pressure_mpa(), b.pressure_mpa()],
+            slope: [1.0 / a.compliance_mm3_per_mpa, 1.0 / b.compliance_mm3_per_mpa],
+        }
+    }
+
+    /// Volume over pressure between two points.
+    fn volume(a: &PathPoint, b: &PathPoint) -> Self {
+        Self {
+            x: [a.pressure_mpa(), b.pressure_mpa()],
+            y: [a.injected_mm3, b.injected_mm3],
+            slope: [a.compliance_mm3_per_mpa, b.compliance_mm3_per_mpa],
+        }
+    }
+
+    /// Value and slope at a fraction of the interval.
+    fn at(&self, t: f64) -> [f64; 2] {
+        let h = self.x[1] - self.x[0];
+        let [a, b] = self.slope.map(|slope| slope * h);
+        let rise = self.y[1] - self.y[0];
+        let (c, d) = (3.0 * rise - 2.0 * a - b, a + b - 2.0 * rise);
+        [self.y[0] + t * (a + t * (c + t * d)), (a + t * (2.0 * c + 3.0 * t * d)) / h]
+    }
+
+    /// Fraction at which a component changes its sign, by bisection.
+    fn root(&self, of: impl Fn([f64; 2]) -> f64) -> f64 {
+        let (mut low, mut high) = (0.0, 1.0);
+        let rising = of(self.at(0.0)) < 0.0;
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            if (of(self.at(middle)) < 0.0) == rising { low = middle } else { high = middle }
+        }
+        0.5 * (low + high)
+    }
+
+    fn x_at(&self, t: f64) -> f64 {
+        self.x[0] + t * (self.x[1] - self.x[0])
+    }
+}
+
+/// Limits between the points of a path, in order.
+#[must_use]
+pub fn limits(points: &[PathPoint]) -> Vec<Limit> {
+    let segment = |(after, pair): (usize, &[PathPoint])| {
+        let [a, b] = pair else { return None };
+        let pressure_turns = a.sense * b.sense < 0.0;
+        let volume_turns = a.sense * a.compliance_mm3_per_mpa * b.sense * b.compliance_mm3_per_mpa < 0.0;
+        let (kind, pressure_mpa, injected_mm3) = if pressure_turns {
+            let cubic = Cubic::pressure(a, b);
+            let t = cubic.root(|[_, slope]| slope);
+            let kind = if a.sense > 0.0 { LimitKind::PressureMaximum } else { LimitKind::PressureMinimum };
+            (kind, cubic.at(t)[0], cubic.x_at(t))
+        } else if volume_turns {
+            let cubic = Cubic::volume(a, b);
+            let t = cubic.root(|[_, slope]| slope);
+            (LimitKind::Volume, cubic.x_at(t), cubic.at(t)[0])
+        } else if a.negative_eigenvalues != b.negative_eigenvalues {
+            (LimitKind::Bifurcation, 0.5 * (a.pressure_mpa() + b.pressure_mpa()), 0.5 * (a.injected_mm3 + b.injected_mm3))
+        } else {
+            return None;
+        };
+        let next_injected_mm3 = match kind {
+            LimitKind::PressureMaximum => points[after + 1..].windows(2).find_map(|pair| crossing(pair, pressure_mpa)),
+            LimitKind::PressureMinimum => points[..=after].windows(2).rev().find_map(|pair| crossing(pair, pressure_mpa)),
+            LimitKind::Volume | LimitKind::Bifurcation => None,
+        };
+        Some(Limit { kind, after, pressure_mpa, injected_mm3, next_injected_mm3 })
+    };
+    points.windows(2).enumerate().filter_map(segment).collect()
+}
+
+/// Injected volume at which a stable part of the path between two points has that pressure.
+fn crossing(pair: &[PathPoint], pressure_mpa: f64) -> Option<f64> {
+    let [a, b] = pair else { return None };
+    let (low, high) = (a.pressure_mpa() - pressure_mpa, b.pressure_mpa() - pressure_mpa);
+    let stable = a.is_stable_at_pressure() || b.is_stable_at_pressure();
+    let rising = a.compliance_mm3_per_mpa > 0.0 || b.compliance_mm3_per_mpa > 0.0;
+    (low * high <= 0.0 && stable && rising).then(|| {
+        let cubic = Cubic::pressure(a, b);
+        cubic.x_at(cubic.root(|[pressure, _]| pressure - pressure_mpa))
+    })
+}
