@@ -1,5 +1,6 @@
 //! Lists of cases: `case,regime,split,pressure_mpa,gap_mm`, one row per state to compute; and tables of cavity volumes.
-//! Further columns of a list are parameters, headed by their dotted keys in `actuator.toml`.
+//! Further columns of a list are parameters, headed by their dotted keys in `actuator.toml`. A list with a column `volume_mm3`
+//! gives the injected volume instead of the pressure, which is a result.
 
 use crate::actuator::Setting;
 use formats::database::{REGIMES, SPLITS};
@@ -11,6 +12,10 @@ use std::path::Path;
 
 /// Columns of a list; other columns, as in a table of results, are ignored.
 pub(crate) const COLUMNS: [&str; 5] = ["case", "regime", "split", "pressure_mpa", "gap_mm"];
+/// Column in place of the pressure: volume of the cavity minus that of the undeformed one.
+pub(crate) const VOLUME: &str = "volume_mm3";
+/// Largest injected volume: a litre.
+pub const MAX_MM3: f64 = 1.0e6;
 /// Largest pressure, far above that of elastomer actuators; a larger value has another unit.
 pub(crate) const MAX_MPA: f64 = 10.0;
 pub(crate) const MAX_MM: f64 = 10_000.0;
@@ -24,8 +29,10 @@ pub struct Case {
     pub regime: String,
     /// `train`, `test` or `check`.
     pub split: String,
-    /// Cavity pressure (MPa).
+    /// Cavity pressure (MPa); 0 if the volume is given.
     pub pressure_mpa: f64,
+    /// Injected volume (mm3), if it is given; in all cases of a list or in none.
+    pub volume_mm3: Option<f64>,
     /// Distance of the obstacle from the undeformed base (mm); `None` for a free case.
     pub gap_mm: Option<f64>,
     /// Parameters in the order of their columns: dotted key of `actuator.toml` and value; the same keys in all cases.
@@ -40,17 +47,29 @@ impl Case {
 
     /// The cells of [`COLUMNS`], then one for each parameter.
     pub(crate) fn cells(&self) -> Vec<String> {
-        let Self { name, regime, split, pressure_mpa, .. } = self.clone();
-        let mut cells = vec![name, regime, split, pressure_mpa.to_string(), self.gap_cell()];
+        let Self { name, regime, split, pressure_mpa, volume_mm3, .. } = self.clone();
+        let driven = volume_mm3.unwrap_or(pressure_mpa).to_string();
+        let mut cells = vec![name, regime, split, driven, self.gap_cell()];
         cells.extend(self.settings.iter().map(|(_, value)| value.to_string()));
         cells
     }
 }
 
-/// [`COLUMNS`] and the parameters of these cases.
+/// True if the volume is given in place of the pressure.
+pub(crate) fn by_volume(cases: &[Case]) -> bool {
+    cases.first().is_some_and(|case| case.volume_mm3.is_some())
+}
+
+/// [`COLUMNS`] with the given quantity.
+fn head(by_volume: bool) -> [&'static str; 5] {
+    let [case, regime, split, pressure, gap] = COLUMNS;
+    [case, regime, split, if by_volume { VOLUME } else { pressure }, gap]
+}
+
+/// [`COLUMNS`] with the given quantity, and the parameters of these cases.
 pub(crate) fn columns(cases: &[Case]) -> Vec<&str> {
     let parameters = cases.first().map_or(&[][..], |case| &case.settings);
-    COLUMNS.into_iter().chain(parameters.iter().map(|(name, _)| name.as_str())).collect()
+    head(by_volume(cases)).into_iter().chain(parameters.iter().map(|(name, _)| name.as_str())).collect()
 }
 
 /// Reads a list.
@@ -71,7 +90,8 @@ pub fn parse(text: &str) -> Result<Vec<Case>, Vec<Diagnostic>> {
 }
 
 fn checked(table: &Table) -> Result<Vec<Case>, Vec<Diagnostic>> {
-    let columns = table.columns(COLUMNS)?;
+    let by_volume = table.column(VOLUME).is_ok();
+    let columns = table.columns(head(by_volume))?;
     let mut diagnostics = Vec::new();
     // Only quantities of actuator.toml have a dot in their name; other columns are ignored.
     let header = table.header().iter().enumerate();
@@ -81,7 +101,7 @@ fn checked(table: &Table) -> Result<Vec<Case>, Vec<Diagnostic>> {
             diagnostics.push(Diagnostic::new("header", "every parameter once", format!("{name} twice")));
         }
     }
-    let rows = table.rows().filter_map(|row| case(&row, &columns, &parameters, &mut diagnostics));
+    let rows = table.rows().filter_map(|row| case(&row, &columns, by_volume, &parameters, &mut diagnostics));
     let cases: Vec<Case> = rows.collect();
     diagnostics.extend(repeated(&cases));
     if cases.is_empty() && diagnostics.is_empty() {
@@ -93,6 +113,7 @@ fn checked(table: &Table) -> Result<Vec<Case>, Vec<Diagnostic>> {
 fn case(
     row: &Row<'_>,
     at: &[usize; 5],
+    by_volume: bool,
     parameters: &[(usize, &String)],
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<Case> {
@@ -109,8 +130,13 @@ fn case(
     let regime = row.choice(at[1], &REGIMES);
     expect(regime.is_ok(), at[1], "free, contact or gripper");
     expect(row.choice(at[2], &SPLITS).is_ok(), at[2], "train, test or check");
-    let pressure_mpa = row.number(at[3]).ok().filter(|p| (0.0..=MAX_MPA).contains(p));
-    expect(pressure_mpa.is_some(), at[3], "a pressure of 0 to 10 MPa");
+    let (largest, expected) = if by_volume {
+        (MAX_MM3, "a volume of 0 to 1e6 mm3")
+    } else {
+        (MAX_MPA, "a pressure of 0 to 10 MPa")
+    };
+    let driven = row.number(at[3]).ok().filter(|value| (0.0..=largest).contains(value));
+    expect(driven.is_some(), at[3], expected);
     let gap_mm = row.number(at[4]).ok().filter(|g| *g > 0.0 && *g <= MAX_MM);
     match regime {
         Ok((_, RegimeKind::Contact)) => {
@@ -131,7 +157,8 @@ fn case(
         name: name.into(),
         regime: row.text(at[1]).into(),
         split: row.text(at[2]).into(),
-        pressure_mpa: pressure_mpa.unwrap_or_default(),
+        pressure_mpa: driven.filter(|_| !by_volume).unwrap_or_default(),
+        volume_mm3: driven.filter(|_| by_volume),
         gap_mm,
         settings,
     })
@@ -146,7 +173,8 @@ fn repeated(cases: &[Case]) -> Vec<Diagnostic> {
             diagnostics.push(Diagnostic::new(&place, "every name once", "it twice"));
         }
         let values: Vec<u64> = case.settings.iter().map(|(_, value)| value.to_bits()).collect();
-        let load = (case.pressure_mpa.to_bits(), case.gap_mm.map(f64::to_bits), values);
+        let driven = case.volume_mm3.unwrap_or(case.pressure_mpa);
+        let load = (driven.to_bits(), case.gap_mm.map(f64::to_bits), values);
         if let Some(other) = loads.insert(load, &case.name) {
             diagnostics.push(Diagnostic::new(place, "every state once", format!("that of case {other}")));
         }

@@ -179,7 +179,15 @@ impl Newton {
         let tangent = Tangent::new(&problem)?;
         let system = System::new(&problem);
         let rhs = vec![0.0; problem.pattern.unknowns()];
-        Ok(Self { problem, system, tangent, rhs, increment: Increment::default(), closure: None, last_mm: 0.0 })
+        Ok(Self {
+            problem,
+            system,
+            tangent,
+            rhs,
+            increment: Increment::default(),
+            closure: None,
+            last_mm: 0.0,
+        })
     }
 
     /// Sets the body of the next steps: the present one or a variant by [`Problem::varied`].
@@ -313,7 +321,11 @@ impl Newton {
 
     /// Factorises the tangent at an equilibrium and solves for the displacement (mm) per MPa of cavity pressure; returns it with the
     /// gradient of the volume (mm2).
-    pub(crate) fn direction(&mut self, state: &State, effort: &mut Effort) -> Result<[Vec<f64>; 2], NewtonError> {
+    pub(crate) fn direction(
+        &mut self,
+        state: &State,
+        effort: &mut Effort,
+    ) -> Result<[Vec<f64>; 2], NewtonError> {
         let problem = Arc::clone(&self.problem);
         self.system.assemble(&problem, state, &state.load, Ahead::default(), true)?;
         self.tangent.factorise(&problem, &self.system)?;

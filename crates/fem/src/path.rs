@@ -172,7 +172,13 @@ impl Solver {
             match self.arc(&point, &tangent, step, &mut effort) {
                 Ok((next, along)) => {
                     let spent = effort.factorisations - before;
-                    length = if spent <= EASY + 1 { 1.5 * step } else if spent >= HARD { 0.6 * step } else { step };
+                    length = if spent <= EASY + 1 {
+                        1.5 * step
+                    } else if spent >= HARD {
+                        0.6 * step
+                    } else {
+                        step
+                    };
                     path.report.steps += 1;
                     if (end_mm3 - next.injected_mm3) * up <= 0.0 {
                         break;
@@ -196,7 +202,8 @@ impl Solver {
             }
         }
         if path.ended.is_none() && point.injected_mm3 != end_mm3 {
-            let (state, report) = self.solve_to(&point.state, &Load { injected_mm3: Some(end_mm3), ..point.state.load })?;
+            let (state, report) =
+                self.solve_to(&point.state, &Load { injected_mm3: Some(end_mm3), ..point.state.load })?;
             path.report = path.report.and(&report);
             let (last, _) = self.first(&state, up, &mut effort).map_err(|e| stopped(&state, e))?;
             notify(&last);
@@ -227,9 +234,10 @@ impl Solver {
             (point, tangent) = (next, along);
             points.push(point.clone());
             length *= 1.5;
-            if let Some(limit) = limits(&points).into_iter().find(|limit| {
-                matches!(limit.kind, LimitKind::PressureMaximum | LimitKind::PressureMinimum)
-            }) {
+            if let Some(limit) = limits(&points)
+                .into_iter()
+                .find(|limit| matches!(limit.kind, LimitKind::PressureMaximum | LimitKind::PressureMinimum))
+            {
                 return Some(limit);
             }
             if (point.pressure_mpa() - to_mpa) * up > 0.0 {
@@ -252,7 +260,12 @@ impl Solver {
     }
 
     /// Point of a solved state from which the volume moves in the direction `up`.
-    fn first(&mut self, state: &State, up: f64, effort: &mut Effort) -> Result<(PathPoint, Tangent), NewtonError> {
+    fn first(
+        &mut self,
+        state: &State,
+        up: f64,
+        effort: &mut Effort,
+    ) -> Result<(PathPoint, Tangent), NewtonError> {
         let (mut point, tangent) = self.point(state.clone(), effort)?;
         point.sense = up * same(point.compliance_mm3_per_mpa, 1.0);
         Ok((point, tangent))
@@ -380,13 +393,21 @@ pub fn limits(points: &[PathPoint]) -> Vec<Limit> {
             let t = cubic.root(|[_, slope]| slope);
             (LimitKind::Volume, cubic.x_at(t), cubic.at(t)[0])
         } else if a.negative_eigenvalues != b.negative_eigenvalues {
-            (LimitKind::Bifurcation, 0.5 * (a.pressure_mpa() + b.pressure_mpa()), 0.5 * (a.injected_mm3 + b.injected_mm3))
+            (
+                LimitKind::Bifurcation,
+                0.5 * (a.pressure_mpa() + b.pressure_mpa()),
+                0.5 * (a.injected_mm3 + b.injected_mm3),
+            )
         } else {
             return None;
         };
         let next_injected_mm3 = match kind {
-            LimitKind::PressureMaximum => points[after + 1..].windows(2).find_map(|pair| crossing(pair, pressure_mpa)),
-            LimitKind::PressureMinimum => points[..=after].windows(2).rev().find_map(|pair| crossing(pair, pressure_mpa)),
+            LimitKind::PressureMaximum => {
+                points[after + 1..].windows(2).find_map(|pair| crossing(pair, pressure_mpa))
+            }
+            LimitKind::PressureMinimum => {
+                points[..=after].windows(2).rev().find_map(|pair| crossing(pair, pressure_mpa))
+            }
             LimitKind::Volume | LimitKind::Bifurcation => None,
         };
         Some(Limit { kind, after, pressure_mpa, injected_mm3, next_injected_mm3 })

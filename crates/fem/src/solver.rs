@@ -66,7 +66,8 @@ fn advice(reason: &NewtonError) -> &'static str {
             "Start from a solved state nearer to it, or check that the loads are meant"
         }
         NewtonError::Limit { .. } => {
-            "`softtwin simulate --path --volume-mm3 V` follows the states beyond it; lower the pressure to stay before it"
+            "Lower the pressure to stay before it; `softtwin simulate --path --volume-mm3 V` with several times that volume follows the \
+             branch beyond it to the next stable state"
         }
         NewtonError::PathTooLong { .. } => "Give a smaller volume",
         NewtonError::Body(_) => "Start from a state whose measures are nearer",
@@ -118,6 +119,14 @@ pub enum SolveError {
         /// Nodes of the mesh.
         expected: usize,
     },
+}
+
+impl SolveError {
+    /// True if the pressure has a limit on the way.
+    #[must_use]
+    pub fn is_limit(&self) -> bool {
+        matches!(self, Self::NotConverged(stopped) if matches!(stopped.reason, NewtonError::Limit { .. }))
+    }
 }
 
 /// Version of the formulation. Every change that moves a result by more than the solver's tolerance raises it: checkpoints of
@@ -244,7 +253,8 @@ impl Solver {
         }
         let body = Stays(Arc::clone(&self.problem));
         let (rest, to_rest) = self.gravity_equilibrium(load.gravity_mm_s2)?;
-        let (pressed, to_obstacle) = self.follow(&rest, &Load { pressure_mpa: 0.0, injected_mm3: None, ..*load }, &body)?;
+        let (pressed, to_obstacle) =
+            self.follow(&rest, &Load { pressure_mpa: 0.0, injected_mm3: None, ..*load }, &body)?;
         let (state, inflation) = self.follow(&pressed, load, &body)?;
         let depth_mm = output::depth_mm(&self.problem, &state);
         if depth_mm > MAX_DEPTH_MM {

@@ -59,7 +59,8 @@ pub fn sphere_pressure(mu: f64, inner: f64, outer: f64, stretch: f64) -> f64 {
 
 /// Growth of the cavity's volume when the block is inflated.
 fn growth(cells: usize, mu: f64, pressure_mpa: f64) -> f64 {
-    let mut solver = Solver::new(Arc::new(hollow_sphere(cells, Hyperelastic::NeoHookean { mu_mpa: mu }))).unwrap();
+    let mut solver =
+        Solver::new(Arc::new(hollow_sphere(cells, Hyperelastic::NeoHookean { mu_mpa: mu }))).unwrap();
     let start = solver.undeformed();
     let before = solver.output(&start).cavity_volume_mm3;
     let (state, report) = solver.solve_to(&start, &Load { pressure_mpa, ..Load::default() }).unwrap();

@@ -3,7 +3,7 @@
 use crate::builder::close;
 use crate::closed_forms::{hollow_sphere, sphere_pressure};
 use fem::material::Hyperelastic;
-use fem::{Load, LimitKind, NewtonError, PathSettings, SolveError, Solver, State, limits};
+use fem::{LimitKind, Load, NewtonError, PathSettings, SolveError, Solver, State, limits};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -34,7 +34,11 @@ fn balloon_at_given_volumes_has_the_pressures_of_the_closed_form() {
             (state, report) = solver.solve_to(&state, &injected(volume_mm3(stretch))).unwrap();
             let exact = sphere_pressure(MU, 1.0, 2.0, stretch);
             let error = state.load.pressure_mpa / exact - 1.0;
-            println!("{cells} cells, stretch {stretch}: {:.4} MPa, error {:.2} %, {report:?}", state.load.pressure_mpa, 100.0 * error);
+            println!(
+                "{cells} cells, stretch {stretch}: {:.4} MPa, error {:.2} %, {report:?}",
+                state.load.pressure_mpa,
+                100.0 * error
+            );
             assert!(error.abs() < bound, "{error}");
             assert!(close(solver.injected_mm3(&state), volume_mm3(stretch), 1e-6));
         }
@@ -59,7 +63,10 @@ fn path_lists_the_limit_of_the_balloon_and_loses_stability_there() {
     let path = solver.path(&start, settings, &mut |_| {}).unwrap();
     let found = limits(&path.points);
     println!("{found:?}, {:?}", path.report);
-    assert!(path.ended.is_none() && found.len() == 1 && found[0].kind == LimitKind::PressureMaximum, "{found:?}");
+    assert!(
+        path.ended.is_none() && found.len() == 1 && found[0].kind == LimitKind::PressureMaximum,
+        "{found:?}"
+    );
     assert_eq!(found[0].next_injected_mm3, None);
     let exact = (120..220).map(|k| sphere_pressure(MU, 1.0, 2.0, 0.01 * f64::from(k))).fold(0.0, f64::max);
     assert!(close(found[0].pressure_mpa, exact, 0.08), "{} against {exact}", found[0].pressure_mpa);
@@ -82,7 +89,9 @@ fn path_lists_the_limit_of_the_balloon_and_loses_stability_there() {
     let Err(SolveError::NotConverged(stopped)) = solver.solve_to(&start, &load) else { panic!("no limit") };
     println!("{stopped}, {:?}", stopped.report);
     let NewtonError::Limit { pressure_mpa, injected_mm3 } = stopped.reason else { panic!("{stopped}") };
-    assert!(close(pressure_mpa, found[0].pressure_mpa, 1e-6) && close(injected_mm3, found[0].injected_mm3, 1e-3));
+    assert!(
+        close(pressure_mpa, found[0].pressure_mpa, 1e-6) && close(injected_mm3, found[0].injected_mm3, 1e-3)
+    );
 }
 
 #[test]
@@ -98,6 +107,7 @@ fn stiffening_balloon_snaps_to_a_stable_state_and_back() {
     let forth = most.next_injected_mm3.unwrap();
     assert!(least.next_injected_mm3.unwrap() < most.injected_mm3 && forth > least.injected_mm3);
     let near = path.points.iter().rfind(|point| point.injected_mm3 < forth).unwrap();
-    let (state, _) = solver.solve_to(&near.state, &Load { pressure_mpa: most.pressure_mpa, ..Load::default() }).unwrap();
+    let (state, _) =
+        solver.solve_to(&near.state, &Load { pressure_mpa: most.pressure_mpa, ..Load::default() }).unwrap();
     assert!(near.is_stable_at_pressure() && close(solver.injected_mm3(&state), forth, 1e-3), "{forth}");
 }

@@ -6,13 +6,12 @@ use fem::{Load, Obstacle, Report, State};
 const SIZES: Sizes = Sizes { nodes: 3, tets: 2, sheet: 1 };
 
 fn solved(pressure_mpa: f64) -> Solved {
-    let load =
-        Load {
-            pressure_mpa,
-            obstacle: Obstacle::Plate { gap_mm: 40.0 },
-            gravity_mm_s2: [0.0, -9810.0, 0.0],
-            ..Load::default()
-        };
+    let load = Load {
+        pressure_mpa,
+        obstacle: Obstacle::Plate { gap_mm: 40.0 },
+        gravity_mm_s2: [0.0, -9810.0, 0.0],
+        ..Load::default()
+    };
     Solved {
         state: State {
             displacement_mm: vec![[0.1, -0.2, 1e-300], [f64::MIN_POSITIVE, 2.0, 3.0], [4.0, 5.0, 6.0]],

@@ -21,3 +21,4 @@ mod simulate_motion;
 #[allow(dead_code, reason = "shared by several test programs")]
 #[path = "../../../tests/src/synthetic/mod.rs"]
 mod synthetic;
+mod volume;

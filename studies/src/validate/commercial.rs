@@ -109,7 +109,10 @@ fn case(csv: &str, index: usize) -> Option<Case> {
         (_, Some(gap_mm)) => (Obstacle::Plate { gap_mm }, GRAVITY_DOWN_MM_S2),
         _ => (Obstacle::None, GRAVITY_DOWN_MM_S2),
     };
-    Some(Case { load: Load { pressure_mpa, obstacle, gravity_mm_s2, ..Load::default() }, force_n: row.get(5)?.parse().ok()? })
+    Some(Case {
+        load: Load { pressure_mpa, obstacle, gravity_mm_s2, ..Load::default() },
+        force_n: row.get(5)?.parse().ok()?,
+    })
 }
 
 /// Distance of two loads, in which 50 mm of gap count as much as the whole pressure range.

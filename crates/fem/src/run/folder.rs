@@ -4,14 +4,14 @@ use super::derivatives::{self, Derivative};
 use super::store::Solved;
 use crate::actuator::{Setting, moved_nodes, unit};
 use crate::algebra::norm;
-use crate::cases::{Case, VOLUME_COLUMNS, columns};
+use crate::cases::{COLUMNS, Case, VOLUME, VOLUME_COLUMNS, by_volume, columns};
 use crate::family::{Family, Variant, VariantError};
 use crate::solver::FORMULATION;
 use formats::database::{self, Input, Manifest};
 use formats::packed::{self, Snapshots, Stored};
 use formats::table::to_text;
 use formats::{Diagnostic, FormatError, file, npy, vtu};
-use rom::snapshots::FieldSpec;
+use rom::snapshots::{FieldKind, FieldSpec};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -28,8 +28,8 @@ const SHAPE_STEP: f64 = 1.0e-3;
 const FOLLOWS_WITHIN_MM: f64 = 1.0e-6;
 /// Columns of the balance of forces.
 const RESIDUAL_COLUMNS: [&str; 5] = ["case", "out_of_balance_n", "residual", "factorisations", "steps"];
-/// Fields of a snapshot: deformed coordinates, displacement magnitude, von Mises stress.
-const FIELDS: usize = 5;
+/// Field of a pressure that is a result.
+const PRESSURE: &str = "pressure";
 
 /// Source of a case's derivatives.
 type DerivativesOf<'a> = &'a dyn Fn(&Case) -> Option<Vec<Derivative>>;
@@ -64,8 +64,11 @@ pub fn write(
     let solver = format!(
         "softtwin simulate, version {version}, formulation {FORMULATION}; von Mises stress is the mean over the elements at a node"
     );
-    let manifest = Manifest::new(&family.actuator.name, mesh.nodes_mm.len(), &FieldSpec::of_the_paper());
+    let manifest = Manifest::new(&family.actuator.name, mesh.nodes_mm.len(), &fields(cases));
     let mut manifest = Manifest { mesh: Some("mesh.vtu".into()), solver: Some(solver), ..manifest };
+    if by_volume(cases) {
+        manifest.pressure_as_result(Input { name: VOLUME.into(), unit: "mm3".into(), nominal: Some(0.0) });
+    }
     let parameters = cases.first().map_or(&[][..], |case| &case.settings);
     manifest.input.extend(parameters.iter().map(|(name, _)| Input {
         name: name.clone(),
@@ -131,7 +134,7 @@ pub fn extend(
     let mesh_file = manifest.mesh.clone().unwrap_or_default();
     let path = from.join(&manifest.snapshots);
     let before = database::read_snapshots(&path, Some(&from.join(&mesh_file)))?;
-    let expected = [before.shape[0], mesh.nodes_mm.len(), FIELDS];
+    let expected = [before.shape[0], mesh.nodes_mm.len(), fields(cases).len()];
     if before.shape != expected {
         let (expected, found) = (format!("{expected:?} of this mesh"), format!("{:?}", before.shape));
         return Err(FormatError::one(&path, Diagnostic::new("shape", expected, found)));
@@ -164,7 +167,14 @@ fn existing(path: &Path, heading: &str) -> Result<String, FormatError> {
 }
 
 fn case_columns(cases: &[Case]) -> Vec<&str> {
-    columns(cases).into_iter().chain(["contact_force_n"]).collect()
+    let pressure = by_volume(cases).then_some(COLUMNS[3]);
+    columns(cases).into_iter().chain(["contact_force_n"]).chain(pressure).collect()
+}
+
+/// Fields of a snapshot; a pressure that is a result is one of them, the same at all nodes.
+fn fields(cases: &[Case]) -> Vec<FieldSpec> {
+    let pressure = FieldSpec { name: PRESSURE.into(), unit: "MPa".into(), kind: FieldKind::Other };
+    FieldSpec::of_the_paper().into_iter().chain(by_volume(cases).then_some(pressure)).collect()
 }
 
 /// Force out of balance at the end of each solution, in N and relative to the larger of support reaction and obstacle force.
@@ -181,13 +191,19 @@ fn residual_rows(cases: &[Case], solved: &Indexed) -> impl Iterator<Item = [Stri
 
 fn case_rows(cases: &[Case], solved: &Indexed) -> impl Iterator<Item = Vec<String>> {
     let force = |state: &Solved| format!("{:.6}", state.contact_force_n);
-    solved.iter().map(move |(index, state)| cases[*index].cells().into_iter().chain([force(state)]).collect())
+    let pressure = |state: &Solved| {
+        let load = state.state.load;
+        load.injected_mm3.map(|_| load.pressure_mpa.to_string())
+    };
+    solved.iter().map(move |(index, state)| {
+        cases[*index].cells().into_iter().chain([force(state)]).chain(pressure(state)).collect()
+    })
 }
 
 fn volume_rows(cases: &[Case], solved: &Indexed) -> impl Iterator<Item = [String; 4]> {
     solved.iter().map(|(index, state)| {
         let case = &cases[*index];
-        let (name, pressure) = (case.name.clone(), case.pressure_mpa.to_string());
+        let (name, pressure) = (case.name.clone(), state.state.load.pressure_mpa.to_string());
         [name, pressure, case.gap_cell(), format!("{:.3}", state.cavity_volume_mm3)]
     })
 }
@@ -209,9 +225,11 @@ fn write_snapshots(
             let u = state.state.displacement_mm[n];
             values.extend((0..3).map(|k| (x[k] + u[k]) as f32));
             values.extend([norm(u) as f32, state.von_mises_mpa[n]]);
+            values.extend(case.volume_mm3.map(|_| state.state.load.pressure_mpa as f32));
         }
     }
-    npy::write_f32(&dir.join(SNAPSHOTS), &[values.len() / (nodes * FIELDS), nodes, FIELDS], &values)
+    let fields = fields(cases).len();
+    npy::write_f32(&dir.join(SNAPSHOTS), &[values.len() / (nodes * fields), nodes, fields], &values)
 }
 
 fn impossible(dir: &Path, case: &Case, reason: VariantError) -> FormatError {

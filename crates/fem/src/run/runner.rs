@@ -194,7 +194,8 @@ impl Run<'_> {
     }
 
     fn load(&self, case: &Case, variant: &Variant) -> Result<Load, VariantError> {
-        Ok(self.family.actuator_of(variant)?.load(case.pressure_mpa, case.gap_mm))
+        let load = self.family.actuator_of(variant)?.load(case.pressure_mpa, case.gap_mm);
+        Ok(Load { injected_mm3: case.volume_mm3, ..load })
     }
 
     fn sizes(&self) -> Sizes {
@@ -309,7 +310,8 @@ impl Work<'_> {
             Err(error) => {
                 let reason = error.to_string();
                 let mut shared = lock();
-                let again = shared.board.try_next(case);
+                // From other starts the way ends at the same limit.
+                let again = !error.is_limit() && shared.board.try_next(case);
                 (self.notify)(Event::Failed { case: task.case, reason: &reason, again });
                 if !again {
                     shared.outcome.failed.push((case, reason));

@@ -34,7 +34,7 @@ pub(super) fn starts(cases: &[Case], nominal: &[f64]) -> Vec<Vec<Start>> {
         .iter()
         .map(|case| {
             let values: Vec<f64> = case.settings.iter().map(|(_, value)| *value).collect();
-            scale.place(case.pressure_mpa, case.gap_mm, &values)
+            scale.place(scale.driven(case), case.gap_mm, &values)
         })
         .collect();
     let of = |i: usize| -> Vec<Start> {
@@ -51,7 +51,8 @@ pub(super) fn starts(cases: &[Case], nominal: &[f64]) -> Vec<Vec<Start>> {
 
 /// A case in scaled inputs.
 struct Place {
-    pressure: f64,
+    /// Pressure or injected volume.
+    driven: f64,
     gap: Option<f64>,
     parameters: Vec<f64>,
 }
@@ -61,6 +62,8 @@ struct Scale {
     extents: Vec<f64>,
     /// The largest gap of the list, scaled.
     largest_gap: f64,
+    /// The largest injected volume of the list (mm3); 0 without one.
+    largest_mm3: f64,
 }
 
 impl Scale {
@@ -75,12 +78,20 @@ impl Scale {
         Self {
             extents: (0..nominal.len()).map(extent).collect(),
             largest_gap: gaps.fold(0.0, f64::max) / GAP_UNIT_MM,
+            largest_mm3: cases.iter().filter_map(|case| case.volume_mm3).fold(0.0, f64::max),
         }
     }
 
-    fn place(&self, pressure_mpa: f64, gap_mm: Option<f64>, values: &[f64]) -> Place {
+    /// Scaled pressure or injected volume.
+    fn driven(&self, case: &Case) -> f64 {
+        case.volume_mm3.map_or(case.pressure_mpa / PRESSURE_UNIT_MPA, |volume| {
+            volume / self.largest_mm3.max(f64::MIN_POSITIVE)
+        })
+    }
+
+    fn place(&self, driven: f64, gap_mm: Option<f64>, values: &[f64]) -> Place {
         Place {
-            pressure: pressure_mpa / PRESSURE_UNIT_MPA,
+            driven,
             gap: gap_mm.map(|gap| gap / GAP_UNIT_MM),
             parameters: values.iter().zip(&self.extents).map(|(value, extent)| value / extent).collect(),
         }
@@ -98,7 +109,7 @@ impl Scale {
         };
         let parameters: f64 = from.parameters.iter().zip(&to.parameters).map(|(a, b)| (a - b).powi(2)).sum();
         let other = if parameters > 0.0 { OTHER_BODY } else { 0.0 };
-        let squares = (from.pressure - to.pressure).powi(2) + gap.powi(2) + parameters;
+        let squares = (from.driven - to.driven).powi(2) + gap.powi(2) + parameters;
         squares.sqrt() + touching + other
     }
 }

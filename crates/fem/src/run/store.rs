@@ -73,7 +73,7 @@ impl Store {
     fn path(&self, load: &Load) -> PathBuf {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&self.problem);
-        for value in load_values(load) {
+        for value in given_values(load).into_iter().chain(load.injected_mm3) {
             hasher.update(&value.to_le_bytes());
         }
         self.folder.join(format!("{}.state", &hasher.finalize().to_hex()[..24]))
@@ -128,7 +128,9 @@ impl Store {
         let values: Vec<f64> = head.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
         let (head, rest) = values.split_first_chunk().ok_or_else(|| wrong("another length"))?;
         let head = Head::from_values(head);
-        if head.load != load_values(load) {
+        let pressure_mpa = head.load[0];
+        let of_head = Load { pressure_mpa, ..*load };
+        if head.load != load_values(&of_head) || given_values(&of_head) != given_values(load) {
             return Err(wrong("other loads"));
         }
         let (displacement, rest) = rest.split_at(counts[1]);
@@ -138,7 +140,7 @@ impl Store {
                 displacement_mm: displacement.as_chunks().0.to_vec(),
                 element_pressure_mpa: pressure.to_vec(),
                 sheet_resultants_n_per_mm: sheet.as_chunks::<3>().0.as_chunks::<3>().0.to_vec(),
-                load: *load,
+                load: of_head,
             },
             von_mises_mpa: stress.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect(),
             contact_force_n: head.contact_force_n,
@@ -222,6 +224,13 @@ impl Head {
             report: Report { factorisations, steps, cuts, residual_n, residual, seconds },
         }
     }
+}
+
+/// [`load_values`] that are given: -1 in place of a pressure that is a result.
+fn given_values(load: &Load) -> [f64; 5] {
+    let [pressure, rest @ ..] = load_values(load);
+    let [gap, x, y, z] = rest;
+    [if load.injected_mm3.is_some() { -1.0 } else { pressure }, gap, x, y, z]
 }
 
 /// Pressure, gap (-1 when free) and gravity.

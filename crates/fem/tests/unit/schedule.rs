@@ -9,6 +9,7 @@ fn case(pressure_mpa: f64, gap_mm: Option<f64>, stiffness: f64) -> Case {
         regime: String::new(),
         split: String::new(),
         pressure_mpa,
+        volume_mm3: None,
         gap_mm,
         settings: vec![("elastomer.law.mu_mpa".to_owned(), stiffness)],
     }

@@ -108,11 +108,10 @@ struct Columns {
 fn columns(table: &Table, manifest: &Manifest) -> Result<Columns, Vec<Diagnostic>> {
     let [first @ .., pressure, gap, force] = COLUMNS;
     let found = table.columns(first);
-    let [pressure, gap, force] = [pressure, gap, force].map(|name| table.column(name).ok());
+    let standard = |name: &str| table.column(name).ok().filter(|_| !manifest.is_extra(name));
+    let [pressure, gap, force] = [pressure, gap, force].map(standard);
     let parameters = manifest.parameters();
-    let declared = |name: &str| {
-        manifest.extra.iter().any(|extra| extra.name == name) || parameters.iter().any(|p| p.name == name)
-    };
+    let declared = |name: &str| manifest.is_extra(name) || parameters.iter().any(|p| p.name == name);
     let mut missing = Vec::new();
     let parameters: Vec<usize> =
         parameters.iter().filter_map(|p| collect(table.column(&p.name), &mut missing)).collect();

@@ -155,6 +155,18 @@ impl Manifest {
         }
     }
 
+    /// Declares that the pressure of the table is a result, in whose place another quantity was given.
+    pub fn pressure_as_result(&mut self, given: Input) {
+        self.input.retain(|input| input.name != OPERATING[0].0);
+        self.input.push(given);
+        self.extra.push(Extra { name: OPERATING[0].0.into(), unit: OPERATING[0].1.into() });
+    }
+
+    /// True if a column is neither input nor force.
+    pub(super) fn is_extra(&self, name: &str) -> bool {
+        self.extra.iter().any(|extra| extra.name == name)
+    }
+
     /// Copies this description from its file to another, with other names of files; comments are kept.
     ///
     /// # Errors

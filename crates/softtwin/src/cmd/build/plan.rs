@@ -66,6 +66,7 @@ impl Plan {
                 regime: "contact".into(),
                 split: split.into(),
                 pressure_mpa,
+                volume_mm3: None,
                 gap_mm: Some(gap),
                 settings: Vec::new(),
             }));

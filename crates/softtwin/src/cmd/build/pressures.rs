@@ -1,5 +1,6 @@
 //! The pressures that suit an actuator: solved upwards until it bends as far as wanted, or until nothing more is found.
 
+use crate::cmd::simulate::stretch::MAX_BEYOND;
 use crate::failure::configuration;
 use anyhow::{Context, Result};
 use fem::actuator::{Actuator, Fixed};
@@ -22,8 +23,6 @@ const FAILURES: usize = 3;
 /// More states than this mean that pressure hardly bends the actuator.
 const MAX_STATES: usize = 30;
 
-/// Fraction of the elastomer's volume that may be beyond the range of its law: re-entrant corners are.
-const MAX_BEYOND: f64 = 0.01;
 /// Fewest states of a curve.
 const FEWEST: usize = 3;
 
@@ -54,7 +53,15 @@ impl Pressures {
 /// A free training state.
 pub fn free_case(name: &str, pressure_mpa: f64) -> Case {
     let (regime, split) = ("free".into(), "train".into());
-    Case { name: name.into(), regime, split, pressure_mpa, gap_mm: None, settings: Vec::new() }
+    Case {
+        name: name.into(),
+        regime,
+        split,
+        pressure_mpa,
+        volume_mm3: None,
+        gap_mm: None,
+        settings: Vec::new(),
+    }
 }
 
 /// Distance from the held face to the tip, mm.

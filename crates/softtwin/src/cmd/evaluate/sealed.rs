@@ -102,6 +102,7 @@ fn random_states(
         regime: regime.into(),
         split: "check".into(),
         pressure_mpa: state.pressure_mpa(),
+        volume_mm3: None,
         gap_mm: (kind == RegimeKind::Contact).then(|| state.gap_mm()),
         settings: Vec::new(),
     };

@@ -91,6 +91,7 @@ impl Designs<'_> {
             regime: if gap_mm.is_some() { "contact" } else { "free" }.into(),
             split: self.split.into(),
             pressure_mpa: rounded(pressure_mpa, 1e6),
+            volume_mm3: None,
             gap_mm: gap_mm.map(|gap| rounded(gap, 1e4)),
             settings: settings.map(|(p, value)| (p.name.clone(), rounded(*value, 1e6))).collect(),
         }

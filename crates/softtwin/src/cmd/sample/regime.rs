@@ -56,6 +56,7 @@ impl Regime {
             regime: self.name().into(),
             split: split.into(),
             pressure_mpa: rounded(pressure_mpa, 1e9),
+            volume_mm3: None,
             gap_mm: gap_mm.map(|gap| rounded(gap, 1e6)),
             settings: Vec::new(),
         }

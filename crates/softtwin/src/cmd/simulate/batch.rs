@@ -1,6 +1,6 @@
 //! A list of cases to a database folder, with progress, checkpoints and a report.
 
-use crate::failure::configuration;
+use crate::failure::{configuration, usage};
 use crate::files::refusal;
 use crate::{output, resources};
 use fem::Family;
@@ -29,6 +29,11 @@ pub fn run(family: &Family, list: &Path, out: &Path, options: &Options, as_json:
     let mut cases = cases::read(list).map_err(refusal)?;
     for case in &mut cases {
         case.settings.extend(options.settings.iter().cloned());
+    }
+    if options.sensitivities && cases.iter().any(|case| case.volume_mm3.is_some()) {
+        return Err(usage(
+            "--sensitivities: expected a list with pressure_mpa, found volume_mm3; derivatives are at given pressure",
+        ));
     }
     let began = Instant::now();
     let outcome = solve(family, &cases, out, options)?;

@@ -1,14 +1,18 @@
 //! `softtwin simulate`: finite-element states of an actuator, one, a path, or a whole database; and its motion in time.
 
 pub mod batch;
+mod path;
 mod single;
+pub mod stretch;
 mod transient;
 
 use crate::failure::usage;
 use crate::files;
 use crate::options::{ActuatorFile, setting};
 use fem::actuator::Setting;
+use fem::cases::MAX_MM3;
 use fem::transient::StepSettings;
+use single::Driven;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -22,6 +26,9 @@ Examples:
   A path from rest in 10 steps, one JSON line a step:
     softtwin simulate --actuator models/pneunet/actuator.toml \\
       --pressure-mpa 0.07 --gap-mm 40 --steps 10
+  A given injected volume, the pressure being a result; and the whole path, through its limits of pressure:
+    softtwin simulate --actuator block/actuator.toml --volume-mm3 900
+    softtwin simulate --actuator block/actuator.toml --volume-mm3 9000 --path --out path
   Softer silicone and a thinner wall:
     softtwin simulate --actuator models/pneunet/actuator.toml \\
       --set elastomer.law.mu_mpa=0.7 --set chambers.length_mm=3.2 \\
@@ -30,6 +37,8 @@ Examples:
     softtwin simulate --actuator models/pneunet/actuator.toml \\
       --cases models/pneunet/cases.csv --out database
     softtwin train --database database --out finger.twin
+
+  A list with a column volume_mm3 in place of pressure_mpa gives volumes; the pressure is then a field of the database.
 
   Motion in time along a trace (t_s, pressure_mpa; gap_mm and keys of actuator.toml if given):
     softtwin simulate --actuator models/pneunet/actuator.toml \\
@@ -49,8 +58,15 @@ pub struct Args {
     #[command(flatten)]
     geometry: ActuatorFile,
     /// Cavity pressure in MPa, at least 0.
-    #[arg(long, value_name = "MPA", allow_negative_numbers = true, required_unless_present_any = ["cases", "trace"], value_parser = crate::range::pressure_mpa, help_heading = "State")]
+    #[arg(long, value_name = "MPA", allow_negative_numbers = true, required_unless_present_any = ["cases", "trace", "volume_mm3"], value_parser = crate::range::pressure_mpa, help_heading = "State")]
     pressure_mpa: Option<f64>,
+    /// Injected volume in mm3 in place of the pressure, which is then a result: that of the cavity minus that of the undeformed one.
+    #[arg(long, value_name = "MM3", allow_negative_numbers = true, conflicts_with_all = ["pressure_mpa", "cases", "trace"], value_parser = crate::range::number(0.0, MAX_MM3), help_heading = "State")]
+    volume_mm3: Option<f64>,
+    /// Follow the equilibrium path from rest to --volume-mm3 through limits of pressure and volume: a table with the stability of each
+    /// state, then the limits and the next stable state beyond each. --out is a folder for path.csv and path.png.
+    #[arg(long, requires = "volume_mm3", help_heading = "State")]
+    path: bool,
     /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with_all = ["cases", "trace"], value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Option<f64>,
@@ -58,9 +74,9 @@ pub struct Args {
     /// moves the existing mesh. A list of cases has a column for each parameter; this sets the others.
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, help_heading = "State")]
     set: Vec<Setting>,
-    /// Steps of the path from rest to the pressure; each is printed (1 to 100000).
-    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with_all = ["cases", "trace"], value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "State")]
-    steps: u32,
+    /// Steps from rest to the pressure or volume; each is printed (1 to 100000). Default: 1; 40 with --path.
+    #[arg(long, value_name = "N", conflicts_with_all = ["cases", "trace"], value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "State")]
+    steps: Option<u32>,
     /// List of cases: case,regime,split,pressure_mpa,gap_mm.
     #[arg(long, value_name = "FILE.csv", conflicts_with = "pressure_mpa", requires = "out")]
     cases: Option<PathBuf>,
@@ -104,18 +120,24 @@ impl Args {
                 transient::Options { trace, out, steps, fields_s: self.fields_s, settings: self.set };
             return transient::run(&family, options, self.json);
         }
-        match (&self.cases, self.pressure_mpa, &self.out) {
+        if let (Some(volume_mm3), true) = (self.volume_mm3, self.path) {
+            let points = self.steps.unwrap_or(path::POINTS) as usize;
+            let target = path::Target { volume_mm3, gap_mm: self.gap_mm, points, settings: self.set };
+            return path::run(&family, &target, self.out.as_deref(), self.json);
+        }
+        let driven = self.pressure_mpa.map(Driven::Pressure).or(self.volume_mm3.map(Driven::Volume));
+        match (&self.cases, driven, &self.out) {
             (Some(cases), _, Some(out)) => {
                 let (threads, sensitivities) = (self.threads, self.sensitivities);
                 let options = batch::Options { threads, sensitivities, settings: self.set };
                 batch::run(&family, cases, out, &options, self.json)
             }
-            (_, Some(pressure_mpa), out) => {
-                let (gap_mm, steps, node_sets) = (self.gap_mm, self.steps, self.json);
-                let target = single::Target { pressure_mpa, gap_mm, steps, node_sets, settings: self.set };
+            (_, Some(driven), out) => {
+                let (gap_mm, steps, node_sets) = (self.gap_mm, self.steps.unwrap_or(1), self.json);
+                let target = single::Target { driven, gap_mm, steps, node_sets, settings: self.set };
                 single::run(&family, &target, out.as_deref())
             }
-            _ => Err(usage("expected --pressure-mpa, or --cases or --trace with --out")),
+            _ => Err(usage("expected --pressure-mpa or --volume-mm3, or --cases or --trace with --out")),
         }
     }
 }

@@ -1,10 +1,11 @@
 //! One state, or a path of states from rest.
 
+use super::stretch;
 use crate::failure::{configuration, usage};
 use crate::output;
 use anyhow::Context;
-use fem::actuator::{Setting, mesh_quality};
-use fem::{Family, Output, Problem, Report, SolveError, Solver};
+use fem::actuator::{Actuator, Setting, mesh_quality};
+use fem::{Family, Load, Output, Problem, Report, SolveError, Solver};
 use formats::export::{Label, Moment, Series, StateFormat};
 use formats::vtu::Cells;
 use rom::snapshots::FieldSpec;
@@ -12,10 +13,31 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
 
+/// Given quantity.
+#[derive(Clone, Copy, Debug)]
+pub enum Driven {
+    /// Cavity pressure (MPa).
+    Pressure(f64),
+    /// Injected volume (mm3).
+    Volume(f64),
+}
+
+impl Driven {
+    /// Loads at a fraction of it.
+    fn load(self, actuator: &Actuator, gap_mm: Option<f64>, fraction: f64) -> Load {
+        match self {
+            Self::Pressure(pressure_mpa) => actuator.load(fraction * pressure_mpa, gap_mm),
+            Self::Volume(volume_mm3) => {
+                Load { injected_mm3: Some(fraction * volume_mm3), ..actuator.load(0.0, gap_mm) }
+            }
+        }
+    }
+}
+
 /// Options.
 pub struct Target {
-    /// Cavity pressure at the end (MPa).
-    pub pressure_mpa: f64,
+    /// Pressure or volume at the end.
+    pub driven: Driven,
     /// Gap (mm).
     pub gap_mm: Option<f64>,
     /// Steps from rest.
@@ -39,13 +61,20 @@ pub fn run(family: &Family, target: &Target, out: Option<&Path>) -> anyhow::Resu
     let mut solver = Solver::new(Arc::clone(&problem))?;
     let (mut state, mut work) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
     for step in 1..=target.steps {
-        let pressure_mpa = target.pressure_mpa * f64::from(step) / f64::from(target.steps);
-        let (next, report) =
-            solver.solve_to(&state, &actuator.load(pressure_mpa, target.gap_mm)).map_err(sorted)?;
+        let fraction = f64::from(step) / f64::from(target.steps);
+        let load = target.driven.load(&actuator, target.gap_mm, fraction);
+        let (next, report) = solver.solve_to(&state, &load).map_err(sorted)?;
         state = next;
         work = work.and(&report);
         let output = solver.output(&state);
-        let mut described = line(&output, solver.clearance_mm(&state), pressure_mpa, target.gap_mm, &work);
+        let mut described = line(&output, solver.clearance_mm(&state), &state.load, &work);
+        described["volume_mm3"] = json!(solver.injected_mm3(&state));
+        let stretches = problem.stretches(&state);
+        described["largest_stretch"] = json!(stretches.largest);
+        described["beyond_law_percent"] = json!(100.0 * stretches.beyond);
+        if let Some(warning) = stretch::warning(&problem, stretches) {
+            tracing::warn!("{warning}");
+        }
         if let Some((least, mean)) = quality {
             described["set"] =
                 target.settings.iter().map(|(name, value)| (name.clone(), json!(value))).collect();
@@ -57,25 +86,26 @@ pub fn run(family: &Family, target: &Target, out: Option<&Path>) -> anyhow::Resu
         }
         output::json(&described)?;
         if let (true, Some(out)) = (step == target.steps, out) {
-            write(&problem, &output, &label(target, &output), out).context("the state was not written")?;
+            write(&problem, &output, &label(target, &state.load, &output), out)
+                .context("the state was not written")?;
         }
     }
     Ok(())
 }
 
 /// A load that the solver does not take is the user's mistake; a state it cannot reach is not.
-fn sorted(error: SolveError) -> anyhow::Error {
+pub fn sorted(error: SolveError) -> anyhow::Error {
     match error {
         SolveError::Load { .. } => usage(error),
         _ => error.into(),
     }
 }
 
-fn line(output: &Output, clearance_mm: f64, pressure_mpa: f64, gap_mm: Option<f64>, work: &Report) -> Value {
+fn line(output: &Output, clearance_mm: f64, load: &Load, work: &Report) -> Value {
     let largest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
     json!({
-        "pressure_mpa": pressure_mpa,
-        "gap_mm": gap_mm,
+        "pressure_mpa": load.pressure_mpa,
+        "gap_mm": load.obstacle.gap_mm(),
         "contact_force_n": output.contact_force_n,
         "cavity_volume_mm3": output.cavity_volume_mm3,
         "max_displacement_mm": largest(&output.displacement_mm),
@@ -92,9 +122,9 @@ fn line(output: &Output, clearance_mm: f64, pressure_mpa: f64, gap_mm: Option<f6
 }
 
 /// Description of the state in the file: options and resulting force.
-fn label(target: &Target, output: &Output) -> Label {
+fn label(target: &Target, load: &Load, output: &Output) -> Label {
     let settings = target.settings.iter().cloned();
-    Label::of_state(target.pressure_mpa, target.gap_mm, settings, output.contact_force_n)
+    Label::of_state(load.pressure_mpa, target.gap_mm, settings, output.contact_force_n)
 }
 
 /// Writes the fields of a state in the format of the name's ending.

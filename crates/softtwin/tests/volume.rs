@@ -1,0 +1,61 @@
+//! The injected volume in place of the pressure: single states, lists, the database, and the path through a limit.
+
+use crate::simulate::Place;
+
+const LIST: &str = "case,regime,split,volume_mm3,gap_mm
+v0,free,train,0,
+v1,free,train,300,
+v2,free,train,600,
+v3,free,train,900,
+touching,contact,check,900,0.4
+";
+
+#[test]
+fn list_of_volumes_gives_the_states_of_the_pressures_found() {
+    let place = Place::new();
+    place.put("cases.csv", LIST);
+    place
+        .run("simulate --actuator a.toml --cases cases.csv --out db --sensitivities")
+        .refused(2, "found volume_mm3");
+    let report = place.run("simulate --actuator a.toml --cases cases.csv --out db --json").json();
+    assert_eq!(report["solved"].as_u64(), Some(5), "{report}");
+    let table = place.read("db/cases.csv");
+    let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(
+        rows[0],
+        ["case", "regime", "split", "volume_mm3", "gap_mm", "contact_force_n", "pressure_mpa"]
+    );
+    let pressures: Vec<f64> = rows[1..].iter().map(|row| row[6].parse().unwrap()).collect();
+    assert!(pressures[..4].windows(2).all(|pair| pair[0] < pair[1]), "{pressures:?}");
+    let snapshots = formats::npy::read_f32(&place.at("db/snapshots.npy")).unwrap();
+    assert_eq!(snapshots.shape[2], 6);
+    assert!(snapshots.data.iter().skip(5).step_by(6).zip([0; 3]).all(|(p, _)| *p == pressures[0] as f32));
+    let given = format!("simulate --actuator a.toml --pressure-mpa {}", pressures[3]);
+    let volume = place.run(&given).json()["volume_mm3"].as_f64().unwrap();
+    assert!((volume - 900.0).abs() < 1.0e-3, "{volume}");
+    // What was solved is found again.
+    let again = place.run("simulate --actuator a.toml --cases cases.csv --out db --json").json();
+    assert_eq!(again["reused"].as_u64(), Some(5), "{again}");
+}
+
+#[test]
+fn path_through_a_limit_of_pressure_is_a_table_and_a_picture() {
+    let place = Place::new();
+    let soft = crate::actuators::tiny().replace("law = \"gent\" ", "law = \"neo-hookean\" ");
+    let without: Vec<&str> = soft.lines().filter(|line| !line.starts_with("jm =")).collect();
+    place.put("a.toml", &without.join("\n"));
+    let path =
+        place.run("simulate --actuator a.toml --volume-mm3 5300 --path --steps 6 --out path --json").json();
+    let limits = path["limits"].as_array().unwrap();
+    assert_eq!((limits.len(), &limits[0]["limit"]), (1, &"pressure_maximum".into()), "{path}");
+    let limit_mpa = limits[0]["pressure_mpa"].as_f64().unwrap();
+    let points = path["points"].as_array().unwrap();
+    assert!(
+        points[0]["stable_at_pressure"] == true && points[points.len() - 1]["stable_at_pressure"] == false
+    );
+    assert_eq!(place.read("path/path.csv").lines().count(), 1 + points.len());
+    assert!(place.at("path/path.png").exists());
+    // The same limit at given pressure, named.
+    let beyond = format!("simulate --actuator a.toml --pressure-mpa {}", 1.2 * limit_mpa);
+    place.run(&beyond).refused(1, &format!("limit of {limit_mpa:.6}"));
+}
