@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::contact::obstacle::{Obstacle, Round};
 use crate::dynamics::Dynamics;
 use crate::element::cavity::CavityLoad;
-use crate::material::{Elastomer, Hyperelastic, SheetMaterial, VolumeChange};
+use crate::material::{Elastomer, Film, Hyperelastic, SheetMaterial, VolumeChange};
 use rom::snapshots::Footprint;
 
 /// Gravity along -y (mm/s2), the actuator's usual attitude.
@@ -83,6 +83,12 @@ pub struct ProblemConfig {
     pub elastomers: Vec<Elastomer>,
     /// The strain-limiting sheet; required when the mesh has sheet triangles.
     pub sheet: Option<SheetMaterial>,
+    /// Membranes, in the order of the mesh's `films`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub films: Vec<Film>,
+    /// Pressures of the mesh's `cavities` (MPa): of each cavity other than that of the load's pressure.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cavities_mpa: Vec<f64>,
     /// How cavity pressure reaches the nodes.
     pub cavity_load: CavityLoad,
     /// Penalties of the contacts.
@@ -116,6 +122,8 @@ impl Default for ProblemConfig {
                 thickness_mm: 0.1,
                 bending_penalty: 5.0,
             }),
+            films: Vec::new(),
+            cavities_mpa: Vec::new(),
             cavity_load: CavityLoad::FlatFacets,
             contact: ContactSettings::default(),
             plate: Footprint::PLATE,
@@ -141,11 +149,13 @@ pub struct Load {
     pub gravity_mm_s2: [f64; 3],
 }
 
-/// Debug form of a configuration without the fields of an absent round obstacle or range of stretches, and without motion, of which
+/// Debug form of a configuration without the fields of absent parts (round obstacle, range of stretches, films, further cavities), and without motion, of which
 /// static states are independent; part of a checkpoint's fingerprint.
 pub(crate) fn flat(debug: &str) -> String {
     let motion = format!(", dynamics: {:?}", Dynamics::default());
     [
+        ", films: []",
+        ", cavities_mpa: []",
         ", round: None",
         ", radius_mm: None",
         ", centre_mm: None",

@@ -21,12 +21,10 @@ pub(crate) fn strain_n_mm(problem: &Problem, u: &[Vec3]) -> Result<f64, InvalidS
             .map_err(|reason| InvalidState { reason, element: e })?;
     }
     let x = problem.positions(u);
-    for (tri, geometry) in problem.mesh.sheet.iter().zip(&problem.sheet.membrane) {
-        let at = tri.map(|n| x[n as usize]);
+    for (t, (tri, geometry)) in problem.sheet.triangles.iter().zip(&problem.sheet.membrane).enumerate() {
+        let (at, law) = (tri.map(|n| x[n as usize]), problem.sheet.law(t));
         for (q, weight) in geometry.weights.iter().enumerate() {
-            let e = membrane::strain(geometry, q, &at);
-            let n = membrane::resultant(problem.sheet.stiffness, e);
-            sum += 0.5 * weight * (n[0] * e[0] + n[1] * e[1] + 2.0 * n[2] * e[2]);
+            sum += weight * law.energy(membrane::strain(geometry, q, &at));
         }
     }
     let mut bent = vec![[0.0; 3]; x.len()];

@@ -410,14 +410,14 @@ impl Newton {
             let position = |n: u32| add(problem.mesh.nodes_mm[n as usize], state.displacement_mm[n as usize]);
             let (x, du) = (nodes.map(position), nodes.map(|n| du[n as usize]));
             std::array::from_fn(|q| {
-                let mut e = membrane::strain(geometry, q, &x);
-                axpy(1.0, membrane::strain_increment(geometry, q, &x, &du), &mut e);
-                let mut n = membrane::resultant(problem.sheet.stiffness, e);
+                let (e, de) =
+                    (membrane::strain(geometry, q, &x), membrane::strain_increment(geometry, q, &x, &du));
+                let mut n = problem.sheet.law(t).linearised(e, de);
                 axpy(-1.0, state.sheet_resultants_n_per_mm[t][q], &mut n);
                 n
             })
         };
-        self.increment.resultants = problem.mesh.sheet.iter().enumerate().map(resultants).collect();
+        self.increment.resultants = problem.sheet.triangles.iter().enumerate().map(resultants).collect();
     }
 }
 

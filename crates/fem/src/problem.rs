@@ -75,6 +75,9 @@ pub enum ProblemError {
     /// The sheet is not plane or its triangles do not form a surface.
     #[error("the sheet is {0}; it must be one plane surface with at most two triangles at an edge")]
     Sheet(String),
+    /// A film cannot lie on its surface.
+    #[error("{0}")]
+    Film(String),
     /// The linear solver refused the problem.
     #[error(transparent)]
     Linear(#[from] LinearError),
@@ -83,14 +86,57 @@ pub enum ProblemError {
 /// Ranks of a node group's pairs (a, b <= a) in the pattern, for elements of `PAIRS` pairs.
 type Ranks<const PAIRS: usize> = [Rank; PAIRS];
 
-/// The sheet's precomputed part.
+/// Precomputed part of sheet and films.
 #[derive(Debug, Default)]
 pub(crate) struct Sheet {
+    /// Triangles of the sheet, then of the films.
+    pub triangles: Vec<Tri6>,
     pub membrane: Vec<MembraneGeometry>,
+    /// In-plane axes of each triangle.
+    pub axes: Vec<[Vec3; 2]>,
     pub ranks: Vec<Ranks<{ membrane::PAIRS }>>,
-    pub stiffness: [f64; 3],
+    /// Laws of sheet and films.
+    laws: Vec<membrane::Law>,
+    /// Law of each triangle.
+    law_of: Vec<u16>,
     pub bending: Vec<BendingEntry>,
     pub bending_ranks: Vec<Rank>,
+}
+
+impl Sheet {
+    /// Law of triangle `t`.
+    pub(crate) fn law(&self, t: usize) -> &membrane::Law {
+        &self.laws[usize::from(self.law_of[t])]
+    }
+
+    /// True if two triangles belong to the same sheet or film.
+    pub(crate) fn same_film(&self, t: usize, other: &Self, u: usize) -> bool {
+        self.law_of[t] == other.law_of[u]
+    }
+
+    fn add(
+        &mut self,
+        triangle: Tri6,
+        x: &[Vec3; 6],
+        axes: [Vec3; 2],
+        law: usize,
+    ) -> Result<(), ProblemError> {
+        let index = self.triangles.len();
+        let geometry = MembraneGeometry::new(x, axes);
+        self.membrane.push(geometry.map_err(|_| ProblemError::Sheet(format!("flat at triangle {index}")))?);
+        self.triangles.push(triangle);
+        self.axes.push(axes);
+        self.law_of.push(u16::try_from(law).unwrap_or(u16::MAX));
+        Ok(())
+    }
+}
+
+/// Walls of a cavity with a pressure of its own.
+#[derive(Clone, Debug)]
+pub(crate) struct Cavity {
+    /// Faces, normals out of the cavity.
+    pub faces: Vec<Tri6>,
+    pub ranks: Vec<Ranks<{ membrane::PAIRS }>>,
 }
 
 /// A checked problem; shared by the solvers of all threads.
@@ -108,6 +154,8 @@ pub struct Problem {
     /// Cavity faces, normals out of the cavity (into the solid).
     pub(crate) cavity: Vec<Tri6>,
     pub(crate) cavity_ranks: Vec<Ranks<{ membrane::PAIRS }>>,
+    /// Further cavities, whose pressures are in the configuration.
+    pub(crate) cavities: Vec<Cavity>,
     pub(crate) slots: Vec<SlotWalls>,
     pub(crate) contact_nodes: Vec<u32>,
     /// Stiffness of the obstacle at each of them (N/mm).
@@ -128,12 +176,18 @@ impl Problem {
         check_indices(&mesh, &config)?;
         let tets = tet_geometry(&mesh)?;
         let boundary = Boundary::new(&mesh.tets);
-        let cavity = oriented(&boundary, &mesh.cavity, "cavity")?.iter().map(flipped).collect::<Vec<_>>();
-        closed(&cavity).map_err(|[a, b]| ProblemError::OpenCavity(a, b))?;
+        let closed_walls = |walls: &[Tri6]| -> Result<Vec<Tri6>, ProblemError> {
+            let walls = oriented(&boundary, walls, "cavity")?.iter().map(flipped).collect::<Vec<_>>();
+            closed(&walls).map_err(|[a, b]| ProblemError::OpenCavity(a, b))?;
+            Ok(walls)
+        };
+        let cavity = closed_walls(&mesh.cavity)?;
+        let cavities =
+            mesh.cavities.iter().map(|walls| closed_walls(walls)).collect::<Result<Vec<_>, _>>()?;
         let slots = slot_walls(&mesh, &boundary)?;
         oriented(&boundary, &mesh.bottom, "bottom")?;
         let free = numbering(&mesh)?;
-        let mut sheet = sheet_geometry(&mesh, &config)?;
+        let mut sheet = sheet_geometry(&mesh, &config, &boundary)?;
         let pattern = pattern(&mesh, &free, &sheet, &slots);
         let mut blocks = vec![[0.0; 3]; pattern.unknowns() / 3];
         for (x, f) in mesh.nodes_mm.iter().zip(&free).filter(|(_, f)| **f != CONSTRAINED) {
@@ -142,10 +196,13 @@ impl Problem {
         let order = nested_dissection(&pattern.graph(), &blocks);
         let analysis = Arc::new(Analysis::new(&pattern, &order)?);
         let tet_ranks = Arc::new(mesh.tets.iter().map(|t| ranks(&pattern, &free, t)).collect());
-        sheet.ranks = mesh.sheet.iter().map(|t| ranks(&pattern, &free, t)).collect();
+        sheet.ranks = sheet.triangles.iter().map(|t| ranks(&pattern, &free, t)).collect();
         let rank = |e: &BendingEntry| pattern.rank(free[e.row as usize], free[e.col as usize]);
         sheet.bending_ranks = sheet.bending.iter().map(rank).collect();
-        let cavity_ranks = cavity.iter().map(|t| ranks(&pattern, &free, t)).collect();
+        let face_ranks = |faces: &[Tri6]| faces.iter().map(|t| ranks(&pattern, &free, t)).collect();
+        let cavity_ranks = face_ranks(&cavity);
+        let cavities =
+            cavities.into_iter().map(|faces| Cavity { ranks: face_ranks(&faces), faces }).collect();
         let mut contact_nodes: Vec<u32> = mesh.bottom.iter().flatten().copied().collect();
         contact_nodes.sort_unstable();
         contact_nodes.dedup();
@@ -162,6 +219,7 @@ impl Problem {
             sheet,
             cavity,
             cavity_ranks,
+            cavities,
             slots,
             contact_nodes,
             contact_stiffness_n_per_mm,
@@ -189,7 +247,8 @@ impl Problem {
         check_config(&mesh, &config)?;
         check_indices(&mesh, &config)?;
         let tets = tet_geometry(&mesh)?;
-        let mut sheet = sheet_geometry(&mesh, &config)?;
+        let boundary = if mesh.films.is_empty() { Boundary::new(&[]) } else { Boundary::new(&mesh.tets) };
+        let mut sheet = sheet_geometry(&mesh, &config, &boundary)?;
         sheet.ranks.clone_from(&self.sheet.ranks);
         sheet.bending_ranks.clone_from(&self.sheet.bending_ranks);
         let slots = self.slots.iter().map(|walls| walls.moved(&mesh.nodes_mm)).collect();
@@ -205,6 +264,7 @@ impl Problem {
             sheet,
             cavity: self.cavity.clone(),
             cavity_ranks: self.cavity_ranks.clone(),
+            cavities: self.cavities.clone(),
             slots,
             contact_nodes: self.contact_nodes.clone(),
             contact_stiffness_n_per_mm,
@@ -269,11 +329,17 @@ impl Problem {
 }
 
 fn check_config(mesh: &Mesh, config: &ProblemConfig) -> Result<(), ProblemError> {
-    for elastomer in &config.elastomers {
-        elastomer.check()?;
+    for (place, elastomer) in config.elastomers.iter().enumerate() {
+        if place == 0 { elastomer.check()? } else { elastomer.check_solid()? }
     }
     if let Some(sheet) = &config.sheet {
         sheet.check()?;
+    }
+    config.films.iter().try_for_each(|film| film.check())?;
+    if mesh.films.len() != config.films.len() || mesh.cavities.len() != config.cavities_mpa.len() {
+        return Err(ProblemError::Missing(
+            "the mesh has other films or further cavities than the configuration; give each its material or pressure",
+        ));
     }
     let contact = &config.contact;
     at_least_zero("contact", "slot_penalty_mpa_per_mm", contact.slot_penalty_mpa_per_mm)?;
@@ -316,7 +382,8 @@ fn check_indices(mesh: &Mesh, config: &ProblemConfig) -> Result<(), ProblemError
         tet.iter().try_for_each(|n| range("tetrahedron", e, *n as usize, nodes))?;
     }
     let walls = mesh.slots.iter().flat_map(|s| s.lower.iter().chain(&s.upper));
-    let surfaces = mesh.sheet.iter().chain(&mesh.cavity).chain(&mesh.bottom).chain(walls);
+    let further = mesh.cavities.iter().chain(&mesh.films).flatten();
+    let surfaces = mesh.sheet.iter().chain(&mesh.cavity).chain(&mesh.bottom).chain(further).chain(walls);
     for (t, tri) in surfaces.enumerate() {
         tri.iter().try_for_each(|n| range("surface triangle", t, *n as usize, nodes))?;
     }
@@ -392,36 +459,67 @@ fn numbering(mesh: &Mesh) -> Result<Vec<u32>, ProblemError> {
     Ok(free)
 }
 
-fn sheet_geometry(mesh: &Mesh, config: &ProblemConfig) -> Result<Sheet, ProblemError> {
-    let (Some(material), Some(first)) = (&config.sheet, mesh.sheet.first()) else {
-        return Ok(Sheet::default());
-    };
+/// Largest offset of a film's mid-side node from the plane of its corners, as a fraction of an edge.
+const FILM_FLAT: f64 = 1.0e-3;
+/// Smallest part of a film's axis in its surface.
+const FILM_AXIS: f64 = 0.05;
+
+fn sheet_geometry(mesh: &Mesh, config: &ProblemConfig, boundary: &Boundary) -> Result<Sheet, ProblemError> {
+    let mut sheet = Sheet::default();
     let at = |t: &Tri6| t.map(|n| mesh.nodes_mm[n as usize]);
-    let origin = at(first);
-    let axes = membrane::plane_axes(&origin);
-    let normal = cross(axes[0], axes[1]);
-    let mut sheet = Sheet { stiffness: material.membrane_stiffness_n_per_mm(), ..Sheet::default() };
-    for (k, t) in mesh.sheet.iter().enumerate() {
-        let x = at(t);
-        let off = x.iter().map(|p| dot(sub(*p, origin[0]), normal).abs()).fold(0.0, f64::max);
-        if off > 1.0e-6 * norm(sub(x[1], x[0])) {
-            return Err(ProblemError::Sheet(format!("{off:.3e} mm out of plane at triangle {k}")));
+    if let (Some(material), Some(first)) = (&config.sheet, mesh.sheet.first()) {
+        let origin = at(first);
+        let axes = membrane::plane_axes(&origin);
+        let normal = cross(axes[0], axes[1]);
+        sheet.laws.push(membrane::Law::of_sheet(material));
+        for (k, t) in mesh.sheet.iter().enumerate() {
+            let x = at(t);
+            let off = x.iter().map(|p| dot(sub(*p, origin[0]), normal).abs()).fold(0.0, f64::max);
+            if off > 1.0e-6 * norm(sub(x[1], x[0])) {
+                return Err(ProblemError::Sheet(format!("{off:.3e} mm out of plane at triangle {k}")));
+            }
+            sheet.add(*t, &x, axes, 0)?;
         }
-        let geometry = MembraneGeometry::new(&x, axes);
-        sheet.membrane.push(geometry.map_err(|_| ProblemError::Sheet(format!("flat at triangle {k}")))?);
+        let plane: Vec<_> = sheet.membrane.iter().map(|m| m.plane).collect();
+        let stiffness = material.bending_stiffness_n_mm();
+        sheet.bending =
+            bending::assemble(&mesh.sheet, &plane, stiffness, material.poisson, material.bending_penalty)
+                .map_err(|[a, b]| {
+                    ProblemError::Sheet(format!("branched at the edge of nodes {a} and {b}"))
+                })?;
     }
-    let plane: Vec<_> = sheet.membrane.iter().map(|m| m.plane).collect();
-    let stiffness = material.bending_stiffness_n_mm();
-    sheet.bending =
-        bending::assemble(&mesh.sheet, &plane, stiffness, material.poisson, material.bending_penalty)
-            .map_err(|[a, b]| ProblemError::Sheet(format!("branched at the edge of nodes {a} and {b}")))?;
+    for (film, (triangles, material)) in mesh.films.iter().zip(&config.films).enumerate() {
+        sheet.laws.push(membrane::Law::of(material));
+        let law = sheet.laws.len() - 1;
+        for t in triangles {
+            let t = boundary.outward(t).unwrap_or(*t);
+            let x = at(&t);
+            let wrong = |what: &str| {
+                let [a, b, c] = x[0];
+                ProblemError::Film(format!("film {} at ({a:.3}, {b:.3}, {c:.3}) mm: {what}", film + 1))
+            };
+            let normal = cross(sub(x[1], x[0]), sub(x[2], x[0]));
+            let normal = scale(1.0 / norm(normal), normal);
+            let off = x.iter().map(|p| dot(sub(*p, x[0]), normal).abs()).fold(0.0, f64::max);
+            if off > FILM_FLAT * norm(sub(x[1], x[0])) {
+                return Err(wrong("a curved triangle; mesh with straight second-order edges"));
+            }
+            let axis = scale(1.0 / norm(material.axis), material.axis);
+            let along = sub(axis, scale(dot(axis, normal), normal));
+            if norm(along) < FILM_AXIS {
+                return Err(wrong("its axis is normal to the surface; give another axis"));
+            }
+            let first = scale(1.0 / norm(along), along);
+            sheet.add(t, &x, [first, cross(normal, first)], law)?;
+        }
+    }
     Ok(sheet)
 }
 
 fn pattern(mesh: &Mesh, free: &[u32], sheet: &Sheet, slots: &[SlotWalls]) -> SymmetricBlocks {
     let block = |n: &u32| free[*n as usize];
     let mut groups: Vec<Vec<u32>> = mesh.tets.iter().map(|t| t.iter().map(block).collect()).collect();
-    groups.extend(mesh.sheet.iter().map(|t| t.iter().map(block).collect()));
+    groups.extend(sheet.triangles.iter().map(|t| t.iter().map(block).collect()));
     groups.extend(sheet.bending.iter().map(|e| vec![block(&e.row), block(&e.col)]));
     for walls in slots {
         groups.extend(walls.pairs().iter().map(|p| p.nodes.iter().map(block).collect()));

@@ -203,7 +203,7 @@ impl Solver {
         State {
             displacement_mm: vec![[0.0; 3]; self.problem.mesh.nodes_mm.len()],
             element_pressure_mpa: vec![0.0; self.problem.mesh.tets.len()],
-            sheet_resultants_n_per_mm: vec![[[0.0; 3]; 3]; self.problem.mesh.sheet.len()],
+            sheet_resultants_n_per_mm: vec![[[0.0; 3]; 3]; self.problem.sheet.triangles.len()],
             load: Load::default(),
         }
     }

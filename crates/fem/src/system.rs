@@ -15,6 +15,7 @@ use crate::element::tet10::{Invalid, PointTensors, TetTerms};
 use crate::problem::{Problem, add_gravity};
 use crate::sparse::CONSTRAINED;
 use crate::state::State;
+use formats::mesh_file::Tri6;
 
 /// State outside the limits of the elastomer, with the element.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -204,13 +205,12 @@ impl System {
 
     fn add_membrane(&mut self, problem: &Problem, state: &State, x: &[Vec3], with_tangent: bool) {
         let sheet = &problem.sheet;
-        for (t, nodes) in problem.mesh.sheet.iter().enumerate() {
-            let geometry = &sheet.membrane[t];
+        for (t, nodes) in sheet.triangles.iter().enumerate() {
+            let (geometry, law) = (&sheet.membrane[t], sheet.law(t));
             let at = nodes.map(|n| x[n as usize]);
             let carried = &state.sheet_resultants_n_per_mm[t];
-            let follows: [Plane; 3] = std::array::from_fn(|q| {
-                membrane::resultant(sheet.stiffness, membrane::strain(geometry, q, &at))
-            });
+            let follows: [Plane; 3] =
+                std::array::from_fn(|q| law.resultant(membrane::strain(geometry, q, &at)));
             let (condensed, mixed) =
                 (membrane::force(geometry, &at, &follows), membrane::force(geometry, &at, carried));
             for (a, n) in nodes.iter().enumerate() {
@@ -218,7 +218,7 @@ impl System {
                 axpy(-1.0, mixed[a], &mut self.mixed[*n as usize]);
             }
             if with_tangent {
-                let blocks = membrane::tangent(geometry, &at, carried, sheet.stiffness);
+                let blocks = membrane::tangent(geometry, &at, carried, law);
                 self.scatter_face(problem, nodes, &sheet.ranks[t], &blocks);
             }
         }
@@ -261,14 +261,35 @@ impl System {
         residual: &mut [Vec3],
         with_tangent: bool,
     ) {
-        self.cavity_volume_mm3 = 0.0;
-        for (nodes, ranks) in problem.cavity.iter().zip(&problem.cavity_ranks) {
+        let (faces, ranks) = (&problem.cavity, &problem.cavity_ranks);
+        let tangent_mpa = with_tangent.then_some(pressure_mpa);
+        self.cavity_volume_mm3 =
+            self.add_walls(problem, (faces, ranks), pressure_mpa + ahead_mpa, tangent_mpa, x, residual);
+        for (cavity, pressure_mpa) in problem.cavities.iter().zip(&problem.config.cavities_mpa) {
+            let tangent_mpa = with_tangent.then_some(*pressure_mpa);
+            let walls = (cavity.faces.as_slice(), cavity.ranks.as_slice());
+            self.add_walls(problem, walls, *pressure_mpa, tangent_mpa, x, residual);
+        }
+    }
+
+    /// Adds the load of `pressure_mpa` in a cavity, and the tangent at `tangent_mpa`; returns the cavity's volume (mm3).
+    fn add_walls(
+        &mut self,
+        problem: &Problem,
+        (faces, ranks): (&[Tri6], &[[u32; 21]]),
+        pressure_mpa: f64,
+        tangent_mpa: Option<f64>,
+        x: &[Vec3],
+        residual: &mut [Vec3],
+    ) -> f64 {
+        let mut volume_mm3 = 0.0;
+        for (nodes, ranks) in faces.iter().zip(ranks) {
             let terms = face_terms(&nodes.map(|n| x[n as usize]), problem.config.cavity_load);
-            self.cavity_volume_mm3 += terms.volume_mm3;
+            volume_mm3 += terms.volume_mm3;
             for (n, gradient) in nodes.iter().zip(&terms.gradient) {
-                axpy(pressure_mpa + ahead_mpa, *gradient, &mut residual[*n as usize]);
+                axpy(pressure_mpa, *gradient, &mut residual[*n as usize]);
             }
-            if with_tangent && pressure_mpa != 0.0 {
+            if let Some(pressure_mpa) = tangent_mpa.filter(|pressure_mpa| *pressure_mpa != 0.0) {
                 let mut blocks = [[[0.0; 3]; 3]; 21];
                 let mut pair = 0;
                 for a in 0..6 {
@@ -280,6 +301,7 @@ impl System {
                 self.scatter_face(problem, nodes, ranks, &blocks);
             }
         }
+        volume_mm3
     }
 
     fn add_slots(&mut self, problem: &Problem, x: &[Vec3], residual: &mut [Vec3], weight: Option<f64>) {

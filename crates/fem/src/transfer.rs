@@ -2,7 +2,7 @@
 //! by point.
 
 use crate::algebra::{Mat3, Vec3, add, axpy, det_inv_transpose, dot, scale, sub};
-use crate::element::membrane::{self, Plane};
+use crate::element::membrane::Plane;
 use crate::element::tet10;
 use crate::problem::Problem;
 use crate::state::State;
@@ -154,34 +154,33 @@ pub(crate) fn transferred(from: &Problem, state: &State, to: &Problem) -> Option
     })
 }
 
-/// Resultants of the triangle whose middle is nearest, the mean of its three points, in the axes of the other mesh's sheet.
+/// Resultants of the triangle of the same film whose middle is nearest, the mean of its three points, in the axes of the other
+/// mesh's triangle.
 fn resultants(from: &Problem, state: &State, to: &Problem) -> Vec<[Plane; 3]> {
-    let axes =
-        |problem: &Problem, t: &Tri6| membrane::plane_axes(&t.map(|n| problem.mesh.nodes_mm[n as usize]));
-    let (Some(first), Some(other)) = (from.mesh.sheet.first(), to.mesh.sheet.first()) else {
-        return vec![[[0.0; 3]; 3]; to.mesh.sheet.len()];
-    };
-    let (a, b) = (axes(from, first), axes(to, other));
-    // The new axes in the old ones.
-    let [c, s] = b.map(|b| [dot(b, a[0]), dot(b, a[1])]);
-    let turned = |[n11, n22, n12]: Plane| {
-        let along = |u: [f64; 2], v: [f64; 2]| {
-            u[0] * v[0] * n11 + u[1] * v[1] * n22 + (u[0] * v[1] + u[1] * v[0]) * n12
-        };
-        [along(c, c), along(s, s), along(c, s)]
-    };
-    let middles: Vec<Vec3> = from.mesh.sheet.iter().map(|t| middle(from, &t[..3])).collect();
-    let nearest = |t: &Tri6| {
-        let at = middle(to, &t[..3]);
+    let (old, new) = (&from.sheet, &to.sheet);
+    let middles: Vec<Vec3> = old.triangles.iter().map(|t| middle(from, &t[..3])).collect();
+    let nearest = |(t, nodes): (usize, &Tri6)| {
+        let at = middle(to, &nodes[..3]);
         let distance = |k: &usize| {
             let d = sub(middles[*k], at);
             dot(d, d)
         };
-        let k = (0..middles.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0);
+        let same = (0..middles.len()).filter(|k| new.same_film(t, old, *k));
+        let Some(k) = same.min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
+            return [[0.0; 3]; 3];
+        };
+        // The new axes in the old ones.
+        let [c, s] = new.axes[t].map(|b| old.axes[k].map(|a| dot(b, a)));
+        let turned = |[n11, n22, n12]: Plane| {
+            let along = |u: [f64; 2], v: [f64; 2]| {
+                u[0] * v[0] * n11 + u[1] * v[1] * n22 + (u[0] * v[1] + u[1] * v[0]) * n12
+            };
+            [along(c, c), along(s, s), along(c, s)]
+        };
         let points = &state.sheet_resultants_n_per_mm[k];
         [turned(std::array::from_fn(|i| points.iter().map(|p| p[i]).sum::<f64>() / 3.0)); 3]
     };
-    to.mesh.sheet.iter().map(nearest).collect()
+    new.triangles.iter().enumerate().map(nearest).collect()
 }
 
 fn middle(problem: &Problem, corners: &[u32]) -> Vec3 {

@@ -10,6 +10,7 @@ mod fits;
 mod inputs;
 mod limits;
 mod meshes;
+mod parts;
 mod sample;
 mod store;
 mod transient;

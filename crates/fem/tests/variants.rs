@@ -175,7 +175,8 @@ fn moved_mesh_keeps_faces_on_their_planes_and_volume() {
     let volume = |nodes: &[[f64; 3]]| mesh.tets.iter().map(|t| six_volumes(nodes, t)).sum::<f64>() / 6.0;
     // The solid's volume, from the boxes: base, body above the pocket, less chambers, channels and the slot.
     let expected = |a: &Actuator| {
-        let (base, body, c, s, ch) = (&a.base, &a.body, &a.chambers, &a.slots, &a.channels);
+        let a = a.shape().unwrap();
+        let (base, body, c, s, ch) = (a.base, a.body, a.chambers, a.slots.unwrap(), a.channels.unwrap());
         let floor = a.cavity_floor_mm();
         let solid = base.length_mm * base.width_mm * a.base_top_mm()
             + body.length_mm * body.width_mm * (body.top_mm - a.base_top_mm());

@@ -30,4 +30,6 @@ pub struct MeshFile {
     pub tets: Vec<Tet10>,
     /// Triangles of each named surface.
     pub surfaces: BTreeMap<String, Vec<Tri6>>,
+    /// Tetrahedra of each named volume, by position in `tets`.
+    pub volumes: BTreeMap<String, Vec<u32>>,
 }

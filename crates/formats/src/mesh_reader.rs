@@ -17,7 +17,9 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, FormatError> {
         Some("msh") => msh::read(path),
         Some("inp") => {
             let mesh = abaqus::read(path)?;
-            MeshFile::of_solids(mesh.points, &mesh.blocks).map_err(|error| FormatError::one(path, error))
+            let solids = MeshFile::of_solids(mesh.points, &mesh.blocks);
+            let solids = solids.map_err(|error| FormatError::one(path, error))?;
+            Ok(MeshFile { surfaces: mesh.surfaces, volumes: mesh.volumes, ..solids })
         }
         _ => Err(foreign::error(path, "a mesh as .vtu, .msh or .inp", "vtu")),
     }

@@ -201,3 +201,42 @@ proptest! {
         }
     }
 }
+
+/// Two tetrahedra with a common face: sets by name and number, of elements, faces and nodes, in a part and in an assembly.
+#[test]
+fn named_sets_become_volumes_and_surfaces() {
+    let corners = [[0, 0, 0], [2, 0, 0], [0, 2, 0], [0, 0, 2], [2, 2, 2]];
+    let edges = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3], [1, 4], [2, 4], [3, 4]];
+    let place = |k: usize| -> String {
+        let p = match k {
+            0..5 => corners[k],
+            _ => [0, 1, 2].map(|i| (corners[edges[k - 5][0]][i] + corners[edges[k - 5][1]][i]) / 2),
+        };
+        format!("{}, {}, {}, {}\n", k + 1, p[0], p[1], p[2])
+    };
+    let nodes: String = (0..14).map(place).collect();
+    let body = format!(
+        "*Part, name=P\n*Node\n{nodes}*Element, type=C3D10, elset=soft\n1, 1,2,3,4, 6,7,8,9,10,11\n*Element, type=C3D10\n\
+         2, 2,3,4,5, 7,11,10,12,13,14\n*Elset, elset=Bone\n2\n*Elset, elset=both, generate\n1, 2, 1\n*Nset, nset=Clamp\n1,2,3,6,7,8\n\
+         *Surface, type=ELEMENT, name=Inside\nsoft, S2\n2, s4\n*End Part\n"
+    );
+    let mesh = abaqus::parse(&body).expect("a mesh");
+    let volumes: Vec<(&str, &[u32])> = mesh.volumes.iter().map(|(n, e)| (n.as_str(), e.as_slice())).collect();
+    assert_eq!(volumes, [("Bone", &[1][..]), ("both", &[0, 1]), ("soft", &[0])]);
+    assert_eq!(mesh.surfaces["Clamp"], [[0, 2, 1, 7, 6, 5]]);
+    assert_eq!(mesh.surfaces["Inside"], [[0, 1, 3, 5, 9, 8], [1, 4, 3, 11, 13, 9]]);
+    // A face between two elements is on no surface, and a set of an instance is of the assembly.
+    let inner = body.replace("1,2,3,6,7,8", "2,3,4,7,10,11");
+    assert!(!abaqus::parse(&inner).expect("a mesh").surfaces.contains_key("Clamp"));
+    let assembly = format!(
+        "{body}*Assembly, name=A\n*Instance, name=I, part=P\n*End Instance\n*Elset, elset=_s2, internal, instance=I\n1\n\
+         *Surface, type=ELEMENT, name=Wall\n_s2, S3\n*End Assembly\n"
+    );
+    let mesh = abaqus::parse(&assembly).expect("a mesh");
+    assert_eq!(mesh.surfaces["Wall"], [[1, 2, 3, 6, 10, 9]]);
+    // gmsh writes faces as elements of plane stress; alone they are a plane model.
+    let faces = body
+        .replace("*Elset, elset=Bone", "*Element, type=CPS6, elset=Skin\n9, 1,2,3,6,7,8\n*Elset, elset=Bone");
+    assert_eq!(abaqus::parse(&faces).expect("a mesh").surfaces["Skin"], [[0, 1, 2, 5, 6, 7]]);
+    assert!(refused(&format!("*Node\n{nodes}*Element, type=CPS6\n9, 1,2,3,6,7,8\n")).contains("CPS6"));
+}

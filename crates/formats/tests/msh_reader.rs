@@ -91,6 +91,7 @@ fn text_and_binary_give_the_same_mesh_with_named_surfaces() {
             assert_eq!(tet[4 + k], middle, "{style:?}: mid-side {k}");
         }
         assert_eq!(mesh.surfaces.keys().collect::<Vec<_>>(), ["bottom plate", "fixed"], "{style:?}");
+        assert_eq!(mesh.volumes["solid"], [0], "{style:?}");
         assert!(mesh.surfaces.values().all(|t| t == &[[0, 1, 2, 4, 5, 6]]), "{style:?}: {:?}", mesh.surfaces);
     }
 }

@@ -95,6 +95,8 @@ pub fn read(folder: &Path) -> Result<Mesh, ArrayError> {
     let owner = |pair: &[f64]| Some((index(pair[0], tets.len())?, u8::try_from(index(pair[1], 10)?).ok()?));
     let mises_owner = Some(owners.chunks_exact(2).map(owner).collect());
     Ok(Mesh {
+        films: Vec::new(),
+        cavities: Vec::new(),
         nodes_mm,
         tets,
         tet_material: Vec::new(),

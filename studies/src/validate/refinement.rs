@@ -65,10 +65,14 @@ fn shortened(mut actuator: Actuator, chambers: usize) -> anyhow::Result<Actuator
     if chambers == 0 {
         return Err(usage("--chambers: expected at least 1, found 0"));
     }
-    let less_mm = (actuator.chambers.count as f64 - chambers as f64) * actuator.chambers.pitch_mm;
-    actuator.chambers.count = chambers;
-    actuator.body.length_mm -= less_mm;
-    actuator.base.length_mm -= less_mm;
+    let parts = (&mut actuator.base, &mut actuator.body, &mut actuator.chambers);
+    let (Some(base), Some(body), Some(row)) = parts else {
+        return Err(usage("--actuator: expected base, body and chambers, found a shape of a mesh file"));
+    };
+    let less_mm = (row.count as f64 - chambers as f64) * row.pitch_mm;
+    row.count = chambers;
+    body.length_mm -= less_mm;
+    base.length_mm -= less_mm;
     Ok(actuator)
 }
 

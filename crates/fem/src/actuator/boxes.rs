@@ -1,6 +1,6 @@
 //! Boxes of an actuator from `actuator.toml`: solid parts, cut-outs, walls.
 
-use super::file::Actuator;
+use super::file::{Channels, Shape, Slots};
 
 /// Lower and upper bound along x, y and z (mm).
 pub(crate) type Bounds = [[f64; 2]; 3];
@@ -20,7 +20,7 @@ pub(crate) struct Boxes {
 
 impl Boxes {
     /// The boxes of a checked actuator.
-    pub(crate) fn of(a: &Actuator) -> Self {
+    pub(crate) fn of(a: &Shape<'_>) -> Self {
         let middle = 0.5 * a.base.width_mm;
         let across = |width: f64| [middle - 0.5 * width, middle + 0.5 * width];
         let floor = a.cavity_floor_mm();
@@ -30,12 +30,15 @@ impl Boxes {
             [along, [floor, a.chambers.top_mm], across(a.chambers.width_mm)]
         };
         let between = |i: usize| [start(i) + a.chambers.length_mm, start(i + 1)];
-        let slot = |i: usize| -> Bounds {
+        let slot = |(slots, i): (&Slots, usize)| -> Bounds {
             let centre = 0.5 * (between(i)[0] + between(i)[1]);
-            let along = [centre - 0.5 * a.slots.width_mm, centre + 0.5 * a.slots.width_mm];
-            [along, [a.slots.floor_mm, a.body.top_mm], across(a.body.width_mm)]
+            let along = [centre - 0.5 * slots.width_mm, centre + 0.5 * slots.width_mm];
+            [along, [slots.floor_mm, a.body.top_mm], across(a.body.width_mm)]
         };
         let gaps = 0..a.chambers.count - 1;
+        let channel = |(channels, i): (&Channels, usize)| -> Bounds {
+            [between(i), [floor, channels.top_mm], across(channels.width_mm)]
+        };
         let layer = |low: f64, high: f64| [[0.0, a.base.length_mm], [low, high], [0.0, a.base.width_mm]];
         let along = [a.body.start_mm, a.body.start_mm + a.body.length_mm];
         Self {
@@ -45,11 +48,13 @@ impl Boxes {
                 [along, [floor, a.body.top_mm], across(a.body.width_mm)],
             ],
             chambers: (0..a.chambers.count).map(chamber).collect(),
-            channels: gaps
-                .clone()
-                .map(|i| [between(i), [floor, a.channels.top_mm], across(a.channels.width_mm)])
+            channels: a
+                .channels
+                .iter()
+                .flat_map(|c| gaps.clone().map(move |i| (*c, i)))
+                .map(channel)
                 .collect(),
-            slots: gaps.map(slot).collect(),
+            slots: a.slots.iter().flat_map(|s| gaps.clone().map(move |i| (*s, i))).map(slot).collect(),
         }
     }
 
@@ -57,6 +62,13 @@ impl Boxes {
     pub(crate) fn solid_at(&self, p: [f64; 3]) -> bool {
         let cut = self.chambers.iter().chain(&self.channels).chain(&self.slots);
         self.solids.iter().any(|b| inside(b, p, 0.0)) && !cut.into_iter().any(|b| inside(b, p, 0.0))
+    }
+
+    /// Part of a point in the elastomer: `lower` and `upper` base, or `body`.
+    pub(crate) fn part(&self, p: [f64; 3]) -> &'static str {
+        let parts = ["lower", "upper", "body"];
+        let found = self.solids.iter().position(|b| inside(b, p, 0.0));
+        found.map_or("body", |at| parts[at])
     }
 
     /// True if a point lies in or on the cavity.

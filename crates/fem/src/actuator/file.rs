@@ -4,10 +4,11 @@ use crate::config::{ContactSettings, Load, NewtonSettings, ProblemConfig};
 use crate::contact::obstacle::{Form, Obstacle, Round};
 use crate::dynamics::Dynamics;
 use crate::element::cavity::CavityLoad;
-use crate::material::{Elastomer, SheetMaterial};
+use crate::material::{Elastomer, Film, SheetMaterial};
 use formats::database::ObstacleKind;
 use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// The whole file.
@@ -18,26 +19,42 @@ pub struct Actuator {
     pub layout: u32,
     /// Name of files and topics.
     pub name: String,
-    /// Base.
-    pub base: Base,
+    /// Base; without it the shape is that of the mesh file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<Base>,
     /// Block of chambers.
-    pub body: Body,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<Body>,
     /// Cavities.
-    pub chambers: Chambers,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chambers: Option<Chambers>,
     /// Cuts between chambers.
-    pub slots: Slots,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slots: Option<Slots>,
     /// Tunnels between cavities.
-    pub channels: Channels,
-    /// The elastomer of base and body.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub channels: Option<Channels>,
+    /// The elastomer of every volume without an entry in `materials`.
     pub elastomer: Elastomer,
+    /// Materials of named volumes.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub materials: BTreeMap<String, Elastomer>,
     /// The strain-limiting sheet.
-    pub sheet: SheetMaterial,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sheet: Option<SheetMaterial>,
+    /// Membranes on the surfaces `film.NAME`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub films: BTreeMap<String, Film>,
+    /// Pressures of the cavities `cavity.NAME` (MPa), in addition to that of `cavity`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub pressure_mpa: BTreeMap<String, f64>,
     /// Gravity and how pressure acts.
     pub loads: Loads,
     /// Support.
     pub support: Support,
     /// Obstacle.
-    pub obstacle: ObstacleBody,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub obstacle: Option<ObstacleBody>,
     /// Penalties.
     pub contact: ContactSettings,
     /// Newton iteration.
@@ -127,22 +144,31 @@ pub struct Loads {
     pub cavity_load: CavityLoad,
 }
 
-/// The face that is held; the mesh script names it `fixed`.
+/// The face that is held.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Support {
-    /// Held face.
-    pub fixed: Fixed,
+    /// A face of the boxes ([`Fixed`]), which the mesh script names `fixed`; or a named surface of the mesh file.
+    pub fixed: String,
 }
 
-/// Faces that can be held.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+/// Faces of the boxes that can be held.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fixed {
-    /// Left end of the body above the base.
+    /// Left end of the body above the base, `body-start`.
     BodyStart,
-    /// Left end of the base.
+    /// Left end of the base, and of a body that begins there, `base-start`.
     BaseStart,
+}
+
+impl Fixed {
+    pub(crate) fn named(name: &str) -> Option<Self> {
+        match name {
+            "body-start" => Some(Self::BodyStart),
+            "base-start" => Some(Self::BaseStart),
+            _ => None,
+        }
+    }
 }
 
 /// Kinds of obstacles.
@@ -197,36 +223,83 @@ pub struct ObstacleBody {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeshSettings {
-    /// `.msh` or `.vtu`, relative to `actuator.toml`.
+    /// `.msh`, `.inp` or `.vtu`, relative to `actuator.toml`.
     pub file: PathBuf,
-    /// Required number of nodes; 0 for any.
+    /// Name in the mesh file of a surface or volume that has another one in `actuator.toml`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub names: BTreeMap<String, String>,
+    /// Required number of nodes; 0 for any. This and the following belong to a mesh of boxes.
+    #[serde(default)]
     pub nodes: usize,
     /// Every edge is divided into `round(length / seed)` parts (mm).
+    #[serde(default)]
     pub seed_mm: f64,
     /// Largest element (mm).
+    #[serde(default)]
     pub size_mm: f64,
     /// gmsh's own optimiser works on elements of a lower quality.
+    #[serde(default)]
     pub optimise_below: f64,
     /// Passes of the Netgen optimiser.
+    #[serde(default)]
     pub netgen_passes: u32,
     /// gmsh's seed.
+    #[serde(default)]
     pub random_seed: u32,
 }
 
+/// The boxes of an actuator.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape<'a> {
+    /// Base.
+    pub base: &'a Base,
+    /// Block of chambers.
+    pub body: &'a Body,
+    /// Cavities.
+    pub chambers: &'a Chambers,
+    /// Cuts between chambers, if any.
+    pub slots: Option<&'a Slots>,
+    /// Tunnels between cavities, if any.
+    pub channels: Option<&'a Channels>,
+    /// Held face.
+    pub fixed: Fixed,
+    /// True with a sheet between the lower and the upper part of the base.
+    pub sheet: bool,
+}
+
 impl Actuator {
+    /// The boxes; `None` if the mesh file has the shape.
+    #[must_use]
+    pub fn shape(&self) -> Option<Shape<'_>> {
+        Some(Shape {
+            base: self.base.as_ref()?,
+            body: self.body.as_ref()?,
+            chambers: self.chambers.as_ref()?,
+            slots: self.slots.as_ref(),
+            channels: self.channels.as_ref(),
+            fixed: Fixed::named(&self.support.fixed)?,
+            sheet: self.sheet.is_some(),
+        })
+    }
+
     /// Configuration of the solver.
     #[must_use]
     pub fn problem_config(&self) -> ProblemConfig {
-        let footprint = Footprint { x_mm: self.obstacle.x_mm, z_mm: self.obstacle.z_mm };
-        let ObstacleBody { kind, radius_mm, centre_mm, .. } = self.obstacle;
-        let round = kind.form().zip(radius_mm.zip(centre_mm));
+        let obstacle = self.obstacle.as_ref();
+        let footprint = obstacle.map_or(Footprint::PLATE, |o| Footprint { x_mm: o.x_mm, z_mm: o.z_mm });
+        let round = obstacle.and_then(|o| {
+            let (form, (radius_mm, centre_mm)) = o.kind.form().zip(o.radius_mm.zip(o.centre_mm))?;
+            Some(Round { form, radius_mm, centre_mm })
+        });
         ProblemConfig {
-            elastomers: vec![self.elastomer],
-            sheet: Some(self.sheet),
+            elastomers: std::iter::once(self.elastomer).chain(self.materials.values().copied()).collect(),
+            sheet: self.sheet,
+            films: self.films.values().cloned().collect(),
+            cavities_mpa: self.pressure_mpa.values().copied().collect(),
             cavity_load: self.loads.cavity_load,
             contact: self.contact,
             plate: footprint,
-            round: round.map(|(form, (radius_mm, centre_mm))| Round { form, radius_mm, centre_mm }),
+            round,
             block: footprint,
             newton: self.newton,
         }
@@ -235,7 +308,7 @@ impl Actuator {
     /// Loads of a state; without a gap there is no obstacle.
     #[must_use]
     pub fn load(&self, pressure_mpa: f64, gap_mm: Option<f64>) -> Load {
-        let obstacle = match (gap_mm, self.obstacle.kind.class()) {
+        let obstacle = match (gap_mm, self.obstacle_kind()) {
             (None, _) => Obstacle::None,
             (Some(gap_mm), ObstacleKind::Plate) => Obstacle::Plate { gap_mm },
             (Some(gap_mm), ObstacleKind::Block) => Obstacle::Block { gap_mm },
@@ -243,23 +316,48 @@ impl Actuator {
         Load { pressure_mpa, injected_mm3: None, obstacle, gravity_mm_s2: self.loads.gravity_mm_s2 }
     }
 
+    /// Kind of obstacle in the names of the database's regimes.
+    #[must_use]
+    pub fn obstacle_kind(&self) -> ObstacleKind {
+        self.obstacle.as_ref().map_or(ObstacleKind::Plate, |obstacle| obstacle.kind.class())
+    }
+
+    /// Smallest wall of a chamber (mm); `None` without boxes.
+    #[must_use]
+    pub fn thinnest_wall_mm(&self) -> Option<f64> {
+        self.shape().map(|shape| shape.thinnest_wall_mm())
+    }
+}
+
+impl Shape<'_> {
     /// y of the base's top (mm).
     #[must_use]
     pub fn base_top_mm(&self) -> f64 {
         self.base.lower_mm + self.base.upper_mm
     }
 
-    /// Thickness of the thinnest wall of a chamber: towards a slot, outwards, at the top (mm).
+    /// x of the held face (mm).
+    #[must_use]
+    pub fn held_mm(&self) -> f64 {
+        match self.fixed {
+            Fixed::BodyStart => self.body.start_mm,
+            Fixed::BaseStart => 0.0,
+        }
+    }
+
+    /// Thickness of the thinnest wall of a chamber: towards a slot or the next one, outwards, at the top (mm).
     #[must_use]
     pub fn thinnest_wall_mm(&self) -> f64 {
-        let (body, chambers) = (&self.body, &self.chambers);
+        let (body, chambers) = (self.body, self.chambers);
         let end = chambers.first_mm + (chambers.count - 1) as f64 * chambers.pitch_mm + chambers.length_mm;
-        let slot = match chambers.count {
-            1 => f64::INFINITY,
-            _ => 0.5 * (chambers.pitch_mm - chambers.length_mm - self.slots.width_mm),
+        let between = chambers.pitch_mm - chambers.length_mm;
+        let inner = match (chambers.count, self.slots) {
+            (1, _) => f64::INFINITY,
+            (_, Some(slots)) => 0.5 * (between - slots.width_mm),
+            (_, None) => between,
         };
         let walls = [
-            slot,
+            inner,
             chambers.first_mm - body.start_mm,
             body.start_mm + body.length_mm - end,
             0.5 * (body.width_mm - chambers.width_mm),

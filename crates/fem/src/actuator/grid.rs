@@ -4,7 +4,7 @@
 //! the parts, so more of them are needed than from a mesher; the shape is exact, and no other program is required.
 
 use super::boxes::Boxes;
-use super::file::Actuator;
+use super::file::Shape;
 use super::surfaces;
 use formats::Diagnostic;
 use formats::mesh_file::{MeshFile, TET_EDGES, Tet10};
@@ -31,14 +31,14 @@ const MAX_CUBES: usize = 200_000;
 ///
 /// # Errors
 /// An invalid size, 0 times, or more boxes than can be solved.
-pub(crate) fn mesh(actuator: &Actuator, size_mm: f64, times: usize) -> Result<MeshFile, Diagnostic> {
+pub(crate) fn mesh(shape: &Shape<'_>, size_mm: f64, times: usize) -> Result<MeshFile, Diagnostic> {
     if !(size_mm.is_finite() && size_mm > 0.0) {
         return Err(Diagnostic::new("element size", "a finite length above 0 mm", size_mm));
     }
     if times == 0 {
         return Err(Diagnostic::new("parts of a box", "1 or more", times));
     }
-    let boxes = Boxes::of(actuator);
+    let boxes = Boxes::of(shape);
     let planes = [0, 1, 2].map(|axis| boxes.planes(axis));
     let counts = planes.each_ref().map(|axis| parts(axis, size_mm, times));
     let cubes: f64 = counts.iter().map(|axis| axis.iter().sum::<f64>()).product();
@@ -48,8 +48,9 @@ pub(crate) fn mesh(actuator: &Actuator, size_mm: f64, times: usize) -> Result<Me
     }
     let mut grid = Grid::new([0, 1, 2].map(|axis| divided(&planes[axis], &counts[axis])));
     grid.fill(|centre| boxes.solid_at(centre));
-    let surfaces = surfaces::locate(actuator, &grid.points_mm, &grid.tets);
-    Ok(MeshFile { points_mm: grid.points_mm, tets: grid.tets, surfaces })
+    let surfaces = surfaces::locate(shape, &grid.points_mm, &grid.tets);
+    let volumes = surfaces::volumes(shape, &grid.points_mm, &grid.tets);
+    Ok(MeshFile { points_mm: grid.points_mm, tets: grid.tets, surfaces, volumes })
 }
 
 /// Number of parts of each interval.

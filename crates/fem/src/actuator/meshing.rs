@@ -1,35 +1,35 @@
 //! Mesh of an actuator, from its file or on a grid.
+//!
+//! Roles of surfaces by their names: `cavity` and `cavity.NAME` (pressures), `sheet`, `film.NAME`, `bottom` (touches the obstacle),
+//! `slot_lower_NAME` and `slot_upper_NAME` (walls that touch each other), and the held surface that `support.fixed` names.
 
 use super::file::Actuator;
 use super::{grid, surfaces};
 use crate::mesh::{self, Mesh, Slot};
 use formats::file::named_in;
 use formats::mesh_file::{MeshFile, Tri6};
-use formats::{Diagnostic, FormatError, msh, vtu};
-use std::path::Path;
+use formats::{Diagnostic, FormatError, read_mesh};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Name of the held surface in a mesh of boxes.
+const FIXED: &str = "fixed";
 
 impl Actuator {
-    /// Reads the mesh that the file at `actuator_path` names, and checks it. A `.msh` names its surfaces as the mesh
-    /// script does; a `.vtu` has no names, and its surfaces are found by their position.
+    /// Path of the mesh file of an actuator file.
+    #[must_use]
+    pub fn mesh_path(&self, actuator_path: &Path) -> PathBuf {
+        named_in(actuator_path, &self.mesh.file)
+    }
+
+    /// Reads the mesh that the file at `actuator_path` names, and checks it. Names of surfaces and volumes are those of the file; a
+    /// `.vtu` without groups has none, and those of the boxes are found by their position.
     ///
     /// # Errors
     /// I/O error, not a mesh, or all errors in the mesh.
     pub fn read_mesh(&self, actuator_path: &Path) -> Result<Mesh, FormatError> {
-        let path = named_in(actuator_path, &self.mesh.file);
-        let file = match path.extension().and_then(|ending| ending.to_str()) {
-            Some("msh") => msh::read(&path)?,
-            Some("vtu") => {
-                let mut file = vtu::read(&path)?;
-                file.surfaces = surfaces::locate(self, &file.points_mm, &file.tets);
-                file
-            }
-            _ => {
-                let expected = "a .msh or a .vtu (scripts/mesh.py and `softtwin mesh` make them)";
-                let diagnostic = Diagnostic::new("file name", expected, path.display());
-                return Err(FormatError::one(&path, diagnostic));
-            }
-        };
-        let (mesh, diagnostics) = self.checked(file);
+        let path = self.mesh_path(actuator_path);
+        let (mesh, diagnostics) = self.checked(self.named_file(read_mesh(&path)?));
         let mesh = FormatError::check(mesh, &path, diagnostics)?;
         let (found, expected) = (mesh.nodes_mm.len(), self.mesh.nodes);
         if expected != 0 && found != expected {
@@ -39,54 +39,160 @@ impl Actuator {
         Ok(mesh)
     }
 
+    /// Content of a mesh file with the names of `actuator.toml`.
+    fn named_file(&self, mut file: MeshFile) -> MeshFile {
+        if let (true, Some(shape)) = (file.surfaces.is_empty() && file.volumes.is_empty(), self.shape()) {
+            file.surfaces = surfaces::locate(&shape, &file.points_mm, &file.tets);
+            file.volumes = surfaces::volumes(&shape, &file.points_mm, &file.tets);
+        }
+        for (name, written) in &self.mesh.names {
+            // Names are exchanged, not moved: two may be swapped, and none is lost.
+            if let Some(triangles) = file.surfaces.get(written).cloned() {
+                file.surfaces.insert(name.clone(), triangles);
+            }
+            if let Some(elements) = file.volumes.get(written).cloned() {
+                file.volumes.insert(name.clone(), elements);
+            }
+        }
+        file
+    }
+
     /// Mesh on a grid: planes through every face of the actuator, the boxes between them divided until none is
     /// longer than `size_mm`, then each into `times` parts along each axis. Cost: linear in the elements.
     ///
     /// # Errors
-    /// An invalid size, 0 times, more boxes than can be solved, or all errors in the mesh.
+    /// No boxes, an invalid size, 0 times, more boxes than can be solved, or all errors in the mesh.
     pub fn grid_mesh(&self, size_mm: f64, times: usize) -> Result<Mesh, Vec<Diagnostic>> {
-        let file = grid::mesh(self, size_mm, times).map_err(|diagnostic| vec![diagnostic])?;
+        let Some(shape) = self.shape() else {
+            let expected =
+                "base, body and chambers, from which a grid is made; the shape is that of mesh.file";
+            return Err(vec![Diagnostic::new("boxes", expected, "none")]);
+        };
+        let file = grid::mesh(&shape, size_mm, times).map_err(|diagnostic| vec![diagnostic])?;
         let (mesh, diagnostics) = self.checked(file);
         if diagnostics.is_empty() { Ok(mesh) } else { Err(diagnostics) }
     }
 
     fn checked(&self, file: MeshFile) -> (Mesh, Vec<Diagnostic>) {
-        let (mesh, mut diagnostics) = named(file, self.chambers.count - 1);
+        let (mesh, mut diagnostics) = self.named(file);
         diagnostics.extend(mesh::diagnostics(&mesh));
         (mesh, diagnostics)
     }
-}
 
-/// Sorts named surfaces into their roles; a diagnostic for each that is missing.
-pub(crate) fn named(mut file: MeshFile, slots: usize) -> (Mesh, Vec<Diagnostic>) {
-    let present: Vec<String> = file.surfaces.keys().cloned().collect();
-    let mut diagnostics = Vec::new();
-    let mut take = |name: &str| -> Vec<Tri6> {
-        let triangles = file.surfaces.remove(name).unwrap_or_default();
-        if triangles.is_empty() {
-            let found = if present.is_empty() { "no names".into() } else { present.join(", ") };
-            let expected = "6-node triangles in a physical surface of that name (.msh) or on that face of the geometry in actuator.toml (.vtu)";
-            diagnostics.push(Diagnostic::new(format!("surface {name}"), expected, found));
+    /// Sorts named surfaces and volumes into their roles; a diagnostic for each that is missing or has no counterpart.
+    pub(crate) fn named(&self, mut file: MeshFile) -> (Mesh, Vec<Diagnostic>) {
+        let listed = |names: Vec<&String>| match names.as_slice() {
+            [] => "no names".to_owned(),
+            names => names.iter().map(|name| name.as_str()).collect::<Vec<_>>().join(", "),
+        };
+        let present = listed(file.surfaces.keys().collect());
+        let volumes = listed(file.volumes.keys().collect());
+        let mut diagnostics = Vec::new();
+        let slots = self.slot_names(&file);
+        let (tet_material, wrong) = self.materials_of(&file, &volumes);
+        diagnostics.extend(wrong);
+        diagnostics.extend(self.unnamed(&file));
+        let mut take = |name: &str| -> Vec<Tri6> {
+            let triangles = file.surfaces.remove(name).unwrap_or_default();
+            if triangles.is_empty() {
+                let expected = "6-node triangles in a surface of that name (mesh.names gives the file's name of one), or on that \
+                                face of the boxes";
+                diagnostics.push(Diagnostic::new(format!("surface {name}"), expected, &present));
+            }
+            triangles
+        };
+        let fixed = if self.shape().is_some() { FIXED } else { self.support.fixed.as_str() };
+        let mut fixed_nodes: Vec<u32> = take(fixed).into_flattened();
+        fixed_nodes.sort_unstable();
+        fixed_nodes.dedup();
+        let mesh = Mesh {
+            sheet: if self.sheet.is_some() { take("sheet") } else { Vec::new() },
+            films: self.films.keys().map(|name| take(&format!("film.{name}"))).collect(),
+            cavity: take("cavity"),
+            cavities: self.pressure_mpa.keys().map(|name| take(&format!("cavity.{name}"))).collect(),
+            fixed_nodes,
+            bottom: if self.obstacle.is_some() { take("bottom") } else { Vec::new() },
+            slots: slots
+                .iter()
+                .map(|name| Slot {
+                    lower: take(&format!("slot_lower_{name}")),
+                    upper: take(&format!("slot_upper_{name}")),
+                })
+                .collect(),
+            nodes_mm: file.points_mm,
+            tets: file.tets,
+            tet_material,
+            mises_owner: None,
+        };
+        (mesh, diagnostics)
+    }
+
+    /// Names of the pairs of walls: those of the boxes, or those in the file.
+    fn slot_names(&self, file: &MeshFile) -> Vec<String> {
+        if let Some(shape) = self.shape() {
+            let count = shape.slots.map_or(0, |_| shape.chambers.count - 1);
+            return (0..count).map(|i| i.to_string()).collect();
         }
-        triangles
-    };
-    let mut fixed_nodes: Vec<u32> = take("fixed").into_flattened();
-    fixed_nodes.sort_unstable();
-    fixed_nodes.dedup();
-    let mesh = Mesh {
-        sheet: take("sheet"),
-        cavity: take("cavity"),
-        fixed_nodes,
-        bottom: take("bottom"),
-        slots: (0..slots)
-            .map(|i| Slot {
-                lower: take(&format!("slot_lower_{i}")),
-                upper: take(&format!("slot_upper_{i}")),
-            })
-            .collect(),
-        nodes_mm: file.points_mm,
-        tets: file.tets,
-        ..Mesh::default()
-    };
-    (mesh, diagnostics)
+        let of = |name: &String| {
+            let rest = name.strip_prefix("slot_lower_").or_else(|| name.strip_prefix("slot_upper_"));
+            rest.map(str::to_owned)
+        };
+        file.surfaces.keys().filter_map(of).collect::<BTreeSet<_>>().into_iter().collect()
+    }
+
+    /// Material of each tetrahedron: 0 is `elastomer`, then those of the named volumes.
+    fn materials_of(&self, file: &MeshFile, present: &str) -> (Vec<u16>, Vec<Diagnostic>) {
+        if self.materials.is_empty() {
+            return (Vec::new(), Vec::new());
+        }
+        let (mut of, mut diagnostics) = (vec![0_u16; file.tets.len()], Vec::new());
+        for (place, name) in self.materials.keys().enumerate() {
+            let elements = file.volumes.get(name).filter(|elements| !elements.is_empty());
+            let Some(elements) = elements else {
+                diagnostics.push(Diagnostic::new(
+                    format!("materials.{name}"),
+                    "the name of a volume of the mesh",
+                    present,
+                ));
+                continue;
+            };
+            for e in elements {
+                let material = &mut of[*e as usize];
+                if *material != 0 {
+                    let other = self.materials.keys().nth(usize::from(*material) - 1);
+                    let found = format!("element {e} in {} as well", other.map_or("", String::as_str));
+                    diagnostics.push(Diagnostic::new(
+                        format!("volume {name}"),
+                        "every element in one volume",
+                        found,
+                    ));
+                    break;
+                }
+                *material = place as u16 + 1;
+            }
+        }
+        (of, diagnostics)
+    }
+
+    /// Cavities and films of the file without a pressure or material.
+    fn unnamed(&self, file: &MeshFile) -> Vec<Diagnostic> {
+        let mut diagnostics = Vec::new();
+        for name in file.surfaces.keys() {
+            let mut without = |known: bool, expected: String| {
+                if !known {
+                    diagnostics.push(Diagnostic::new(format!("surface {name}"), expected, "none"));
+                }
+            };
+            if let Some(cavity) = name.strip_prefix("cavity.") {
+                without(
+                    self.pressure_mpa.contains_key(cavity),
+                    format!("[pressure_mpa] {cavity} = 0.0 (MPa)"),
+                );
+            }
+            if let Some(film) = name.strip_prefix("film.") {
+                without(self.films.contains_key(film), format!("[films.{film}] with its material"));
+            }
+        }
+        diagnostics
+    }
 }

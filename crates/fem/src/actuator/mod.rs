@@ -6,6 +6,7 @@ mod boxes;
 mod check;
 mod file;
 mod grid;
+mod inventory;
 mod meshing;
 mod parameters;
 mod reading;
@@ -14,12 +15,13 @@ mod shape;
 mod surfaces;
 
 pub use file::{
-    Actuator, Base, Body, Chambers, Channels, Fixed, Loads, MeshSettings, ObstacleBody, ObstacleShape, Slots,
-    Support,
+    Actuator, Base, Body, Chambers, Channels, Fixed, Loads, MeshSettings, ObstacleBody, ObstacleShape, Shape,
+    Slots, Support,
 };
 
+pub use inventory::NamedPart;
 pub use parameters::{Setting, unit};
 pub use shape::{mesh_quality, moved_nodes};
 
 #[cfg(test)]
-pub(crate) use {meshing::named, surfaces::locate};
+pub(crate) use surfaces::locate;

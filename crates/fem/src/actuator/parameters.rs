@@ -78,7 +78,6 @@ impl Actuator {
 /// Unit of a quantity, from the end of its name; empty for a dimensionless one.
 #[must_use]
 pub fn unit(name: &str) -> &'static str {
-    let key = name.rsplit('.').find(|part| part.parse::<usize>().is_err()).unwrap_or(name);
     let units = [
         ("_t_per_mm3", "t/mm3"),
         ("_mpa_per_mm", "MPa/mm"),
@@ -89,7 +88,9 @@ pub fn unit(name: &str) -> &'static str {
         ("_n", "N"),
         ("_s", "s"),
     ];
-    units.iter().find(|(end, _)| key.ends_with(end)).map_or("", |(_, unit)| unit)
+    let of = |key: &str| units.iter().find(|(end, _)| key.ends_with(end)).map(|(_, unit)| *unit);
+    // A place in a list (`gravity_mm_s2.1`) and the name of a cavity (`pressure_mpa.left`) are behind the unit.
+    name.rsplit('.').find_map(of).unwrap_or("")
 }
 
 fn collect(name: &str, value: &Value, found: &mut Vec<Setting>) {

@@ -7,49 +7,34 @@ use formats::{Diagnostic, FormatError, file};
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
+/// Material file and the table that names it: `elastomer`, or a volume's among `materials`.
+type Named = (Option<String>, PathBuf);
+
 impl Actuator {
-    /// Reads and checks the file, and the material file that it names.
+    /// Reads and checks the file, and the material files that it names.
     ///
     /// # Errors
     /// I/O error, invalid TOML, or all errors in the values.
     pub fn read(path: &Path) -> Result<Self, FormatError> {
         let mut text = file::read_text(path, file::MAX_TEXT_BYTES)?;
         let content = |diagnostics| FormatError::Content { path: path.into(), diagnostics };
-        if let Some(material) = Self::material_path(path, &text).map_err(|found| content(vec![found]))? {
+        for (volume, material) in material_paths(path, &text).map_err(|found| content(vec![found]))? {
             let elastomer = MaterialFile::read(&material)?.elastomer;
-            text = with_elastomer(&text, &elastomer).map_err(|found| content(vec![found]))?;
+            text =
+                with_elastomer(&text, volume.as_deref(), &elastomer).map_err(|found| content(vec![found]))?;
         }
         Self::parse(&text).map_err(content)
     }
 
-    /// The material file that an actuator file names, `None` if it has the constants itself.
+    /// The material file of the elastomer, `None` if the actuator file has the constants itself.
     ///
     /// # Errors
     /// I/O error, invalid content.
     pub fn material(path: &Path) -> Result<Option<(PathBuf, MaterialFile)>, FormatError> {
         let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
-        let named = Self::material_path(path, &text).map_err(|found| FormatError::one(path, found))?;
-        named.map(|path| MaterialFile::read(&path).map(|material| (path, material))).transpose()
-    }
-
-    /// `elastomer.file`, relative to the actuator's folder; invalid TOML names none.
-    fn material_path(path: &Path, text: &str) -> Result<Option<PathBuf>, Diagnostic> {
-        let Ok(table) = text.parse::<Table>() else { return Ok(None) };
-        let Some(elastomer) = table.get("elastomer").and_then(Value::as_table) else { return Ok(None) };
-        match (elastomer.get("file"), elastomer.len()) {
-            (None, _) => Ok(None),
-            (Some(Value::String(file)), 1) => Ok(Some(file::named_in(path, file))),
-            (Some(Value::String(_)), _) => {
-                let others: Vec<&str> =
-                    elastomer.keys().map(String::as_str).filter(|key| *key != "file").collect();
-                Err(Diagnostic::new(
-                    "elastomer",
-                    "file alone, which has all constants",
-                    format!("{} as well", others.join(", ")),
-                ))
-            }
-            (Some(other), _) => Err(Diagnostic::new("elastomer.file", "the name of a material file", other)),
-        }
+        let named = material_paths(path, &text).map_err(|found| FormatError::one(path, found))?;
+        let own = named.into_iter().find_map(|(volume, path)| volume.is_none().then_some(path));
+        own.map(|path| MaterialFile::read(&path).map(|material| (path, material))).transpose()
     }
 
     /// [`Actuator::read`] from memory.
@@ -66,10 +51,48 @@ impl Actuator {
     }
 }
 
-/// The file with another elastomer.
-fn with_elastomer(text: &str, elastomer: &crate::material::Elastomer) -> Result<String, Diagnostic> {
+/// `file` of `elastomer` and of each material, relative to the actuator's folder; invalid TOML names none.
+fn material_paths(path: &Path, text: &str) -> Result<Vec<Named>, Diagnostic> {
+    let Ok(table) = text.parse::<Table>() else { return Ok(Vec::new()) };
+    let own = table.get("elastomer").map(|value| (None, value));
+    let volumes = table.get("materials").and_then(Value::as_table).into_iter().flatten();
+    let all = own.into_iter().chain(volumes.map(|(name, value)| (Some(name.clone()), value)));
+    let mut named = Vec::new();
+    for (volume, value) in all {
+        let Some(elastomer) = value.as_table() else { continue };
+        let key = volume.as_ref().map_or("elastomer".to_owned(), |name| format!("materials.{name}"));
+        match (elastomer.get("file"), elastomer.len()) {
+            (None, _) => {}
+            (Some(Value::String(file)), 1) => {
+                named.push((volume, file::named_in(path, file)));
+            }
+            (Some(Value::String(_)), _) => {
+                let others: Vec<&str> =
+                    elastomer.keys().map(String::as_str).filter(|key| *key != "file").collect();
+                let found = format!("{} as well", others.join(", "));
+                return Err(Diagnostic::new(key, "file alone, which has all constants", found));
+            }
+            (Some(other), _) => {
+                return Err(Diagnostic::new(format!("{key}.file"), "the name of a material file", other));
+            }
+        }
+    }
+    Ok(named)
+}
+
+/// The file with another elastomer, or another material of a volume.
+fn with_elastomer(
+    text: &str,
+    volume: Option<&str>,
+    elastomer: &crate::material::Elastomer,
+) -> Result<String, Diagnostic> {
     let wrong = |error: &dyn std::fmt::Display| Diagnostic::new("elastomer", "an elastomer", error);
     let mut table: Table = text.parse().map_err(|error: toml::de::Error| wrong(&error))?;
-    table.insert("elastomer".into(), Value::try_from(elastomer).map_err(|error| wrong(&error))?);
+    let value = Value::try_from(elastomer).map_err(|error| wrong(&error))?;
+    let materials = table.get_mut("materials").and_then(Value::as_table_mut);
+    match (volume, materials) {
+        (Some(name), Some(materials)) => materials.insert(name.into(), value),
+        _ => table.insert("elastomer".into(), value),
+    };
     toml::to_string(&table).map_err(|error| wrong(&error))
 }

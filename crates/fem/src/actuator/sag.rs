@@ -5,7 +5,7 @@
 //! out. The reference actuator: 33.2 mm, finite elements 27.5 mm.
 
 use super::boxes::{Bounds, Boxes};
-use super::file::{Actuator, Fixed};
+use super::file::{Actuator, Shape};
 
 /// Sections along the beam.
 const SECTIONS: usize = 400;
@@ -13,19 +13,18 @@ const SECTIONS: usize = 400;
 const ITERATIONS: usize = 400;
 
 impl Actuator {
-    /// Estimated tip displacement (mm) across the base under gravity along y, with elastomers `factor` times as stiff.
+    /// Estimated tip displacement (mm) across the base under gravity along y, with elastomers `factor` times as stiff. `None`
+    /// without boxes.
     #[must_use]
-    pub fn sag_estimate_mm(&self, factor: f64) -> f64 {
+    pub fn sag_estimate_mm(&self, factor: f64) -> Option<f64> {
+        let shape = self.shape()?;
         let gravity = -self.loads.gravity_mm_s2[1];
-        let start = match self.support.fixed {
-            Fixed::BodyStart => self.body.start_mm,
-            Fixed::BaseStart => 0.0,
-        };
-        let boxes = Boxes::of(self);
-        let step = (self.base.length_mm - start) / SECTIONS as f64;
+        let start = shape.held_mm();
+        let boxes = Boxes::of(&shape);
+        let step = (shape.base.length_mm - start) / SECTIONS as f64;
         let youngs = 3.0 * factor * self.elastomer.law.shear_modulus_mpa();
         let sections: Vec<[f64; 2]> =
-            (0..SECTIONS).map(|k| self.section(&boxes, start + (k as f64 + 0.5) * step)).collect();
+            (0..SECTIONS).map(|k| shape.section(&boxes, start + (k as f64 + 0.5) * step)).collect();
         let weight: Vec<f64> = sections
             .iter()
             .map(|[area, _]| self.elastomer.density_t_per_mm3 * gravity * area * step)
@@ -48,13 +47,16 @@ impl Actuator {
                 angle[k] = 0.5 * (angle[k] + next);
             }
         }
-        angle.iter().map(|angle| step * angle.sin()).sum()
+        Some(angle.iter().map(|angle| step * angle.sin()).sum())
     }
+}
 
+impl Shape<'_> {
     /// Area (mm2) and second moment about the sheet (mm4) of the section at `x`.
     fn section(&self, boxes: &Boxes, x: f64) -> [f64; 2] {
         let part = |[_, [low, high], [left, right]]: &Bounds| {
-            let about = |y: f64| (y.min(self.slots.floor_mm) - self.base.lower_mm).powi(3) / 3.0;
+            let floor = self.slots.map_or(f64::INFINITY, |slots| slots.floor_mm);
+            let about = |y: f64| (y.min(floor) - self.base.lower_mm).powi(3) / 3.0;
             [(right - left) * (high - low), (right - left) * (about(*high) - about(*low))]
         };
         let at = |bounds: &&Bounds| (bounds[0][0]..bounds[0][1]).contains(&x);

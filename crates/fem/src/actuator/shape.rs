@@ -5,7 +5,7 @@
 //! stays exactly on its plane, and nodes and elements keep their order.
 
 use super::boxes::{Bounds, Boxes};
-use super::file::Actuator;
+use super::file::{Actuator, Shape};
 use crate::algebra::{Vec3, add, cross, dot, norm, scale, sub};
 use crate::mesh::Mesh;
 use formats::Diagnostic;
@@ -19,16 +19,18 @@ const SAME_MM: f64 = 1.0e-9;
 /// # Errors
 /// Another number of chambers, planes that would cross or come apart, inverted elements.
 pub fn moved_nodes(mesh: &Mesh, from: &Actuator, to: &Actuator) -> Result<Vec<Vec3>, Vec<Diagnostic>> {
-    if from.chambers.count != to.chambers.count || from.support != to.support {
-        let expected = "chambers and support as the mesh has them";
-        return Err(vec![Diagnostic::new(
-            "shape",
-            expected,
-            "another number of chambers, or another held face",
-        )]);
-    }
+    let count = |shape: &Shape<'_>| shape.chambers.count;
+    let (from, to) = match (from.shape(), to.shape()) {
+        (None, None) if from.support == to.support => return Ok(mesh.nodes_mm.clone()),
+        (Some(a), Some(b)) if count(&a) == count(&b) && from.support == to.support => (a, b),
+        _ => {
+            let expected = "chambers and support as the mesh has them";
+            let found = "another number of chambers, or another held face";
+            return Err(vec![Diagnostic::new("shape", expected, found)]);
+        }
+    };
     let mut wrong = Vec::new();
-    let (old, new) = (faces(&Boxes::of(from)), faces(&Boxes::of(to)));
+    let (old, new) = (faces(&Boxes::of(&from)), faces(&Boxes::of(&to)));
     let maps = [0, 1, 2].map(|axis| axis_map(axis, &old, &new, &mut wrong));
     if !wrong.is_empty() {
         return Err(wrong);

@@ -3,7 +3,7 @@
 //! The mesh must be in the actuator frame and its faces must lie on the planes of `actuator.toml`.
 
 use super::boxes::Boxes;
-use super::file::{Actuator, Fixed};
+use super::file::{Fixed, Shape};
 use crate::mesh::Boundary;
 use formats::mesh_file::{TET_FACES, Tet10, Tri6};
 use std::collections::{BTreeMap, HashSet};
@@ -14,11 +14,11 @@ const TOLERANCE_MM: f64 = 1.0e-3;
 /// `bottom`, `sheet`, `fixed`, `cavity`, `slot_lower_0`, `slot_upper_0`, ... with their triangles; surfaces
 /// without triangles are absent. Cost `O(elements x chambers)`.
 pub(crate) fn locate(
-    actuator: &Actuator,
+    shape: &Shape<'_>,
     points_mm: &[[f64; 3]],
     tets: &[Tet10],
 ) -> BTreeMap<String, Vec<Tri6>> {
-    let places = Places { boxes: Boxes::of(actuator), actuator };
+    let places = Places { boxes: Boxes::of(shape), shape };
     let boundary = Boundary::new(tets);
     let mut surfaces: BTreeMap<String, Vec<Tri6>> = BTreeMap::new();
     let mut sheet_seen = HashSet::new();
@@ -27,13 +27,16 @@ pub(crate) fn locate(
             let tri = face.map(|k| tet[k]);
             let Some(corners) = corners(points_mm, &tri) else { continue };
             let outer = boundary.has([tri[0], tri[1], tri[2]]);
-            if let Some(name) = places.name(&corners, outer) {
+            if places.on_sheet(&corners) {
                 let mut key = [tri[0], tri[1], tri[2]];
                 key.sort_unstable();
-                // A face of the sheet has an element on either side.
-                if outer || sheet_seen.insert(key) {
-                    surfaces.entry(name).or_default().push(tri);
+                // A face of the sheet inside the base has an element on either side.
+                if sheet_seen.insert(key) {
+                    surfaces.entry("sheet".into()).or_default().push(tri);
                 }
+            }
+            if let Some(name) = places.name(&corners).filter(|_| outer) {
+                surfaces.entry(name).or_default().push(tri);
             }
         }
     }
@@ -48,24 +51,27 @@ fn corners(points_mm: &[[f64; 3]], tri: &Tri6) -> Option<[[f64; 3]; 3]> {
 
 struct Places<'a> {
     boxes: Boxes,
-    actuator: &'a Actuator,
+    shape: &'a Shape<'a>,
+}
+
+fn on(corners: &[[f64; 3]; 3], axis: usize, v: f64) -> bool {
+    corners.iter().all(|p| (p[axis] - v).abs() < TOLERANCE_MM)
 }
 
 impl Places<'_> {
-    fn name(&self, corners: &[[f64; 3]; 3], outer: bool) -> Option<String> {
-        let a = self.actuator;
-        let on = |axis: usize, v: f64| corners.iter().all(|p| (p[axis] - v).abs() < TOLERANCE_MM);
+    fn on_sheet(&self, corners: &[[f64; 3]; 3]) -> bool {
+        self.shape.sheet && on(corners, 1, self.shape.base.lower_mm)
+    }
+
+    /// Name of an outer face.
+    fn name(&self, corners: &[[f64; 3]; 3]) -> Option<String> {
+        let a = self.shape;
+        let on = |axis: usize, v: f64| on(corners, axis, v);
         let centroid: [f64; 3] = std::array::from_fn(|k| corners.iter().map(|p| p[k]).sum::<f64>() / 3.0);
-        if on(1, a.base.lower_mm) {
-            return (!outer).then(|| "sheet".into());
-        }
-        if !outer {
-            return None;
-        }
         if on(1, 0.0) {
             return Some("bottom".into());
         }
-        let held = match a.support.fixed {
+        let held = match a.fixed {
             Fixed::BodyStart => on(0, a.body.start_mm) && centroid[1] > a.base_top_mm(),
             Fixed::BaseStart => on(0, 0.0),
         };
@@ -81,4 +87,22 @@ impl Places<'_> {
         }
         self.boxes.in_cavity(centroid, TOLERANCE_MM).then(|| "cavity".into())
     }
+}
+
+/// Elements of each part of the boxes: `lower`, `upper`, `body`.
+pub(crate) fn volumes(
+    shape: &Shape<'_>,
+    points_mm: &[[f64; 3]],
+    tets: &[Tet10],
+) -> BTreeMap<String, Vec<u32>> {
+    let boxes = Boxes::of(shape);
+    let mut volumes: BTreeMap<String, Vec<u32>> = BTreeMap::new();
+    for (e, tet) in tets.iter().enumerate() {
+        let corners: Vec<[f64; 3]> =
+            tet[..4].iter().filter_map(|n| points_mm.get(*n as usize).copied()).collect();
+        let centroid: [f64; 3] =
+            std::array::from_fn(|k| corners.iter().map(|p| p[k]).sum::<f64>() / corners.len() as f64);
+        volumes.entry(boxes.part(centroid).into()).or_default().push(e as u32);
+    }
+    volumes
 }

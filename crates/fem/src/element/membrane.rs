@@ -1,10 +1,13 @@
-//! The sheet's membrane: St. Venant-Kirchhoff on 6-node triangles, 3 Gauss points.
+//! Membranes of sheet and films: St. Venant-Kirchhoff on 6-node triangles, 3 Gauss points, with fibres in tension.
 //!
-//! `E = (F^T F - 1) / 2` with the 3 x 2 gradient `F`, resultants `N = C E` (N/mm). The resultants are
-//! separate unknowns (see the Newton iteration), so the tangent's geometric part takes them as an argument.
+//! `E = (F^T F - 1) / 2` with the 3 x 2 gradient `F`, resultants `N = C E + sum_f k_f <m.E m> m m` (N/mm), `m` the fibres' direction
+//! and `<>` the positive part, rounded. The resultants are separate unknowns (see the Newton iteration), so the tangent's geometric
+//! part takes them as an argument.
 
 use crate::algebra::{Mat3, Vec3, axpy, cross, dot, norm, scale, sub};
+use crate::contact::penalty::penalty;
 use crate::element::tri6;
+use crate::material::{Film, SheetMaterial};
 
 /// Number of node pairs (a, b) with b <= a.
 pub(crate) const PAIRS: usize = 21;
@@ -12,7 +15,84 @@ pub(crate) const PAIRS: usize = 21;
 /// In-plane symmetric tensor (11, 22, 12).
 pub(crate) type Plane = [f64; 3];
 
-/// Undeformed geometry of one sheet triangle.
+/// Half the interval of fibre strains around 0 over which tension sets in. The undeformed film is free of stress: a slack fibre keeps the
+/// compression of a strain of a quarter of it.
+const FIBRE_ROUNDING: f64 = 5.0e-4;
+
+/// Rounded positive part of a fibre's strain, as energy, force and stiffness per stiffness.
+fn tension(strain: f64) -> [f64; 3] {
+    let p = penalty(strain, FIBRE_ROUNDING);
+    let offset = 0.25 * FIBRE_ROUNDING;
+    [p.energy - offset * strain, p.force - offset, p.stiffness]
+}
+
+/// Resultant of a strain: plane-stress stiffness (11, 12, 33; N/mm), and families of fibres.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Law {
+    isotropic: [f64; 3],
+    /// `m m` of the direction (11, 22, 12), and stiffness per width (N/mm).
+    fibres: Vec<(Plane, f64)>,
+}
+
+impl Law {
+    /// Law of the sheet.
+    pub(crate) fn of_sheet(sheet: &SheetMaterial) -> Self {
+        Self { isotropic: sheet.membrane().stiffness_n_per_mm(), fibres: Vec::new() }
+    }
+
+    /// Law of a film in axes of which the first is that of the film.
+    pub(crate) fn of(film: &Film) -> Self {
+        let fibres = film.fibres.iter().map(|f| {
+            let (s, c) = f.angle_deg.to_radians().sin_cos();
+            ([c * c, s * s, c * s], f.stiffness_n / f.spacing_mm)
+        });
+        let isotropic = film.isotropic.map_or([0.0; 3], |film| film.stiffness_n_per_mm());
+        Self { isotropic, fibres: fibres.collect() }
+    }
+
+    fn along(m: &Plane, e: Plane) -> f64 {
+        m[0] * e[0] + m[1] * e[1] + 2.0 * m[2] * e[2]
+    }
+
+    /// Energy per area (N/mm).
+    pub(crate) fn energy(&self, e: Plane) -> f64 {
+        let n = resultant(self.isotropic, e);
+        let fibres = self.fibres.iter().map(|(m, k)| k * tension(Self::along(m, e))[0]);
+        0.5 * (n[0] * e[0] + n[1] * e[1] + 2.0 * n[2] * e[2]) + fibres.sum::<f64>()
+    }
+
+    /// Resultants (N/mm); the strain's third entry is the tensor component.
+    pub(crate) fn resultant(&self, e: Plane) -> Plane {
+        let mut n = resultant(self.isotropic, e);
+        for (m, k) in &self.fibres {
+            axpy(k * tension(Self::along(m, e))[1], *m, &mut n);
+        }
+        n
+    }
+
+    /// Derivative of the resultants with respect to (11, 22, 2 x 12).
+    pub(crate) fn stiffness(&self, e: Plane) -> Mat3 {
+        let [c11, c12, c33] = self.isotropic;
+        let mut c = [[c11, c12, 0.0], [c12, c11, 0.0], [0.0, 0.0, c33]];
+        for (m, k) in &self.fibres {
+            let k = k * tension(Self::along(m, e))[2];
+            for (row, m_row) in c.iter_mut().zip(m) {
+                axpy(k * m_row, *m, row);
+            }
+        }
+        c
+    }
+
+    /// Resultants of the strain `e + de`, linearised at `e`.
+    pub(crate) fn linearised(&self, e: Plane, de: Plane) -> Plane {
+        let mut n = self.resultant(e);
+        let c = self.stiffness(e);
+        axpy(1.0, c.map(|row| dot(row, [de[0], de[1], 2.0 * de[2]])), &mut n);
+        n
+    }
+}
+
+/// Undeformed geometry of one triangle.
 #[derive(Clone, Debug)]
 pub(crate) struct MembraneGeometry {
     /// In-plane shape gradients at each Gauss point (1/mm).
@@ -70,7 +150,7 @@ pub(crate) fn plane_gradients(plane: &[[f64; 2]; 6], r: f64, s: f64) -> ([[f64; 
 }
 
 /// `N = C E` for plane-stress stiffness (c11, c12, c33); the strain's third entry is the tensor component.
-pub(crate) fn resultant(c: [f64; 3], e: Plane) -> Plane {
+fn resultant(c: [f64; 3], e: Plane) -> Plane {
     [c[0] * e[0] + c[1] * e[1], c[1] * e[0] + c[0] * e[1], 2.0 * c[2] * e[2]]
 }
 
@@ -122,15 +202,17 @@ pub(crate) fn force(geometry: &MembraneGeometry, x: &[Vec3; 6], n: &[Plane; 3]) 
     out
 }
 
-/// Tangent blocks of node pairs (a, b <= a): material part with stiffness `c`, geometric part with the carried `n`.
+/// Tangent blocks of node pairs (a, b <= a): material part of the law, geometric part with the carried `n`.
 pub(crate) fn tangent(
     geometry: &MembraneGeometry,
     x: &[Vec3; 6],
     n: &[Plane; 3],
-    c: [f64; 3],
+    law: &Law,
 ) -> [Mat3; PAIRS] {
     let mut out = [[[0.0; 3]; 3]; PAIRS];
-    for ((gradients, w), n) in geometry.gradients.iter().zip(geometry.weights).zip(n) {
+    let points = geometry.gradients.iter().zip(geometry.weights).zip(n).enumerate();
+    for (q, ((gradients, w), n)) in points {
+        let c = law.stiffness(strain(geometry, q, x));
         let t = tangents(gradients, x);
         let mut pair = 0;
         for a in 0..6 {
@@ -142,14 +224,15 @@ pub(crate) fn tangent(
                     n[0] * ga[0] * gb[0] + n[1] * ga[1] * gb[1] + n[2] * (ga[0] * gb[1] + ga[1] * gb[0]);
                 let block = &mut out[pair];
                 pair += 1;
-                for i in 0..3 {
-                    for j in 0..3 {
-                        block[i][j] += w
-                            * (ra[0][i] * (c[0] * rb[0][j] + c[1] * rb[1][j])
-                                + ra[1][i] * (c[1] * rb[0][j] + c[0] * rb[1][j])
-                                + c[2] * ra[2][i] * rb[2][j]);
+                for (k, row) in c.iter().enumerate() {
+                    let mut stress = [0.0; 3];
+                    row.iter().zip(rb).for_each(|(c, rb)| axpy(*c, rb, &mut stress));
+                    for (entry, ra) in block.iter_mut().zip(ra[k]) {
+                        axpy(w * ra, stress, entry);
                     }
-                    block[i][i] += w * geometric;
+                }
+                for (i, row) in block.iter_mut().enumerate() {
+                    row[i] += w * geometric;
                 }
             }
         }

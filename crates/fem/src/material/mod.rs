@@ -5,6 +5,7 @@
 
 mod check;
 mod file;
+mod film;
 pub mod fit;
 mod law;
 mod least_squares;
@@ -13,6 +14,7 @@ mod tension;
 
 pub use check::MaterialError;
 pub use file::{FitRecord, MaterialFile, TestRecord};
+pub use film::{Fibres, Film, Isotropic};
 pub use law::Hyperelastic;
 pub(crate) use law::{Dependence, Power};
 pub(crate) use principal::{Principal, is_stable_invariant};
@@ -81,6 +83,23 @@ impl Elastomer {
     /// # Errors
     /// [`MaterialError`] names the first constant out of range.
     pub(crate) fn check(&self) -> Result<(), MaterialError> {
+        // Below ten shear moduli the constants are hardly those of a rubber.
+        self.check_bulk(10.0, "at least 10 times the shear modulus")?;
+        self.check_solid()
+    }
+
+    fn check_bulk(&self, times: f64, expected: &'static str) -> Result<(), MaterialError> {
+        if self.bulk_mpa.is_finite() && self.bulk_mpa >= times * self.law.shear_modulus_mpa() {
+            return Ok(());
+        }
+        Err(MaterialError { law: "elastomer", name: "bulk_mpa", found: self.bulk_mpa, expected })
+    }
+
+    /// Checks the constants of any solid, also of one that is stiff and compressible.
+    ///
+    /// # Errors
+    /// [`MaterialError`] names the first constant out of range.
+    pub(crate) fn check_solid(&self) -> Result<(), MaterialError> {
         self.law.check()?;
         self.check_stability()?;
         if let Some([low, high]) = self.shear_interval_mpa {
@@ -95,11 +114,8 @@ impl Elastomer {
                 });
             }
         }
-        // Below ten shear moduli the split into W(I) and pressure no longer describes a rubber.
-        if !(self.bulk_mpa.is_finite() && self.bulk_mpa >= 10.0 * self.law.shear_modulus_mpa()) {
-            let expected = "at least 10 times the shear modulus";
-            return Err(MaterialError { law: "elastomer", name: "bulk_mpa", found: self.bulk_mpa, expected });
-        }
+        // Poisson's ratio is 0 at two thirds of the shear modulus.
+        self.check_bulk(2.0 / 3.0, "at least two thirds of the shear modulus: Poisson's ratio of 0 or more")?;
         at_least_zero("elastomer", "density_t_per_mm3", self.density_t_per_mm3)
     }
 }
@@ -153,10 +169,10 @@ impl SheetMaterial {
         self.youngs_mpa * self.thickness_mm.powi(3) / (12.0 * (1.0 - self.poisson * self.poisson))
     }
 
-    /// Plane-stress membrane stiffness: the entries 11, 12 and 33 of the resultant-strain relation (N/mm).
-    pub(crate) fn membrane_stiffness_n_per_mm(&self) -> [f64; 3] {
-        let c11 = self.youngs_mpa * self.thickness_mm / (1.0 - self.poisson * self.poisson);
-        [c11, c11 * self.poisson, 0.5 * c11 * (1.0 - self.poisson)]
+    /// The sheet without its bending stiffness.
+    pub(crate) fn membrane(&self) -> Isotropic {
+        let Self { youngs_mpa, poisson, thickness_mm, .. } = *self;
+        Isotropic { youngs_mpa, poisson, thickness_mm }
     }
 
     /// Checks that the constants are in range.
@@ -164,13 +180,7 @@ impl SheetMaterial {
     /// # Errors
     /// [`MaterialError`] names the first constant out of range.
     pub(crate) fn check(&self) -> Result<(), MaterialError> {
-        positive("sheet", "youngs_mpa", self.youngs_mpa)?;
-        positive("sheet", "thickness_mm", self.thickness_mm)?;
         positive("sheet", "bending_penalty", self.bending_penalty)?;
-        if self.poisson > -1.0 && self.poisson < 0.5 {
-            return Ok(());
-        }
-        let expected = "between -1 and 0.5";
-        Err(MaterialError { law: "sheet", name: "poisson", found: self.poisson, expected })
+        self.membrane().check("sheet")
     }
 }

@@ -54,6 +54,9 @@ fn report(list: &mut Vec<Diagnostic>, bad: Vec<(String, String)>, expected: &str
 fn surfaces(mesh: &Mesh) -> Vec<(String, &[[u32; 6]])> {
     let mut all: Vec<(String, &[[u32; 6]])> =
         vec![("sheet".into(), &mesh.sheet), ("cavity".into(), &mesh.cavity), ("bottom".into(), &mesh.bottom)];
+    let further = |name: &str, i: usize| format!("{name} {}", i + 1);
+    all.extend(mesh.cavities.iter().enumerate().map(|(i, t)| (further("further cavity", i), t.as_slice())));
+    all.extend(mesh.films.iter().enumerate().map(|(i, t)| (further("film", i), t.as_slice())));
     for (i, slot) in mesh.slots.iter().enumerate() {
         all.push((format!("slot_lower_{i}"), &slot.lower));
         all.push((format!("slot_upper_{i}"), &slot.upper));

@@ -20,7 +20,7 @@ pub struct Slot {
 pub struct Mesh {
     /// Undeformed node positions in the actuator frame (mm).
     pub nodes_mm: Vec<[f64; 3]>,
-    /// Elastomer elements.
+    /// Elements of elastomer and other solids.
     pub tets: Vec<Tet10>,
     /// Index of each tetrahedron's elastomer in the problem's list; empty means material 0 throughout.
     pub tet_material: Vec<u16>,
@@ -28,6 +28,10 @@ pub struct Mesh {
     pub sheet: Vec<Tri6>,
     /// Walls of the closed cavity the pressure acts on.
     pub cavity: Vec<Tri6>,
+    /// Walls of further closed cavities, each with its own pressure.
+    pub cavities: Vec<Vec<Tri6>>,
+    /// Membranes bonded to faces of tetrahedra.
+    pub films: Vec<Vec<Tri6>>,
     /// Nodes held in all three directions.
     pub fixed_nodes: Vec<u32>,
     /// Underside of the base: the surface a plate or a block can touch.
@@ -37,4 +41,17 @@ pub struct Mesh {
     /// For each node the (element, local node) whose extrapolated von Mises stress represents it in
     /// `von_mises_owner_mpa`; `None` marks a node shown with zero stress (on the sheet).
     pub mises_owner: Option<Vec<Option<(u32, u8)>>>,
+}
+
+impl Mesh {
+    /// Node that is farthest from the middle of the held nodes, and its distance (mm).
+    #[must_use]
+    pub fn tip(&self) -> ([f64; 3], f64) {
+        let held = self.fixed_nodes.iter().map(|n| self.nodes_mm[*n as usize]);
+        let sum = held.fold([0.0; 3], |sum: [f64; 3], x| [0, 1, 2].map(|k| sum[k] + x[k]));
+        let middle = sum.map(|v| v / self.fixed_nodes.len().max(1) as f64);
+        let distance = |x: &[f64; 3]| x.iter().zip(middle).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+        let all = self.nodes_mm.iter().map(|x| (*x, distance(x)));
+        all.fold((middle, 0.0), |far, next| if next.1 > far.1 { next } else { far })
+    }
 }

@@ -199,8 +199,9 @@ impl Run<'_> {
     }
 
     fn sizes(&self) -> Sizes {
-        let mesh = self.family.problem.mesh();
-        Sizes { nodes: mesh.nodes_mm.len(), tets: mesh.tets.len(), sheet: mesh.sheet.len() }
+        let problem = &self.family.problem;
+        let sheet = problem.sheet.triangles.len();
+        Sizes { nodes: problem.mesh.nodes_mm.len(), tets: problem.mesh.tets.len(), sheet }
     }
 }
 
@@ -347,10 +348,14 @@ pub fn fingerprint(problem: &Problem) -> [u8; 32] {
     });
     let walls = mesh.slots.iter().flat_map(|s| [&s.lower, &s.upper]);
     let surfaces = [&mesh.sheet, &mesh.cavity, &mesh.bottom].into_iter().chain(walls);
+    let surfaces = surfaces.chain(&mesh.cavities).chain(&mesh.films);
     let indices = mesh.tets.as_flattened().iter().chain(&mesh.fixed_nodes);
     for index in indices.chain(surfaces.flat_map(|s| s.as_flattened())) {
         hasher.update(&index.to_le_bytes());
     }
+    mesh.tet_material.iter().for_each(|material| {
+        hasher.update(&material.to_le_bytes());
+    });
     // The debug form names every constant and prints floats so that they can be read back.
     hasher.update(flat(&format!("{:?}", problem.config())).as_bytes());
     *hasher.finalize().as_bytes()

@@ -47,7 +47,7 @@ fn missing_surface_is_named_with_the_present_ones() {
     let mut file = formats::msh::read(&model("pneunet/mesh.msh")).unwrap();
     file.surfaces.remove("sheet");
     file.surfaces.remove("slot_upper_3");
-    let (_, list) = crate::actuator::named(file, 10);
+    let (_, list) = Actuator::read(&model("pneunet/actuator.toml")).unwrap().named(file);
     let text: Vec<String> = list.iter().map(ToString::to_string).collect();
     assert_eq!(text.len(), 2, "{text:?}");
     assert!(text[0].contains("surface sheet") && text[0].contains("cavity"), "{text:?}");
@@ -59,7 +59,7 @@ fn surfaces_by_position_equal_the_meshers_names() {
     let path = model("pneunet/actuator.toml");
     let actuator = Actuator::read(&path).unwrap();
     let file = formats::msh::read(&path.with_file_name("mesh.msh")).unwrap();
-    let found = crate::actuator::locate(&actuator, &file.points_mm, &file.tets);
+    let found = crate::actuator::locate(&actuator.shape().unwrap(), &file.points_mm, &file.tets);
     assert_eq!(found.keys().collect::<Vec<_>>(), file.surfaces.keys().collect::<Vec<_>>());
     let keys = |tris: &[[u32; 6]]| -> BTreeSet<[u32; 3]> {
         let corners = |t: &[u32; 6]| {

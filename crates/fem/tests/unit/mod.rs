@@ -6,6 +6,7 @@ mod actuators;
 mod builder;
 mod laws;
 mod meshes;
+mod patches;
 mod physics;
 mod potential;
 mod tangents;

@@ -101,9 +101,9 @@ fn follow(problem: &Problem, u: Vec<Vec3>, load: Load) -> State {
     let resultants = |t: &[u32; 6]| {
         let undeformed = t.map(|n| mesh.nodes_mm[n as usize]);
         let geometry = membrane::MembraneGeometry::new(&undeformed, axes.unwrap()).unwrap();
-        let stiffness = problem.config().sheet.unwrap().membrane_stiffness_n_per_mm();
+        let law = membrane::Law::of_sheet(&problem.config().sheet.unwrap());
         let at = t.map(|n| x[n as usize]);
-        std::array::from_fn(|q| membrane::resultant(stiffness, membrane::strain(&geometry, q, &at)))
+        std::array::from_fn(|q| law.resultant(membrane::strain(&geometry, q, &at)))
     };
     State {
         element_pressure_mpa: mesh.tets.iter().enumerate().map(pressure).collect(),

@@ -1,4 +1,4 @@
-//! Abaqus input files (`.inp`): nodes, tetrahedra, hexahedra, wedges, shells.
+//! Abaqus and CalculiX input files (`.inp`): nodes, tetrahedra, hexahedra, wedges, shells, named sets and surfaces.
 //!
 //! Applied: `*SYSTEM`, `*NODE, SYSTEM=C|S`, parts, instances with translation and rotation, `*INCLUDE` and `INPUT=`. Elements without
 //! a body (springs, trusses, rigid faces, connectors) are left out and listed, as are keywords that change results.
@@ -6,11 +6,14 @@
 //! Materials, steps and the like are ignored.
 
 mod placement;
+mod sets;
 
 use crate::cells::{Block as Cells, Kind};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
+use crate::mesh_file::Tri6;
 use placement::{Coordinates, Placement};
+use sets::Set;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
@@ -32,6 +35,10 @@ pub struct AbaqusMesh {
     pub instances: Vec<(String, usize)>,
     /// Elements as VTK's cells, one block per kind.
     pub blocks: Vec<Cells>,
+    /// Triangles of named surfaces and of sets of triangles, and outer faces between the nodes of sets.
+    pub surfaces: BTreeMap<String, Vec<Tri6>>,
+    /// Positions among the 10-node tetrahedra of the elements of named sets.
+    pub volumes: BTreeMap<String, Vec<u32>>,
     /// The first instance that is rotated: whether results there are in its directions or the global ones, a table does not say.
     pub rotated: Option<String>,
     /// Elements and keywords that were left out, with the first line.
@@ -50,7 +57,9 @@ fn kind_of(name: &str) -> Option<Kind> {
         (Some("15"), _) => 26,
         (_, "S3" | "S3R" | "S3RS" | "M3D3") => 5,
         (_, "S4" | "S4R" | "S4RS" | "S4R5" | "M3D4" | "M3D4R") => 9,
-        (_, "STRI65" | "M3D6") => 22,
+        // Gmsh writes the faces of a body as elements of plane stress.
+        (_, "CPS3") => 5,
+        (_, "STRI65" | "M3D6" | "CPS6") => 22,
         (_, "S8R" | "S8R5" | "M3D8" | "M3D8R") => 23,
         _ => return None,
     })
@@ -91,6 +100,7 @@ enum Block {
     System(Vec<Vec<f64>>),
     /// Lines of an instance before its first keyword.
     Instance(Vec<Vec<f64>>),
+    Set(Set),
 }
 
 /// Nodes and elements whose numbers belong together: of a part, an instance, or the whole file.
@@ -101,6 +111,7 @@ struct Scope {
     place: HashMap<u64, u32>,
     /// Kind, numbers with that of the element, place in the file.
     elements: Vec<(Kind, Vec<u64>, String)>,
+    sets: Vec<Set>,
 }
 
 struct Instance {
@@ -149,6 +160,9 @@ fn run(text: &str, path: Option<&Path>) -> Result<AbaqusMesh, Vec<Diagnostic>> {
         current: Current::File,
         system: Placement::IDENTITY,
         block: Block::Other,
+        set: None,
+        assembly: Vec::new(),
+        plane: None,
         left_out: BTreeMap::new(),
         diagnostics: Vec::new(),
     };
@@ -168,6 +182,12 @@ struct Reader {
     current: Current,
     system: Placement,
     block: Block,
+    /// Set that the elements of the block belong to.
+    set: Option<String>,
+    /// Sets of the assembly.
+    assembly: Vec<Set>,
+    /// First element of plane stress: a face of a body, or a part of a plane model.
+    plane: Option<Diagnostic>,
     /// First place and count.
     left_out: BTreeMap<String, (String, usize)>,
     diagnostics: Vec<Diagnostic>,
@@ -227,7 +247,11 @@ impl Reader {
         let option = |key: &str| options.get(key).map(|value| value.to_ascii_uppercase());
         self.block = match name.as_str() {
             "NODE" => self.nodes_of(option("SYSTEM")),
-            "ELEMENT" => self.elements_of(&option("TYPE").unwrap_or_default()),
+            "ELEMENT" => {
+                self.set = options.get("ELSET").map(|name| (*name).to_owned());
+                self.elements_of(&option("TYPE").unwrap_or_default())
+            }
+            "ELSET" | "NSET" | "SURFACE" => Set::begun(&name, &options).map_or(Block::Other, Block::Set),
             "SYSTEM" => Block::System(Vec::new()),
             "PART" => {
                 let part = option("NAME").unwrap_or_default();
@@ -299,6 +323,10 @@ impl Reader {
     }
 
     fn elements_of(&mut self, kind: &str) -> Block {
+        if kind.starts_with("CPS") && self.plane.is_none() {
+            let expected = "a body: tetrahedra with their faces as elements of plane stress, not those alone";
+            self.plane = Some(Diagnostic::new(self.place(), expected, format!("element type {kind:?}")));
+        }
         if let Some(kind) = kind_of(kind) {
             if self.current == Current::Assembly {
                 self.report("elements of parts and instances", "elements of the assembly");
@@ -343,12 +371,15 @@ impl Reader {
                     }
                 }
                 if numbers.len() > kind.nodes {
+                    let (label, set) = (numbers[0].to_string(), self.set.clone());
                     let element = (*kind, std::mem::take(numbers), self.place());
                     if let Some(scope) = self.scope() {
                         scope.elements.push(element);
+                        sets::include(&mut scope.sets, set, label);
                     }
                 }
             }
+            Block::Set(set) => set.add(line),
             Block::System(lines) | Block::Instance(lines) => lines.push(self.numbers(line)),
         }
         self.block = block;
@@ -427,6 +458,10 @@ impl Reader {
                     format!("{lines:?}"),
                 ),
             },
+            Block::Set(set) => match self.scope() {
+                Some(scope) => scope.sets.push(set),
+                None => self.assembly.push(set),
+            },
             _ => {}
         }
     }
@@ -475,6 +510,10 @@ impl Reader {
                 self.place_scope(&mut mesh, name, own, *placement);
             }
         }
+        let solid = |block: &Cells| Kind::of(block.kind.into()).is_some_and(|kind| kind.is_solid);
+        if !mesh.blocks.iter().any(solid) {
+            self.diagnostics.extend(self.plane.take());
+        }
         if mesh.points.is_empty() {
             self.diagnostics.push(Diagnostic::new("file", "a *NODE block", "none"));
         }
@@ -487,6 +526,10 @@ impl Reader {
         mesh.labels.extend(&scope.labels);
         mesh.instances.push((name.into(), scope.points.len()));
         let mut known: HashMap<u64, (&[u64], &str)> = HashMap::new();
+        let of =
+            |set: &&Set| set.instance.as_ref().is_none_or(|instance| instance.eq_ignore_ascii_case(name));
+        let sets: Vec<&Set> = scope.sets.iter().chain(self.assembly.iter().filter(of)).collect();
+        let mut elements = HashMap::new();
         for (kind, numbers, place) in &scope.elements {
             if let Some((earlier, at)) = known.insert(numbers[0], (&numbers[1..], place.as_str())) {
                 if *earlier != numbers[1..] {
@@ -506,8 +549,16 @@ impl Reader {
                 self.diagnostics.push(Diagnostic::new(place, expected, found));
                 continue;
             }
-            Cells::add(&mut mesh.blocks, *kind, nodes.into_iter().flatten().map(|node| first + node));
+            let nodes: Vec<u32> = nodes.into_iter().flatten().map(|node| first + node).collect();
+            Cells::add(&mut mesh.blocks, *kind, nodes.iter().copied());
+            if !sets.is_empty() {
+                let count =
+                    mesh.blocks.iter().find(|block| block.kind == kind.number).map_or(0, Cells::count);
+                elements.insert(numbers[0], (kind.number, count as u32 - 1, nodes));
+            }
         }
+        let nodes = scope.place.iter().map(|(label, at)| (*label, first + at)).collect();
+        sets::resolve(&sets, &elements, &nodes, mesh);
     }
 }
 

@@ -1,4 +1,4 @@
-//! gmsh's .msh, version 4.1, ASCII or binary: 10-node tetrahedra and the triangles of named physical surfaces.
+//! gmsh's .msh, version 4.1, ASCII or binary: 10-node tetrahedra, named physical volumes and surfaces.
 
 mod cursor;
 
@@ -16,7 +16,7 @@ const TET10: i64 = 11;
 /// Node order: gmsh exchanges the mid-sides of 23 and 13.
 const TET_ORDER: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
 
-/// Reads nodes, 10-node tetrahedra and the triangles of every named physical surface.
+/// Reads nodes, 10-node tetrahedra, and the elements of every named physical volume and surface.
 ///
 /// # Errors
 /// I/O error, or the first error in the content with its place.
@@ -71,15 +71,16 @@ fn format(cursor: &mut Cursor) -> Result<(), Diagnostic> {
     }
 }
 
-/// A triangle or tetrahedron by node tags, with the surface entity it lies on.
+/// A triangle or tetrahedron by node tags, with the entity it belongs to.
 type Element<const N: usize> = (i64, [u64; N]);
 
 /// Content of the sections, before tags are resolved.
 #[derive(Default)]
 struct Raw {
-    surface_names: HashMap<i64, String>,
-    /// Physical groups of each surface entity.
-    surface_groups: HashMap<i64, Vec<i64>>,
+    /// Names of physical surfaces and volumes, by dimension and tag.
+    names: HashMap<(i64, i64), String>,
+    /// Physical groups of each entity, by dimension and tag.
+    groups: HashMap<(i64, i64), Vec<i64>>,
     index: HashMap<u64, u32>,
     points_mm: Vec<[f64; 3]>,
     tets: Vec<Element<10>>,
@@ -96,8 +97,8 @@ impl Raw {
             let dimension: i64 = cursor.text_number()?;
             let tag: i64 = cursor.text_number()?;
             let name = cursor.quoted()?;
-            if dimension == 2 {
-                self.surface_names.insert(tag, name);
+            if dimension >= 2 {
+                self.names.insert((dimension, tag), name);
             }
         }
         Ok(())
@@ -105,7 +106,7 @@ impl Raw {
 
     fn entities(&mut self, cursor: &mut Cursor) -> Result<(), Diagnostic> {
         let counts = [cursor.size()?, cursor.size()?, cursor.size()?, cursor.size()?];
-        for (dimension, count) in counts.into_iter().enumerate() {
+        for (dimension, count) in (0_i64..).zip(counts) {
             for _ in 0..count {
                 let tag = cursor.int()?;
                 for _ in 0..if dimension == 0 { 3 } else { 6 } {
@@ -120,8 +121,8 @@ impl Raw {
                         cursor.int()?;
                     }
                 }
-                if dimension == 2 {
-                    self.surface_groups.insert(tag, groups);
+                if dimension >= 2 {
+                    self.groups.insert((dimension, tag), groups);
                 }
             }
         }
@@ -188,27 +189,41 @@ impl Raw {
         Ok(())
     }
 
-    fn resolve(self) -> Result<MeshFile, Diagnostic> {
+    fn resolve(mut self) -> Result<MeshFile, Diagnostic> {
         if self.tets.is_empty() {
             let found = format!("none, but {} of first order", self.linear);
             return Err(Diagnostic::new("Elements", "10-node tetrahedra (in gmsh: set order 2)", found));
         }
-        let mut mesh = MeshFile { points_mm: self.points_mm, ..MeshFile::default() };
+        let mut mesh = MeshFile { points_mm: std::mem::take(&mut self.points_mm), ..MeshFile::default() };
         for (i, (_, tags)) in self.tets.iter().enumerate() {
             mesh.tets.push(indices(&self.index, tags, "tetrahedron", i)?);
         }
-        for name in self.surface_names.values() {
-            mesh.surfaces.entry(name.clone()).or_default();
+        for ((dimension, _), name) in &self.names {
+            if *dimension == 2 {
+                mesh.surfaces.entry(name.clone()).or_default();
+            } else {
+                mesh.volumes.entry(name.clone()).or_default();
+            }
+        }
+        for (i, (entity, _)) in self.tets.iter().enumerate() {
+            for name in self.names_of(3, *entity) {
+                mesh.volumes.entry(name.clone()).or_default().push(i as u32);
+            }
         }
         for (i, (entity, tags)) in self.triangles.iter().enumerate() {
             let triangle = indices(&self.index, tags, "triangle", i)?;
-            // Groups may carry a sign for orientation, which the solver finds by itself.
-            let groups = self.surface_groups.get(entity).into_iter().flatten();
-            for name in groups.filter_map(|tag| self.surface_names.get(&tag.abs())) {
+            for name in self.names_of(2, *entity) {
                 mesh.surfaces.entry(name.clone()).or_default().push(triangle);
             }
         }
         Ok(mesh)
+    }
+
+    /// Names of the physical groups of an entity.
+    fn names_of(&self, dimension: i64, entity: i64) -> impl Iterator<Item = &String> {
+        // Groups may carry a sign for orientation, which the solver finds by itself.
+        let groups = self.groups.get(&(dimension, entity)).into_iter().flatten();
+        groups.filter_map(move |tag| self.names.get(&(dimension, tag.abs())))
     }
 }
 

@@ -4,10 +4,10 @@ use super::codec::{self, Coding, Element};
 use crate::cells::{Block, Kind};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
-use crate::mesh_file::MeshFile;
+use crate::mesh_file::{MeshFile, Tri6};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 /// Points.
@@ -17,7 +17,8 @@ const LINES: [usize; 3] = [3, 4, 21];
 /// Largest number of nodes of a cell: the triquadratic hexahedron.
 const MAX_NODES: usize = 27;
 
-/// Reads nodes and 10-node tetrahedra; VTK's node order is the project's. A `.vtu` has no named surfaces.
+/// Reads nodes and 10-node tetrahedra; VTK's node order is the project's. An integer array of the cells (`gmsh:physical`, `group`, or
+/// the only one) groups tetrahedra into volumes and 6-node triangles into surfaces, named by its numbers.
 ///
 /// # Errors
 /// I/O error, or all errors in the content.
@@ -31,9 +32,13 @@ pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
 /// # Errors
 /// All errors in the content; never empty.
 pub fn parse(bytes: &[u8]) -> Result<MeshFile, Vec<Diagnostic>> {
-    let raw = Raw::decode(&File::scan(bytes).map_err(|diagnostic| vec![diagnostic])?)?;
+    let file = File::scan(bytes).map_err(|diagnostic| vec![diagnostic])?;
+    let raw = Raw::decode(&file)?;
     let (blocks, _) = raw.blocks()?;
-    MeshFile::of_solids(raw.points, &blocks).map_err(|diagnostic| vec![diagnostic])
+    let groups = file.groups().map_err(|diagnostic| vec![diagnostic])?;
+    let (volumes, surfaces) = raw.grouped(&groups);
+    let mesh = MeshFile::of_solids(raw.points, &blocks).map_err(|diagnostic| vec![diagnostic])?;
+    Ok(MeshFile { surfaces, volumes, ..mesh })
 }
 
 /// Mesh of a file and quantities at its nodes.
@@ -167,6 +172,34 @@ impl Raw {
     }
 }
 
+/// Elements and triangles by the number of their group.
+type Grouped = (BTreeMap<String, Vec<u32>>, BTreeMap<String, Vec<Tri6>>);
+
+impl Raw {
+    /// Tetrahedra and triangles of each group; `groups` has one number per cell, or none.
+    fn grouped(&self, groups: &[f64]) -> Grouped {
+        let (mut volumes, mut surfaces) = Grouped::default();
+        let (mut start, mut tets) = (0, 0);
+        for ((kind, end), group) in self.types.iter().zip(&self.offsets).zip(groups) {
+            let members = &self.connectivity[start..*end as usize];
+            start = *end as usize;
+            let name = || format!("{group}");
+            match *kind as usize {
+                24 => {
+                    volumes.entry(name()).or_default().push(tets);
+                    tets += 1;
+                }
+                22 => {
+                    let triangle = std::array::from_fn(|k| members.get(k).map_or(0, |n| *n as u32));
+                    surfaces.entry(name()).or_default().push(triangle);
+                }
+                _ => {}
+            }
+        }
+        (volumes, surfaces)
+    }
+}
+
 /// Place of an array's data.
 enum Place<'a> {
     Ascii(&'a [u8]),
@@ -193,6 +226,8 @@ struct File<'a> {
     arrays: HashMap<String, Array<'a>>,
     /// Name, values per node and place of the quantities at the nodes.
     point_data: Vec<(String, usize, Array<'a>)>,
+    /// Integer arrays of the cells.
+    cell_data: Vec<(String, Array<'a>)>,
     appended: Option<Appended<'a>>,
 }
 
@@ -205,6 +240,7 @@ impl<'a> File<'a> {
             cells: 0,
             arrays: HashMap::new(),
             point_data: Vec::new(),
+            cell_data: Vec::new(),
             appended: None,
         };
         let mut reader = Reader::from_reader(bytes);
@@ -251,6 +287,15 @@ impl<'a> File<'a> {
                         _ => {}
                     }
                 }
+                b"DataArray" if section == "CellData" => {
+                    let from = reader.buffer_position() as usize;
+                    let rest = if empty { &[] } else { &bytes[from..] };
+                    let is_integer = attribute(tag, "type").is_some_and(|kind| kind.contains("Int"));
+                    let single = attribute(tag, "NumberOfComponents").is_none_or(|n| n == "1");
+                    if let (true, Ok(array)) = (is_integer && single, file.data_array(tag, &section, rest)) {
+                        file.cell_data.push(array);
+                    }
+                }
                 b"AppendedData" => {
                     let from = reader.buffer_position() as usize;
                     file.appended = Some(appended(tag, &bytes[from..])?);
@@ -291,6 +336,16 @@ impl<'a> File<'a> {
             }
         };
         Ok((name, Array { element, place }))
+    }
+
+    /// Group of each cell; empty without an array of groups.
+    fn groups(&self) -> Result<Vec<f64>, Diagnostic> {
+        let named = |name: &str| self.cell_data.iter().find(|(found, _)| found == name);
+        let only = || self.cell_data.first().filter(|_| self.cell_data.len() == 1);
+        match named("group").or_else(|| named("gmsh:physical")).or_else(only) {
+            Some((name, array)) => self.decode(name, array, self.cells),
+            None => Ok(Vec::new()),
+        }
     }
 
     /// Decodes the array `name`, which must have `expected` entries.

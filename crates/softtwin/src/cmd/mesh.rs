@@ -1,12 +1,11 @@
-//! `softtwin mesh`: a mesh of an actuator without a mesher.
+//! `softtwin mesh`: a mesh of an actuator without a mesher, or the parts of a mesh file.
 
 use crate::failure::usage;
 use crate::files::refusal;
 use crate::options::ActuatorFile;
 use crate::output;
 use anyhow::Context;
-use fem::actuator::Actuator;
-use formats::file::named_in;
+use fem::actuator::{Actuator, mesh_quality};
 use formats::vtu;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -21,10 +20,13 @@ Examples:
   What size gives how many nodes:
     softtwin mesh --actuator short.toml --size-mm 2 --out fine.vtu
 
-Planes through all faces divide the actuator into boxes, each split into six tetrahedra. scripts/mesh.py uses gmsh instead:
-fewer elements for the same accuracy.";
+  The named parts of a mesh file, and what is missing:
+    softtwin mesh --actuator bender/actuator.toml
 
-/// Mesh an actuator with second-order tetrahedra on a grid.
+Planes through all faces divide the actuator into boxes, each split into six tetrahedra. scripts/mesh.py uses gmsh instead:
+fewer elements for the same accuracy. An actuator without base, body and chambers has the shape of its mesh.file: that file is checked.";
+
+/// Mesh an actuator with second-order tetrahedra on a grid, or check its mesh file.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
@@ -57,10 +59,51 @@ pub fn write_grid(actuator: &Actuator, size_mm: f64, out: &Path) -> anyhow::Resu
 }
 
 impl Args {
+    /// Prints the named parts of a mesh file, then its size, or what is missing.
+    fn check(&self, actuator: &Actuator) -> anyhow::Result<()> {
+        let path = &self.geometry.actuator;
+        let parts = actuator.inventory(path).map_err(refusal)?;
+        if !self.json {
+            for part in &parts {
+                let (what, elements, unit) = match part.is_volume {
+                    true => ("volume", "tetrahedra", "mm3"),
+                    false => ("surface", "triangles", "mm2"),
+                };
+                let role = part.role.as_deref().unwrap_or("not used");
+                output!(
+                    "{what:<8} {:<24} {:>7} {elements:<10} {:>10.1} {unit}  {role}",
+                    part.name,
+                    part.elements,
+                    part.size
+                )?;
+            }
+        }
+        let mesh = actuator.read_mesh(path).map_err(refusal)?;
+        let (nodes, tets) = (mesh.nodes_mm.len(), mesh.tets.len());
+        let (least, mean) = mesh_quality(&mesh, &mesh.nodes_mm);
+        if self.json {
+            let parts: Vec<_> = parts
+                .iter()
+                .map(|part| {
+                    json!({"name": part.name, "volume": part.is_volume, "elements": part.elements, "size": part.size, "role": part.role})
+                })
+                .collect();
+            return output::json(&json!({
+                "mesh": actuator.mesh_path(path), "nodes": nodes, "tetrahedra": tets, "parts": parts,
+                "quality": {"least": least, "mean": mean},
+            }));
+        }
+        output!("{nodes} nodes, {tets} tetrahedra, quality {least:.3} at least, {mean:.3} in the mean")?;
+        Ok(())
+    }
+
     /// Meshes, checks, writes.
     pub fn run(self) -> anyhow::Result<()> {
         let actuator = Actuator::read(&self.geometry.actuator).map_err(refusal)?;
-        let beside = || named_in(&self.geometry.actuator, &actuator.mesh.file);
+        if actuator.shape().is_none() {
+            return self.check(&actuator);
+        }
+        let beside = || actuator.mesh_path(&self.geometry.actuator);
         let out = self.out.clone().unwrap_or_else(beside);
         if out.extension().is_none_or(|e| e != "vtu") {
             return Err(usage(format!(

@@ -10,7 +10,7 @@ fn names_and_states_are_unique_and_contact_states_are_beyond_the_onset() {
             (0..8).map(|k| (0.01 * f64::from(k), sag + 5.0 * f64::from(k))).collect();
         let pressures = Pressures { states, displacement_mm: 40.0, stretch: 1.5, reason: String::new() };
         for counts in [Counts::FULL, Counts::QUICK] {
-            let plan = Plan::new(&pressures, counts).unwrap();
+            let plan = Plan::touching(&pressures, counts).unwrap();
             let text = fem::cases::to_csv(&plan.cases);
             assert_eq!(fem::cases::parse(&text).unwrap(), plan.cases, "names or loads collide");
             let names: HashSet<&str> = plan.cases.iter().map(|case| case.name.as_str()).collect();

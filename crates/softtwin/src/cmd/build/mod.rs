@@ -9,7 +9,7 @@ mod scene;
 
 use super::mesh::write_grid;
 use super::simulate::batch;
-use crate::failure::usage;
+use crate::failure::{configuration, usage};
 use crate::files::{self, quoted, refusal, save};
 use crate::{output, range, resources};
 use anyhow::Result;
@@ -68,10 +68,19 @@ const OWN_MESH: &str = "mesh.vtu";
 /// Longest edge of an element by the thinnest wall of a chamber: elements that are longer and flatter fold before they bend.
 const COARSEST: f64 = 5.0;
 
-/// Observables of a finger, at the front edges of the base, where every mesh has nodes.
-fn observables(actuator: &Actuator) -> BTreeMap<String, Definition> {
-    let base = &actuator.base;
-    let (end_mm, top_mm) = (base.length_mm, base.lower_mm + base.upper_mm);
+/// Observables of a finger, at the front edges of the base, where every mesh has nodes; of another shape the place of its tip.
+fn observables(family: &Family) -> BTreeMap<String, Definition> {
+    let Some(shape) = family.actuator.shape() else {
+        let (tip, _) = family.problem.mesh().tip();
+        let position = |axis: usize| Definition {
+            kind: ObservableKind::Position,
+            points: vec![Place::At(tip)],
+            axis: Some(std::array::from_fn(|k| if k == axis { 1.0 } else { 0.0 })),
+        };
+        let named = ["tip_x_mm", "tip_y_mm", "tip_z_mm"].into_iter().enumerate();
+        return named.map(|(axis, name)| (name.to_owned(), position(axis))).collect();
+    };
+    let (end_mm, top_mm) = (shape.base.length_mm, shape.base_top_mm());
     let at = |x: f64, y: f64| Place::At([x, y, 0.0]);
     let sections = vec![at(0.0, 0.0), at(0.0, top_mm), at(end_mm, 0.0), at(end_mm, top_mm)];
     let of = |kind, points, axis| Definition { kind, points, axis };
@@ -126,22 +135,23 @@ impl Args {
             )?;
         }
         let counts = if self.quick { Counts::QUICK } else { Counts::FULL };
-        let plan = Plan::new(&pressures, counts)?;
-        let [low, high] = plan.gaps_mm;
+        let plan = Plan::new(actuator, &pressures, counts)?;
         let list = self.folder.join("cases.csv");
         save(&list, to_csv(&plan.cases).as_bytes())?;
         let states = plan.cases.len();
-        folder.say("states", &format!("{states} in {}, gaps {low} to {high} mm", list.display()))?;
+        let gaps =
+            plan.gaps_mm.map_or("no obstacle".into(), |[low, high]| format!("gaps {low} to {high} mm"));
+        folder.say("states", &format!("{states} in {}, {gaps}", list.display()))?;
         let threads = self.threads;
         let options = batch::Options { threads, sensitivities: false, settings: Vec::new() };
         let outcome = batch::solve(&family, &plan.cases, &database, &options)?;
         for (index, reason) in &outcome.failed {
             folder.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
         }
-        let model = folder.train(&database, actuator.obstacle.kind.class(), observables(actuator))?;
+        let model = folder.train(&database, actuator.obstacle_kind(), observables(&family))?;
         let quality = Quality::of(&model, &database, &self.folder.join("errors.png"))?;
         let scene = self.folder.join("scene.toml");
-        folder.save_scene(&scene, &scene::text(actuator, &plan, &pressures))?;
+        folder.save_scene(&scene, &scene::text(&family, &plan, &pressures))?;
         let seconds = began.elapsed().as_secs_f64();
         let cpu_s = resources::cpu_s("self");
         if self.json {
@@ -171,7 +181,12 @@ impl Args {
             }
             return Ok(format!("{}, unchanged", file.display()));
         }
-        let (size, wall) = (self.size_mm.unwrap_or(actuator.mesh.size_mm), actuator.thinnest_wall_mm());
+        let size = self.size_mm.unwrap_or(actuator.mesh.size_mm);
+        let Some(wall) = actuator.thinnest_wall_mm() else {
+            let expected =
+                "another name: this one is made of base, body and chambers, which the actuator has not";
+            return Err(configuration(anyhow::anyhow!("mesh.file: expected {expected}, found {OWN_MESH}")));
+        };
         if size > COARSEST * wall {
             return Err(usage(format!(
                 "mesh.size_mm (--size-mm): expected at most {:.1} mm, {COARSEST} times the thinnest wall of a chamber, found {size} mm; \
@@ -204,8 +219,11 @@ impl Args {
 
     fn commands(&self, model: &Path, scene: &Path, pressures: &Pressures, plan: &Plan) -> Result<()> {
         let (model, scene) = (quoted(model), quoted(scene));
-        let (pressure, gap) = (0.7 * pressures.largest_mpa(), 0.5 * (plan.gaps_mm[0] + plan.gaps_mm[1]));
-        let state = format!("--model {model} --pressure-mpa {pressure:.4} --gap-mm {gap:.1}");
+        let pressure = 0.7 * pressures.largest_mpa();
+        let gap = plan.gaps_mm.map_or(String::new(), |[a, b]| format!(" --gap-mm {:.1}", 0.5 * (a + b)));
+        let further = plan.cavities.iter().map(|name| format!(" --set {name}={:.4}", 0.5 * pressure));
+        let state =
+            format!("--model {model} --pressure-mpa {pressure:.4}{gap}{}", further.collect::<String>());
         output!("\nstart it, with readings by formula until the scene has a sensor:")?;
         output!("  softtwind twin --scene {scene}")?;
         output!("  softtwind bridge --scene {scene}")?;

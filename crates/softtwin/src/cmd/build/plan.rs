@@ -2,6 +2,7 @@
 
 use super::pressures::{Pressures, free_case};
 use anyhow::{Context, Result};
+use fem::actuator::Actuator;
 use fem::cases::Case;
 use fem::sample::{latin_hypercube, onset_pressure_mpa};
 
@@ -34,17 +35,34 @@ const BEHIND_ONSET: f64 = 0.05;
 pub struct Plan {
     /// All states, each name and each pair of loads once.
     pub cases: Vec<Case>,
-    /// Smallest and largest gap, mm.
-    pub gaps_mm: [f64; 2],
+    /// Smallest and largest gap, mm; `None` without an obstacle.
+    pub gaps_mm: Option<[f64; 2]>,
+    /// Inputs that are pressures of further cavities.
+    pub cavities: Vec<String>,
 }
 
 impl Plan {
     /// The states for the pressures found. The gaps reach from a clear press on the plate at rest (or, where the actuator hardly
-    /// sags, 10 % of its reach) to 80 % of the way that the largest pressure bends it.
+    /// sags, 10 % of its reach) to 80 % of the way that the largest pressure bends it. With further cavities the states are free ones
+    /// over all pressures from 0 to the largest, and touching ones in which only the pressure of `cavity` acts.
     ///
     /// # Errors
     /// An actuator that never comes nearer to a plate.
-    pub fn new(pressures: &Pressures, counts: Counts) -> Result<Self> {
+    pub fn new(actuator: &Actuator, pressures: &Pressures, counts: Counts) -> Result<Self> {
+        let cavities: Vec<String> =
+            actuator.pressure_mpa.keys().map(|name| format!("pressure_mpa.{name}")).collect();
+        let mut plan = match &actuator.obstacle {
+            Some(_) => Self::touching(pressures, counts)?,
+            None => Self { cases: free(pressures, counts), gaps_mm: None, cavities: Vec::new() },
+        };
+        for case in &mut plan.cases {
+            case.settings = cavities.iter().map(|name| (name.clone(), 0.0)).collect();
+        }
+        plan.cases.extend(combined(&cavities, pressures.largest_mpa(), counts));
+        Ok(Self { cavities, ..plan })
+    }
+
+    fn touching(pressures: &Pressures, counts: Counts) -> Result<Self> {
         let clearances = rising(&pressures.states);
         let (sag, reach) = (clearances[0].1, clearances[clearances.len() - 1].1);
         let largest = pressures.largest_mpa();
@@ -86,8 +104,39 @@ impl Plan {
         add("contact", "train", cube(counts.inner, 1)?);
         add("maximum", "train", edge(1.0)?);
         add("check", "check", cube(counts.check, 2)?);
-        Ok(Self { cases, gaps_mm })
+        Ok(Self { cases, gaps_mm: Some(gaps_mm), cavities: Vec::new() })
     }
+}
+
+/// Free states over the pressures of all cavities: the largest of one or all, and a sample of the range; a part held out.
+fn combined(cavities: &[String], largest_mpa: f64, counts: Counts) -> Vec<Case> {
+    if cavities.is_empty() {
+        return Vec::new();
+    }
+    let case = |name: String, split: &str, shares: &[f64]| {
+        let mpa: Vec<f64> = shares.iter().map(|share| rounded(share * largest_mpa, 1e7)).collect();
+        let settings = cavities.iter().cloned().zip(mpa[1..].iter().copied()).collect();
+        Case { split: split.into(), settings, ..free_case(&name, mpa[0]) }
+    };
+    let axes = cavities.len() + 1;
+    let alone = |k: usize, share: f64| -> Vec<f64> {
+        (0..axes).map(|axis| if axis == k { share } else { 0.0 }).collect()
+    };
+    let mut cases = Vec::new();
+    for k in 1..axes {
+        for (step, share) in [0.25, 0.5, 0.75, 1.0].into_iter().enumerate() {
+            cases.push(case(format!("alone{k}{step}"), "train", &alone(k, share)));
+        }
+    }
+    cases.push(case("all".into(), "train", &vec![1.0; axes]));
+    let bounds = vec![[0.0, 1.0]; axes];
+    let sample = |name: &str, split: &str, n: usize, seed: u64| -> Vec<Case> {
+        let points = latin_hypercube(n, &bounds, seed).into_iter().enumerate();
+        points.map(|(k, shares)| case(format!("{name}{:02}", k + 1), split, &shares)).collect()
+    };
+    cases.extend(sample("combined", "train", axes * counts.inner, 3));
+    cases.extend(sample("combinedcheck", "check", counts.check, 4));
+    cases
 }
 
 /// Rest and all pressures found, more in between, and two held-out ones.

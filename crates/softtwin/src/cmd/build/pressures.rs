@@ -3,7 +3,7 @@
 use crate::cmd::simulate::stretch::MAX_BEYOND;
 use crate::failure::configuration;
 use anyhow::{Context, Result};
-use fem::actuator::{Actuator, Fixed};
+use fem::Family;
 use fem::cases::Case;
 use fem::run::{Event, Outcome, Run, Solved};
 
@@ -65,12 +65,11 @@ pub fn free_case(name: &str, pressure_mpa: f64) -> Case {
 }
 
 /// Distance from the held face to the tip, mm.
-fn free_length_mm(actuator: &Actuator) -> f64 {
-    let held = match actuator.support.fixed {
-        Fixed::BodyStart => actuator.body.start_mm,
-        Fixed::BaseStart => 0.0,
-    };
-    actuator.base.length_mm - held
+fn free_length_mm(family: &Family) -> f64 {
+    family
+        .actuator
+        .shape()
+        .map_or_else(|| family.problem.mesh().tip().1, |shape| shape.base.length_mm - shape.held_mm())
 }
 
 /// Solves upwards. States are kept in the run's store: a second call finds them there and takes the same steps.
@@ -78,7 +77,7 @@ fn free_length_mm(actuator: &Actuator) -> f64 {
 /// # Errors
 /// No equilibrium under gravity, or a sag that leaves nothing to bend.
 pub fn find(run: &Run<'_>, mut say: impl FnMut(&str)) -> Result<Pressures> {
-    let length = free_length_mm(&run.family.actuator);
+    let length = free_length_mm(run.family);
     let wanted = WANTED_SHARE * length;
     let mut list = vec![free_case("rest", 0.0)];
     let outcome = run.solve(&list, &quiet).map_err(|error| {

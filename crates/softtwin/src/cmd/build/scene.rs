@@ -2,15 +2,35 @@
 
 use super::plan::Plan;
 use super::pressures::Pressures;
-use fem::actuator::Actuator;
+use fem::Family;
 
 /// Its text: readings by formula through the whole range of pressures, until a sensor takes their place.
-pub fn text(actuator: &Actuator, plan: &Plan, pressures: &Pressures) -> String {
-    let name = &actuator.name;
-    // On the sheet, where every mesh has a node if it has one on the middle line.
-    let tip = [actuator.base.length_mm, actuator.base.lower_mm, 0.5 * actuator.base.width_mm];
+pub fn text(family: &Family, plan: &Plan, pressures: &Pressures) -> String {
+    let name = &family.actuator.name;
+    // On the sheet, where every mesh has a node if it has one on the middle line; of another shape the farthest node.
+    let tip = family.actuator.shape().map_or_else(
+        || family.problem.mesh().tip().0,
+        |shape| [shape.base.length_mm, shape.base.lower_mm, 0.5 * shape.base.width_mm],
+    );
     let middle = 0.5 * pressures.largest_mpa();
-    let gap = (5.0 * (plan.gaps_mm[0] + plan.gaps_mm[1])).round() / 10.0;
+    let gap = plan
+        .gaps_mm
+        .map_or(String::new(), |[low, high]| format!("gap_mm = {:?}\n", (5.0 * (low + high)).round() / 10.0));
+    let plate = family.actuator.obstacle.as_ref().map_or(String::new(), |obstacle| {
+        let (x_mm, z_mm) = (obstacle.x_mm, obstacle.z_mm);
+        format!("plate = {{ x_mm = {x_mm:?}, z_mm = {z_mm:?} }} # mm, its extent in actuator.toml\n")
+    });
+    let cavities: String = plan
+        .cavities
+        .iter()
+        .map(|name| {
+            format!(
+                "\"{name}\" = 0.0   # given, to {} MPa; \"measured\" with a sensor of it\n",
+                pressures.largest_mpa()
+            )
+        })
+        .collect();
+    let inputs = if cavities.is_empty() { String::new() } else { format!("\n[actuator.inputs]\n{cavities}") };
     format!(
         "# Scene of {name}, made by `softtwin build`. Every key is explained in OPERATIONS.md.\n\
          #   softtwind twin --scene scene.toml, and the same with bridge; softtwin view --scene scene.toml\n\
@@ -18,12 +38,12 @@ pub fn text(actuator: &Actuator, plan: &Plan, pressures: &Pressures) -> String {
          [[actuator]]\n\
          name = \"{name}\"\n\
          model = \"{name}.twin\"\n\
-         plate = {{ x_mm = {:?}, z_mm = {:?} }} # mm, its extent in actuator.toml\n\
-         queries = \"fields\"\n\n\
+         {plate}\
+         queries = \"fields\"\n{inputs}\n\
          [actuator.source]                # readings by formula; for a device: [actuator.sensors.NAME]\n\
          kind = \"simulate\"\n\
          rate_hz = 100.0\n\
-         gap_mm = {gap:?}\n\
+         {gap}\
          profile = {{ shape = \"sine\", mean_mpa = {middle:?}, amplitude_mpa = {middle:?}, frequency_hz = 0.25 }}\n\n\
          [[actuator.output]]              # softtwin/{name}/field\n\
          nodes = \"all\"\n\n\
@@ -31,8 +51,6 @@ pub fn text(actuator: &Actuator, plan: &Plan, pressures: &Pressures) -> String {
          name = \"tip\"\n\
          nodes = {{ box = {{ min = {:?}, max = {:?} }} }}\n\
          fields = [\"x\", \"y\", \"z\"]\n",
-        actuator.obstacle.x_mm,
-        actuator.obstacle.z_mm,
         tip.map(|mm| mm - 0.01),
         tip.map(|mm| mm + 0.01),
     )

@@ -8,7 +8,7 @@ mod text;
 use crate::failure::usage;
 use crate::files::{quoted, refusal, save};
 use crate::output;
-use anyhow::Result;
+use anyhow::{Context, Result};
 use data_sheet::Figure;
 use fem::actuator::Actuator;
 use shape::{Entry, Shape};
@@ -99,15 +99,15 @@ impl Args {
         })?;
         formats::file::create_folder(&self.folder)?;
         save(&path, text.as_bytes())?;
+        let shape = actuator.shape().context("the new actuator has no boxes")?;
+        let (chambers, length_mm) = (shape.chambers.count, shape.base.length_mm);
         output!(
-            "{}: {} chambers, {} mm long, thinnest wall {:.2} mm",
+            "{}: {chambers} chambers, {length_mm} mm long, thinnest wall {:.2} mm",
             path.display(),
-            actuator.chambers.count,
-            actuator.base.length_mm,
-            actuator.thinnest_wall_mm()
+            shape.thinnest_wall_mm()
         )?;
         self.print_material(&actuator)?;
-        self.print_sag(&actuator)?;
+        self.print_sag(&actuator, length_mm)?;
         output!("look at it and change what you like, then make its twin:")?;
         output!("  softtwin build {} --quick    few states, for a first look", quoted(&self.folder))?;
         output!("  softtwin build {}            for use", quoted(&self.folder))?;
@@ -146,26 +146,26 @@ impl Args {
     }
 
     /// Sag under the actuator's weight, by beam theory.
-    fn print_sag(&self, actuator: &Actuator) -> Result<()> {
+    fn print_sag(&self, actuator: &Actuator, length_mm: f64) -> Result<()> {
         if self.hanging {
             output!("it hangs: its weight pulls along it")?;
             return Ok(());
         }
-        let sag = actuator.sag_estimate_mm(1.0);
+        let estimate = |factor: f64| actuator.sag_estimate_mm(factor).unwrap_or(f64::NAN);
+        let sag = estimate(1.0);
         let band = actuator.elastomer.shear_interval_mpa.map_or_else(String::new, |interval| {
             let shear = actuator.elastomer.law.shear_modulus_mpa();
-            let [most, least] = interval.map(|mpa| actuator.sag_estimate_mm(mpa / shear));
+            let [most, least] = interval.map(|mpa| estimate(mpa / shear));
             format!(" ({least:.0} to {most:.0} mm over the interval of its silicone)")
         });
-        let share = sag / actuator.base.length_mm;
+        let share = sag / length_mm;
         let advice = if share > HANGING_SHARE {
             "; --hanging mounts it vertically, where it does not sag"
         } else {
             ""
         };
         output!(
-            "own weight: the tip sags by about {sag:.1} mm of {:.0} mm{band} by beam theory{advice}",
-            actuator.base.length_mm
+            "own weight: the tip sags by about {sag:.1} mm of {length_mm:.0} mm{band} by beam theory{advice}"
         )?;
         Ok(())
     }
