@@ -3,6 +3,7 @@
 //! gives the injected volume instead of the pressure, which is a result.
 
 use crate::actuator::Setting;
+use crate::config::MAX_MPA;
 use formats::database::{REGIMES, SPLITS};
 use formats::table::{Row, Table, to_text};
 use formats::{Diagnostic, FormatError, collect};
@@ -16,8 +17,6 @@ pub(crate) const COLUMNS: [&str; 5] = ["case", "regime", "split", "pressure_mpa"
 pub(crate) const VOLUME: &str = "volume_mm3";
 /// Largest injected volume: a litre.
 pub const MAX_MM3: f64 = 1.0e6;
-/// Largest pressure, far above that of elastomer actuators; a larger value has another unit.
-pub(crate) const MAX_MPA: f64 = 10.0;
 pub(crate) const MAX_MM: f64 = 10_000.0;
 
 /// State to compute.

@@ -14,6 +14,9 @@ pub const GRAVITY_DOWN_MM_S2: [f64; 3] = [0.0, -9810.0, 0.0];
 /// Gravity along the finger (mm/s2), the gripper's attitude.
 pub const GRAVITY_ALONG_MM_S2: [f64; 3] = [9810.0, 0.0, 0.0];
 
+/// Largest pressure, far above that of elastomer actuators; a larger value has another unit.
+pub(crate) const MAX_MPA: f64 = 10.0;
+
 /// Penalties of the contacts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,7 +1,7 @@
 //! Checks of an actuator: sizes, overlaps, materials.
 
 use super::file::{Actuator, Fixed, ObstacleBody, ObstacleShape, Shape};
-use crate::cases::MAX_MPA;
+use crate::config::MAX_MPA;
 use formats::Diagnostic;
 
 /// Smallest wall that can be meshed with elements of useful shape (mm).

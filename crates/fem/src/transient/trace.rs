@@ -1,8 +1,9 @@
 //! Traces: inputs over time, `t_s,pressure_mpa` with further inputs.
 
 use crate::actuator::{Actuator, Setting};
-use crate::cases::{MAX_MM, MAX_MPA};
+use crate::cases::MAX_MM;
 use crate::config::Load;
+use crate::config::MAX_MPA;
 use formats::table::{Row, Table};
 use formats::{Diagnostic, FormatError, collect};
 use std::path::Path;

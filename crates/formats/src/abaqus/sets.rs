@@ -3,7 +3,6 @@
 //! A set of tetrahedra is a volume, a set of 6-node triangles and an element surface are surfaces; so is a set of nodes, which
 //! stands for the outer faces between them. Names are compared without regard to case, as the programs do.
 
-use super::AbaqusMesh;
 use crate::mesh_file::{TET_FACES, Tri6};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -73,13 +72,14 @@ pub(super) type Element = (u8, u32, Vec<u32>);
 /// Most members that `GENERATE` makes of one line.
 const MAX_GENERATED: u64 = 100_000_000;
 
-/// Adds the sets to the mesh. `elements` and `nodes` are those of the scope by their numbers.
+/// Adds the sets to the surfaces and volumes of `groups`. `elements` and `nodes` are those of the scope by their numbers.
 pub(super) fn resolve(
     sets: &[&Set],
     elements: &HashMap<u64, Element>,
     nodes: &HashMap<u64, u32>,
-    mesh: &mut AbaqusMesh,
+    groups: (&mut BTreeMap<String, Vec<Tri6>>, &mut BTreeMap<String, Vec<u32>>),
 ) {
+    let (surfaces, volumes) = groups;
     if sets.is_empty() {
         return;
     }
@@ -91,24 +91,24 @@ pub(super) fn resolve(
     }
     let mut written = HashSet::new();
     for set in sets {
-        let name = spelling(mesh, &set.name);
+        let name = spelling(surfaces.keys().chain(volumes.keys()), &set.name);
         if set.of == Of::Faces {
             let faces = faces(set, &found[0], elements);
-            mesh.surfaces.entry(name).or_default().extend(faces);
+            surfaces.entry(name).or_default().extend(faces);
         } else if written.insert((set.of == Of::Nodes, set.name.to_ascii_uppercase())) {
             let labels = &found[usize::from(set.of == Of::Nodes)][&set.name.to_ascii_uppercase()];
             if set.of == Of::Nodes {
                 let inside: HashSet<u32> = labels.iter().filter_map(|n| nodes.get(n).copied()).collect();
                 let faces = between(&inside, elements);
                 if !faces.is_empty() {
-                    mesh.surfaces.entry(name).or_default().extend(faces);
+                    surfaces.entry(name).or_default().extend(faces);
                 }
                 continue;
             }
             for (kind, index, nodes) in labels.iter().filter_map(|label| elements.get(label)) {
                 match (*kind, <Tri6>::try_from(nodes.as_slice())) {
-                    (24, _) => mesh.volumes.entry(name.clone()).or_default().push(*index),
-                    (22, Ok(triangle)) => mesh.surfaces.entry(name.clone()).or_default().push(triangle),
+                    (24, _) => volumes.entry(name.clone()).or_default().push(*index),
+                    (22, Ok(triangle)) => surfaces.entry(name.clone()).or_default().push(triangle),
                     _ => {}
                 }
             }
@@ -117,9 +117,8 @@ pub(super) fn resolve(
 }
 
 /// The name as it was first written.
-fn spelling(mesh: &AbaqusMesh, name: &str) -> String {
-    let known = mesh.surfaces.keys().chain(mesh.volumes.keys());
-    known.into_iter().find(|known| known.eq_ignore_ascii_case(name)).map_or_else(|| name.into(), Clone::clone)
+fn spelling<'a>(mut known: impl Iterator<Item = &'a String>, name: &str) -> String {
+    known.find(|known| known.eq_ignore_ascii_case(name)).map_or_else(|| name.into(), Clone::clone)
 }
 
 /// Numbers of a set; names within it are those of earlier sets.
