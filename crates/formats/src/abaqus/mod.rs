@@ -558,7 +558,7 @@ impl Reader {
             }
         }
         let nodes = scope.place.iter().map(|(label, at)| (*label, first + at)).collect();
-        sets::resolve(&sets, &elements, &nodes, (&mut mesh.surfaces, &mut mesh.volumes));
+        sets::resolve(&sets, &elements, &nodes, &mut mesh.surfaces, &mut mesh.volumes);
     }
 }
 

@@ -72,14 +72,14 @@ pub(super) type Element = (u8, u32, Vec<u32>);
 /// Most members that `GENERATE` makes of one line.
 const MAX_GENERATED: u64 = 100_000_000;
 
-/// Adds the sets to the surfaces and volumes of `groups`. `elements` and `nodes` are those of the scope by their numbers.
+/// Adds the sets to surfaces and volumes. `elements` and `nodes` are those of the scope by their numbers.
 pub(super) fn resolve(
     sets: &[&Set],
     elements: &HashMap<u64, Element>,
     nodes: &HashMap<u64, u32>,
-    groups: (&mut BTreeMap<String, Vec<Tri6>>, &mut BTreeMap<String, Vec<u32>>),
+    surfaces: &mut BTreeMap<String, Vec<Tri6>>,
+    volumes: &mut BTreeMap<String, Vec<u32>>,
 ) {
-    let (surfaces, volumes) = groups;
     if sets.is_empty() {
         return;
     }
