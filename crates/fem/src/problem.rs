@@ -131,7 +131,7 @@ impl Sheet {
     }
 }
 
-/// Walls of a cavity with a pressure of its own.
+/// Walls of a further cavity.
 #[derive(Clone, Debug)]
 pub(crate) struct Cavity {
     /// Faces, normals out of the cavity.

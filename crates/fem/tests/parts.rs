@@ -1,4 +1,4 @@
-//! Actuators of several parts: a mesh of one's own with named volumes and surfaces, several cavities, films with fibres.
+//! Actuators of several parts: an own mesh with named volumes and surfaces, several cavities, films with fibres.
 
 use crate::actuators::{model, reference};
 use crate::builder::Builder;

@@ -7,7 +7,7 @@ use formats::Diagnostic;
 /// Smallest wall that can be meshed with elements of useful shape (mm).
 const THINNEST_MM: f64 = 0.1;
 
-/// Most cavities with a pressure of their own in addition to `cavity`: a model has at most eight inputs.
+/// Most cavities, each with a pressure, in addition to `cavity`: a model has at most eight inputs.
 const MAX_CAVITIES: usize = 6;
 
 /// All errors in the values.

@@ -116,7 +116,7 @@ pub(super) fn resolve(
     }
 }
 
-/// The name as it was first written.
+/// The first spelling of the name.
 fn spelling<'a>(mut known: impl Iterator<Item = &'a String>, name: &str) -> String {
     known.find(|known| known.eq_ignore_ascii_case(name)).map_or_else(|| name.into(), Clone::clone)
 }
