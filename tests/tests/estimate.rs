@@ -1,6 +1,7 @@
 //! Estimation with readings of a known truth: a twin that follows them, `softtwin calibrate` that fits them.
 
 use rom::inputs::Inputs;
+use rom::memory::{InputMemory, Line, Play, Slopes};
 use rom::model::Model;
 use rom::probe::{MeshPoint, ProbePosition, Probes};
 use rom::rng::Rng;
@@ -45,9 +46,16 @@ fn committed(name: &str) -> Model {
     Model::from_bytes(&bytes).expect("a model")
 }
 
-fn table(
+fn table(model: &Model, states: &[(f64, f64)], truth: [f64; 3], with_markers: bool) -> String {
+    let acting: Vec<f64> = states.iter().map(|(_, pressure_mpa)| *pressure_mpa).collect();
+    table_behind(model, states, &acting, truth, with_markers)
+}
+
+/// The same where other pressures act than those that are measured.
+fn table_behind(
     model: &Model,
     states: &[(f64, f64)],
+    acting_mpa: &[f64],
     [gap_mm, bias_mpa, zero_n]: [f64; 3],
     with_markers: bool,
 ) -> String {
@@ -59,7 +67,7 @@ fn table(
     let mut text = String::from("t_s,pressure_mpa,measured_force_n");
     text += if with_markers { ",marker1_x_mm,marker1_y_mm,marker1_z_mm\n" } else { "\n" };
     for (k, (t_s, pressure_mpa)) in states.iter().copied().enumerate() {
-        probes.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation, &mut at);
+        probes.evaluate(Inputs::new(acting_mpa[k], gap_mm), &mut evaluation, &mut at);
         let measured = pressure_mpa + bias_mpa + 0.0005 * normal();
         let force = evaluation.contact_force_n + zero_n + 0.005 * normal();
         write!(text, "{t_s},{measured},{force}").expect("memory");
@@ -167,6 +175,59 @@ fn fit_finds_stiffness_gap_and_bias() {
         );
     }
     assert_eq!(found["converged"], true, "{found}");
+}
+
+/// Three inflations in 20 s through a line (filling in 0.3 s, emptying in 0.9 s) and play of +-2.25 kPa.
+#[test]
+fn memory_is_identified_beside_stiffness_gap_and_bias_and_then_used() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut softer = committed("pneunet-design");
+    softer.header.set_parameters([("elastomer.law.mu_mpa", 0.72)]).expect("a parameter");
+    let times: Vec<f64> = (0..800).map(|k| 0.025 * f64::from(k)).collect();
+    let pressure = |t_s: &f64| 0.047 * (1.0 - (std::f64::consts::TAU * t_s / 6.7).cos());
+    let measured: Vec<f64> = times.iter().map(pressure).collect();
+    let block = InputMemory {
+        input: 0,
+        range: [0.0, 0.095],
+        line: Some(Line { fill_s: 0.3, empty_s: 0.9 }),
+        play: vec![Play { threshold: 0.00225, weight: 1.0 }],
+        creep: Vec::new(),
+        slopes: Slopes::default(),
+    };
+    let acting = block.responses(&times, &measured, 1.0);
+    let states: Vec<(f64, f64)> = times.iter().copied().zip(measured).collect();
+    let table = table_behind(&softer, &states, &acting, [46.0, 0.0012, 0.0], true);
+    let truths = [("gap_mm", 46.0), ("pressure_bias_mpa", 0.0012), ("elastomer.law.mu_mpa", 0.72)];
+    let are_found = |found: &Value| {
+        for (name, truth) in truths {
+            let estimate = &found["estimates"][name];
+            let off = (estimate["value"].as_f64().expect("a value") - truth).abs();
+            assert!(off < 3.0 * estimate["sigma"].as_f64().expect("a number"), "{name}: {found}");
+        }
+        assert_eq!(found["estimates"]["elastomer.law.mu_mpa"]["identifiable"], true, "{found}");
+        assert_eq!(found["is_explained"], true, "{found}");
+    };
+    // Without memory the recording is not explained.
+    let output = calibrate_with(folder.path(), Stiffness::Unknown, &table, &[]);
+    assert_eq!(output.status.code(), Some(65), "{}", String::from_utf8_lossy(&output.stderr));
+    let [model, out] = ["remembers.twin", "calibrated.toml"].map(|name| folder.path().join(name));
+    let extra = ["--memory", path(&model), "--out", path(&out)];
+    let output = calibrate_with(folder.path(), Stiffness::Unknown, &table, &extra);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let found = json(&output);
+    are_found(&found);
+    let blocks = found["memory"]["blocks"].as_array().expect("blocks");
+    let kept = |name: &str| blocks.iter().find(|b| b["block"] == name && b["kept"] == true);
+    assert!(kept("single play").is_some(), "{found}");
+    let line = &kept("line").unwrap_or_else(|| panic!("{found}"))["constants"];
+    for (at, truth) in [0.3, 0.9].into_iter().enumerate() {
+        let value = line[at]["value"].as_f64().expect("a number");
+        assert!((value / truth - 1.0).abs() < 0.2, "{found}");
+    }
+    // The scene names the model with its memory, which explains the recording without a search.
+    let recording = folder.path().join("run.csv");
+    let again = ["calibrate", "--scene", path(&out), "--recording", path(&recording), "--json"];
+    are_found(&json(&Command::new(binary("softtwin")).args(again).output().expect("softtwin")));
 }
 
 /// The trace comes from a mesh that no model of the project was trained on; its comments say what is hidden.

@@ -8,6 +8,7 @@ mod dependencies;
 mod documents;
 mod estimate;
 mod faults;
+mod fmu;
 mod given;
 mod gripper;
 mod hostile;

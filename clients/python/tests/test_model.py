@@ -185,3 +185,17 @@ def test_pressure_is_asked_of_a_model_that_has_it(model):
 def test_half_widths_are_listed(model):
     found = model.predict(0.05, 30.0)
     assert {"force_halfwidth_n", "displacement_halfwidth_mm", "von_mises_halfwidth_mpa", "von_mises"} <= set(dir(found))
+
+def test_motion_of_a_static_model_follows_at_once_and_refuses_times_that_do_not_rise(model):
+    motion = model.motion()
+    for at, (pressure_mpa, gap_mm) in enumerate(STATES):
+        found, expected = motion.step(0.1 * at, pressure_mpa, gap_mm), model.predict(pressure_mpa, gap_mm)
+        assert found.values.tobytes() == expected.values.tobytes()
+        assert found.contact_force_n == expected.contact_force_n
+    for bad in (-1.0, float("nan")):
+        with pytest.raises(ValueError):
+            motion.step(bad, 0.05, 30.0)
+    with pytest.raises(TypeError):
+        motion.step(9.0, [0.05, 0.06], 30.0)
+    motion.reset()
+    assert motion.step(0.0, 0.05, 30.0, fields=False).contact_force_n == model.predict(0.05, 30.0).contact_force_n

@@ -39,6 +39,7 @@ typedef struct softtwin_writer softtwin_writer;
 typedef struct softtwin_client softtwin_client;
 /** A model in this process, with the fields and nodes that it reconstructs. Any number of threads may use one. */
 typedef struct softtwin_model softtwin_model;
+typedef struct softtwin_motion softtwin_motion;
 
 /** One input of a model. */
 typedef struct {
@@ -202,6 +203,18 @@ softtwin_status softtwin_model_predict(const softtwin_model *model, const double
                                        softtwin_prediction *predictions, float *values);
 /** Ends a model. */
 void softtwin_model_close(softtwin_model *model);
+
+/** Motion of a model with inertia or memory, which must not be closed before it; used by one thread. It begins at equilibrium with
+ *  the first reading. A static model follows at once. */
+softtwin_status softtwin_motion_open(const softtwin_model *model, softtwin_motion **out);
+/** Moves to a reading at `t_ns`, later than the last one; inputs as in softtwin_model_predict, straight lines between readings.
+ *  `values`: null, or room for fields x nodes. On a failure the motion is unchanged. */
+softtwin_status softtwin_motion_step(softtwin_motion *motion, uint64_t t_ns, const double *inputs,
+                                     softtwin_prediction *out, float *values);
+/** Forgets the past: the next reading begins at equilibrium, at any time. */
+void softtwin_motion_reset(softtwin_motion *motion);
+/** Ends a motion. */
+void softtwin_motion_close(softtwin_motion *motion);
 
 /* Readers of one kind: softtwin_state_reader_open(bus, actuator, &reader), ..._next and ..._newest(reader, timeout_ms,
  * &state), ..._close. The handle types are distinct, so that a compiler rejects the wrong payload. */

@@ -14,6 +14,7 @@
 mod bus;
 mod ffi;
 mod model;
+mod motion;
 mod query;
 mod reader;
 mod status;
@@ -25,6 +26,9 @@ pub use model::{
     softtwin_model, softtwin_model_close, softtwin_model_describe, softtwin_model_field, softtwin_model_info,
     softtwin_model_input, softtwin_model_node_set, softtwin_model_open, softtwin_model_predict,
     softtwin_model_select, softtwin_prediction,
+};
+pub use motion::{
+    softtwin_motion, softtwin_motion_close, softtwin_motion_open, softtwin_motion_reset, softtwin_motion_step,
 };
 pub use query::{
     softtwin_client, softtwin_client_ask, softtwin_client_close, softtwin_client_open, softtwin_query_new,

@@ -172,8 +172,43 @@ impl softtwin_model {
         })
     }
 
+    pub(crate) fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Number of inputs of a state.
+    pub(crate) fn width(&self) -> usize {
+        self.evaluator.inputs().len()
+    }
+
+    /// Fields of a state into `values`, unless that is null, and their largest values.
+    ///
+    /// # Safety
+    /// `values` is null or has room for fields x nodes; they may never have been written.
+    pub(crate) unsafe fn fields(
+        &self,
+        state: &dyn std::fmt::Display,
+        evaluation: &Evaluation,
+        values: *mut f32,
+    ) -> Result<Peaks, Failure> {
+        if values.is_null() {
+            return Ok(Peaks::default());
+        }
+        let entries = self.reconstructor.entries();
+        // SAFETY: not null, and room for that many by the caller's promise.
+        let room = unsafe { std::slice::from_raw_parts_mut(values.cast::<MaybeUninit<f32>>(), entries) };
+        self.reconstructor.reconstruct_uninit(evaluation, room).map_err(|error| {
+            let text = format!("{state} belongs to regime {}: {error}", evaluation.regime.name());
+            Failure::Own(softtwin_status::SOFTTWIN_REFUSED, text)
+        })
+    }
+
+    pub(crate) fn prediction(&self, evaluation: &Evaluation, peaks: &Peaks) -> softtwin_prediction {
+        prediction(evaluation, self.evaluator.onset().is_some(), peaks, &self.observables)
+    }
+
     /// The state at `values`, one for each input; NaN is the model's value of a parameter.
-    fn state(&self, at: usize, values: &[f64]) -> Result<Inputs, Failure> {
+    pub(crate) fn state(&self, at: usize, values: &[f64]) -> Result<Inputs, Failure> {
         let mut inputs = Inputs::new(f64::NAN, f64::NAN);
         for (position, (value, spec)) in values.iter().zip(self.evaluator.inputs()).enumerate() {
             let fits = match position {
@@ -358,7 +393,6 @@ pub unsafe extern "C" fn softtwin_model_predict(
         }
         let (width, entries) = (model.evaluator.inputs().len(), model.reconstructor.entries());
         let mut evaluation = model.evaluator.evaluation();
-        let has_onset = model.evaluator.onset().is_some();
         let mut evaluator = Cow::Borrowed(&model.evaluator);
         for at in 0..states {
             // SAFETY: `states` x `width` numbers by the caller's promise.
@@ -369,21 +403,12 @@ pub unsafe extern "C" fn softtwin_model_predict(
                 evaluator.to_mut().set_parameters(&state, &mut evaluation).map_err(refused)?;
             }
             evaluator.evaluate(state, &mut evaluation);
-            let mut peaks = Peaks::default();
-            if !values.is_null() {
-                // SAFETY: room for `states` x `entries` values by the caller's promise; they may never have been written.
-                let room = unsafe {
-                    let first = values.add(at * entries).cast::<MaybeUninit<f32>>();
-                    std::slice::from_raw_parts_mut(first, entries)
-                };
-                let refused = |error| {
-                    let name = evaluation.regime.name();
-                    let text = format!("state {at} belongs to regime {name}: {error}");
-                    Failure::Own(softtwin_status::SOFTTWIN_REFUSED, text)
-                };
-                peaks = model.reconstructor.reconstruct_uninit(&evaluation, room).map_err(refused)?;
-            }
-            let predicted = prediction(&evaluation, has_onset, &peaks, &model.observables);
+            // SAFETY: room for `states` x `entries` values by the caller's promise.
+            let peaks = unsafe {
+                let place = if values.is_null() { values } else { values.add(at * entries) };
+                model.fields(&format_args!("state {at}"), &evaluation, place)?
+            };
+            let predicted = model.prediction(&evaluation, &peaks);
             // SAFETY: room for `states` predictions by the caller's promise.
             unsafe { put(predictions.add(at), predicted) }?;
         }

@@ -2,6 +2,7 @@
 
 mod header;
 mod live;
+mod motion;
 #[allow(dead_code, reason = "shared by several test programs")]
 #[path = "../../../tests/src/synthetic/mod.rs"]
 mod synthetic;

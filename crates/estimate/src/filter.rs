@@ -48,6 +48,8 @@ pub struct Filter {
     seen: Option<Box<LastSeen>>,
     /// Estimates from before a contact that is not detected yet.
     before: Rewind,
+    /// Largest errors of the measured inputs by their past, at the last reading.
+    spread: [f64; MAX_INPUTS],
     /// Trend per input; `Some` for inputs that change steadily.
     trends: [Option<Trend>; MAX_INPUTS],
     watch: Watch,
@@ -68,6 +70,7 @@ impl Filter {
             identifiability: Identifiability::default(),
             seen: Some(Box::default()),
             before: Rewind::new(),
+            spread: [0.0; MAX_INPUTS],
             trends: [None; MAX_INPUTS],
             watch: Watch::default(),
             memory: Pattern::all(CYCLES_S),
@@ -114,16 +117,15 @@ impl Filter {
     /// unknowns and the noise of the measured inputs.
     pub fn sigma_of(&self, by_input: &[f64; MAX_INPUTS]) -> f64 {
         let (mut by_unknown, mut variance) = ([0.0; MAX_STATES], 0.0);
-        for ((role, derivative), trend) in self.setup.inputs.iter().zip(by_input).zip(&self.trends) {
+        let inputs = self.setup.inputs.iter().zip(by_input).zip(&self.trends).zip(&self.spread);
+        for (((role, derivative), trend), spread) in inputs {
             match *role {
                 InputRole::Given(_) => {}
                 InputRole::Estimated(unknown) => by_unknown[unknown] += derivative,
-                InputRole::Measured { sigma, bias, .. } => {
+                InputRole::Measured { sigma, .. } => {
                     let noise = trend.map_or(sigma * sigma, |trend| trend.variance());
                     variance += derivative * derivative * noise;
-                    if let Some(bias) = bias {
-                        by_unknown[bias] -= derivative;
-                    }
+                    role.offsets(*spread).for_each(|(unknown, by)| by_unknown[unknown] -= by * derivative);
                 }
             }
         }
@@ -135,6 +137,16 @@ impl Filter {
         let spread = self.covariance.times(&by_unknown);
         variance += by_unknown.iter().zip(spread).map(|(a, b)| a * b).sum::<f64>();
         variance.max(0.0).sqrt()
+    }
+
+    /// Returns the past of all memories to its prior: the next reading is that of another one.
+    pub fn forget_past(&mut self) {
+        for role in &self.setup.inputs {
+            let InputRole::Measured { past: Some(past), .. } = *role else { continue };
+            let unknown = &self.setup.unknowns[past];
+            self.mean[past] = unknown.prior;
+            self.covariance.replace(past, unknown.sigma * unknown.sigma);
+        }
     }
 
     /// Takes a reading into account. Allocates nothing.
@@ -196,11 +208,11 @@ impl Filter {
     /// Replaces measured inputs that change steadily by the estimate from all their readings.
     fn follow(&mut self, measurement: &Measurement, inputs: &mut [f64; MAX_INPUTS]) {
         for (input, role) in self.setup.inputs.iter().enumerate() {
-            let InputRole::Measured { sigma, bias, rate_change: Some(change) } = *role else { continue };
+            let InputRole::Measured { sigma, rate_change: Some(change), .. } = *role else { continue };
             let value = measurement.inputs[input];
             let trend = Trend::follow(self.trends[input], measurement.t_s, value, sigma * sigma, change);
             self.trends[input] = Some(trend);
-            inputs[input] = trend.value() - bias.map_or(0.0, |bias| self.mean[bias]);
+            inputs[input] = trend.value() - role.offset(measurement.spread[input], &self.mean);
         }
     }
 
@@ -217,7 +229,7 @@ impl Filter {
         if self.last_t_s.is_some() {
             self.spacing_s = passed_s;
         }
-        self.last_t_s = Some(measurement.t_s);
+        (self.last_t_s, self.spread) = (Some(measurement.t_s), measurement.spread);
         for (at, unknown) in self.setup.unknowns.iter().enumerate() {
             let drift = unknown.drift_variance(passed_s);
             self.covariance.add_diagonal(at, drift);

@@ -45,6 +45,13 @@ impl Symmetric {
         self.entries[i][j] = value;
     }
 
+    /// Makes a state independent of the others, with this diagonal entry.
+    pub(crate) fn replace(&mut self, i: usize, value: f64) {
+        self.entries[i] = [0.0; MAX_STATES];
+        self.entries.iter_mut().for_each(|row| row[i] = 0.0);
+        self.entries[i][i] = value;
+    }
+
     /// Adds to a diagonal entry.
     pub(crate) fn add_diagonal(&mut self, i: usize, value: f64) {
         self.entries[i][i] += value;

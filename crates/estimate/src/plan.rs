@@ -52,8 +52,8 @@ pub fn information(
         match *role {
             InputRole::Given(_) => {}
             InputRole::Estimated(unknown) => prior.states[unknown] = inputs[input],
-            InputRole::Measured { bias, .. } => {
-                measurement.inputs[input] = inputs[input] + bias.map_or(0.0, |bias| prior.states[bias]);
+            InputRole::Measured { .. } => {
+                measurement.inputs[input] = inputs[input] + role.offset(0.0, &prior.states);
             }
         }
     }

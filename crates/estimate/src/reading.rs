@@ -197,19 +197,21 @@ impl ReadingProblem<'_> {
     fn by_states(&self, seen: &Seen, out: &mut [Vector; MAX_ROWS]) {
         let mut noise = self.setup.unknowns.len();
         for (input, role) in self.setup.inputs.iter().enumerate() {
-            let states = match *role {
+            let own = match *role {
                 InputRole::Given(_) => continue,
-                InputRole::Estimated(unknown) => [Some((unknown, 1.0)), None],
-                InputRole::Measured { bias, .. } => {
+                InputRole::Estimated(unknown) => (unknown, 1.0),
+                InputRole::Measured { .. } => {
                     noise += 1;
-                    [bias.map(|bias| (bias, -1.0)), Some((noise - 1, -1.0))]
+                    (noise - 1, -1.0)
                 }
             };
+            let offsets = role.offsets(self.measurement.spread[input]);
+            let states = offsets.map(|(unknown, by)| (unknown, -by)).chain([own]);
             // Without contact the gap is infinite and has no effect.
             if self.side == Side::Free && self.setup.gap == Some(input) {
                 continue;
             }
-            for (state, sign) in states.into_iter().flatten() {
+            for (state, sign) in states {
                 for (i, _) in self.present() {
                     out[i][state] += sign * seen.predicted[i].gradient[input];
                 }

@@ -37,7 +37,7 @@ pub enum InputRole {
     Given(f64),
     /// Estimated: position in the unknowns.
     Estimated(usize),
-    /// Measured: `measured = true + bias + noise`.
+    /// Measured: `measured = true + bias + past spread + noise`.
     Measured {
         /// Standard deviation of the noise of one reading.
         sigma: f64,
@@ -46,7 +46,26 @@ pub enum InputRole {
         /// Standard deviation of the change of its rate in a second, if the value changes steadily: the output is then estimated
         /// from all readings. `None`: from each reading alone.
         rate_change: Option<f64>,
+        /// Position in the unknowns of the past of its memory, if it has one: -1 and 1 are the smallest and the largest past, 0 the one
+        /// that the measured value assumes.
+        past: Option<usize>,
     },
+}
+
+impl InputRole {
+    /// Measured minus true value without noise, at a spread of the past.
+    pub(crate) fn offset(&self, spread: f64, states: &Vector) -> f64 {
+        self.offsets(spread).map(|(unknown, by)| by * states[unknown]).sum()
+    }
+
+    /// Unknowns in the measured value, and its derivative with respect to each.
+    pub(crate) fn offsets(&self, spread: f64) -> impl Iterator<Item = (usize, f64)> + use<> {
+        let (bias, past) = match *self {
+            Self::Measured { bias, past, .. } => (bias, past),
+            _ => (None, None),
+        };
+        bias.map(|bias| (bias, 1.0)).into_iter().chain(past.map(|past| (past, spread)))
+    }
 }
 
 /// Measured value that the model predicts.
@@ -142,11 +161,12 @@ impl Setup {
                 InputRole::Estimated(at) => {
                     expect(known(&Some(*at)), place(), "an unknown that exists", at.to_string());
                 }
-                InputRole::Measured { sigma, bias, rate_change } => {
+                InputRole::Measured { sigma, bias, rate_change, past } => {
                     let change = rate_change.unwrap_or(1.0);
                     expect(positive(change), place(), "a change of its rate above 0", change.to_string());
                     expect(positive(*sigma), place(), "a sigma above 0", sigma.to_string());
                     expect(known(bias), place(), "an unknown that exists", format!("{bias:?}"));
+                    expect(known(past), place(), "an unknown that exists", format!("{past:?}"));
                 }
             }
         }
@@ -184,9 +204,11 @@ impl Setup {
             out[input] = match *role {
                 InputRole::Given(value) => value,
                 InputRole::Estimated(unknown) => states[unknown],
-                InputRole::Measured { bias, .. } => {
+                role @ InputRole::Measured { .. } => {
                     noise += 1;
-                    measurement.inputs[input] - bias.map_or(0.0, |bias| states[bias]) - states[noise - 1]
+                    measurement.inputs[input]
+                        - role.offset(measurement.spread[input], states)
+                        - states[noise - 1]
                 }
             };
         }
@@ -251,6 +273,8 @@ pub struct Measurement {
     pub t_s: f64,
     /// Measured value per model input; NaN if absent.
     pub inputs: [f64; MAX_INPUTS],
+    /// Largest error of each of them by the past of its memory; 0 without memory.
+    pub spread: [f64; MAX_INPUTS],
     /// Measured value per row of the setup; NaN if absent.
     pub rows: [f64; MAX_ROWS],
 }
@@ -258,7 +282,7 @@ pub struct Measurement {
 impl Measurement {
     /// Reading without any value.
     pub fn at(t_s: f64) -> Self {
-        Self { t_s, inputs: [f64::NAN; MAX_INPUTS], rows: [f64::NAN; MAX_ROWS] }
+        Self { t_s, inputs: [f64::NAN; MAX_INPUTS], spread: [0.0; MAX_INPUTS], rows: [f64::NAN; MAX_ROWS] }
     }
 }
 

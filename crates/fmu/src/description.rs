@@ -1,7 +1,7 @@
 //! `modelDescription.xml`.
 
 use crate::variables::{ChosenNode, FIRST_INPUT, FIRST_OUTPUT, TIME, outputs, start};
-use rom::model::{Model, ModelFileError};
+use rom::model::{BlockKind, Model, ModelFileError};
 use rom::observable::Observables;
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -40,13 +40,20 @@ pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> Result<Stri
         .map(|(_, input)| input.unit.as_str())
         .chain(outputs.iter().map(|o| o.unit.as_str()))
         .collect();
+    // Memory and motion are stepped inside: they are no differential equations that an importer could integrate.
+    let has_memory =
+        model.blocks.iter().any(|(kind, _)| matches!(kind, BlockKind::Memory | BlockKind::Inertia));
+    let exchange = if has_memory {
+        String::new()
+    } else {
+        format!("<ModelExchange modelIdentifier=\"{IDENTIFIER}\" canGetAndSetFMUState=\"true\"/>\n  ")
+    };
     let mut xml = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"3.0\" modelName=\"{name}\" \
          instantiationToken=\"{token}\" generationTool=\"softtwin {version}\" variableNamingConvention=\"flat\" \
          description=\"Digital twin of a soft pneumatic actuator; database {}\">\n  \
-         <ModelExchange modelIdentifier=\"{IDENTIFIER}\"/>\n  \
-         <CoSimulation modelIdentifier=\"{IDENTIFIER}\" canHandleVariableCommunicationStepSize=\"true\"/>\n  \
-         <UnitDefinitions>\n",
+         {exchange}<CoSimulation modelIdentifier=\"{IDENTIFIER}\" canHandleVariableCommunicationStepSize=\"true\" \
+         canGetAndSetFMUState=\"true\"/>\n  <UnitDefinitions>\n",
         header.database_hash.iter().map(|byte| format!("{byte:02x}")).collect::<String>()
     );
     for unit in units.iter().filter(|unit| !unit.is_empty()) {

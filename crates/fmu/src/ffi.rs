@@ -1,6 +1,6 @@
 //! FFI boundary: the supported functions of FMI 3.0. Strings and numbers in, a status out; panics are caught.
 
-use crate::instance::Instance;
+use crate::instance::{Instance, Now};
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -75,12 +75,23 @@ unsafe fn text<'a>(text: *const c_char, what: &str) -> Result<&'a str, String> {
 ///
 /// # Safety
 /// `token` and `resources` are null or zero-terminated; `log` is the importer's.
-unsafe fn instantiate(token: *const c_char, resources: *const c_char, log: Log) -> *mut Handle {
+unsafe fn instantiate(
+    token: *const c_char,
+    resources: *const c_char,
+    is_exchange: bool,
+    log: Log,
+) -> *mut Handle {
     let open = || {
         // SAFETY: by the caller's promise.
         let (token, resources) =
             unsafe { (text(token, "token")?, text(resources, "path of the resources")?) };
-        Instance::open(Path::new(resources), token)
+        let instance = Instance::open(Path::new(resources), token)?;
+        if is_exchange && instance.has_memory() {
+            return Err(String::from(
+                "expected co-simulation of a model with memory or inertia, found model exchange",
+            ));
+        }
+        Ok(instance)
     };
     match catch_unwind(AssertUnwindSafe(open)) {
         Ok(Ok(instance)) => Box::into_raw(Box::new(Handle { instance, log })),
@@ -128,7 +139,7 @@ pub unsafe extern "C" fn fmi3InstantiateModelExchange(
     message: LogMessage,
 ) -> *mut Handle {
     // SAFETY: by the importer's promise.
-    unsafe { instantiate(token, resources, Log { message, environment }) }
+    unsafe { instantiate(token, resources, true, Log { message, environment }) }
 }
 
 /// Creates an instance for co-simulation.
@@ -152,7 +163,7 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     _intermediate_update: *const c_void,
 ) -> *mut Handle {
     // SAFETY: by the importer's promise.
-    unsafe { instantiate(token, resources, Log { message, environment }) }
+    unsafe { instantiate(token, resources, false, Log { message, environment }) }
 }
 
 /// Ends an instance.
@@ -422,7 +433,7 @@ empty_arrays!(
     fmi3GetEventIndicators(*mut f64)
 );
 
-/// Moves the time, s: outputs follow from the inputs without delay, so every step succeeds.
+/// Makes a step of constant inputs, s. Outputs of a static model follow from the inputs without delay.
 ///
 /// # Safety
 /// As specified by FMI.
@@ -444,11 +455,62 @@ pub unsafe extern "C" fn fmi3DoStep(
             put(place, false);
         }
         call(handle, |instance| {
-            if step_s.is_nan() || step_s < 0.0 {
-                return Err(format!("expected a step forward in time, found {step_s} s from {current_s} s"));
-            }
+            instance.step(current_s, step_s)?;
             put(last_s, current_s + step_s);
-            instance.move_to(current_s + step_s)
+            Ok(())
+        })
+    }
+}
+
+/// Saves the state: inputs, time, memory and motion. A null state is created, another one is overwritten.
+///
+/// # Safety
+/// As specified by FMI.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3GetFMUState(handle: *mut Handle, state: *mut *mut Now) -> Status {
+    // SAFETY: by the importer's promise.
+    unsafe {
+        call(handle, |instance| {
+            let place = state.as_mut().ok_or("the place for the state is null")?;
+            match place.as_mut() {
+                Some(saved) => *saved = instance.saved(),
+                None => *place = Box::into_raw(Box::new(instance.saved())),
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Returns to a saved state of the same instance.
+///
+/// # Safety
+/// As specified by FMI.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3SetFMUState(handle: *mut Handle, state: *mut Now) -> Status {
+    // SAFETY: by the importer's promise.
+    unsafe {
+        call(handle, |instance| {
+            instance.restore(state.as_ref().ok_or("the state is null")?);
+            Ok(())
+        })
+    }
+}
+
+/// Frees a saved state; its place becomes null.
+///
+/// # Safety
+/// As specified by FMI.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3FreeFMUState(handle: *mut Handle, state: *mut *mut Now) -> Status {
+    // SAFETY: by the importer's promise; a state came out of `Box::into_raw` in `fmi3GetFMUState`.
+    unsafe {
+        call(handle, |_| {
+            let place = state.as_mut().ok_or("the place of the state is null")?;
+            let state = std::mem::replace(place, std::ptr::null_mut());
+            if !state.is_null() {
+                drop(Box::from_raw(state));
+            }
+            Ok(())
         })
     }
 }

@@ -3,25 +3,35 @@
 use crate::part::{Part, Stress};
 use crate::variables::{self, FIRST_INPUT, FIRST_OUTPUT, MODEL_FILE, NODES_FILE, Output, Quantity, TIME};
 use rom::evaluation::Evaluation;
-use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS};
 use rom::model::{ModelReader, Selection};
+use rom::moving::Moving;
 use rom::observable::{Observables, Observed};
 use rom::snapshots::FieldKind;
 use std::io::Cursor;
 use std::path::Path;
+
+/// Everything that changes in an instance: the state that an importer saves and restores.
+#[derive(Clone)]
+pub struct Now {
+    inputs: Inputs,
+    time_s: f64,
+    moving: Moving,
+    /// Time of the first step, s; `None` before it and for a model without memory.
+    begin_s: Option<f64>,
+    /// Time of the last step since the first, ns.
+    last_ns: u64,
+    evaluation: Evaluation,
+    is_current: bool,
+}
 
 /// The running model.
 pub(crate) struct Instance {
     /// Keys of the inputs.
     keys: Vec<String>,
     start: Inputs,
-    inputs: Inputs,
-    time_s: f64,
-    evaluator: Evaluator,
-    evaluation: Evaluation,
-    is_current: bool,
+    now: Now,
     outputs: Vec<Output>,
     observables: Observables,
     /// All fields but the stress.
@@ -47,15 +57,16 @@ impl Instance {
                 "instantiation token: expected {expected}, found {token}; modelDescription.xml belongs to another model"
             ));
         }
-        let evaluator = Evaluator::new(&model.header).map_err(|error| error.to_string())?;
+        let moving = Moving::new(&model).map_err(|e| at(MODEL_FILE, &e))?;
+        let evaluator = moving.evaluator();
         let observables = Observables::of(&model).map_err(|e| at(MODEL_FILE, &e))?;
         let start = variables::start(&model).into_iter().enumerate();
         let start = start.fold(Inputs::new(0.0, 0.0), |inputs, (at, value)| inputs.with(at, value));
         let fields = model.header.fields.iter();
         let stress = fields.clone().position(|field| field.spec.kind == FieldKind::Stress);
         let others = (0..fields.len()).filter(|field| Some(*field) != stress).collect();
-        let others = Part::new(&model, &evaluator, others, &nodes)?;
-        let of_field = |field| match Part::new(&model, &evaluator, vec![field], &nodes)? {
+        let others = Part::new(&model, evaluator, others, &nodes)?;
+        let of_field = |field| match Part::new(&model, evaluator, vec![field], &nodes)? {
             Some(part) => Stress::new(&model, part, field).map(Some),
             None => Ok(None),
         };
@@ -63,31 +74,92 @@ impl Instance {
         Ok(Self {
             keys: model.header.inputs.iter().map(|input| input.key()).collect(),
             start,
-            inputs: start,
-            time_s: 0.0,
-            evaluation: evaluator.evaluation(),
-            is_current: false,
             outputs: variables::outputs(&model.header, &observables, &nodes),
             observables,
             others,
             stress,
-            evaluator,
+            now: Now {
+                inputs: start,
+                time_s: 0.0,
+                evaluation: moving.evaluation(),
+                begin_s: None,
+                last_ns: 0,
+                is_current: false,
+                moving,
+            },
         })
+    }
+
+    /// True for a model whose outputs depend on the past.
+    pub(crate) fn has_memory(&self) -> bool {
+        self.now.moving.has_memory()
     }
 
     /// Restores the state after instantiation.
     pub(crate) fn reset(&mut self) -> Result<(), String> {
-        (self.inputs, self.is_current) = (self.start, false);
+        (self.now.inputs, self.now.begin_s) = (self.start, None);
+        self.now.moving.reset();
+        self.outdate();
         self.move_to(0.0)
     }
 
-    /// Moves the time; outputs do not depend on it.
+    /// The present state.
+    pub(crate) fn saved(&self) -> Now {
+        self.now.clone()
+    }
+
+    /// Returns to a state.
+    pub(crate) fn restore(&mut self, saved: &Now) {
+        self.now.clone_from(saved);
+        self.forget_parts();
+    }
+
+    /// Moves the time without a step.
     pub(crate) fn move_to(&mut self, time_s: f64) -> Result<(), String> {
         if !time_s.is_finite() {
             return Err(format!("expected a time in s, found {time_s}"));
         }
-        self.time_s = time_s;
+        self.now.time_s = time_s;
         Ok(())
+    }
+
+    /// Moves the time by a step, in which the inputs are constant. The first step of a model with memory begins at equilibrium.
+    pub(crate) fn step(&mut self, from_s: f64, step_s: f64) -> Result<(), String> {
+        if step_s.is_nan() || step_s < 0.0 {
+            return Err(format!("expected a step forward in time, found {step_s} s from {from_s} s"));
+        }
+        let end_s = from_s + step_s;
+        if !self.has_memory() || !end_s.is_finite() || step_s == 0.0 {
+            return self.move_to(end_s);
+        }
+        let now = &mut self.now;
+        let refused = |error: rom::inertia::stepper::ReadingError| error.to_string();
+        let (begin_s, jump_ns) = match now.begin_s {
+            Some(begin_s) => (begin_s, now.last_ns + 1),
+            None => (from_s, 0),
+        };
+        let end_ns = ((end_s - begin_s) * 1e9).round().max(0.0) as u64;
+        if end_ns <= jump_ns {
+            return Err(format!("expected a step to later than {} s, found {end_s} s", now.time_s));
+        }
+        if !now.moving.evaluator().has_values(&now.inputs) {
+            now.moving.set_parameters(&now.inputs, &mut now.evaluation).map_err(|error| error.to_string())?;
+        }
+        now.moving.step(jump_ns, now.inputs, &mut now.evaluation).map_err(refused)?;
+        now.moving.step(end_ns, now.inputs, &mut now.evaluation).map_err(refused)?;
+        (now.begin_s, now.last_ns, now.is_current) = (Some(begin_s), end_ns, true);
+        self.forget_parts();
+        self.move_to(end_s)
+    }
+
+    fn forget_parts(&mut self) {
+        self.others.iter_mut().for_each(Part::forget);
+        self.stress.iter_mut().for_each(Stress::forget);
+    }
+
+    /// Marks the answer as that of other inputs; between two steps of a model with memory it is that of the last one.
+    fn outdate(&mut self) {
+        self.now.is_current &= self.now.begin_s.is_some();
     }
 
     /// Sets an input. NaN, and infinity for inputs other than the gap, are refused, and the old value is kept.
@@ -98,29 +170,27 @@ impl Instance {
         if value.is_nan() || value.is_infinite() && at != GAP {
             return Err(format!("{key}: expected a number, found {value}; the value before stands"));
         }
-        if self.inputs.values()[at] != value {
-            self.inputs = self.inputs.with(at, value);
-            self.is_current = false;
+        if self.now.inputs.values()[at] != value {
+            self.now.inputs = self.now.inputs.with(at, value);
+            self.outdate();
         }
         Ok(())
     }
 
     /// Evaluates the model where an input changed.
     fn update(&mut self) -> Result<(), String> {
-        if self.is_current {
-            return Ok(());
+        let now = &mut self.now;
+        if !now.is_current {
+            now.moving.set_parameters(&now.inputs, &mut now.evaluation).map_err(|error| error.to_string())?;
+            now.moving.evaluator().state(now.inputs, &mut now.evaluation);
+            now.is_current = true;
+            self.forget_parts();
         }
-        self.evaluator
-            .set_parameters(&self.inputs, &mut self.evaluation)
-            .map_err(|error| error.to_string())?;
-        self.evaluator.state(self.inputs, &mut self.evaluation);
-        if !self.evaluator.has_regime(self.evaluation.regime) {
-            let name = self.evaluation.regime.name();
+        let regime = self.now.evaluation.regime;
+        if !self.now.moving.evaluator().has_regime(regime) {
+            let name = regime.name();
             return Err(format!("this state belongs to regime {name}, in which the model was not trained"));
         }
-        self.others.iter_mut().for_each(Part::forget);
-        self.stress.iter_mut().for_each(Stress::forget);
-        self.is_current = true;
         Ok(())
     }
 
@@ -136,15 +206,15 @@ impl Instance {
     /// An input, the time or an output that is a Float64.
     pub(crate) fn float(&mut self, reference: u32) -> Result<f64, String> {
         if reference == TIME {
-            return Ok(self.time_s);
+            return Ok(self.now.time_s);
         }
         let input = reference.wrapping_sub(FIRST_INPUT) as usize;
         if input < self.keys.len() {
-            return Ok(self.inputs.values()[input]);
+            return Ok(self.now.inputs.values()[input]);
         }
         let quantity = self.quantity(reference, false)?;
         self.update()?;
-        let found = &self.evaluation;
+        let found = &self.now.evaluation;
         Ok(match quantity {
             Quantity::Force => found.contact_force_n,
             Quantity::ForceBy(input) => found.force_gradient[input],
@@ -174,19 +244,19 @@ impl Instance {
 
     fn observed(&mut self, at: usize) -> Option<Observed> {
         let part = self.others.as_mut()?;
-        Some(self.observables.value(at, part.at(&self.evaluation)))
+        Some(self.observables.value(at, part.at(&self.now.evaluation)))
     }
 
     /// An output that is an Int32.
     pub(crate) fn integer(&mut self, reference: u32) -> Result<i32, String> {
         let quantity = self.quantity(reference, true)?;
         self.update()?;
-        let domain = match self.evaluation.domain {
+        let domain = match self.now.evaluation.domain {
             DomainStatus::Inside => 0,
             DomainStatus::Near => 1,
             DomainStatus::Outside => 2,
         };
-        let regime = self.evaluation.regime.number() as i32;
+        let regime = self.now.evaluation.regime.number() as i32;
         Ok(if quantity == Quantity::Regime { regime } else { domain })
     }
 }

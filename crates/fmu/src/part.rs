@@ -49,12 +49,13 @@ impl Part {
         }
     }
 
-    /// Coefficients at a state.
+    /// Coefficients of a state.
     pub fn at(&mut self, state: &Evaluation) -> &Evaluation {
         if !self.has_coefficients {
             (self.evaluation.inputs, self.evaluation.regime) = (state.inputs, state.regime);
             self.evaluation.halfwidths = state.halfwidths;
-            self.evaluation.coefficients.clear();
+            // A moving state has its own, with the linear modes.
+            self.evaluation.coefficients.clone_from(&state.coefficients);
             self.evaluator.complete(&mut self.evaluation);
             self.has_coefficients = true;
         }

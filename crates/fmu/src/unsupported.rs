@@ -47,9 +47,6 @@ unsupported! {
     fmi3SetClock(*const u32, usize, *const bool);
     fmi3GetNumberOfVariableDependencies(u32, *mut usize);
     fmi3GetVariableDependencies(u32, *mut usize, *mut u32, *mut usize, *mut i32, usize);
-    fmi3GetFMUState(*mut *mut c_void);
-    fmi3SetFMUState(*mut c_void);
-    fmi3FreeFMUState(*mut *mut c_void);
     fmi3SerializedFMUStateSize(*mut c_void, *mut usize);
     fmi3SerializeFMUState(*mut c_void, *mut u8, usize);
     fmi3DeserializeFMUState(*const u8, usize, *mut *mut c_void);

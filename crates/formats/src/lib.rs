@@ -16,6 +16,7 @@ pub mod npy;
 pub mod packed;
 pub mod results;
 pub mod table;
+pub mod trace;
 pub mod vtu;
 
 pub use error::{Diagnostic, FormatError, collect};

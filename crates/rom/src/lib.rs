@@ -50,6 +50,7 @@ pub mod kernel;
 pub mod memory;
 pub mod model;
 pub mod model_state;
+pub mod moving;
 pub mod observable;
 pub mod probe;
 pub mod radial;

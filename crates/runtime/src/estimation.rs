@@ -7,6 +7,7 @@ use estimate::{
 };
 use rom::evaluation::Evaluation;
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
+use rom::memory::{Advance, Memory, MemorySpec};
 use rom::model::Model;
 use rom::probe::{ProbePosition, Probes};
 use rom::regime::LastOnset;
@@ -44,6 +45,22 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
         Some(input) => inputs.get(input).map_or([-MAX_BIAS, MAX_BIAS], |input| input.range),
         None => [-MAX_BIAS, MAX_BIAS],
     };
+    // Inputs with memory whose past is unknown.
+    let remembering = match MemorySpec::of(model) {
+        Ok(found) => found.map_or_else(Vec::new, |spec| spec.inputs.iter().map(|of| of.input).collect()),
+        Err(error) => {
+            problems.push(format!("model: {error}"));
+            Vec::new()
+        }
+    };
+    let past = |input: usize| {
+        let at = remembering.iter().position(|other| *other == input);
+        at.map(|at| estimated.len() + at)
+    };
+    let pasts = remembering.iter().filter_map(|input| {
+        let name = format!("{}_past", inputs.get(*input)?.name);
+        Some(Unknown { name, prior: 0.0, sigma: 1.0, drift_per_sqrt_s: 0.0, range: [-1.0, 1.0] })
+    });
     let unknowns = estimated.iter().filter_map(|name| {
         let unknown = spec.estimate.get(*name)?;
         Some(Unknown {
@@ -68,19 +85,22 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
             sigma: sigmas.pressure_mpa,
             bias: position(PRESSURE_BIAS),
             rate_change: spec.sigma.pressure_rate_mpa_per_s,
+            past: past(PRESSURE),
         },
         (_, Some(unknown), _) => InputRole::Estimated(unknown),
         (GAP, None, Gap::Fixed(gap_mm)) => InputRole::Given(gap_mm),
         (GAP, None, _) if !needs.gap => InputRole::Given(f64::INFINITY),
-        (GAP, None, _) => InputRole::Measured { sigma: sigmas.gap_mm, bias: None, rate_change: None },
+        (GAP, None, _) => {
+            InputRole::Measured { sigma: sigmas.gap_mm, bias: None, rate_change: None, past: past(GAP) }
+        }
         _ if is_measured(key) => {
             let sigma = spec.input_sigma(key).unwrap_or(f64::NAN);
-            InputRole::Measured { sigma, bias: None, rate_change: None }
+            InputRole::Measured { sigma, bias: None, rate_change: None, past: past(input) }
         }
         _ => InputRole::Given(inputs.get(input).and_then(|input| input.value).unwrap_or(f64::NAN)),
     };
     let out = Setup {
-        unknowns: unknowns.collect(),
+        unknowns: unknowns.chain(pasts).collect(),
         inputs: keys.iter().enumerate().map(role).collect(),
         rows: rows(spec, model, position("force_bias_n"), &sigmas),
         gap: Some(GAP),
@@ -273,17 +293,28 @@ impl Estimator {
     }
 
     /// Takes a reading into account; allocates nothing.
-    /// `inputs`: what it says of the model's inputs.
-    pub(crate) fn update(&mut self, sample: &SensorSample, inputs: &Inputs) -> Update {
+    /// `inputs`: the model's inputs in it, behind the memory; `spread`: their largest error by its past.
+    pub(crate) fn update(
+        &mut self,
+        sample: &SensorSample,
+        inputs: &Inputs,
+        spread: [f64; MAX_INPUTS],
+    ) -> Update {
         let new = self.used.new_in(sample);
         let count = sample.marker_values as usize / 3;
         let markers = sample.markers_mm.iter().zip(new.markers).take(count);
         let markers = markers.map(|(marker, is_new)| if is_new { *marker } else { Marker::ABSENT });
         let force_n = if new.force && self.sensors.has_forces() { sample.measured_force_n } else { f64::NAN };
-        let measurement = measured(sample.t_sensor_ns as f64 * 1e-9, *inputs.values(), force_n, markers);
+        let mut measurement = measured(sample.t_sensor_ns as f64 * 1e-9, *inputs.values(), force_n, markers);
+        measurement.spread = spread;
         let update = self.filter.update(&measurement, &mut self.sensors);
         self.rejected_total += u64::from(update.rejected.count_ones());
         update
+    }
+
+    /// The memory has another past, which is unknown.
+    pub(crate) fn forget_past(&mut self) {
+        self.filter.forget_past();
     }
 
     /// Standard deviation of the force at an evaluation, N.
@@ -347,6 +378,29 @@ pub fn measurement(t_s: f64, reading: &SensorSample, named: &MeasuredInputs) -> 
     let values = named.of(reading.input_count, &reading.input_names, &reading.inputs);
     let inputs = values.fold(operating, |inputs, measured| inputs.with(measured.input, measured.value));
     measured(t_s, *inputs.values(), reading.measured_force_n, reading.markers_mm.into_iter())
+}
+
+/// Effect of an unknown past, in standard deviations of a reading, from which a reading after a gap is used again.
+const FADED_SIGMAS: f64 = 0.1;
+
+/// Puts the inputs of readings in the order of their times behind a model's memory. Readings whose past is that of a gap have no inputs
+/// until it has faded: only the past before the first reading is an unknown.
+pub fn behind(memory: &mut Memory, setup: &Setup, readings: &mut [Measurement]) {
+    let begin_s = readings.first().map_or(0.0, |reading| reading.t_s);
+    let mut is_after_gap = false;
+    for reading in readings {
+        let inputs = Inputs::from(reading.inputs);
+        let outcome = memory.advance((1e9 * (reading.t_s - begin_s)).round().max(0.0) as u64, &inputs);
+        reading.inputs = *memory.effective(&inputs).values();
+        reading.spread = memory.spread();
+        let is_open = |(input, sigma): (usize, f64)| {
+            reading.spread.get(input).is_some_and(|s| *s > FADED_SIGMAS * sigma)
+        };
+        is_after_gap = (is_after_gap || outcome == Advance::Gap) && setup.measured_inputs().any(is_open);
+        if is_after_gap || outcome == Advance::NotFinite {
+            reading.inputs = [f64::NAN; MAX_INPUTS];
+        }
+    }
 }
 
 /// The rows of [`setup`]: the force, then x, y, z of each marker.

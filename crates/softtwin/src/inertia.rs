@@ -5,11 +5,16 @@ use crate::files;
 use anyhow::Result;
 use fem::actuator::Actuator;
 use fem::{BodyMass, Load, Problem, Solver};
+use rom::inertia::data::MotionWidths;
+use rom::inertia::model_motion::ModelMotion;
+use rom::inputs::{Inputs, PARAMETERS};
+use rom::memory::Slopes;
 use rom::model::{BlockKind, Model};
 use rom::snapshots::{Case, Database, RegimeKind, Split, Vibration};
 use std::path::Path;
 use std::sync::Arc;
 use train::inertia::{Mass, Nodal, reduce};
+use train::memory::slopes;
 
 /// Name of the inertial load along each axis.
 const LOADS: [&str; 3] = ["loads.gravity_mm_s2.0", "loads.gravity_mm_s2.1", "loads.gravity_mm_s2.2"];
@@ -19,6 +24,12 @@ const MODES: usize = 3;
 const SOUGHT: usize = 12;
 /// Least part of the mass, as a square root, that takes part in a vibration along the load.
 const LEAST_PART: f64 = 0.03;
+/// Half-widths of displacement, stress and contact force, as fractions of what the swing changes in them, and of what a swing with the
+/// velocity that an impact took would change.
+const SWING: [f64; 3] = [0.04, 0.15, 0.15];
+const IMPACT: [f64; 3] = [0.4, 0.4, 0.6];
+/// Training cases at which the change per amplitude is taken.
+const WIDTH_CASES: usize = 12;
 /// Length of the inner steps, ns.
 const STEP_NS: u64 = 500_000;
 
@@ -105,7 +116,10 @@ impl Body {
         };
         let mut lines = vec![format!("{} coordinates", reduced.inertia.coordinates())];
         lines.extend(reduced.outside.iter().map(line));
-        model.set_record(BlockKind::Inertia, &reduced.inertia)?;
+        let mut inertia = reduced.inertia;
+        model.set_record(BlockKind::Inertia, &inertia)?;
+        inertia.widths = widths(model, database, inertia.load_input as usize)?;
+        model.set_record(BlockKind::Inertia, &inertia)?;
         Ok(lines)
     }
 
@@ -133,6 +147,33 @@ impl Body {
         let (state, _) = solver.solve_to(&rest, load)?;
         Ok(solver.vibrations(&state, SOUGHT)?)
     }
+}
+
+/// Half-widths of a motion: fractions of what a swing changes in displacement, stress and contact force.
+fn widths(model: &Model, database: &Database, load_input: usize) -> Result<MotionWidths> {
+    let Some(mut motion) = ModelMotion::new(model)? else { return Ok(MotionWidths::default()) };
+    let range = model.header.inputs[load_input].range;
+    let cases: Vec<&Case> = database.of_split(Split::Train).map(|i| &database.cases[i]).collect();
+    let step = cases.len().div_ceil(WIDTH_CASES).max(1);
+    let mut changes: [Vec<f64>; 3] = Default::default();
+    for case in cases.into_iter().step_by(step) {
+        let inputs = Inputs::new(case.pressure_mpa, case.gap_mm.unwrap_or(f64::INFINITY));
+        let inputs =
+            (PARAMETERS..).zip(&case.parameters).fold(inputs, |inputs, (at, value)| inputs.with(at, *value));
+        let touches = case.contact_force_n > 0.0;
+        let regime = if touches { RegimeKind::Contact } else { RegimeKind::Free };
+        let amplitude = motion.amplitude_per_load(regime, inputs);
+        let Slopes { displacement_mm, stress_mpa, force_n } = slopes(model, &[inputs], load_input, range);
+        for (k, slope) in [displacement_mm, stress_mpa, force_n].into_iter().enumerate() {
+            changes[k].extend((amplitude > 0.0 && (k < 2 || touches)).then_some(slope / amplitude));
+        }
+    }
+    let per_mm = changes.map(|mut values| {
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or_default()
+    });
+    let times = |fractions: [f64; 3]| std::array::from_fn(|k| fractions[k] * per_mm[k]);
+    Ok(MotionWidths { swing: times(SWING), impact: times(IMPACT), past: per_mm })
 }
 
 /// Case in the middle of a regime's training cases, nearest to the load at rest.

@@ -1,21 +1,22 @@
-//! A model along a trace of inputs: the series that the finite elements write of a motion.
+//! A model along a trace of inputs: the series that the finite elements write of a motion, or the outputs of a model of measurements.
 
 use crate::failure::usage;
 use crate::files::refusal;
 use anyhow::Result;
-use fem::transient::SERIES_COLUMNS;
 use formats::table::Table;
-use formats::{Diagnostic, FormatError};
+use formats::{Diagnostic, FormatError, trace};
+use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
-use rom::inertia::model_motion::ModelMotion;
 use rom::inputs::{GAP, Inputs};
 use rom::model::{Model, Selection};
+use rom::moving::Moving;
 use rom::probe::model_tip;
 use rom::reconstructor::{BasisOptions, Reconstructor};
 use rom::snapshots::FieldKind;
 use std::path::Path;
 use std::time::Instant;
+use train::measured::MeasuredOutput;
 
 /// Inputs over time, straight lines between the rows.
 pub struct Trace {
@@ -24,57 +25,45 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// Reads `t_s, pressure_mpa` and, if given, `gap_mm` and other inputs of the model. Results in a series are ignored.
+    /// Reads `t_s` and the inputs of a model by their keys; those with a value of the model, and the gap, may be left out. Results in a
+    /// series are ignored.
     ///
     /// # Errors
     /// All errors: I/O, missing or unknown columns, times that do not rise.
     pub fn read(path: &Path, model: &Model) -> Result<Self> {
         let wrong = |diagnostics| refusal(FormatError::Content { path: path.into(), diagnostics });
         let table = Table::read(path, true).map_err(refusal)?;
-        let [time, pressure] = table.columns(["t_s", "pressure_mpa"]).map_err(wrong)?;
-        let gap = table.column("gap_mm").ok();
+        let read = trace::Trace::of_table(&table, &|_| None).map_err(wrong)?;
+        let known = &model.header.inputs;
         let mut diagnostics = Vec::new();
-        let mut others = Vec::new();
-        for (column, name) in
-            table.header().iter().enumerate().filter(|(_, name)| !SERIES_COLUMNS.contains(&name.as_str()))
-        {
-            match model.header.inputs.iter().position(|input| input.key() == *name) {
-                Some(input) => others.push((column, input)),
-                None => {
-                    diagnostics.push(Diagnostic::new("header", "inputs of the model", format!("`{name}`")))
-                }
+        let mut places = Vec::new();
+        for name in &read.names {
+            let found = known.iter().position(|input| input.key() == *name);
+            if found.is_none() && !trace::SERIES_COLUMNS.contains(&name.as_str()) {
+                diagnostics.push(Diagnostic::new("header", "inputs of the model", format!("`{name}`")));
+            }
+            places.push(found);
+        }
+        let is_open = |at: usize, value: Option<f64>| value.is_none() && at != GAP;
+        for (at, input) in model.header.taken_inputs().filter(|(at, input)| is_open(*at, input.value)) {
+            if !places.contains(&Some(at)) {
+                let expected = format!("a column `{}`", input.key());
+                diagnostics.push(Diagnostic::new("header", expected, "none of that name"));
             }
         }
-        let (mut rows, mut begin_s): (Vec<(u64, Inputs)>, _) = (Vec::new(), f64::NAN);
-        for row in table.rows() {
-            let mut number = |column: usize| match row.number(column) {
-                Ok(value) => Some(value),
-                Err(diagnostic) => {
-                    diagnostics.push(diagnostic);
-                    None
-                }
-            };
-            let (Some(t_s), Some(pressure_mpa)) = (number(time), number(pressure)) else { continue };
-            let gap_mm =
-                gap.filter(|gap| !row.text(*gap).is_empty()).map_or(Some(f64::INFINITY), &mut number);
-            let mut inputs = Inputs::new(pressure_mpa, gap_mm.unwrap_or(f64::INFINITY));
-            for (column, input) in &others {
-                inputs = inputs.with(*input, number(*column).unwrap_or(f64::NAN));
-            }
-            if rows.is_empty() {
-                begin_s = t_s;
-            }
-            let ns = ((t_s - begin_s) * 1e9).round();
-            if rows.last().is_some_and(|(last, _)| ns <= *last as f64) || ns > 1e18 {
-                diagnostics.push(row.diagnostic(time, "a time later than that of the row before, in s"));
-                continue;
-            }
-            rows.push((ns as u64, inputs));
+        if !diagnostics.is_empty() {
+            return Err(wrong(diagnostics));
         }
-        if rows.len() < 2 && diagnostics.is_empty() {
-            diagnostics.push(Diagnostic::new("rows", "at least two instants", rows.len()));
-        }
-        if diagnostics.is_empty() { Ok(Self { rows, begin_s }) } else { Err(wrong(diagnostics)) }
+        let begin_s = read.rows.first().map_or(f64::NAN, |(t_s, _)| *t_s);
+        let row = |(t_s, values): &(f64, Vec<f64>)| {
+            let both = places.iter().zip(values).filter_map(|(place, value)| Some(((*place)?, *value)));
+            let inputs = Inputs::new(f64::NAN, f64::INFINITY);
+            (
+                ((t_s - begin_s) * 1e9).round() as u64,
+                both.fold(inputs, |inputs, (at, value)| inputs.with(at, value)),
+            )
+        };
+        Ok(Self { rows: read.rows.iter().map(row).collect(), begin_s })
     }
 
     /// Duration, s.
@@ -95,12 +84,6 @@ impl Trace {
         };
         self.rows.iter().take(1).copied().chain(self.rows.windows(2).flat_map(between))
     }
-}
-
-/// Evaluation at each instant: a model without memory follows its inputs at once.
-enum Follower {
-    Static(Box<Evaluator>),
-    Moving(Box<ModelMotion>),
 }
 
 /// Positions of one field in the reconstruction, and of the tip in it.
@@ -125,10 +108,11 @@ impl Places {
 }
 
 /// A model along a trace.
-#[derive(Default)]
-pub struct Followed {
-    /// Values of [`SERIES_COLUMNS`] at each instant; NaN where there is none.
-    pub rows: Vec<[f64; 8]>,
+pub struct Followed<Row> {
+    /// Answers at each instant; NaN where there is none.
+    pub rows: Vec<Row>,
+    /// Half-widths of displacement, contact force and stress at each instant.
+    pub half_widths: Vec<[f64; 3]>,
     /// Instants outside of the training range.
     pub outside: usize,
     /// Instants since whose predecessor the inertial load left its training range.
@@ -141,38 +125,57 @@ pub struct Followed {
     pub moves: bool,
 }
 
-/// Follows a trace, with at least one row every `step_ns`.
+/// Follows a trace with at least one row every `step_ns`; `row` makes the answer of an instant.
+fn follow<Row>(
+    model: &Model,
+    trace: &Trace,
+    step_ns: u64,
+    mut row: impl FnMut(f64, &Inputs, &Evaluation, &Moving) -> Result<Row>,
+) -> Result<Followed<Row>> {
+    let mut moving = Moving::new(model)?.as_recording();
+    let mut evaluation = moving.evaluation();
+    let mut followed = Followed {
+        rows: Vec::new(),
+        half_widths: Vec::new(),
+        outside: 0,
+        load_outside: 0,
+        restarts: 0,
+        state_s: 0.0,
+        moves: moving.has_inertia(),
+    };
+    for (t_ns, inputs) in trace.instants(step_ns) {
+        let began = Instant::now();
+        let stepped = moving.step(t_ns, inputs, &mut evaluation)?;
+        followed.state_s += began.elapsed().as_secs_f64();
+        followed.load_outside += usize::from(stepped.load_distance > 0.0);
+        followed.restarts += usize::from(stepped.at_rest && !followed.rows.is_empty());
+        followed.outside += usize::from(evaluation.domain != DomainStatus::Inside);
+        let widths = evaluation.halfwidths;
+        followed.half_widths.push([widths.displacement_mm, widths.force_n, widths.stress_mpa]);
+        followed.rows.push(row(trace.begin_s + 1e-9 * t_ns as f64, &inputs, &evaluation, &moving)?);
+    }
+    Ok(followed)
+}
+
+fn reconstructor(model: &Model) -> Result<Reconstructor> {
+    let options = BasisOptions::all_modes(BasisOptions::default().precision);
+    Ok(Reconstructor::with_options(model, &Selection::default(), options)?)
+}
+
+/// Follows a trace with a model of an actuator's shape: values of [`trace::SERIES_COLUMNS`].
 ///
 /// # Errors
 /// A model without coordinates or mesh; a regime that the model was not trained in.
-pub fn follow(model: &Model, trace: &Trace, step_ns: u64) -> Result<Followed> {
-    let options = BasisOptions::all_modes(BasisOptions::default().precision);
-    let reconstructor = Reconstructor::with_options(model, &Selection::default(), options)?;
+pub fn follow_shape(model: &Model, trace: &Trace, step_ns: u64) -> Result<Followed<[f64; 8]>> {
+    let reconstructor = reconstructor(model)?;
     let places = Places::new(model, reconstructor.rows())?;
-    let mut follower = match ModelMotion::new(model)? {
-        Some(motion) => Follower::Moving(Box::new(motion.as_recording())),
-        None => Follower::Static(Box::new(Evaluator::new(&model.header)?)),
-    };
-    let mut evaluation = Evaluator::new(&model.header)?.evaluation();
     let mut fields = vec![0.0; reconstructor.entries()];
-    let mut followed = Followed { moves: matches!(follower, Follower::Moving(_)), ..Followed::default() };
-    for (t_ns, inputs) in trace.instants(step_ns) {
-        let began = Instant::now();
-        match &mut follower {
-            Follower::Static(evaluator) => evaluator.evaluate(inputs, &mut evaluation),
-            Follower::Moving(motion) => {
-                let moved = motion.advance(t_ns, inputs, &mut evaluation)?;
-                followed.load_outside += usize::from(moved.load_distance > 0.0);
-                followed.restarts += usize::from(moved.at_rest && !followed.rows.is_empty());
-            }
-        }
-        followed.state_s += began.elapsed().as_secs_f64();
-        followed.outside += usize::from(evaluation.domain != DomainStatus::Inside);
-        let peaks = reconstructor.reconstruct_into(&evaluation, &mut fields)?;
+    follow(model, trace, step_ns, |t_s, inputs, evaluation, _| {
+        let peaks = reconstructor.reconstruct_into(evaluation, &mut fields)?;
         let values = |field: usize| &fields[field * places.rows..(field + 1) * places.rows];
         let lowest = values(places.y).iter().copied().fold(f32::INFINITY, f32::min);
-        followed.rows.push([
-            trace.begin_s + 1e-9 * t_ns as f64,
+        Ok([
+            t_s,
             inputs.pressure_mpa(),
             inputs.values()[GAP],
             f64::from(lowest),
@@ -180,7 +183,50 @@ pub fn follow(model: &Model, trace: &Trace, step_ns: u64) -> Result<Followed> {
             f64::from(values(places.y)[places.tip]),
             evaluation.contact_force_n,
             peaks.stress_mpa.map_or(f64::NAN, |peak| f64::from(peak.value)),
-        ]);
-    }
-    Ok(followed)
+        ])
+    })
+}
+
+/// Follows a trace with a model of measurements: time, the inputs given, and each output with its half-width. Returns the names of the
+/// columns as well.
+///
+/// # Errors
+/// A regime that the model was not trained in.
+pub fn follow_measured(
+    model: &Model,
+    trace: &Trace,
+    step_ns: u64,
+) -> Result<(Vec<String>, Followed<Vec<f64>>)> {
+    let outputs: Vec<MeasuredOutput> = train::measured::outputs(model);
+    let taken: Vec<(usize, String)> =
+        model.header.taken_inputs().map(|(at, input)| (at, input.key())).collect();
+    let named =
+        outputs.iter().flat_map(|output| [output.name.clone(), format!("{}_half_width", output.name)]);
+    let inputs_named = taken.iter().map(|(_, key)| key.clone());
+    let columns = std::iter::once("t_s".to_owned()).chain(inputs_named).chain(named).collect();
+    let reconstructor = reconstructor(model)?;
+    let nodes = model.header.node_count;
+    let (mut fields, mut others) = (vec![0.0; reconstructor.entries()], vec![0.0; reconstructor.entries()]);
+    let mut scratch = Evaluator::new(&model.header)?.evaluation();
+    let followed = follow(model, trace, step_ns, |t_s, inputs, evaluation, moving| {
+        reconstructor.reconstruct_into(evaluation, &mut fields)?;
+        let value =
+            |fields: &[f32], output: &MeasuredOutput| f64::from(fields[output.field * nodes + output.node]);
+        let mut of_past = vec![0.0_f64; outputs.len()];
+        for inputs in moving.enclosing(inputs).into_iter().flatten() {
+            moving.evaluator().evaluate(inputs, &mut scratch);
+            reconstructor.reconstruct_into(&scratch, &mut others)?;
+            for (of_past, output) in of_past.iter_mut().zip(&outputs) {
+                *of_past = of_past.max((value(&others, output) - value(&fields, output)).abs());
+            }
+        }
+        let mut row = vec![t_s];
+        row.extend(taken.iter().map(|(at, _)| inputs.values()[*at]));
+        let answers = outputs.iter().zip(of_past);
+        row.extend(
+            answers.flat_map(|(output, of_past)| [value(&fields, output), output.half_width.hypot(of_past)]),
+        );
+        Ok(row)
+    })?;
+    Ok((columns, followed))
 }

@@ -4,7 +4,8 @@ use crate::failure::{configuration, usage};
 use crate::files;
 use anyhow::Context;
 use estimate::Setup;
-use rom::model::ModelHeader;
+use rom::memory::Memory;
+use rom::model::{Model, ModelHeader};
 use runtime::config::{ActuatorSpec, Scene};
 use runtime::estimation::{self, SensorModel};
 use std::path::Path;
@@ -19,6 +20,8 @@ pub struct Unknowns {
     pub sensors: SensorModel,
     /// The small part of its model, with the scene's values of parameters.
     pub header: ModelHeader,
+    /// Memory of its inputs.
+    pub memory: Option<Memory>,
 }
 
 impl Unknowns {
@@ -27,9 +30,15 @@ impl Unknowns {
         let spec = spec(scene, path, actuator)?.clone();
         let mut model = files::model(&spec.model)?;
         model.header.set_parameters(spec.given_inputs()).map_err(configuration)?;
-        let setup = estimation::setup(&spec, &model).map_err(problems)?;
-        let sensors = SensorModel::new(&spec, &model).map_err(problems)?;
-        Ok(Self { spec, setup, sensors, header: model.header })
+        Self::of(spec, &model)
+    }
+
+    /// Unknowns of an actuator with a model.
+    pub fn of(spec: ActuatorSpec, model: &Model) -> anyhow::Result<Self> {
+        let setup = estimation::setup(&spec, model).map_err(problems)?;
+        let sensors = SensorModel::new(&spec, model).map_err(problems)?;
+        let memory = Memory::of(model).map_err(configuration)?;
+        Ok(Self { spec, setup, sensors, header: model.header.clone(), memory })
     }
 }
 

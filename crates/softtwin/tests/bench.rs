@@ -175,9 +175,27 @@ fn memory_of_a_recording_lowers_the_error_on_another_run() {
     let learned = json(folder, &[&LEARN[..], &["--memory"]].concat());
     let kept: Vec<&Value> =
         learned["memory"]["blocks"].as_array().unwrap().iter().filter(|b| b["kept"] == true).collect();
-    assert!(kept.len() == 1 && kept[0]["block"] == "play", "{learned}");
+    assert!(kept.len() == 1 && kept[0]["block"] == "single play", "{learned}");
     let remembering = rms();
     let of = |value: &Value, key: &str| value[key].as_f64().unwrap();
     assert!(of(&remembering, "rms") < 0.4 * of(&statics, "rms"), "{remembering} {statics}");
     assert!((0.85..=1.0).contains(&of(&remembering, "coverage")), "{remembering}");
+    // Along a trace the model answers as along the recording.
+    let column = |file: &str, name: &str, factor: f64| -> Vec<f64> {
+        let table = formats::table::Table::read(&folder.join(file), true).unwrap();
+        let at = table.column(name).unwrap();
+        table.rows().map(|row| factor * row.number(at).unwrap()).collect()
+    };
+    let rows = column("run2.csv", "t_s", 1.0).into_iter().zip(column("run2.csv", "p", 1e-3));
+    let lines: Vec<String> = rows.map(|(t_s, pressure_mpa)| format!("{t_s},{pressure_mpa}\n")).collect();
+    std::fs::write(folder.join("trace.csv"), format!("t_s,pressure_mpa\n{}", lines.concat())).unwrap();
+    let predict = ["predict", "--model", "mine.twin", "--trace", "trace.csv", "--out", "series.csv"];
+    json(folder, &[&predict[..], &["--step-ms", "1000"]].concat());
+    let compared = column("out/compare.csv", "tip_y_mm_predicted", 1.0);
+    let along = column("series.csv", "tip_y_mm", 1.0);
+    assert_eq!(along.len(), compared.len());
+    let off = along.iter().zip(&compared).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-5, "{off}");
+    let widths = column("series.csv", "tip_y_mm_half_width", 1.0);
+    assert!(widths[0] > 2.0 * widths[widths.len() - 1], "{widths:?}");
 }

@@ -5,7 +5,7 @@
 
 use crate::error::TrainError;
 use faer::Mat;
-use rom::inertia::data::{InertiaModel, RegimeInertia, StoredMode};
+use rom::inertia::data::{InertiaModel, MotionWidths, RegimeInertia, StoredMode};
 use rom::inertia::manifold::{MAX_COORDINATES, MAX_LINEAR_MODES};
 use rom::inputs::PARAMETERS;
 use rom::model::{BlockKind, Model, RegimeModel};
@@ -35,7 +35,7 @@ pub struct Mass<'a> {
 
 /// Result of a reduction.
 pub struct Reduced {
-    /// For the record [`BlockKind::Inertia`].
+    /// For the record [`BlockKind::Inertia`], without half-widths of the motion.
     pub inertia: InertiaModel,
     /// Parts of the linear modes outside the regime's modes, by regime and mode, relative to their size.
     pub outside: Vec<(RegimeKind, f64)>,
@@ -105,7 +105,9 @@ pub fn reduce(model: &Model, database: &Database, mass: &Mass<'_>) -> Result<Red
         });
     }
     let (damping_s, step_ns) = (mass.damping_s, mass.step_ns);
-    let inertia = InertiaModel { load_input: load_input as u32, step_ns, damping_s, unit_load, regimes };
+    let widths = MotionWidths::default();
+    let load_input = load_input as u32;
+    let inertia = InertiaModel { load_input, step_ns, damping_s, unit_load, regimes, widths };
     inertia.check(&model.header).map_err(wrong)?;
     Ok(Reduced { inertia, outside })
 }

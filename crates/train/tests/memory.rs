@@ -39,7 +39,7 @@ fn block(line: Option<Line>, play: Vec<Play>, creep: Vec<Creep>) -> InputMemory 
 }
 
 fn found(of: &InputMemory, sigma: f64) -> Identified {
-    identify(&[run(of, 0.0, sigma)], &[100.0]).expect("a fit")
+    identify(&[run(of, 0.0, sigma)], &[100.0], None).expect("a fit")
 }
 
 fn kept(found: &Identified) -> Vec<Block> {
@@ -70,6 +70,26 @@ fn play_is_found_where_loops_do_not_depend_on_time() {
 }
 
 #[test]
+fn single_play_is_told_from_a_graded_one() {
+    let found = found(&block(None, vec![Play { threshold: 0.00225, weight: 1.0 }], vec![]), 0.2);
+    assert_eq!(kept(&found), [Block::SinglePlay], "{found:?}");
+    let constants = &found.blocks.iter().find(|b| b.block == Block::SinglePlay).expect("play").constants;
+    assert!((constants[0].value * 0.08 / 0.00225 - 1.0).abs() < 0.1, "{constants:?}");
+}
+
+#[test]
+fn single_play_is_found_behind_a_line() {
+    let line = Line { fill_s: 0.3, empty_s: 0.9 };
+    let found = found(&block(Some(line), vec![Play { threshold: 0.00225, weight: 1.0 }], vec![]), 0.2);
+    assert_eq!(kept(&found), [Block::Line, Block::SinglePlay], "{found:?}");
+    let of = |block: Block| &found.blocks.iter().find(|b| b.block == block).expect("a block").constants;
+    for (constant, truth) in of(Block::Line).iter().zip([0.3, 0.9]) {
+        assert!((constant.value / truth - 1.0).abs() < 0.05, "{constant:?}");
+    }
+    assert!((of(Block::SinglePlay)[0].value * 0.08 / 0.00225 - 1.0).abs() < 0.15, "{found:?}");
+}
+
+#[test]
 fn creep_is_found_beside_a_line() {
     let of =
         block(Some(Line { fill_s: 0.3, empty_s: 0.6 }), vec![], vec![Creep { time_s: 5.0, weight: 0.15 }]);
@@ -90,6 +110,6 @@ fn static_actuator_gets_no_memory_at_any_noise() {
 #[test]
 fn runs_without_use_have_no_result() {
     let still = Run { time_s: vec![0.0, 1.0, 2.0], inputs: vec![vec![0.1; 3]], outputs: vec![vec![1.0; 3]] };
-    assert!(identify(&[still], &[1.0]).is_none());
-    assert!(identify(&[], &[1.0]).is_none());
+    assert!(identify(&[still], &[1.0], None).is_none());
+    assert!(identify(&[], &[1.0], None).is_none());
 }

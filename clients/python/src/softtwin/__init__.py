@@ -26,7 +26,7 @@ from .errors import (
 )
 from .field import Field
 from .layout import Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Valve
-from .model import Input, Model
+from .model import Input, Model, Motion
 from .prediction import Prediction
 from .publish import CommandPublisher, SensorPublisher, SetpointPublisher
 from .query import Client
@@ -47,6 +47,7 @@ __all__ = [
     "Health",
     "Input",
     "Model",
+    "Motion",
     "Prediction",
     "Query",
     "Refused",

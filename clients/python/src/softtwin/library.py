@@ -2,7 +2,7 @@
 
 import ctypes
 import os
-from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int, c_size_t, c_uint32, c_void_p
+from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int, c_size_t, c_uint32, c_uint64, c_void_p
 from functools import lru_cache
 
 from .errors import SofttwinError
@@ -110,6 +110,13 @@ def _declare(found: ctypes.CDLL) -> None:
     found.softtwin_model_close.restype = None
     for name in ("open", "select", "describe", "predict"):
         getattr(found, f"softtwin_model_{name}").restype = c_int
+    found.softtwin_motion_open.argtypes = [c_void_p, POINTER(c_void_p)]
+    found.softtwin_motion_open.restype = c_int
+    found.softtwin_motion_step.argtypes = [c_void_p, c_uint64, c_void_p, c_void_p, c_void_p]
+    found.softtwin_motion_step.restype = c_int
+    for name in ("reset", "close"):
+        getattr(found, f"softtwin_motion_{name}").argtypes = [c_void_p]
+        getattr(found, f"softtwin_motion_{name}").restype = None
 
 
 def check(status: int) -> None:

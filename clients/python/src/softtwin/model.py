@@ -166,6 +166,15 @@ class Model:
                 self._handle, states.ctypes.data, rows.size, rows.ctypes.data, None if values is None else values.ctypes.data
             )
         )
+        return self._prediction(names, states, rows, values)
+
+    def _prediction(
+        self,
+        names: List[str],
+        states: "np.ndarray[Any, Any]",
+        rows: "np.ndarray[Any, Any]",
+        values: Optional["np.ndarray[Any, Any]"],
+    ) -> Prediction:
         return Prediction(
             self.inputs, self._position, self.fields, self.observables, names, states, rows, values, self.nodes
         )
@@ -215,6 +224,10 @@ class Model:
             )
         return out
 
+    def motion(self) -> "Motion":
+        """The model along readings: its memory and its inertia."""
+        return Motion(self)
+
     def mesh(self, pressure_mpa: Optional[float] = None, gap_mm: Optional[float] = None, **inputs: float) -> Any:
         """The deformed surface at one state as a `pyvista.PolyData` with all fields as point data; needs pyvista."""
         try:
@@ -237,6 +250,54 @@ class Model:
     def __repr__(self) -> str:
         inputs = ", ".join(f"{i.name} {i.min:g} .. {i.max:g}" for i in self.inputs.values())
         return f"Model({self.actuator}: {inputs}; {', '.join(self.fields)} on {self.node_count} nodes)"
+
+
+class Motion:
+    """A model with inertia or memory along readings, without a daemon; for one thread.
+
+    It begins at equilibrium with the first reading; inputs are straight lines between readings. A static model follows at once.
+    """
+
+    def __init__(self, model: Model) -> None:
+        out = ctypes.c_void_p()
+        check(library().softtwin_motion_open(model._handle, ctypes.byref(out)))
+        self._model, self._handle = model, out.value or 0
+        self._end = weakref.finalize(self, _close_motion, self._handle, model)
+
+    def step(
+        self,
+        t_s: float,
+        pressure_mpa: Optional[float] = None,
+        gap_mm: Optional[float] = None,
+        *,
+        fields: bool = True,
+        out: Optional["np.ndarray[Any, Any]"] = None,
+        **inputs: float,
+    ) -> Prediction:
+        """The answer at a time, s, 0 or more and later than the last one; inputs and fields as in `Model.predict`.
+
+        Raises `ValueError` for a time that is not later; the motion is then unchanged.
+        """
+        if not 0.0 <= t_s < 1e9:
+            raise ValueError(f"t_s: expected a time of 0 to 1e9 s, found {t_s!r}")
+        names, state = self._model._states(pressure_mpa, gap_mm, inputs)
+        if state.ndim != 1:
+            raise TypeError("a step takes one state: expected numbers, found arrays")
+        row = np.empty((), _ROW)
+        values = self._model._room((), out) if fields or out is not None else None
+        where = None if values is None else values.ctypes.data
+        t_ns = round(1e9 * t_s)
+        check(library().softtwin_motion_step(self._handle, t_ns, state.ctypes.data, row.ctypes.data, where))
+        return self._model._prediction(names, state, row, values)
+
+    def reset(self) -> None:
+        """Forgets the past: the next reading begins at equilibrium, at any time."""
+        library().softtwin_motion_reset(self._handle)
+
+
+def _close_motion(handle: int, _model: Model) -> None:
+    """Closes a motion; its finalizer keeps the model open until then."""
+    library().softtwin_motion_close(handle)
 
 
 def _opened(path: str, fields: Optional[Sequence[str]], nodes: Optional[Nodes]) -> Model:

@@ -100,7 +100,7 @@ fn steadily_changing_pressure_has_half_the_noise() {
         let readings = readings(truth, &mut random);
         let mut with = setup(true);
         with.inputs[PRESSURE] =
-            InputRole::Measured { sigma: 0.0005, bias: Some(1), rate_change: Some(0.005) };
+            InputRole::Measured { sigma: 0.0005, bias: Some(1), rate_change: Some(0.005), past: None };
         let (of_each, by_each) = run(setup(true), &readings);
         let (of_all, by_all) = run(with, &readings);
         for (a, b) in of_each.estimates().zip(of_all.estimates()) {

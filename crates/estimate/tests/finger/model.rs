@@ -108,7 +108,7 @@ pub(crate) fn setup(markers: bool) -> Setup {
             unknown("stiffness_mpa", 0.8, 0.12, [0.4, 1.3]),
         ],
         inputs: vec![
-            InputRole::Measured { sigma: 0.0005, bias: Some(1), rate_change: None },
+            InputRole::Measured { sigma: 0.0005, bias: Some(1), rate_change: None, past: None },
             InputRole::Estimated(0),
             InputRole::Estimated(2),
         ],

@@ -9,7 +9,7 @@ mod trace;
 
 pub use motion::{Energy, Figures, StepSettings, Work};
 pub use record::{Checkpoint, Record, energy_csv, run_mark, series_csv};
-pub use trace::{SERIES_COLUMNS, Trace, TraceRow};
+pub use trace::{Trace, TraceRow};
 
 use crate::algebra::Vec3;
 use crate::config::Load;

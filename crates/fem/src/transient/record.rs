@@ -1,11 +1,12 @@
 //! Series of a transient and the checkpoint from which it continues.
 
 use super::motion::{Energy, Figures, StepSettings};
-use super::trace::{SERIES_COLUMNS, Trace, TraceRow};
+use super::trace::{Trace, TraceRow};
 use crate::dynamics::Dynamics;
 use crate::problem::Problem;
 use crate::run::fingerprint;
 use formats::table::to_text;
+use formats::trace::SERIES_COLUMNS;
 use formats::{FormatError, file};
 use std::path::Path;
 

@@ -2,23 +2,11 @@
 
 use crate::actuator::{Actuator, Setting};
 use crate::cases::MAX_MM;
-use crate::config::Load;
-use crate::config::MAX_MPA;
-use formats::table::{Row, Table};
+use crate::config::{Load, MAX_MPA};
+use formats::table::Table;
+use formats::trace::{self, Cell};
 use formats::{Diagnostic, FormatError, collect};
 use std::path::Path;
-
-/// Columns of the series that a transient writes.
-pub const SERIES_COLUMNS: [&str; 8] = [
-    "t_s",
-    "pressure_mpa",
-    "gap_mm",
-    "lowest_y_mm",
-    "tip_x_mm",
-    "tip_y_mm",
-    "contact_force_n",
-    "max_stress_mpa",
-];
 
 /// Keys of gravity, the loads other than pressure and gap that may change in time.
 const GRAVITY: [&str; 3] = ["loads.gravity_mm_s2.0", "loads.gravity_mm_s2.1", "loads.gravity_mm_s2.2"];
@@ -75,30 +63,35 @@ impl Trace {
     }
 
     fn of_table(table: &Table, actuator: &Actuator) -> Result<Self, Vec<Diagnostic>> {
-        let [time, pressure] = table.columns(["t_s", "pressure_mpa"])?;
-        let gap = table.column("gap_mm").ok();
+        table.columns(["pressure_mpa"])?;
         let mut diagnostics = Vec::new();
-        let mut quantities: Vec<(usize, &str)> = Vec::new();
-        for (column, name) in table.header().iter().enumerate() {
-            if !SERIES_COLUMNS.contains(&name.as_str()) {
-                collect(actuator.quantity(name), &mut diagnostics);
-                quantities.push((column, name));
-            }
+        let is_quantity = |name: &&String| !trace::SERIES_COLUMNS.contains(&name.as_str());
+        for name in table.header().iter().filter(is_quantity) {
+            collect(actuator.quantity(name), &mut diagnostics);
         }
         if !diagnostics.is_empty() {
             return Err(diagnostics);
         }
-        let columns = Columns { time, pressure, gap, quantities };
-        let mut rows: Vec<TraceRow> = Vec::new();
-        let mut settings: Vec<Setting> = Vec::new();
-        for row in table.rows() {
-            let before = rows.last().copied();
-            rows.extend(columns.row(&row, actuator, before, &mut settings, &mut diagnostics));
-        }
-        if rows.len() < 2 && diagnostics.is_empty() {
-            diagnostics.push(Diagnostic::new("rows", "at least two instants", rows.len()));
-        }
-        if diagnostics.is_empty() { Ok(Self { rows, settings }) } else { Err(diagnostics) }
+        let read = trace::Trace::of_table(table, &refused)?;
+        let at = |name: &str| read.position(name);
+        let (pressure, gap) = (at("pressure_mpa"), at("gap_mm"));
+        let gravity = GRAVITY.map(at);
+        let row = |(t_s, values): &(f64, Vec<f64>)| {
+            let of = |at: Option<usize>| at.map(|at| values[at]);
+            TraceRow {
+                t_s: *t_s,
+                pressure_mpa: of(pressure).unwrap_or_default(),
+                gap_mm: of(gap).filter(|gap| gap.is_finite()),
+                gravity_mm_s2: std::array::from_fn(|axis| {
+                    of(gravity[axis]).unwrap_or(actuator.loads.gravity_mm_s2[axis])
+                }),
+            }
+        };
+        let changing = [pressure, gap].into_iter().chain(gravity).flatten().collect::<Vec<_>>();
+        let first = read.rows.iter().take(1).flat_map(|(_, values)| read.names.iter().zip(values));
+        let constant = first.enumerate().filter(|(at, _)| !changing.contains(at));
+        let settings = constant.map(|(_, (name, value))| (name.clone(), *value)).collect();
+        Ok(Self { rows: read.rows.iter().map(row).collect(), settings })
     }
 
     /// Inputs at a time (s), linear between the rows, those of the first and last row outside.
@@ -151,62 +144,19 @@ impl Trace {
     }
 }
 
-/// Places of the inputs in a table.
-struct Columns<'a> {
-    time: usize,
-    pressure: usize,
-    gap: Option<usize>,
-    quantities: Vec<(usize, &'a str)>,
-}
-
-impl Columns<'_> {
-    fn row(
-        &self,
-        row: &Row<'_>,
-        actuator: &Actuator,
-        before: Option<TraceRow>,
-        settings: &mut Vec<Setting>,
-        diagnostics: &mut Vec<Diagnostic>,
-    ) -> Option<TraceRow> {
-        let count = diagnostics.len();
-        collect(row.check_width(false), diagnostics)?;
-        let mut number = |column| collect(row.number(column), diagnostics).unwrap_or(f64::NAN);
-        let (t_s, pressure_mpa) = (number(self.time), number(self.pressure));
-        let mut gravity_mm_s2 = actuator.loads.gravity_mm_s2;
-        let mut constant = Vec::new();
-        for (column, name) in &self.quantities {
-            let value = number(*column);
-            match GRAVITY.iter().position(|key| key == name) {
-                Some(axis) => gravity_mm_s2[axis] = value,
-                None => constant.push((*column, ((*name).to_owned(), value))),
-            }
+/// Expected value of a cell, if it is not valid.
+fn refused(Cell { name, value, first }: Cell<'_>) -> Option<&'static str> {
+    let same = |first: f64| first.is_finite() == value.is_finite();
+    match name {
+        "pressure_mpa" if !(0.0..=MAX_MPA).contains(&value) => Some("a pressure of 0 to 10 MPa"),
+        "gap_mm" if value.is_finite() && !(value > 0.0 && value <= MAX_MM) => {
+            Some("a gap above 0 mm (the obstacle is outside the body), or nothing")
         }
-        let mut expect = |fits: bool, column: usize, expected: &str| {
-            if !fits {
-                diagnostics.push(row.diagnostic(column, expected));
-            }
-        };
-        let later = before.is_none_or(|before| t_s.is_nan() || t_s - before.t_s >= MIN_INTERVAL_S);
-        expect(later, self.time, "a time at least 1e-6 s after the row before");
-        let fits = pressure_mpa.is_nan() || (0.0..=MAX_MPA).contains(&pressure_mpa);
-        expect(fits, self.pressure, "a pressure of 0 to 10 MPa");
-        let mut gap_mm = None;
-        if let Some(column) = self.gap {
-            let given = !row.text(column).is_empty();
-            gap_mm = row.number(column).ok();
-            let fits = gap_mm.is_some_and(|gap| gap > 0.0 && gap <= MAX_MM) || !given;
-            expect(fits, column, "a gap above 0 mm (the obstacle is outside the body), or nothing");
-            let same = before.is_none_or(|before| before.gap_mm.is_some() == given);
-            expect(same, column, "a gap in every row or in none: an obstacle neither appears nor vanishes");
+        "gap_mm" if !first.is_none_or(same) => {
+            Some("a gap in every row or in none: an obstacle neither appears nor vanishes")
         }
-        if before.is_none() {
-            *settings = constant.into_iter().map(|(_, setting)| setting).collect();
-        } else {
-            for ((column, (_, value)), (_, first)) in constant.iter().zip(settings.iter()) {
-                let expected = "the value of the first row: only pressure, gap and gravity change in time";
-                expect(value.is_nan() || value == first, *column, expected);
-            }
-        }
-        (diagnostics.len() == count).then_some(TraceRow { t_s, pressure_mpa, gap_mm, gravity_mm_s2 })
+        "pressure_mpa" | "gap_mm" => None,
+        name if GRAVITY.contains(&name) || first.is_none_or(|first| first == value) => None,
+        _ => Some("the value of the first row: only pressure, gap and gravity change in time"),
     }
 }

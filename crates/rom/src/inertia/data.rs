@@ -1,5 +1,6 @@
 //! Reduced inertia as a model stores it.
 
+use crate::halfwidths::HalfWidths;
 use crate::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +17,31 @@ pub struct InertiaModel {
     pub unit_load: Vec<f64>,
     /// Free regime, then contact if the model has it.
     pub regimes: Vec<RegimeInertia>,
+    /// Half-widths of a motion.
+    pub widths: MotionWidths,
+}
+
+/// Half-widths of displacement (mm), stress (MPa) and contact force (N) per mm of an amplitude, in addition to those of the static model
+/// (root of the sum of squares). Amplitudes are mass-weighted root mean squares over the body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MotionWidths {
+    /// Per amplitude of the swing.
+    pub swing: [f64; 3],
+    /// Per amplitude that the velocity lost in an impact would have had.
+    pub impact: [f64; 3],
+    /// Per amplitude of a swing that an unknown past may have left.
+    pub past: [f64; 3],
+}
+
+impl MotionWidths {
+    /// Half-widths at amplitudes of swing, impact and past (mm), at a coverage.
+    pub fn at(&self, amplitudes_mm: [f64; 3], coverage: f64) -> HalfWidths {
+        let of = |k: usize| {
+            let [swing, impact, past] = amplitudes_mm;
+            (self.swing[k] * swing).hypot(self.impact[k] * impact).hypot(self.past[k] * past)
+        };
+        HalfWidths { coverage, displacement_mm: of(0), stress_mpa: of(1), force_n: of(2) }
+    }
 }
 
 /// From modal coefficients of a regime to coordinates, and linear modes.

@@ -1,7 +1,7 @@
 //! Motion of a model: its regimes as manifold, its evaluation at the moving state.
 
-use super::data::{InertiaModel, RegimeInertia, StoredMode};
-use super::manifold::{Amplitudes, Coordinates, LinearMode, Manifold, Place, PlateForce};
+use super::data::{InertiaModel, MotionWidths, RegimeInertia, StoredMode};
+use super::manifold::{Amplitudes, Coordinates, LinearMode, Manifold, Place, PlateForce, dot};
 use super::stepper::{Motion, MotionSettings, Moved, ReadingError};
 use crate::clearance::OnsetSolver;
 use crate::contract::{self, Output};
@@ -195,6 +195,7 @@ pub struct ModelMotion {
     evaluator: Evaluator,
     /// Coefficients of the linear modes, by regime.
     modes: Vec<(RegimeKind, Vec<Vec<f64>>)>,
+    widths: MotionWidths,
 }
 
 impl ModelMotion {
@@ -218,12 +219,14 @@ impl ModelMotion {
             motion: Motion::new(manifold, settings),
             evaluator: Evaluator::new(&model.header)?,
             modes: inertia.regimes.iter().map(of).collect(),
+            widths: inertia.widths,
         }))
     }
 
     /// Treats all readings as instants of one recording: inputs are straight lines between any two of them.
+    /// They begin at rest.
     pub fn as_recording(mut self) -> Self {
-        self.motion.hold_never();
+        self.motion.as_recording();
         self
     }
 
@@ -235,6 +238,15 @@ impl ModelMotion {
     /// Forgets the motion: the next reading begins at rest.
     pub fn reset(&mut self) {
         self.motion.reset();
+    }
+
+    /// Amplitude of the body per load at an equilibrium, mm per mm/s2.
+    pub fn amplitude_per_load(&mut self, kind: RegimeKind, inputs: Inputs) -> f64 {
+        let inputs = self.evaluator.completed(inputs);
+        let manifold = self.motion.manifold();
+        let tangent = manifold.place(kind, &inputs).tangent;
+        let unit = *manifold.unit_load();
+        (dot(&tangent, &tangent) / dot(&unit, &unit)).sqrt()
     }
 
     /// Moves to a reading and evaluates the moving state: the inputs of the evaluation contain the inertial load. Inputs that the reading
@@ -258,6 +270,8 @@ impl ModelMotion {
             out.flags.extrapolated = out.domain != DomainStatus::Inside;
         }
         out.contact_force_n = if out.flags.no_force { f64::NAN } else { state.contact_force_n };
+        let widths = self.widths.at(state.amplitudes_mm, out.halfwidths.coverage);
+        out.halfwidths = out.halfwidths.with(&widths);
         let modes = self.modes.iter().find(|(kind, _)| *kind == state.regime);
         for (mode, y) in modes.iter().flat_map(|(_, modes)| modes).zip(&state.amplitudes) {
             out.coefficients.iter_mut().zip(mode).for_each(|(c, by)| *c += y * by);

@@ -16,6 +16,11 @@ use thiserror::Error;
 /// Distance beyond the training range of the load, as a fraction of it, at which the motion restarts at rest.
 const FAR: f64 = 1.0;
 
+/// Periods of the slowest linear mode of contact in which the effect of an impact fades by a factor of e.
+const IMPACT_PERIODS: f64 = 3.0;
+/// Load of a swing that an unknown past may have left, as a fraction of the training range of the load.
+const PAST_FRACTION: f64 = 0.25;
+
 /// Constants of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionSettings {
@@ -74,6 +79,9 @@ pub struct MotionState {
     pub contact_force_n: f64,
     /// Kinetic energy, mJ.
     pub kinetic_mj: f64,
+    /// Amplitude of the swing about the equilibrium, of what impacts took from it, and of a swing that an unknown past may have left; mm,
+    /// mass-weighted root mean square over the body.
+    pub amplitudes_mm: [f64; 3],
 }
 
 /// Everything that the next step depends on.
@@ -86,6 +94,9 @@ struct Now {
     /// Inputs with the load at rest.
     inputs: Inputs,
     force_n: f64,
+    /// Amplitudes of impacts and of an unknown past, in coordinates.
+    impact: f64,
+    past: f64,
 }
 
 /// Time and inputs of the last reading, begin of the grid, inner steps made.
@@ -103,6 +114,8 @@ pub struct Motion<M> {
     manifold: M,
     settings: MotionSettings,
     now: Option<(Now, Clock)>,
+    /// Before the first reading the body may have moved.
+    is_past_unknown: bool,
 }
 
 impl<M: Manifold> Motion<M> {
@@ -112,6 +125,7 @@ impl<M: Manifold> Motion<M> {
             manifold,
             settings: MotionSettings { step_ns: settings.step_ns.max(1), ..settings },
             now: None,
+            is_past_unknown: true,
         }
     }
 
@@ -120,8 +134,9 @@ impl<M: Manifold> Motion<M> {
         &mut self.manifold
     }
 
-    /// Takes inputs as straight lines between any two readings, however long.
-    pub(super) fn hold_never(&mut self) {
+    /// Takes readings as instants of one recording that begins at rest: inputs are straight lines between any two, however long.
+    pub(super) fn as_recording(&mut self) {
+        self.is_past_unknown = false;
         (self.settings.held_after_ns, self.settings.restart_after_ns) = (u64::MAX, u64::MAX);
     }
 
@@ -164,7 +179,8 @@ impl<M: Manifold> Motion<M> {
                 load_distance = load_distance.max(self.outside(&shown));
                 clock = Clock { last_ns: t_ns, last: *inputs, ..clock };
                 self.now = Some((now, clock));
-                return Ok(Moved { state: self.state(&shown), load_distance, held, at_rest: false });
+                let state = self.state(&shown);
+                return Ok(Moved { state, load_distance, held, at_rest: false });
             }
             let next = self.step(&now, h_ns, &between(at_ns + h_ns));
             let Some(next) = next.filter(|next| self.outside(next) <= FAR) else {
@@ -194,13 +210,26 @@ impl<M: Manifold> Motion<M> {
             Instant { load, amplitudes: still, tangent: place.tangent, momenta: [0.0; _], rates: [0.0; _] };
         let (position, velocity) = (place.position, Coordinates::default());
         let force_n = self.force_n(regime, inputs, &instant);
-        let now = Now { regime, instant, position, velocity, inputs: *inputs, force_n };
+        let range = self.manifold.load_range();
+        let reach = if self.is_past_unknown { PAST_FRACTION * (range[1] - range[0]) } else { 0.0 };
+        // A swing is one of the free body, which may touch only now.
+        let tangent = self.manifold.place(RegimeKind::Free, inputs).tangent;
+        let past = reach * dot(&tangent, &tangent).sqrt();
+        let now = Now { regime, instant, position, velocity, inputs: *inputs, force_n, impact: 0.0, past };
         self.now = Some((now, Clock { begin_ns: t_ns, steps: 0, last_ns: t_ns, last: *inputs }));
-        Moved { state: self.state(&now), load_distance: self.outside(&now), held: false, at_rest: true }
+        let state = self.state(&now);
+        Moved { state, load_distance: self.outside(&now), held: false, at_rest: true }
     }
 
-    fn state(&self, now: &Now) -> MotionState {
+    fn state(&mut self, now: &Now) -> MotionState {
+        let rest = self.manifold.place(now.regime, &now.inputs).position;
+        let off: Coordinates = std::array::from_fn(|i| now.position[i] - rest[i]);
+        let unit = *self.manifold.unit_load();
+        let square = dot(&off, &off) + dot(&now.velocity, &now.velocity) / square_rate(&unit, &now.instant);
+        let mass = dot(&unit, &unit);
+        let length_mm = |square: f64| if mass > 0.0 { (square / mass).sqrt() } else { 0.0 };
         MotionState {
+            amplitudes_mm: [square, now.impact * now.impact, now.past * now.past].map(length_mm),
             regime: now.regime,
             inputs: now.inputs.with(self.manifold.load_input(), now.instant.load),
             amplitudes: now.instant.amplitudes,
@@ -236,8 +265,9 @@ impl<M: Manifold> Motion<M> {
             RegimeKind::Free => self.penetrates(next, &stepped.instant),
             RegimeKind::Contact => force_n < 0.0,
         };
+        let fades = self.faded(now, step_ns);
         if !leaves {
-            return Some(moved(now.regime, stepped, next, force_n));
+            return Some(moved(now.regime, stepped, next, force_n, fades));
         }
         let regime = match now.regime {
             RegimeKind::Free => RegimeKind::Contact,
@@ -248,12 +278,33 @@ impl<M: Manifold> Motion<M> {
         let other = step(&mut self.manifold, &changed, &instant, &now.position, next)?;
         if regime == RegimeKind::Free && self.penetrates(next, &other.instant) {
             // Neither held nor away from the obstacle: it touches without force.
-            return Some(moved(now.regime, stepped, next, 0.0));
+            return Some(moved(now.regime, stepped, next, 0.0, fades));
         }
         // The load of the onset is not that of the position: its change in this step is no rate.
         let arrived = Instant { rates: [0.0; _], ..other.instant };
         let force_n = self.force_n(regime, next, &arrived);
-        Some(moved(regime, Stepped { instant: arrived, ..other }, next, force_n))
+        let lost: Coordinates = std::array::from_fn(|i| now.velocity[i] - other.velocity[i]);
+        let rate = self.contact_rate(&arrived).max(f64::MIN_POSITIVE);
+        let [impact, past] = fades;
+        let fades = match regime {
+            RegimeKind::Contact => [impact.hypot(dot(&lost, &lost).sqrt() / rate), past],
+            RegimeKind::Free => fades,
+        };
+        Some(moved(regime, Stepped { instant: arrived, ..other }, next, force_n, fades))
+    }
+
+    /// Circular frequency of the slowest linear mode of contact, or of the motion where it has none, rad/s.
+    fn contact_rate(&self, instant: &Instant) -> f64 {
+        let slowest = self.manifold.modes(RegimeKind::Contact).first();
+        slowest.map_or_else(|| square_rate(self.manifold.unit_load(), instant).sqrt(), |mode| mode.rate_rad_s)
+    }
+
+    /// Amplitudes of impacts and of an unknown past after a step.
+    fn faded(&self, now: &Now, step_ns: u64) -> [f64; 2] {
+        let h = step_ns as f64 * 1e-9;
+        let periods = self.contact_rate(&now.instant) * h / std::f64::consts::TAU;
+        let damped = 0.5 * self.settings.damping_s * square_rate(self.manifold.unit_load(), &now.instant) * h;
+        [now.impact * (-periods / IMPACT_PERIODS).exp(), now.past * (-damped).exp()]
     }
 
     /// True if the whole shape of a free instant, linear modes included, reaches behind the obstacle.
@@ -296,7 +347,20 @@ impl<M: Manifold> Motion<M> {
     }
 }
 
-fn moved(regime: RegimeKind, stepped: Stepped, inputs: &Inputs, force_n: f64) -> Now {
+fn moved(
+    regime: RegimeKind,
+    stepped: Stepped,
+    inputs: &Inputs,
+    force_n: f64,
+    [impact, past]: [f64; 2],
+) -> Now {
     let Stepped { instant, position, velocity } = stepped;
-    Now { regime, instant, position, velocity, inputs: *inputs, force_n }
+    Now { regime, instant, position, velocity, inputs: *inputs, force_n, impact, past }
+}
+
+/// Square of the circular frequency of small swings along the tangent, 1/s2: `X_a' M e = w^2 X_a' M X_a`.
+fn square_rate(unit: &Coordinates, instant: &Instant) -> f64 {
+    let size = dot(&instant.tangent, &instant.tangent);
+    // A body that does not yield moves with no load.
+    if size > 0.0 { (dot(unit, &instant.tangent) / size).abs().max(f64::MIN_POSITIVE) } else { f64::MAX }
 }

@@ -101,6 +101,16 @@ impl Memory {
         &self.spec
     }
 
+    /// Bridges any time between two readings by a straight line.
+    pub fn hold_never(&mut self) {
+        self.spec.max_gap_s = f64::INFINITY;
+    }
+
+    /// Time of the last reading, ns; `None` before the first.
+    pub fn last_ns(&self) -> Option<u64> {
+        self.last_ns
+    }
+
     /// Forgets: the next reading starts at equilibrium.
     pub fn restart(&mut self) {
         self.last_ns = None;

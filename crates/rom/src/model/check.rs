@@ -2,7 +2,7 @@
 
 use super::header::{Clearance, ModelHeader, RegimeModel};
 use super::selection::{ModelError, Nodes};
-use crate::inertia::data::{InertiaModel, RegimeInertia, StoredMode};
+use crate::inertia::data::{InertiaModel, MotionWidths, RegimeInertia, StoredMode};
 use crate::inertia::manifold::{MAX_COORDINATES, MAX_LINEAR_MODES};
 use crate::inputs::{InputMap, MAX_INPUTS, PARAMETERS};
 use crate::interpolant::{Interpolant, Slope};
@@ -65,6 +65,12 @@ impl InertiaModel {
         require((1..=MAX_COORDINATES).contains(&count), "expected 1 to 16 coordinates")?;
         let sane = self.step_ns > 0 && self.damping_s >= 0.0 && self.damping_s.is_finite();
         require(sane, "expected a step above 0 and a damping of at least 0")?;
+        let MotionWidths { swing, impact, past } = self.widths;
+        let widths = [swing, impact, past].concat();
+        require(
+            widths.iter().all(|v| *v >= 0.0 && v.is_finite()),
+            "a half-width of the motion is not valid",
+        )?;
         let kinds = header.regimes.iter().map(|regime| regime.kind);
         require(kinds.eq(self.regimes.iter().map(|regime| regime.kind)), "it has other regimes")?;
         require(self.regimes.first().is_some_and(|r| r.kind == RegimeKind::Free), "it has no free regime")?;

@@ -32,11 +32,11 @@ use crate::load::{Description, Loaded};
 use crate::publish::{self, Contents, FieldError, FieldOutput};
 use ingest::{Needed, Validator};
 use markers::Markers;
+use past::Behind;
 use record::Record;
 use residual::{Judged, Residual, Watch};
 use rom::evaluation::Evaluation;
 use rom::evaluator::{HysteresisEvaluator, RegimeLabel};
-use rom::halfwidths::HalfWidths;
 use rom::hull::DomainStatus;
 use rom::inertia::model_motion::ModelMotion;
 use rom::inputs::Inputs;
@@ -173,10 +173,8 @@ struct ActuatorTwin {
 struct Taken {
     sample: SensorSample,
     taken_ns: u64,
-    /// The model's inputs: those of the reading, behind the memory if the model has one.
-    inputs: Inputs,
-    /// Half-widths from an unknown past.
-    past: HalfWidths,
+    /// The model's inputs.
+    at: Behind,
 }
 
 /// Filter, topic and last estimate of an actuator.
@@ -378,9 +376,13 @@ impl ActuatorTwin {
                     self.record.record_outcome(Outcome::DroppedSuperseded);
                 }
                 let said = self.validator.inputs(&sample);
-                let (inputs, past) =
-                    past::inputs_behind(&mut self.parts.memory, &sample, said, check.restarted);
-                self.waiting.push_back(Taken { sample, taken_ns: now, inputs, past });
+                let at = past::inputs_behind(&mut self.parts.memory, &sample, said, check.restarted);
+                if at.is_new_past
+                    && let Some(estimation) = &mut self.estimation
+                {
+                    estimation.estimator.forget_past();
+                }
+                self.waiting.push_back(Taken { sample, taken_ns: now, at });
             }
             Some(outcome) => {
                 if outcome.is_held() {
@@ -395,8 +397,8 @@ impl ActuatorTwin {
 
     /// Steps 3 to 6 for every good reading that waits.
     fn answer_waiting(&mut self) {
-        while let Some(Taken { sample, taken_ns, inputs, past }) = self.waiting.pop_front() {
-            let outcome = match self.evaluate(&sample, inputs, &past) {
+        while let Some(Taken { sample, taken_ns, at }) = self.waiting.pop_front() {
+            let outcome = match self.evaluate(&sample, &at) {
                 Ok(()) => self.publish(&sample, taken_ns),
                 Err(outcome) => {
                     if outcome.is_held() {
@@ -412,10 +414,10 @@ impl ActuatorTwin {
     }
 
     /// Step 3: force, gradients and half-widths of the reading. The coefficients wait for the fields unless states carry them.
-    fn evaluate(&mut self, sample: &SensorSample, at: Inputs, past: &HalfWidths) -> Result<(), Outcome> {
-        let mut inputs = at;
+    fn evaluate(&mut self, sample: &SensorSample, at: &Behind) -> Result<(), Outcome> {
+        let mut inputs = at.inputs;
         if let Some(Estimation { estimator, estimate, .. }) = &mut self.estimation {
-            let update = estimator.update(sample, &inputs);
+            let update = estimator.update(sample, &inputs, at.spread);
             estimator.fill(&update, estimate);
             inputs = Inputs::from(update.inputs);
         }
@@ -424,7 +426,7 @@ impl ActuatorTwin {
         } else {
             self.label = self.parts.evaluator.state(inputs, &mut self.evaluation);
         }
-        self.evaluation.halfwidths = self.evaluation.halfwidths.with(past);
+        self.evaluation.halfwidths = self.evaluation.halfwidths.with(&at.half_widths);
         if let Some(Estimation { estimate, .. }) = &mut self.estimation {
             estimate.inputs = *self.evaluation.inputs.values();
         }

@@ -5,23 +5,44 @@ use rom::evaluator::RegimeLabel;
 use rom::halfwidths::HalfWidths;
 use rom::inertia::model_motion::ModelMotion;
 use rom::inertia::stepper::ReadingError;
-use rom::inputs::Inputs;
-use rom::memory::Memory;
+use rom::inputs::{Inputs, MAX_INPUTS};
+use rom::memory::{Advance, Memory};
 use wire::{Outcome, SensorSample};
 
-/// Inputs behind the memory at a reading, and half-widths from its unknown past. Without memory the inputs themselves.
+/// Inputs of the static map at a reading.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Behind {
+    /// The model's inputs: those of the reading, behind the memory if the model has one.
+    pub inputs: Inputs,
+    /// Largest error of each by an unknown past.
+    pub spread: [f64; MAX_INPUTS],
+    /// Half-widths from it.
+    pub half_widths: HalfWidths,
+    /// The past became unknown with this reading.
+    pub is_new_past: bool,
+}
+
+/// Inputs behind the memory at a reading. Without memory the inputs themselves.
 pub(super) fn inputs_behind(
     memory: &mut Option<Memory>,
     sample: &SensorSample,
     inputs: Inputs,
     is_new_source: bool,
-) -> (Inputs, HalfWidths) {
-    let Some(memory) = memory else { return (inputs, HalfWidths::default()) };
+) -> Behind {
+    let Some(memory) = memory else {
+        let half_widths = HalfWidths::default();
+        return Behind { inputs, spread: [0.0; MAX_INPUTS], half_widths, is_new_past: false };
+    };
     if is_new_source {
         memory.restart();
     }
-    memory.advance(sample.t_sensor_ns, &inputs);
-    (memory.effective(&inputs), memory.half_widths())
+    let outcome = memory.advance(sample.t_sensor_ns, &inputs);
+    Behind {
+        inputs: memory.effective(&inputs),
+        spread: memory.spread(),
+        half_widths: memory.half_widths(),
+        is_new_past: matches!(outcome, Advance::Started | Advance::Gap),
+    }
 }
 
 /// Moves a model with inertia to a reading and evaluates it.

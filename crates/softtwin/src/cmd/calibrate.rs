@@ -1,11 +1,14 @@
 //! `softtwin calibrate`.
 
-use crate::failure::{configuration, unexplained};
+mod memory;
+
+use crate::failure::{configuration, unexplained, usage};
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
-use crate::unknowns::{Unknowns, problems};
-use crate::{files, output};
+use crate::unknowns::Unknowns;
+use crate::{files, memory_report, output};
 use anyhow::{Context, bail};
 use estimate::{Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
+use memory::Calibration;
 use rom::inputs::InputSpec;
 use runtime::config::Scene;
 use runtime::estimation::{self, SensorModel};
@@ -21,6 +24,9 @@ Examples:
   The same for a table, with a picture of measured and predicted values, and a scene with the result:
     softtwin calibrate --scene config/scenes/estimate.toml \\
       --recording run.csv --picture fit.svg --out calibrated.toml
+  With a memory between the measured pressure and the one that acts (line, play, creep), where it explains parts that were left out:
+    softtwin calibrate --scene config/scenes/estimate.toml \\
+      --recording run.csv --memory finger-memory.twin --out calibrated.toml
 
 A table has the columns t_s,pressure_mpa[,gap_mm][,measured_force_n][,marker1_x_mm,marker1_y_mm,marker1_z_mm]...; an empty \
 cell is a missing value. `identifiable` is false where the recording does not tell a quantity: its value then rests on the \
@@ -50,6 +56,9 @@ pub struct Args {
     /// Scene with the fitted values as priors.
     #[arg(long, value_name = "FILE.toml")]
     out: Option<PathBuf>,
+    /// Identify the memory of the pressure and write the model with it (docs/memory.md). The scene of --out names this model.
+    #[arg(long, value_name = "FILE.twin")]
+    memory: Option<PathBuf>,
     /// Largest fraction of the values that may contradict the fit.
     #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = crate::range::number(0.0, 1.0))]
     max_rejected: f64,
@@ -68,8 +77,8 @@ impl Args {
     /// Fits, then prints the estimates.
     pub fn run(self) -> anyhow::Result<()> {
         let scene = Scene::load(&self.scene).map_err(configuration)?;
-        let Unknowns { spec, setup, mut sensors, header } =
-            Unknowns::load(&scene, &self.scene, self.actuator.as_deref())?;
+        let unknowns = Unknowns::load(&scene, &self.scene, self.actuator.as_deref())?;
+        let (spec, setup) = (&unknowns.spec, &unknowns.setup);
         let names = spec.input_names();
         let trace = match &self.log {
             Some(log) => Trace::read_log(&self.recording, log, &names),
@@ -80,12 +89,22 @@ impl Args {
             configuration(anyhow::anyhow!("{}: {}", self.recording.display(), messages.join("\n")))
         })?;
         let good = trace.rows.iter().filter(|reading| reading.status == 0);
-        let named = MeasuredInputs::new(&spec, &header.inputs);
+        let named = MeasuredInputs::new(spec, &unknowns.header.inputs);
         let readings: Vec<Measurement> =
             good.map(|reading| estimation::measurement(reading.t_trace_s, reading, &named)).collect();
-        check_recording(&setup, &readings).map_err(configuration)?;
-        let fit = estimate::fit(&setup, &readings, &mut sensors)
-            .map_err(|errors| problems(errors.iter().map(ToString::to_string).collect()))?;
+        check_recording(setup, &readings).map_err(configuration)?;
+        let (calibration, found) = match &self.memory {
+            None => (Calibration::of(unknowns, readings)?, None),
+            Some(_) if !memory::is_pressure_measured(setup) => {
+                return Err(usage("--memory: expected a model with a measured pressure, found none"));
+            }
+            Some(out) => {
+                let (calibration, found) = memory::calibrate(unknowns, &readings, out)?;
+                (calibration, Some(found))
+            }
+        };
+        let Calibration { unknowns: Unknowns { spec, setup, mut sensors, header, .. }, readings, fit } =
+            calibration;
         let keys: Vec<String> = header.inputs.iter().map(InputSpec::key).collect();
         let curves = Curves::of(&setup, &readings, &fit, &mut sensors, &keys);
         let structures = curves.structures(&setup, &readings);
@@ -98,9 +117,18 @@ impl Args {
             figure(&setup, &readings, &curves).save(picture)?;
         }
         if self.json {
-            output::json(&summary(&setup, &fit, readings.len(), &structures, &reasons))?;
+            let mut summary = summary(&setup, &fit, readings.len(), &structures, &reasons);
+            if let Some(found) = &found {
+                summary["memory"] = memory_report::as_json(found);
+                summary["remarks"] = json!(found.remarks);
+            }
+            output::json(&summary)?;
         } else {
             output!("{}", text(&setup, &fit, readings.len()))?;
+            if let Some(found) = &found {
+                memory_report::print(found)?;
+                found.remarks.iter().try_for_each(|remark| output!("  note: {remark}"))?;
+            }
         }
         if !fit.converged {
             bail!(
@@ -128,6 +156,9 @@ impl Args {
     ) -> anyhow::Result<()> {
         let mut new = scene.clone();
         for actuator in new.actuators.iter_mut().filter(|actuator| actuator.name == name) {
+            if let Some(memory) = &self.memory {
+                actuator.model = std::path::absolute(memory)?;
+            }
             for (unknown, estimate) in setup.unknowns.iter().zip(&fit.estimates) {
                 if let Some(spec) = actuator.estimate.get_mut(&unknown.name) {
                     (spec.prior, spec.sigma) = (estimate.value, estimate.sigma);

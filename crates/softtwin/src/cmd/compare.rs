@@ -2,14 +2,17 @@
 
 use crate::bench::{self, confusion, inputs_at, line, match_inputs, panel, range};
 use crate::failure::configuration;
-use crate::past::Past;
 use crate::picture::{Figure, Mark};
 use crate::{files, output};
 use anyhow::Context;
 use formats::log::Recording;
+use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
+use rom::inertia::stepper::ReadingError;
 use rom::model::{BlockKind, Model, Selection};
-use rom::model_state::ModelState;
+use rom::moving::Moving;
 use rom::observable::Observables;
+use rom::reconstructor::Reconstructor;
 use rom::snapshots::FieldKind;
 use serde_json::{Map, Value, json};
 use std::path::PathBuf;
@@ -182,12 +185,14 @@ fn compare(
             sets.join(", ")
         )));
     }
-    let mut state = ModelState::new(model, &Selection::default())?;
+    let mut moving = Moving::new(model)?;
+    let (mut evaluation, mut scratch) = (moving.evaluation(), Evaluator::new(&model.header)?.evaluation());
+    let reconstructor = Reconstructor::new(model, &Selection::default())?;
+    let mut fields = vec![0.0; reconstructor.entries()];
     let nodes = model.header.node_count;
     let mut outside = 0_usize;
-    // Value and half-width of an output at the present state.
-    let answer = |state: &ModelState, origin: &Origin| {
-        let evaluation = state.evaluation();
+    // Value and half-width of an output.
+    let answer = |evaluation: &Evaluation, fields: &[f32], origin: &Origin| {
         let widths = evaluation.halfwidths;
         match *origin {
             Origin::Observable(at) => {
@@ -204,23 +209,31 @@ fn compare(
                     FieldKind::Other => f64::NAN,
                 };
                 let width = measured.map_or(by_kind, |width| f64::from(*width));
-                (f64::from(state.fields()[field * nodes + node]), width)
+                (f64::from(fields[field * nodes + node]), width)
             }
         }
     };
-    let mut past = Past::of(model)?;
+    let begin_s = recording.time_s.first().copied().unwrap_or_default();
     for row in 0..recording.time_s.len() {
         let Some(inputs) = inputs_at(places, recording, row) else { continue };
-        let effective = past.at(recording.time_s[row], &inputs);
-        let mut enclosing: Vec<Vec<f64>> = Vec::new();
-        for inputs in effective.enclosing.into_iter().flatten() {
-            state.update(inputs).context("the model has no answer")?;
-            enclosing.push(origins.iter().map(|origin| answer(&state, origin).0).collect());
+        let t_ns = (1e9 * (recording.time_s[row] - begin_s)).round().max(0.0) as u64;
+        match moving.step(t_ns, inputs, &mut evaluation) {
+            // A row of the time of the one before has the same state.
+            Ok(_) | Err(ReadingError::NotLater { .. }) => {}
+            Err(error) => return Err(error).context("the model has no answer"),
         }
-        state.update(effective.inputs).context("the model has no answer")?;
-        outside += usize::from(state.evaluation().flags.extrapolated);
+        let mut enclosing: Vec<Vec<f64>> = Vec::new();
+        // Half-widths of other models contain the past.
+        let pasts = moving.enclosing(&inputs).filter(|_| model.is_measured());
+        for inputs in pasts.into_iter().flatten() {
+            moving.evaluator().evaluate(inputs, &mut scratch);
+            reconstructor.reconstruct_into(&scratch, &mut fields).context("the model has no answer")?;
+            enclosing.push(origins.iter().map(|origin| answer(&scratch, &fields, origin).0).collect());
+        }
+        reconstructor.reconstruct_into(&evaluation, &mut fields).context("the model has no answer")?;
+        outside += usize::from(evaluation.flags.extrapolated);
         for (at, (output, origin)) in outputs.iter_mut().zip(&origins).enumerate() {
-            let (value, width) = answer(&state, origin);
+            let (value, width) = answer(&evaluation, &fields, origin);
             let of_past = enclosing.iter().map(|values| (values[at] - value).abs()).fold(0.0, f64::max);
             (output.predicted[row], output.half_width[row]) = (value, width.hypot(of_past));
         }

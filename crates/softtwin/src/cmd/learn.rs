@@ -1,12 +1,12 @@
 //! `softtwin learn`.
 
 use crate::failure::unexplained;
-use crate::{bench, files, output};
+use crate::{bench, files, memory_report, output};
 use formats::log::Series;
 use serde_json::{Map, Value, json};
 use std::path::PathBuf;
 use train::measured::{Learned, Measured, Run, learn, learn_with_memory};
-use train::memory::{BlockReport, Constant, Identified};
+use train::memory::Identified;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -103,39 +103,13 @@ impl Args {
             100.0 * learned.error_share
         )?;
         if let Some(found) = &found {
-            print_memory(found)?;
+            memory_report::print(found)?;
         }
         for remark in &remarks {
             output!("  note: {remark}")?;
         }
         Ok(())
     }
-}
-
-fn print_memory(found: &Identified) -> anyhow::Result<()> {
-    let [without, with] = found.left_out;
-    output!(
-        "  memory: RMS error on left-out parts {:.1} % without, {:.1} % with it",
-        100.0 * without,
-        100.0 * with
-    )?;
-    for BlockReport { block, is_kept, left_out: [before, after], constants } in &found.blocks {
-        let outcome = if *is_kept { "kept" } else { "not kept" };
-        output!("  {:<6} {outcome:<9} {:>6.2} -> {:.2} %", block.name(), 100.0 * before, 100.0 * after)?;
-        for Constant { name, unit, value, interval: [low, high] } in constants {
-            output!("    {name} {value:.4} {unit} ({low:.4} .. {high:.4})")?;
-        }
-    }
-    Ok(())
-}
-
-fn memory_json(found: &Identified) -> Value {
-    let constant = |Constant { name, unit, value, interval }: &Constant| json!({"name": name, "unit": unit, "value": value, "interval": interval});
-    let block = |report: &BlockReport| {
-        json!({"block": report.block.name(), "kept": report.is_kept, "left_out": report.left_out,
-            "constants": report.constants.iter().map(constant).collect::<Vec<_>>()})
-    };
-    json!({"left_out": found.left_out, "blocks": found.blocks.iter().map(block).collect::<Vec<_>>()})
 }
 
 fn as_json(learned: &Learned, found: Option<&Identified>, remarks: &[String]) -> Value {
@@ -149,5 +123,5 @@ fn as_json(learned: &Learned, found: Option<&Identified>, remarks: &[String]) ->
         })
         .collect();
     json!({"source": "measured", "rows": learned.rows, "inputs": learned.inputs, "outputs": outputs, "kernel": learned.kernel,
-        "memory": found.map(memory_json), "turns": learned.turns, "error_share": learned.error_share, "remarks": remarks})
+        "memory": found.map(memory_report::as_json), "turns": learned.turns, "error_share": learned.error_share, "remarks": remarks})
 }

@@ -3,19 +3,15 @@
 use super::data::range_of;
 use super::layout::{PRESSURE_NAME, outputs};
 use super::{Learned, Measured, MeasuredError, Run, fit, select};
-use crate::memory::{Identified, identify};
+use crate::memory::{Identified, identify, slopes};
 use rom::inputs::{Inputs, PARAMETERS, PRESSURE};
-use rom::memory::{MemorySpec, Slopes};
-use rom::model::{BlockData, BlockKind, Model, Selection};
-use rom::model_state::ModelState;
-use rom::snapshots::FieldKind;
+use rom::memory::MemorySpec;
+use rom::model::{BlockData, BlockKind, Model};
 
 /// Difference between runs, as a fraction of the length of the outputs' range.
 const MOUNTING: f64 = 0.005;
 /// Instants at which the slopes of the answers are taken.
 const SLOPE_ROWS: usize = 200;
-/// Step of the difference quotient as a fraction of the input's range.
-const SLOPE_STEP: f64 = 0.05;
 
 /// Selects the columns that move, identifies their memory, and fits the static map of the inputs behind it. Without a block that improves
 /// left-out parts the model is that of [`super::learn`].
@@ -27,7 +23,7 @@ pub fn learn_with_memory(actuator: &str, data: &Measured) -> Result<(Learned, Id
     let moving = select(data, &mut remarks)?;
     let runs: Vec<Run> = moving.runs.iter().map(driven).filter(|run| run.time_s.len() > 1).collect();
     let scales = scales(&moving.outputs, &runs);
-    let found = identify(&runs, &scales).ok_or(MeasuredError::Singular)?;
+    let found = identify(&runs, &scales, None).ok_or(MeasuredError::Singular)?;
     let Some(spec) = &found.memory else {
         let mut learned = fit(actuator, &moving)?;
         remarks.append(&mut learned.remarks);
@@ -121,34 +117,9 @@ fn placed(spec: &MemorySpec, behind: &Measured, model: &Model) -> MemorySpec {
     let states: Vec<Inputs> = rows().step_by(step).map(|(run, row)| state(run, row)).collect();
     let mut inputs = spec.inputs.clone();
     for of in &mut inputs {
-        of.slopes.displacement_mm = displacement_slope(model, &states, positions[of.input], of.range);
+        of.slopes = slopes(model, &states, positions[of.input], of.range);
         of.input = positions[of.input];
     }
     inputs.sort_by_key(|of| of.input);
     MemorySpec { inputs, max_gap_s: spec.max_gap_s }
-}
-
-/// Largest change of a node's position per unit of an input at these states; 0 where the model has no position.
-fn displacement_slope(model: &Model, states: &[Inputs], input: usize, range: [f64; 2]) -> f64 {
-    let Ok(mut state) = ModelState::new(model, &Selection::default()) else {
-        return Slopes::default().displacement_mm;
-    };
-    let nodes = model.header.node_count;
-    let axes: Vec<usize> = (0..model.header.fields.len())
-        .filter(|field| matches!(model.header.fields[*field].spec.kind, FieldKind::Coordinate(_)))
-        .collect();
-    let step = SLOPE_STEP * (range[1] - range[0]);
-    let mut largest: f64 = 0.0;
-    for inputs in states {
-        let value = inputs.values()[input];
-        let moved = inputs.with(input, if value + step > range[1] { value - step } else { value + step });
-        let mut fields = |inputs: Inputs| state.update(inputs).ok().map(|_| state.fields().to_vec());
-        let (Some(from), Some(to)) = (fields(*inputs), fields(moved)) else { continue };
-        for node in 0..nodes {
-            let square =
-                |field: &usize| f64::from(to[field * nodes + node] - from[field * nodes + node]).powi(2);
-            largest = largest.max(axes.iter().map(square).sum::<f64>().sqrt() / step);
-        }
-    }
-    largest
 }

@@ -10,15 +10,17 @@ const PLAYS: usize = 4;
 pub enum Block {
     /// Lag with two time constants.
     Line,
-    /// Play operators.
+    /// Play operators of thresholds up to the largest, a loop that rounds its turning points.
     Play,
+    /// One play operator, as a mechanical play: an alternative to the former.
+    SinglePlay,
     /// Slow state.
     Creep,
 }
 
 impl Block {
     /// In the order from the source to the fields.
-    pub const ALL: [Self; 3] = [Self::Line, Self::Play, Self::Creep];
+    pub const ALL: [Self; 4] = [Self::Line, Self::Play, Self::SinglePlay, Self::Creep];
 
     /// Word for it.
     #[must_use]
@@ -26,6 +28,7 @@ impl Block {
         match self {
             Self::Line => "line",
             Self::Play => "play",
+            Self::SinglePlay => "single play",
             Self::Creep => "creep",
         }
     }
@@ -36,8 +39,15 @@ impl Block {
         match self {
             Self::Line => [("filling", "s"), ("emptying", "s")],
             Self::Play => [("largest threshold", "of the range"), ("weight", "")],
+            Self::SinglePlay => [("threshold", "of the range"), ("weight", "")],
             Self::Creep => [("time", "s"), ("weight", "")],
         }
+    }
+
+    /// True if a set of blocks has this one, or its alternative.
+    pub(super) fn is_in(self, blocks: &[Self]) -> bool {
+        let is_play = |block: Self| matches!(block, Self::Play | Self::SinglePlay);
+        blocks.iter().any(|other| *other == self || is_play(*other) && is_play(self))
     }
 
     /// True if a constant is a time.
@@ -67,7 +77,7 @@ impl Limits {
         let time = [(0.3 * interval_s).ln(), (0.25 * duration_s).max(interval_s).ln()];
         match block {
             Block::Line => [time, time],
-            Block::Play => [[0.005_f64.ln(), 0.5_f64.ln()], [0.0, 1.0]],
+            Block::Play | Block::SinglePlay => [[0.005_f64.ln(), 0.5_f64.ln()], [0.0, 1.0]],
             Block::Creep => {
                 [[(3.0 * interval_s).max(0.02 * duration_s).ln().min(time[1]), time[1]], [0.0, 0.6]]
             }
@@ -84,7 +94,7 @@ impl Limits {
         };
         match block {
             Block::Line => grid(&shares, &shares),
-            Block::Play => grid(&[0.3, 0.5, 0.7, 0.85], &[0.3, 0.8]),
+            Block::Play | Block::SinglePlay => grid(&[0.3, 0.5, 0.7, 0.85], &[0.3, 0.8]),
             Block::Creep => grid(&[0.2, 0.5, 0.8], &[0.1, 0.4]),
         }
     }
@@ -105,6 +115,9 @@ pub(super) fn spec(blocks: &[Block], unknowns: &[f64], ranges: &[[f64; 2]], max_
                         weight: u[1] / PLAYS as f64,
                     };
                     of.play = (1..=PLAYS).map(play).collect();
+                }
+                Block::SinglePlay => {
+                    of.play = vec![Play { threshold: u[0].exp() * (range[1] - range[0]), weight: u[1] }];
                 }
                 Block::Creep => of.creep = vec![Creep { time_s: u[0].exp(), weight: u[1] }],
             }

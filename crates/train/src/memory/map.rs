@@ -1,4 +1,4 @@
-//! Static map of the search: polynomials of the inputs behind the memory, by least squares.
+//! Static map of the search, by least squares: polynomials of the inputs behind the memory, or terms of a model that is known.
 //!
 //! `y = c_0 + sum_i (a_i x_i + b_i x_i^2 + d_i x_i^3) + sum_(i<j) e_ij x_i x_j` with inputs scaled to [0, 1] and a small ridge on all
 //! terms but the constant; or its linear part alone.
@@ -8,35 +8,58 @@ use rom::dense::Dense;
 /// Ridge per row.
 const RIDGE: f64 = 1e-5;
 
+/// A model of the outputs that is known but for weights: the terms of each output, the first of which is a constant.
+pub trait ModelTerms {
+    /// Terms of an output.
+    fn count(&self) -> usize;
+
+    /// Terms of all outputs at a row of the runs (run and row) and inputs behind the memory, appended; they are of the order of 1.
+    fn push(&self, row: (usize, usize), inputs: &[f64], to: &mut Vec<f64>);
+}
+
 /// Terms of the map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Terms {
+#[derive(Clone, Copy)]
+pub(super) enum Terms<'a> {
     /// Constant and linear.
     Linear,
     /// Cubic in each input, and products of two.
     Cubic,
+    /// Those of a model.
+    Model(&'a dyn ModelTerms),
 }
 
-impl Terms {
+/// A row of the runs: its place, inputs behind the memory, and the same scaled to [0, 1].
+pub(super) struct Point<'a> {
+    pub row: (usize, usize),
+    pub inputs: &'a [f64],
+    pub scaled: &'a [f64],
+}
+
+impl Terms<'_> {
     pub(super) fn count(self, inputs: usize) -> usize {
         match self {
             Self::Linear => 1 + inputs,
             Self::Cubic => 1 + 3 * inputs + inputs * (inputs - 1) / 2,
+            Self::Model(model) => model.count(),
         }
     }
 
-    /// Terms at a point, appended.
-    pub(super) fn push(self, x: impl Iterator<Item = f64> + Clone, to: &mut Vec<f64>) {
+    /// Terms of all outputs at a point, appended.
+    pub(super) fn push(self, at: &Point<'_>, outputs: usize, to: &mut Vec<f64>) {
+        if let Self::Model(model) = self {
+            return model.push(at.row, at.inputs, to);
+        }
+        let begin = to.len();
         to.push(1.0);
-        match self {
-            Self::Linear => to.extend(x),
-            Self::Cubic => {
-                for (at, v) in x.clone().enumerate() {
-                    to.extend([v, v * v, v * v * v]);
-                    to.extend(x.clone().take(at).map(|other| other * v));
-                }
+        for (k, v) in at.scaled.iter().enumerate() {
+            to.push(*v);
+            if let Self::Cubic = self {
+                to.extend([v * v, v * v * v]);
+                to.extend(at.scaled.iter().take(k).map(|other| other * v));
             }
         }
+        let end = to.len();
+        (1..outputs).for_each(|_| to.extend_from_within(begin..end));
     }
 }
 
@@ -54,8 +77,10 @@ impl Normal {
         Self { terms, outputs, parts: vec![(vec![0.0; terms * terms], vec![0.0; terms], 0.0); outputs] }
     }
 
-    pub(super) fn add(&mut self, row: &[f64], outputs: impl Iterator<Item = f64>) {
-        for ((matrix, right, count), y) in self.parts.iter_mut().zip(outputs) {
+    /// Adds a row: the terms of output after output, and the outputs.
+    pub(super) fn add(&mut self, terms: &[f64], outputs: impl Iterator<Item = f64>) {
+        let rows = terms.chunks_exact(self.terms);
+        for (((matrix, right, count), row), y) in self.parts.iter_mut().zip(rows).zip(outputs) {
             if y.is_finite() {
                 *count += 1.0;
                 for (i, v) in row.iter().enumerate() {

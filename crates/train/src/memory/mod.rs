@@ -12,8 +12,11 @@
 mod blocks;
 mod map;
 mod search;
+mod slopes;
 
 pub use blocks::Block;
+pub use map::ModelTerms;
+pub use slopes::slopes;
 
 use crate::measured::Run;
 use blocks::Limits;
@@ -82,10 +85,11 @@ pub fn parts(rows: &[usize]) -> Vec<Vec<usize>> {
     rows.iter().enumerate().map(one).collect()
 }
 
-/// Identifies the memory of runs. `scales` is the unit of each output's error, e.g. the range of the outputs with its unit.
+/// Identifies the memory of runs. `scales` is the unit of each output's error, e.g. the range of the outputs with its unit. The static map
+/// is that of a `model` up to weights, or a polynomial.
 /// Returns `None` where the least-squares map has no finite solution. Cost: `O(1000 rows)`.
 #[must_use]
-pub fn identify(runs: &[Run], scales: &[f64]) -> Option<Identified> {
+pub fn identify(runs: &[Run], scales: &[f64], model: Option<&dyn ModelTerms>) -> Option<Identified> {
     let inputs = runs.first()?.inputs.len();
     let range = |input: usize| {
         let values = runs.iter().flat_map(|run| &run.inputs[input]);
@@ -114,24 +118,22 @@ pub fn identify(runs: &[Run], scales: &[f64]) -> Option<Identified> {
         by_fold: Vec::new(),
         without: Vec::new(),
     };
-    let best = |blocks: &[Block], from: &Candidate| {
-        let found = [Terms::Linear, Terms::Cubic]
-            .into_iter()
-            .filter_map(|terms| problem.candidate(blocks, terms, from));
+    let best = |blocks: &[Block], from: &Candidate<'_>| {
+        let maps = model.map_or_else(|| vec![Terms::Linear, Terms::Cubic], |model| vec![Terms::Model(model)]);
+        let found = maps.into_iter().filter_map(|terms| problem.candidate(blocks, terms, from));
         found.min_by(|a, b| a.left_out.total_cmp(&b.left_out))
     };
     let memoryless = best(&[], &start)?;
     let mut kept = memoryless.clone();
     let (mut reports, mut remarks): (Vec<BlockReport>, Vec<String>) = (Vec::new(), Vec::new());
     loop {
-        let missing: Vec<Block> =
-            Block::ALL.into_iter().filter(|block| !kept.blocks.contains(block)).collect();
+        let missing: Vec<Block> = Block::ALL.into_iter().filter(|block| !block.is_in(&kept.blocks)).collect();
         let with = |block: Block| -> Vec<Block> {
             Block::ALL.into_iter().filter(|b| *b == block || kept.blocks.contains(b)).collect()
         };
-        let found: Vec<(Block, Candidate)> =
+        let found: Vec<(Block, Candidate<'_>)> =
             missing.iter().filter_map(|block| Some((*block, best(&with(*block), &kept)?))).collect();
-        let improves = |with: &Candidate| {
+        let improves = |with: &Candidate<'_>| {
             let better = with.by_fold.iter().zip(&kept.by_fold).filter(|(with, without)| with < without);
             let is_lower = with.left_out < (1.0 - KEPT) * kept.left_out;
             is_lower && 2 * better.count() >= with.by_fold.len() && limits.drift(with).is_none()
@@ -179,7 +181,7 @@ pub fn identify(runs: &[Run], scales: &[f64]) -> Option<Identified> {
 fn constant(
     block: Block,
     which: usize,
-    kept: &Candidate,
+    kept: &Candidate<'_>,
     limits: &Limits,
     at: usize,
     deviations: &[f64],
@@ -199,7 +201,7 @@ fn constant(
 
 impl Limits {
     /// Remark on a set of blocks whose time constant is at the longest that the runs can show: the next run will differ.
-    fn drift(&self, of: &Candidate) -> Option<String> {
+    fn drift(&self, of: &Candidate<'_>) -> Option<String> {
         let at_limit =
             |block: Block, u: &[f64]| (0..2).any(|k| block.is_time(k) && u[k] > self.of(block)[k][1] - 0.01);
         let mut both = of.blocks.iter().zip(of.unknowns.chunks_exact(2));

@@ -1,7 +1,7 @@
 //! Search for the constants of a set of blocks: outer Levenberg-Marquardt, inner static fit.
 
 use super::blocks::{self, Block, Limits};
-use super::map::{Normal, Terms};
+use super::map::{Normal, Point, Terms};
 use crate::measured::Run;
 use rom::dense::Dense;
 
@@ -10,6 +10,8 @@ const MAX_ROWS: usize = 2000;
 /// Iterations of the search over all rows, and of that without one fold.
 const ITERATIONS: usize = 12;
 const FOLD_ITERATIONS: usize = 5;
+/// Starting points, the best of the grid, from which the search begins.
+const STARTS: usize = 3;
 /// Decrease of the squared error below which the search ends.
 const STOP: f64 = 1e-4;
 /// Step of the difference quotients.
@@ -31,10 +33,10 @@ pub(super) struct Problem<'a> {
 }
 
 /// Set of blocks with their constants.
-#[derive(Clone, Debug)]
-pub(super) struct Candidate {
+#[derive(Clone)]
+pub(super) struct Candidate<'a> {
     pub blocks: Vec<Block>,
-    pub terms: Terms,
+    pub terms: Terms<'a>,
     pub unknowns: Vec<f64>,
     /// RMS error on left-out folds, all together and by fold.
     pub left_out: f64,
@@ -43,8 +45,9 @@ pub(super) struct Candidate {
     pub without: Vec<Vec<f64>>,
 }
 
-/// Fitted map on all rows: terms by row, and weights.
+/// Fitted map on all rows: terms by row and output, and weights by output.
 struct Fitted {
+    count: usize,
     terms: Vec<f64>,
     weights: Vec<f64>,
 }
@@ -72,12 +75,11 @@ impl<'a> Problem<'a> {
         blocks::spec(blocks, unknowns, &self.ranges, self.max_gap_s)
     }
 
-    /// Scaled inputs behind the memory, at all fitted rows, input after input.
+    /// Inputs behind the memory at all fitted rows, input after input.
     fn behind(&self, blocks: &[Block], unknowns: &[f64]) -> Vec<Vec<f64>> {
         let spec = self.spec(blocks, unknowns);
         let one = |input: usize| {
             let of = &spec.inputs[input];
-            let [low, high] = self.ranges[input];
             let runs: Vec<Vec<f64>> = self
                 .runs
                 .iter()
@@ -86,7 +88,7 @@ impl<'a> Problem<'a> {
                     false => of.responses(&run.time_s, &run.inputs[input], self.max_gap_s),
                 })
                 .collect();
-            self.rows.iter().map(|(run, row)| (runs[*run][*row] - low) / (high - low)).collect()
+            self.rows.iter().map(|(run, row)| runs[*run][*row]).collect()
         };
         (0..self.ranges.len()).map(one).collect()
     }
@@ -100,29 +102,35 @@ impl<'a> Problem<'a> {
     fn fit(
         &self,
         blocks: &[Block],
-        terms: Terms,
+        terms: Terms<'_>,
         unknowns: &[f64],
         without: Option<usize>,
     ) -> Option<Fitted> {
         let x = self.behind(blocks, unknowns);
         let (count, outputs) = (terms.count(x.len()), self.scales.len());
-        let mut all = Vec::with_capacity(count * self.rows.len());
+        let mut all = Vec::with_capacity(count * outputs * self.rows.len());
         let mut normal = Normal::new(count, outputs);
-        for at in 0..self.rows.len() {
-            terms.push(x.iter().map(|x| x[at]), &mut all);
+        let (mut inputs, mut scaled) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+        for (at, row) in self.rows.iter().enumerate() {
+            for (input, (x, [low, high])) in x.iter().zip(&self.ranges).enumerate() {
+                (inputs[input], scaled[input]) = (x[at], (x[at] - low) / (high - low));
+            }
+            let begin = all.len();
+            terms.push(&Point { row: *row, inputs: &inputs, scaled: &scaled }, outputs, &mut all);
             if Some(self.fold[at]) != without {
-                normal.add(&all[at * count..], (0..outputs).map(|k| self.output(at, k)));
+                normal.add(&all[begin..], (0..outputs).map(|k| self.output(at, k)));
             }
         }
-        Some(Fitted { terms: all, weights: normal.solve()? })
+        Some(Fitted { count, terms: all, weights: normal.solve()? })
     }
 
     /// Scaled errors at the rows that `of` selects; 0 where nothing was measured.
     fn errors(&self, fitted: &Fitted, of: impl Fn(usize) -> bool) -> Vec<f64> {
-        let count = fitted.terms.len() / self.rows.len();
         let mut errors = Vec::new();
-        for (at, row) in fitted.terms.chunks_exact(count).enumerate().filter(|(at, _)| of(self.fold[*at])) {
-            for (k, weights) in fitted.weights.chunks_exact(count).enumerate() {
+        let rows = fitted.terms.chunks_exact(fitted.count * self.scales.len());
+        for (at, row) in rows.enumerate().filter(|(at, _)| of(self.fold[*at])) {
+            let both = row.chunks_exact(fitted.count).zip(fitted.weights.chunks_exact(fitted.count));
+            for (k, (row, weights)) in both.enumerate() {
                 let predicted: f64 = row.iter().zip(weights).map(|(a, b)| a * b).sum();
                 let error = (self.output(at, k) - predicted) / self.scales[k];
                 errors.push(if error.is_finite() { error } else { 0.0 });
@@ -134,7 +142,7 @@ impl<'a> Problem<'a> {
     fn residuals(
         &self,
         blocks: &[Block],
-        terms: Terms,
+        terms: Terms<'_>,
         unknowns: &[f64],
         without: Option<usize>,
     ) -> Option<Vec<f64>> {
@@ -154,7 +162,7 @@ impl<'a> Problem<'a> {
     fn minimise(
         &self,
         blocks: &[Block],
-        terms: Terms,
+        terms: Terms<'_>,
         start: &[f64],
         without: Option<usize>,
         iterations: usize,
@@ -191,7 +199,7 @@ impl<'a> Problem<'a> {
     fn jacobian(
         &self,
         blocks: &[Block],
-        terms: Terms,
+        terms: Terms<'_>,
         unknowns: &[f64],
         without: Option<usize>,
         residuals: &[f64],
@@ -208,7 +216,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Standard deviations of the unknowns by the curvature of the error.
-    pub(super) fn deviations(&self, candidate: &Candidate) -> Option<Vec<f64>> {
+    pub(super) fn deviations(&self, candidate: &Candidate<'_>) -> Option<Vec<f64>> {
         let Candidate { blocks, terms, unknowns, .. } = candidate;
         let residuals = self.residuals(blocks, *terms, unknowns, None)?;
         let jacobian = self.jacobian(blocks, *terms, unknowns, None, &residuals)?;
@@ -222,26 +230,44 @@ impl<'a> Problem<'a> {
         (0..unknowns.len()).map(one).collect()
     }
 
-    /// A set of blocks, its added block started from a grid, the others from `from`.
-    pub(super) fn candidate(&self, blocks: &[Block], terms: Terms, from: &Candidate) -> Option<Candidate> {
-        let starts: Vec<Vec<f64>> = match blocks.iter().position(|block| !from.blocks.contains(block)) {
-            Some(added) => {
-                let insert = |start: [f64; 2]| {
-                    let mut unknowns = from.unknowns.clone();
-                    unknowns.splice(2 * added..2 * added, start);
-                    unknowns
-                };
-                self.limits.starts(blocks[added]).into_iter().map(insert).collect()
-            }
-            None => vec![from.unknowns.clone()],
+    /// Starting points of a set of blocks: a grid of the added one, the others as in `from`; a single other one also from a coarse grid,
+    /// because alone it has taken on what the added one explains.
+    fn starts(&self, blocks: &[Block], from: &Candidate<'_>) -> Vec<Vec<f64>> {
+        let Some(added) = blocks.iter().position(|block| !from.blocks.contains(block)) else {
+            return vec![from.unknowns.clone()];
         };
+        let mut others = vec![from.unknowns.clone()];
+        if let [only] = from.blocks[..] {
+            others.extend(self.limits.starts(only).into_iter().step_by(3).map(Vec::from));
+        }
+        let insert = |others: &Vec<f64>, start: [f64; 2]| {
+            let mut unknowns = others.clone();
+            unknowns.splice(2 * added..2 * added, start);
+            unknowns
+        };
+        let grid = self.limits.starts(blocks[added]);
+        others.iter().flat_map(|others| grid.iter().map(|start| insert(others, *start))).collect()
+    }
+
+    /// A set of blocks, its added block started from a grid, the others from `from`.
+    pub(super) fn candidate<'m>(
+        &self,
+        blocks: &[Block],
+        terms: Terms<'m>,
+        from: &Candidate<'_>,
+    ) -> Option<Candidate<'m>> {
         let cost = |start: &Vec<f64>| {
             let found = self.residuals(blocks, terms, start, None);
             found.map_or(f64::INFINITY, |residuals| square(&residuals))
         };
-        let best =
-            starts.into_iter().map(|start| (cost(&start), start)).min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let unknowns = self.minimise(blocks, terms, &best.1, None, ITERATIONS)?;
+        let mut starts: Vec<(f64, Vec<f64>)> =
+            self.starts(blocks, from).into_iter().map(|start| (cost(&start), start)).collect();
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let minima = starts.iter().take(STARTS).filter_map(|(_, start)| {
+            let found = self.minimise(blocks, terms, start, None, ITERATIONS)?;
+            Some((cost(&found), found))
+        });
+        let (_, unknowns) = minima.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let (mut without, mut by_fold, mut sum, mut count) = (Vec::new(), Vec::new(), 0.0, 0.0);
         for fold in 0..self.folds {
             let own = self.minimise(blocks, terms, &unknowns, Some(fold), FOLD_ITERATIONS)?;

@@ -1,11 +1,11 @@
 //! A model along motions of the finite elements: errors of the series, and those of the same model without inertia.
 
 use crate::files::refusal;
-use crate::motion::{Trace, follow};
+use crate::motion::{Followed, Trace, follow_shape};
 use crate::output;
 use anyhow::Result;
-use fem::transient::SERIES_COLUMNS;
 use formats::table::Table;
+use formats::trace::SERIES_COLUMNS;
 use formats::{Diagnostic, FormatError};
 use rom::model::{BlockKind, Model};
 use serde::Serialize;
@@ -26,6 +26,8 @@ struct Errors {
     class: &'static str,
     inertia: [Option<f64>; 5],
     statics: [Option<f64>; 5],
+    /// Values within the half-widths of the motion, %.
+    coverage: [Option<f64>; 5],
     outside_training_range: usize,
 }
 
@@ -37,8 +39,8 @@ pub fn run(model: &Model, folders: &[PathBuf], as_json: bool) -> Result<()> {
         let series = folder.join("series.csv");
         let truth = read(&series)?;
         let trace = Trace::read(&series, model)?;
-        let followed = follow(model, &trace, u64::MAX)?;
-        let still = follow(&without, &trace, u64::MAX)?;
+        let followed = follow_shape(model, &trace, u64::MAX)?;
+        let still = follow_shape(&without, &trace, u64::MAX)?;
         let touching = truth.iter().filter(|row| row[FORCE] > 0.0).count();
         let class = match touching {
             0 => "free",
@@ -47,17 +49,22 @@ pub fn run(model: &Model, folders: &[PathBuf], as_json: bool) -> Result<()> {
         };
         let outside_training_range = followed.outside;
         let (inertia, statics) = (errors(&truth, &followed.rows), errors(&truth, &still.rows));
-        Ok(Errors { series, class, inertia, statics, outside_training_range })
+        let coverage = coverage(&truth, &followed);
+        Ok(Errors { series, class, inertia, statics, coverage, outside_training_range })
     };
     let all = folders.iter().map(compare).collect::<Result<Vec<_>>>()?;
     if as_json {
         return output::json(&all);
     }
     let names = SERIES_COLUMNS[FIRST..].iter().map(|name| format!("{name:>17}")).collect::<String>();
-    output!("root mean square error in % of the range; contact force as mean over 10 ms")?;
+    output!(
+        "root mean square error in % of the range, contact force as mean over 10 ms; within: values of the motion within their \
+         half-widths, %"
+    )?;
     output!("{:<9}{:<9}{names}  series", "class", "model")?;
     for errors in &all {
-        for (name, values) in [("inertia", &errors.inertia), ("static", &errors.statics)] {
+        let lines = [("inertia", &errors.inertia), ("static", &errors.statics), ("within", &errors.coverage)];
+        for (name, values) in lines {
             let cell = |value: &Option<f64>| value.map_or(format!("{:>17}", "-"), |v| format!("{v:>17.2}"));
             let cells = values.iter().map(cell).collect::<String>();
             output!("{:<9}{name:<9}{cells}  {}", errors.class, errors.series.display())?;
@@ -87,13 +94,32 @@ fn read(path: &Path) -> Result<Vec<[f64; 8]>> {
     if diagnostics.is_empty() { Ok(rows) } else { Err(wrong(diagnostics)) }
 }
 
+/// Values of a motion within their half-widths, %; the force as mean over the window.
+fn coverage(truth: &[[f64; 8]], found: &Followed<[f64; 8]>) -> [Option<f64>; 5] {
+    std::array::from_fn(|k| {
+        let at = FIRST + k;
+        let width = |widths: &[f64; 3]| match at {
+            FORCE => widths[1],
+            at if at > FORCE => widths[2],
+            _ => widths[0],
+        };
+        let (truth, answers) = (column(truth, at), column(&found.rows, at));
+        let moves = truth.iter().any(|v| *v != truth[0]);
+        let rows = truth.iter().zip(&answers).zip(&found.half_widths);
+        let inside = rows.filter(|((a, b), widths)| (*a - *b).abs() <= width(widths)).count();
+        moves.then(|| 100.0 * inside as f64 / truth.len() as f64)
+    })
+}
+
+/// Values of a quantity at all instants.
+fn column(rows: &[[f64; 8]], at: usize) -> Vec<f64> {
+    if at == FORCE { means(rows) } else { rows.iter().map(|row| row[at]).collect() }
+}
+
 fn errors(truth: &[[f64; 8]], found: &[[f64; 8]]) -> [Option<f64>; 5] {
     std::array::from_fn(|k| {
         let at = FIRST + k;
-        let column = |rows: &[[f64; 8]]| -> Vec<f64> {
-            if at == FORCE { means(rows) } else { rows.iter().map(|row| row[at]).collect() }
-        };
-        let (truth, found) = (column(truth), column(found));
+        let (truth, found) = (column(truth, at), column(found, at));
         let (low, high) =
             truth.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
         let square =

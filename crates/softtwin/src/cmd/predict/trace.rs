@@ -1,11 +1,11 @@
 //! Prediction along a trace of inputs.
 
 use crate::files::save;
-use crate::motion::{Trace, follow};
+use crate::motion::{Followed, Trace, follow_measured, follow_shape};
 use crate::output;
 use anyhow::Result;
-use fem::transient::SERIES_COLUMNS;
 use formats::table::to_text;
+use formats::trace::SERIES_COLUMNS;
 use rom::model::Model;
 use serde_json::json;
 use std::path::Path;
@@ -13,10 +13,24 @@ use std::path::Path;
 /// Predicts along a trace, writes the series and reports.
 pub fn run(model: &Model, trace: &Path, out: &Path, step_ms: f64) -> Result<()> {
     let trace = Trace::read(trace, model)?;
-    let followed = follow(model, &trace, (1e6 * step_ms) as u64)?;
+    let step_ns = (1e6 * step_ms) as u64;
+    if model.is_measured() {
+        let (columns, followed) = follow_measured(model, &trace, step_ns)?;
+        let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+        return write(&trace, &columns, &followed, out);
+    }
+    write(&trace, &SERIES_COLUMNS, &follow_shape(model, &trace, step_ns)?, out)
+}
+
+fn write<Row: AsRef<[f64]>>(
+    trace: &Trace,
+    columns: &[&str],
+    followed: &Followed<Row>,
+    out: &Path,
+) -> Result<()> {
     let cell = |value: &f64| if value.is_finite() { value.to_string() } else { String::new() };
-    let rows = followed.rows.iter().map(|row| row.iter().map(cell).collect::<Vec<_>>());
-    save(out, to_text(&SERIES_COLUMNS, rows).as_bytes())?;
+    let rows = followed.rows.iter().map(|row| row.as_ref().iter().map(cell).collect::<Vec<_>>());
+    save(out, to_text(columns, rows).as_bytes())?;
     output::json(&json!({
         "rows": followed.rows.len(),
         "seconds": trace.length_s(),

@@ -1,0 +1,93 @@
+//! A model along readings in this process: its memory and its inertia, without a daemon.
+
+use crate::ffi::{argument, call, put, take, write_handle};
+use crate::model::{softtwin_model, softtwin_prediction};
+use crate::status::softtwin_status;
+use rom::evaluation::Evaluation;
+use rom::moving::Moving;
+
+/// Motion of an open model, which must not be closed before it.
+pub struct softtwin_motion {
+    model: *const softtwin_model,
+    moving: Moving,
+    evaluation: Evaluation,
+}
+
+/// Opens a motion of a model. It begins at equilibrium with the first reading. A static model follows at once.
+///
+/// # Safety
+/// `model` is live until the motion is closed, `out` points to memory for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_motion_open(
+    model: *const softtwin_model,
+    out: *mut *mut softtwin_motion,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: null or live by the caller's promise.
+        let of = unsafe { model.as_ref() }.ok_or_else(|| argument("the model is null"))?;
+        let moving = Moving::new(of.model()).map_err(|error| argument(&error.to_string()))?;
+        let evaluation = moving.evaluation();
+        // SAFETY: by the caller's promise.
+        unsafe { write_handle(out, softtwin_motion { model, moving, evaluation }) }
+    })
+}
+
+/// Moves to a reading at `t_ns`, later than the last one, with the inputs of the model as in `softtwin_model_predict`: straight lines
+/// between readings. `values`: null, or room for fields x nodes. On a failure the motion is unchanged.
+///
+/// # Safety
+/// `motion` and its model are live, used by one thread; `inputs`, `out` and `values` point to arrays of these sizes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_motion_step(
+    motion: *mut softtwin_motion,
+    t_ns: u64,
+    inputs: *const f64,
+    out: *mut softtwin_prediction,
+    values: *mut f32,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: null or live by the caller's promise, and so is its model.
+        let motion = unsafe { motion.as_mut() }.ok_or_else(|| argument("the motion is null"))?;
+        // SAFETY: the model is live by the caller's promise.
+        let model = unsafe { motion.model.as_ref() }.ok_or_else(|| argument("the model is null"))?;
+        if inputs.is_null() || out.is_null() {
+            return Err(argument("the inputs or the place for the prediction is null"));
+        }
+        // SAFETY: one number per input by the caller's promise.
+        let inputs = model.state(0, unsafe { std::slice::from_raw_parts(inputs, model.width()) })?;
+        let refused = |error: &dyn std::fmt::Display| argument(&error.to_string());
+        if !motion.moving.evaluator().has_values(&inputs) {
+            let set = motion.moving.set_parameters(&inputs, &mut motion.evaluation);
+            set.map_err(|error| refused(&error))?;
+        }
+        let stepped = motion.moving.step(t_ns, inputs, &mut motion.evaluation);
+        stepped.map_err(|error| refused(&error))?;
+        // SAFETY: by the caller's promise.
+        unsafe {
+            let peaks = model.fields(&"the state", &motion.evaluation, values)?;
+            put(out, model.prediction(&motion.evaluation, &peaks))
+        }
+    })
+}
+
+/// Forgets the past: the next reading begins at equilibrium, at any time.
+///
+/// # Safety
+/// `motion` is null or live.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_motion_reset(motion: *mut softtwin_motion) {
+    // SAFETY: by the caller's promise.
+    if let Some(motion) = unsafe { motion.as_mut() } {
+        motion.moving.reset();
+    }
+}
+
+/// Ends a motion.
+///
+/// # Safety
+/// `motion` is null or came from `softtwin_motion_open` and is not used any more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_motion_close(motion: *mut softtwin_motion) {
+    // SAFETY: by the caller's promise.
+    unsafe { take(motion) }
+}

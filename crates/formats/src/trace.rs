@@ -1,0 +1,105 @@
+//! Traces: named inputs over time, and the series of a motion, which is a trace with results.
+
+use crate::table::{Row, Table};
+use crate::{Diagnostic, collect};
+
+/// Columns of the series that a motion writes.
+pub const SERIES_COLUMNS: [&str; 8] = [
+    "t_s",
+    "pressure_mpa",
+    "gap_mm",
+    "lowest_y_mm",
+    "tip_x_mm",
+    "tip_y_mm",
+    "contact_force_n",
+    "max_stress_mpa",
+];
+/// Leading columns of a series that are inputs.
+const INPUTS: usize = 3;
+/// Name of the input whose empty cell is no obstacle.
+const GAP: &str = "gap_mm";
+/// Least time between two rows, s.
+const MIN_INTERVAL_S: f64 = 1.0e-6;
+
+/// Inputs over time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trace {
+    /// Names of the inputs, in the order of the columns.
+    pub names: Vec<String>,
+    /// Time (s) and a value for each input; an empty gap is infinite. At least two rows.
+    pub rows: Vec<(f64, Vec<f64>)>,
+}
+
+/// Value of a cell that a program is asked about.
+#[derive(Clone, Copy, Debug)]
+pub struct Cell<'a> {
+    /// Name of the input.
+    pub name: &'a str,
+    /// Value; infinite for an empty gap.
+    pub value: f64,
+    /// Value in the first row; `None` there.
+    pub first: Option<f64>,
+}
+
+impl Trace {
+    /// Takes the inputs of a table: all columns but the time and the results of a series. `refused` returns what a cell is expected to be
+    /// if it is not.
+    ///
+    /// # Errors
+    /// All errors; never empty.
+    pub fn of_table(
+        table: &Table,
+        refused: &dyn Fn(Cell<'_>) -> Option<&'static str>,
+    ) -> Result<Self, Vec<Diagnostic>> {
+        let [time] = table.columns(["t_s"])?;
+        let named = table.header().iter().enumerate();
+        let is_input = |name: &str| name != "t_s" && !SERIES_COLUMNS[INPUTS..].contains(&name);
+        let columns: Vec<(usize, &str)> =
+            named.map(|(at, name)| (at, name.as_str())).filter(|(_, name)| is_input(name)).collect();
+        let (mut diagnostics, mut rows): (Vec<Diagnostic>, Vec<(f64, Vec<f64>)>) = Default::default();
+        for row in table.rows() {
+            let (before, first) = (rows.last().map(|(t_s, _)| *t_s), rows.first().map(|(_, values)| values));
+            let read = read_row(&row, (time, &columns), before, first, refused, &mut diagnostics);
+            rows.extend(read);
+        }
+        if rows.len() < 2 && diagnostics.is_empty() {
+            diagnostics.push(Diagnostic::new("rows", "at least two instants", rows.len()));
+        }
+        let names = columns.iter().map(|(_, name)| (*name).to_owned()).collect();
+        if diagnostics.is_empty() { Ok(Self { names, rows }) } else { Err(diagnostics) }
+    }
+
+    /// Position of an input.
+    #[must_use]
+    pub fn position(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|known| known == name)
+    }
+}
+
+fn read_row(
+    row: &Row<'_>,
+    (time, columns): (usize, &[(usize, &str)]),
+    before: Option<f64>,
+    first: Option<&Vec<f64>>,
+    refused: &dyn Fn(Cell<'_>) -> Option<&'static str>,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<(f64, Vec<f64>)> {
+    let count = diagnostics.len();
+    collect(row.check_width(false), diagnostics)?;
+    let t_s = collect(row.number(time), diagnostics).unwrap_or(f64::NAN);
+    if before.is_some_and(|before| t_s - before < MIN_INTERVAL_S) {
+        diagnostics.push(row.diagnostic(time, "a time at least 1e-6 s after the row before"));
+    }
+    let mut values = Vec::with_capacity(columns.len());
+    for (at, (column, name)) in columns.iter().enumerate() {
+        let is_open = *name == GAP && row.text(*column).is_empty();
+        let number = if is_open { Ok(f64::INFINITY) } else { row.number(*column) };
+        let value = collect(number, diagnostics).unwrap_or(f64::NAN);
+        let cell = Cell { name, value, first: first.map(|first| first[at]) };
+        if let Some(expected) = refused(cell).filter(|_| !value.is_nan()) {
+            diagnostics.push(row.diagnostic(*column, expected));
+        }
+        values.push(value);
+    }
+    (diagnostics.len() == count).then_some((t_s, values))
+}

@@ -1,0 +1,211 @@
+//! An FMU of a model with inertia: steps, saved states, refusals. The exported functions are called as an importer calls them.
+
+use fmu as _; // the library with the functions below
+use rom::inputs::Inputs;
+use rom::model::{Model, Selection};
+use rom::moving::Moving;
+use rom::reconstructor::Reconstructor;
+use std::ffi::{CString, c_char, c_void};
+use std::ptr::{null, null_mut};
+use tests::{Stage, moving};
+
+const OK: i32 = 0;
+const ERROR: i32 = 3;
+/// Value references: pressure and gap, and the first output.
+const INPUTS: [u32; 2] = [1, 2];
+
+// SAFETY: signatures of FMI 3.0.
+unsafe extern "C" {
+    fn fmi3InstantiateCoSimulation(
+        name: *const c_char,
+        token: *const c_char,
+        resources: *const c_char,
+        visible: bool,
+        logging: bool,
+        event_mode: bool,
+        early_return: bool,
+        required: *const u32,
+        required_count: usize,
+        environment: *mut c_void,
+        message: *const c_void,
+        intermediate: *const c_void,
+    ) -> *mut c_void;
+    fn fmi3InstantiateModelExchange(
+        name: *const c_char,
+        token: *const c_char,
+        resources: *const c_char,
+        visible: bool,
+        logging: bool,
+        environment: *mut c_void,
+        message: *const c_void,
+    ) -> *mut c_void;
+    fn fmi3FreeInstance(instance: *mut c_void);
+    fn fmi3Reset(instance: *mut c_void) -> i32;
+    fn fmi3SetFloat64(
+        instance: *mut c_void,
+        references: *const u32,
+        count: usize,
+        values: *const f64,
+        values_count: usize,
+    ) -> i32;
+    fn fmi3GetFloat64(
+        instance: *mut c_void,
+        references: *const u32,
+        count: usize,
+        values: *mut f64,
+        values_count: usize,
+    ) -> i32;
+    fn fmi3DoStep(
+        instance: *mut c_void,
+        current_s: f64,
+        step_s: f64,
+        no_set_prior: bool,
+        event_needed: *mut bool,
+        terminate: *mut bool,
+        early_return: *mut bool,
+        last_s: *mut f64,
+    ) -> i32;
+    fn fmi3GetFMUState(instance: *mut c_void, state: *mut *mut c_void) -> i32;
+    fn fmi3SetFMUState(instance: *mut c_void, state: *mut c_void) -> i32;
+    fn fmi3FreeFMUState(instance: *mut c_void, state: *mut *mut c_void) -> i32;
+}
+
+/// An instance with one chosen node.
+struct Importer {
+    instance: *mut c_void,
+    /// Value reference of `tip.y`.
+    tip_y: u32,
+}
+
+impl Importer {
+    fn open(stage: &Stage) -> Self {
+        let nodes = [fmu::ChosenNode { name: "tip".into(), node: 2 }];
+        let token = fmu::token(moving::model_bytes(), &nodes);
+        std::fs::create_dir_all(stage.path("resources")).unwrap();
+        std::fs::write(stage.path("resources").join(fmu::MODEL_FILE), moving::model_bytes()).unwrap();
+        std::fs::write(stage.path("resources").join(fmu::NODES_FILE), fmu::nodes_text(&nodes)).unwrap();
+        let model = Model::from_bytes(moving::model_bytes()).unwrap();
+        let xml = fmu::describe(&model, &nodes, &token).unwrap();
+        assert!(xml.contains("canGetAndSetFMUState=\"true\"") && !xml.contains("<ModelExchange"), "{xml}");
+        let of_tip = xml.split("name=\"tip.y\" valueReference=\"").nth(1).unwrap();
+        let tip_y = of_tip.split('"').next().unwrap().parse().unwrap();
+        let [name, token, resources] = ["beam", &token, stage.path("resources").to_str().unwrap()]
+            .map(|text| CString::new(text).unwrap());
+        let (name, token, resources) = (name.as_ptr(), token.as_ptr(), resources.as_ptr());
+        // SAFETY: zero-terminated strings; no callbacks.
+        let instance = unsafe {
+            let exchange =
+                fmi3InstantiateModelExchange(name, token, resources, false, false, null_mut(), null());
+            assert!(exchange.is_null());
+            fmi3InstantiateCoSimulation(
+                name,
+                token,
+                resources,
+                false,
+                false,
+                false,
+                false,
+                null(),
+                0,
+                null_mut(),
+                null(),
+                null(),
+            )
+        };
+        assert!(!instance.is_null());
+        Self { instance, tip_y }
+    }
+
+    fn set(&self, pressure_mpa: f64) {
+        let values = [pressure_mpa, 20.0];
+        // SAFETY: two references and two values.
+        let status = unsafe { fmi3SetFloat64(self.instance, INPUTS.as_ptr(), 2, values.as_ptr(), 2) };
+        assert_eq!(status, OK);
+    }
+
+    fn step(&self, from_s: f64, step_s: f64) -> i32 {
+        let (mut flags, mut last_s) = ([false; 3], f64::NAN);
+        let [event, terminate, early] = flags.each_mut().map(std::ptr::from_mut);
+        // SAFETY: places for all results.
+        unsafe { fmi3DoStep(self.instance, from_s, step_s, true, event, terminate, early, &raw mut last_s) }
+    }
+
+    fn tip_y(&self) -> f64 {
+        let mut value = f64::NAN;
+        // SAFETY: one reference and one place.
+        let status = unsafe { fmi3GetFloat64(self.instance, &raw const self.tip_y, 1, &raw mut value, 1) };
+        assert_eq!(status, OK);
+        value
+    }
+
+    /// Tip after each of `steps` of 5 ms of constant inputs from `begin` on.
+    fn run(&self, begin: u32, steps: u32) -> Vec<f64> {
+        let one = |k: u32| {
+            assert_eq!(self.step(0.005 * f64::from(k), 0.005), OK);
+            self.tip_y()
+        };
+        (begin..begin + steps).map(one).collect()
+    }
+}
+
+impl Drop for Importer {
+    fn drop(&mut self) {
+        // SAFETY: instantiated once, not used any more.
+        unsafe { fmi3FreeInstance(self.instance) };
+    }
+}
+
+#[test]
+fn fmu_with_inertia_swings_as_the_model_and_returns_to_saved_states() {
+    let stage = Stage::new("fmustates");
+    let importer = Importer::open(&stage);
+    let run = || {
+        importer.set(0.02);
+        let rest = importer.tip_y();
+        let still = importer.run(0, 2);
+        assert!(still.iter().all(|y| (y - rest).abs() < 1e-3), "{rest} {still:?}");
+        importer.set(0.1);
+        assert_eq!(importer.tip_y(), still[1], "an input acts with the next step");
+        importer.run(2, 60)
+    };
+    let moves = run();
+    // The same motion in Rust: the pressure jumps within a nanosecond and is held.
+    let model = Model::from_bytes(moving::model_bytes()).unwrap();
+    let (mut motion, tip) = (Moving::new(&model).unwrap(), 2);
+    let reconstructor = Reconstructor::new(&model, &Selection::default()).unwrap();
+    let (mut evaluation, mut fields) = (motion.evaluation(), vec![0.0; reconstructor.entries()]);
+    let mut at = |t_ns: u64, pressure_mpa: f64| {
+        motion.step(t_ns, Inputs::new(pressure_mpa, 20.0), &mut evaluation).unwrap();
+        reconstructor.reconstruct_into(&evaluation, &mut fields).unwrap();
+        f64::from(fields[reconstructor.rows() + tip])
+    };
+    at(0, 0.02);
+    at(10_000_000, 0.02);
+    at(10_000_001, 0.1);
+    let expected: Vec<f64> = (3..63).map(|k| at(5_000_000 * k, 0.1)).collect();
+    let (low, high) = expected.iter().fold((f64::MAX, f64::MIN), |(l, h), y| (l.min(*y), h.max(*y)));
+    for (found, expected) in moves.iter().zip(&expected) {
+        assert!((found - expected).abs() < 1e-4 * (high - low), "{moves:?} {expected}");
+    }
+    assert!(high - low > 1.0, "{expected:?}");
+    // A saved state restores inputs, time and motion.
+    let mut saved = null_mut();
+    // SAFETY: a place for a state; freed once.
+    unsafe {
+        assert_eq!(fmi3GetFMUState(importer.instance, &raw mut saved), OK);
+        let first = importer.run(62, 20);
+        importer.set(0.0);
+        importer.run(82, 5);
+        assert_eq!(fmi3SetFMUState(importer.instance, saved), OK);
+        assert_eq!(importer.run(62, 20), first);
+        assert_eq!(fmi3FreeFMUState(importer.instance, &raw mut saved), OK);
+        assert!(saved.is_null());
+        assert_eq!(fmi3SetFMUState(importer.instance, saved), ERROR);
+        assert_eq!(fmi3Reset(importer.instance), OK);
+    }
+    assert_eq!(run(), moves);
+    // Backwards, or not a number.
+    for (from_s, step_s) in [(0.1, 0.005), (0.4, -0.1), (0.4, f64::NAN)] {
+        assert_eq!(importer.step(from_s, step_s), ERROR, "{from_s} {step_s}");
+    }
+}
