@@ -24,9 +24,9 @@ const MODES: usize = 3;
 const SOUGHT: usize = 12;
 /// Least part of the mass, as a square root, that takes part in a vibration along the load.
 const LEAST_PART: f64 = 0.03;
-/// Half-widths of displacement, stress and contact force, as fractions of what the swing changes in them, and of what a swing with the
-/// velocity that an impact took would change.
-const SWING: [f64; 3] = [0.04, 0.15, 0.15];
+/// Half-widths of displacement, stress and contact force, as fractions of what the path of the motion changes in them, and of what a swing
+/// with the velocity that an impact took would change.
+const SWING: [f64; 3] = [0.02, 0.06, 0.06];
 const IMPACT: [f64; 3] = [0.4, 0.4, 0.6];
 /// Training cases at which the change per amplitude is taken.
 const WIDTH_CASES: usize = 12;

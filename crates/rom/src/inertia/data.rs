@@ -25,7 +25,7 @@ pub struct InertiaModel {
 /// (root of the sum of squares). Amplitudes are mass-weighted root mean squares over the body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MotionWidths {
-    /// Per amplitude of the swing.
+    /// Per path of the motion: an error of the frequency shifts the phase in proportion to it.
     pub swing: [f64; 3],
     /// Per amplitude that the velocity lost in an impact would have had.
     pub impact: [f64; 3],
@@ -34,7 +34,7 @@ pub struct MotionWidths {
 }
 
 impl MotionWidths {
-    /// Half-widths at amplitudes of swing, impact and past (mm), at a coverage.
+    /// Half-widths at a path and amplitudes of impact and past (mm), at a coverage.
     pub fn at(&self, amplitudes_mm: [f64; 3], coverage: f64) -> HalfWidths {
         let of = |k: usize| {
             let [swing, impact, past] = amplitudes_mm;

@@ -18,6 +18,8 @@ const FAR: f64 = 1.0;
 
 /// Periods of the slowest linear mode of contact in which the effect of an impact fades by a factor of e.
 const IMPACT_PERIODS: f64 = 3.0;
+/// Periods in which the path of an undamped swing is forgotten by a factor of e.
+const PATH_PERIODS: f64 = 32.0;
 /// Load of a swing that an unknown past may have left, as a fraction of the training range of the load.
 const PAST_FRACTION: f64 = 0.25;
 
@@ -79,8 +81,8 @@ pub struct MotionState {
     pub contact_force_n: f64,
     /// Kinetic energy, mJ.
     pub kinetic_mj: f64,
-    /// Amplitude of the swing about the equilibrium, of what impacts took from it, and of a swing that an unknown past may have left; mm,
-    /// mass-weighted root mean square over the body.
+    /// Path of the motion, which fades as a swing does; amplitude of what impacts took from it, and of a swing that an unknown past may
+    /// have left; mm, mass-weighted root mean square over the body.
     pub amplitudes_mm: [f64; 3],
 }
 
@@ -94,9 +96,8 @@ struct Now {
     /// Inputs with the load at rest.
     inputs: Inputs,
     force_n: f64,
-    /// Amplitudes of impacts and of an unknown past, in coordinates.
-    impact: f64,
-    past: f64,
+    /// Path, and amplitudes of impacts and of an unknown past, in coordinates.
+    faded: [f64; 3],
 }
 
 /// Time and inputs of the last reading, begin of the grid, inner steps made.
@@ -215,21 +216,17 @@ impl<M: Manifold> Motion<M> {
         // A swing is one of the free body, which may touch only now.
         let tangent = self.manifold.place(RegimeKind::Free, inputs).tangent;
         let past = reach * dot(&tangent, &tangent).sqrt();
-        let now = Now { regime, instant, position, velocity, inputs: *inputs, force_n, impact: 0.0, past };
+        let faded = [0.0, 0.0, past];
+        let now = Now { regime, instant, position, velocity, inputs: *inputs, force_n, faded };
         self.now = Some((now, Clock { begin_ns: t_ns, steps: 0, last_ns: t_ns, last: *inputs }));
         let state = self.state(&now);
         Moved { state, load_distance: self.outside(&now), held: false, at_rest: true }
     }
 
-    fn state(&mut self, now: &Now) -> MotionState {
-        let rest = self.manifold.place(now.regime, &now.inputs).position;
-        let off: Coordinates = std::array::from_fn(|i| now.position[i] - rest[i]);
-        let unit = *self.manifold.unit_load();
-        let square = dot(&off, &off) + dot(&now.velocity, &now.velocity) / square_rate(&unit, &now.instant);
-        let mass = dot(&unit, &unit);
-        let length_mm = |square: f64| if mass > 0.0 { (square / mass).sqrt() } else { 0.0 };
+    fn state(&self, now: &Now) -> MotionState {
+        let mass = dot(self.manifold.unit_load(), self.manifold.unit_load());
         MotionState {
-            amplitudes_mm: [square, now.impact * now.impact, now.past * now.past].map(length_mm),
+            amplitudes_mm: now.faded.map(|length| if mass > 0.0 { length / mass.sqrt() } else { 0.0 }),
             regime: now.regime,
             inputs: now.inputs.with(self.manifold.load_input(), now.instant.load),
             amplitudes: now.instant.amplitudes,
@@ -265,9 +262,9 @@ impl<M: Manifold> Motion<M> {
             RegimeKind::Free => self.penetrates(next, &stepped.instant),
             RegimeKind::Contact => force_n < 0.0,
         };
-        let fades = self.faded(now, step_ns);
+        let faded = self.faded(now, &stepped, step_ns);
         if !leaves {
-            return Some(moved(now.regime, stepped, next, force_n, fades));
+            return Some(moved(now.regime, stepped, next, force_n, faded));
         }
         let regime = match now.regime {
             RegimeKind::Free => RegimeKind::Contact,
@@ -278,19 +275,19 @@ impl<M: Manifold> Motion<M> {
         let other = step(&mut self.manifold, &changed, &instant, &now.position, next)?;
         if regime == RegimeKind::Free && self.penetrates(next, &other.instant) {
             // Neither held nor away from the obstacle: it touches without force.
-            return Some(moved(now.regime, stepped, next, 0.0, fades));
+            return Some(moved(now.regime, stepped, next, 0.0, faded));
         }
         // The load of the onset is not that of the position: its change in this step is no rate.
         let arrived = Instant { rates: [0.0; _], ..other.instant };
         let force_n = self.force_n(regime, next, &arrived);
         let lost: Coordinates = std::array::from_fn(|i| now.velocity[i] - other.velocity[i]);
         let rate = self.contact_rate(&arrived).max(f64::MIN_POSITIVE);
-        let [impact, past] = fades;
-        let fades = match regime {
-            RegimeKind::Contact => [impact.hypot(dot(&lost, &lost).sqrt() / rate), past],
-            RegimeKind::Free => fades,
+        let [path, impact, past] = faded;
+        let faded = match regime {
+            RegimeKind::Contact => [path, impact.hypot(dot(&lost, &lost).sqrt() / rate), past],
+            RegimeKind::Free => faded,
         };
-        Some(moved(regime, Stepped { instant: arrived, ..other }, next, force_n, fades))
+        Some(moved(regime, Stepped { instant: arrived, ..other }, next, force_n, faded))
     }
 
     /// Circular frequency of the slowest linear mode of contact, or of the motion where it has none, rad/s.
@@ -299,12 +296,17 @@ impl<M: Manifold> Motion<M> {
         slowest.map_or_else(|| square_rate(self.manifold.unit_load(), instant).sqrt(), |mode| mode.rate_rad_s)
     }
 
-    /// Amplitudes of impacts and of an unknown past after a step.
-    fn faded(&self, now: &Now, step_ns: u64) -> [f64; 2] {
+    /// Path, and amplitudes of impacts and of an unknown past, after a step.
+    fn faded(&self, now: &Now, stepped: &Stepped, step_ns: u64) -> [f64; 3] {
         let h = step_ns as f64 * 1e-9;
-        let periods = self.contact_rate(&now.instant) * h / std::f64::consts::TAU;
-        let damped = 0.5 * self.settings.damping_s * square_rate(self.manifold.unit_load(), &now.instant) * h;
-        [now.impact * (-periods / IMPACT_PERIODS).exp(), now.past * (-damped).exp()]
+        let periods = |rate: f64| rate * h / std::f64::consts::TAU;
+        let square = square_rate(self.manifold.unit_load(), &now.instant);
+        let damped = 0.5 * self.settings.damping_s * square * h;
+        let kept = (-damped.max(periods(square.sqrt()) / PATH_PERIODS)).exp();
+        let [path, impact, past] = now.faded;
+        let length = h * dot(&stepped.velocity, &stepped.velocity).sqrt();
+        let of_impact = (-periods(self.contact_rate(&now.instant)) / IMPACT_PERIODS).exp();
+        [kept * path + length, of_impact * impact, kept * past]
     }
 
     /// True if the whole shape of a free instant, linear modes included, reaches behind the obstacle.
@@ -347,15 +349,9 @@ impl<M: Manifold> Motion<M> {
     }
 }
 
-fn moved(
-    regime: RegimeKind,
-    stepped: Stepped,
-    inputs: &Inputs,
-    force_n: f64,
-    [impact, past]: [f64; 2],
-) -> Now {
+fn moved(regime: RegimeKind, stepped: Stepped, inputs: &Inputs, force_n: f64, faded: [f64; 3]) -> Now {
     let Stepped { instant, position, velocity } = stepped;
-    Now { regime, instant, position, velocity, inputs: *inputs, force_n, impact, past }
+    Now { regime, instant, position, velocity, inputs: *inputs, force_n, faded }
 }
 
 /// Square of the circular frequency of small swings along the tangent, 1/s2: `X_a' M e = w^2 X_a' M X_a`.
