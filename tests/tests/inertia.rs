@@ -166,14 +166,22 @@ fn live_twin_swings_as_predict_and_begins_at_rest_after_gaps_and_restarts() {
     let (status, said) = running.stop();
     assert!(status.success(), "{said:?}");
     assert!(said.iter().any(|line| line.contains("1 dropped: back in time")), "{said:#?}");
-    let running = twin(&stage);
+    let mut running = twin(&stage);
     let again = readings.run(begin_ns + 5_000_000_000, &pressures);
     assert!(again.iter().map(bits).eq(first.iter().cloned()), "after a restart of the twin");
     assert_ne!(again[0].0.boot_id, before);
+    // The half-widths contain a swing that the past may have left, until it has faded.
+    let widths_mm = [0, again.len() - 1].map(|at| again[at].0.displacement_halfwidth_mm);
+    assert!(widths_mm[0] > 1.0 && widths_mm[1] < 0.1 * widths_mm[0], "{widths_mm:?}");
     // Shorter gaps: the motion continues with the last pressure up to the next reading.
     let t_ns = again[again.len() - 1].0.t_sensor_ns;
     let (held, _) = readings.answer(t_ns + 500_000_000, 0.03);
     assert!((held.inputs[LOAD_AT] - REST).abs() > 100.0, "{}", held.inputs[LOAD_AT]);
+    // A reload of the model in the middle of a swing.
+    running.signal(libc::SIGHUP);
+    running.wait_for("reloaded");
+    let (rest, _) = readings.answer(t_ns + 505_000_000, 0.06);
+    assert_eq!(rest.inputs[LOAD_AT].to_bits(), REST.to_bits());
     assert!(running.stop().0.success());
 }
 

@@ -120,7 +120,7 @@ fn damping_decays_as_its_closed_form() {
     let (beta, hertz, t) = (2e-3, 4.0, 2.0);
     let mut motion = Motion::new(Spring::new(hertz), settings(500_000, beta));
     let mut spring = Spring::new(hertz);
-    motion.advance(0, &reading(0.0, f64::INFINITY)).unwrap();
+    let begin = motion.advance(0, &reading(0.0, f64::INFINITY)).unwrap();
     motion.advance(1, &reading(0.005, f64::INFINITY)).unwrap();
     let mut last = motion.advance(2, &reading(0.005, f64::INFINITY)).unwrap();
     for i in 1..=40_u64 {
@@ -131,6 +131,12 @@ fn damping_decays_as_its_closed_form() {
     let swing = 5.0 * (-decay * t).exp() * ((damped * t).cos() + decay / damped * (damped * t).sin());
     let found = at(&mut spring, &last);
     assert!((found - (5.0 - swing + REST / (w * w))).abs() < 0.02, "{found}");
+    // A swing that the unknown past may have left: by 25 % of the range of 40 mm, which fades as the motion does.
+    let [path, impact, past] = begin.state.amplitudes_mm;
+    assert!((path, impact) == (0.0, 0.0) && (past - 10.0).abs() < 1e-9, "{begin:?}");
+    let [path, impact, past] = last.state.amplitudes_mm;
+    assert!((past / (10.0 * (-decay * t).exp()) - 1.0).abs() < 0.01, "{last:?}");
+    assert!(impact == 0.0 && path > 1.0 && path < 4.0 * 5.0 * hertz * t, "{last:?}");
 }
 
 /// Unit mass at the end of a lever with a torsion spring, whose angle at rest the pressure moves: the family is curved.

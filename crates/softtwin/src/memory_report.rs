@@ -1,4 +1,4 @@
-//! Memory identified from recordings, as text and as JSON.
+//! Memory identified from recordings, as lines and as JSON.
 
 use crate::output;
 use serde_json::{Value, json};

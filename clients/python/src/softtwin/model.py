@@ -296,7 +296,7 @@ class Motion:
 
 
 def _close_motion(handle: int, _model: Model) -> None:
-    """Closes a motion; its finalizer keeps the model open until then."""
+    """Closes a motion; its finalizer keeps the model open."""
     library().softtwin_motion_close(handle)
 
 

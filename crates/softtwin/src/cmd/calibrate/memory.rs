@@ -88,7 +88,7 @@ pub fn calibrate(
         let model_terms: Option<&dyn ModelTerms> = if round > 0 { Some(&terms) } else { None };
         let identified = identify(std::slice::from_ref(&run), &scales, model_terms).ok_or_else(|| {
             unexplained(String::from(
-                "--memory: expected a recording in which the pressure moves, found one in which nothing can be told of memory",
+                "--memory: expected a recording in which the pressure moves, found one that identifies no memory",
             ))
         })?;
         let placed = identified.memory.as_ref().map(|memory| placed(memory, &model, &calibration, readings));
