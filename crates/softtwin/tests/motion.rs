@@ -53,7 +53,11 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
     std::fs::create_dir(folder.join("own")).unwrap();
     std::fs::copy(folder.join("moves.csv"), folder.join("own/series.csv")).unwrap();
     let errors: Value =
-        serde_json::from_str(&succeed("evaluate --model moves.twin --traces own --json")).unwrap();
+        serde_json::from_str(&succeed("evaluate --model moves.twin --traces own --picture own.svg --json"))
+            .unwrap();
+    assert!(std::fs::read_to_string(folder.join("own.svg")).unwrap().contains("<svg"));
+    // The model's own motion lies within its half-widths.
+    assert_eq!(errors[0]["coverage"][2], 100.0, "{errors}");
     assert_eq!(errors[0]["class"], "free");
     assert!(errors[0]["inertia"][2].as_f64().unwrap() < 0.01, "{errors}");
     assert!(errors[0]["statics"][2].as_f64().unwrap() > 1.0, "{errors}");

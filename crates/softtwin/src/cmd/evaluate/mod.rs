@@ -1,5 +1,7 @@
 //! `softtwin evaluate`.
 
+mod curves;
+mod motion;
 mod sealed;
 mod traces;
 
@@ -33,7 +35,7 @@ Examples:
       --out finger.twin
   A model with inertia along motions of the finite elements, and the same model without:
     softtwin simulate --actuator finger/actuator.toml --trace step.csv --out step
-    softtwin evaluate --model finger.twin --traces step
+    softtwin evaluate --model finger.twin --traces step --picture step.svg
 
 Normalised: largest error over nodes by the field's largest value in that case. Relative: Eq. (16) with the floor, a fraction \
 of the field's largest value, because stress is exactly 0 at some nodes. Truncation: what the modes cannot represent; \
@@ -54,7 +56,7 @@ pub struct Args {
     #[arg(long, value_name = "N", requires = "seed", conflicts_with = "split", value_parser = clap::value_parser!(u64).range(10..=10_000), help_heading = "Sampling")]
     sealed: Option<u64>,
     /// Folders of motions with their series.csv, written by `softtwin simulate --trace`.
-    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["database", "sealed", "split", "errors", "picture"])]
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["database", "sealed", "split", "errors"])]
     traces: Vec<PathBuf>,
     /// Seed of the random states.
     #[arg(long, value_name = "N", requires = "sealed", help_heading = "Computing")]
@@ -74,7 +76,7 @@ pub struct Args {
     /// Floor of the relative error as a fraction of the field's largest value (0 to 1).
     #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_FLOOR, value_parser = crate::range::number(0.0, 1.0))]
     floor: f64,
-    /// Picture of the errors by case: .svg or .png.
+    /// Picture of the errors by case, or of the motions with phase and spectrum: .svg or .png.
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     picture: Option<PathBuf>,
     /// Table of the errors of every state inside the training range, for `softtwin train --errors`.
@@ -117,7 +119,7 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         let model = files::model(&self.model)?;
         if !self.traces.is_empty() {
-            return traces::run(&model, &self.traces, self.json);
+            return traces::run(&model, &self.traces, self.picture.as_deref(), self.json);
         }
         if let Some(count) = self.sealed {
             return self.sealed(&model, count as usize);

@@ -1,5 +1,7 @@
 //! A model along motions of the finite elements: errors of the series, and those of the same model without inertia.
 
+use super::curves;
+use super::motion::Motion;
 use crate::files::refusal;
 use crate::motion::{Followed, Trace, follow_shape};
 use crate::output;
@@ -31,11 +33,11 @@ struct Errors {
     outside_training_range: usize,
 }
 
-/// Compares and prints.
-pub fn run(model: &Model, folders: &[PathBuf], as_json: bool) -> Result<()> {
+/// Compares, draws and prints.
+pub fn run(model: &Model, folders: &[PathBuf], picture: Option<&Path>, as_json: bool) -> Result<()> {
     let mut without = model.clone();
     without.blocks.retain(|(kind, _)| *kind != BlockKind::Inertia);
-    let compare = |folder: &PathBuf| -> Result<Errors> {
+    let compare = |folder: &PathBuf| -> Result<(Errors, Motion)> {
         let series = folder.join("series.csv");
         let truth = read(&series)?;
         let trace = Trace::read(&series, model)?;
@@ -50,9 +52,15 @@ pub fn run(model: &Model, folders: &[PathBuf], as_json: bool) -> Result<()> {
         let outside_training_range = followed.outside;
         let (inertia, statics) = (errors(&truth, &followed.rows), errors(&truth, &still.rows));
         let coverage = coverage(&truth, &followed);
-        Ok(Errors { series, class, inertia, statics, coverage, outside_training_range })
+        let name = folder.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let motion = Motion { name, truth, moving: followed.rows, still: still.rows };
+        Ok((Errors { series, class, inertia, statics, coverage, outside_training_range }, motion))
     };
-    let all = folders.iter().map(compare).collect::<Result<Vec<_>>>()?;
+    let (all, motions): (Vec<Errors>, Vec<Motion>) =
+        folders.iter().map(compare).collect::<Result<Vec<_>>>()?.into_iter().unzip();
+    if let Some(picture) = picture {
+        curves::figure(&motions).save(picture)?;
+    }
     if as_json {
         return output::json(&all);
     }
