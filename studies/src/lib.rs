@@ -6,12 +6,14 @@ mod bench;
 mod control;
 mod estimation;
 mod hard_cases;
+mod hardware;
 mod jumps;
 mod learning;
 mod measure;
 mod peers;
 mod plant;
 mod python;
+mod random_shapes;
 mod report;
 mod restart;
 mod scale;
@@ -33,6 +35,8 @@ pub enum Command {
     Validate(validate::Args),
     Trace(trace::Args),
     HardCases(hard_cases::Args),
+    Hardware(hardware::Args),
+    RandomShapes(random_shapes::Args),
     Scale(scale::Args),
     Sweep(sweep::Args),
     Learning(learning::Args),
@@ -59,6 +63,8 @@ impl Command {
             Self::Validate(args) => args.run(),
             Self::Trace(args) => args.run(),
             Self::HardCases(args) => args.run(),
+            Self::Hardware(args) => args.run(),
+            Self::RandomShapes(args) => args.run(),
             Self::Scale(args) => args.run(),
             Self::Sweep(args) => args.run(),
             Self::Learning(args) => args.run(),

@@ -86,6 +86,50 @@ fn new_short_wide_actuator_runs() {
     make_and_run("wide", "--chambers 3 --length-mm 50 --width-mm 48 --silicone elastosil-m4601");
 }
 
+/// A copy of a folder of `models/shapes`.
+fn shape(stage: &Stage, name: &str) {
+    let from = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/shapes")).join(name);
+    let to = stage.path(name);
+    std::fs::create_dir(&to).expect("a new folder");
+    for file in ["actuator.toml", "mesh.msh"] {
+        std::fs::copy(from.join(file), to.join(file)).expect("copied");
+    }
+}
+
+#[test]
+fn two_opposite_chambers_of_a_mesh_file_bend_either_way_in_the_twin() {
+    let stage = Stage::new("opposite");
+    shape(&stage, "two-chambers");
+    let built: Value =
+        serde_json::from_str(&done(&stage, "build two-chambers --quick --json")).expect("JSON");
+    println!("{built:#}");
+    let largest = 0.7 * built["pressure_mpa"].as_f64().expect("a pressure");
+    let tip_y = |upper: f64, lower: f64| -> f64 {
+        let model = "predict --model two-chambers/two-chambers.twin --json";
+        let line = format!("{model} --pressure-mpa {upper} --set pressure_mpa.lower={lower}");
+        let answer: Value = serde_json::from_str(&done(&stage, &line)).expect("JSON");
+        answer["observables"]["tip_y_mm"]["value"].as_f64().expect("a number")
+    };
+    let (rest, down, up) = (tip_y(0.0, 0.0), tip_y(largest, 0.0), tip_y(0.0, largest));
+    assert!(down < rest - 0.3 && up > rest + 0.3, "{rest} {down} {up}");
+    let scene = stage.path("two-chambers/scene.toml");
+    let _twin = Program::twin(&stage, &scene);
+    let _bridge = Program::bridge(&stage, &scene);
+    let (status, said) =
+        Program::tool(&stage, &["echo", "softtwin/two-chambers/state", "--once", "--json"]).end();
+    assert!(status.success() && said[0].contains("pressure_mpa.lower"), "{said:?}");
+}
+
+#[test]
+fn silicone_on_a_stiff_skeleton_of_a_mesh_file_is_built() {
+    let stage = Stage::new("skeleton");
+    shape(&stage, "skeleton");
+    let parts = done(&stage, "mesh --actuator skeleton/actuator.toml");
+    assert!(parts.contains("materials.skeleton") && parts.contains("held (support.fixed)"), "{parts}");
+    let built: Value = serde_json::from_str(&done(&stage, "build skeleton --quick --json")).expect("JSON");
+    assert!(built["failed"] == 0 && built["displacement_mm"].as_f64().is_some_and(|mm| mm > 2.0), "{built}");
+}
+
 /// Checkpoints that are whole.
 fn states(folder: &Path) -> usize {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();

@@ -44,7 +44,7 @@ pub struct Plan {
 impl Plan {
     /// The states for the pressures found. The gaps reach from a clear press on the plate at rest (or, where the actuator hardly
     /// sags, 10 % of its reach) to 80 % of the way that the largest pressure bends it. With further cavities the states are free ones
-    /// over all pressures from 0 to the largest, and touching ones in which only the pressure of `cavity` acts.
+    /// over all pressures from 0 to 80 % of the largest, and touching ones in which only the pressure of `cavity` acts.
     ///
     /// # Errors
     /// An actuator that never comes nearer to a plate.
@@ -108,13 +108,16 @@ impl Plan {
     }
 }
 
+/// Fraction of the largest pressure to which all cavities are inflated together, which weakens their walls.
+pub const TOGETHER: f64 = 0.8;
+
 /// Free states over the pressures of all cavities: the largest of one or all, and a sample of the range; a part held out.
 fn combined(cavities: &[String], largest_mpa: f64, counts: Counts) -> Vec<Case> {
     if cavities.is_empty() {
         return Vec::new();
     }
     let case = |name: String, split: &str, shares: &[f64]| {
-        let mpa: Vec<f64> = shares.iter().map(|share| rounded(share * largest_mpa, 1e7)).collect();
+        let mpa: Vec<f64> = shares.iter().map(|share| rounded(share * TOGETHER * largest_mpa, 1e7)).collect();
         let settings = cavities.iter().cloned().zip(mpa[1..].iter().copied()).collect();
         Case { split: split.into(), settings, ..free_case(&name, mpa[0]) }
     };

@@ -1,6 +1,6 @@
 //! The scene file of a new twin.
 
-use super::plan::Plan;
+use super::plan::{Plan, TOGETHER};
 use super::pressures::Pressures;
 use fem::Family;
 
@@ -26,7 +26,7 @@ pub fn text(family: &Family, plan: &Plan, pressures: &Pressures) -> String {
         .map(|name| {
             format!(
                 "\"{name}\" = 0.0   # given, to {} MPa; \"measured\" with a sensor of it\n",
-                pressures.largest_mpa()
+                TOGETHER * pressures.largest_mpa()
             )
         })
         .collect();

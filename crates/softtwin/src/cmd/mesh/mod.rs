@@ -1,8 +1,9 @@
-//! `softtwin mesh`: a mesh of an actuator without a mesher, or the parts of a mesh file.
+//! `softtwin mesh`: a mesh of an actuator without a mesher, the parts of a mesh file, or the mesh of a CAD file.
+
+mod step;
 
 use crate::failure::usage;
 use crate::files::refusal;
-use crate::options::ActuatorFile;
 use crate::output;
 use anyhow::Context;
 use fem::actuator::{Actuator, mesh_quality};
@@ -22,6 +23,8 @@ Examples:
 
   The named parts of a mesh file, and what is missing:
     softtwin mesh --actuator bender/actuator.toml
+  A CAD file through gmsh (pip install gmsh numpy), the face at its smallest x named `clamp`, and a picture of each named part:
+    softtwin mesh --step part.step --face clamp=xmin --size-mm 3 --out bender/mesh.msh
 
 Planes through all faces divide the actuator into boxes, each split into six tetrahedra. scripts/mesh.py uses gmsh instead:
 fewer elements for the same accuracy. An actuator without base, body and chambers has the shape of its mesh.file: that file is checked.";
@@ -30,13 +33,16 @@ fewer elements for the same accuracy. An actuator without base, body and chamber
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
+    /// Geometry, materials, loads, supports and mesh, such as models/pneunet/actuator.toml.
+    #[arg(long, value_name = "FILE.toml", required_unless_present = "step")]
+    actuator: Option<PathBuf>,
     #[command(flatten)]
-    geometry: ActuatorFile,
+    cad: step::Cad,
     /// Longest edge of a box in mm.
     #[arg(long, value_name = "MM", default_value_t = 9.0, value_parser = crate::range::number(1e-3, 1e6))]
     size_mm: f64,
-    /// The .vtu to write; default: the mesh.file of the actuator.
-    #[arg(long, value_name = "FILE.vtu")]
+    /// The .vtu to write; default: the mesh.file of the actuator. With --step the .msh.
+    #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Print one JSON object instead of text.
     #[arg(long)]
@@ -60,8 +66,7 @@ pub fn write_grid(actuator: &Actuator, size_mm: f64, out: &Path) -> anyhow::Resu
 
 impl Args {
     /// Prints the named parts of a mesh file, then its size, or what is missing.
-    fn check(&self, actuator: &Actuator) -> anyhow::Result<()> {
-        let path = &self.geometry.actuator;
+    fn check(&self, actuator: &Actuator, path: &Path) -> anyhow::Result<()> {
         let parts = actuator.inventory(path).map_err(refusal)?;
         if !self.json {
             for part in &parts {
@@ -99,11 +104,14 @@ impl Args {
 
     /// Meshes, checks, writes.
     pub fn run(self) -> anyhow::Result<()> {
-        let actuator = Actuator::read(&self.geometry.actuator).map_err(refusal)?;
+        let Some(path) = &self.actuator else {
+            return self.cad.run(self.size_mm, self.out.as_deref(), self.json);
+        };
+        let actuator = Actuator::read(path).map_err(refusal)?;
         if actuator.shape().is_none() {
-            return self.check(&actuator);
+            return self.check(&actuator, path);
         }
-        let beside = || actuator.mesh_path(&self.geometry.actuator);
+        let beside = || actuator.mesh_path(path);
         let out = self.out.clone().unwrap_or_else(beside);
         if out.extension().is_none_or(|e| e != "vtu") {
             return Err(usage(format!(
@@ -117,11 +125,7 @@ impl Args {
         }
         output!("{}: {nodes} nodes, {tets} tetrahedra", out.display())?;
         if actuator.mesh.nodes != 0 && actuator.mesh.nodes != nodes {
-            output!(
-                "{} wants {} nodes: set mesh.nodes = 0",
-                self.geometry.actuator.display(),
-                actuator.mesh.nodes
-            )?;
+            output!("{} wants {} nodes: set mesh.nodes = 0", path.display(), actuator.mesh.nodes)?;
         }
         Ok(())
     }
