@@ -101,7 +101,7 @@ def solid_behind(point):
 
 
 def refine(size, through):
-    """Elements of at most `size`, at thin walls of the thickness over `through`, at least a tenth of the size."""
+    """Elements of at most `size`, at thin walls of the thickness over `through`, at least 10 % of the size."""
     gmsh.option.setNumber("Mesh.MeshSizeMax", size)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 12)
     gmsh.model.mesh.generate(2)
