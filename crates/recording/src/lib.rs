@@ -11,6 +11,7 @@
 //! * **hostile input**: the reader's memory is bounded by [`MAX_RECORD_BYTES`] and it never panics.
 #![forbid(unsafe_code)]
 
+mod chunk;
 mod clock;
 mod contents;
 mod csv;
@@ -24,11 +25,12 @@ mod series;
 mod store;
 mod writer;
 
+pub use chunk::MAX_RECORD_BYTES;
 pub use clock::{RunClock, Stamps};
 pub use contents::{ChannelInfo, Item, Message};
 pub use csv::{ExportError, Exported, TableForm, export_csv};
 pub use message::{Gap, GapCounter, Observed};
-pub use reader::{Ending, MAX_RECORD_BYTES, ReadError, Reader};
+pub use reader::{Ending, ReadError, Reader};
 pub use recorder::{FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions, wall_offset_ns};
 pub use retention::{FreeSpace, Retention};
 pub use rotate::{DiskUse, RotateOptions, RotateSummary, RotatingWriter};

@@ -36,12 +36,33 @@ impl<'a> Body<'a> {
     }
 }
 
-/// Bytes of a chunk record up to the end of its compressed records; what follows is padding.
-pub fn chunk_length(record: &[u8]) -> Option<usize> {
+/// A chunk record.
+pub struct Chunk<'a> {
+    /// Length of the decompressed records.
+    pub size: u64,
+    /// CRC-32 of the decompressed records; 0: none.
+    pub checksum: u32,
+    /// Name of the compression; empty: none.
+    pub compression: &'a str,
+    /// The records, compressed.
+    pub records: &'a [u8],
+}
+
+/// Checksum and length of the records of a chunk without compression, from what is before them.
+pub fn uncompressed_chunk(head: &[u8]) -> Option<(u32, u64)> {
+    let mut body = Body(head);
+    body.take(24)?; // times and size
+    let checksum = body.u32()?;
+    (body.u32()? == 0).then_some(())?; // no compression
+    Some((checksum, body.u64()?))
+}
+
+/// Parts of a chunk record; what follows its records is padding.
+pub fn chunk(record: &[u8]) -> Option<Chunk<'_>> {
     let mut body = Body(record);
-    body.take(28)?; // times, size and checksum
-    body.bytes()?; // compression
-    let records_length = body.u64()?;
-    body.take(usize::try_from(records_length).ok()?)?;
-    Some(record.len() - body.0.len())
+    body.take(16)?; // times
+    let (size, checksum, compression) = (body.u64()?, body.u32()?, body.string()?);
+    let length = body.u64()?;
+    let records = body.take(usize::try_from(length).ok()?)?;
+    Some(Chunk { size, checksum, compression, records })
 }

@@ -10,16 +10,12 @@ use mcap::{MAGIC, McapError};
 use thiserror::Error;
 use wire::layout::LAYOUT_VERSION;
 
+use crate::chunk::{Checksum, Chunk, MAX_RECORD_BYTES, Next, RECORD_HEAD};
 use crate::contents::{Contents, Item};
 use crate::parse;
 
-/// Largest record, and largest decompressed chunk, that a reader takes into memory: 64 MiB. A longer one is left out.
-///
-/// A field of 125,110 values is half a megabyte, so a chunk of ours stays far below.
-pub const MAX_RECORD_BYTES: u64 = 64 << 20;
-
-/// Opcode and length in front of every record, bytes.
-const RECORD_HEAD: usize = 9;
+/// Content of an uncompressed chunk before its records, bytes.
+const CHUNK_HEAD: u64 = 40;
 /// Content of the record that ends a file.
 const FOOTER_BYTES: usize = 20;
 /// Read at once, so that a length field alone allocates no more.
@@ -95,7 +91,7 @@ impl fmt::Display for Ending {
     }
 }
 
-/// Reads a recording record by record. Memory: one record and one chunk, each of at most [`MAX_RECORD_BYTES`].
+/// Reads a recording record by record. Memory: one record and one compressed chunk, each of at most [`MAX_RECORD_BYTES`].
 pub struct Reader<R: Read> {
     input: R,
     /// Where the next record begins.
@@ -103,8 +99,10 @@ pub struct Reader<R: Read> {
     /// Bytes taken from the input.
     taken_bytes: u64,
     file: LinearReader,
-    /// A chunk whose checksum held, while its records are read.
-    chunk: Option<LinearReader>,
+    /// The chunk whose records are read.
+    chunk: Option<Chunk>,
+    /// The chunk too long for memory whose records are read.
+    long: Option<LongChunk>,
     has_chunks: bool,
     contents: Contents,
     ending: Option<Ending>,
@@ -128,6 +126,7 @@ impl<R: Read> Reader<R> {
             taken_bytes: MAGIC.len() as u64,
             file: LinearReader::new_with_options(options().with_emit_chunks(true)),
             chunk: None,
+            long: None,
             has_chunks: false,
             contents: Contents::default(),
             ending: None,
@@ -142,7 +141,7 @@ impl<R: Read> Reader<R> {
     pub fn next_item(&mut self) -> Result<Option<Item>, ReadError> {
         while self.ending.is_none() {
             let item = match &self.chunk {
-                Some(_) => self.step_in_chunk()?,
+                Some(_) => self.step_in_chunk(),
                 None => self.step_in_file()?,
             };
             if let Some(item) = item {
@@ -158,27 +157,20 @@ impl<R: Read> Reader<R> {
         self.ending.as_ref()
     }
 
-    fn step_in_chunk(&mut self) -> Result<Option<Item>, ReadError> {
-        let Some(chunk) = &mut self.chunk else { return Ok(None) };
-        match chunk.next_event() {
-            Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                return Ok(self.contents.take(opcode, data));
-            }
-            Some(Ok(LinearReadEvent::ReadRequest(_))) => {
-                chunk.notify_read(0); // the whole chunk is in there: this is its end
-                return Ok(None);
-            }
-            Some(Err(McapError::UnsupportedCompression(found))) => {
-                return Err(ReadError::Compression { found: found.chars().take(32).collect() });
-            }
-            Some(Err(_)) => self.contents.skipped += 1,
-            None => {}
+    fn step_in_chunk(&mut self) -> Option<Item> {
+        match self.chunk.as_mut()?.next() {
+            Next::Record { opcode, record } => return self.contents.take(opcode, record),
+            Next::TooLong => self.contents.skipped += 1,
+            Next::Damaged => (self.chunk, self.contents.skipped) = (None, self.contents.skipped + 1),
+            Next::End => self.chunk = None,
         }
-        self.chunk = None;
-        Ok(None)
+        None
     }
 
     fn step_in_file(&mut self) -> Result<Option<Item>, ReadError> {
+        if self.long.as_ref().is_some_and(|long| self.at_byte >= long.end) {
+            return self.leave_chunk().map(|()| None);
+        }
         let (opcode, record) = match self.file.next_event() {
             Some(Ok(LinearReadEvent::Record { opcode, data })) => (opcode, data),
             Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
@@ -188,7 +180,8 @@ impl<R: Read> Reader<R> {
                 return Ok(None);
             }
             Some(Err(McapError::RecordTooLarge { opcode, len })) if may_be_long(opcode) => {
-                return self.skip_record(opcode, len).map(|()| None);
+                let entered = opcode == op::CHUNK && self.long.is_none() && self.enter_chunk(len)?;
+                return if entered { Ok(None) } else { self.skip_record(opcode, len).map(|()| None) };
             }
             failed => {
                 let reason = match failed {
@@ -208,6 +201,10 @@ impl<R: Read> Reader<R> {
             }
         };
         self.at_byte += (RECORD_HEAD + record.len()) as u64;
+        if let Some(long) = &mut self.long {
+            long.checksum.add_head(opcode, record.len() as u64);
+            long.checksum.add(record);
+        }
         match opcode {
             // Of another length it is something else whose opcode was damaged.
             op::FOOTER if record.len() == FOOTER_BYTES => {
@@ -218,11 +215,11 @@ impl<R: Read> Reader<R> {
             }
             op::CHUNK => {
                 self.has_chunks = true;
-                self.chunk = open_chunk(record);
+                self.chunk = Chunk::open(record).map_err(|found| ReadError::Compression { found })?;
                 self.contents.skipped += u64::from(self.chunk.is_none());
             }
             // Outside chunks nothing has a checksum: where there are chunks, a message outside is a damaged index.
-            op::MESSAGE if self.has_chunks => self.contents.skipped += 1,
+            op::MESSAGE if self.has_chunks && self.long.is_none() => self.contents.skipped += 1,
             _ => return Ok(self.contents.take(opcode, record)),
         }
         Ok(None)
@@ -233,19 +230,67 @@ impl<R: Read> Reader<R> {
     /// Leaves out a record that is too long for memory, of which the head was read. Its length is a claim: the file may end before.
     fn skip_record(&mut self, opcode: u8, len: u64) -> Result<(), ReadError> {
         let end = self.at_byte.saturating_add(RECORD_HEAD as u64).saturating_add(len);
+        if let Some(long) = &mut self.long {
+            long.checksum.add_head(opcode, len);
+        }
+        self.has_chunks |= opcode == op::CHUNK;
+        self.contents.skipped += 1;
+        self.pass(end)
+    }
+
+    /// Continues at this byte; the bytes before it count for the checksum of a long chunk.
+    fn pass(&mut self, end: u64) -> Result<(), ReadError> {
         let rest = end.saturating_sub(self.taken_bytes);
-        let skipped = io::copy(&mut self.input.by_ref().take(rest), &mut io::sink())?;
-        if skipped < rest {
+        let mut passed = self.input.by_ref().take(rest);
+        let count = match &mut self.long {
+            Some(long) => io::copy(&mut passed, &mut long.checksum)?,
+            None => io::copy(&mut passed, &mut io::sink())?,
+        };
+        if count < rest {
             let reason = "the file ends inside a record";
             self.ending = Some(Ending::Truncated { at_byte: self.at_byte, reason });
             return Ok(());
         }
         (self.at_byte, self.taken_bytes) = (end, end);
         self.file = LinearReader::new_with_options(options().with_emit_chunks(true));
-        self.has_chunks |= opcode == op::CHUNK;
-        self.contents.skipped += 1;
         Ok(())
     }
+
+    /// Reads the records of an uncompressed chunk that is too long for memory as those of the file. False: it is compressed or damaged.
+    fn enter_chunk(&mut self, len: u64) -> Result<bool, ReadError> {
+        let mut head = Vec::new();
+        self.input.by_ref().take(CHUNK_HEAD.min(len)).read_to_end(&mut head)?;
+        self.taken_bytes += head.len() as u64;
+        let Some((checksum, length)) = parse::uncompressed_chunk(&head) else { return Ok(false) };
+        if length > len.saturating_sub(CHUNK_HEAD) {
+            return Ok(false);
+        }
+        let behind = self.at_byte.saturating_add(RECORD_HEAD as u64).saturating_add(len);
+        let end = self.taken_bytes.saturating_add(length);
+        self.pass(self.taken_bytes)?;
+        self.long = Some(LongChunk { end, behind, expected: checksum, checksum: Checksum::default() });
+        self.has_chunks = true;
+        Ok(true)
+    }
+
+    /// Its records were delivered before its checksum could be compared: a wrong one is counted.
+    fn leave_chunk(&mut self) -> Result<(), ReadError> {
+        let Some(long) = self.long.take() else { return Ok(()) };
+        let is_damaged = long.expected != 0 && long.checksum.value() != long.expected;
+        self.contents.skipped += u64::from(is_damaged || self.at_byte > long.end);
+        self.pass(long.behind.max(self.at_byte))
+    }
+}
+
+/// An uncompressed chunk of more than [`MAX_RECORD_BYTES`] in the file.
+struct LongChunk {
+    /// Where its records end.
+    end: u64,
+    /// Where the next record of the file begins.
+    behind: u64,
+    /// Its checksum; 0: none.
+    expected: u32,
+    checksum: Checksum,
 }
 
 /// True for records that have any length in a whole file, those of other programs among them.
@@ -268,25 +313,7 @@ fn options() -> LinearReaderOptions {
     LinearReaderOptions::default()
         .with_skip_start_magic(true)
         .with_skip_end_magic(true)
-        .with_prevalidate_chunk_crcs(true)
         .with_record_length_limit(MAX_RECORD_BYTES as usize)
-}
-
-/// A reader over one chunk alone, so that a damaged one can be left out; `None` when its lengths do not fit.
-///
-/// Padding is cut off: the crate would read records out of it and panic
-/// (test `a_record_that_reaches_into_the_padding_of_its_chunk_is_left_out`).
-fn open_chunk(record: &[u8]) -> Option<LinearReader> {
-    let record = record.get(..parse::chunk_length(record)?)?;
-    let mut chunk = LinearReader::new_with_options(options());
-    let buffer = chunk.insert(RECORD_HEAD + record.len());
-    let (opcode, rest) = buffer.split_first_mut()?;
-    let (length, body) = rest.split_at_mut(RECORD_HEAD - 1);
-    *opcode = op::CHUNK;
-    length.copy_from_slice(&(record.len() as u64).to_le_bytes());
-    body.copy_from_slice(record);
-    chunk.notify_read(RECORD_HEAD + record.len());
-    Some(chunk)
 }
 
 /// As [`Read::read`], again when a signal came.

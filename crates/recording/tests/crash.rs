@@ -224,6 +224,40 @@ fn an_over_long_record_is_left_out_alone() {
     }
 }
 
+/// Inside a chunk as well, whether it is compressed or too long for memory itself.
+#[test]
+fn an_over_long_record_in_a_chunk_is_left_out_alone() {
+    for compression in [None, Some(mcap::Compression::Lz4), Some(mcap::Compression::Zstd)] {
+        let options = mcap::WriteOptions::new().compression(compression).chunk_size(None);
+        let mut file = io::Cursor::new(Vec::new());
+        let mut writer = options.create(&mut file).expect("a writer");
+        let channel =
+            writer.add_channel(0, "a", "json", &std::collections::BTreeMap::new()).expect("a channel");
+        let mut send = |sequence: u64, bytes: &[u8]| {
+            let header = mcap::records::MessageHeader {
+                channel_id: channel,
+                sequence: sequence as u32,
+                log_time: sequence,
+                publish_time: sequence,
+            };
+            writer.write_to_known_channel(&header, bytes).expect("memory does not refuse");
+        };
+        (0..3).for_each(|k| send(k, text(k).as_bytes()));
+        send(3, &vec![7; recording::MAX_RECORD_BYTES as usize]);
+        (3..6).for_each(|k| send(k + 1, text(k).as_bytes()));
+        writer.finish().expect("memory does not refuse");
+        drop(writer);
+        let mut bytes = file.into_inner();
+        assert_eq!(read_all(&bytes), (expected(6), Ending::Damaged { skipped: 1 }), "{compression:?}");
+        if compression.is_none() {
+            // A chunk that is too long for memory is checked behind its records.
+            let at = bytes.len() / 2;
+            bytes[at] ^= 1;
+            assert!(matches!(read_all(&bytes).1, Ending::Damaged { skipped } if skipped >= 2));
+        }
+    }
+}
+
 /// A chunk without compression and checksum whose only record claims more bytes than the chunk holds; they are there, as
 /// padding behind its records.
 #[test]
