@@ -170,6 +170,31 @@ fn the_shared_database_is_read() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
+    /// Columns of the list of cases in any order: the same cases. A column or a case twice is refused.
+    #[test]
+    fn columns_of_cases_in_any_order_are_the_same_cases(
+        order in Just((0_usize..6).collect::<Vec<_>>()).prop_shuffle(), twice in 0_usize..6, row in 1_usize..4,
+    ) {
+        let dir = tempfile::tempdir().unwrap();
+        let written = small(dir.path());
+        let path = dir.path().join("cases.csv");
+        let text = std::fs::read_to_string(&path).unwrap();
+        let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+        let columns = lines[0].len();
+        let order: Vec<usize> = order.into_iter().filter(|column| *column < columns).chain(6..columns).collect();
+        let table = |columns: &[usize], rows: &[usize]| -> String {
+            let line = |row: &usize| columns.iter().map(|c| lines[*row][*c]).collect::<Vec<_>>().join(",") + "\n";
+            rows.iter().map(line).collect()
+        };
+        std::fs::write(&path, table(&order, &[0, 1, 2, 3])).unwrap();
+        prop_assert_eq!(read(dir.path(), ObstacleKind::Plate).unwrap().cases, written.cases);
+        let longer = [&order[..], &[twice % columns]].concat();
+        std::fs::write(&path, table(&longer, &[0, 1, 2, 3])).unwrap();
+        prop_assert!(read(dir.path(), ObstacleKind::Plate).is_err(), "{} twice", lines[0][twice % columns]);
+        std::fs::write(&path, table(&order, &[0, 1, 2, 3, row])).unwrap();
+        prop_assert!(read(dir.path(), ObstacleKind::Plate).is_err(), "{} twice", lines[row][0]);
+    }
+
     #[test]
     fn random_tables_never_panic(text in "[a-z0-9,.\n\"-]{0,200}") {
         let dir = tempfile::tempdir().unwrap();

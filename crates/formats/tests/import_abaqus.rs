@@ -181,6 +181,41 @@ fn elements_without_a_body_are_left_out_by_name_and_bodies_are_not() {
 }
 
 proptest! {
+    /// Nodes in any order, in blocks whose keywords are spelled in any way, between keywords that change no geometry, some repeated: the
+    /// corners of the element are where the labels say. A repeated node elsewhere is refused.
+    #[test]
+    fn nodes_in_any_order_and_spelling_are_where_their_labels_say(
+        order in Just((1_usize..=8).collect::<Vec<_>>()).prop_shuffle(),
+        spelling in prop::collection::vec(0_usize..5, 8),
+        places in prop::collection::vec(prop::array::uniform3(-9.0_f64..9.0), 8),
+        repeated in 1_usize..=8,
+        labels in prop::collection::btree_set(1_u64..1_000_000, 8),
+    ) {
+        let labels: Vec<u64> = labels.into_iter().collect();
+        let place = |node: usize| places[node - 1];
+        let line = |node: usize, add: f64| {
+            let [x, y, z] = place(node);
+            format!("{}, {x:e},{y} , {}\n", labels[node - 1], z + add)
+        };
+        let keywords = ["*Node\n", "*NODE, NSET=ALL\n", "** a comment\n", "*node,\nnset=A\n", "*Nset, nset=B\n7\n*Node\n"];
+        let nodes: String = order
+            .iter()
+            .zip(&spelling)
+            .map(|(node, spelling)| keywords[*spelling].to_owned() + &line(*node, 0.0))
+            .collect();
+        let corners = labels.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
+        let element = format!("*Element, TYPE=C3D8\n1, {corners}\n");
+        let text = |add: f64| format!("*Node\n{nodes}{}{element}", line(repeated, add));
+        let mesh = abaqus::parse(&text(0.0)).expect("a mesh");
+        prop_assert_eq!(mesh.points.len(), 8);
+        prop_assert_eq!(mesh.blocks.len(), 1);
+        for (corner, at) in mesh.blocks[0].nodes.iter().enumerate() {
+            prop_assert_eq!(mesh.points[*at as usize], place(corner + 1));
+            prop_assert_eq!(mesh.labels[*at as usize], labels[corner]);
+        }
+        prop_assert!(abaqus::parse(&text(0.5)).is_err(), "two places of one node");
+    }
+
     /// A brick placed by a system, in cylindrical coordinates, and by an instance: the distances between its nodes stay, and its
     /// nodes are where two rotations and translations put them.
     #[test]

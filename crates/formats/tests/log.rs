@@ -1,6 +1,7 @@
 //! Tables of benches: layouts, mappings, and what is reported of them.
 
 use formats::log::{Log, Mapping};
+use proptest::prelude::*;
 use std::path::Path;
 
 fn same(text: &str, headings: &[&str]) {
@@ -255,5 +256,47 @@ fn faults_of_sensors_and_clocks_are_remarked() {
         "y_mm: constant",
     ] {
         assert!(found.remarks.iter().any(|remark| remark.starts_with(part)), "{part}: {:?}", found.remarks);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Columns in any order, named by their headings: each quantity has the values of its column. A heading that two columns have is
+    /// refused.
+    #[test]
+    fn columns_in_any_order_have_their_values(
+        order in Just((0_usize..4).collect::<Vec<_>>()).prop_shuffle(),
+        values in prop::collection::vec(prop::array::uniform4(-9.0_f64..9.0), 2..6),
+        twice in 0_usize..4,
+        separator in prop::sample::select(vec![",", ";", "\t"]),
+    ) {
+        let headings = ["time", "gauge", "supply", "tip"];
+        let cell = |row: usize, column: usize| if column == 0 { row as f64 } else { values[row][column] };
+        let table = |columns: &[usize]| {
+            let line = |cells: Vec<String>| cells.join(separator) + "\n";
+            let rows = (0..values.len()).map(|row| line(columns.iter().map(|c| cell(row, *c).to_string()).collect()));
+            line(columns.iter().map(|c| headings[*c].to_owned()).collect()) + &rows.collect::<String>()
+        };
+        let channel = |kind: &str, name: &str, column: &str, unit: &str| {
+            format!("[[{kind}]]\nname = \"{name}\"\ncolumn = \"{column}\"\nunit = \"{unit}\"\n")
+        };
+        let mapping = mapping(&format!(
+            "time = {{ column = \"time\", unit = \"s\" }}\n{}{}{}",
+            channel("input", "pressure_mpa", "gauge", "kPa"),
+            channel("input", "supply_mpa", "supply", "bar"),
+            channel("output", "tip_x_mm", "tip", "cm"),
+        ))
+        .unwrap();
+        let apply = |table: &str| mapping.apply(&Log::parse(table).unwrap(), Path::new("run.csv"));
+        let found = apply(&table(&order)).unwrap();
+        let series = [(&found.inputs[0].values, 1e-3), (&found.inputs[1].values, 0.1), (&found.outputs[0].values, 10.0)];
+        for (column, (found, factor)) in (1..4).zip(series) {
+            for (row, found) in found.iter().enumerate() {
+                let expected = cell(row, column) * factor;
+                prop_assert!((found - expected).abs() <= 1e-12 * expected.abs(), "{} of row {row}", headings[column]);
+            }
+        }
+        prop_assert!(apply(&table(&[&order[..], &[twice]].concat())).is_err(), "{} twice", headings[twice]);
     }
 }

@@ -276,6 +276,42 @@ fn the_projects_own_traces_are_read() {
 }
 
 proptest! {
+    /// Columns in any order: each value is that of its column. A column twice, or one that is named as another, is refused.
+    #[test]
+    fn columns_in_any_order_have_their_values(
+        order in Just((0_usize..7).collect::<Vec<_>>()).prop_shuffle(),
+        values in prop::collection::vec(prop::array::uniform7(-9.0_f64..9.0), 1..5),
+        twice in 0_usize..7,
+        at in 0_usize..7,
+    ) {
+        let names = ["t_s", "pressure_mpa", "gap_mm", "measured_force_n", "marker1_x_mm", "marker1_y_mm", "marker1_z_mm"];
+        let cell = |row: usize, column: usize| if column == 0 { row as f64 } else { values[row][column] };
+        let table = |columns: &[usize], name: &dyn Fn(usize) -> String| {
+            let line = |cell: &dyn Fn(usize) -> String| {
+                columns.iter().map(|column| cell(*column)).collect::<Vec<_>>().join(",") + "\n"
+            };
+            let rows = (0..values.len()).map(|row| line(&|column| cell(row, column).to_string()));
+            line(name) + &rows.collect::<String>()
+        };
+        let named = |column: usize| names[column].to_owned();
+        let trace = Trace::parse(&table(&order, &named)).unwrap();
+        prop_assert_eq!(trace.rows.len(), values.len());
+        for (k, row) in trace.rows.iter().enumerate() {
+            let marker = row.markers_mm[0];
+            let found =
+                [row.t_trace_s, row.pressure_mpa, row.gap_mm, row.measured_force_n, marker.x, marker.y, marker.z];
+            for (column, found) in found.into_iter().enumerate() {
+                prop_assert_eq!(found, cell(k, column), "{} of row {}", names[column], k);
+            }
+        }
+        let mut longer = order.clone();
+        longer.insert(at, twice);
+        prop_assert!(Trace::parse(&table(&longer, &named)).is_err(), "{} twice", names[twice]);
+        let other = (twice + 1 + at % 6) % 7;
+        let renamed = |column: usize| named(if column == twice { other } else { column });
+        prop_assert!(Trace::parse(&table(&order, &renamed)).is_err(), "{} as {}", names[twice], names[other]);
+    }
+
     #[test]
     fn any_bytes_are_answered(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         let text = String::from_utf8_lossy(&bytes);

@@ -202,6 +202,14 @@ pub enum TraceError {
         /// The header as found.
         found: String,
     },
+    /// Two columns with one name.
+    #[error("line {line}: expected each column once, found `{column}` twice; remove or rename one of them")]
+    ColumnTwice {
+        /// Line of the header.
+        line: usize,
+        /// Its name.
+        column: String,
+    },
     /// A quantity in another unit than the one that is read.
     #[error(
         "line {line}: expected the column `{expected}`, found `{found}`; convert its values and name it so"

@@ -211,7 +211,12 @@ pub fn in_another_unit(column: &str) -> Option<&'static str> {
 
 impl Columns {
     fn find(line: usize, header: &str, names: &InputNames) -> Result<Self, Vec<TraceError>> {
-        let place = |name: &str| header.split(',').position(|column| column.trim() == name);
+        let columns = || header.split(',').map(str::trim);
+        let place = |name: &str| columns().position(|column| column == name);
+        let twice = |at: usize, column: &str| {
+            let is_again = !column.is_empty() && place(column) != Some(at);
+            is_again.then(|| TraceError::ColumnTwice { line, column: column.to_owned() })
+        };
         let needed =
             ["t_s"].into_iter().chain(names.iter()).chain(names.is_empty().then_some("pressure_mpa"));
         let missing = |column: &str| TraceError::MissingColumn {
@@ -232,7 +237,8 @@ impl Columns {
             })
         };
         let problems: Vec<TraceError> = (needed.filter(|column| place(column).is_none()).map(missing))
-            .chain(header.split(',').filter_map(|column| another(column.trim())))
+            .chain(columns().filter_map(another))
+            .chain(columns().enumerate().filter_map(|(at, column)| twice(at, column)))
             .collect();
         match (place("t_s"), problems.is_empty()) {
             (Some(t_s), true) => Ok(Self {
