@@ -143,6 +143,14 @@ fn removed_iceoryx2_files_end_the_daemons() {
     for removed in ["", ".dynamic", ".data", ".writer"] {
         let mut twin = Program::twin(&stage, &scene);
         let mut bridge = Program::bridge(&stage, &scene);
+        // A recorder, which publishes nothing, has no files of the last two kinds.
+        let run = stage.path(&format!("run{removed}.mcap"));
+        let mut recorder = ["", ".dynamic"]
+            .contains(&removed)
+            .then(|| Program::tool(&stage, &["record", "--out", &run.display().to_string()]));
+        if recorder.is_some() {
+            wait_until("a recording", || std::fs::metadata(&run).ok().filter(|file| file.len() > 100_000));
+        }
         if removed.is_empty() {
             // A daemon may make a file in it meanwhile.
             while stage.root().exists() {
@@ -154,9 +162,15 @@ fn removed_iceoryx2_files_end_the_daemons() {
                 std::fs::remove_file(file).unwrap();
             }
         }
-        for daemon in [&mut twin, &mut bridge] {
+        for daemon in [&mut twin, &mut bridge].into_iter().chain(&mut recorder) {
             let (status, said) = daemon.end();
             assert_eq!(status.code(), Some(1), "{removed}: {said:?}");
+        }
+        if recorder.is_some() {
+            let (status, said) =
+                Program::tool(&stage, &["export", &run.display().to_string(), "--out", "tables"]).ended();
+            assert!(status.success(), "the recording is whole up to then: {said:?}");
+            std::fs::remove_dir_all(stage.path("tables")).unwrap();
         }
     }
     // The next ones start with what is left.

@@ -506,6 +506,39 @@ fn counter_of_nodes_belongs_to_the_domain() {
     );
 }
 
+/// A stranger's file with the name of a writer's lock, which /dev/shm lets everyone make: root's programs remove it, those of another
+/// user name it, with its owner.
+#[test]
+fn strangers_writer_lock_is_removed_by_root_and_named_to_others() {
+    if !has_other_users() {
+        return skipped(Missing::SecondUser);
+    }
+    for user in [0, SERVICE] {
+        let stage = Stage::new("lock");
+        std::fs::set_permissions(stage.folder.path(), std::fs::Permissions::from_mode(0o755)).unwrap();
+        std::fs::create_dir(stage.root()).unwrap();
+        chown(stage.root(), Some(user), Some(OTHERS)).unwrap();
+        let mut publisher = in_role(&stage, user, &[OTHERS], "publish-on");
+        publisher.wait_for("SAID publishes");
+        let is_lock = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "writer");
+        let lock = stage.everything().into_iter().find(is_lock).expect("a writer's lock");
+        publisher.kill();
+        for mode in [0o600, 0o666] {
+            let _gone_after_a_refusal_of_root = std::fs::remove_file(&lock);
+            std::fs::write(&lock, "1 stranger").unwrap();
+            std::fs::set_permissions(&lock, std::fs::Permissions::from_mode(mode)).unwrap();
+            chown(&lock, Some(STRANGER), Some(OTHERS)).unwrap();
+            let said = in_role(&stage, user, &[OTHERS], "publish").wait_for("SAID");
+            let names =
+                said.contains(&lock.display().to_string()) && said.contains(&format!("user {STRANGER}"));
+            assert!(
+                if user == 0 { said.contains("publishes") } else { names },
+                "user {user}, mode {mode:o}: {said}"
+            );
+        }
+    }
+}
+
 /// Without a name and a folder the shared-memory domain is private to a user; an existing folder of another user is refused.
 #[test]
 fn users_have_domains_of_their_own() {

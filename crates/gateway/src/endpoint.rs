@@ -37,6 +37,11 @@ impl Endpoint {
         Ok(Self { is_tls, host: plain.into(), port })
     }
 
+    /// Its port.
+    pub fn port(&self) -> u16 {
+        self.port
+    }
+
     /// True for an endpoint of this machine; false for names other than `localhost`.
     pub fn is_loopback(&self) -> bool {
         self.host == "localhost" || self.host.parse().is_ok_and(|address: IpAddr| address.is_loopback())

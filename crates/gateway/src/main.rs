@@ -30,12 +30,12 @@ mod topic_scan;
 use anyhow::Context;
 use clap::{CommandFactory, Parser};
 use config::Config;
-use endpoint::list;
+use endpoint::{Endpoint, list};
 use link::{Counters, Link};
 use liveness::Liveness;
 use queries::QueryHandler;
 use runtime::config::ConfigError;
-use runtime::{metrics, service};
+use runtime::{metrics, removed_files, service};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -45,8 +45,8 @@ use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{Duration, Instant};
 use topic_scan::TopicScan;
-use wire::Domain;
 use wire::thread_group::ThreadGroup;
+use wire::{Domain, OwnFiles};
 use zenoh::Wait;
 
 /// Interval of the counts in the log.
@@ -116,6 +116,8 @@ fn run(options: &Options) -> anyhow::Result<()> {
     let mut group = ThreadGroup::new(program.clone());
     let counted = counters.clone();
     metrics::start(&mut group, listener, || move || counted.metrics())?;
+    let own_files = OwnFiles::of(&Domain::from_env())?;
+    group.start(removed_files::NAME, move |end| removed_files::watch(&own_files, end))?;
     let mut liveness = Liveness::from_env();
     let ended = loop {
         liveness.forget_threads();
@@ -209,6 +211,10 @@ fn serve(
     if !inlets.is_empty() {
         let (own, ros2) = (thread_link(), config.ros2.clone());
         threads.start("readings", move |_| Ok(readings::run(&own, &inlets, ros2.as_ref())?))?;
+    }
+    if !config.listen.is_empty() {
+        let (own, ports) = (thread_link(), config.listen.iter().map(Endpoint::port).collect());
+        threads.start("addresses", move |_| Ok(network::limit_addresses(&own, ports)?))?;
     }
     scan.scan(link)?;
     service::notify_ready(&connections(config));

@@ -1,10 +1,13 @@
 //! The Zenoh session of the gateway.
 
 use crate::config::{Config, Mode};
+use crate::link::Link;
 use crate::liveness::Liveness;
 use anyhow::anyhow;
+use runtime::address_limit::AddressLimit;
 use runtime::service;
 use serde_json::{Value, json};
+use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -20,6 +23,12 @@ const QUEUE_BATCHES: u32 = 16;
 const LOGIN: Duration = Duration::from_secs(2);
 /// Connections within that time; more are closed at once. Below the usual limit of open files, 1,024.
 const MOST_LOGINS: u32 = 500;
+/// Those from one address; more close its oldest ones.
+const MOST_LOGINS_OF_ADDRESS: usize = 100;
+/// Interval of its log line.
+const SAY_EVERY: Duration = Duration::from_secs(60);
+/// Interval of that limit.
+const LIMIT_EVERY: Duration = Duration::from_millis(100);
 
 /// Opens the session; `None` if `stop` was set first (a client waits here for its router).
 ///
@@ -52,6 +61,27 @@ pub fn open(config: &Config, stop: &AtomicBool, liveness: &mut Liveness) -> anyh
         }
         Err(_) => Err(anyhow!("Zenoh panicked while joining the network")),
     }
+}
+
+/// Keeps the connections that log in from one address within their limit, which Zenoh does not have.
+///
+/// # Errors
+/// The descriptors of this process cannot be listed.
+pub fn limit_addresses(link: &Link, ports: Vec<u16>) -> io::Result<()> {
+    let mut limit = AddressLimit::new(ports, MOST_LOGINS_OF_ADDRESS, LOGIN);
+    let mut said = None;
+    while !link.is_stopped() {
+        link.is_alive.store(true, Ordering::Relaxed);
+        let closed = limit.apply()?;
+        if closed > 0 && said.is_none_or(|at: Instant| at.elapsed() > SAY_EVERY) {
+            said = Some(Instant::now());
+            tracing::warn!(
+                "{closed} connections closed: more than {MOST_LOGINS_OF_ADDRESS} log in from one address"
+            );
+        }
+        thread::sleep(LIMIT_EVERY);
+    }
+    Ok(())
 }
 
 /// The settings of Zenoh. Discovery is off: the configuration names every connection.

@@ -8,6 +8,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+pub mod address_limit;
 pub mod bridge;
 pub mod config;
 pub mod estimation;
@@ -25,6 +26,7 @@ pub mod process;
 pub mod publish;
 pub mod query;
 pub mod realtime;
+pub mod removed_files;
 pub mod service;
 pub mod side_service;
 pub mod source;

@@ -1,18 +1,18 @@
 //! `softtwind bridge`: sources to sensor topics.
 
 use crate::bridge_reload::{BridgeReloader, SharedDevices, open};
-use crate::files;
 use crate::options::BridgeOptions;
 use crate::usage::Usage;
 use anyhow::Context;
 use runtime::bridge::{Bridge, BridgeCounters, BridgeDevices, BridgeError};
 use runtime::config::{self, ActuatorSpec, ConfigError, Scene};
 use runtime::metrics as page;
+use runtime::removed_files;
 use runtime::service::{self, Watchdog};
 use runtime::source::{Devices, SourceSpec};
 use runtime::thread_group::{StopFlag, ThreadGroup};
 use runtime::valve::{self, OpenValve, ValveSpec};
-use runtime::wire::{Bus, Topic, background_thread, now_ns};
+use runtime::wire::{Bus, OwnFiles, Topic, background_thread, now_ns};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -41,7 +41,7 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     let listener = options.metrics.open()?;
     let stop = service::stop_flag().context("cannot listen for signals")?;
     let bus = Bus::open(&options.domain.domain())?;
-    let own_files = bus.own_files();
+    let own_files = OwnFiles::of(&options.domain.domain())?;
     let has_sources = !sources.is_empty();
     let mut bridge = Bridge::start(&bus, sources)?;
     let mut group = ThreadGroup::new(stop.clone());
@@ -64,7 +64,7 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
         }
         Ok(())
     })?;
-    group.start(files::NAME, move |end| files::watch(&own_files, end))?;
+    group.start(removed_files::NAME, move |end| removed_files::watch(&own_files, end))?;
     let requested = service::reload_flag().context("cannot listen for signals")?;
     let reloader =
         BridgeReloader { scene, sources: bridge.accept_sources(), devices: devices.clone(), paths };

@@ -19,7 +19,6 @@ pub mod text;
 
 mod bridge;
 mod bridge_reload;
-mod files;
 mod metrics;
 mod options;
 mod reload;

@@ -2,14 +2,14 @@
 
 use crate::options::TwinOptions;
 use crate::side_services::SideServices;
-use crate::{files, metrics, reload, reporter};
+use crate::{metrics, reload, reporter};
 use anyhow::Context;
 use runtime::config::{ConfigError, OnMissingRights, Scene, Settings};
 use runtime::load::{Loaded, load_scene};
 use runtime::thread_group::ThreadGroup;
 use runtime::twin::{Twin, event_channel};
-use runtime::wire::{Bus, Health, Outcome, layout};
-use runtime::{realtime, service};
+use runtime::wire::{Bus, Health, Outcome, OwnFiles, layout};
+use runtime::{realtime, removed_files, service};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
@@ -35,7 +35,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     let progress = Arc::new(AtomicU64::new(0));
     let (inbox, loader) = reload::pair();
     let reload = service::reload_flag().context("cannot listen for signals")?;
-    let own_files = bus.own_files();
+    let own_files = OwnFiles::of(&domain)?;
     let mut group = ThreadGroup::new(stop.clone());
     // All threads start before this one takes real-time rights, so that they do not inherit them.
     let (reported, progressed) = (names.clone(), progress.clone());
@@ -43,7 +43,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
         reporter::run(&events, &reported, &progressed, end);
         Ok(())
     })?;
-    group.start(files::NAME, move |end| files::watch(&own_files, end))?;
+    group.start(removed_files::NAME, move |end| removed_files::watch(&own_files, end))?;
     let listener = options.metrics.open()?;
     let metrics_domain = domain.clone();
     runtime::metrics::start(&mut group, listener, move || metrics::twins(&metrics_domain, &shown))?;

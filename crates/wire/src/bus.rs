@@ -4,7 +4,7 @@ use crate::leftover::{Places, Watch};
 use crate::port::retry::{self, Refusal};
 use crate::port::segment::require_headroom;
 use crate::sys::Ipc;
-use crate::{Domain, KeyExpr, OwnFiles, Removed, Topic, WireError};
+use crate::{Domain, KeyExpr, Removed, Topic, WireError};
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::*;
 use std::path::PathBuf;
@@ -140,11 +140,6 @@ impl Bus {
     /// Files of dead programs that were removed when the bus was opened.
     pub fn removed(&self) -> Removed {
         self.removed
-    }
-
-    /// Files of this program, to check that they still exist.
-    pub fn own_files(&self) -> OwnFiles {
-        OwnFiles::new(&self.places)
     }
 
     /// Folder of the management files.

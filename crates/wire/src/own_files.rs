@@ -2,7 +2,9 @@
 
 use crate::leftover::{Places, process_of};
 use crate::sys::REMOVED;
+use crate::{Domain, WireError};
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -18,9 +20,14 @@ pub struct OwnFiles {
 const SECOND_LOOK: Duration = Duration::from_millis(20);
 
 impl OwnFiles {
-    pub(crate) fn new(places: &Places) -> Self {
+    /// Files of this program in a shared-memory domain that it has joined.
+    ///
+    /// # Errors
+    /// [`WireError::BadDomain`] and [`WireError::LongDomain`] for invalid paths.
+    pub fn of(domain: &Domain) -> Result<Self, WireError> {
+        let places = domain.places()?;
         let folder = places.root.canonicalize().unwrap_or_else(|_| places.root.clone());
-        Self { places: places.clone(), folder }
+        Ok(Self { places, folder })
     }
 
     /// Removed files of this program, for example by a cleaner of temporary folders. If there are any, no other program finds
@@ -48,14 +55,20 @@ impl OwnFiles {
         let ours = Path::new(path).starts_with(&self.folder)
             || path.starts_with(&self.places.writer_locks())
             || self.places.is_own_segment(Path::new(path));
-        (ours && !self.is_of_another_program(Path::new(path))).then(|| path.into())
+        (ours && !self.is_of_an_ended_node(Path::new(path))).then(|| path.into())
     }
 
-    /// Whether the file describes the node of another program. Such a file is open here as well, and is removed when that program ends.
-    fn is_of_another_program(&self, path: &Path) -> bool {
-        let entry =
-            path.strip_prefix(self.folder.join("nodes")).ok().and_then(|rest| rest.iter().next()?.to_str());
-        let id = entry.and_then(|name| self.places.monitor_id(name).or_else(|| name.parse().ok()));
-        id.is_some_and(|id| process_of(id) != std::process::id())
+    /// Whether the file describes the node of another program, or one of several nodes of this program. Such a file is open here as
+    /// well, and is removed when that node ends.
+    fn is_of_an_ended_node(&self, path: &Path) -> bool {
+        let nodes = self.folder.join("nodes");
+        let process =
+            |entry: &str| self.places.monitor_id(entry).or_else(|| entry.parse().ok()).map(process_of);
+        let entry = path.strip_prefix(&nodes).ok().and_then(|rest| rest.iter().next()?.to_str());
+        let is_ours = |entry: &OsStr| entry.to_str().and_then(process) == Some(std::process::id());
+        let has_another = || {
+            std::fs::read_dir(&nodes).into_iter().flatten().flatten().any(|entry| is_ours(&entry.file_name()))
+        };
+        entry.and_then(process).is_some_and(|process| process != std::process::id() || has_another())
     }
 }

@@ -4,7 +4,10 @@ use std::fs::{File, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use wire::{Bus, Domain, QueryClient, QueryServer, State, StateReader, StateWriter, Topic, WireError, qos};
+use wire::{
+    Bus, Domain, KeyExpr, OwnFiles, QueryClient, QueryServer, State, StateReader, StateWriter, Topic,
+    WireError, qos,
+};
 
 /// Shared-memory domain in a separate folder.
 struct Place {
@@ -174,12 +177,27 @@ fn running_program_removes_incomplete_files_of_others() {
     }
 }
 
+/// A thread that leaves the domain removes its files, which other threads of the program have open as well.
+#[test]
+fn files_of_a_thread_that_has_left_are_not_missed() {
+    let place = Place::new("threads");
+    let files = OwnFiles::of(&place.domain).unwrap();
+    let [first, second] = [(); 2].map(|()| Bus::open(&place.domain).unwrap());
+    let _writer = StateWriter::create(&first, &topic()).unwrap();
+    let reader = StateReader::open(&second, &topic()).unwrap();
+    assert_eq!(first.topics(&KeyExpr::new("softtwin/**").unwrap()).unwrap()[0].readers.len(), 1);
+    drop((reader, second));
+    assert_eq!(files.removed(), Vec::<PathBuf>::new());
+    std::fs::remove_dir_all(place.root().join("nodes")).unwrap();
+    assert!(!files.removed().is_empty());
+}
+
 #[test]
 fn an_emptied_folder_is_noticed_and_admits_no_second_writer() {
     let place = Place::new("emptied");
     let bus = Bus::open(&place.domain).unwrap();
     let mut writer = StateWriter::create(&bus, &topic()).unwrap();
-    let files = bus.own_files();
+    let files = OwnFiles::of(&place.domain).unwrap();
     assert_eq!(files.removed(), Vec::<PathBuf>::new());
     std::fs::remove_dir_all(place.root()).unwrap();
     assert!(

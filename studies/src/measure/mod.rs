@@ -9,6 +9,7 @@ mod gateway;
 mod latency;
 mod model;
 mod stress;
+mod topics;
 mod twin;
 mod view;
 
@@ -45,6 +46,7 @@ enum What {
     Latency(latency::Args),
     Model(model::Args),
     Stress(stress::Args),
+    Topics(topics::Args),
     View(view::Args),
 }
 
@@ -58,6 +60,7 @@ impl Args {
             What::Latency(args) => args.run(),
             What::Model(args) => args.run(),
             What::Stress(args) => args.run(),
+            What::Topics(args) => args.run(),
             What::View(args) => args.run(),
         }
     }

@@ -6,6 +6,8 @@ use std::io::Read;
 use std::net::TcpStream;
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 use tests::{Program, Stage};
 
 /// A file that only its owner may read.
@@ -89,6 +91,56 @@ fn idle_connections_are_closed_and_keep_nobody_out() {
         };
         assert!(is_closed, "{read:?}");
     }
+}
+
+/// A connection whose source is this address of the machine.
+fn connect_from(source: [u8; 4], port: u16) -> TcpStream {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build().expect("a runtime");
+    let connecting = async {
+        let socket = tokio::net::TcpSocket::new_v4()?;
+        socket.bind((source, 0).into())?;
+        socket.connect(([127, 0, 0, 1], port).into()).await?.into_std()
+    };
+    runtime.block_on(connecting).expect("a connection")
+}
+
+fn is_closed(connection: &TcpStream) -> bool {
+    // Non-blocking: an open one would block.
+    match connection.peek(&mut [0]) {
+        Ok(bytes) => bytes == 0,
+        Err(error) => error.kind() != std::io::ErrorKind::WouldBlock,
+    }
+}
+
+/// An address that holds more idle connections than may log in, and opens a new one for each that is closed, keeps no other out.
+#[test]
+fn idle_connections_of_one_address_keep_no_other_out() {
+    let stage = Stage::new("gwaddress");
+    let scene = stage.finger(FAST_SINE);
+    let (_twin, _bridge) = (Program::twin(&stage, &scene), Program::bridge(&stage, &scene));
+    let port = free_port();
+    let _gateway = gateway(&stage, &format!("listen = [\"tcp/127.0.0.1:{port}\"]"));
+    let is_over = AtomicBool::new(false);
+    let (full, is_full) = std::sync::mpsc::channel();
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let mut idle: Vec<TcpStream> = (0..600).map(|_| connect_from([127, 0, 0, 2], port)).collect();
+            full.send(()).expect("the test waits");
+            while !is_over.load(Ordering::Relaxed) {
+                for connection in idle.iter_mut().filter(|connection| is_closed(connection)) {
+                    *connection = connect_from([127, 0, 0, 2], port);
+                }
+                std::thread::sleep(Duration::from_millis(1)); // pace of the connections
+            }
+        });
+        is_full.recv().expect("the connections");
+        let end = Instant::now() + tests::PATIENCE;
+        let settings = client(&format!("tcp/127.0.0.1:{port}"));
+        let is_in =
+            std::iter::from_fn(|| (Instant::now() < end).then(|| is_let_in(&settings))).any(|is_in| is_in);
+        is_over.store(true, Ordering::Relaxed);
+        assert!(is_in, "another address");
+    });
 }
 
 #[test]

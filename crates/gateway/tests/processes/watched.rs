@@ -32,6 +32,27 @@ fn the_service_manager_gets_ready_watchdog_and_stopping() {
     manager.receive("STOPPING=1");
 }
 
+/// Without its files in shared memory it would not find the topics of twins that start again: the service manager restarts it.
+#[test]
+fn removed_files_in_shared_memory_end_the_gateway() {
+    let stage = Stage::new("gwremoved");
+    let scene = stage.finger(FAST_SINE);
+    let twin = Program::twin(&stage, &scene);
+    let port = free_port();
+    let mut gateway = gateway(&stage, &format!("listen = [\"tcp/127.0.0.1:{port}\"]"));
+    let _bridge = Program::bridge(&stage, &scene);
+    // Topics are open where they have a subscriber.
+    let session = far_end(port);
+    wait_sample(&subscribe(&session, "softtwin/finger/state"), "a state", |_| Some(()));
+    for file in stage.everything().iter().filter(|file| file.to_string_lossy().ends_with(".dynamic")) {
+        std::fs::remove_file(file).unwrap();
+    }
+    let (status, said) = gateway.end();
+    assert_eq!(status.code(), Some(1), "{said:?}");
+    assert!(said.iter().any(|line| line.contains("files in shared memory were removed")), "{said:?}");
+    drop(twin);
+}
+
 /// Restarting the gateway would not bring the router back.
 #[test]
 fn a_client_without_its_router_is_ready_and_alive() {

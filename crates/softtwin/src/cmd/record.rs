@@ -7,6 +7,7 @@ use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 use recording::{FreeSpace, RecordSummary, Recorder, RecorderOptions, Retention, RotateOptions};
 use runtime::metrics;
+use runtime::removed_files;
 use runtime::service::{self, Watchdog};
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -15,8 +16,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use wire::KeyExpr;
 use wire::thread_group::ThreadGroup;
+use wire::{KeyExpr, OwnFiles};
 
 /// How often the service manager gets a new status line, and the metrics new values.
 const STATUS_EVERY: Duration = Duration::from_secs(1);
@@ -96,8 +97,11 @@ impl Args {
         let new_file = service::reload_flag()?;
         service::ignore_size_limit()?;
         let listener = metrics::listen(self.metrics)?;
-        let mut recorder = Recorder::start(&self.domain.domain(), options)?;
+        let domain = self.domain.domain();
+        let mut recorder = Recorder::start(&domain, options)?;
         let mut group = ThreadGroup::new(stop.clone());
+        let own_files = OwnFiles::of(&domain)?;
+        group.start(removed_files::NAME, move |end| removed_files::watch(&own_files, end))?;
         let shown = Arc::new(Mutex::new(RecordSummary::default()));
         let (of_page, place) = (shown.clone(), self.folder());
         metrics::start(&mut group, listener, || move || page(&of_page, &place))?;

@@ -1,9 +1,9 @@
-//! Watches the daemon's files in the folder of the shared-memory domain. Without them, for example after a cleaner of temporary
-//! files, new readers find no topics.
+//! Watches a program's files in the folder of the shared-memory domain and in /dev/shm. Without them, for example after a cleaner of
+//! temporary files, other programs do not find its topics, and it does not find the topics of programs that were restarted.
 
-use runtime::thread_group::{StopFlag, ThreadResult};
-use runtime::wire::{OwnFiles, background_thread};
 use std::time::Duration;
+use wire::thread_group::{StopFlag, ThreadResult};
+use wire::{OwnFiles, background_thread};
 
 /// Name of the thread.
 pub const NAME: &str = "files";
