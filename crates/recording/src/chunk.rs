@@ -1,4 +1,4 @@
-//! Records of one chunk, decompressed as they are read, so that memory holds one record.
+//! Records of one chunk, decompressed one after another: memory holds one of them.
 
 use crate::parse;
 use std::io::{self, Cursor, Read, Write};

@@ -35,14 +35,14 @@ impl AddressLimit {
         self.seen.retain(|peer, _| found.iter().any(|(other, _)| other == peer));
         let mut young: BTreeMap<IpAddr, Vec<(Instant, Borrowed)>> = BTreeMap::new();
         for (peer, connection) in found {
-            let since = *self.seen.entry(peer).or_insert(now);
-            if now.duration_since(since) < self.young {
-                young.entry(network(peer.ip())).or_default().push((since, connection));
+            let first = *self.seen.entry(peer).or_insert(now);
+            if now.duration_since(first) < self.young {
+                young.entry(network(peer.ip())).or_default().push((first, connection));
             }
         }
         let mut closed = 0;
         for mut connections in young.into_values() {
-            connections.sort_by_key(|(since, _)| *since); // stable: in the order of the descriptors otherwise
+            connections.sort_by_key(|(first, _)| *first); // stable: in the order of the descriptors otherwise
             let beyond = connections.len().saturating_sub(self.most);
             closed += beyond;
             for (_, connection) in connections.iter().take(beyond) {

@@ -177,7 +177,7 @@ fn running_program_removes_incomplete_files_of_others() {
     }
 }
 
-/// A thread that leaves the domain removes its files, which other threads of the program have open as well.
+/// A thread that leaves the shared-memory domain removes its files, which other threads of the program have open as well.
 #[test]
 fn files_of_a_thread_that_has_left_are_not_missed() {
     let place = Place::new("threads");
