@@ -52,9 +52,12 @@ fn hold(plant_arguments: &str) -> (Value, Value) {
     let line = format!("softtwin-studies plant --scene {scene} --seconds 3 --target-n 0.3 {plant_arguments}");
     let mut plant = Program::shell(&stage, &line);
     plant.wait_for("ready:");
-    let (status, said) = Program::shell(&stage, &format!("hold_force --scene {scene} --target-n 0.3")).end();
-    assert!(status.success(), "{said:?}");
-    let controller: Value = serde_json::from_str(said.last().unwrap()).unwrap();
+    let (status, said) =
+        Program::shell(&stage, &format!("softtwin hold --json --scene {scene} --force-n 0.3")).end();
+    // The plant has ended first.
+    assert_eq!(status.code(), Some(1), "{said:?}");
+    let report = said.iter().find(|line| line.contains("\"setpoints\"")).unwrap();
+    let controller: Value = serde_json::from_str(report).unwrap();
     let (status, said) = plant.end();
     assert!(status.success(), "{said:?}");
     drop(twin);
@@ -80,8 +83,11 @@ fn unreachable_force_is_refused_before_any_setpoint() {
     let stage = Stage::new("reach");
     let scene = repository().join("config/scenes/force.toml");
     let twin = Program::twin(&stage, &scene);
-    let line = format!("hold_force --scene {} --target-n 9", scene.display());
+    let line = format!("softtwin hold --scene {} --force-n 9 --gap-mm 30", scene.display());
     let (status, said) = Program::shell(&stage, &line).end();
     assert_eq!(status.code(), Some(1), "{said:?}");
+    let line = format!("softtwin hold --simulate --scene {} --force-n 9", scene.display());
+    let (status, said) = Program::shell(&stage, &line).end();
+    assert_eq!(status.code(), Some(2), "{said:?}");
     drop(twin);
 }

@@ -18,8 +18,8 @@ use tests::wait::wait_state;
 use tests::{PATIENCE, Program, Stage};
 use wire::layout::{MARKERS_MAX, Marker, pack_name, unpack_name, valve_interlock, valve_reason};
 use wire::{
-    Bus, SensorSample, SensorWriter, Setpoint, SetpointReader, SetpointWriter, StateReader, Topic, Valve,
-    ValveReader, now_ns,
+    Bus, SensorSample, SensorWriter, Setpoint, SetpointReader, SetpointWriter, StateReader, Target,
+    TargetWriter, Topic, Valve, ValveReader, now_ns,
 };
 
 fn repository() -> PathBuf {
@@ -74,10 +74,8 @@ impl Rig {
 }
 
 fn controller(stage: &Stage, rig: &Rig) -> Program {
-    Program::named(
-        stage,
-        &["examples/hold_force", "--scene", &rig.scene.display().to_string(), "--target-n", "0.3"],
-    )
+    let scene = rig.scene.display().to_string();
+    Program::tool(stage, &["hold", "--json", "--scene", &scene, "--force-n", "0.3"])
 }
 
 fn valves(bus: &Bus) -> ValveReader {
@@ -165,10 +163,10 @@ fn second_owner_is_refused_and_operator_overrides() {
     rig.event("driven", 0);
     let reader = valves(&bus);
     let owner = wait_valve(&reader, "an owner", |valve| valve.valve_reason == valve_reason::FOLLOWING).owner;
-    assert_eq!(unpack_name(&owner), "hold_force");
+    assert_eq!(unpack_name(&owner), "softtwin-hold");
 
     let (status, said) = Program::tool(&stage, &["setpoint", "finger", "--pressure-mpa", "0.01"]).ended();
-    let refusal = format!("(`hold_force`, process {})", holds.id());
+    let refusal = format!("(`softtwin-hold`, process {})", holds.id());
     assert!(!status.success() && said.join("\n").contains(&refusal), "{said:?}");
 
     let (status, said) =
@@ -234,8 +232,8 @@ impl Finger {
                 (last_ns, seq) = (t_sensor_ns, seq + 1);
                 let truth = model.at(pressure_mpa, GAP_MM);
                 let mut markers_mm = [Marker::ABSENT; MARKERS_MAX];
-                let tip_x_mm = along.at(pressure_mpa, GAP_MM).tip_mm;
-                let (x, y) = (truth.tip_mm + off_mm - CAMERA_MM[1], CAMERA_MM[0] - tip_x_mm);
+                let tip_x_mm = along.at(pressure_mpa, GAP_MM).observable;
+                let (x, y) = (truth.observable + off_mm - CAMERA_MM[1], CAMERA_MM[0] - tip_x_mm);
                 markers_mm[0] = Marker { x, y, z: 0.0 };
                 let (gap_mm, measured_force_n) = (GAP_MM, truth.force_n);
                 let of_state = SensorSample { boot_id: 5, seq, t_sensor_ns, ..SensorSample::default() };
@@ -259,24 +257,28 @@ impl Finger {
 fn scene_holds_for_the_controller() {
     let stage = Stage::new("holds");
     let model = repository().join("models/pneunet-design/pneunet-design.twin");
-    let scene = stage.write(
-        "holds.toml",
-        &format!(
-            "name = \"holds\"\n[[actuator]]\nname = \"finger\"\nmodel = \"{}\"\n\
+    let scene_with = |name: &str, is_measured: bool| {
+        stage.write(
+            name,
+            &format!(
+                "name = \"holds\"\n[[actuator]]\nname = \"finger\"\nmodel = \"{}\"\n\
              [actuator.inputs]\n\"elastomer.law.mu_mpa\" = {SOFTER_MPA}\n\
              [[actuator.marker]]\nname = \"tip\"\nat_mm = {TIP_MM:?}\n\
              [actuator.camera]\nposition_mm = {CAMERA_MM:?}\nrotation_deg = [0.0, 0.0, 90.0]\n\
+             [actuator.control]\nis_measured = {is_measured}\n\
              [actuator.valve]\nrange_mpa = [0.0, {HIGHEST_MPA}]\n\
              [actuator.valve.modbus]\ntcp = \"127.0.0.1:1\"\nvalue = {{ from = {{ register = 0 }} }}\n",
-            model.display()
-        ),
-    );
-    let twin = Program::twin(&stage, &scene);
+                model.display()
+            ),
+        )
+    };
+    let scene = scene_with("holds.toml", true).display().to_string();
+    let model_only = scene_with("model.toml", false).display().to_string();
+    let twin = Program::twin(&stage, Path::new(&scene));
     let hold = |target: &[&str], off_mm: f64| -> (Option<Value>, f64) {
         let finger = Finger::start(&stage, off_mm);
-        let scene = scene.display().to_string();
-        let program = [&["examples/hold_force", "--seconds", "2", "--scene", &scene], target].concat();
-        let (status, said) = Program::named(&stage, &program).ended();
+        let program = [&["hold", "--json", "--seconds", "2"], target].concat();
+        let (status, said) = Program::tool(&stage, &program).ended();
         let report = status.success().then(|| serde_json::from_str(said.last().unwrap()).unwrap());
         (report, finger.end())
     };
@@ -287,7 +289,7 @@ fn scene_holds_for_the_controller() {
     };
     let mut truth = softer_finger(1);
     // In reach at the measured gap only; the marker is elsewhere than the model's tip.
-    let (report, _) = hold(&["--tip-mm", "-45"], -3.4);
+    let (report, _) = hold(&["--scene", &scene, "--tip-y-mm", "-45"], -3.4);
     near(&report.unwrap(), "marker tip", 0.1);
     // The published half-width contains what the marker shows of the model's error.
     let states = StateReader::open(&stage.bus(), &Topic::state("finger").unwrap()).unwrap();
@@ -296,18 +298,66 @@ fn scene_holds_for_the_controller() {
     // The model at the scene's stiffness, without the load cell in the loop.
     let target_n = truth.at(0.045, GAP_MM).force_n;
     assert!(target_n > 0.05, "{target_n} N");
-    let (report, _) = hold(&["--target-n", &target_n.to_string(), "--no-load-cell"], 0.0);
+    let (report, _) = hold(&["--scene", &model_only, "--force-n", &target_n.to_string()], 0.0);
     near(&report.unwrap(), "load cell", 0.02 * target_n);
     // The model reaches it within the valve's range, the finger does not.
-    let target_mm = truth.at(0.95 * HIGHEST_MPA, GAP_MM).tip_mm.to_string();
-    let (report, most_mpa) = hold(&["--tip-mm", &target_mm], 12.0);
+    let target_mm = truth.at(0.95 * HIGHEST_MPA, GAP_MM).observable.to_string();
+    let (report, most_mpa) = hold(&["--scene", &scene, "--tip-y-mm", &target_mm], 12.0);
     let report = report.unwrap();
     assert!(report["is_limited"] == true && report["final_error"].as_f64().unwrap() > 1.0, "{report}");
     assert!(most_mpa <= HIGHEST_MPA, "{most_mpa} MPa");
     // Beyond the valve's range, within the model's.
     let far_n = truth.at(0.08, GAP_MM).force_n.to_string();
-    assert_eq!(hold(&["--target-n", &far_n], 0.0), (None, 0.0));
+    assert_eq!(hold(&["--scene", &scene, "--force-n", &far_n], 0.0), (None, 0.0));
     drop(twin);
+}
+
+/// A target of the bus moves what is held; one out of reach, not finite or of a second owner changes nothing.
+#[test]
+fn target_moves_without_letting_go() {
+    let stage = Stage::new("target");
+    let mut rig = Rig::start(&stage);
+    let _twin = Program::twin(&stage, &rig.scene);
+    let _bridge = Program::bridge(&stage, &rig.scene);
+    let bus = Bus::open(&stage.domain()).unwrap();
+    let mut holds = controller(&stage, &rig);
+    rig.event("driven", 0);
+    follow(&bus, Duration::from_millis(200));
+    let states = StateReader::open(&bus, &Topic::state("finger").unwrap()).unwrap();
+    let near = |target_n: f64| {
+        let is_near = |state: &wire::State| (state.measured_force_n - target_n).abs() < 0.01;
+        wait_state(&states, "the target", is_near);
+    };
+    near(0.3);
+    let closed = |valve: &Valve| (valve.timeouts, valve.interlocks);
+    let before = closed(&wait_valve(&valves(&bus), "the valve", |_| true));
+    let target = |arguments: &[&str]| {
+        let (status, said) = Program::tool(&stage, &[&["target", "finger"], arguments].concat()).ended();
+        assert!(status.success(), "{said:?}");
+    };
+    target(&["0.2"]);
+    near(0.2);
+    target(&["0.4", "--rate", "0.5"]);
+    near(0.4);
+    target(&["9"]);
+    holds.wait_for("refused: 9 N cannot be held");
+    target(&["0.3", "0.1", "--interval-s", "0.2"]);
+    near(0.1);
+    let valve = wait_valve(&valves(&bus), "the valve", |_| true);
+    assert_eq!(closed(&valve), before, "{valve:?}");
+
+    let mut owner = TargetWriter::create_named(&bus, &Topic::target("finger").unwrap(), "test").unwrap();
+    let sample = Target { boot_id: 3, seq: 1, t_publish_ns: now_ns(), value_count: 1, ..Target::default() };
+    owner.publish(sample).unwrap();
+    holds.wait_for("finite values");
+    let (status, said) = Program::tool(&stage, &["target", "finger", "0.2"]).ended();
+    assert!(!status.success() && said.join("\n").contains("`test`"), "{said:?}");
+    let (status, said) = holds.stop();
+    assert!(status.success(), "{said:?}");
+    let report: Value =
+        serde_json::from_str(said.iter().rfind(|line| line.contains("setpoints")).unwrap()).unwrap();
+    println!("reading to written: {} us", report["reading_to_written_us"]);
+    assert!(report["reading_to_written_us"]["p50"].is_f64(), "{report}");
 }
 
 /// A regulator on a serial line: a pseudo-terminal behind a name, as a device behind `/dev/ttyUSB0`. It answers each line with

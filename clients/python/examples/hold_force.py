@@ -1,4 +1,4 @@
-"""Holds a contact force by commanding pressure; crates/control/examples/hold_force.rs in Python.
+"""Holds a contact force by commanding pressure: inverse of the model and a PI. `softtwin hold` has the law on the dynamics.
 
     softtwind twin --scene config/scenes/force.toml
     softtwin-studies plant --scene config/scenes/force.toml --true-gap-mm 33 --target-n 0.3

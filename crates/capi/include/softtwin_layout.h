@@ -97,6 +97,9 @@
 #define SOFTTWIN_ESTIMATE_ALARM_SENSOR 2u /* The measurements in `suspects` contradict the others and the model. */
 #define SOFTTWIN_ESTIMATE_ALARM_QUANTITY 3u /* The quantities in `suspects` are identifiable and more than 4 standard deviations from their priors. */
 #define SOFTTWIN_ESTIMATE_ALARM_NOT_EXPLAINED 4u /* The model does not explain the readings. */
+#define SOFTTWIN_TARGET_KIND_STEP 0u /* At once. */
+#define SOFTTWIN_TARGET_KIND_RAMP 1u /* From the target before, with a constant rate. */
+#define SOFTTWIN_TARGET_KIND_SERIES 2u /* Values at equal intervals from its sending on, straight lines between them; the last one stays. */
 #define SOFTTWIN_VALVE_REASON_NO_SETPOINT 0u /* No setpoint has come yet: the safe value. */
 #define SOFTTWIN_VALVE_REASON_FOLLOWING 1u /* The setpoint, within range and rate. */
 #define SOFTTWIN_VALVE_REASON_TIMEOUT 2u /* The setpoint was not renewed within its time: the safe value. */
@@ -106,7 +109,7 @@
 #define SOFTTWIN_VALVE_INTERLOCK_NO_STATE 1u /* The twin has sent no state yet. */
 #define SOFTTWIN_VALVE_INTERLOCK_STALE 2u /* The reading behind the newest state is older than allowed: twin, bridge or sensor has failed. */
 #define SOFTTWIN_VALVE_INTERLOCK_OUTSIDE_DOMAIN 4u /* The state lies outside the sampled states. */
-#define SOFTTWIN_VALVE_INTERLOCK_FORCE 8u /* The force, measured or predicted, was beyond its limit; stays until the owner asks for the safe value or begins a new run. */
+#define SOFTTWIN_VALVE_INTERLOCK_FORCE 8u /* The force, measured or predicted, was beyond its limit; stays until the operator's release. */
 #define SOFTTWIN_VALVE_INTERLOCK_NO_FORCE 16u /* A measured force is needed, and the newest state has none. */
 #define SOFTTWIN_VALVE_INTERLOCK_FORCE_MISMATCH 32u /* The measured force contradicts the predicted one. */
 #define SOFTTWIN_VALVE_INTERLOCK_MARKER_MISMATCH 64u /* A marker contradicts its predicted position. */
@@ -326,6 +329,19 @@ typedef struct {
   double pressure_mpa; /**< Gauge pressure that is wanted; NaN: none. Of an override NaN: released. Unit: MPa. */
   uint8_t owner[32]; /**< Name of the owner, zero-padded. */
 } softtwin_setpoint;
+
+/** Target of the program that holds a quantity of an actuator; its values have the unit of that quantity. It counts until the next one. */
+typedef struct {
+  uint64_t boot_id; /**< The run of the owner that sent it. */
+  uint64_t seq; /**< Counts up by one per target within a run, beginning at 1. */
+  uint64_t t_publish_ns; /**< When it was sent. Unit: ns. */
+  uint32_t target_kind; /**< How the values are reached. */
+  uint32_t value_count; /**< Values below: one of a step or a ramp. */
+  double rate_per_s; /**< Speed of a ramp in units per second, more than 0. Unit: 1/s. */
+  double interval_s; /**< Time between the values of a series, more than 0. Unit: s. */
+  double values[64]; /**< The values. */
+  uint8_t owner[32]; /**< Name of the owner, zero-padded. */
+} softtwin_target;
 
 /** Value written by the bridge to the valve of an actuator, one per write or attempt. */
 typedef struct {
@@ -589,6 +605,16 @@ SOFTTWIN_CHECK(offsetof(softtwin_setpoint, t_publish_ns) == 24);
 SOFTTWIN_CHECK(offsetof(softtwin_setpoint, valid_for_ns) == 32);
 SOFTTWIN_CHECK(offsetof(softtwin_setpoint, pressure_mpa) == 40);
 SOFTTWIN_CHECK(offsetof(softtwin_setpoint, owner) == 48);
+SOFTTWIN_CHECK(sizeof(softtwin_target) == 592);
+SOFTTWIN_CHECK(offsetof(softtwin_target, boot_id) == 0);
+SOFTTWIN_CHECK(offsetof(softtwin_target, seq) == 8);
+SOFTTWIN_CHECK(offsetof(softtwin_target, t_publish_ns) == 16);
+SOFTTWIN_CHECK(offsetof(softtwin_target, target_kind) == 24);
+SOFTTWIN_CHECK(offsetof(softtwin_target, value_count) == 28);
+SOFTTWIN_CHECK(offsetof(softtwin_target, rate_per_s) == 32);
+SOFTTWIN_CHECK(offsetof(softtwin_target, interval_s) == 40);
+SOFTTWIN_CHECK(offsetof(softtwin_target, values) == 48);
+SOFTTWIN_CHECK(offsetof(softtwin_target, owner) == 560);
 SOFTTWIN_CHECK(sizeof(softtwin_valve) == 160);
 SOFTTWIN_CHECK(offsetof(softtwin_valve, boot_id) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_valve, seq) == 8);

@@ -1,28 +1,28 @@
 //! The inverse of a model along the pressure: Newton's method on the model's own gradient, kept in a bracket by bisection.
 
-/// Force and tip of one state.
+/// Force and observable of one state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// Contact force, N; 0 without contact.
     pub force_n: f64,
     /// Derivative with respect to pressure, N/MPa.
     pub force_by_pressure: f64,
-    /// The tip's coordinate that is followed, mm.
-    pub tip_mm: f64,
-    /// Derivative with respect to pressure, mm/MPa.
-    pub tip_by_pressure: f64,
+    /// The observable that is followed, such as the tip's height in mm or an angle in degrees.
+    pub observable: f64,
+    /// Derivative with respect to pressure, per MPa.
+    pub observable_by_pressure: f64,
     /// Pressure of first contact at this gap, MPa; infinite out of reach.
     pub onset_mpa: f64,
 }
 
 /// A model of the actuator: any state is answered, without allocation.
 pub trait Model {
-    /// Force and tip at a pressure in MPa and a gap in mm.
+    /// Force and observable at a pressure in MPa and a gap in mm.
     fn at(&mut self, pressure_mpa: f64, gap_mm: f64) -> Point;
     /// Pressures that the model knows, MPa.
     fn range_mpa(&self) -> [f64; 2];
-    /// Whether the tip's coordinate grows with the pressure.
-    fn tip_grows(&self) -> bool;
+    /// Whether the observable grows with the pressure.
+    fn observable_grows(&self) -> bool;
 }
 
 /// The controlled quantity.
@@ -30,16 +30,19 @@ pub trait Model {
 pub enum Quantity {
     /// The contact force, N: grows with the pressure, from the onset on.
     Force,
-    /// The tip's coordinate, mm: falls or grows with the pressure.
-    Tip,
+    /// The model's observable: falls or grows with the pressure.
+    Observable,
+    /// The pressure itself, MPa.
+    Pressure,
 }
 
 impl Quantity {
     /// Value and derivative with respect to pressure.
-    pub fn of(self, point: &Point) -> (f64, f64) {
+    pub fn of(self, point: &Point, pressure_mpa: f64) -> (f64, f64) {
         match self {
             Self::Force => (point.force_n, point.force_by_pressure),
-            Self::Tip => (point.tip_mm, point.tip_by_pressure),
+            Self::Observable => (point.observable, point.observable_by_pressure),
+            Self::Pressure => (pressure_mpa, 1.0),
         }
     }
 }
@@ -80,7 +83,7 @@ pub fn inverse(
     let mut at = start_mpa.clamp(low, high);
     let mut found =
         Inverse { pressure_mpa: at, slope: 0.0, residual: f64::NAN, force_n: f64::NAN, is_reached: false };
-    let grows = quantity == Quantity::Force || model.tip_grows();
+    let grows = quantity != Quantity::Observable || model.observable_grows();
     let mut is_known = [false; 2]; // whether the model was asked at the bracket's ends
     for _ in 0..MAX_EVALUATIONS {
         let point = model.at(at, gap_mm);
@@ -90,7 +93,7 @@ pub fn inverse(
             let is_reached = point.onset_mpa <= high;
             return Inverse { pressure_mpa, slope: 0.0, residual: 0.0, force_n: 0.0, is_reached };
         }
-        let (now, slope) = quantity.of(&point);
+        let (now, slope) = quantity.of(&point, at);
         let error = value - now;
         let force_n = point.force_n;
         found = Inverse { pressure_mpa: at, slope, residual: error, force_n, is_reached: false };

@@ -1,102 +1,38 @@
-//! The controller: pressure from a force or a tip position that is wanted. Pure; nothing is allocated after its making.
+//! The controller: pressure from a wanted force, observable or pressure. Pure; nothing is allocated after its making.
 //!
-//! With the model's inverse `P(y, gap)` of the quantity `y` that is followed:
+//! With the model's inverse `P(y, gap)` of the quantity `y`, the play `H` and its inverse; all values are pressures:
 //!
 //! ```text
-//! r'' + 2 r'/T + r/T^2 = target/T^2                reference, critically damped            T = reference_s
-//! d'  = (p - P(y_measured, gap) - d) / T_d          model's error as a pressure: integral   T_d = correction_s
-//! w   = P(r, gap) + d,  at most P(limit, gap) + d   pressure that is wanted in the chambers
-//! q'  = (u - b - q) / T_l                           pressure that is expected there         T_l = lag_s
-//! b'  = k (q - p) while the pressure is at rest     valve's and gauge's error: integral     k = bias_per_s
-//! u   = w + T_l r' / (dy/dP) + b                    command, within range and rate
+//! s' = (P(target) - s) / T_a + rate/(dy/dP)        path, within what the line gives up and down     T_a = approach_s
+//! v  = shaped(s)                                    two impulses, half a swing apart
+//! d' ' = notch(H(p) - P(y_measured)) - d            error of the model as a pressure, two lags       T_d = correction_s
+//! c  = H^-1(v + d)                                  pressure that is wanted in the cavity
+//! b' = k (q - p) while the pressure is at rest      error of valve and gauge                        k   = bias_per_s
+//! u  = c + T_l c' + b                               command, within range and rate                  T_l of filling or emptying
 //! ```
 //!
-//! `d` compares pressure and quantity of the same instant, so the valve's lag is not in its loop: what is in it is the fraction by
-//! which the model's slope is wrong, and a loop whose gain is below 1 is stable whatever the delay. Neither integral can wind
-//! up: `d` is computed from the measurements, `b` follows the limited command.
+//! `d` compares pressure and quantity of one instant, so the line is not in its loop: what is in it is the fraction by which the model's slope is
+//! wrong. No integral can wind up: `d` is computed from measurements, `b` from the limited command, and the path never asks for more than the
+//! line gives.
 
 use crate::inverse::{Inverse, Model, Quantity, inverse};
+use crate::monitor::{Fault, Monitor, Signs};
+use crate::settings::{GaugeAt, Limits, Settings, TARGET_FRACTION};
+use crate::shape::{Notch, Path, Plays, Shaper, lag};
 
-/// Share of the force limit that a target is cut at: the rest is for overshoot.
-pub const TARGET_SHARE: f64 = 0.95;
-
-/// Times, limits.
+/// Wanted value.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
-    /// Time constant of the reference, s.
-    pub reference_s: f64,
-    /// Time constant of the model's correction, s.
-    pub correction_s: f64,
-    /// Largest correction of the model, MPa.
-    pub correction_max_mpa: f64,
-    /// Lag of valve and line, s.
-    pub lag_s: f64,
-    /// Share of the valve's error that is taken up in a second, 1/s.
-    pub bias_per_s: f64,
-    /// Largest correction of the valve, MPa.
-    pub bias_max_mpa: f64,
-    /// The pressure is at rest while command and expected pressure differ by less, MPa.
-    pub rest_mpa: f64,
-    /// Lowest and highest pressure that is commanded, MPa.
-    pub range_mpa: [f64; 2],
-    /// Greatest change of the command, MPa/s.
-    pub rate_mpa_per_s: f64,
-    /// Force that must not be passed, N; a target is cut at [`TARGET_SHARE`] of it.
-    pub force_max_n: f64,
-    /// A measured force below this is no contact yet, N: three standard deviations of the load cell's noise.
-    pub contact_n: f64,
+pub struct Target {
+    /// In N, MPa, or the observable's unit.
+    pub value: f64,
+    /// Its known change per second: of a ramp or a series; 0 of a step.
+    pub rate: f64,
 }
 
-impl Default for Settings {
-    /// For the reference actuator on a valve with a lag of 80 ms.
-    fn default() -> Self {
-        Self {
-            reference_s: 0.1,
-            correction_s: 0.03,
-            correction_max_mpa: 0.04,
-            lag_s: 0.08,
-            bias_per_s: 3.0,
-            bias_max_mpa: 0.01,
-            rest_mpa: 0.002,
-            range_mpa: [0.0, 0.09],
-            rate_mpa_per_s: 0.4,
-            force_max_n: 0.6,
-            contact_n: 0.008,
-        }
-    }
-}
-
-impl Settings {
-    /// All errors in the settings.
-    pub fn problems(&self) -> Vec<String> {
-        let mut problems = Vec::new();
-        for (name, value) in [
-            ("reference_s", self.reference_s),
-            ("correction_s", self.correction_s),
-            ("lag_s", self.lag_s),
-            ("rate_mpa_per_s", self.rate_mpa_per_s),
-            ("force_max_n", self.force_max_n),
-        ] {
-            if value.is_nan() || value <= 0.0 {
-                problems.push(format!("{name}: expected more than 0, found {value}"));
-            }
-        }
-        for (name, value) in [
-            ("correction_max_mpa", self.correction_max_mpa),
-            ("bias_per_s", self.bias_per_s),
-            ("bias_max_mpa", self.bias_max_mpa),
-            ("rest_mpa", self.rest_mpa),
-            ("contact_n", self.contact_n),
-        ] {
-            if !(value.is_finite() && value >= 0.0) {
-                problems.push(format!("{name}: expected 0 or more, found {value}"));
-            }
-        }
-        let [low, high] = self.range_mpa;
-        if !(low.is_finite() && high.is_finite() && low < high) {
-            problems.push(format!("range_mpa: expected lowest < highest, found {low} .. {high}"));
-        }
-        problems
+impl Target {
+    /// A step.
+    pub fn step(value: f64) -> Self {
+        Self { value, rate: 0.0 }
     }
 }
 
@@ -109,29 +45,54 @@ pub struct Reading {
     pub gap_mm: f64,
     /// The measured quantity; NaN: not measured, the model's value at the gauge's pressure is used.
     pub measured: f64,
+    /// Pressure that the valve was last given, MPa; NaN: the last command.
+    pub written_mpa: f64,
 }
 
 /// Result of one control cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Turn {
-    /// The command, MPa.
+pub struct Cycle {
+    /// The command, MPa; NaN: the valve is let go because of a fault.
     pub pressure_mpa: f64,
-    /// The target, cut at the force limit, N or mm.
+    /// The target, cut at the force limit.
     pub target: f64,
-    /// The reference, N or mm.
-    pub reference: f64,
+    /// Reference as a pressure in the cavity, MPa.
+    pub reference_mpa: f64,
     /// Value of the controlled quantity: measured, or the model's.
     pub followed: f64,
     /// The model's error as a pressure, MPa.
     pub correction_mpa: f64,
     /// The valve's error, MPa.
     pub bias_mpa: f64,
-    /// The target is beyond the force limit or the model's range: less is asked for.
-    pub is_limited: bool,
+    /// Which limits bind.
+    pub limited: Limited,
+    /// Fault that has ended the control.
+    pub fault: Option<Fault>,
 }
 
-/// Where a search ended: the next one begins there, moved along the slope by what the value has changed, and mostly needs one
-/// evaluation.
+/// Limits that bind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Limited {
+    /// The target is beyond the force limit.
+    pub by_force: bool,
+    /// The target is beyond the model's or the valve's range.
+    pub by_range: bool,
+    /// The line, the slew or the valve's rate is slower than the reference.
+    pub by_rate: bool,
+    /// The correction is at its largest: the model does not explain the measurement.
+    pub by_correction: bool,
+    /// The valve was given another pressure than the command.
+    pub by_valve: bool,
+}
+
+impl Limited {
+    /// The target cannot be reached.
+    pub fn is_limited(self) -> bool {
+        self.by_force || self.by_range || self.by_correction || self.by_valve
+    }
+}
+
+/// Where a search ended: the next one begins there, moved along the slope by what the value has changed.
 #[derive(Debug, Clone, Copy, Default)]
 struct Search {
     value: f64,
@@ -141,6 +102,22 @@ struct Search {
 
 /// Largest distance of a search's start from the end of the last one, MPa: a slope holds only nearby.
 const MAX_MOVE_MPA: f64 = 0.002;
+/// Part of the line's slope that the path uses: the rest is for play and correction.
+const HEADROOM: f64 = 0.85;
+/// The pressure is at rest while command and expected pressure differ by less, MPa.
+const REST_MPA: f64 = 0.002;
+/// Difference to the wanted pressure behind the play below which the side of the play is kept, MPa.
+const SIDE_MPA: f64 = 1e-4;
+/// Command per difference of the wanted and the read pressure in the cavity.
+const PRESSURE_GAIN: f64 = 1.0;
+/// Largest movement of a gauge at rest, relative to its mean over the last half second, MPa.
+const STILL_MPA: f64 = 3e-4;
+/// Time in which a difference behind the play is taken up at rest, s.
+const SIDE_S: f64 = 0.1;
+/// Part of half of the play from which its side is reached.
+const THROUGH: f64 = 0.1;
+/// Difference between written and commanded pressure from which the valve's limit binds, MPa.
+const WRITTEN_MPA: f64 = 1e-4;
 
 /// The controller's memory.
 #[derive(Debug)]
@@ -148,32 +125,62 @@ pub struct Controller<M> {
     model: M,
     quantity: Quantity,
     settings: Settings,
-    /// Reference, and the stage before it.
-    reference: [f64; 2],
-    correction_mpa: f64,
+    limits: Limits,
+    path: Path,
+    shaper: Shaper,
+    notch: Notch,
+    plays: Plays,
+    /// Shaped reference, MPa.
+    shaped_mpa: f64,
+    /// Correction behind each of its lags, MPa.
+    lags_mpa: [f64; 2],
+    /// Distance of the wanted pressure in the cavity from the one behind the play, MPa.
+    side_mpa: f64,
     bias_mpa: f64,
+    /// Pressure at the gauge as expected from what was written, and in the cavity as measured, MPa.
     expected_mpa: f64,
+    cavity_mpa: f64,
     command_mpa: f64,
-    /// The last searches: for reference, measured value and force limit.
+    /// The last searches: for target, measured value and force limit.
     last: [Search; 3],
     is_started: bool,
+    /// The quantity was measured since the start.
+    is_seen: bool,
+    monitor: Monitor,
+    fault: Option<Fault>,
 }
 
 impl<M: Model> Controller<M> {
     /// A controller that has not begun.
-    pub fn new(model: M, quantity: Quantity, settings: Settings) -> Self {
+    pub fn new(model: M, quantity: Quantity, settings: Settings, limits: Limits) -> Self {
         Self {
             model,
             quantity,
+            shaper: Shaper::new(&settings),
             settings,
-            reference: [0.0; 2],
-            correction_mpa: 0.0,
+            limits,
+            path: Path::default(),
+            notch: Notch::default(),
+            plays: Plays::at(0.0),
+            shaped_mpa: 0.0,
+            lags_mpa: [0.0; 2],
+            side_mpa: 0.0,
             bias_mpa: 0.0,
             expected_mpa: 0.0,
+            cavity_mpa: 0.0,
             command_mpa: 0.0,
             last: [Search::default(); 3],
             is_started: false,
+            is_seen: false,
+            monitor: Monitor::new(),
+            fault: None,
         }
+    }
+
+    /// Releases a fault: the next reading begins the control again.
+    pub fn release(&mut self) {
+        self.fault = None;
+        self.is_started = false;
     }
 
     /// The model, for inputs that change while it is in use.
@@ -181,51 +188,84 @@ impl<M: Model> Controller<M> {
         &mut self.model
     }
 
-    /// Begins, or begins again, where the actuator is: the next command continues from the pressure that is read. To be called
-    /// while the valve does not follow (override, interlock, another owner); what was learned of model and valve is kept.
-    pub fn start(&mut self, reading: Reading) {
-        let now = self.followed(reading);
-        self.reference = [now; 2];
-        let [low, high] = self.settings.range_mpa;
-        self.command_mpa = reading.pressure_mpa.clamp(low, high);
-        self.expected_mpa = reading.pressure_mpa;
-        self.is_started = reading.pressure_mpa.is_finite() && now.is_finite();
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
     }
 
-    /// The command for a target in N or mm, `dt_s` after the last turn. A reading that is not finite changes nothing, and the
-    /// last command stands.
-    pub fn update(&mut self, target: f64, reading: Reading, dt_s: f64) -> Turn {
-        let is_usable =
-            [reading.pressure_mpa, reading.gap_mm, target, dt_s].iter().all(|value| value.is_finite());
-        if !is_usable || dt_s < 0.0 {
-            return self.turn(target, f64::NAN, false);
+    /// Time by which a moving target has to be known ahead, s: that of the shaper and of the delay.
+    pub fn lead_s(&self) -> f64 {
+        self.settings.lead_s()
+    }
+
+    /// Begins, or begins again, where the actuator is: the next command continues from the pressure that is read. To be called
+    /// while the valve does not follow (override, interlock, another owner); what was learned of the valve is kept.
+    pub fn start(&mut self, reading: Reading) {
+        let [low, high] = self.limits.range_mpa;
+        let pressure_mpa = reading.pressure_mpa;
+        self.is_started = pressure_mpa.is_finite() && reading.gap_mm.is_finite();
+        if !self.is_started {
+            return;
+        }
+        (self.monitor, self.is_seen) = (Monitor::new(), false);
+        self.command_mpa = pressure_mpa.clamp(low, high);
+        (self.expected_mpa, self.cavity_mpa) = (pressure_mpa, pressure_mpa);
+        self.plays = Plays::at(pressure_mpa);
+        let correction_mpa = self.error_mpa(reading, pressure_mpa).unwrap_or(0.0);
+        self.lags_mpa = [correction_mpa; 2];
+        self.notch.start(correction_mpa);
+        self.side_mpa = 0.0;
+        self.path.value = pressure_mpa - correction_mpa;
+        self.shaped_mpa = self.path.value;
+        self.shaper.start(self.path.value);
+    }
+
+    /// The command for a target, `dt_s` after the last cycle. A reading that is not finite changes nothing, and the last command stands.
+    pub fn update(&mut self, target: Target, reading: Reading, dt_s: f64) -> Cycle {
+        let inputs = [reading.pressure_mpa, reading.gap_mm, target.value, target.rate, dt_s];
+        if self.fault.is_some() || inputs.iter().any(|value| !value.is_finite()) || dt_s < 0.0 {
+            return self.cycle(target.value, f64::NAN, Limited::default());
         }
         if !self.is_started {
             self.start(reading);
         }
+        let mut limited = Limited::default();
         let followed = self.followed(reading);
-        let (target, cut) = self.within(target);
-        let speed = self.move_reference(target, dt_s);
-        self.correct(reading, dt_s);
-        let ahead = self.search(0, self.reference[1], reading.gap_mm);
-        let most_mpa = self.limit_mpa(&ahead, reading.gap_mm);
-        let wanted_mpa = (ahead.pressure_mpa.min(most_mpa)) + self.correction_mpa;
-        let is_out = self.hold_reference(wanted_mpa, reading.gap_mm);
+        let (wanted, by_force) = self.within(target);
+        limited.by_force = by_force;
+        let written_mpa =
+            if reading.written_mpa.is_finite() { reading.written_mpa } else { self.command_mpa };
+        limited.by_valve = (written_mpa - self.command_mpa).abs() > WRITTEN_MPA;
+        self.expect(written_mpa, dt_s);
+        let behind_mpa = self.behind_play(reading, dt_s);
+        let before_mpa = self.shaped_mpa + self.lags_mpa[1] + self.side_mpa;
+        let error_mpa = self.error_mpa(reading, behind_mpa);
+        limited.by_correction = self.correct(error_mpa, dt_s);
+        self.watch(reading, written_mpa, behind_mpa, error_mpa, limited.by_correction, dt_s);
+        self.follow_path(wanted, reading.gap_mm, behind_mpa, dt_s, &mut limited);
         self.learn_bias(reading, dt_s);
-        let lead_mpa = if ahead.slope != 0.0 { self.settings.lag_s * speed / ahead.slope } else { 0.0 };
-        self.command(wanted_mpa + lead_mpa + self.bias_mpa, dt_s);
-        self.turn(target, followed, cut || is_out || !ahead.is_reached || ahead.pressure_mpa > most_mpa)
+        let cavity_mpa = self.shaped_mpa + self.lags_mpa[1] + self.side_mpa;
+        let slope = if dt_s > 0.0 { (cavity_mpa - before_mpa) / dt_s } else { 0.0 };
+        let time_s = if slope >= 0.0 { self.settings.line.fill_s } else { self.settings.line.empty_s };
+        let behind_mpa = match self.settings.gauge_at {
+            GaugeAt::Cavity => PRESSURE_GAIN * (before_mpa - reading.pressure_mpa),
+            GaugeAt::Valve => 0.0,
+        };
+        let wanted_mpa = cavity_mpa + time_s * slope + behind_mpa + self.bias_mpa;
+        self.command(wanted_mpa, dt_s, &mut limited);
+        self.cycle(wanted.value, followed, limited)
     }
 
-    fn turn(&self, target: f64, followed: f64, is_limited: bool) -> Turn {
-        Turn {
+    fn cycle(&self, target: f64, followed: f64, limited: Limited) -> Cycle {
+        Cycle {
             target,
-            pressure_mpa: self.command_mpa,
-            reference: self.reference[1],
+            pressure_mpa: if self.fault.is_some() { f64::NAN } else { self.command_mpa },
+            reference_mpa: self.shaped_mpa,
             followed,
-            correction_mpa: self.correction_mpa,
+            correction_mpa: self.lags_mpa[1],
             bias_mpa: self.bias_mpa,
-            is_limited,
+            limited,
+            fault: self.fault,
         }
     }
 
@@ -234,65 +274,160 @@ impl<M: Model> Controller<M> {
             return reading.measured;
         }
         let point = self.model.at(reading.pressure_mpa, reading.gap_mm);
-        self.quantity.of(&point).0
+        self.quantity.of(&point, reading.pressure_mpa).0
     }
 
     /// The target, cut at the force limit.
-    fn within(&self, target: f64) -> (f64, bool) {
-        let most_n = TARGET_SHARE * self.settings.force_max_n;
+    fn within(&self, target: Target) -> (Target, bool) {
+        let most_n = TARGET_FRACTION * self.settings.force_max_n;
         match self.quantity {
-            Quantity::Force if target > most_n => (most_n, true),
-            Quantity::Force if target < 0.0 => (0.0, true),
+            Quantity::Force if target.value > most_n => (Target::step(most_n), true),
+            Quantity::Force if target.value < 0.0 => (Target::step(0.0), true),
             _ => (target, false),
         }
     }
 
-    /// Two lags, exact for a target that stays over the step; returns the reference's speed.
-    fn move_reference(&mut self, target: f64, dt_s: f64) -> f64 {
-        let share = 1.0 - (-dt_s / self.settings.reference_s).exp();
-        self.reference[0] += (target - self.reference[0]) * share;
-        self.reference[1] += (self.reference[0] - self.reference[1]) * share;
-        (self.reference[0] - self.reference[1]) / self.settings.reference_s
-    }
-
-    /// A reference beyond the range of the command stays at what the end of the range gives, so that it leaves it at once.
-    fn hold_reference(&mut self, wanted_mpa: f64, gap_mm: f64) -> bool {
-        let [low, high] = self.settings.range_mpa;
-        let command_mpa = wanted_mpa + self.bias_mpa;
-        let is_within = (low..=high).contains(&command_mpa);
-        if !is_within {
-            let end_mpa = command_mpa.clamp(low, high) - self.bias_mpa;
-            let point = self.model.at(end_mpa - self.correction_mpa, gap_mm);
-            self.reference = [self.quantity.of(&point).0; 2];
-        }
-        !is_within
-    }
-
-    /// Error of the model as a pressure, from pressure and measurement of the same instant.
-    fn correct(&mut self, reading: Reading, dt_s: f64) {
-        if !reading.measured.is_finite() {
-            return;
-        }
-        let share = 1.0 - (-dt_s / self.settings.correction_s).exp();
-        let limit = self.settings.correction_max_mpa;
-        let is_free = self.quantity == Quantity::Force && reading.measured < self.settings.contact_n;
-        let error_mpa = if is_free {
-            // Without contact the measurement says only that the onset is not reached yet.
-            let onset_mpa = self.model.at(reading.pressure_mpa, reading.gap_mm).onset_mpa;
-            (reading.pressure_mpa - onset_mpa).max(self.correction_mpa)
-        } else {
-            let found = self.search(1, reading.measured, reading.gap_mm);
-            if found.slope == 0.0 {
-                return; // the tip rests on the plate: its place says nothing of the pressure
-            }
-            reading.pressure_mpa - found.pressure_mpa
+    /// Pressures that the written one gives.
+    fn expect(&mut self, written_mpa: f64, dt_s: f64) {
+        let into_mpa = written_mpa - self.bias_mpa;
+        self.expected_mpa = match self.settings.gauge_at {
+            GaugeAt::Cavity => lag(self.expected_mpa, into_mpa, self.settings.line, dt_s),
+            GaugeAt::Valve => into_mpa,
         };
-        self.correction_mpa += (error_mpa.clamp(-limit, limit) - self.correction_mpa) * share;
+    }
+
+    /// Pressure behind the play, from the gauge.
+    fn behind_play(&mut self, reading: Reading, dt_s: f64) -> f64 {
+        if self.settings.gauge_at == GaugeAt::Valve {
+            self.cavity_mpa = lag(self.cavity_mpa, reading.pressure_mpa, self.settings.line, dt_s);
+        } else {
+            self.cavity_mpa = reading.pressure_mpa;
+        }
+        self.plays.follow(&self.settings.play, self.cavity_mpa)
+    }
+
+    /// Moves the reference; its slopes are what the line gives from the present pressure.
+    fn follow_path(
+        &mut self,
+        target: Target,
+        gap_mm: f64,
+        behind_mpa: f64,
+        dt_s: f64,
+        limited: &mut Limited,
+    ) {
+        let value = target.value;
+        let ahead = self.search(0, value, gap_mm);
+        let most_mpa = self.limit_mpa(&ahead, value, gap_mm);
+        let [low, high] = self.limits.range_mpa.map(|end| end - self.bias_mpa);
+        let half_mpa = self.settings.half_play_mpa();
+        let shift_mpa = self.lags_mpa[1];
+        // Ends of the path, where the wanted pressure in the cavity is an end of the range.
+        let ends = [low - shift_mpa - half_mpa, high - shift_mpa - half_mpa];
+        let goal_mpa = ahead.pressure_mpa.min(most_mpa);
+        let within_mpa = goal_mpa.clamp(ends[0], ends[1]);
+        limited.by_force |= goal_mpa < ahead.pressure_mpa;
+        limited.by_range = !ahead.is_reached || within_mpa != goal_mpa;
+        let rate = if ahead.slope != 0.0 && within_mpa == goal_mpa { target.rate / ahead.slope } else { 0.0 };
+        let line = self.settings.line;
+        let [rise, fall] = self.settings.slew_mpa_per_s;
+        let at_mpa = self.path.value + shift_mpa + self.side_mpa;
+        let down = (HEADROOM * (low - at_mpa) / line.empty_s).min(0.0);
+        let up = (HEADROOM * (high - at_mpa) / line.fill_s).max(0.0);
+        let missing_mpa = self.shaped_mpa + shift_mpa - behind_mpa;
+        let is_through = self.take_side(within_mpa - self.path.value, rate, missing_mpa, [down, up], dt_s);
+        if is_through {
+            let slopes = [down.max(-fall), up.min(rise)];
+            limited.by_rate = self.path.step(within_mpa, rate, slopes, self.settings.approach_s, dt_s);
+        }
+        self.shaped_mpa = self.shaper.step(self.path.value, dt_s);
+    }
+
+    /// Error of the model as a pressure, from pressure and measurement of one instant; `None` where the measurement says nothing.
+    fn error_mpa(&mut self, reading: Reading, behind_mpa: f64) -> Option<f64> {
+        if !reading.measured.is_finite() || self.quantity == Quantity::Pressure {
+            return None;
+        }
+        if self.quantity == Quantity::Force && reading.measured < self.limits.contact_n {
+            // Without contact the measurement says only that the onset is not reached yet.
+            let onset_mpa = self.model.at(behind_mpa, reading.gap_mm).onset_mpa;
+            let least_mpa = behind_mpa - onset_mpa;
+            return Some(least_mpa.max(self.lags_mpa[1])).filter(|error_mpa| error_mpa.is_finite());
+        }
+        let found = self.search(1, reading.measured, reading.gap_mm);
+        // Slope 0: the tip rests on the plate, its place does not depend on the pressure.
+        (found.slope != 0.0).then_some(behind_mpa - found.pressure_mpa)
+    }
+
+    /// Lets the correction follow the model's error; true if it is at its limit.
+    fn correct(&mut self, error_mpa: Option<f64>, dt_s: f64) -> bool {
+        let Some(error_mpa) = error_mpa else { return false };
+        let limit = self.settings.correction_max_mpa;
+        let error_mpa = error_mpa.clamp(-limit, limit);
+        let mut into_mpa = self.notch.step(error_mpa, self.settings.swing_hz, dt_s);
+        let share = 1.0 - (-dt_s / self.settings.correction_s).exp();
+        for lag_mpa in &mut self.lags_mpa {
+            *lag_mpa += (into_mpa - *lag_mpa) * share;
+            into_mpa = *lag_mpa;
+        }
+        error_mpa.abs() >= limit
+    }
+
+    fn watch(
+        &mut self,
+        reading: Reading,
+        written_mpa: f64,
+        behind_mpa: f64,
+        error_mpa: Option<f64>,
+        is_at_limit: bool,
+        dt_s: f64,
+    ) {
+        let is_measured = reading.measured.is_finite();
+        self.is_seen |= is_measured;
+        let has_value = self.quantity == Quantity::Observable || reading.measured >= self.limits.contact_n;
+        let signs = Signs {
+            gauge_mpa: [written_mpa - self.bias_mpa, self.expected_mpa, reading.pressure_mpa],
+            quantity_mpa: [
+                Some(behind_mpa),
+                error_mpa.filter(|_| has_value).map(|error_mpa| behind_mpa - error_mpa),
+            ],
+            is_at_limit,
+            is_missing: self.is_seen && !is_measured && self.quantity != Quantity::Pressure,
+        };
+        self.fault = self.monitor.step(signs, dt_s);
+    }
+
+    /// Moves the wanted pressure in the cavity to the side of the play from which the motion to come is driven; true if it is there. Motion
+    /// begins then, so that it is shaped as a whole.
+    fn take_side(
+        &mut self,
+        ahead_mpa: f64,
+        rate: f64,
+        missing_mpa: f64,
+        slopes: [f64; 2],
+        dt_s: f64,
+    ) -> bool {
+        let half_mpa = self.settings.half_play_mpa();
+        if half_mpa == 0.0 {
+            return true;
+        }
+        let ahead_mpa = ahead_mpa + rate * self.settings.approach_s;
+        let [down, up] = slopes.map(|slope| slope * dt_s);
+        if ahead_mpa.abs() <= SIDE_MPA {
+            // At rest: by small steps, which noise does not carry across the play.
+            let step_mpa = (missing_mpa * dt_s / SIDE_S).clamp(down, up);
+            self.side_mpa = (self.side_mpa + step_mpa).clamp(-half_mpa, half_mpa);
+            return true;
+        }
+        let missing_mpa = half_mpa.copysign(ahead_mpa) - self.side_mpa;
+        self.side_mpa += missing_mpa.clamp(down, up);
+        (half_mpa.copysign(ahead_mpa) - self.side_mpa).abs() < THROUGH * half_mpa
     }
 
     /// The valve's error: expected and read pressure at rest.
     fn learn_bias(&mut self, reading: Reading, dt_s: f64) {
-        let at_rest = (self.command_mpa - self.bias_mpa - self.expected_mpa).abs() < self.settings.rest_mpa;
+        let is_still =
+            self.settings.gauge_at == GaugeAt::Valve || self.monitor.gauge_moved_mpa.abs() < STILL_MPA;
+        let at_rest = is_still && (self.command_mpa - self.bias_mpa - self.expected_mpa).abs() < REST_MPA;
         if at_rest {
             let limit = self.settings.bias_max_mpa;
             let error_mpa = self.expected_mpa - reading.pressure_mpa;
@@ -301,26 +436,22 @@ impl<M: Model> Controller<M> {
         }
     }
 
-    fn command(&mut self, wanted_mpa: f64, dt_s: f64) {
-        // The command before was in force since the last turn.
-        let share = 1.0 - (-dt_s / self.settings.lag_s).exp();
-        self.expected_mpa += (self.command_mpa - self.bias_mpa - self.expected_mpa) * share;
-        let ([low, high], step) = (self.settings.range_mpa, self.settings.rate_mpa_per_s * dt_s);
+    fn command(&mut self, wanted_mpa: f64, dt_s: f64, limited: &mut Limited) {
+        let ([low, high], step) = (self.limits.range_mpa, self.limits.rate_mpa_per_s * dt_s);
         let within = wanted_mpa.clamp(low, high);
+        let step = if step.is_nan() { 0.0 } else { step };
         self.command_mpa = within.clamp(self.command_mpa - step, self.command_mpa + step);
+        limited.by_rate |= self.command_mpa != wanted_mpa;
     }
 
     /// Pressure of the force limit; infinite where what is ahead lies clearly below it.
-    fn limit_mpa(&mut self, ahead: &Inverse, gap_mm: f64) -> f64 {
+    fn limit_mpa(&mut self, ahead: &Inverse, value: f64, gap_mm: f64) -> f64 {
         let limit_n = self.settings.force_max_n;
-        let ahead_n = match self.quantity {
-            Quantity::Force => self.reference[1],
-            Quantity::Tip => ahead.force_n,
-        };
-        if ahead_n <= TARGET_SHARE * limit_n {
+        let ahead_n = if self.quantity == Quantity::Force { value } else { ahead.force_n };
+        if ahead_n.is_nan() || ahead_n <= TARGET_FRACTION * limit_n {
             return f64::INFINITY;
         }
-        self.search_of(2, Quantity::Force, limit_n, gap_mm).pressure_mpa
+        self.search_of(2, Quantity::Force, TARGET_FRACTION * limit_n, gap_mm).pressure_mpa
     }
 
     fn search(&mut self, slot: usize, value: f64, gap_mm: f64) -> Inverse {

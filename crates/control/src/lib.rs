@@ -2,13 +2,20 @@
 //!
 //! | module | content |
 //! | --- | --- |
-//! | `law` | controller: force or tip position, by the model's inverse and gradients, with two integrals; pure, without allocation |
-//! | `inverse` | pressure that gives a force or a tip position |
-//! | `twin_model` | force and tip of a trained model |
-//!
-//! `examples/hold_force.rs` is a complete controller in shared memory.
+//! | `law` | controller: force, observable or pressure, by the model's inverse and gradients, with two integrals; pure, without allocation |
+//! | `settings` | dynamics of the actuator, times of the loop, limits |
+//! | `monitor` | faults that readings show while the controller drives |
+//! | `inverse` | pressure that gives a force or an observable |
+//! | `twin_model` | force and observable of a trained model |
+//! | `plant` | simulated actuator: delay, line, play, swing, noise |
+//! | `trial` | a controller on a plant in simulated time, and what is read off it |
 #![forbid(unsafe_code)]
 
 pub mod inverse;
 pub mod law;
+pub mod monitor;
+pub mod plant;
+pub mod settings;
+mod shape;
+pub mod trial;
 pub mod twin_model;

@@ -1,26 +1,35 @@
-//! A trained model as the controller sees it: force and one coordinate of the tip with their gradients, in one pass.
+//! A trained model as the controller sees it: force and one observable, or one coordinate of a point, with their gradients, in one pass.
 
 use crate::inverse::{Model, Point};
 use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
 use rom::inputs::{GAP, Inputs, PRESSURE};
-use rom::model::ModelError;
+use rom::model::{ModelError, ModelFileError};
+use rom::observable::Observables;
 use rom::probe::{MeshPoint, PointError, ProbePosition, Probes};
 use rom::snapshots::RegimeKind;
 use std::path::Path;
 
-/// Force and tip of a model.
+/// Force and observable of a model.
 #[derive(Debug)]
 pub struct TwinModel {
-    probes: Probes,
+    held: Held,
     evaluation: Evaluation,
-    positions: [ProbePosition; 1],
-    axis: usize,
     /// Inputs other than pressure and gap; NaN: the model's default.
     inputs: Inputs,
     /// Positions of the inputs that the model has.
     taken: Vec<usize>,
     range_mpa: [f64; 2],
-    tip_grows: bool,
+    observable_grows: bool,
+}
+
+/// Source of the observable.
+#[derive(Debug)]
+enum Held {
+    /// A coordinate of a point.
+    Point { probes: Box<Probes>, position: Box<[ProbePosition; 1]>, axis: usize },
+    /// One of the model's observables.
+    Observable { evaluator: Box<Evaluator>, observables: Observables, at: usize },
 }
 
 /// A point of the undeformed mesh, mm, and the axis (0, 1, 2: x, y, z) that is followed.
@@ -57,6 +66,17 @@ pub enum TwinModelError {
     /// The tip.
     #[error("tip: {0}")]
     Point(#[from] PointError),
+    /// The observables of the file.
+    #[error(transparent)]
+    Observables(#[from] ModelFileError),
+    /// An observable that the model does not have.
+    #[error("expected an observable of the model ({}), found `{found}`", if .known.is_empty() { "it has none".into() } else { .known.join(", ") })]
+    NoObservable {
+        /// The name.
+        found: String,
+        /// Names there are.
+        known: Vec<String>,
+    },
 }
 
 /// Reads a model file.
@@ -89,16 +109,37 @@ impl TwinModel {
         axis: usize,
     ) -> Result<Self, TwinModelError> {
         let probes = Probes::new(model, std::slice::from_ref(point))?;
-        let range_mpa = model.header.inputs[PRESSURE].range;
         let evaluation = probes.evaluation();
-        let (positions, axis) = ([ProbePosition::default()], axis.min(2));
+        let position = Box::new([ProbePosition::default()]);
+        let held = Held::Point { probes: Box::new(probes), position, axis: axis.min(2) };
+        Ok(Self::of_held(model, held, evaluation))
+    }
+
+    /// Takes an observable of a model by its name.
+    ///
+    /// # Errors
+    /// [`TwinModelError`]: no such observable, or a header that contradicts itself.
+    pub fn of_observable(model: &rom::model::Model, name: &str) -> Result<Self, TwinModelError> {
+        let observables = Observables::of(model)?;
+        let at = observables.names().position(|known| known == name);
+        let at = at.ok_or_else(|| TwinModelError::NoObservable {
+            found: name.to_owned(),
+            known: observables.names().map(str::to_owned).collect(),
+        })?;
+        let evaluator = Evaluator::new(&model.header)?;
+        let evaluation = evaluator.evaluation();
+        let held = Held::Observable { evaluator: Box::new(evaluator), observables, at };
+        Ok(Self::of_held(model, held, evaluation))
+    }
+
+    fn of_held(model: &rom::model::Model, held: Held, evaluation: Evaluation) -> Self {
+        let range_mpa = model.header.inputs[PRESSURE].range;
         let inputs = Inputs::new(f64::NAN, f64::NAN);
         let taken = model.header.taken_inputs().map(|(at, _)| at).collect();
-        let mut new =
-            Self { probes, evaluation, positions, axis, inputs, taken, range_mpa, tip_grows: false };
-        let [first, last] = range_mpa.map(|pressure_mpa| new.at(pressure_mpa, OUT_OF_REACH_MM).tip_mm);
-        new.tip_grows = last > first;
-        Ok(new)
+        let mut new = Self { held, evaluation, inputs, taken, range_mpa, observable_grows: false };
+        let [first, last] = range_mpa.map(|pressure_mpa| new.at(pressure_mpa, OUT_OF_REACH_MM).observable);
+        new.observable_grows = last > first;
+        new
     }
 
     /// Sets the inputs for the evaluations that follow from those of a state: the inputs that the model has, in its order; NaN: the
@@ -113,13 +154,23 @@ impl TwinModel {
 impl Model for TwinModel {
     fn at(&mut self, pressure_mpa: f64, gap_mm: f64) -> Point {
         let inputs = self.inputs.with(PRESSURE, pressure_mpa).with(GAP, gap_mm);
-        self.probes.evaluate(inputs, &mut self.evaluation, &mut self.positions);
-        let [tip] = &self.positions;
+        let (observable, observable_by_pressure) = match &mut self.held {
+            Held::Point { probes, position, axis } => {
+                probes.evaluate(inputs, &mut self.evaluation, position.as_mut_slice());
+                let [point] = position.as_ref();
+                (point.position_mm[*axis], point.gradient[*axis][PRESSURE])
+            }
+            Held::Observable { evaluator, observables, at } => {
+                evaluator.differentiate(inputs, &mut self.evaluation);
+                let by = observables.gradient(*at, &self.evaluation);
+                (observables.value(*at, &self.evaluation).value, by[PRESSURE])
+            }
+        };
         Point {
             force_n: self.evaluation.contact_force_n,
             force_by_pressure: self.evaluation.force_by_pressure_n_per_mpa(),
-            tip_mm: tip.position_mm[self.axis],
-            tip_by_pressure: tip.gradient[self.axis][PRESSURE],
+            observable,
+            observable_by_pressure,
             onset_mpa: match (self.evaluation.onset_pressure_mpa, self.evaluation.regime) {
                 (Some(onset_mpa), _) => onset_mpa,
                 (None, RegimeKind::Contact) => 0.0,
@@ -132,7 +183,7 @@ impl Model for TwinModel {
         self.range_mpa
     }
 
-    fn tip_grows(&self) -> bool {
-        self.tip_grows
+    fn observable_grows(&self) -> bool {
+        self.observable_grows
     }
 }

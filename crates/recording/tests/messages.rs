@@ -9,7 +9,8 @@ use wire::layout::{
     input_source, pack_name, set_slot, value_bits,
 };
 use wire::{
-    Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Valve,
+    Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Target,
+    Valve,
 };
 
 fn json_schema(channel: &Channel) -> Value {
@@ -106,6 +107,7 @@ fn every_payload_fits_its_schema_at_its_default_and_with_any_bits() {
     check_all::<Command>();
     check_all::<Estimate>();
     check_all::<Setpoint>();
+    check_all::<Target>();
     check_all::<Valve>();
     check_all::<Query>();
     check_all::<Answer>();

@@ -2,11 +2,11 @@
 
 use wire::layout::{
     InputValue, estimate_alarm, estimate_status, field_id, flags, grasp_status, input_source, query_kind,
-    regime, unpack_name, value_bits, valve_interlock, valve_limit, valve_reason,
+    regime, target_kind, unpack_name, value_bits, valve_interlock, valve_limit, valve_reason,
 };
 use wire::{
     Answer, AnySample, Estimate, FieldHeader, FieldSample, Grasp, Health, Outcome, SensorSample, Setpoint,
-    State, Valve, now_ns,
+    State, Target, Valve, now_ns,
 };
 
 /// A summary of a sample; of a field never all values.
@@ -20,6 +20,7 @@ pub fn sample(sample: &AnySample) -> String {
         AnySample::Estimate(sample) => estimate(sample),
         AnySample::Command(sample) => format!("#{:<7} P wanted {:8.5} MPa", sample.seq, sample.pressure_mpa),
         AnySample::Setpoint(sample) | AnySample::Override(sample) => setpoint(sample),
+        AnySample::Target(sample) => target(sample),
         AnySample::Valve(sample) => valve(sample),
     }
 }
@@ -30,6 +31,13 @@ fn setpoint(sample: &Setpoint) -> String {
         if pressure_mpa.is_nan() { "released".into() } else { format!("P wanted {pressure_mpa:8.5} MPa") };
     let valid = if *valid_for_ns == 0 { String::new() } else { format!(" for {}", ms(*valid_for_ns)) };
     format!("#{seq:<7} {wanted}{valid}, by {}", unpack_name(&sample.owner))
+}
+
+fn target(sample: &Target) -> String {
+    let Target { seq, value_count, values, .. } = sample;
+    let last = values.get((*value_count as usize).wrapping_sub(1)).copied().unwrap_or(f64::NAN);
+    let kind = target_kind::as_str(sample.target_kind);
+    format!("#{seq:<7} {kind} of {value_count} to {last:.5}, by {}", unpack_name(&sample.owner))
 }
 
 /// `#12  P 0.04000 MPa (following fc, wanted 0.04200, limited by rate)`.

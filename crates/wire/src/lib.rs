@@ -43,7 +43,7 @@ pub use error::WireError;
 pub use keyexpr::{KeyExpr, KeyExprError};
 pub use layout::{
     Answer, Command, Estimate, FieldHeader, Grasp, Health, Outcome, Payload, Query, QueryStatus,
-    SensorSample, Setpoint, State, Valve,
+    SensorSample, Setpoint, State, Target, Valve,
 };
 pub use leftover::Removed;
 pub use own_files::OwnFiles;
@@ -51,7 +51,8 @@ pub use port::{
     AnswerSample, AnyReader, AnySample, Carried, CommandReader, CommandWriter, EstimateReader,
     EstimateWriter, FieldLoan, FieldReader, FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader,
     HealthWriter, QueryClient, QueryServer, Question, Reader, SensorReader, SensorWriter, SetpointReader,
-    SetpointWriter, Stamp, StateReader, StateWriter, ValveReader, ValveWriter, Writer,
+    SetpointWriter, Stamp, StateReader, StateWriter, TargetReader, TargetWriter, ValveReader, ValveWriter,
+    Writer,
 };
 pub use selector::{Selector, SelectorError};
 pub use sys::{background_thread, boot_id, now_ns};

@@ -55,7 +55,7 @@ pub const fn of(kind: TopicKind) -> Qos {
             Qos { max_readers: 32, buffer: 64, max_borrowed: 4, history: 1, max_loans: 2, max_nodes: 64 }
         }
         // Only the newest one counts; no history: a valve must not begin with what an earlier controller wanted.
-        TopicKind::Command | TopicKind::Setpoint | TopicKind::Override => {
+        TopicKind::Command | TopicKind::Setpoint | TopicKind::Override | TopicKind::Target => {
             Qos { max_readers: 8, buffer: 16, max_borrowed: 4, history: 0, max_loans: 2, max_nodes: 32 }
         }
     }

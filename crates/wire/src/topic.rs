@@ -28,13 +28,15 @@ pub enum TopicKind {
     Setpoint,
     /// Override of a valve by an operator: [`crate::Setpoint`].
     Override,
+    /// Target of a held quantity: [`crate::Target`].
+    Target,
     /// State and written value of a valve: [`crate::Valve`].
     Valve,
 }
 
 impl TopicKind {
     /// All kinds.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Sensor,
         Self::Field,
         Self::State,
@@ -44,6 +46,7 @@ impl TopicKind {
         Self::Estimate,
         Self::Setpoint,
         Self::Override,
+        Self::Target,
         Self::Valve,
     ];
 
@@ -59,6 +62,7 @@ impl TopicKind {
             Self::Estimate => "estimate",
             Self::Setpoint => "setpoint",
             Self::Override => "override",
+            Self::Target => "target",
             Self::Valve => "valve",
         }
     }
@@ -98,6 +102,7 @@ constructors! {
     estimate: Estimate, "estimate";
     setpoint: Setpoint, "setpoint";
     operator: Override, "override";
+    target: Target, "target";
     valve: Valve, "valve";
 }
 

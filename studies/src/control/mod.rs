@@ -1,51 +1,40 @@
-//! `softtwin-studies control`: the controller on a plant of a second mesh: steps, disturbance, noise, its own time.
+//! `softtwin-studies control`: the controller and other laws on plants of a second mesh; time of a control cycle.
 
-mod bench;
-mod figures;
-mod picture;
-mod random;
+mod compare;
+mod laws;
 mod table;
 mod timing;
-mod trial;
 
 use crate::plant::table::PlantTable;
-use bench::Bench;
-use control::law::Settings;
+use compare::{Bench, Row, Runs};
 use serde_json::json;
 use softtwin::failure::configuration;
 use softtwin::output;
+use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
   Everything, with a picture:
     softtwin-studies control --model models/pneunet/pneunet.twin --out docs/images/control.png
-  1,000 random steps only:
-    softtwin-studies control --model models/pneunet/pneunet.twin --steps 1000
-  A new table of the plant, on another mesh:
+  A new table of the plants' body, on another mesh:
     softtwin mesh --actuator second.toml --size-mm 9            (second.toml: models/pneunet/actuator.toml with mesh.file =
                                                                  \"second.vtu\" and mesh.nodes = 0)
     softtwin simulate --actuator second.toml --cases studies/data/plant_cases.csv --out target/plant
     softtwin-studies control --database target/plant --out studies/data/plant.csv";
 
 const NOTES: &str = "\
-The plant is studies/data/plant.csv behind a valve (20 ms), a line (60 ms) and a delay (10 ms); the controller's model
-is --model. Its own time is that of this build: measure a release build on a quiet machine.";
+The plants' body is studies/data/plant.csv; the controller's model is --model, its settings are the plants' line, play, delay and swing as known. \
+The time of a cycle is that of this build: measure a release build on a quiet machine.";
 
-/// Try the controller: step response, disturbance, noise, random steps with a wrong model, time of a control cycle.
+/// Compare the controller with other laws on three plants, and time a control cycle.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     /// The controller's model.
     #[arg(long, value_name = "FILE.twin", default_value = "models/pneunet/pneunet.twin")]
     model: PathBuf,
-    /// Random steps (10 to 1000000).
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(10..=1_000_000))]
-    steps: u32,
-    /// Seed of the random steps.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Make the plant's table of this database of a second mesh instead.
+    /// Make the plants' table of this database of a second mesh instead.
     #[arg(long, value_name = "DIR", requires = "out")]
     database: Option<PathBuf>,
     /// The picture (.svg, .png), or with --database the table.
@@ -63,18 +52,47 @@ impl Args {
             return table::write(database, out);
         }
         let model = softtwin::files::model(&self.model)?;
-        let table = PlantTable::shipped().map_err(configuration)?;
-        let bench = Bench { model, table, settings: Settings::default() };
-        let figures = figures::measure(&bench)?;
+        let bench = Bench { model, table: PlantTable::shipped().map_err(configuration)? };
+        let (rows, runs) = compare::measure(&bench)?;
         if let Some(out) = &self.out {
-            picture::draw(&figures).save(out)?;
+            draw(&runs).save(out)?;
         }
-        let random = random::measure(&bench, self.steps as usize, self.seed)?;
         let times = timing::measure(&bench)?;
         if self.json {
-            return output::json(&json!({ "figures": figures.json(), "random": random, "turn": times }));
+            return output::json(&json!({ "rows": rows, "cycle": times }));
         }
-        output!("{}{}{}", figures.text(), random::text(&random), timing::text(&times))?;
+        let lines: String = rows.iter().map(Row::text).collect();
+        output!("{}{lines}{}", Row::HEAD, timing::text(&times))?;
         Ok(())
+    }
+}
+
+/// Interval of the drawn control cycles.
+const EVERY: usize = 5;
+
+/// Target and truth of the force over time on the first plant, one panel a law.
+fn draw(runs: &Runs) -> Figure {
+    let panel = |(law, moments): &(&'static str, Vec<control::trial::Moment>)| {
+        let series = |name: &str, colour: usize, value: fn(&control::trial::Moment) -> f64| Series {
+            name: name.into(),
+            colour,
+            mark: Mark::Line,
+            points: moments.iter().step_by(EVERY).map(|moment| (moment.time_s, value(moment))).collect(),
+        };
+        Panel {
+            title: (*law).into(),
+            x: Axis::linear("time (s)"),
+            y: Axis::linear("contact force (N)"),
+            series: vec![
+                series("target", 2, |moment| moment.target),
+                series("truth", 0, |moment| moment.truth),
+            ],
+            map: None,
+        }
+    };
+    Figure {
+        title: "Steps of the force on the first plant".into(),
+        panels: runs.iter().map(panel).collect(),
+        columns: 1,
     }
 }

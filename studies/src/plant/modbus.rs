@@ -1,9 +1,10 @@
 //! `softtwin-studies rig`: simulated hardware behind Modbus TCP: gauge, gap sensor, load cell and valve of an actuator that is not the twin's model.
 
+use super::Truth;
 use super::report::step_response;
 use super::rig::Rig;
 use super::table::PlantTable;
-use super::{Plant, PlantSpec, Truth};
+use control::plant::{Plant, PlantSpec};
 use std::future::ready;
 use std::io::{BufRead, Write};
 use std::net::SocketAddr;
@@ -14,7 +15,7 @@ use std::time::{Duration, Instant};
 #[command(
     before_help = "Example, four terminals:\n  \
 softtwin-studies rig --listen 127.0.0.1:5020\n  softtwind twin --scene config/scenes/rig.toml\n  \
-softtwind bridge --scene config/scenes/rig.toml\n  cargo run -p control --example hold_force -- --scene config/scenes/rig.toml --target-n 0.3",
+softtwind bridge --scene config/scenes/rig.toml\n  softtwin hold --scene config/scenes/rig.toml --force-n 0.3",
     after_help = "It says `driven T` and `safe written T` or `safe watchdog T` (T: ns of the monotonic clock) when the valve opens and \
 closes, and takes lines from standard input: `pull gauge|gap|cell`, `plug gauge|gap|cell`, `report`.\n\n\
 Its registers and units: studies/src/plant/rig.rs."

@@ -1,9 +1,11 @@
 //! `softtwin-studies plant`: a simulated actuator in shared memory: takes pressure commands and setpoints, publishes readings,
 //! prints the step response of its true force at the end.
 
+use super::Truth;
 use super::report::{percentiles, step_response};
-use super::{Plant, PlantSpec, Truth};
 use anyhow::Context;
+use control::plant::{Plant, PlantSpec};
+use rom::memory::Line;
 use runtime::config::Scene;
 use runtime::query::Answerer;
 use serde_json::json;
@@ -18,7 +20,7 @@ use wire::{
 /// Simulated actuator: commands in, readings out, and the truth at the end.
 #[derive(clap::Args)]
 #[command(before_help = "Example, three terminals:\n  softtwind twin --scene config/scenes/force.toml\n  \
-    softtwin-studies plant --scene config/scenes/force.toml --true-gap-mm 33 --target-n 0.3\n  cargo run -p control --example hold_force -- --scene config/scenes/force.toml --target-n 0.3")]
+    softtwin-studies plant --scene config/scenes/force.toml --true-gap-mm 33 --target-n 0.3\n  softtwin hold --scene config/scenes/force.toml --force-n 0.3")]
 pub struct Args {
     /// Scene whose first actuator this is; its model gives the true force.
     #[arg(long, value_name = "FILE")]
@@ -60,13 +62,11 @@ impl Args {
         let answerer =
             Answerer::load(spec, &spec.model).map_err(|found| anyhow::anyhow!(found.join("\n")))?;
         let plant = PlantSpec {
-            valve_s: self.tau_s,
-            line_s: 0.0,
+            valve_s: 0.0,
+            line: Line { fill_s: self.tau_s, empty_s: self.tau_s },
             delay_s: self.delay_s,
             supply_mpa: spec.valve.as_ref().map_or(0.09, |valve| valve.range_mpa[1]),
             true_gap_mm: self.true_gap_mm,
-            gauge_noise_mpa: 5e-5,
-            cell_noise_n: 2e-3,
             seed: self.seed,
             ..PlantSpec::default()
         };

@@ -8,7 +8,8 @@
 //! | 4 | holding 0-1, f32 | valve, MPa |
 //! | 4 | holding 10 | time without a write to the valve, ms, after which it closes by itself; 0: never |
 
-use super::{Plant, Reading};
+use super::Truth;
+use control::plant::{Plant, Shown};
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio_modbus::server::Service;
@@ -32,8 +33,8 @@ pub struct Event {
 /// The rig's memory, shared by its connections.
 #[derive(Debug)]
 struct Inner {
-    plant: Plant,
-    shown: Option<Reading>,
+    plant: Plant<Truth>,
+    shown: Option<Shown>,
     shown_gap_mm: f64,
     pulled: [bool; 3],
     valve_mpa: f64,
@@ -51,7 +52,7 @@ pub struct Rig(Arc<Mutex<Inner>>);
 
 impl Rig {
     /// A rig at rest whose gap sensor shows `shown_gap_mm`.
-    pub fn new(plant: Plant, shown_gap_mm: f64) -> Self {
+    pub fn new(plant: Plant<Truth>, shown_gap_mm: f64) -> Self {
         Self(Arc::new(Mutex::new(Inner {
             plant,
             shown: None,

@@ -25,10 +25,10 @@ from .errors import (
     VersionMismatch,
 )
 from .field import Field
-from .layout import Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Valve
+from .layout import Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Target, Valve
 from .model import Input, Model, Motion
 from .prediction import Prediction
-from .publish import CommandPublisher, SensorPublisher, SetpointPublisher
+from .publish import CommandPublisher, SensorPublisher, SetpointPublisher, TargetPublisher
 from .query import Client
 from .subscribe import Subscription, newest, subscribe
 
@@ -56,6 +56,8 @@ __all__ = [
     "SensorSample",
     "Setpoint",
     "SetpointPublisher",
+    "Target",
+    "TargetPublisher",
     "SofttwinError",
     "State",
     "Subscription",

@@ -21,6 +21,7 @@ _KINDS = {
     "command": layout.Command,
     "setpoint": layout.Setpoint,
     "override": layout.Setpoint,
+    "target": layout.Target,
     "valve": layout.Valve,
 }
 _FLUX_S = 2.0  # time to wait for other programs that create or remove the same topic

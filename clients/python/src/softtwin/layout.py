@@ -124,6 +124,13 @@ FLAGS: Dict[int, str] = {
 }
 """Flags by bit."""
 
+TARGET_KINDS: Dict[int, str] = {
+    0: "step",
+    1: "ramp",
+    2: "series",
+}
+"""How a target is reached, by number."""
+
 VALVE_REASONS: Dict[int, str] = {
     0: "no-setpoint",
     1: "following",
@@ -435,6 +442,25 @@ class Setpoint(Payload):
     _texts = {"owner"}
 
 
+class Target(Payload):
+    """Target of the program that holds a quantity of an actuator; its values have the unit of that quantity. It counts until the next one."""
+
+    _type = "softtwin.Target.v1"
+    _fields_ = [
+        ("boot_id", u64),  # The run of the owner that sent it.
+        ("seq", u64),  # Counts up by one per target within a run, beginning at 1.
+        ("t_publish_ns", u64),  # ns: When it was sent.
+        ("target_kind", u32),  # How the values are reached.
+        ("value_count", u32),  # Values below: one of a step or a ramp.
+        ("rate_per_s", f64),  # 1/s: Speed of a ramp in units per second, more than 0.
+        ("interval_s", f64),  # s: Time between the values of a series, more than 0.
+        ("values", f64 * 64),  # The values.
+        ("owner", u8 * 32),  # Name of the owner, zero-padded.
+    ]
+    _texts = {"owner"}
+    _names = {"target_kind": TARGET_KINDS}
+
+
 class Valve(Payload):
     """Value written by the bridge to the valve of an actuator, one per write or attempt."""
 
@@ -547,6 +573,7 @@ PAYLOADS: List[Type[Payload]] = [
     Command,
     Estimate,
     Setpoint,
+    Target,
     Valve,
     Query,
     Answer,

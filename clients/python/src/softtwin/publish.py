@@ -1,14 +1,14 @@
-"""Sending: sensor readings to a twin, setpoints to a valve, pressure commands to a plant."""
+"""Sending: sensor readings to a twin, setpoints to a valve, targets to its controller, pressure commands to a plant."""
 
 import math
 import os
-from typing import Any, Mapping, Optional
+from typing import Any, Mapping, Optional, Sequence
 
 import iceoryx2 as iox2
 
 from .bus import Bus, default_bus, now_ns, payload_type
 from .errors import AlreadyPublished, SofttwinError
-from .layout import Command, SensorSample, Setpoint
+from .layout import Command, SensorSample, Setpoint, Target
 from .payload import pack
 from .qos import MAX_LOANS
 from .start import Holder, WriterLock, check_process, hold
@@ -143,4 +143,51 @@ class SetpointPublisher(_Writer):
                 owner=self._owner,
             )
         )
+        return self._seq
+
+
+class TargetPublisher(_Writer):
+    """The owner of the target of a quantity that `softtwin hold` holds. A second owner gets `AlreadyPublished` with the first one's name."""
+
+    def __init__(self, actuator: str, owner: str, bus: Optional[Bus] = None) -> None:
+        if not owner or not owner.isprintable():
+            raise ValueError(f"expected a name of the owner, such as `my-planner`, found {owner!r}")
+        self._owner = pack(owner)
+        super().__init__(f"softtwin/{actuator}/target", bus, owner)
+
+    def step(self, value: float) -> int:
+        """Sends a target that counts at once, in the unit of the held quantity. Returns its sequence number."""
+        return self._target(0, [value], math.nan, math.nan)
+
+    def ramp(self, value: float, rate: float) -> int:
+        """Sends a target that is reached from the one before with `rate` units per second. Returns its sequence number."""
+        if not 0.0 < rate < math.inf:
+            raise ValueError(f"rate: expected more than 0 per second, found {rate}")
+        return self._target(1, [value], rate, math.nan)
+
+    def series(self, values: Sequence[float], interval_s: float) -> int:
+        """Sends up to 64 targets at equal intervals, beginning now, with straight lines between them; the last one stays. Returns its
+        sequence number.
+        """
+        if not 0.0 < interval_s < math.inf:
+            raise ValueError(f"interval_s: expected more than 0 seconds, found {interval_s}")
+        return self._target(2, values, math.nan, interval_s)
+
+    def _target(self, kind: int, values: Sequence[float], rate: float, interval_s: float) -> int:
+        if not 1 <= len(values) <= 64 or not all(math.isfinite(value) for value in values):
+            raise ValueError(f"expected 1 to 64 finite values, found {list(values)}")
+        self._seq += 1
+        target = Target(
+            boot_id=self._boot_id,
+            seq=self._seq,
+            t_publish_ns=now_ns(),
+            target_kind=kind,
+            value_count=len(values),
+            rate_per_s=rate,
+            interval_s=interval_s,
+            owner=self._owner,
+        )
+        for at, value in enumerate(values):
+            target.values[at] = value
+        self._send(target)
         return self._seq

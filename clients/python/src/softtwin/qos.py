@@ -25,6 +25,7 @@ QOS: Dict[str, Qos] = {
     "estimate": Qos(max_readers=64, buffer=2048, max_borrowed=4, history=1, max_nodes=128),
     "setpoint": Qos(max_readers=8, buffer=16, max_borrowed=4, history=0, max_nodes=32),
     "override": Qos(max_readers=8, buffer=16, max_borrowed=4, history=0, max_nodes=32),
+    "target": Qos(max_readers=8, buffer=16, max_borrowed=4, history=0, max_nodes=32),
     "valve": Qos(max_readers=16, buffer=2048, max_borrowed=4, history=1, max_nodes=64),
 }
 """Settings by kind of topic."""

@@ -81,7 +81,7 @@ def _leave_to_parent() -> None:
 
 os.register_at_fork(after_in_child=_leave_to_parent)
 _SHM = "/dev/shm"
-_DRIVING = ("setpoint", "override", "command")
+_DRIVING = ("setpoint", "override", "target", "command")
 _PATIENCE_S = 2.0
 _GRANT_EVERY_S = 0.01
 # Complete when their owner can no longer write them; everything else when its owner can read it.

@@ -1,129 +1,245 @@
 use super::*;
 use crate::inverse::Point;
+use crate::plant::{Plant, PlantSpec};
+use crate::trial::{Loop, Moment, Trial, sine_figures, step_figures};
+use rom::memory::{Line, Play};
 
-/// F = slope (p - onset) with the onset moving by the gap; the tip falls with the pressure.
-struct Line {
+/// F = slope (p - onset) with the onset moving by the gap; the observable falls with the pressure.
+#[derive(Clone, Copy)]
+struct Straight {
     slope: f64,
     onset_mpa: f64,
 }
 
-impl Model for Line {
+impl Model for Straight {
     fn at(&mut self, pressure_mpa: f64, gap_mm: f64) -> Point {
         let onset_mpa = self.onset_mpa + 0.001 * (gap_mm - 30.0);
         let excess = pressure_mpa - onset_mpa;
         Point {
             force_n: (self.slope * excess).max(0.0),
             force_by_pressure: if excess > 0.0 { self.slope } else { 0.0 },
-            tip_mm: -800.0 * pressure_mpa,
-            tip_by_pressure: -800.0,
+            observable: -800.0 * pressure_mpa,
+            observable_by_pressure: -800.0,
             onset_mpa,
         }
     }
     fn range_mpa(&self) -> [f64; 2] {
         [0.0, 0.09]
     }
-    fn tip_grows(&self) -> bool {
+    fn observable_grows(&self) -> bool {
         false
     }
 }
 
-const MODEL: Line = Line { slope: 8.0, onset_mpa: 0.01 };
-const DT_S: f64 = 1e-3;
+const MODEL: Straight = Straight { slope: 10.0, onset_mpa: 0.01 };
+const DT_S: f64 = 5e-3;
 
 fn reading(pressure_mpa: f64, measured: f64) -> Reading {
-    Reading { pressure_mpa, gap_mm: 30.0, measured }
+    Reading { pressure_mpa, gap_mm: 30.0, measured, written_mpa: f64::NAN }
 }
 
-/// A plant of another line behind a lag of 80 ms; returns force and commands of every cycle.
-fn run(plant: &mut Line, target: f64, turns: usize, has_cell: bool) -> (Vec<f64>, Vec<f64>) {
-    let mut controller = Controller::new(MODEL, Quantity::Force, Settings::default());
-    let (mut pressure_mpa, mut forces, mut commands) = (0.0, Vec::new(), Vec::new());
-    for _ in 0..turns {
-        let force_n = plant.at(pressure_mpa, 30.0).force_n;
-        let measured = if has_cell { force_n } else { f64::NAN };
-        let turn = controller.update(target, reading(pressure_mpa, measured), DT_S);
-        pressure_mpa += (turn.pressure_mpa - pressure_mpa) * DT_S / 0.08;
-        forces.push(force_n);
-        commands.push(turn.pressure_mpa);
-    }
-    (forces, commands)
-}
-
-#[test]
-fn model_error_is_corrected_by_the_load_cell() {
-    for (slope, onset_mpa) in
-        [(8.0, 0.01), (6.4, 0.01), (9.6, 0.01), (8.0, 0.015), (8.0, 0.004), (6.4, 0.015), (9.6, 0.004)]
-    {
-        let (forces, _) = run(&mut Line { slope, onset_mpa }, 0.3, 3000, true);
-        let last = forces[2999];
-        assert!((last - 0.3).abs() < 1e-3, "{slope} {onset_mpa}: {last}");
-        let most = forces.iter().copied().fold(0.0, f64::max);
-        assert!(most < 0.3 * 1.05, "{slope} {onset_mpa}: {most}");
-        assert!((forces[1000] - 0.3).abs() < 0.05 * 0.3, "{slope} {onset_mpa}: {}", forces[1000]);
+/// Line 0.3 and 1.2 s, play 4.5 kPa, swing 4 Hz, gauge bias 1 kPa, 10 % softer than the model.
+fn finger() -> PlantSpec {
+    PlantSpec {
+        line: Line { fill_s: 0.3, empty_s: 1.2 },
+        play: vec![Play { threshold: 0.00225, weight: 1.0 }],
+        swing_hz: 3.8,
+        gauge_bias_mpa: 1e-3,
+        stiffness: 0.9,
+        ..PlantSpec::default()
     }
 }
 
+fn settings() -> Settings {
+    let known = finger();
+    Settings { line: known.line, play: known.play, delay_s: 0.03, ..Settings::default() }
+        .with_swing(4.0, 0.02)
+}
+
+fn controller(quantity: Quantity) -> Controller<Straight> {
+    Controller::new(MODEL, quantity, settings(), Limits::default())
+}
+
+fn run(quantity: Quantity, spec: PlantSpec) -> Loop<Controller<Straight>, Straight> {
+    let trial = Trial { quantity, is_measured: true, gap_error_mm: 0.0, rate_hz: 1.0 / DT_S };
+    Loop::new(controller(quantity), Plant::new(spec, MODEL), trial)
+}
+
 #[test]
-fn model_force_is_held_without_load_cell() {
-    let (forces, _) = run(&mut Line { slope: 9.6, ..MODEL }, 0.3, 3000, false);
-    assert!((forces[2999] - 0.36).abs() < 1e-3, "{}", forces[2999]);
+fn force_steps_settle_without_overshoot_on_a_plant_with_line_play_swing_and_bias() {
+    let mut run = run(Quantity::Force, finger());
+    let (mut from, mut moments) = (0.2, Vec::new());
+    run.hold(from, 4.0, &mut moments);
+    for target in [0.1, 0.5, 0.1, 0.3, 0.4, 0.2] {
+        moments.clear();
+        run.hold(target, 4.0, &mut moments);
+        let found = step_figures(from, &moments, |moment| moment.truth).unwrap();
+        let most_s = if target > from { 1.5 } else { 2.0 };
+        assert!(found.overshoot < 0.05, "{found:?}");
+        assert!(found.settling_s.is_some_and(|settling_s| settling_s < most_s), "{found:?}");
+        assert!(found.final_error.abs() < 2e-3, "{found:?}");
+        assert!(moments.iter().all(|moment| moment.fault.is_none()));
+        from = target;
+    }
+}
+
+#[test]
+fn observable_follows_a_sine_of_known_rate() {
+    let mut run = run(Quantity::Observable, finger());
+    let mut moments = Vec::new();
+    run.hold(-40.0, 3.0, &mut moments);
+    moments.clear();
+    let w = std::f64::consts::PI;
+    let sine = |t_s: f64| Target { value: -40.0 + 3.0 * (w * t_s).sin(), rate: 3.0 * w * (w * t_s).cos() };
+    run.follow(sine, 8.0, &mut moments);
+    let found = sine_figures(0.5, &moments[800..]);
+    assert!((0.9..1.15).contains(&found.amplitude) && found.lag_deg.abs() < 20.0, "{found:?}");
+}
+
+#[test]
+fn loop_stays_stable_on_wrong_stiffness_lag_and_play() {
+    let double = |line: Line| Line { fill_s: 2.0 * line.fill_s, empty_s: 2.0 * line.empty_s };
+    let plants = [
+        PlantSpec { stiffness: 0.9 * 1.2, swing_hz: 4.2, ..finger() },
+        PlantSpec { stiffness: 0.9 * 0.8, swing_hz: 3.4, ..finger() },
+        PlantSpec { line: double(finger().line), ..finger() },
+        PlantSpec { play: vec![Play { threshold: 0.0045, weight: 1.0 }], ..finger() },
+    ];
+    for spec in plants {
+        let mut run = run(Quantity::Force, spec.clone());
+        let mut moments = Vec::new();
+        run.hold(0.4, 6.0, &mut moments);
+        let off = |part: &[Moment]| part.iter().map(|moment| (moment.truth - 0.4).abs()).fold(0.0, f64::max);
+        assert!(off(&moments[1000..]) < 0.02, "{spec:?}: {}", off(&moments[1000..]));
+    }
 }
 
 #[test]
 fn commands_are_within_range_and_rate_and_targets_below_the_force_limit() {
-    let settings = Settings::default();
-    let (forces, commands) = run(&mut Line { slope: 8.0, onset_mpa: 0.01 }, 5.0, 3000, true);
-    assert!(forces.iter().all(|force_n| *force_n <= settings.force_max_n));
-    assert!((forces[2999] - TARGET_SHARE * settings.force_max_n).abs() < 1e-3);
-    let step = settings.rate_mpa_per_s * DT_S + 1e-12;
-    assert!(commands.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= step));
-    assert!(commands.iter().all(|command| (0.0..=0.09).contains(command)));
+    let limits = Limits { rate_mpa_per_s: 0.5, ..Limits::default() };
+    let law = Controller::new(MODEL, Quantity::Force, settings(), limits);
+    let trial =
+        Trial { quantity: Quantity::Force, is_measured: true, gap_error_mm: 0.0, rate_hz: 1.0 / DT_S };
+    let mut run = Loop::new(law, Plant::new(finger(), MODEL), trial);
+    let mut moments = Vec::new();
+    run.hold(5.0, 4.0, &mut moments);
+    let force_max_n = settings().force_max_n;
+    assert!(moments.iter().all(|moment| moment.force_n <= force_max_n && moment.is_limited));
+    assert!((moments[799].truth - TARGET_FRACTION * force_max_n).abs() < 1e-2);
+    let step = 0.5 * DT_S + 1e-12;
+    assert!(moments.windows(2).all(|pair| (pair[1].command_mpa - pair[0].command_mpa).abs() <= step));
+    assert!(moments.iter().all(|moment| (0.0..=0.09).contains(&moment.command_mpa)));
 }
 
 #[test]
 fn start_continues_from_the_present_pressure() {
-    let mut controller = Controller::new(MODEL, Quantity::Force, Settings::default());
-    let first = controller.update(0.24, reading(0.04, 0.24), DT_S);
+    let mut law = controller(Quantity::Force);
+    let first = law.update(Target::step(0.3), reading(0.04, 0.3), DT_S);
     assert!((first.pressure_mpa - 0.04).abs() < 1e-6, "{first:?}");
     // Another owner has moved the valve.
-    controller.start(reading(0.02, 0.08));
-    let next = controller.update(0.08, reading(0.02, 0.08), DT_S);
+    law.start(reading(0.02, 0.1));
+    let next = law.update(Target::step(0.1), reading(0.02, 0.1), DT_S);
     assert!((next.pressure_mpa - 0.02).abs() < 1e-6, "{next:?}");
 }
 
 #[test]
-fn integrals_do_not_wind_up_at_a_limit() {
-    let mut controller =
-        Controller::new(MODEL, Quantity::Force, Settings { range_mpa: [0.0, 0.03], ..Settings::default() });
-    for _ in 0..10_000 {
-        assert!(controller.update(0.5, reading(0.03, 0.16), DT_S).is_limited);
-    }
-    // The target becomes one that is reached: the command leaves the limit within the time of reference and lead, not later.
-    let commands: Vec<f64> =
-        (0..300).map(|_| controller.update(0.08, reading(0.03, 0.16), DT_S).pressure_mpa).collect();
-    assert!(commands[50] < 0.03 && commands[299] < 0.021, "{} {}", commands[50], commands[299]);
+fn target_beyond_the_range_is_left_at_once() {
+    let limits = Limits { range_mpa: [0.0, 0.03], ..Limits::default() };
+    let law = Controller::new(MODEL, Quantity::Force, settings(), limits);
+    let trial =
+        Trial { quantity: Quantity::Force, is_measured: true, gap_error_mm: 0.0, rate_hz: 1.0 / DT_S };
+    let mut run = Loop::new(law, Plant::new(PlantSpec { supply_mpa: 0.03, ..finger() }, MODEL), trial);
+    let mut moments = Vec::new();
+    run.hold(0.5, 30.0, &mut moments);
+    assert!(moments.iter().skip(100).all(|moment| moment.is_limited && moment.command_mpa <= 0.03));
+    moments.clear();
+    run.hold(0.08, 2.0, &mut moments);
+    assert!(moments[20].command_mpa < 0.02, "{:?}", moments[20]);
+    assert!((moments[399].truth - 0.08).abs() < 0.01, "{:?}", moments[399]);
 }
 
 #[test]
-fn non_finite_reading_is_ignored() {
-    let mut controller = Controller::new(MODEL, Quantity::Force, Settings::default());
-    for _ in 0..500 {
-        controller.update(0.2, reading(0.03, 0.16), DT_S);
+fn reading_that_is_not_finite_changes_nothing() {
+    let mut law = controller(Quantity::Force);
+    let before = law.update(Target::step(0.2), reading(0.03, 0.2), DT_S);
+    let good = reading(0.03, 0.2);
+    for bad in [reading(f64::NAN, 0.2), Reading { gap_mm: f64::INFINITY, ..good }] {
+        assert_eq!(law.update(Target::step(0.2), bad, DT_S).pressure_mpa, before.pressure_mpa);
     }
-    let before = controller.update(0.2, reading(0.03, 0.16), DT_S);
-    for bad in [reading(f64::NAN, 0.16), Reading { gap_mm: f64::INFINITY, ..reading(0.03, 0.16) }] {
-        assert_eq!(controller.update(0.2, bad, DT_S).pressure_mpa, before.pressure_mpa);
+    let wrong = [Target::step(f64::NAN), Target { value: 0.2, rate: f64::INFINITY }];
+    assert!(wrong.iter().all(|target| law.update(*target, good, DT_S).pressure_mpa == before.pressure_mpa));
+    assert_eq!(law.update(Target::step(0.2), good, -1.0).pressure_mpa, before.pressure_mpa);
+}
+
+/// The first fault of a run, and when, s.
+fn fault_of(moments: &[Moment]) -> Option<(Fault, f64)> {
+    let first = moments.iter().find(|moment| moment.fault.is_some())?;
+    Some((first.fault?, first.time_s - moments[0].time_s))
+}
+
+#[test]
+fn missing_supply_is_flagged_within_a_second_until_it_is_released() {
+    let mut run = run(Quantity::Force, finger());
+    let mut moments = Vec::new();
+    run.hold(0.2, 3.0, &mut moments);
+    assert_eq!(fault_of(&moments), None);
+    run.plant.spec.supply_mpa = 0.0;
+    moments.clear();
+    run.hold(0.4, 2.0, &mut moments);
+    let (fault, after_s) = fault_of(&moments).unwrap();
+    assert!(fault == Fault::NoResponse && after_s < 1.0, "{fault:?} {after_s}");
+    assert!(moments[399].command_mpa.is_nan());
+    run.plant.spec.supply_mpa = 0.09;
+    run.hold(0.2, 1.0, &mut moments);
+    assert!(moments.last().unwrap().fault.is_some());
+    run.law.release();
+    moments.clear();
+    run.hold(0.2, 3.0, &mut moments);
+    assert!(fault_of(&moments).is_none() && (moments[599].truth - 0.2).abs() < 0.01);
+}
+
+#[test]
+fn quantity_against_its_model_is_a_fault() {
+    struct Turned(Straight);
+    impl crate::plant::Body for Turned {
+        fn answer(&mut self, pressure_mpa: f64, gap_mm: f64, _: f64) -> [f64; 2] {
+            let point = self.0.at(pressure_mpa, gap_mm);
+            [point.force_n, -50.0 - point.observable]
+        }
     }
-    assert_eq!(controller.update(f64::NAN, reading(0.03, 0.16), DT_S).pressure_mpa, before.pressure_mpa);
+    let trial =
+        Trial { quantity: Quantity::Observable, is_measured: true, gap_error_mm: 0.0, rate_hz: 1.0 / DT_S };
+    let law = controller(Quantity::Observable);
+    let mut run = Loop::new(law, Plant::new(finger(), Turned(MODEL)), trial);
+    let mut moments = Vec::new();
+    run.hold(-30.0, 3.0, &mut moments);
+    let (fault, after_s) = fault_of(&moments).unwrap();
+    assert!(fault == Fault::OppositeSign && after_s < 1.0, "{fault:?} {after_s}");
+}
+
+#[test]
+fn measurement_may_be_missing_for_a_tenth_of_a_second() {
+    for (missing_s, expected) in [(0.1, None), (3.0, Some(Fault::MeasurementLost))] {
+        let mut law = controller(Quantity::Observable);
+        let mut found = None;
+        for at in 0..1000 {
+            let is_missing = (1.0..1.0 + missing_s).contains(&(f64::from(at) * DT_S));
+            let measured = if is_missing { f64::NAN } else { -24.0 };
+            let cycle = law.update(Target::step(-24.0), reading(0.03, measured), DT_S);
+            found = found.or(cycle.fault);
+            assert_eq!(cycle.pressure_mpa.is_nan(), found.is_some());
+        }
+        assert_eq!(found, expected, "{missing_s} s");
+    }
 }
 
 #[test]
 fn value_at_the_end_of_the_range_is_found_there() {
-    let mut model = Line { slope: 1.0, onset_mpa: 0.02 };
+    let mut model = Straight { slope: 1.0, onset_mpa: 0.02 };
     for pressure_mpa in [0.0, 0.09] {
-        let value = Quantity::Tip.of(&model.at(pressure_mpa, 25.0)).0;
+        let value = Quantity::Observable.of(&model.at(pressure_mpa, 25.0), pressure_mpa).0;
         for start_mpa in [0.16, 0.05, 0.0] {
-            let found = inverse(&mut model, Quantity::Tip, 25.0, value, start_mpa);
+            let found = inverse(&mut model, Quantity::Observable, 25.0, value, start_mpa);
             assert!(found.is_reached && (found.pressure_mpa - pressure_mpa).abs() < 1e-12, "{found:?}");
         }
     }
@@ -134,11 +250,11 @@ proptest::proptest! {
     fn inverse_returns_the_value_or_a_failure(
         pressure_mpa in 0.0..0.12_f64, gap_mm in 25.0..40.0_f64, start_mpa in -0.1..0.2_f64, slope in 1.0..30.0_f64
     ) {
-        let mut model = Line { slope, onset_mpa: 0.02 };
-        for quantity in [Quantity::Force, Quantity::Tip] {
-            let value = quantity.of(&model.at(pressure_mpa, gap_mm)).0;
+        let mut model = Straight { slope, onset_mpa: 0.02 };
+        for quantity in [Quantity::Force, Quantity::Observable, Quantity::Pressure] {
+            let value = quantity.of(&model.at(pressure_mpa, gap_mm), pressure_mpa).0;
             let found = inverse(&mut model, quantity, gap_mm, value, start_mpa);
-            let back = quantity.of(&model.at(found.pressure_mpa, gap_mm)).0;
+            let back = quantity.of(&model.at(found.pressure_mpa, gap_mm), found.pressure_mpa).0;
             proptest::prop_assert_eq!(found.is_reached, pressure_mpa <= 0.09, "{:?} {}", found, value);
             proptest::prop_assert!(!found.is_reached || (back - value).abs() < 1e-4, "{} {}", back, value);
         }

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 use wire::layout::{Layout, Payload, hex};
 use wire::{
-    AnySample, Command, Estimate, FieldHeader, Grasp, Health, SensorSample, Setpoint, Stamp, State, Topic,
-    TopicKind, Valve, WireError, now_ns,
+    AnySample, Command, Estimate, FieldHeader, Grasp, Health, SensorSample, Setpoint, Stamp, State, Target,
+    Topic, TopicKind, Valve, WireError, now_ns,
 };
 
 use super::summary::{RecordError, RecordSummary};
@@ -228,6 +228,7 @@ fn channel_of(topic: &Topic) -> Channel {
         TopicKind::Command => Command::LAYOUT,
         TopicKind::Estimate => Estimate::LAYOUT,
         TopicKind::Setpoint | TopicKind::Override => Setpoint::LAYOUT,
+        TopicKind::Target => Target::LAYOUT,
         TopicKind::Valve => Valve::LAYOUT,
     };
     message::channel(layout, topic.name())

@@ -16,7 +16,7 @@ pub struct Play {
 
 impl Play {
     /// State after the input went to `input` without turning: depends on turning points, not on time.
-    pub(super) fn follow(&self, state: f64, input: f64) -> f64 {
+    pub fn follow(&self, state: f64, input: f64) -> f64 {
         (input - self.threshold).max((input + self.threshold).min(state))
     }
 }

@@ -72,6 +72,9 @@ pub struct ActuatorSpec {
     pub pace: Option<PaceSpec>,
     /// The pressure source that the bridge drives.
     pub valve: Option<ValveSpec>,
+    /// Dynamics of the actuator and times of the controller.
+    #[serde(default)]
+    pub control: control::settings::Settings,
     /// Extras of the state topic.
     #[serde(default)]
     pub state: StateSpec,
@@ -426,6 +429,7 @@ impl ActuatorSpec {
         if let Some(valve) = &self.valve {
             valve.problems(place, problems);
         }
+        problems.extend(self.control.problems(&format!("{place}.control")));
         estimate::problems(place, &self.estimate, &self.sigma, &self.markers, &self.camera, problems);
         let (min, max) = self.gap_mm.range_mm();
         if min.is_nan() || max.is_nan() || min > max || min < 0.0 {

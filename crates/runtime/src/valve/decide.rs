@@ -38,8 +38,8 @@ pub struct Governor {
     /// Last known pressure of the device, and its time.
     last_mpa: f64,
     last_ns: u64,
-    /// The force was beyond its limit in this run of the owner.
-    force_latch: Option<u64>,
+    /// Time from which an operator's release opens the valve again: the force was beyond its limit.
+    tripped_ns: Option<u64>,
 }
 
 impl Governor {
@@ -58,7 +58,7 @@ impl Governor {
             stop_on_mismatch: spec.stop_on_mismatch,
             last_mpa: spec.safe_mpa,
             last_ns: now_ns,
-            force_latch: None,
+            tripped_ns: None,
         }
     }
 
@@ -72,7 +72,7 @@ impl Governor {
         state: Option<&State>,
     ) -> Decision {
         let setpoint = setpoint.filter(|setpoint| is_wanted(setpoint, now_ns));
-        let interlock = self.interlocks(now_ns, setpoint, state);
+        let interlock = self.interlocks(now_ns, operator, state);
         let operator = operator.filter(|operator| {
             is_wanted(operator, now_ns)
                 && (operator.valid_for_ns == 0 || age_ns(operator, now_ns) <= operator.valid_for_ns)
@@ -114,15 +114,15 @@ impl Governor {
         (reached, range | if reached == within { 0 } else { valve_limit::RATE })
     }
 
-    fn interlocks(&mut self, now_ns: u64, setpoint: Option<&Setpoint>, state: Option<&State>) -> u32 {
-        self.release_latch(setpoint);
+    fn interlocks(&mut self, now_ns: u64, operator: Option<&Setpoint>, state: Option<&State>) -> u32 {
+        self.release_trip(operator);
         let Some(state) = state.filter(|state| state.flags & flags::NO_DATA == 0) else {
             return valve_interlock::NO_STATE | self.latched();
         };
         // A measured or predicted force that is not a number is no force beyond a limit; `needs_force` asks for one.
         let force_n = state.measured_force_n.max(state.contact_force_n);
         if force_n > self.force_max_n {
-            self.force_latch = Some(setpoint.map_or(0, |setpoint| setpoint.boot_id));
+            self.tripped_ns = Some(now_ns);
         }
         let bit = |is_set: bool, bit: u32| if is_set { bit } else { 0 };
         let outside = state.domain_status == domain_status::OUTSIDE;
@@ -136,15 +136,16 @@ impl Governor {
     }
 
     fn latched(&self) -> u32 {
-        if self.force_latch.is_some() { valve_interlock::FORCE } else { 0 }
+        if self.tripped_ns.is_some() { valve_interlock::FORCE } else { 0 }
     }
 
-    /// The owner has seen it: it asks for the safe value, or is another run.
-    fn release_latch(&mut self, setpoint: Option<&Setpoint>) {
-        if let (Some(run), Some(setpoint)) = (self.force_latch, setpoint)
-            && (setpoint.boot_id != run || setpoint.pressure_mpa <= self.safe_mpa)
+    /// A release by the operator that was sent after the trip.
+    fn release_trip(&mut self, operator: Option<&Setpoint>) {
+        if let (Some(tripped_ns), Some(operator)) = (self.tripped_ns, operator)
+            && operator.pressure_mpa.is_nan()
+            && operator.t_publish_ns > tripped_ns
         {
-            self.force_latch = None;
+            self.tripped_ns = None;
         }
     }
 }

@@ -1,4 +1,5 @@
-//! The thread of a valve: at a fixed rate it looks at setpoint, override and state, decides, writes, and says what it did.
+//! The thread of a valve: at each setpoint or override, and at least at a fixed rate, it takes setpoint, override and state, decides, writes, and
+//! publishes what it did.
 
 use super::decide::{Decision, Governor};
 use super::device::Device;
@@ -11,8 +12,8 @@ use std::time::{Duration, Instant};
 use wire::layout::{valve_interlock, valve_reason};
 use wire::thread_group::{StopFlag, ThreadGroup};
 use wire::{
-    Bus, Domain, Setpoint, SetpointReader, State, StateReader, Topic, Valve, ValveWriter, Waking, WireError,
-    boot_id, now_ns,
+    Bus, Domain, Setpoint, SetpointReader, State, StateReader, Topic, Valve, ValveWriter, Wake, WakeSet,
+    Wakeable, Waking, WireError, boot_id, now_ns,
 };
 
 /// Counters of a valve; readable from other threads.
@@ -123,15 +124,29 @@ fn run(
     };
     let _starter_is_gone = opened.send(Ok(()));
     let period = Duration::from_secs_f64(1.0 / spec.write_hz);
-    let mut due = Instant::now();
+    let mut wake = WakeSet::new([&drive.setpoints as &dyn Wakeable, &drive.overrides]);
+    let mut answered = Instant::now();
     while !end.is_set() {
         drive.turn(counters)?;
-        // A slow device is written to as fast as it answers; missed turns are not made up for.
-        due = (due + period).max(Instant::now());
-        end.pause(due.saturating_duration_since(Instant::now()));
+        // A slow device is written to as fast as it answers; missed writes are not made up for.
+        let due = Instant::now() + period;
+        while !end.is_set() {
+            let left = due.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                break;
+            }
+            if wake.wait(left.min(END_POLL))? == Wake::Event {
+                end.pause((answered + period / 2).saturating_duration_since(Instant::now()));
+                answered = Instant::now();
+                break;
+            }
+        }
     }
     drive.close(counters)
 }
+
+/// Longest delay of the end of a valve's thread.
+const END_POLL: Duration = Duration::from_millis(100);
 
 /// State of one valve's thread.
 struct Drive {
@@ -166,8 +181,8 @@ impl Drive {
             safe_mpa: spec.safe_mpa,
             device: Device::new(spec, modbus).map_err(refused)?,
             governor: Governor::new(spec, now_ns()),
-            setpoints: SetpointReader::attach_as(&bus, &Topic::setpoint(actuator)?, Waking::Never)?,
-            overrides: SetpointReader::attach_as(&bus, &Topic::operator(actuator)?, Waking::Never)?,
+            setpoints: SetpointReader::attach(&bus, &Topic::setpoint(actuator)?)?,
+            overrides: SetpointReader::attach(&bus, &Topic::operator(actuator)?)?,
             states: StateReader::attach_as(&bus, &Topic::state(actuator)?, Waking::Never)?,
             output,
             setpoint: None,

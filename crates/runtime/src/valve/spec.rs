@@ -16,7 +16,8 @@ pub struct ValveSpec {
     /// Greatest change of the written value, MPa/s. The way to the safe value has no such limit.
     #[serde(default = "no_limit")]
     pub rate_mpa_per_s: f64,
-    /// Writes a second; each renews the device's own time-out, also while the value stays.
+    /// Least writes per second; each renews the device's time-out, also while the value stays. Setpoints are written when they come, at most
+    /// twice as often.
     #[serde(default = "usual_rate")]
     pub write_hz: f64,
     /// Upper limit of a setpoint's validity, ms.

@@ -64,21 +64,28 @@ fn cause_of_a_closed_valve_is_named() {
 }
 
 #[test]
-fn a_force_beyond_its_limit_stays_until_the_owner_has_seen_it() {
+fn force_trip_stays_until_the_operator_releases_it() {
     let mut governor = governor("force_max_n = 0.5");
-    let mut decide = |setpoint: Setpoint, force_n| {
-        governor.decide(NOW, Some(&setpoint), None, Some(&fresh(force_n))).reason
+    let release = |at_ns: u64| Setpoint { t_publish_ns: at_ns, ..wants(f64::NAN, 0) };
+    let mut decide = |setpoint: Setpoint, operator: Option<Setpoint>, force_n| {
+        governor.decide(NOW, Some(&setpoint), operator.as_ref(), Some(&fresh(force_n))).reason
     };
-    assert_eq!(decide(wants(0.05, 0), 0.6), valve_reason::INTERLOCK);
-    assert_eq!(decide(wants(0.05, 0), 0.0), valve_reason::INTERLOCK, "the owner still pushes");
-    assert_eq!(decide(wants(0.0, 0), 0.0), valve_reason::FOLLOWING, "the owner asks for the safe value");
-    assert_eq!(decide(wants(0.05, 0), 0.0), valve_reason::FOLLOWING);
-    assert_eq!(decide(wants(0.05, 0), 0.6), valve_reason::INTERLOCK);
+    assert_eq!(decide(wants(0.05, 0), None, 0.6), valve_reason::INTERLOCK);
+    assert_eq!(decide(wants(0.05, 0), None, 0.0), valve_reason::INTERLOCK, "the owner still pushes");
     assert_eq!(
-        decide(Setpoint { boot_id: 8, ..wants(0.05, 0) }, 0.0),
-        valve_reason::FOLLOWING,
-        "another run"
+        decide(wants(0.0, 0), None, 0.0),
+        valve_reason::INTERLOCK,
+        "the owner asks for the safe value"
     );
+    let another_run = Setpoint { boot_id: 8, ..wants(0.05, 0) };
+    assert_eq!(decide(another_run, None, 0.0), valve_reason::INTERLOCK, "another run");
+    assert_eq!(
+        decide(another_run, Some(release(NOW - MS)), 0.0),
+        valve_reason::INTERLOCK,
+        "an earlier release"
+    );
+    assert_eq!(decide(another_run, Some(release(NOW + 1)), 0.6), valve_reason::INTERLOCK, "still beyond");
+    assert_eq!(decide(another_run, Some(release(NOW + 1)), 0.0), valve_reason::FOLLOWING);
 }
 
 #[test]

@@ -15,6 +15,7 @@ mod evaluate;
 mod export;
 mod get;
 mod grasp;
+mod hold;
 mod import;
 mod inspect;
 mod learn;
@@ -35,6 +36,7 @@ mod sample;
 mod scene;
 mod setpoint;
 mod simulate;
+mod target;
 mod top;
 mod train;
 mod view;
@@ -60,7 +62,7 @@ macro_rules! commands {
 
 commands! {
     "Run": Demo => demo, Replay => replay, Record => record, Grasp => grasp, Scene => scene, Doctor => doctor,
-        Setpoint => setpoint, Manual => manual;
+        Hold => hold, Target => target, Setpoint => setpoint, Manual => manual;
     "Look": Log => log, View => view, Top => top, List => list, Echo => echo, Get => get, Export => export,
         Plot => plot, Render => render;
     "Model": Predict => predict, Design => design, Calibrate => calibrate, PlanExperiment => plan_experiment, Train => train, Learn => learn,

@@ -5,7 +5,7 @@ use crate::output;
 use anyhow::Context;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
-use wire::layout::{pack_name, valve_reason};
+use wire::layout::{pack_name, valve_interlock, valve_reason};
 use wire::{
     Bus, Setpoint, SetpointWriter, Topic, Valve, ValveReader, WakeSet, Wakeable, WireError, boot_id, now_ns,
 };
@@ -18,7 +18,7 @@ Examples:
     softtwin setpoint finger --override --pressure-mpa 0.02
     softtwin setpoint finger --release
 
-An override keeps to the valve's range and rate and to nothing else. It ends with --release, or when the bridge ends. \
+A release also ends the interlock of a force beyond its limit, once the force is below it. An override keeps to the valve's range and rate and to nothing else. It ends with --release, or when the bridge ends. \
 What the valve does: softtwin echo softtwin/finger/valve";
 
 /// Drive a valve by hand, or override its owner.
@@ -33,7 +33,7 @@ pub struct Args {
     /// The operator's value: wins over the owner's setpoint and the interlocks until it is released.
     #[arg(long = "override")]
     is_override: bool,
-    /// Release the override.
+    /// Release the override and a tripped force limit.
     #[arg(long, conflicts_with_all = ["pressure_mpa", "is_override"])]
     release: bool,
     /// Ends after this number of seconds (without --override).
@@ -74,7 +74,9 @@ impl Args {
         let is_done = |valve: &Valve| {
             let is_ours =
                 valve.valve_reason == valve_reason::OVERRIDE && valve.setpoint_boot_id == sender.boot_id;
-            if self.release { valve.valve_reason != valve_reason::OVERRIDE } else { is_ours }
+            let is_released = valve.valve_reason != valve_reason::OVERRIDE
+                && valve.valve_interlock & valve_interlock::FORCE == 0;
+            if self.release { is_released } else { is_ours }
         };
         let (mut wake, begin) = (WakeSet::new([valves as &dyn Wakeable]), Instant::now());
         let mut last = None;

@@ -120,7 +120,7 @@ impl Reader {
                 }
                 TopicKind::Grasp => grasps.open(bus, &topic),
                 TopicKind::Sensor | TopicKind::Health | TopicKind::Command => Ok(()),
-                TopicKind::Setpoint | TopicKind::Override | TopicKind::Valve => Ok(()),
+                TopicKind::Setpoint | TopicKind::Override | TopicKind::Target | TopicKind::Valve => Ok(()),
             };
             if let Err(error) = opened
                 && warned.insert(topic.name().to_owned())

@@ -1,7 +1,10 @@
 //! Pressures that are wanted and written: commands, setpoints, valves.
 
 use super::payload::payload;
-use super::{valve_interlock, valve_limit, valve_reason};
+use super::{target_kind, valve_interlock, valve_limit, valve_reason};
+
+/// Most values of one target.
+pub const TARGET_VALUES_MAX: usize = 64;
 
 payload! {
     /// One pressure command, from a controller to a valve or a simulated plant.
@@ -40,6 +43,31 @@ payload! {
         owner: [u8; 32] = [0; 32], "", Show::Name;
     }
     json [seq, t_sensor_ns, t_publish_ns, valid_for_ns, pressure_mpa, owner, boot_id]
+}
+
+payload! {
+    /// Target of the program that holds a quantity of an actuator; its values have the unit of that quantity. It counts until the next one.
+    Target "softtwin.Target" {
+        /// The run of the owner that sent it.
+        boot_id: u64 = 0, "", Show::Hex;
+        /// Counts up by one per target within a run, beginning at 1.
+        seq: u64 = 0, "";
+        /// When it was sent.
+        t_publish_ns: u64 = 0, "ns";
+        /// How the values are reached.
+        target_kind: u32 = target_kind::STEP, "", Show::Code(target_kind::ALL);
+        /// Values below: one of a step or a ramp.
+        value_count: u32 = 0, "";
+        /// Speed of a ramp in units per second, more than 0.
+        rate_per_s: f64 = f64::NAN, "1/s";
+        /// Time between the values of a series, more than 0.
+        interval_s: f64 = f64::NAN, "s";
+        /// The values.
+        values: [f64; TARGET_VALUES_MAX] = [f64::NAN; TARGET_VALUES_MAX], "", Show::Counted("value_count");
+        /// Name of the owner, zero-padded.
+        owner: [u8; 32] = [0; 32], "", Show::Name;
+    }
+    json [seq, t_publish_ns, target_kind, rate_per_s, interval_s, values, owner, boot_id]
 }
 
 payload! {

@@ -24,13 +24,14 @@ mod query;
 mod topics;
 
 pub use codes::{Code, Codes};
-pub use driving::{Command, Setpoint, Valve};
+pub use driving::{Command, Setpoint, TARGET_VALUES_MAX, Target, Valve};
 pub use estimate::{Estimate, UNKNOWNS_MAX};
 pub use grasp::{FINGERS_MAX, Grasp};
 pub use health::{Health, OUTCOME_SLOTS};
 pub use numbers::{
     InputValue, Outcome, QueryStatus, domain_status, estimate_alarm, estimate_status, field_id, flags,
-    grasp_status, input_source, query_kind, regime, value_bits, valve_interlock, valve_limit, valve_reason,
+    grasp_status, input_source, query_kind, regime, target_kind, value_bits, valve_interlock, valve_limit,
+    valve_reason,
 };
 pub use payload::{Field, Layout, Number, Payload, Scalar, Show, View};
 pub use query::{Answer, Query};
@@ -43,7 +44,7 @@ pub use topics::{
 pub const LAYOUT_VERSION: u32 = layout_version!();
 
 /// Every payload.
-pub const PAYLOADS: [&Layout; 11] = [
+pub const PAYLOADS: [&Layout; 12] = [
     SensorSample::LAYOUT,
     FieldHeader::LAYOUT,
     State::LAYOUT,
@@ -52,6 +53,7 @@ pub const PAYLOADS: [&Layout; 11] = [
     Command::LAYOUT,
     Estimate::LAYOUT,
     Setpoint::LAYOUT,
+    Target::LAYOUT,
     Valve::LAYOUT,
     Query::LAYOUT,
     Answer::LAYOUT,

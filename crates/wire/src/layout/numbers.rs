@@ -199,6 +199,18 @@ codes! {
 }
 
 codes! {
+    /// Numbers of `target_kind`.
+    target_kind: u32 {
+        /// At once.
+        STEP = 0, "step";
+        /// From the target before, with a constant rate.
+        RAMP = 1, "ramp";
+        /// Values at equal intervals from its sending on, straight lines between them; the last one stays.
+        SERIES = 2, "series";
+    }
+}
+
+codes! {
     /// Numbers of `grasp_status`.
     grasp_status: u32 {
         /// The state of at least one finger is stale.
@@ -239,7 +251,7 @@ codes! {
         STALE = 1 << 1, "stale";
         /// The state lies outside the sampled states.
         OUTSIDE_DOMAIN = 1 << 2, "outside-domain";
-        /// The force, measured or predicted, was beyond its limit; stays until the owner asks for the safe value or begins a new run.
+        /// The force, measured or predicted, was beyond its limit; stays until the operator's release.
         FORCE = 1 << 3, "force";
         /// A measured force is needed, and the newest state has none.
         NO_FORCE = 1 << 4, "no-force";

@@ -17,7 +17,7 @@ const PUBLISH: &str = "publish";
 /// Folders keep their group for what is made in them.
 pub(super) const SET_GROUP: u32 = 0o2000;
 /// The topics that drive an actuator.
-const DRIVING: [&str; 3] = ["/setpoint", "/override", "/command"];
+const DRIVING: [&str; 4] = ["/setpoint", "/override", "/target", "/command"];
 
 /// The folders and names of one domain.
 #[derive(Debug, Clone)]

@@ -3,7 +3,9 @@
 use super::topic::{FieldReader, FieldSample, Reader};
 use crate::bus::Bus;
 use crate::error::WireError;
-use crate::layout::{Command, Estimate, Grasp, Health, Payload, SensorSample, Setpoint, State, Valve, View};
+use crate::layout::{
+    Command, Estimate, Grasp, Health, Payload, SensorSample, Setpoint, State, Target, Valve, View,
+};
 use crate::topic::{Topic, TopicKind};
 use crate::wake::{Wakeable, Waker, Waking};
 
@@ -111,7 +113,7 @@ macro_rules! kinds {
 }
 kinds!(
     Sensor: SensorSample, State: State, Health: Health, Grasp: Grasp, Command: Command, Estimate: Estimate, Setpoint: Setpoint,
-    Override: Setpoint, Valve: Valve
+    Override: Setpoint, Target: Target, Valve: Valve
 );
 
 /// Identity and times of a sample, as its sender wrote them.

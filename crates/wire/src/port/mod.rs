@@ -15,5 +15,6 @@ pub use query::{AnswerSample, QueryClient, QueryServer, Question};
 pub use topic::{
     Carried, CommandReader, CommandWriter, EstimateReader, EstimateWriter, FieldLoan, FieldReader,
     FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter, Reader, SensorReader,
-    SensorWriter, SetpointReader, SetpointWriter, StateReader, StateWriter, ValveReader, ValveWriter, Writer,
+    SensorWriter, SetpointReader, SetpointWriter, StateReader, StateWriter, TargetReader, TargetWriter,
+    ValveReader, ValveWriter, Writer,
 };

@@ -264,6 +264,7 @@ fn participants(bus: &Bus, topic: &Topic) -> Result<(Vec<u32>, Vec<u32>), WireEr
         TopicKind::Setpoint | TopicKind::Override => {
             of(&sized::<layout::Setpoint>(bus, topic, Missing::Refuse)?)
         }
+        TopicKind::Target => of(&sized::<layout::Target>(bus, topic, Missing::Refuse)?),
         TopicKind::Valve => of(&sized::<layout::Valve>(bus, topic, Missing::Refuse)?),
         TopicKind::Field => of(&slices(bus, topic, Missing::Refuse)?),
     })

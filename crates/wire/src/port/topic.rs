@@ -8,7 +8,7 @@ use crate::bus::Bus;
 use crate::error::WireError;
 use crate::layout::{
     Command, Estimate, FIELD_SLOTS, FieldHeader, Grasp, Health, LAYOUT_VERSION, Payload, SensorSample,
-    Setpoint, State, Valve,
+    Setpoint, State, Target, Valve,
 };
 use crate::qos;
 use crate::sys::{Ipc, now_ns};
@@ -177,6 +177,10 @@ pub type CommandReader = Reader<Command>;
 pub type SetpointWriter = Writer<Setpoint>;
 /// Receives setpoints or overrides.
 pub type SetpointReader = Reader<Setpoint>;
+/// Sends targets, under the owner's name.
+pub type TargetWriter = Writer<Target>;
+/// Receives targets.
+pub type TargetReader = Reader<Target>;
 /// Sends the values written to a valve.
 pub type ValveWriter = Writer<Valve>;
 /// Receives the values written to a valve.

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use wire::QueryStatus;
 use wire::layout::{
     self, Codes, Scalar, domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status,
-    input_source, query_kind, regime, value_bits, valve_interlock, valve_limit, valve_reason,
+    input_source, query_kind, regime, target_kind, value_bits, valve_interlock, valve_limit, valve_reason,
 };
 
 const HEAD: &str = "\
@@ -86,6 +86,7 @@ fn constants(out: &mut String) {
     codes("GRASP", grasp_status::ALL);
     codes("ESTIMATE", estimate_status::ALL);
     codes("ESTIMATE_ALARM", estimate_alarm::ALL);
+    codes("TARGET_KIND", target_kind::ALL);
     codes("VALVE_REASON", valve_reason::ALL);
     codes("VALVE_INTERLOCK", valve_interlock::ALL);
     codes("VALVE_LIMIT", valve_limit::ALL);

@@ -8,7 +8,8 @@ mod python;
 use std::path::{Path, PathBuf};
 use wire::layout::{Field, Layout, Number, Payload, View};
 use wire::{
-    Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Valve,
+    Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Target,
+    Valve,
 };
 
 /// A payload's description with its default.
@@ -29,7 +30,7 @@ impl Described {
     }
 }
 
-fn described() -> [Described; 11] {
+fn described() -> [Described; 12] {
     fn of<P: Payload>() -> Described {
         Described { layout: P::LAYOUT, default: P::default().view().bytes.to_vec() }
     }
@@ -42,6 +43,7 @@ fn described() -> [Described; 11] {
         of::<Command>(),
         of::<Estimate>(),
         of::<Setpoint>(),
+        of::<Target>(),
         of::<Valve>(),
         of::<Query>(),
         of::<Answer>(),
@@ -108,6 +110,7 @@ fn units_are_those_of_the_names() {
     let suffixes = [
         ("_n_per_mpa", "N/MPa"),
         ("_n_per_mm", "N/mm"),
+        ("_per_s", "1/s"),
         ("_mpa", "MPa"),
         ("_mm", "mm"),
         ("_n", "N"),

@@ -4,7 +4,7 @@ use super::{Described, line};
 use std::fmt::Write;
 use wire::layout::{
     self, Codes, domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status, input_source,
-    query_kind, regime, value_bits, valve_interlock, valve_limit, valve_reason,
+    query_kind, regime, target_kind, value_bits, valve_interlock, valve_limit, valve_reason,
 };
 use wire::{Outcome, QueryStatus, TopicKind, qos};
 
@@ -83,6 +83,7 @@ fn numbers() -> String {
     table("`grasp_status`:", grasp_status::ALL);
     table("`status` of an estimate:", estimate_status::ALL);
     table("`alarm` of an estimate:", estimate_alarm::ALL);
+    table("`target_kind`:", target_kind::ALL);
     table("`valve_reason`:", valve_reason::ALL);
     table("`valve_interlock`, bits:", valve_interlock::ALL);
     table("`valve_limit`, bits:", valve_limit::ALL);

@@ -4,7 +4,7 @@ use super::{Described, line};
 use std::fmt::Write;
 use wire::layout::{
     self, Scalar, Show, domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status,
-    input_source, query_kind, regime, value_bits, valve_interlock, valve_limit, valve_reason,
+    input_source, query_kind, regime, target_kind, value_bits, valve_interlock, valve_limit, valve_reason,
 };
 use wire::{Outcome, QueryStatus, TopicKind, qos};
 
@@ -49,6 +49,7 @@ pub fn layout(payloads: &[Described]) -> String {
     );
     names(&mut out, "KINDS", query_kind::ALL, "Kinds of questions by number.");
     names(&mut out, "FLAGS", flags::ALL, "Flags by bit.");
+    names(&mut out, "TARGET_KINDS", target_kind::ALL, "How a target is reached, by number.");
     names(&mut out, "VALVE_REASONS", valve_reason::ALL, "Why a valve has its value, by number.");
     names(&mut out, "VALVE_INTERLOCKS", valve_interlock::ALL, "Interlocks of a valve, by bit.");
     names(&mut out, "VALVE_LIMITS", valve_limit::ALL, "Limits of a valve's value, by bit.");
@@ -118,6 +119,7 @@ fn class(out: &mut String, described: &Described) {
             Show::Code(codes) if codes == estimate_alarm::ALL => Some("ESTIMATE_ALARMS".into()),
             Show::Code(codes) if codes == Outcome::CODES => Some("OUTCOMES".into()),
             Show::Code(codes) if codes == query_kind::ALL => Some("KINDS".into()),
+            Show::Code(codes) if codes == target_kind::ALL => Some("TARGET_KINDS".into()),
             Show::Code(codes) if codes == valve_reason::ALL => Some("VALVE_REASONS".into()),
             Show::Code(_) => panic!("{}: its names are not in the module", field.name),
             Show::Codes(codes, _) if codes == input_source::ALL => Some("INPUT_SOURCES".into()),

@@ -1,0 +1,130 @@
+//! Faults that readings show while a controller drives: each ends the control until it is released.
+
+use serde::Serialize;
+
+/// Why a controller has let go of the valve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fault {
+    /// The gauge does not follow what the valve was given: supply gone, tube off, valve stuck.
+    NoResponse,
+    /// The quantity moves against its model: sign of a sensor, of an axis, or another actuator.
+    OppositeSign,
+    /// The correction stays at its largest: the model does not explain the measurement.
+    Unexplained,
+    /// The measured quantity is absent for too long: marker hidden, load cell beyond its range.
+    MeasurementLost,
+}
+
+impl Fault {
+    /// Name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NoResponse => "no-response",
+            Self::OppositeSign => "opposite-sign",
+            Self::Unexplained => "unexplained",
+            Self::MeasurementLost => "measurement-lost",
+        }
+    }
+
+    /// Cause and remedy.
+    pub fn advice(self) -> &'static str {
+        match self {
+            Self::NoResponse => "the gauge does not follow the valve: look at supply, tube and valve",
+            Self::OppositeSign => {
+                "the quantity moves against its model: look at the sign of the sensor and at the camera's frame"
+            }
+            Self::Unexplained => {
+                "the model does not explain the measurement: look at gap, stiffness and sensor, or raise correction_max_mpa"
+            }
+            Self::MeasurementLost => "no measurement of the quantity: look at load cell or camera",
+        }
+    }
+}
+
+/// Signs of one control cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Signs {
+    /// Written pressure, the gauge as expected from it, and as read, MPa.
+    pub(crate) gauge_mpa: [f64; 3],
+    /// Pressure behind the play, and the one at which the model has the measured value; `None` where that says nothing, MPa.
+    pub(crate) quantity_mpa: [Option<f64>; 2],
+    /// The correction is at its largest.
+    pub(crate) is_at_limit: bool,
+    /// The quantity has to be measured and is not.
+    pub(crate) is_missing: bool,
+}
+
+/// Difference of the read pressure to the expected and to the written one from which the gauge has to move, MPa.
+const APART_MPA: f64 = 5e-3;
+/// Least such movement towards the written pressure, relative to the last `MEMORY_S`, MPa.
+const MOVED_MPA: f64 = 5e-4;
+/// Movement behind the play from which the quantity has to follow, MPa.
+const DRIVEN_MPA: f64 = 3e-3;
+/// Part of it that counts as the opposite direction.
+const AGAINST: f64 = 0.3;
+/// Time over which movements are seen, s.
+const MEMORY_S: f64 = 0.5;
+/// Times after which the signs are a fault, in the order of [`Fault`], s.
+const PATIENCE_S: [f64; 4] = [0.5, 0.2, 1.0, 0.5];
+
+/// A value minus its mean over the last `MEMORY_S`.
+#[derive(Debug, Clone, Copy)]
+struct Movement {
+    mean: f64,
+}
+
+impl Movement {
+    fn step(&mut self, value: f64, dt_s: f64) -> f64 {
+        if self.mean.is_nan() {
+            self.mean = value;
+        }
+        self.mean += (value - self.mean) * (1.0 - (-dt_s / MEMORY_S).exp());
+        value - self.mean
+    }
+}
+
+/// Movements and how long each sign lasts.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Monitor {
+    gauge: Movement,
+    quantity: [Movement; 2],
+    since_s: [f64; 4],
+    /// Gauge minus its mean over the last `MEMORY_S`, MPa.
+    pub(crate) gauge_moved_mpa: f64,
+}
+
+impl Monitor {
+    pub(crate) fn new() -> Self {
+        let unknown = Movement { mean: f64::NAN };
+        Self { gauge: unknown, quantity: [unknown; 2], since_s: [0.0; 4], gauge_moved_mpa: 0.0 }
+    }
+
+    /// The first fault whose sign has lasted long enough.
+    pub(crate) fn step(&mut self, signs: Signs, dt_s: f64) -> Option<Fault> {
+        let [written_mpa, expected_mpa, read_mpa] = signs.gauge_mpa;
+        let apart_mpa = (expected_mpa - read_mpa).abs().min((written_mpa - read_mpa).abs());
+        self.gauge_moved_mpa = self.gauge.step(read_mpa, dt_s);
+        let moved_mpa = self.gauge_moved_mpa * (written_mpa - read_mpa).signum();
+        let opposite = match signs.quantity_mpa {
+            [Some(driven), Some(found)] => {
+                let driven_mpa = self.quantity[0].step(driven, dt_s);
+                let found_mpa = self.quantity[1].step(found, dt_s) * driven_mpa.signum();
+                driven_mpa.abs() > DRIVEN_MPA && found_mpa < -AGAINST * driven_mpa.abs()
+            }
+            _ => {
+                self.quantity = [Movement { mean: f64::NAN }; 2];
+                false
+            }
+        };
+        let is_there =
+            [apart_mpa > APART_MPA && moved_mpa < MOVED_MPA, opposite, signs.is_at_limit, signs.is_missing];
+        for (since_s, is_there) in self.since_s.iter_mut().zip(is_there) {
+            *since_s = if is_there { *since_s + dt_s } else { 0.0 };
+        }
+        let faults = [Fault::NoResponse, Fault::OppositeSign, Fault::Unexplained, Fault::MeasurementLost];
+        let lasts =
+            self.since_s.iter().zip(PATIENCE_S).position(|(since_s, patience_s)| *since_s > patience_s);
+        lasts.map(|at| faults[at])
+    }
+}

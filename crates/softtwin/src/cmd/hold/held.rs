@@ -1,0 +1,186 @@
+//! The held quantity: model, limits, and which values are in reach.
+
+use crate::failure::{configuration, usage};
+use control::inverse::{Model, Quantity};
+use control::settings::{GaugeAt, Limits, Settings, TARGET_FRACTION};
+use control::twin_model::{OUT_OF_REACH_MM, Tip, TwinModel, read_model};
+use rom::inputs::PRESSURE;
+use rom::memory::MemorySpec;
+use rom::observable::Observables;
+use rom::probe::{MeshPoint, model_tip};
+use runtime::config::ActuatorSpec;
+
+/// Standard deviations of the load cell below which a force is no contact yet.
+const CONTACT_SIGMAS: f64 = 3.0;
+/// The vertical axis.
+const Y: usize = 1;
+
+/// A quantity with the model that gives it.
+pub(super) struct Held {
+    pub(super) quantity: Quantity,
+    /// Column of the target.
+    pub(super) name: String,
+    pub(super) unit: &'static str,
+    /// Position of the marker whose height is held.
+    pub(super) marker: Option<usize>,
+    pub(super) settings: Settings,
+    pub(super) limits: Limits,
+    /// The twin's pressure is the one behind the model's memory.
+    pub(super) has_memory: bool,
+    model: rom::model::Model,
+}
+
+impl Held {
+    /// The quantity of a target's column.
+    pub(super) fn new(spec: &ActuatorSpec, column: &str) -> anyhow::Result<Self> {
+        let mut model = read_model(&spec.model).map_err(configuration)?;
+        model.header.set_parameters(spec.given_inputs()).map_err(configuration)?;
+        let mut settings = spec.control.clone();
+        let (quantity, name, unit) = match column {
+            "force_n" => (Quantity::Force, column.to_owned(), "N"),
+            "pressure_mpa" => (Quantity::Pressure, column.to_owned(), "MPa"),
+            "tip_y_mm" => (Quantity::Observable, column.to_owned(), "mm"),
+            "angle_deg" => (Quantity::Observable, angle(&model, &settings)?, "deg"),
+            name => (Quantity::Observable, name.to_owned(), unit(&model, name)?),
+        };
+        let has_memory = take_memory(&model, &mut settings)?;
+        let marker = if column == "tip_y_mm" { marker(spec)? } else { None };
+        let contact_n = CONTACT_SIGMAS * spec.force_sigma_n();
+        let range_mpa = model.header.inputs[PRESSURE].range;
+        let mut limits = Limits { range_mpa, contact_n, ..Limits::default() };
+        if let Some(valve) = &spec.valve {
+            (limits.range_mpa, limits.rate_mpa_per_s) = (valve.range_mpa, valve.rate_mpa_per_s);
+            settings.force_max_n = settings.force_max_n.min(valve.force_max_n);
+        }
+        Ok(Self { quantity, name, unit, marker, settings, limits, has_memory, model })
+    }
+
+    /// The model at the point or observable that is held.
+    pub(super) fn model(&self, spec: &ActuatorSpec) -> anyhow::Result<TwinModel> {
+        let model = &self.model;
+        let of_point = |point: &MeshPoint| TwinModel::of_point(model, point, Y).map_err(configuration);
+        let node = |node: usize| MeshPoint::node(model, node as u32).map_err(configuration);
+        match (self.quantity, self.name.as_str(), self.marker.and_then(|at| spec.markers.get(at))) {
+            // Force and pressure need no point: any will do.
+            (Quantity::Force | Quantity::Pressure, ..) => of_point(&node(0)?),
+            (Quantity::Observable, "tip_y_mm", Some(marker)) => {
+                of_point(&marker.point(model).map_err(configuration)?)
+            }
+            (Quantity::Observable, "tip_y_mm", None) => match MeshPoint::at(model, Tip::REFERENCE.at_mm) {
+                Ok(point) => of_point(&point),
+                Err(_) => of_point(&node(model_tip(model).unwrap_or(0))?),
+            },
+            (Quantity::Observable, name, _) => TwinModel::of_observable(model, name).map_err(configuration),
+        }
+    }
+
+    /// Refuses a value that the model's pressures do not give, with the nearest that they do.
+    pub(super) fn refuse_out_of_reach(
+        &self,
+        model: &mut TwinModel,
+        values: impl IntoIterator<Item = f64>,
+        gap_mm: f64,
+    ) -> anyhow::Result<()> {
+        let ([low_mpa, high_mpa], known) = (self.limits.range_mpa, model.range_mpa());
+        let range_mpa = [low_mpa.max(known[0]), high_mpa.min(known[1])];
+        let mut at = |pressure_mpa| self.quantity.of(&model.at(pressure_mpa, gap_mm), pressure_mpa).0;
+        let ends = range_mpa.map(&mut at);
+        let (low, mut high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+        if self.quantity == Quantity::Force {
+            high = high.min(TARGET_FRACTION * self.settings.force_max_n);
+        }
+        let unit = self.unit;
+        for value in values {
+            if !(low..=high).contains(&value) {
+                let gap = if gap_mm >= OUT_OF_REACH_MM {
+                    String::new()
+                } else {
+                    format!(" at a gap of {gap_mm} mm")
+                };
+                return Err(usage(format!(
+                    "{value} {unit} cannot be held{gap}: {} to {} MPa and the force limit give {low:.4} to {high:.4} {unit}; nearest: {:.4} {unit}",
+                    range_mpa[0],
+                    range_mpa[1],
+                    value.clamp(low, high)
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Column of the quantity that `control.hold` names.
+pub(super) fn column(hold: &str) -> &str {
+    match hold {
+        "force" => "force_n",
+        "tip" => "tip_y_mm",
+        "pressure" => "pressure_mpa",
+        observable => observable,
+    }
+}
+
+/// Unit of an observable.
+fn unit(model: &rom::model::Model, name: &str) -> anyhow::Result<&'static str> {
+    let observables = Observables::of(model).map_err(configuration)?;
+    let found = observables.names().zip(observables.units()).find(|(known, _)| *known == name);
+    found.map(|(_, unit)| unit).ok_or_else(|| {
+        let known: Vec<&str> = observables.names().collect();
+        let known = ["force, tip, pressure".to_owned(), known.join(", ")].join(", ");
+        configuration(anyhow::anyhow!(
+            "control.hold: expected one of {}, found `{name}`",
+            known.trim_end_matches(", ")
+        ))
+    })
+}
+
+/// Line and play of a model with memory replace those of the settings; true if it has any.
+fn take_memory(model: &rom::model::Model, settings: &mut Settings) -> anyhow::Result<bool> {
+    let memory = MemorySpec::of(model).map_err(configuration)?;
+    let of_pressure = memory.and_then(|memory| memory.inputs.into_iter().find(|of| of.input == PRESSURE));
+    let Some(of_pressure) = of_pressure else { return Ok(false) };
+    settings.play = of_pressure.play;
+    if let Some(line) = of_pressure.line {
+        (settings.line, settings.gauge_at) = (line, GaugeAt::Valve);
+    }
+    Ok(true)
+}
+
+/// The model's observable in degrees: that of `hold`, or the only one.
+fn angle(model: &rom::model::Model, settings: &Settings) -> anyhow::Result<String> {
+    let observables = Observables::of(model).map_err(configuration)?;
+    let angles: Vec<&str> = observables
+        .names()
+        .zip(observables.units())
+        .filter(|(_, unit)| *unit == "deg")
+        .map(|(name, _)| name)
+        .collect();
+    match (angles.iter().find(|name| **name == settings.hold), angles.as_slice()) {
+        (Some(name), _) | (None, [name]) => Ok((*name).to_owned()),
+        (None, []) => Err(usage(
+            "--angle-deg: expected a model with an observable in degrees, found none; `softtwin train` takes [observables]",
+        )),
+        (None, several) => {
+            Err(usage(format!("--angle-deg: expected control.hold with one of {}", several.join(", "))))
+        }
+    }
+}
+
+/// Position of the marker whose height is held; `None` if the scene has no marker.
+fn marker(spec: &ActuatorSpec) -> anyhow::Result<Option<usize>> {
+    let names: Vec<&str> = spec.markers.iter().map(|marker| marker.name.as_str()).collect();
+    match (&spec.control.marker, names.as_slice()) {
+        (None, []) => Ok(None),
+        (None, [_]) => Ok(Some(0)),
+        (None, several) => Err(usage(format!(
+            "--tip-y-mm: expected control.marker with one of the scene's {}",
+            several.join(", ")
+        ))),
+        (Some(name), known) => {
+            let at = known.iter().position(|other| other == name);
+            let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+            at.map(Some).ok_or_else(|| {
+                usage(format!("control.marker: expected a marker of the scene ({known}), found `{name}`"))
+            })
+        }
+    }
+}

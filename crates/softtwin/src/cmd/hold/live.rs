@@ -1,0 +1,299 @@
+//! The loop on the actuator: a setpoint for each state of the twin.
+
+use super::args::Args;
+use super::goal::Goal;
+use super::held::Held;
+use super::owner::Owner;
+use super::sensors::Sensors;
+use crate::live::Latencies;
+use crate::output;
+use anyhow::{Context, bail, ensure};
+use control::inverse::{Model, Quantity};
+use control::law::{Controller, Cycle, Reading};
+use control::twin_model::{OUT_OF_REACH_MM, TwinModel};
+use runtime::config::ActuatorSpec;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+use wire::layout::{estimate_alarm, flags, unpack_name, valve_interlock, valve_reason};
+use wire::{
+    Bus, Estimate, EstimateReader, State, StateReader, TargetReader, Topic, Valve, ValveReader, Wake,
+    WakeSet, Wakeable, Waking, now_ns,
+};
+
+/// A state older than this, or none: the valve is let go.
+const SILENCE: Duration = Duration::from_secs(1);
+/// Longest wait for the first state with a reading.
+const FIRST: Duration = Duration::from_secs(10);
+/// Longest time of one control cycle, s.
+const LONGEST_S: f64 = 0.1;
+/// Substituted readings are not used.
+const NOT_A_READING: u32 = flags::NO_DATA | flags::STALE | flags::HELD;
+/// Reasons for which the valve does not follow, and the controller waits.
+const WAITS: [u32; 4] =
+    [valve_reason::OVERRIDE, valve_reason::INTERLOCK, valve_reason::TIMEOUT, valve_reason::DEVICE_ERROR];
+
+/// Holds until the time is over, a signal comes or a fault ends it; then the valve is let go.
+pub(super) fn run(args: &Args, spec: &ActuatorSpec, held: Held, goal: Option<Goal>) -> anyhow::Result<()> {
+    let bus = args.domain.join()?;
+    let states = StateReader::open(&bus, &Topic::state(&spec.name)?)?;
+    let mut wake = WakeSet::new([&states as &dyn Wakeable]);
+    let first = first(&states, &mut wake)?;
+    let mut model = held.model(spec)?;
+    model.set_inputs(&first.inputs);
+    let gap_mm = gap_mm(&first, args, &held).context(
+        "the gap is unknown: the twin's states have none; give it to the scene (gap_mm), or --gap-mm",
+    )?;
+    let present = held.quantity.of(&model.at(first.pressure_mpa, gap_mm), first.pressure_mpa).0;
+    let goal = goal.unwrap_or_else(|| Goal::step(present));
+    held.refuse_out_of_reach(&mut model, goal.values(), gap_mm)?;
+    let mut held_loop = Loop::new(&bus, args, spec, held, model, goal)?;
+    let ended = held_loop.run(&states, &mut wake);
+    let released = held_loop.owner.send(f64::NAN, 0);
+    let report = held_loop.report();
+    if args.json {
+        output::json(&report)?;
+    } else {
+        output!("{}", text(&report))?;
+    }
+    ended.and(released)
+}
+
+/// State of the loop.
+struct Loop<'a> {
+    args: &'a Args,
+    held: Held,
+    controller: Controller<TwinModel>,
+    sensors: Sensors,
+    valves: ValveReader,
+    estimates: Option<EstimateReader>,
+    targets: TargetReader,
+    goal: Goal,
+    /// Model for what is in reach, and the gap of the last state.
+    reach: (TwinModel, f64),
+    owner: Owner,
+    valve: Option<Valve>,
+    last_ns: Option<u64>,
+    cycle: Cycle,
+    /// From readings to setpoints, and to what the device confirmed.
+    latencies: Latencies,
+    written: Latencies,
+    written_seq: u64,
+    measured: Vec<f64>,
+    predicted: Vec<f64>,
+    is_rate_limited: bool,
+}
+
+impl<'a> Loop<'a> {
+    fn new(
+        bus: &Bus,
+        args: &'a Args,
+        spec: &ActuatorSpec,
+        held: Held,
+        model: TwinModel,
+        goal: Goal,
+    ) -> anyhow::Result<Self> {
+        let estimates = (!spec.estimate.is_empty())
+            .then(|| EstimateReader::attach_as(bus, &Topic::estimate(&spec.name)?, Waking::Never))
+            .transpose()?;
+        Ok(Self {
+            args,
+            controller: Controller::new(model, held.quantity, held.settings.clone(), held.limits),
+            targets: TargetReader::attach_as(bus, &Topic::target(&spec.name)?, Waking::Never)?,
+            goal,
+            reach: (held.model(spec)?, OUT_OF_REACH_MM),
+            sensors: Sensors::open(bus, spec, &held)?,
+            held,
+            valves: ValveReader::attach_as(bus, &Topic::valve(&spec.name)?, Waking::Never)?,
+            estimates,
+            owner: Owner::new(bus, &spec.name, &args.owner, args.valid_ms)?,
+            valve: None,
+            last_ns: None,
+            cycle: Cycle::default(),
+            latencies: Latencies::new()?,
+            written: Latencies::new()?,
+            written_seq: 0,
+            measured: Vec::new(),
+            predicted: Vec::new(),
+            is_rate_limited: false,
+        })
+    }
+
+    fn run(&mut self, states: &StateReader, wake: &mut WakeSet) -> anyhow::Result<()> {
+        let stop = runtime::service::stop_flag().context("cannot listen for signals")?;
+        let (begin, seconds) = (Instant::now(), self.args.seconds(&self.goal));
+        while begin.elapsed().as_secs_f64() < seconds && !stop.load(Ordering::Relaxed) {
+            let Some(state) = states.newest()? else {
+                if wake.wait(SILENCE)? == Wake::Timeout {
+                    bail!("the twin has been silent for {} s", SILENCE.as_secs());
+                }
+                continue;
+            };
+            if state.flags & NOT_A_READING != 0 {
+                // The setpoint expires.
+                ensure!(state.age_ns <= SILENCE.as_nanos() as u64, "no reading for {} s", SILENCE.as_secs());
+                continue;
+            }
+            self.refuse_tripped()?;
+            self.refuse_alarm()?;
+            self.answer(&state, begin.elapsed().as_secs_f64())?;
+        }
+        Ok(())
+    }
+
+    /// The bridge has closed because of the force: it stays closed until it is released by name.
+    fn refuse_tripped(&mut self) -> anyhow::Result<()> {
+        self.valve = self.valves.newest()?.or(self.valve);
+        let status = self.valve.unwrap_or_default();
+        if status.setpoint_boot_id == self.owner.boot_id && status.setpoint_seq > self.written_seq {
+            self.written_seq = status.setpoint_seq;
+            self.written.record_ns(status.t_written_ns.saturating_sub(status.t_sensor_ns));
+        }
+        ensure!(
+            status.valve_interlock & valve_interlock::FORCE == 0,
+            "the valve has closed: the force was beyond its limit; find out why, then release it with `softtwin setpoint {} --release`",
+            self.args.actuator.as_deref().unwrap_or("ACTUATOR")
+        );
+        Ok(())
+    }
+
+    /// Without a sensor of the quantity the twin is what is controlled: it has to explain its readings.
+    fn refuse_alarm(&mut self) -> anyhow::Result<()> {
+        let Some(estimates) = &self.estimates else { return Ok(()) };
+        let alarm = estimates.newest()?.map_or(estimate_alarm::NONE, |Estimate { alarm, .. }| alarm);
+        let name = estimate_alarm::as_str(alarm);
+        ensure!(
+            alarm == estimate_alarm::NONE || self.measured.last().is_some_and(|value| value.is_finite()),
+            "estimate-alarm ({name}): the twin does not explain its readings, and no sensor measures the quantity"
+        );
+        Ok(())
+    }
+
+    /// One control cycle.
+    fn answer(&mut self, state: &State, since_s: f64) -> anyhow::Result<()> {
+        let elapsed_ns = self.last_ns.map_or(0, |before| state.t_sensor_ns.saturating_sub(before));
+        self.last_ns = Some(state.t_sensor_ns);
+        let has_reading = self.sensors.take(state)?;
+        // Without a gap or the reading behind the state the setpoint expires.
+        let Some(gap_mm) = gap_mm(state, self.args, &self.held).filter(|_| has_reading) else {
+            return Ok(());
+        };
+        let seen = self.sensors.measured(state);
+        let status = self.valve.unwrap_or_default();
+        let is_used = self.held.settings.is_measured;
+        let reading = Reading {
+            pressure_mpa: self.sensors.pressure_mpa(state),
+            gap_mm,
+            measured: if is_used { seen } else { f64::NAN },
+            written_mpa: if status.valve_limit == 0 { f64::NAN } else { status.pressure_mpa },
+        };
+        self.controller.model_mut().set_inputs(&state.inputs);
+        if WAITS.contains(&status.valve_reason) {
+            self.controller.start(reading);
+        }
+        let dt_s = (elapsed_ns as f64 * 1e-9).min(LONGEST_S);
+        self.reach.0.set_inputs(&state.inputs);
+        self.reach.1 = gap_mm;
+        self.take_target(since_s)?;
+        let lead_s = if self.goal.end_s().is_some() { self.controller.lead_s() } else { 0.0 };
+        let target = self.goal.at(since_s + lead_s);
+        self.cycle = self.controller.update(target, reading, dt_s);
+        if let Some(fault) = self.cycle.fault {
+            bail!("{}: {}", fault.name(), fault.advice());
+        }
+        self.owner.send(self.cycle.pressure_mpa, state.t_sensor_ns)?;
+        self.latencies.record_ns(now_ns().saturating_sub(state.t_sensor_ns));
+        self.is_rate_limited = self.cycle.limited.by_rate;
+        if seen.is_finite() {
+            self.measured.push(seen);
+        }
+        self.predicted.push(self.cycle.followed);
+        Ok(())
+    }
+
+    /// The newest target of the bus; one that is not valid or out of reach is refused, and the one before stays.
+    fn take_target(&mut self, since_s: f64) -> anyhow::Result<()> {
+        let Some(sample) = self.targets.newest()? else { return Ok(()) };
+        let present = self.goal.at(since_s).value;
+        let (model, gap_mm) = &mut self.reach;
+        let taken = Goal::of_sample(&sample, since_s, present).and_then(|goal| {
+            let reach = self.held.refuse_out_of_reach(model, goal.values(), *gap_mm);
+            reach.map(|()| goal).map_err(|error| error.to_string())
+        });
+        match taken {
+            Ok(goal) => self.goal = goal,
+            Err(reason) => {
+                let owner = unpack_name(&sample.owner);
+                // A closed error stream is no reason to let go of the valve.
+                let _ = writeln!(std::io::stderr(), "target {} of `{owner}` refused: {reason}", sample.seq);
+            }
+        }
+        Ok(())
+    }
+
+    fn report(&self) -> Value {
+        let goal = &self.goal;
+        let (values, by) = match self.measured.is_empty() {
+            true => (&self.predicted, None),
+            false => (&self.measured, Some(&self.sensors.name)),
+        };
+        let followed = last_quarter(values);
+        json!({
+            "held": self.held.name,
+            "target": goal.last(),
+            "unit": self.held.unit,
+            "followed": followed,
+            "measured_by": by,
+            "final_error": followed.map(|followed| followed - goal.last()),
+            "is_limited": self.cycle.limited.is_limited(),
+            "is_rate_limited": self.is_rate_limited,
+            "fault": self.cycle.fault,
+            "setpoints": self.owner.seq,
+            "reading_to_setpoint_us": self.latencies.percentiles_us(),
+            "reading_to_written_us": (!self.written.is_empty()).then(|| self.written.percentiles_us()),
+        })
+    }
+}
+
+fn text(report: &Value) -> String {
+    let number = |key: &str| report[key].as_f64().unwrap_or(f64::NAN);
+    let by = report["measured_by"].as_str().unwrap_or("model only");
+    let unit = report["unit"].as_str().unwrap_or_default();
+    format!(
+        "held {:.4} {unit} of {:.4} {unit} ({by}), error {:+.4} {unit}{}",
+        number("followed"),
+        number("target"),
+        number("final_error"),
+        if report["is_limited"] == true { ", limited" } else { "" }
+    )
+}
+
+/// The first state with a reading: its gap and inputs decide what is in reach.
+fn first(states: &StateReader, wake: &mut WakeSet) -> anyhow::Result<State> {
+    let end = Instant::now() + FIRST;
+    loop {
+        if let Some(state) = states.newest()?.filter(|state| state.flags & NOT_A_READING == 0) {
+            return Ok(state);
+        }
+        let left = end.saturating_duration_since(Instant::now());
+        ensure!(
+            !left.is_zero(),
+            "the twin has had no good reading for {} s: start the bridge, or look at `softtwin top`",
+            FIRST.as_secs()
+        );
+        wake.wait(left)?;
+    }
+}
+
+/// Gap of a state: measured, given or estimated; the option's if it has none. What moves freely needs none.
+fn gap_mm(state: &State, args: &Args, held: &Held) -> Option<f64> {
+    let free_mm = (held.quantity != Quantity::Force).then_some(OUT_OF_REACH_MM);
+    Some(state.gap_mm).filter(|gap_mm| gap_mm.is_finite()).or(args.gap_mm).or(free_mm)
+}
+
+/// Mean over the last quarter.
+fn last_quarter(values: &[f64]) -> Option<f64> {
+    let tail = values.get(values.len() * 3 / 4..).unwrap_or_default();
+    (!tail.is_empty()).then(|| tail.iter().sum::<f64>() / tail.len() as f64)
+}
