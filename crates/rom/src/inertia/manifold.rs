@@ -43,6 +43,9 @@ pub struct PlateForce {
     pub n: f64,
     /// Derivative with respect to the load, N per mm/s2.
     pub by_load: f64,
+    /// Derivatives with respect to pressure (N/MPa) and gap (N/mm) of the part that the body transmits, without what the pressure applies to
+    /// the place of contact itself.
+    pub by_operation: [f64; 2],
     /// Derivatives with respect to the amplitudes, N per mm t^1/2.
     pub by_amplitude: Amplitudes,
 }

@@ -8,7 +8,7 @@ use crate::contract::{self, Output};
 use crate::evaluation::Evaluation;
 use crate::evaluator::Evaluator;
 use crate::hull::{DomainStatus, TrainingRange};
-use crate::inputs::Inputs;
+use crate::inputs::{GAP, Inputs, PRESSURE};
 use crate::model::{BlockKind, Model, ModelError, ModelHeader};
 use crate::regime::LastOnset;
 use crate::snapshots::RegimeKind;
@@ -180,7 +180,8 @@ impl Manifold for ModelManifold {
         let Some((n, gradient)) = found else { return PlateForce::default() };
         let by_amplitude = self.regime(RegimeKind::Contact).reactions_n;
         let n = n + by_amplitude.iter().zip(amplitudes).map(|(by, y)| by * y).sum::<f64>();
-        PlateForce { n, by_load: gradient[self.load_input], by_amplitude }
+        let by_operation = [gradient[PRESSURE], gradient[GAP]];
+        PlateForce { n, by_load: gradient[self.load_input], by_operation, by_amplitude }
     }
 
     fn load_range(&self) -> [f64; 2] {

@@ -210,7 +210,7 @@ impl<M: Manifold> Motion<M> {
         let instant =
             Instant { load, amplitudes: still, tangent: place.tangent, momenta: [0.0; _], rates: [0.0; _] };
         let (position, velocity) = (place.position, Coordinates::default());
-        let force_n = self.force_n(regime, inputs, &instant);
+        let force_n = self.force_n(regime, inputs, &instant, [0.0; 2]);
         let range = self.manifold.load_range();
         let reach = if self.is_past_unknown { PAST_FRACTION * (range[1] - range[0]) } else { 0.0 };
         // A swing is one of the free body, which may touch only now.
@@ -235,15 +235,16 @@ impl<M: Manifold> Motion<M> {
         }
     }
 
-    /// Contact force, the part of the damping included: `F + beta dF/dt` at constant pressure and gap.
-    fn force_n(&mut self, regime: RegimeKind, inputs: &Inputs, instant: &Instant) -> f64 {
+    /// Contact force, the part of the damping included: `F + beta dF/dt`, where pressure and gap change by `rates` per second.
+    fn force_n(&mut self, regime: RegimeKind, inputs: &Inputs, instant: &Instant, rates: [f64; 2]) -> f64 {
         if regime == RegimeKind::Free {
             return 0.0;
         }
         let inputs = inputs.with(self.manifold.load_input(), instant.load);
         let force = self.manifold.force(&inputs, &instant.amplitudes);
-        let by = std::iter::once(&force.by_load).chain(&force.by_amplitude);
-        force.n + self.settings.damping_s * by.zip(instant.rates).map(|(by, rate)| by * rate).sum::<f64>()
+        let by = std::iter::once(&force.by_load).chain(&force.by_amplitude).zip(instant.rates);
+        let by = by.chain(force.by_operation.iter().zip(rates));
+        force.n + self.settings.damping_s * by.map(|(by, rate)| by * rate).sum::<f64>()
     }
 
     /// One step with its change of regime, if any.
@@ -257,7 +258,12 @@ impl<M: Manifold> Motion<M> {
             rest: [now.inputs.values()[at], next.values()[at]],
         };
         let stepped = step(&mut self.manifold, &of(now.regime), &now.instant, &now.position, next)?;
-        let force_n = self.force_n(now.regime, next, &stepped.instant);
+        let rate = |of: fn(&Inputs) -> f64| {
+            let change = of(next) - of(&now.inputs);
+            if change.is_finite() { change / (step_ns as f64 * 1e-9) } else { 0.0 }
+        };
+        let rates = [rate(Inputs::pressure_mpa), rate(Inputs::gap_mm)];
+        let force_n = self.force_n(now.regime, next, &stepped.instant, rates);
         let leaves = match now.regime {
             RegimeKind::Free => self.penetrates(next, &stepped.instant),
             RegimeKind::Contact => force_n < 0.0,
@@ -279,7 +285,7 @@ impl<M: Manifold> Motion<M> {
         }
         // The load of the onset is not that of the position: its change in this step is no rate.
         let arrived = Instant { rates: [0.0; _], ..other.instant };
-        let force_n = self.force_n(regime, next, &arrived);
+        let force_n = self.force_n(regime, next, &arrived, rates);
         let lost: Coordinates = std::array::from_fn(|i| now.velocity[i] - other.velocity[i]);
         let rate = self.contact_rate(&arrived).max(f64::MIN_POSITIVE);
         let [path, impact, past] = faded;
