@@ -63,11 +63,19 @@ pub enum NewtonError {
         /// Injected volume (mm3).
         injected_mm3: f64,
     },
+    /// The contact with the obstacle opened within a step, and the body swung away.
+    #[error("the contact with the obstacle opened, and the body moved by {moved_mm:.1} mm in one step")]
+    ContactOpened {
+        /// Largest nodal displacement of the step (mm).
+        moved_mm: f64,
+    },
     /// The state is outside the limits of the elastomer.
-    #[error("element {element}: {what}")]
+    #[error("element {element}{}: {what}", at_mm.map_or_else(String::new, |[x, y, z]| format!(" at ({x:.1}, {y:.1}, {z:.1}) mm")))]
     MaterialLimit {
         /// The element.
         element: usize,
+        /// Its undeformed middle, where the mesh is known.
+        at_mm: Option<Vec3>,
         /// Violated limit.
         what: String,
     },
@@ -77,6 +85,20 @@ pub enum NewtonError {
     /// An intermediate variant is invalid.
     #[error(transparent)]
     Body(#[from] VariantError),
+}
+
+impl NewtonError {
+    /// The error with the place of its element.
+    pub(crate) fn placed(mut self, problem: &Problem) -> Self {
+        if let Self::MaterialLimit { element, at_mm, .. } = &mut self {
+            *at_mm = problem.mesh.tets.get(*element).map(|tet| {
+                let mut middle = [0.0; 3];
+                tet[..4].iter().for_each(|n| axpy(0.25, problem.mesh.nodes_mm[*n as usize], &mut middle));
+                middle
+            });
+        }
+        self
+    }
 }
 
 impl From<InvalidState> for NewtonError {
@@ -92,7 +114,7 @@ impl From<InvalidState> for NewtonError {
                 )
             }
         };
-        Self::MaterialLimit { element: invalid.element, what }
+        Self::MaterialLimit { element: invalid.element, at_mm: None, what }
     }
 }
 

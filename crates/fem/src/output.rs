@@ -1,6 +1,7 @@
 //! Fields, forces and contact sets of a solved state.
 
 use crate::algebra::{Vec3, add, axpy, norm};
+use crate::contact::obstacle::Obstacle;
 use crate::element::tet10::{self, PointTensors};
 use crate::problem::Problem;
 use crate::sparse::CONSTRAINED;
@@ -41,6 +42,13 @@ pub(crate) fn depth_mm(problem: &Problem, state: &State) -> f64 {
     let Some(face) = face(problem, state.load.obstacle) else { return 0.0 };
     let nodes = problem.mesh.nodes_mm.iter().zip(&state.displacement_mm);
     nodes.map(|(x, u)| face.depth_mm(add(*x, *u))).fold(0.0, f64::max)
+}
+
+/// True if displacements `u` bring the base onto the obstacle.
+pub(crate) fn touches(problem: &Problem, u: &[Vec3], obstacle: Obstacle) -> bool {
+    let Some(face) = face(problem, obstacle) else { return false };
+    let at = |n: u32| add(problem.mesh.nodes_mm[n as usize], u[n as usize]);
+    problem.contact_nodes.iter().any(|n| face.touch(at(*n)).is_some())
 }
 
 /// Forces (N) of a state, with the carried stresses.

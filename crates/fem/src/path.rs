@@ -34,6 +34,11 @@ impl PathPoint {
         self.state.load.pressure_mpa
     }
 
+    /// True if pressure and volume turn between two points: each of the two limits has steps of its own.
+    fn both_turn(&self, next: &Self) -> bool {
+        self.sense * next.sense < 0.0 && self.compliance_mm3_per_mpa * next.compliance_mm3_per_mpa > 0.0
+    }
+
     /// True if no neighbouring state has less energy at this pressure.
     #[must_use]
     pub fn is_stable_at_pressure(&self) -> bool {
@@ -170,6 +175,10 @@ impl Solver {
             let step = length.min(wanted(&point, &tangent)).min(longest);
             let before = effort.factorisations;
             match self.arc(&point, &tangent, step, &mut effort) {
+                Ok((next, _)) if point.both_turn(&next) && step > SHORTEST * first => {
+                    path.report.cuts += 1;
+                    length = 0.5 * step;
+                }
                 Ok((next, along)) => {
                     let spent = effort.factorisations - before;
                     length = if spent <= EASY + 1 {
@@ -249,7 +258,7 @@ impl Solver {
 
     /// Point near the limit of pressure between two points, which makes the cubic there exact to a few digits more.
     fn at_limit(&mut self, a: &PathPoint, b: &PathPoint, effort: &mut Effort) -> Option<PathPoint> {
-        if a.sense == b.sense {
+        if a.sense == b.sense || a.both_turn(b) {
             return None;
         }
         let cubic = Cubic::pressure(a, b);

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use thiserror::Error;
 
-use crate::algebra::{norm, sub};
+use crate::algebra::{Vec3, norm, sub};
 use crate::config::Load;
 use crate::contact::obstacle::Obstacle;
 use crate::family::VariantError;
@@ -62,6 +62,7 @@ fn advice(reason: &NewtonError) -> &'static str {
         NewtonError::MaterialLimit { .. } => {
             "The elastomer is at its limit there: lower the pressure or the gravity"
         }
+        NewtonError::ContactOpened { .. } => "Press less far, or take a gap at which the body still touches",
         NewtonError::Stalled { .. } | NewtonError::StepTooShort { .. } | NewtonError::Jumped { .. } => {
             "Start from a solved state nearer to it, or check that the loads are meant"
         }
@@ -122,10 +123,16 @@ pub enum SolveError {
 }
 
 impl SolveError {
-    /// True if the pressure has a limit on the way.
+    /// Limit of the pressure on the way (MPa), if that is the reason.
     #[must_use]
-    pub fn is_limit(&self) -> bool {
-        matches!(self, Self::NotConverged(stopped) if matches!(stopped.reason, NewtonError::Limit { .. }))
+    pub fn limit_mpa(&self) -> Option<f64> {
+        match self {
+            Self::NotConverged(stopped) => match stopped.reason {
+                NewtonError::Limit { pressure_mpa, .. } => Some(pressure_mpa),
+                _ => None,
+            },
+            _ => None,
+        }
     }
 }
 
@@ -376,7 +383,14 @@ impl Solver {
         let moved = state.displacement_mm.iter().zip(&before).map(|(a, b)| norm(sub(*a, *b)));
         let moved_mm = moved.fold(0.0, f64::max);
         let allowed_mm = MAX_STEP_LENGTHS * self.problem.config.newton.step_length_mm;
-        if moved_mm > allowed_mm { Err(NewtonError::Jumped { moved_mm, allowed_mm }) } else { Ok(reached) }
+        if moved_mm <= allowed_mm {
+            return Ok(reached);
+        }
+        let touches = |u: &[Vec3]| output::touches(&self.problem, u, load.obstacle);
+        if touches(&before) && !touches(&state.displacement_mm) {
+            return Err(NewtonError::ContactOpened { moved_mm });
+        }
+        Err(NewtonError::Jumped { moved_mm, allowed_mm })
     }
 
     /// Sets the equation of the pressure for these loads, which it returns.
@@ -414,12 +428,13 @@ impl Solver {
             report.factorisations += effort.factorisations;
             report.seconds = began.elapsed().as_secs_f64();
             let shortest = self.problem.config.newton.smallest_step;
+            let problem = Arc::clone(&self.problem);
             let stopped = |done, last, reason, report| {
                 SolveError::NotConverged(Box::new(NotConverged {
                     fraction: done,
                     to: *to,
                     last,
-                    reason,
+                    reason: NewtonError::placed(reason, &problem),
                     report,
                 }))
             };
@@ -443,9 +458,10 @@ impl Solver {
                 }
                 Err(reason) => {
                     report.cuts += 1;
-                    step *= 0.5;
+                    let failed = step;
+                    step *= if report.cuts < SEARCH_AFTER { 0.5 } else { 0.25 };
                     if report.cuts == SEARCH_AFTER && to.injected_mm3.is_none() {
-                        let goal_mpa = between(&begin, to, (done + 2.0 * step).min(1.0)).pressure_mpa;
+                        let goal_mpa = between(&begin, to, (done + 2.0 * failed).min(1.0)).pressure_mpa;
                         self.set_problem(path.at(done).map_err(SolveError::Body)?);
                         let mut effort = Effort::default();
                         let limit = (goal_mpa != state.load.pressure_mpa)

@@ -1,8 +1,13 @@
 //! Progress of long work on standard error: a spinner for people, plain lines for logs.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use std::io::IsTerminal;
-use std::time::Duration;
+use std::io::{IsTerminal, Write};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Longest time without a line.
+const BEAT: Duration = Duration::from_secs(10);
 
 /// Steps of one piece of work.
 pub struct Progress {
@@ -34,5 +39,69 @@ impl Drop for Progress {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
+    }
+}
+
+/// A line on standard error every ten seconds, until it is dropped.
+pub struct Heartbeat {
+    ended: Arc<(Mutex<bool>, Condvar)>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Heartbeat {
+    /// Lines by `text`; none where it has none.
+    pub fn new(text: impl Fn() -> Option<String> + Send + 'static) -> Self {
+        let ended = Arc::new((Mutex::new(false), Condvar::new()));
+        let shared = Arc::clone(&ended);
+        let thread = std::thread::spawn(move || {
+            let (ended, changed) = &*shared;
+            let mut is_over = ended.lock().unwrap_or_else(PoisonError::into_inner);
+            while !*is_over {
+                let (guard, wait) =
+                    changed.wait_timeout(is_over, BEAT).unwrap_or_else(PoisonError::into_inner);
+                is_over = guard;
+                if let (true, false, Some(line)) = (wait.timed_out(), *is_over, text()) {
+                    // Progress that cannot be written must not end the work.
+                    let _ = writeln!(std::io::stderr(), "{line}");
+                }
+            }
+        });
+        Self { ended, thread: Some(thread) }
+    }
+}
+
+impl Drop for Heartbeat {
+    fn drop(&mut self) {
+        *self.ended.0.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.ended.1.notify_all();
+        if let Some(thread) = self.thread.take() {
+            // A thread that panicked has printed its message.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// What a program is doing, with the time since it began.
+#[derive(Clone, Default)]
+pub struct Doing(Arc<Mutex<Option<(String, Instant)>>>);
+
+impl Doing {
+    /// Begins something.
+    pub fn begin(&self, what: impl Into<String>) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((what.into(), Instant::now()));
+    }
+
+    /// Ends it.
+    pub fn end(&self) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+
+    /// Lines about it.
+    pub fn heartbeat(&self) -> Heartbeat {
+        let doing = self.clone();
+        Heartbeat::new(move || {
+            let doing = doing.0.lock().unwrap_or_else(PoisonError::into_inner);
+            doing.as_ref().map(|(what, since)| format!("{what}, {:.0} s", since.elapsed().as_secs_f64()))
+        })
     }
 }

@@ -38,7 +38,7 @@ fn make_and_run(label: &str, options: &str) -> Value {
         .expect("one JSON object");
     println!("{label}: {built:#}");
     let [low, high] = [0, 1].map(|k| built["gap_mm"][k].as_f64().expect("a gap"));
-    let pressure = built["pressure_mpa"].as_f64().expect("a pressure");
+    let pressure = built["contact_pressure_mpa"].as_f64().expect("a pressure");
     assert_eq!(built["failed"], 0, "{built}");
     // The pictures and the model must be good enough to be called a first look.
     let held_back = built["quality"]["held_back"].as_array().expect("a list");

@@ -55,6 +55,25 @@ fn path_through_a_limit_of_pressure_is_a_table_and_a_picture() {
     );
     assert_eq!(place.read("path/path.csv").lines().count(), 1 + points.len());
     assert!(place.at("path/path.png").exists());
+    // A model over the volume has the pressure among its fields, behind the limit too.
+    let row = |split: &str, volume: i32| format!("{split}{volume},free,{split},{volume},\n");
+    let train: String = (0..12).map(|k| row("train", 450 * k)).collect();
+    let check: String = [700, 2900, 4600].map(|volume| row("check", volume)).concat();
+    place.put("cases.csv", &format!("case,regime,split,volume_mm3,gap_mm\n{train}{check}"));
+    place.run("simulate --actuator a.toml --cases cases.csv --out db --json").json();
+    place.run("train --database db --out m.twin --json").json();
+    let cell = |table: &str, line: usize, column: &str| -> f64 {
+        let at = table.lines().next().unwrap().split(',').position(|name| name == column).unwrap();
+        table.lines().nth(line).unwrap().split(',').nth(at).unwrap().parse().unwrap()
+    };
+    let solved = place.read("db/cases.csv");
+    for (line, volume) in [(13, 700), (14, 2900), (15, 4600)] {
+        place.run(&format!("predict --model m.twin --set volume_mm3={volume} --out s.csv")).json();
+        let predicted = cell(&place.read("s.csv"), 1, "pressure_mpa");
+        let exact = cell(&solved, line, "pressure_mpa");
+        println!("{volume} mm3: {predicted} MPa predicted, {exact} MPa solved");
+        assert!((predicted / exact - 1.0).abs() < 5.0e-3, "{predicted} {exact}");
+    }
     // The same limit at given pressure, named.
     let beyond = format!("simulate --actuator a.toml --pressure-mpa {}", 1.2 * limit_mpa);
     place.run(&beyond).refused(1, &format!("limit of {limit_mpa:.6}"));

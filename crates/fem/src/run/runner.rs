@@ -19,6 +19,8 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 pub enum Event<'a> {
     /// The case was found among the checkpoints.
     Reused(&'a Case),
+    /// The case is in work.
+    Started(&'a Case),
     /// The case is solved.
     Solved(&'a Case, &'a Solved),
     /// The case failed.
@@ -41,6 +43,8 @@ pub struct Outcome {
     pub reused: usize,
     /// Index in the list and reason.
     pub failed: Vec<(usize, String)>,
+    /// The last limit of pressure that ended a case (MPa).
+    pub limit_mpa: Option<f64>,
 }
 
 /// Error that ends a run.
@@ -229,6 +233,10 @@ impl Work<'_> {
         let result = Solver::new(Arc::clone(&self.run.family.problem)).map_err(RunError::from);
         let result = result.and_then(|mut solver| {
             while let Some((case, start)) = self.take() {
+                {
+                    let _one_at_a_time = lock();
+                    (self.notify)(Event::Started(self.tasks[case].case));
+                }
                 self.solve(&mut solver, case, start)?;
                 self.changed.notify_all();
             }
@@ -312,7 +320,9 @@ impl Work<'_> {
                 let reason = error.to_string();
                 let mut shared = lock();
                 // From other starts the way ends at the same limit.
-                let again = !error.is_limit() && shared.board.try_next(case);
+                let limit_mpa = error.limit_mpa();
+                shared.outcome.limit_mpa = limit_mpa.or(shared.outcome.limit_mpa);
+                let again = limit_mpa.is_none() && shared.board.try_next(case);
                 (self.notify)(Event::Failed { case: task.case, reason: &reason, again });
                 if !again {
                     shared.outcome.failed.push((case, reason));

@@ -8,7 +8,14 @@ fn names_and_states_are_unique_and_contact_states_are_beyond_the_onset() {
     for sag in [0.05, 3.0, 27.0] {
         let states: Vec<(f64, f64)> =
             (0..8).map(|k| (0.01 * f64::from(k), sag + 5.0 * f64::from(k))).collect();
-        let pressures = Pressures { states, displacement_mm: 40.0, stretch: 1.5, reason: String::new() };
+        let pressures = Pressures {
+            touching: states.len(),
+            states,
+            displacement_mm: 40.0,
+            angle_deg: 100.0,
+            stretch: 1.5,
+            reason: String::new(),
+        };
         for counts in [Counts::FULL, Counts::QUICK] {
             let plan = Plan::touching(&pressures, counts).unwrap();
             let text = fem::cases::to_csv(&plan.cases);

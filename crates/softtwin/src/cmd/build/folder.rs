@@ -2,6 +2,7 @@
 
 use crate::files::{self, save};
 use crate::output;
+use crate::progress::Doing;
 use anyhow::{Context, Result};
 use formats::database::ObstacleKind;
 use std::collections::BTreeMap;
@@ -29,11 +30,13 @@ impl Folder<'_> {
         database: &Path,
         obstacle: ObstacleKind,
         observables: BTreeMap<String, Definition>,
+        doing: &Doing,
     ) -> Result<PathBuf> {
         let data = files::database(database, obstacle)?;
         let config = TrainConfig { observables, ..TrainConfig::default() };
-        let (model, sheet) = train::train(&data, &config, &mut |_| ())
-            .with_context(|| format!("training on {}", database.display()))?;
+        let (model, sheet) =
+            train::train(&data, &config, &mut |step| doing.begin(format!("training: {step}")))
+                .with_context(|| format!("training on {}", database.display()))?;
         let path = self.path.join(format!("{}.twin", data.actuator));
         let bytes = model.to_bytes()?;
         save(&path, &bytes)?;

@@ -4,6 +4,7 @@ use super::folder::Folder;
 use super::quality::Quality;
 use crate::files::{self, quoted, refusal, save};
 use crate::output;
+use crate::progress::Doing;
 use anyhow::{Context, Result};
 use formats::database::obstacle_kinds;
 use rom::inputs::{GAP, InputSpec, PARAMETERS};
@@ -28,7 +29,9 @@ pub fn is_database(folder: &Path) -> bool {
 pub fn build(folder: &Folder, database: &Path) -> Result<()> {
     let kinds = obstacle_kinds(database).map_err(refusal)?;
     let kind = kinds.first().copied().with_context(|| format!("{}: no states", database.display()))?;
-    let model = folder.train(database, kind, BTreeMap::new())?;
+    let doing = Doing::default();
+    let _heartbeat = doing.heartbeat();
+    let model = folder.train(database, kind, BTreeMap::new(), &doing)?;
     let quality = Quality::of(&model, database, &folder.path.join("errors.png"))?;
     let header = files::model(&model)?.header;
     // An input without a range is one that no state had.

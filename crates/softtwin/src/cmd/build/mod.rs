@@ -11,6 +11,7 @@ use super::mesh::write_grid;
 use super::simulate::batch;
 use crate::failure::{configuration, usage};
 use crate::files::{self, quoted, refusal, save};
+use crate::progress::Doing;
 use crate::{output, range, resources};
 use anyhow::Result;
 use fem::Family;
@@ -119,9 +120,13 @@ impl Args {
             folder.say("material", &format!("{}: {}", file.display(), material.summary()))?;
         }
         folder.say("mesh", &self.mesh(&actuator)?)?;
+        let doing = Doing::default();
+        let _heartbeat = doing.heartbeat();
+        doing.begin("analysing the mesh");
         let family = files::family(&path)?;
         let actuator = &family.actuator;
-        let pressures = self.pressures(&folder, &family)?;
+        let pressures = self.pressures(&folder, &family, &doing)?;
+        doing.end();
         let interval = material_interval(actuator, &pressures);
         if let Some([low, high]) = interval {
             let [softest, stiffest] = actuator.elastomer.shear_interval_mpa.unwrap_or([f64::NAN; 2]);
@@ -148,7 +153,9 @@ impl Args {
         for (index, reason) in &outcome.failed {
             folder.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
         }
-        let model = folder.train(&database, actuator.obstacle_kind(), observables(&family))?;
+        doing.begin("training");
+        let model = folder.train(&database, actuator.obstacle_kind(), observables(&family), &doing)?;
+        doing.begin("measuring the model");
         let quality = Quality::of(&model, &database, &self.folder.join("errors.png"))?;
         let scene = self.folder.join("scene.toml");
         folder.save_scene(&scene, &scene::text(&family, &plan, &pressures))?;
@@ -159,12 +166,12 @@ impl Args {
                 "model": model, "scene": scene, "states": states, "failed": outcome.failed.len(),
                 "reused": outcome.reused, "pressure_mpa": pressures.largest_mpa(), "pressure_reason": pressures.reason,
                 "pressure_interval_mpa": interval, "largest_stretch": pressures.stretch,
-                "displacement_mm": pressures.displacement_mm, "gap_mm": plan.gaps_mm, "quality": quality, "seconds": seconds, "cpu_seconds": cpu_s,
+                "displacement_mm": pressures.displacement_mm, "angle_deg": pressures.angle_deg, "contact_pressure_mpa": plan.contact_mpa, "gap_mm": plan.gaps_mm, "quality": quality, "seconds": seconds, "cpu_seconds": cpu_s,
             }));
         }
         quality.print()?;
         Quality::print_limits(self.quick, &self.folder)?;
-        self.commands(&model, &scene, &pressures, &plan)?;
+        self.commands(&model, &scene, &plan)?;
         output!("done in {seconds:.0} s, {:.0} s of processor time", cpu_s.unwrap_or(f64::NAN))?;
         Ok(())
     }
@@ -202,10 +209,10 @@ impl Args {
         ))
     }
 
-    fn pressures(&self, folder: &Folder, family: &Family) -> Result<Pressures> {
+    fn pressures(&self, folder: &Folder, family: &Family, doing: &Doing) -> Result<Pressures> {
         let store = Store::new(&self.folder.join("database/states"), fingerprint(&family.problem))?;
         let run = Run { family, store, threads: 1, sensitivities: false };
-        let found = pressures::find(&run, |text| {
+        let found = pressures::find(&run, doing, |text| {
             // What a reader of the output misses when it is closed is a progress line.
             let _ = folder.say("pressures", text);
         })?;
@@ -217,9 +224,9 @@ impl Args {
         Ok(found)
     }
 
-    fn commands(&self, model: &Path, scene: &Path, pressures: &Pressures, plan: &Plan) -> Result<()> {
+    fn commands(&self, model: &Path, scene: &Path, plan: &Plan) -> Result<()> {
         let (model, scene) = (quoted(model), quoted(scene));
-        let pressure = 0.7 * pressures.largest_mpa();
+        let pressure = 0.7 * plan.contact_mpa;
         let gap = plan.gaps_mm.map_or(String::new(), |[a, b]| format!(" --gap-mm {:.1}", 0.5 * (a + b)));
         let further = plan.cavities.iter().map(|name| format!(" --set {name}={:.4}", 0.5 * pressure));
         let state =

@@ -39,11 +39,13 @@ pub struct Plan {
     pub gaps_mm: Option<[f64; 2]>,
     /// Inputs that are pressures of further cavities.
     pub cavities: Vec<String>,
+    /// Largest pressure of the contact states, or without an obstacle of all, MPa.
+    pub contact_mpa: f64,
 }
 
 impl Plan {
     /// The states for the pressures found. The gaps reach from a clear press on the plate at rest (or, where the actuator hardly
-    /// sags, 10 % of its reach) to 80 % of the way that the largest pressure bends it. With further cavities the states are free ones
+    /// sags, 10 % of its reach) to 80 % of the way that pressure bends it down. With further cavities the states are free ones
     /// over all pressures from 0 to 80 % of the largest, and touching ones in which only the pressure of `cavity` acts.
     ///
     /// # Errors
@@ -53,7 +55,7 @@ impl Plan {
             actuator.pressure_mpa.keys().map(|name| format!("pressure_mpa.{name}")).collect();
         let mut plan = match &actuator.obstacle {
             Some(_) => Self::touching(pressures, counts)?,
-            None => Self { cases: free(pressures, counts), gaps_mm: None, cavities: Vec::new() },
+            None => Self { cases: free(pressures, counts), gaps_mm: None, cavities: Vec::new(), contact_mpa: pressures.largest_mpa() },
         };
         for case in &mut plan.cases {
             case.settings = cavities.iter().map(|name| (name.clone(), 0.0)).collect();
@@ -63,9 +65,9 @@ impl Plan {
     }
 
     fn touching(pressures: &Pressures, counts: Counts) -> Result<Self> {
-        let clearances = rising(&pressures.states);
+        let clearances = rising(&pressures.states[..pressures.touching]);
         let (sag, reach) = (clearances[0].1, clearances[clearances.len() - 1].1);
-        let largest = pressures.largest_mpa();
+        let largest = clearances[clearances.len() - 1].0;
         let gaps_mm = [(0.4 * sag).max(0.1 * reach), sag + 0.8 * (reach - sag)].map(|gap| rounded(gap, 1e3));
         anyhow::ensure!(
             gaps_mm[1] - gaps_mm[0] > 0.1,
@@ -104,7 +106,7 @@ impl Plan {
         add("contact", "train", cube(counts.inner, 1)?);
         add("maximum", "train", edge(1.0)?);
         add("check", "check", cube(counts.check, 2)?);
-        Ok(Self { cases, gaps_mm: Some(gaps_mm), cavities: Vec::new() })
+        Ok(Self { cases, gaps_mm: Some(gaps_mm), cavities: Vec::new(), contact_mpa: largest })
     }
 }
 

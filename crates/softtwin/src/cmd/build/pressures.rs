@@ -1,25 +1,32 @@
 //! The pressures that suit an actuator: solved upwards until it bends as far as wanted, or until nothing more is found.
 
+use crate::cmd::simulate::section::EndSection;
 use crate::cmd::simulate::stretch::MAX_BEYOND;
 use crate::failure::configuration;
+use crate::progress::Doing;
 use anyhow::{Context, Result};
 use fem::Family;
 use fem::cases::Case;
 use fem::run::{Event, Outcome, Run, Solved};
 
-/// The tip's way at the largest pressure, as a fraction of the free length: about 100 degrees of bending, past which a tip that
-/// bends down to a plate begins to lift off it again.
+/// Rotation of the end section at the largest pressure, degrees.
+const WANTED_DEG: f64 = 180.0;
+/// The tip's way at the largest pressure of an actuator that hardly bends, as a fraction of the free length. A circular arc has bent by
+/// 100 degrees there.
 const WANTED_SHARE: f64 = 0.8;
+const ARC_DEG: f64 = 100.0;
 /// Share of the wanted way that is enough: no further state for the rest.
 const ENOUGH: f64 = 0.98;
 /// A fraction of the free length that no actuator may sag by before any pressure.
 const MAX_SAG_SHARE: f64 = 0.6;
-/// Steps of about equal displacement on the way there.
-const STEPS: f64 = 7.0;
+/// Steps of about equal progress on the way there.
+const STEPS: f64 = 11.0;
 /// First pressure as a fraction of the shear modulus.
 const FIRST_SHARE: f64 = 0.005;
 /// Failures in a row after which the last state counts as the limit.
 const FAILURES: usize = 3;
+/// Fraction of a limit of pressure at which the last state is solved.
+const NEAR_LIMIT: f64 = 0.98;
 /// More states than this mean that pressure hardly bends the actuator.
 const MAX_STATES: usize = 30;
 
@@ -35,8 +42,13 @@ const LIGHTER: &str = "let it hang (loads.gravity_mm_s2 = [9810.0, 0.0, 0.0], `s
 pub struct Pressures {
     /// Free states from rest to the largest pressure: pressure (MPa), distance at which a plate just clears it (mm).
     pub states: Vec<(f64, f64)>,
+    /// Leading states from which contact states are planned: until the tip has moved by 80 % of the free length. Past 100 degrees a tip
+    /// that bends down to a plate begins to lift off it again.
+    pub touching: usize,
     /// Largest displacement at the largest pressure, mm.
     pub displacement_mm: f64,
+    /// Rotation of the end section at the largest pressure, degrees; NaN without an end section.
+    pub angle_deg: f64,
     /// Largest stretch of the elastomer at the largest pressure.
     pub stretch: f64,
     /// Why it ends there.
@@ -76,10 +88,10 @@ fn free_length_mm(family: &Family) -> f64 {
 ///
 /// # Errors
 /// No equilibrium under gravity, or a sag that leaves nothing to bend.
-pub fn find(run: &Run<'_>, mut say: impl FnMut(&str)) -> Result<Pressures> {
+pub fn find(run: &Run<'_>, doing: &Doing, mut say: impl FnMut(&str)) -> Result<Pressures> {
     let length = free_length_mm(run.family);
-    let wanted = WANTED_SHARE * length;
     let mut list = vec![free_case("rest", 0.0)];
+    doing.begin("solving under gravity");
     let outcome = run.solve(&list, &quiet).map_err(|error| {
         configuration(anyhow::anyhow!("{error}. It may be too soft to carry its weight: {LIGHTER}"))
     })?;
@@ -91,27 +103,49 @@ pub fn find(run: &Run<'_>, mut say: impl FnMut(&str)) -> Result<Pressures> {
         )));
     }
     say(&format!("rest: sags by {sag:.1} mm"));
+    let problem = &run.family.problem;
+    let section = EndSection::of(problem);
+    let angle = |solved: &Solved, near: f64| {
+        section.as_ref().map_or(f64::NAN, |s| s.angle_deg(problem, &solved.state.displacement_mm, near))
+    };
     let mut states = vec![(0.0, rest.clearance_mm)];
-    let (mut displacement, mut failures) = (sag, 0);
-    let mut stretch = run.family.problem.stretches(&rest.state).largest;
+    let mut way = Way { displacement_mm: sag, angle_deg: angle(rest, 0.0), length_mm: length };
+    let (begin, mut failures, mut near_limit, mut touching) = (way, 0, false, None);
+    let mut stretch = problem.stretches(&rest.state).largest;
     let mut step = FIRST_SHARE * run.family.actuator.elastomer.law.shear_modulus_mpa();
     let reason = loop {
         let pressure = rounded(states[states.len() - 1].0 + step);
         list.push(free_case(&format!("p{}", list.len()), pressure));
+        doing.begin(format!("solving at {pressure} MPa"));
         let outcome = run.solve(&list, &quiet)?;
         let Some(solved) = last(&outcome, list.len() - 1) else {
             list.pop();
+            let before = states[states.len() - 1].0;
+            if let Some(limit_mpa) = outcome.limit_mpa {
+                step = NEAR_LIMIT * limit_mpa - before;
+                say(&format!("{pressure} MPa: beyond a limit of the pressure at {limit_mpa:.6} MPa"));
+                if !near_limit && step > (1.0 - NEAR_LIMIT) * limit_mpa {
+                    near_limit = true;
+                    continue;
+                }
+                break format!("the pressure has a limit of {limit_mpa:.6} MPa, where {way}");
+            }
             failures += 1;
             step *= 0.5;
+            let reason = outcome.failed.last().map_or("", |(_, reason)| reason.as_str());
+            say(&format!("{pressure} MPa: {reason}"));
             if failures == FAILURES {
-                let reason = outcome.failed.last().map_or("", |(_, reason)| reason.as_str());
                 break format!("no state was found at {pressure} MPa: {reason}");
             }
             continue;
         };
         failures = 0;
-        let now = largest_mm(solved);
-        let stretches = run.family.problem.stretches(&solved.state);
+        let now = Way {
+            displacement_mm: largest_mm(solved),
+            angle_deg: angle(solved, way.angle_deg),
+            length_mm: length,
+        };
+        let stretches = problem.stretches(&solved.state);
         if stretches.beyond > MAX_BEYOND && states.len() >= FEWEST {
             list.pop();
             break format!(
@@ -120,25 +154,73 @@ pub fn find(run: &Run<'_>, mut say: impl FnMut(&str)) -> Result<Pressures> {
             );
         }
         stretch = stretches.largest;
-        say(&format!("{pressure} MPa: bends by {now:.1} mm"));
-        let slope = (now - displacement) / (pressure - states[states.len() - 1].0);
+        say(&format!("{pressure} MPa: {now}"));
+        let (before, reached) =
+            if now.bends() { (way.turned(), now.turned()) } else { (way.moved(), now.moved()) };
+        let slope = (reached - before) / (pressure - states[states.len() - 1].0);
         states.push((pressure, solved.clearance_mm));
-        displacement = now;
-        if now >= ENOUGH * wanted {
-            break format!(
-                "the tip has moved by {:.0} % of the free length of {length:.0} mm",
-                100.0 * now / length
-            );
+        way = now;
+        if touching.is_none() && now.moved() >= ENOUGH {
+            touching = Some(states.len());
+        }
+        if reached >= ENOUGH {
+            break now.to_string();
         }
         if states.len() == MAX_STATES {
-            break format!("{MAX_STATES} states were solved and it bends by {now:.1} mm only");
+            break format!("{MAX_STATES} states were solved: {now}");
         }
+        let first = if now.bends() { begin.turned() } else { begin.moved() };
         // A little more than what is left, so that the last step is not followed by a tiny one.
-        let way = ((wanted - sag) / STEPS).min(1.05 * (wanted - now));
-        step = if slope > 0.0 { (way / slope).min(3.0 * step) } else { 2.0 * step };
+        let wanted = ((1.0 - first) / STEPS).min(1.05 * (1.0 - reached));
+        step = if slope > 0.0 { (wanted / slope).min(3.0 * step) } else { 2.0 * step };
     };
     anyhow::ensure!(states.len() >= FEWEST, "only {} pressures could be solved ({reason})", states.len() - 1);
-    Ok(Pressures { states, displacement_mm: displacement, stretch, reason })
+    let touching = touching.unwrap_or(states.len());
+    Ok(Pressures {
+        states,
+        touching,
+        displacement_mm: way.displacement_mm,
+        angle_deg: way.angle_deg,
+        stretch,
+        reason,
+    })
+}
+
+/// How far a state has bent or moved.
+#[derive(Clone, Copy)]
+struct Way {
+    displacement_mm: f64,
+    /// NaN without an end section.
+    angle_deg: f64,
+    length_mm: f64,
+}
+
+impl Way {
+    /// Fraction of the wanted rotation.
+    fn turned(&self) -> f64 {
+        self.angle_deg.abs() / WANTED_DEG
+    }
+
+    /// Fraction of the wanted displacement.
+    fn moved(&self) -> f64 {
+        self.displacement_mm / (WANTED_SHARE * self.length_mm)
+    }
+
+    /// True if it has turned by at least half of what an arc of that displacement has.
+    fn bends(&self) -> bool {
+        self.angle_deg.abs() >= 0.5 * ARC_DEG * self.moved()
+    }
+}
+
+impl std::fmt::Display for Way {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let share = 100.0 * self.displacement_mm / self.length_mm;
+        write!(
+            f,
+            "the end has turned by {:.0} degrees and moved by {:.1} mm ({share:.0} % of the free length)",
+            self.angle_deg, self.displacement_mm
+        )
+    }
 }
 
 fn quiet(_: Event<'_>) {}

@@ -4,7 +4,7 @@ use super::plan::{Plan, TOGETHER};
 use super::pressures::Pressures;
 use fem::Family;
 
-/// Its text: readings by formula through the whole range of pressures, until a sensor takes their place.
+/// Its text: readings by formula through the pressures of the contact states, until a sensor takes their place.
 pub fn text(family: &Family, plan: &Plan, pressures: &Pressures) -> String {
     let name = &family.actuator.name;
     // On the sheet, where every mesh has a node if it has one on the middle line; of another shape the farthest node.
@@ -12,7 +12,7 @@ pub fn text(family: &Family, plan: &Plan, pressures: &Pressures) -> String {
         || family.problem.mesh().tip().0,
         |shape| [shape.base.length_mm, shape.base.lower_mm, 0.5 * shape.base.width_mm],
     );
-    let middle = 0.5 * pressures.largest_mpa();
+    let middle = 0.5 * plan.contact_mpa;
     let gap = plan
         .gaps_mm
         .map_or(String::new(), |[low, high]| format!("gap_mm = {:?}\n", (5.0 * (low + high)).round() / 10.0));

@@ -166,7 +166,7 @@ impl Refinement {
                 );
             }
             Event::Failed { case, reason, .. } => tracing::warn!("case {} failed: {reason}", case.name),
-            Event::Reused(_) => {}
+            Event::Started(_) | Event::Reused(_) => {}
         })?;
         Ok(outcome.solved.into_iter().filter_map(|(i, s)| Some((i.checked_sub(old)?, s))).collect())
     }

@@ -1,18 +1,20 @@
 //! A list of cases to a database folder, with progress, checkpoints and a report.
 
+use super::stretch::MAX_BEYOND;
 use crate::failure::{configuration, usage};
 use crate::files::refusal;
+use crate::progress::Heartbeat;
 use crate::{output, resources};
 use fem::Family;
 use fem::actuator::Setting;
 use fem::cases::{self, Case};
 use fem::run::{self, Event, Outcome, Run, RunError, Store, fingerprint};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use serde_json::{Value, json};
 use std::io::{IsTerminal, Write};
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
-use std::time::Instant;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 /// How a list is solved.
 pub struct Options {
@@ -38,7 +40,7 @@ pub fn run(family: &Family, list: &Path, out: &Path, options: &Options, as_json:
     let began = Instant::now();
     let outcome = solve(family, &cases, out, options)?;
     let seconds = began.elapsed().as_secs_f64();
-    let report = report(&cases, &outcome, seconds);
+    let report = report(&cases, &outcome, &Reached::of(family, &cases, &outcome)?, seconds);
     if as_json {
         output::json(&report)?;
     } else {
@@ -61,14 +63,28 @@ pub fn solve(family: &Family, cases: &[Case], out: &Path, options: &Options) -> 
     let store = Store::new(&out.join("states"), fingerprint(&family.problem))?;
     // A log gets lines instead of a bar.
     let bar = ProgressBar::new(cases.len() as u64);
-    let lines = Lines::new(cases.len(), !std::io::stderr().is_terminal());
-    bar.set_style(ProgressStyle::with_template(
-        "{bar:30} {pos}/{len} cases, {elapsed} elapsed, about {eta} left  {msg}",
-    )?);
+    let pace = Arc::new(Mutex::new(Pace::new(cases.len())));
+    let of_bar = Arc::clone(&pace);
+    let rest = move |_: &ProgressState, out: &mut dyn std::fmt::Write| {
+        // A bar that cannot be written must not end the work.
+        let _ = out.write_str(&held(&of_bar).rest());
+    };
+    bar.set_style(
+        ProgressStyle::with_template("{bar:30} {pos}/{len} cases, {elapsed} elapsed{rest}  {msg}")?
+            .with_key("rest", rest),
+    );
+    bar.enable_steady_tick(TICK);
+    let wants_lines = !std::io::stderr().is_terminal();
+    let of_lines = Arc::clone(&pace);
+    let _heartbeat = wants_lines.then(|| Heartbeat::new(move || Some(held(&of_lines).line())));
     let run = Run { family, store, threads: options.threads, sensitivities: options.sensitivities };
     let outcome = run.solve(cases, &|event| {
         show(&bar, &event);
-        lines.show(&event);
+        let mut pace = held(&pace);
+        if let (true, Some(line)) = (wants_lines, pace.take(&event)) {
+            // Progress that cannot be written must not end the work.
+            let _ = writeln!(std::io::stderr(), "{line}");
+        }
     });
     let outcome = outcome.map_err(|error| match error {
         RunError::Variant { .. } => configuration(error),
@@ -84,10 +100,8 @@ pub fn solve(family: &Family, cases: &[Case], out: &Path, options: &Options) -> 
 
 fn show(bar: &ProgressBar, event: &Event<'_>) {
     match event {
-        Event::Reused(_) => {
-            bar.inc(1);
-            bar.reset_eta(); // what was there already says nothing about the time the rest takes
-        }
+        Event::Started(_) => {}
+        Event::Reused(_) => bar.inc(1),
         Event::Solved(case, solved) => {
             bar.inc(1);
             let (factorisations, seconds) = (solved.report.factorisations, solved.report.seconds);
@@ -102,44 +116,104 @@ fn show(bar: &ProgressBar, event: &Event<'_>) {
     }
 }
 
-/// A line on standard error for about every tenth of the work: how far it is, and how long the rest takes.
-struct Lines {
+/// Time between two changes of the bar.
+const TICK: Duration = Duration::from_secs(1);
+/// Mean times per case after which a case that is still in work withdraws the estimate of the time left.
+const OVERDUE: f64 = 2.0;
+
+fn held(pace: &Mutex<Pace>) -> MutexGuard<'_, Pace> {
+    pace.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Progress of a list.
+struct Pace {
     cases: usize,
-    wanted: bool,
     began: Instant,
-    /// Reused and solved.
-    done: Mutex<[usize; 2]>,
+    /// Last time a case ended.
+    last: Instant,
+    reused: usize,
+    ended: usize,
+    /// Cases in work.
+    running: Vec<String>,
 }
 
-impl Lines {
-    fn new(cases: usize, wanted: bool) -> Self {
-        Self { cases, wanted, began: Instant::now(), done: Mutex::new([0; 2]) }
+impl Pace {
+    fn new(cases: usize) -> Self {
+        let now = Instant::now();
+        Self { cases, began: now, last: now, reused: 0, ended: 0, running: Vec::new() }
     }
 
-    fn show(&self, event: &Event<'_>) {
-        let mut done = self.done.lock().unwrap_or_else(PoisonError::into_inner);
-        match event {
-            Event::Reused(_) => return done[0] += 1,
-            Event::Solved(..) => done[1] += 1,
-            Event::Failed { again: true, .. } => return,
-            Event::Failed { .. } => {}
+    /// Takes an event; a line for about every tenth of the work.
+    fn take(&mut self, event: &Event<'_>) -> Option<String> {
+        let case = match event {
+            Event::Reused(_) => {
+                self.reused += 1;
+                return None;
+            }
+            Event::Started(case) => {
+                self.running.push(case.name.clone());
+                return None;
+            }
+            Event::Solved(case, _) | Event::Failed { case, .. } => case,
+        };
+        self.running.retain(|name| *name != case.name);
+        if matches!(event, Event::Failed { again: true, .. }) {
+            return None;
         }
-        let ([reused, solved], every) = (*done, self.cases.div_ceil(10));
-        let left = self.cases.saturating_sub(reused + solved);
-        if self.wanted && solved > 0 && (solved % every == 0 || left == 0) {
-            let rest_s = self.began.elapsed().as_secs_f64() / solved as f64 * left as f64;
-            // Progress that cannot be written must not end the work.
-            let _ = writeln!(
-                std::io::stderr(),
-                "{} of {} cases, about {rest_s:.0} s left",
-                reused + solved,
-                self.cases
-            );
+        self.last = Instant::now();
+        self.ended += 1;
+        let is_tenth = self.ended.is_multiple_of(self.cases.div_ceil(10)) || self.left() == 0;
+        is_tenth.then(|| self.line())
+    }
+
+    fn left(&self) -> usize {
+        self.cases.saturating_sub(self.reused + self.ended)
+    }
+
+    fn line(&self) -> String {
+        let running = if self.running.is_empty() {
+            String::new()
+        } else {
+            format!(", in work: {}", self.running.join(", "))
+        };
+        format!("{} of {} cases{}{running}", self.reused + self.ended, self.cases, self.rest())
+    }
+
+    /// Estimate of the time left; without one while a case takes much longer than the mean.
+    fn rest(&self) -> String {
+        let mean_s = (self.last - self.began).as_secs_f64() / self.ended.max(1) as f64;
+        let since_s = self.last.elapsed().as_secs_f64();
+        if self.ended == 0 || since_s > OVERDUE * mean_s.max(1.0) {
+            return format!(", none ended for {since_s:.0} s");
         }
+        format!(", about {:.0} s left", (mean_s * self.left() as f64 - since_s).max(0.0))
     }
 }
 
-fn report(cases: &[Case], outcome: &Outcome, seconds: f64) -> Value {
+/// Stretches of all states.
+struct Reached {
+    largest: f64,
+    /// Cases with a part of the elastomer beyond the range of its law.
+    beyond: Vec<String>,
+}
+
+impl Reached {
+    fn of(family: &Family, cases: &[Case], outcome: &Outcome) -> anyhow::Result<Self> {
+        let mut this = Self { largest: 1.0, beyond: Vec::new() };
+        for (index, solved) in &outcome.solved {
+            let case = &cases[*index];
+            let problem = family.problem_of(&family.variant(&case.settings)?)?;
+            let stretches = problem.stretches(&solved.state);
+            this.largest = this.largest.max(stretches.largest);
+            if stretches.beyond > MAX_BEYOND {
+                this.beyond.push(case.name.clone());
+            }
+        }
+        Ok(this)
+    }
+}
+
+fn report(cases: &[Case], outcome: &Outcome, stretches: &Reached, seconds: f64) -> Value {
     let mut contact: Vec<usize> = outcome
         .solved
         .iter()
@@ -161,6 +235,8 @@ fn report(cases: &[Case], outcome: &Outcome, seconds: f64) -> Value {
         "solver_seconds": outcome.solved.iter().map(|(_, s)| s.report.seconds).sum::<f64>(),
         "cpu_seconds": resources::cpu_s("self"),
         "peak_memory_mb": resources::status("self", "VmHWM").map(|kb| kb * 1024 / 1_000_000),
+        "largest_stretch": stretches.largest,
+        "beyond_law": stretches.beyond,
         "largest_residual": outcome.solved.iter().map(|(_, s)| s.report.residual).fold(0.0, f64::max),
         "largest_residual_n": outcome.solved.iter().map(|(_, s)| s.report.residual_n).fold(0.0, f64::max),
     })
@@ -195,6 +271,11 @@ fn print(report: &Value, cases: &[Case], outcome: &Outcome, out: &Path) -> anyho
     output!(
         "largest force out of balance at a node: {:.1e} N",
         report["largest_residual_n"].as_f64().unwrap_or(f64::NAN)
+    )?;
+    let beyond = report["beyond_law"].as_array().map_or(0, Vec::len);
+    output!(
+        "largest stretch {:.2}; {beyond} states with more than 1 % of the elastomer beyond the range of its law",
+        report["largest_stretch"].as_f64().unwrap_or(f64::NAN)
     )?;
     for (index, reason) in &outcome.failed {
         output!("failed: {}: {reason}", cases[*index].name)?;

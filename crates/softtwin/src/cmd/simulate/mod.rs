@@ -2,6 +2,7 @@
 
 pub mod batch;
 mod path;
+pub mod section;
 mod single;
 pub mod stretch;
 mod transient;

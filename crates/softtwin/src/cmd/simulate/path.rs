@@ -1,5 +1,6 @@
 //! An equilibrium path over the injected volume, through limits of the pressure: table, limits, picture.
 
+use super::section::EndSection;
 use super::single::sorted;
 use super::stretch;
 use crate::failure::configuration;
@@ -16,8 +17,6 @@ use std::sync::Arc;
 
 /// Points of a path whose volume rises all the way.
 pub const POINTS: u32 = 40;
-/// Distance from the largest x within which a node belongs to the end section (mm).
-const END_MM: f64 = 0.01;
 /// Columns of the table.
 const COLUMNS: [&str; 8] = [
     "volume_mm3",
@@ -129,13 +128,12 @@ impl Row {
     fn of(problem: &Problem, section: Option<&EndSection>, point: &PathPoint, before: Option<&Self>) -> Self {
         let u = &point.state.displacement_mm;
         let squared = |u: &[f64; 3]| u.iter().map(|v| v * v).sum::<f64>();
-        let angle_deg = section.map_or(f64::NAN, |section| section.angle_deg(problem, u));
-        // Continues the angle of the point before.
-        let turns = before.map_or(0.0, |row| ((row.angle_deg - angle_deg) / 360.0).round());
+        let near = before.map_or(0.0, |row| row.angle_deg);
+        let angle_deg = section.map_or(f64::NAN, |section| section.angle_deg(problem, u, near));
         Self {
             volume_mm3: point.injected_mm3,
             pressure_mpa: point.pressure_mpa(),
-            angle_deg: angle_deg + 360.0 * turns,
+            angle_deg,
             displacement_mm: u.iter().map(squared).fold(0.0, f64::max).sqrt(),
             stretches: problem.stretches(&point.state),
             negative_eigenvalues: point.negative_eigenvalues,
@@ -176,34 +174,6 @@ impl Row {
 
     fn json(&self) -> Value {
         COLUMNS.iter().map(|name| (*name).to_owned()).zip(self.values()).collect()
-    }
-}
-
-/// Lowest and highest node of the end face.
-struct EndSection([usize; 2]);
-
-impl EndSection {
-    /// `None` where all nodes of the end have one height.
-    fn of(problem: &Problem) -> Option<Self> {
-        let nodes = &problem.mesh().nodes_mm;
-        let end_mm = nodes.iter().map(|x| x[0]).fold(f64::NEG_INFINITY, f64::max) - END_MM;
-        let face = || nodes.iter().enumerate().filter(|(_, x)| x[0] >= end_mm);
-        let by_height = |a: &(usize, &[f64; 3]), b: &(usize, &[f64; 3])| a.1[1].total_cmp(&b.1[1]);
-        let (low, high) = (face().min_by(by_height)?, face().max_by(by_height)?);
-        (high.1[1] - low.1[1] > END_MM).then_some(Self([low.0, high.0]))
-    }
-
-    /// Rotation of the section about -z from the undeformed state, degrees.
-    fn angle_deg(&self, problem: &Problem, u: &[[f64; 3]]) -> f64 {
-        let along = |moved: bool| {
-            let [low, high] = self.0.map(|n| {
-                let x = problem.mesh().nodes_mm[n];
-                if moved { [x[0] + u[n][0], x[1] + u[n][1]] } else { [x[0], x[1]] }
-            });
-            (high[0] - low[0]).atan2(high[1] - low[1])
-        };
-        let angle = (along(true) - along(false)).to_degrees();
-        angle - 360.0 * (angle / 360.0).round()
     }
 }
 

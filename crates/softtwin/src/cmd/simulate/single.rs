@@ -3,6 +3,7 @@
 use super::stretch;
 use crate::failure::{configuration, usage};
 use crate::output;
+use crate::progress::Doing;
 use anyhow::Context;
 use fem::actuator::{Actuator, Setting, mesh_quality};
 use fem::{Family, Load, Output, Problem, Report, SolveError, Solver};
@@ -59,10 +60,14 @@ pub fn run(family: &Family, target: &Target, out: Option<&Path>) -> anyhow::Resu
     let quality =
         (!target.settings.is_empty()).then(|| mesh_quality(problem.mesh(), &problem.mesh().nodes_mm));
     let mut solver = Solver::new(Arc::clone(&problem))?;
+    let doing = Doing::default();
+    let _heartbeat = doing.heartbeat();
+    doing.begin("solving under gravity");
     let (mut state, mut work) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
     for step in 1..=target.steps {
         let fraction = f64::from(step) / f64::from(target.steps);
         let load = target.driven.load(&actuator, target.gap_mm, fraction);
+        doing.begin(format!("solving step {step} of {}", target.steps));
         let (next, report) = solver.solve_to(&state, &load).map_err(sorted)?;
         state = next;
         work = work.and(&report);
