@@ -55,7 +55,12 @@ impl Plan {
             actuator.pressure_mpa.keys().map(|name| format!("pressure_mpa.{name}")).collect();
         let mut plan = match &actuator.obstacle {
             Some(_) => Self::touching(pressures, counts)?,
-            None => Self { cases: free(pressures, counts), gaps_mm: None, cavities: Vec::new(), contact_mpa: pressures.largest_mpa() },
+            None => Self {
+                cases: free(pressures, counts),
+                gaps_mm: None,
+                cavities: Vec::new(),
+                contact_mpa: pressures.largest_mpa(),
+            },
         };
         for case in &mut plan.cases {
             case.settings = cavities.iter().map(|name| (name.clone(), 0.0)).collect();
