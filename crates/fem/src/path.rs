@@ -225,7 +225,12 @@ impl Solver {
 
     /// First limit of pressure on the way from a state to another pressure: looked for along the path, beginning with a part of the
     /// step that failed, until that pressure is passed.
-    pub(crate) fn limit_before(&mut self, from: &State, to_mpa: f64, effort: &mut Effort) -> Option<Limit> {
+    pub(crate) fn limit_before(
+        &mut self,
+        from: &State,
+        to_mpa: f64,
+        effort: &mut Effort,
+    ) -> Option<NewtonError> {
         let up = (to_mpa - from.load.pressure_mpa).signum();
         let (mut point, mut tangent) = self.first(from, up, effort).ok()?;
         // The pressure is to move towards the goal: the sense of the volume is that of the path.
@@ -247,7 +252,8 @@ impl Solver {
                 .into_iter()
                 .find(|limit| matches!(limit.kind, LimitKind::PressureMaximum | LimitKind::PressureMinimum))
             {
-                return Some(limit);
+                let Limit { pressure_mpa, injected_mm3, .. } = limit;
+                return Some(NewtonError::Limit { pressure_mpa, injected_mm3 });
             }
             if (point.pressure_mpa() - to_mpa) * up > 0.0 {
                 return None;

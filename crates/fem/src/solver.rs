@@ -12,7 +12,6 @@ use crate::family::VariantError;
 use crate::linear::LinearError;
 use crate::newton::{Closure, Effort, Newton, NewtonError};
 use crate::output::{self, MAX_RESIDUAL, Output};
-use crate::path::Limit;
 use crate::problem::Problem;
 use crate::state::State;
 use crate::transfer::transferred;
@@ -468,8 +467,7 @@ impl Solver {
                             .then(|| self.limit_before(&state, goal_mpa, &mut effort))
                             .flatten();
                         report.factorisations += effort.factorisations;
-                        if let Some(Limit { pressure_mpa, injected_mm3, .. }) = limit {
-                            let reason = NewtonError::Limit { pressure_mpa, injected_mm3 };
+                        if let Some(reason) = limit {
                             return Err(stopped(done, state.load, reason, report));
                         }
                     }
