@@ -34,7 +34,7 @@ impl PathPoint {
         self.state.load.pressure_mpa
     }
 
-    /// True if pressure and volume turn between two points: each of the two limits has steps of its own.
+    /// True if pressure and volume turn between two points, so that the two limits need separate steps.
     fn both_turn(&self, next: &Self) -> bool {
         self.sense * next.sense < 0.0 && self.compliance_mm3_per_mpa * next.compliance_mm3_per_mpa > 0.0
     }

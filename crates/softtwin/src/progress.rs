@@ -49,7 +49,7 @@ pub struct Heartbeat {
 }
 
 impl Heartbeat {
-    /// Lines by `text`; none where it has none.
+    /// Prints the lines of `text`, unless it returns `None`.
     pub fn new(text: impl Fn() -> Option<String> + Send + 'static) -> Self {
         let ended = Arc::new((Mutex::new(false), Condvar::new()));
         let shared = Arc::clone(&ended);
@@ -81,7 +81,7 @@ impl Drop for Heartbeat {
     }
 }
 
-/// What a program is doing, with the time since it began.
+/// Present task of a program, with its start.
 #[derive(Clone, Default)]
 pub struct Doing(Arc<Mutex<Option<(String, Instant)>>>);
 

@@ -179,7 +179,7 @@ impl Pace {
         format!("{} of {} cases{}{running}", self.reused + self.ended, self.cases, self.rest())
     }
 
-    /// Estimate of the time left; without one while a case takes much longer than the mean.
+    /// Estimate of the remaining time; withdrawn while the present case takes much longer than the mean.
     fn rest(&self) -> String {
         let mean_s = (self.last - self.began).as_secs_f64() / self.ended.max(1) as f64;
         let since_s = self.last.elapsed().as_secs_f64();
