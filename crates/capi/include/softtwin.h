@@ -101,6 +101,7 @@ typedef struct {
   uint32_t reserved;
   double observables[8];           /**< In the model's order, in the unit at the end of their names; NaN: no such observable. */
   double observable_halfwidths[8]; /**< Their half-widths; outside, they do not hold. */
+  double observable_offsets[8];    /**< Part of each that is a measured difference from the finite elements; 0 without one. */
 } softtwin_prediction;
 
 /** Why the last call on this thread failed: what was found, what to do. Valid until the next call on this thread. */

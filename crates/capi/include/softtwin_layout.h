@@ -221,6 +221,7 @@ typedef struct {
   uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
   double observables[8]; /**< Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer. */
   double observable_halfwidths[8]; /**< Half-widths of the observables; NaN when not configured. */
+  double observable_offsets[8]; /**< Part of each observable that is a measured difference from the finite elements; 0 without one. */
   uint8_t observable_names[256]; /**< Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_state;
 
@@ -422,6 +423,7 @@ typedef struct {
   uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
   double observables[8]; /**< Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer. */
   double observable_halfwidths[8]; /**< Half-widths of the observables; NaN when not configured. */
+  double observable_offsets[8]; /**< Part of each observable that is a measured difference from the finite elements; 0 without one. */
   uint8_t observable_names[256]; /**< Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_answer;
 
@@ -476,7 +478,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_field_header, reserved) == 172);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, inputs) == 176);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, input_names) == 240);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, input_sources) == 496);
-SOFTTWIN_CHECK(sizeof(softtwin_state) == 1504);
+SOFTTWIN_CHECK(sizeof(softtwin_state) == 1568);
 SOFTTWIN_CHECK(offsetof(softtwin_state, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_state, flags) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_state, model_hash) == 8);
@@ -513,7 +515,8 @@ SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_input) == 800);
 SOFTTWIN_CHECK(offsetof(softtwin_state, input_names) == 864);
 SOFTTWIN_CHECK(offsetof(softtwin_state, observables) == 1120);
 SOFTTWIN_CHECK(offsetof(softtwin_state, observable_halfwidths) == 1184);
-SOFTTWIN_CHECK(offsetof(softtwin_state, observable_names) == 1248);
+SOFTTWIN_CHECK(offsetof(softtwin_state, observable_offsets) == 1248);
+SOFTTWIN_CHECK(offsetof(softtwin_state, observable_names) == 1312);
 SOFTTWIN_CHECK(sizeof(softtwin_health) == 416);
 SOFTTWIN_CHECK(offsetof(softtwin_health, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_health, flags) == 4);
@@ -647,7 +650,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_query, force_halfwidth_n) == 40);
 SOFTTWIN_CHECK(offsetof(softtwin_query, node_set) == 48);
 SOFTTWIN_CHECK(offsetof(softtwin_query, parameters) == 80);
 SOFTTWIN_CHECK(offsetof(softtwin_query, parameter_names) == 128);
-SOFTTWIN_CHECK(sizeof(softtwin_answer) == 1544);
+SOFTTWIN_CHECK(sizeof(softtwin_answer) == 1608);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, status) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, model_hash) == 8);
@@ -687,7 +690,8 @@ SOFTTWIN_CHECK(offsetof(softtwin_answer, force_by_input) == 840);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, input_names) == 904);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, observables) == 1160);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_halfwidths) == 1224);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_names) == 1288);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_offsets) == 1288);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_names) == 1352);
 #undef SOFTTWIN_CHECK
 
 #endif /* SOFTTWIN_LAYOUT_H */

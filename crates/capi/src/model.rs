@@ -84,10 +84,11 @@ pub struct softtwin_prediction {
     reserved: u32,
     observables: [f64; MAX_OBSERVABLES],
     observable_halfwidths: [f64; MAX_OBSERVABLES],
+    observable_offsets: [f64; MAX_OBSERVABLES],
 }
 
 /// The Python client's structure has the same size.
-const _: () = assert!(size_of::<softtwin_prediction>() == 288);
+const _: () = assert!(size_of::<softtwin_prediction>() == 352);
 
 /// The strings and tables that [`softtwin_model_info`] points into.
 struct Description {
@@ -269,6 +270,7 @@ fn prediction(
         reserved: 0,
         observables: std::array::from_fn(|at| observed(at).value),
         observable_halfwidths: std::array::from_fn(|at| observed(at).halfwidth),
+        observable_offsets: std::array::from_fn(|at| observed(at).offset),
     }
 }
 

@@ -5,8 +5,8 @@ use thiserror::Error;
 
 /// Largest number of model inputs.
 pub const MAX_INPUTS: usize = 8;
-/// Largest number of measured values that the model predicts: a force and three coordinates of eight markers.
-pub const MAX_ROWS: usize = 25;
+/// Largest number of measured values that the model predicts: a force, three coordinates of eight markers, six observables.
+pub const MAX_ROWS: usize = 31;
 
 /// Estimated quantity with its prior.
 #[derive(Clone, Debug, PartialEq)]
@@ -134,7 +134,7 @@ impl Setup {
         let states = self.unknowns.len() + self.measured_inputs().count();
         expect(states <= MAX_STATES, "unknowns and measured inputs".into(), "at most 12", states.to_string());
         expect(self.inputs.len() <= MAX_INPUTS, "inputs".into(), "at most 8", self.inputs.len().to_string());
-        expect(self.rows.len() <= MAX_ROWS, "measurements".into(), "at most 25", self.rows.len().to_string());
+        expect(self.rows.len() <= MAX_ROWS, "measurements".into(), "at most 31", self.rows.len().to_string());
         expect(
             at_least_zero(self.model_correlation_s),
             "model_correlation_s".into(),

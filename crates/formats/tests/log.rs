@@ -39,6 +39,40 @@ fn clocks_are_seconds() {
 }
 
 #[test]
+fn headings_of_motion_capture_and_instruments_are_joined() {
+    let motive = "Format,1.2,Take,3\n\n,,Marker,,,Marker,,\n,,tip,,,mid,,\nFrame,Time (s),X,Y,Z,X,Y,Z\n0,0,1,2,3,4,5,6\n1,0.1,1,2,3,4,5,6\n";
+    let log = Log::parse(motive).unwrap();
+    assert_eq!(
+        log.headings[1..6],
+        ["Time (s)", "Marker tip X", "Marker tip Y", "Marker tip Z", "Marker mid X"]
+    );
+    let labview = "LabVIEW Measurement\t\nVersion\t2\n***End***\t\nSamples\t1200\t1200\nDate\t2021/06/03\t2021/06/03\n\
+                   Delta_X\t0.05\t0.05\n***End***\t\t\nX_Value\tPressure (kPa)\tAngle\tComment\n0\t1\t2\n0.1\t2\t3\n0.2\t3\t4\n";
+    let log = Log::parse(labview).unwrap();
+    assert_eq!(log.headings, ["X_Value", "Pressure (kPa)", "Angle"]);
+    assert_eq!((log.rows(), log.columns[0][2], log.separator), (3, 0.2, '\t'));
+    assert!(!log.damaged.is_empty(), "rows among the parameters are named");
+}
+
+#[test]
+fn commas_between_quotes_are_decimal_or_thousands_by_the_file() {
+    let german = Log::parse("\"Zeit [ms]\",\"Druck\"\n\"0,5\",\"30,063\"\n\"50,0\",\"1,5\"\n").unwrap();
+    assert_eq!(german.columns, [[0.5, 50.0], [30.063, 1.5]]);
+    let english = Log::parse("t,p\n0.5,\"1,234.5\"\n1.5,\"12,000.5\"\n").unwrap();
+    assert_eq!(english.columns[1], [1234.5, 12_000.5]);
+    assert_eq!(Log::parse("0;1.234,5\n1;-1.000.000,25\n").unwrap().columns[1], [1234.5, -1_000_000.25]);
+}
+
+#[test]
+fn clocks_with_halves_of_the_day_are_seconds() {
+    let log =
+        Log::parse("5/4/2023 11:59:59.5 AM,1\n5/4/2023 12:00:00 PM,2\n5/4/2023 1:00:00 PM,3\n").unwrap();
+    let steps: Vec<f64> = log.columns[0].windows(2).map(|t| t[1] - t[0]).collect();
+    assert_eq!(steps, [0.5, 3600.0]);
+    assert_eq!(Log::parse("12:00:01 AM\t1\n12:00:02 AM\t1\n").unwrap().columns[0], [1.0, 2.0]);
+}
+
+#[test]
 fn damaged_lines_and_missing_values_are_reported() {
     let log = Log::parse("t,p\n0,1\n1,nan\n2,\n3,broken,4\nt,p\n4,5\n5").unwrap();
     assert_eq!(log.lines, [2, 3, 4, 7]);

@@ -15,6 +15,7 @@ MODEL = REPOSITORY / "models/pneunet/pneunet.twin"
 TOPICS = {
     "softtwin/finger/wrench": "geometry_msgs/msg/WrenchStamped",
     "softtwin/finger/pressure": "sensor_msgs/msg/FluidPressure",
+    "softtwin/finger/observables": "sensor_msgs/msg/JointState",
     "softtwin/finger/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
     "softtwin/finger/all/points": "sensor_msgs/msg/PointCloud2",
     "softtwin/finger/surface/points": "sensor_msgs/msg/PointCloud2",
@@ -76,6 +77,10 @@ def test_messages_are_those_of_ros(stage):
         wrench = found["softtwin/finger/wrench"].wrench
         assert wrench.force.y >= 0.0 and (wrench.force.x, wrench.torque.z) == (0.0, 0.0)
         assert 0.0 <= found["softtwin/finger/pressure"].fluid_pressure <= 90_000.0
+        joints = found["softtwin/finger/observables"]
+        angles = dict(zip(joints.name, joints.position))
+        assert list(angles) == ["bending_angle_deg", "chord_angle_deg", "tip_x_mm", "tip_y_mm"] and len(joints.effort) == 4
+        assert 0.0 <= angles["chord_angle_deg"] <= angles["bending_angle_deg"] < 3.2 and 0.0 < angles["tip_x_mm"] < 0.12, "SI units"
         (status,) = found["softtwin/finger/diagnostics"].status
         values = {pair.key: pair.value for pair in status.values}
         assert status.hardware_id == "finger" and float(values["rate_hz"]) > 10.0

@@ -287,13 +287,13 @@ impl Evaluator {
     }
 
     /// [`Self::differentiate`] where nothing is there to touch, whatever the gap: no onset is searched for.
-    pub(crate) fn differentiate_free(&self, inputs: Inputs, out: &mut Evaluation) {
+    pub fn differentiate_free(&self, inputs: Inputs, out: &mut Evaluation) {
         let never = OnsetAt { onset: Onset::Never, pressure_mpa: f64::INFINITY, gradient: [0.0; MAX_INPUTS] };
         self.differentiate_at(self.complete_inputs(inputs), never, out);
     }
 
     /// [`Self::differentiate`] near the state of the last one: the onset's pressure is that of the search to some 1e-4 mm of gap.
-    pub(crate) fn differentiate_near(&self, inputs: Inputs, last: &mut LastOnset, out: &mut Evaluation) {
+    pub fn differentiate_near(&self, inputs: Inputs, last: &mut LastOnset, out: &mut Evaluation) {
         let inputs = self.complete_inputs(inputs);
         out.scratch.reserve(&self.scratch);
         let near = self.solver.as_ref().and_then(|solver| solver.onset_near(&inputs, last, out));

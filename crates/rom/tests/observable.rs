@@ -1,13 +1,16 @@
 //! Observables of a beam that bends to a circle: closed forms, derivatives by differences, definitions that do not suit.
 
 use crate::synthetic::{self, State};
+use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inputs::Inputs;
 use rom::model::{BlockData, BlockKind, Model, ModelFileError};
 use rom::observable::{Definition, ObservableKind, Observables, Place};
-use rom::snapshots::Split;
+use rom::rng::Rng;
+use rom::snapshots::{Database, FieldSpec, Split};
 use std::collections::BTreeMap;
 use train::config::{Precision, TrainConfig};
+use train::measured::{MeasuredError, MeasuredStates};
 
 const LENGTH_MM: f64 = 110.0;
 /// Angle of the free end at the largest pressure, radians: beyond 180 degrees.
@@ -106,15 +109,145 @@ fn circle_gives_closed_forms_and_derivatives_of_differences() {
 }
 
 #[test]
-fn half_width_of_a_position_is_that_of_the_displacement() {
+fn half_width_is_at_most_the_bound_and_covers_left_out_states() {
     let model = trained();
     let observables = Observables::of(&model).expect("fits");
     let evaluator = Evaluator::new(&model.header).expect("evaluator");
     let mut evaluation = evaluator.evaluation();
-    evaluator.evaluate(Inputs::new(0.05, f64::INFINITY), &mut evaluation);
-    let at = observables.names().position(|name| name == "tip_y_mm").expect("defined");
-    let found = observables.value(at, &evaluation).halfwidth;
-    assert!((found - evaluation.halfwidths.displacement_mm).abs() < 1e-12 * found, "{found}");
+    let bound = Observables::define(&model, &definitions()).expect("defines");
+    let (mut covered, mut count) = (0, 0);
+    for step in 1..200 {
+        let pressure_mpa = 0.09 * f64::from(step) / 200.0;
+        evaluator.evaluate(Inputs::new(pressure_mpa, f64::INFINITY), &mut evaluation);
+        for (at, name) in observables.names().enumerate() {
+            let (found, most) = (observables.value(at, &evaluation), bound.value(at, &evaluation).halfwidth);
+            assert!(found.halfwidth <= 1.0001 * most && found.halfwidth > 0.0, "{name}: {found:?} {most}");
+            if name == "bending_angle_deg" {
+                count += 1;
+                covered +=
+                    u32::from((found.value - angle(pressure_mpa).to_degrees()).abs() <= found.halfwidth);
+            }
+        }
+    }
+    assert!(10 * covered >= 8 * count, "{covered} of {count}");
+}
+
+/// A cube with a cubic chamber that grows by half at the largest pressure, and moves with it.
+fn hollow() -> Database {
+    let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 1 { 1.0 } else { -1.0 });
+    let chamber_mm = |pressure_mpa: f64| 3.0 * (1.0 + 0.5 * pressure_mpa / 0.09);
+    let place = |node: usize, pressure_mpa: f64| -> [f64; 3] {
+        let size = if node < 8 { 10.0 } else { chamber_mm(pressure_mpa) };
+        corner(node % 8).map(|c| size * c + 20.0 * pressure_mpa)
+    };
+    let pressures: Vec<f64> = (0..12).map(|i| 0.09 * f64::from(i) / 11.0).collect();
+    let values =
+        pressures.iter().flat_map(|p| (0..16).flat_map(move |node| place(node, *p).map(|v| v as f32)));
+    let fields = FieldSpec::of_the_paper().into_iter().take(3).collect();
+    let mut database = Database::free("hollow", fields, &pressures, values.collect());
+    database.undeformed_mm = Some((0..16).map(|node| place(node, 0.0)).collect());
+    // Two triangles on each face of a cube, normals outwards.
+    let faces: [[u32; 4]; 6] =
+        [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let cube: Vec<[u32; 3]> = faces.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
+    let inner = cube.iter().map(|[a, b, c]| [a + 8, c + 8, b + 8]);
+    database.surface_triangles = cube.iter().copied().chain(inner).collect();
+    database
+}
+
+#[test]
+fn volume_of_a_chamber_is_the_closed_form_with_its_derivative() {
+    let volume = |points| Definition { kind: ObservableKind::Volume, points, axis: None };
+    let config = TrainConfig {
+        precision: Precision::F32,
+        observables: [
+            ("all_mm3".to_owned(), volume(vec![])),
+            ("one_mm3".into(), volume(vec![Place::Node(9)])),
+        ]
+        .into(),
+        ..TrainConfig::default()
+    };
+    let model = train::train(&hollow(), &config, &mut |_| {}).expect("trains").0;
+    let model = Model::from_bytes(&model.to_bytes().expect("encodes")).expect("loads");
+    let observables = Observables::of(&model).expect("fits");
+    let evaluator = Evaluator::new(&model.header).expect("evaluator");
+    let mut evaluation = evaluator.evaluation();
+    for pressure_mpa in [0.01, 0.05, 0.08] {
+        evaluator.differentiate(Inputs::new(pressure_mpa, f64::INFINITY), &mut evaluation);
+        let growth = 1.0 + 0.5 * pressure_mpa / 0.09;
+        let expected = 216.0 * growth.powi(3);
+        for at in [0, 1] {
+            let found = observables.value(at, &evaluation).value;
+            assert!((found / expected - 1.0).abs() < 1e-4, "{found} for {expected}");
+            let (slope, by) =
+                (observables.gradient(at, &evaluation)[0], 216.0 * 3.0 * growth.powi(2) * 0.5 / 0.09);
+            assert!((slope / by - 1.0).abs() < 1e-3, "{slope} for {by}");
+        }
+    }
+    let outside = BTreeMap::from([("v_mm3".to_owned(), volume(vec![Place::Node(3)]))]);
+    assert!(Observables::define(&model, &outside).expect_err("no chamber")[0].contains("v_mm3"));
+}
+
+#[test]
+fn measured_offset_is_learned_where_measured_and_zero_elsewhere() {
+    let mut model = trained();
+    let plain = Observables::of(&model).expect("fits");
+    let evaluator = Evaluator::new(&model.header).expect("evaluator");
+    let mut evaluation = evaluator.evaluation();
+    let at = plain.names().position(|name| name == "bending_angle_deg").expect("defined");
+    let mut rng = Rng::new(5);
+    let offset = |pressure_mpa: f64| 6.0 + 4.0 * (60.0 * pressure_mpa).sin();
+    let mut measured = |states: usize, evaluation: &mut Evaluation| -> Vec<(f64, f64)> {
+        let mut one = || {
+            let pressure_mpa = 0.045 * rng.uniform();
+            evaluator.evaluate(Inputs::new(pressure_mpa, f64::INFINITY), evaluation);
+            let noise = 0.3 * (rng.uniform() + rng.uniform() + rng.uniform() - 1.5);
+            (pressure_mpa, plain.value(at, evaluation).value + offset(pressure_mpa) + noise)
+        };
+        (0..states).map(|_| one()).collect()
+    };
+    let rows = measured(300, &mut evaluation);
+    let run = MeasuredStates {
+        states: rows.iter().map(|(p, _)| Some(Inputs::new(*p, f64::INFINITY))).collect(),
+        outputs: vec![rows.iter().map(|(_, v)| *v).collect()],
+    };
+    let names = ["bending_angle_deg".to_owned()];
+    let found = train::measured::correct(&mut model, &names, &[run], &mut Vec::new()).expect("learns");
+    assert!(found[0].is_kept && found[0].rms > 5.0 && found[0].rms_left_out < 0.3, "{found:?}");
+    let model = Model::from_bytes(&model.to_bytes().expect("encodes")).expect("loads");
+    let observables = Observables::of(&model).expect("fits");
+    let mut covered = 0;
+    for (pressure_mpa, value) in measured(200, &mut evaluation) {
+        evaluator.evaluate(Inputs::new(pressure_mpa, f64::INFINITY), &mut evaluation);
+        let found = observables.value(at, &evaluation);
+        assert!((found.offset - offset(pressure_mpa)).abs() < 0.4, "{found:?} {}", offset(pressure_mpa));
+        covered += u32::from((found.value - value).abs() <= found.halfwidth);
+    }
+    assert!((165..=198).contains(&covered), "{covered} of 200");
+    let mut value = |pressure_mpa: f64| {
+        evaluator.differentiate(Inputs::new(pressure_mpa, f64::INFINITY), &mut evaluation);
+        (observables.value(at, &evaluation), observables.gradient(at, &evaluation)[0])
+    };
+    let (step, (_, slope)) = (1e-6, value(0.02));
+    let by = (value(0.02 + step).0.value - value(0.02 - step).0.value) / (2.0 * step);
+    assert!((slope / by - 1.0).abs() < 1e-4, "{slope} {by}");
+    let (far, _) = value(0.09);
+    assert!(far.offset.abs() < 0.5 && far.halfwidth > 8.0, "nothing was measured there: {far:?}");
+}
+
+#[test]
+fn measured_values_of_nothing_in_the_model_are_refused() {
+    let (mut model, state) = (trained(), Some(Inputs::new(0.05, f64::INFINITY)));
+    let before = model.clone();
+    let mut refused = |name: &str, value: f64, states: usize| {
+        let run = MeasuredStates { states: vec![state; states], outputs: vec![vec![value; states]] };
+        train::measured::correct(&mut model, &[name.to_owned()], &[run], &mut Vec::new())
+    };
+    let unknown = refused("torsion_deg", 1.0, 50);
+    assert!(matches!(unknown, Err(MeasuredError::NoSuchOutput { .. })), "{unknown:?}");
+    let few = refused("bending_angle_deg", 1.0, 5);
+    assert!(matches!(few, Err(MeasuredError::NoDifference { .. })), "{few:?}");
+    assert_eq!(model, before);
 }
 
 #[test]

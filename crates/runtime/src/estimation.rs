@@ -1,4 +1,4 @@
-//! The estimator of an actuator: the scene's unknowns and sensors, the model's predictions of what they measure.
+//! The estimator of an actuator: the scene's unknowns and sensors, the model's predictions of what they measure: the force, markers, observables.
 
 use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, PRESSURE_BIAS, Sigmas};
 use crate::measured::MeasuredInputs;
@@ -6,13 +6,15 @@ use estimate::{
     Alarm, Filter, InputRole, MAX_INPUTS, Measurement, Predicted, Row, Setup, Status, Unknown, Update,
 };
 use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
 use rom::memory::{Advance, Memory, MemorySpec};
-use rom::model::Model;
+use rom::model::{Model, ModelError};
+use rom::observable::Observables;
 use rom::probe::{ProbePosition, Probes};
 use rom::regime::LastOnset;
-use rom::snapshots::RegimeKind;
-use wire::layout::{MARKERS_MAX, Marker, estimate_alarm, estimate_status};
+use rom::snapshots::{FieldKind, RegimeKind};
+use wire::layout::{MARKERS_MAX, Marker, PARAMETERS_MAX, estimate_alarm, estimate_status, set_slot};
 use wire::{Estimate, SensorSample};
 
 /// Standard deviations of a normal distribution within the model's half-widths, which hold for 90 % of the states.
@@ -72,7 +74,7 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
         })
     });
     let is_measured = |key: &str| spec.inputs.get(key).is_some_and(|from| from.measured().is_some());
-    for key in keys.iter().filter(|key| is_measured(key) && spec.input_sigma(key).is_none()) {
+    for key in keys.iter().filter(|key| is_measured(key) && spec.named_sigma(key).is_none()) {
         problems.push(format!(
             "inputs.\"{key}\": expected the standard deviation of its readings for the estimation, `sigma` of its sensor or \
              {{ sigma = ... }} here; found none"
@@ -94,15 +96,19 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
             InputRole::Measured { sigma: sigmas.gap_mm, bias: None, rate_change: None, past: past(GAP) }
         }
         _ if is_measured(key) => {
-            let sigma = spec.input_sigma(key).unwrap_or(f64::NAN);
+            let sigma = spec.named_sigma(key).unwrap_or(f64::NAN);
             InputRole::Measured { sigma, bias: None, rate_change: None, past: past(input) }
         }
         _ => InputRole::Given(inputs.get(input).and_then(|input| input.value).unwrap_or(f64::NAN)),
     };
+    let observed = Observed::new(spec, model).unwrap_or_else(|found| {
+        problems.extend(found);
+        None
+    });
     let out = Setup {
         unknowns: unknowns.chain(pasts).collect(),
         inputs: keys.iter().enumerate().map(role).collect(),
-        rows: rows(spec, model, position("force_bias_n"), &sigmas),
+        rows: rows(spec, model, position("force_bias_n"), &sigmas, observed),
         gap: Some(GAP),
         model_correlation_s: spec.sigma.model_correlation_s,
     };
@@ -112,8 +118,14 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
     if problems.is_empty() { Ok(out) } else { Err(problems) }
 }
 
-/// The force, then x, y, z of each marker.
-fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>, sigmas: &Sigmas) -> Vec<Row> {
+/// The force, then x, y, z of each marker, then the observables.
+fn rows(
+    spec: &ActuatorSpec,
+    model: &Model,
+    force_bias: Option<usize>,
+    sigmas: &Sigmas,
+    observed: Option<Observed>,
+) -> Vec<Row> {
     let regimes = model.header.regimes.iter();
     let (force, displacement) = regimes.fold((0.0_f64, 0.0_f64), |(force, displacement), regime| {
         (force.max(regime.halfwidths.force_n), displacement.max(regime.halfwidths.displacement_mm))
@@ -135,7 +147,89 @@ fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>, sigmas: &
             bias: None,
         })
     };
-    std::iter::once(force).chain(spec.markers.iter().enumerate().flat_map(marker)).collect()
+    let mut observed = observed;
+    let observable = |(at, (name, of)): (usize, (&String, &crate::config::ObservedSpec))| {
+        let width = observed.as_mut().map_or(f64::NAN, |observed| observed.largest_halfwidth(at, model));
+        Row {
+            name: name.clone(),
+            block: spec.markers.len() + 1 + at,
+            sigma: spec.named_sigma(name).unwrap_or(f64::NAN),
+            model_sigma: of.model_sigma.unwrap_or(width / HALFWIDTH_SIGMAS),
+            bias: None,
+        }
+    };
+    let markers = spec.markers.iter().enumerate().flat_map(marker);
+    std::iter::once(force).chain(markers).chain(spec.observables.iter().enumerate().map(observable)).collect()
+}
+
+/// The measured observables of a scene with the whole coefficients that they are computed of.
+#[derive(Debug, Clone)]
+struct Observed {
+    evaluator: Evaluator,
+    evaluation: Evaluation,
+    observables: Observables,
+    /// Positions of the measured ones, in the order of the scene.
+    which: Vec<usize>,
+}
+
+impl Observed {
+    /// None where the scene measures none.
+    ///
+    /// # Errors
+    /// Observables that the model does not have.
+    fn new(spec: &ActuatorSpec, model: &Model) -> Result<Option<Self>, Vec<String>> {
+        if spec.observables.is_empty() {
+            return Ok(None);
+        }
+        let fail = |error: &dyn std::fmt::Display| vec![format!("model: {error}")];
+        let observables = Observables::of(model).map_err(|error| fail(&error))?;
+        let known: Vec<&str> = observables.names().collect();
+        let (mut which, mut problems) = (Vec::new(), Vec::new());
+        for name in spec.observables.keys() {
+            match known.iter().position(|known| known == name) {
+                Some(at) => which.push(at),
+                None => problems.push(format!(
+                    "observables.{name}: expected an observable of the model ({}), found no such quantity",
+                    known.join(", ")
+                )),
+            }
+        }
+        if !problems.is_empty() {
+            return Err(problems);
+        }
+        let mut evaluator = Evaluator::new(&model.header).map_err(|error: ModelError| fail(&error))?;
+        let fields = model.header.fields.iter().enumerate();
+        let coordinates = fields.filter(|(_, field)| matches!(field.spec.kind, FieldKind::Coordinate(_)));
+        evaluator.restrict(&coordinates.map(|(at, _)| at).collect::<Vec<_>>());
+        Ok(Some(Self { evaluation: evaluator.evaluation(), evaluator, observables, which }))
+    }
+
+    /// The largest half-width of one along the ranges of the inputs.
+    fn largest_halfwidth(&mut self, at: usize, model: &Model) -> f64 {
+        let inputs = &model.header.inputs;
+        let value = |spec: &InputSpec, part: f64| spec.range[0] + part * (spec.range[1] - spec.range[0]);
+        let state = |part: f64| {
+            let start = Inputs::new(f64::NAN, f64::INFINITY);
+            let ranged =
+                inputs.iter().enumerate().filter(|(_, spec)| spec.range.iter().all(|end| end.is_finite()));
+            ranged.fold(start, |state, (at, spec)| state.with(at, value(spec, part)))
+        };
+        let mut largest = 0.0_f64;
+        for part in [0.0, 0.25, 0.5, 0.75, 1.0] {
+            self.evaluator.evaluate(state(part), &mut self.evaluation);
+            let width = self.which.get(at).map(|at| self.observables.value(*at, &self.evaluation).halfwidth);
+            largest = largest.max(width.filter(|width| width.is_finite()).unwrap_or(0.0));
+        }
+        largest
+    }
+
+    /// Values and derivatives at the last evaluated state.
+    fn read(&self, out: &mut [Predicted]) {
+        for (to, at) in out.iter_mut().zip(&self.which) {
+            to.value = self.observables.value(*at, &self.evaluation).value;
+            to.gradient = self.observables.gradient(*at, &self.evaluation);
+        }
+    }
 }
 
 /// The model's predictions of what the sensors measure.
@@ -147,13 +241,14 @@ pub struct SensorModel {
     positions: Vec<ProbePosition>,
     camera: CameraSpec,
     rotation: [[f64; 3]; 3],
+    observed: Option<Observed>,
 }
 
 impl SensorModel {
-    /// Takes what it needs from a model: its small part, and the modes at the markers.
+    /// Takes what it needs from a model: its small part, the modes at the markers, the observables.
     ///
     /// # Errors
-    /// All problems of the markers with this model.
+    /// All problems of the markers and observables with this model.
     pub fn new(spec: &ActuatorSpec, model: &Model) -> Result<Self, Vec<String>> {
         let (mut points, mut problems) = (Vec::new(), Vec::new());
         for (at, marker) in spec.markers.iter().enumerate() {
@@ -165,7 +260,7 @@ impl SensorModel {
         if !problems.is_empty() {
             return Err(problems);
         }
-        let fail = |error: rom::model::ModelError| vec![format!("model: {error}")];
+        let fail = |error: ModelError| vec![format!("model: {error}")];
         let probes = Probes::new(model, &points).map_err(fail)?;
         Ok(Self {
             evaluation: probes.evaluation(),
@@ -174,6 +269,7 @@ impl SensorModel {
             probes,
             camera: spec.camera,
             rotation: spec.camera.rotation(),
+            observed: Observed::new(spec, model)?,
         })
     }
 
@@ -186,8 +282,12 @@ impl SensorModel {
     fn read(&self, out: &mut [Predicted]) {
         let force =
             Predicted { value: self.evaluation.contact_force_n, gradient: self.evaluation.force_gradient };
-        let Some((of_force, of_markers)) = out.split_first_mut() else { return };
+        let Some((of_force, others)) = out.split_first_mut() else { return };
         *of_force = force;
+        let (of_markers, of_observables) = others.split_at_mut(others.len().min(3 * self.positions.len()));
+        if let Some(observed) = &self.observed {
+            observed.read(of_observables);
+        }
         // Into the camera's frame: the transposed rotation of the difference.
         for (coordinates, probe) in of_markers.chunks_exact_mut(3).zip(&self.positions) {
             for (axis, predicted) in coordinates.iter_mut().enumerate() {
@@ -208,12 +308,18 @@ impl estimate::Model for SensorModel {
     fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool {
         let inputs = Inputs::from(*inputs);
         self.probes.evaluate_near(inputs, &mut self.onset, &mut self.evaluation, &mut self.positions);
+        if let Some(Observed { evaluator, evaluation, .. }) = &mut self.observed {
+            evaluator.differentiate_near(inputs, &mut self.onset, evaluation);
+        }
         self.read(out);
         self.evaluation.regime == RegimeKind::Contact
     }
 
     fn predict_free(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) {
         self.probes.evaluate_free(Inputs::from(*inputs), &mut self.evaluation, &mut self.positions);
+        if let Some(Observed { evaluator, evaluation, .. }) = &mut self.observed {
+            evaluator.differentiate_free(Inputs::from(*inputs), evaluation);
+        }
         self.read(out);
     }
 
@@ -231,16 +337,18 @@ impl estimate::Model for SensorModel {
 pub struct Estimator {
     filter: Filter,
     sensors: SensorModel,
+    values: SensorValues,
     rejected_total: u64,
     used: Used,
 }
 
-/// Times of the force and the markers that were used last, ns: a measurement counts once, although the readings repeat a slow
-/// sensor's value.
+/// Times of the force, the markers and the named values that were used last, ns: a measurement counts once, although the readings
+/// repeat a slow sensor's value.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Used {
     force_ns: u64,
     markers_ns: [u64; MARKERS_MAX],
+    named_ns: [u64; PARAMETERS_MAX],
 }
 
 /// Values of a reading that were not used before.
@@ -248,12 +356,13 @@ pub(crate) struct Used {
 pub(crate) struct New {
     pub(crate) force: bool,
     pub(crate) markers: [bool; MARKERS_MAX],
+    pub(crate) named: [bool; PARAMETERS_MAX],
 }
 
 impl Used {
     /// Values that are new in this reading; they count as used from now on. Without ages all are new.
     pub(crate) fn new_in(&mut self, sample: &SensorSample) -> New {
-        let mut new = New { force: true, markers: [true; MARKERS_MAX] };
+        let mut new = New::ALL;
         if sample.age_count == 0 {
             return new;
         }
@@ -266,6 +375,10 @@ impl Used {
         new.force = is_new(sample.ages_ns.force, &mut self.force_ns);
         let markers = sample.ages_ns.markers.iter().zip(&mut self.markers_ns);
         for (new, (age_ns, used_ns)) in new.markers.iter_mut().zip(markers) {
+            *new = is_new(*age_ns, used_ns);
+        }
+        let named = sample.input_ages_ns.iter().zip(&mut self.named_ns);
+        for (new, (age_ns, used_ns)) in new.named.iter_mut().zip(named) {
             *new = is_new(*age_ns, used_ns);
         }
         new
@@ -289,7 +402,13 @@ impl Estimator {
         };
         let filter = Filter::new(setup)
             .map_err(|errors| errors.iter().map(|error| format!("estimate: {error}")).collect::<Vec<_>>())?;
-        Ok(Some(Self { filter, sensors, rejected_total: 0, used: Used::default() }))
+        Ok(Some(Self {
+            filter,
+            sensors,
+            values: SensorValues::new(spec),
+            rejected_total: 0,
+            used: Used::default(),
+        }))
     }
 
     /// Takes a reading into account; allocates nothing.
@@ -301,11 +420,11 @@ impl Estimator {
         spread: [f64; MAX_INPUTS],
     ) -> Update {
         let new = self.used.new_in(sample);
-        let count = sample.marker_values as usize / 3;
-        let markers = sample.markers_mm.iter().zip(new.markers).take(count);
-        let markers = markers.map(|(marker, is_new)| if is_new { *marker } else { Marker::ABSENT });
-        let force_n = if new.force && self.sensors.has_forces() { sample.measured_force_n } else { f64::NAN };
-        let mut measurement = measured(sample.t_sensor_ns as f64 * 1e-9, *inputs.values(), force_n, markers);
+        let mut measurement =
+            self.values.of(sample.t_sensor_ns as f64 * 1e-9, sample, *inputs.values(), &new);
+        if !self.sensors.has_forces() {
+            measurement.rows[0] = f64::NAN;
+        }
         measurement.spread = spread;
         let update = self.filter.update(&measurement, &mut self.sensors);
         self.rejected_total += u64::from(update.rejected.count_ones());
@@ -373,11 +492,16 @@ impl Estimator {
 }
 
 /// A reading as the estimator takes it; `named`: which inputs it carries by name.
-pub fn measurement(t_s: f64, reading: &SensorSample, named: &MeasuredInputs) -> Measurement {
+pub fn measurement(
+    t_s: f64,
+    reading: &SensorSample,
+    named: &MeasuredInputs,
+    values: &SensorValues,
+) -> Measurement {
     let operating = Inputs::new(reading.pressure_mpa, reading.gap_mm);
-    let values = named.of(reading.input_count, &reading.input_names, &reading.inputs);
-    let inputs = values.fold(operating, |inputs, measured| inputs.with(measured.input, measured.value));
-    measured(t_s, *inputs.values(), reading.measured_force_n, reading.markers_mm.into_iter())
+    let of_inputs = named.of(reading.input_count, &reading.input_names, &reading.inputs);
+    let inputs = of_inputs.fold(operating, |inputs, measured| inputs.with(measured.input, measured.value));
+    values.of(t_s, reading, *inputs.values(), &New::ALL)
 }
 
 /// Effect of an unknown past, in standard deviations of a reading, from which a reading after a gap is used again.
@@ -403,18 +527,48 @@ pub fn behind(memory: &mut Memory, setup: &Setup, readings: &mut [Measurement]) 
     }
 }
 
-/// The rows of [`setup`]: the force, then x, y, z of each marker.
-fn measured(
-    t_s: f64,
-    inputs: [f64; MAX_INPUTS],
-    force_n: f64,
-    markers_mm: impl Iterator<Item = Marker>,
-) -> Measurement {
-    let mut out = Measurement::at(t_s);
-    out.inputs = inputs;
-    let coordinates = markers_mm.flat_map(|marker| [marker.x, marker.y, marker.z]);
-    out.rows.iter_mut().zip(std::iter::once(force_n).chain(coordinates)).for_each(|(to, from)| *to = from);
-    out
+impl New {
+    pub(crate) const ALL: Self =
+        Self { force: true, markers: [true; MARKERS_MAX], named: [true; PARAMETERS_MAX] };
+}
+
+/// Values of a reading in the order of the rows of [`setup`]: the force, x, y, z of each marker, the observables.
+#[derive(Debug, Clone)]
+pub struct SensorValues {
+    markers: usize,
+    /// Names of the observables as readings carry them.
+    observables: Vec<[u8; 32]>,
+}
+
+impl SensorValues {
+    /// Those of a scene's actuator.
+    pub fn new(spec: &ActuatorSpec) -> Self {
+        let packed = |name: &String| {
+            let mut packed = [0; 32];
+            set_slot(&mut packed, 0, name);
+            packed
+        };
+        Self { markers: spec.markers.len(), observables: spec.observables.keys().map(packed).collect() }
+    }
+
+    fn of(&self, t_s: f64, reading: &SensorSample, inputs: [f64; MAX_INPUTS], new: &New) -> Measurement {
+        let mut out = Measurement::at(t_s);
+        out.inputs = inputs;
+        let force_n = if new.force { reading.measured_force_n } else { f64::NAN };
+        let markers = reading.markers_mm.iter().zip(new.markers).enumerate().map(|(at, (marker, is_new))| {
+            if is_new && at < reading.marker_values as usize / 3 { *marker } else { Marker::ABSENT }
+        });
+        let coordinates = markers.take(self.markers).flat_map(|marker| [marker.x, marker.y, marker.z]);
+        let names = reading.input_names.as_chunks::<32>().0;
+        let named = || names.iter().zip(&reading.inputs).zip(new.named).take(reading.input_count as usize);
+        let observable = |name: &[u8; 32]| {
+            let found = named().find(|((known, _), is_new)| *known == name && *is_new);
+            found.map_or(f64::NAN, |((_, value), _)| *value)
+        };
+        let all = std::iter::once(force_n).chain(coordinates).chain(self.observables.iter().map(observable));
+        out.rows.iter_mut().zip(all).for_each(|(to, from)| *to = from);
+        out
+    }
 }
 
 #[cfg(test)]

@@ -44,6 +44,7 @@ macro_rules! write_evaluation {
         for at in 0..observables.count().min(OBSERVABLES_MAX) {
             let found = observables.value(at, e);
             ($payload.observables[at], $payload.observable_halfwidths[at]) = (found.value, found.halfwidth);
+            $payload.observable_offsets[at] = found.offset;
         }
         let sizes = description.group_sizes.iter().find(|(kind, _)| *kind == e.regime);
         $payload.group_sizes = sizes.map(|(_, sizes)| *sizes).unwrap_or_default();

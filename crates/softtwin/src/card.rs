@@ -2,7 +2,7 @@
 
 use crate::files;
 use rom::model::{Model, RegimeModel};
-use rom::observable::Observables;
+use rom::observable::{Correction, Observables};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -67,8 +67,16 @@ fn outputs(model: &Model) -> Vec<Value> {
     }
     // Observables that do not fit are refused where the model is read.
     let observables = Observables::of(model).unwrap_or_default();
-    let named = observables.names().zip(observables.units());
-    all.extend(named.map(|(name, unit)| json!({ "name": name, "unit": unit, "per": "state" })));
+    let named = observables.names().zip(observables.units()).enumerate();
+    all.extend(named.map(|(at, (name, unit))| {
+        let mut one = json!({ "name": name, "unit": unit, "per": "state" });
+        let own = observables.corrections().iter().filter(|(of, _)| *of == at);
+        let offsets: Vec<Value> = own.map(|(_, correction)| offset_of(model, correction)).collect();
+        if !offsets.is_empty() {
+            one["measured_offset"] = offsets.into();
+        }
+        one
+    }));
     all.extend(
         model
             .header
@@ -77,6 +85,19 @@ fn outputs(model: &Model) -> Vec<Value> {
             .map(|field| json!({ "name": field.spec.name, "unit": field.spec.unit, "per": "node" })),
     );
     all
+}
+
+/// Where an observable's measured offset was measured, and its largest size there.
+fn offset_of(model: &Model, correction: &Correction) -> Value {
+    let inputs = &model.header.inputs;
+    let axes = correction.inputs.axes.iter().enumerate().map(|(at, axis)| {
+        let values = correction.centres.iter().map(|centre| axis.min + centre[at] * (axis.max - axis.min));
+        let range = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
+        (inputs[axis.input].key(), json!(range))
+    });
+    let sizes = correction.centres.iter().map(|centre| correction.at_scaled(centre).0.abs());
+    json!({ "regime": correction.regime.name(), "measured": axes.collect::<Map<_, _>>(),
+        "largest": sizes.fold(0.0, f64::max), "half_width": correction.residual })
 }
 
 /// Training range of a regime and the coverage of its half-widths there.

@@ -50,8 +50,12 @@ impl LoadedModel {
 
     /// Facets of the surface, cavities included; empty when unknown.
     pub fn facets(&self) -> Vec<[u32; 3]> {
-        let corners = self.model.u32_block(BlockKind::Surface).unwrap_or(&[]);
-        corners.chunks_exact(3).map(|facet| [facet[0], facet[1], facet[2]]).collect()
+        Self::facets_of(&self.model)
+    }
+
+    /// [`Self::facets`] of a model.
+    pub fn facets_of(model: &Model) -> Vec<[u32; 3]> {
+        model.u32_block(BlockKind::Surface).unwrap_or(&[]).as_chunks::<3>().0.to_vec()
     }
 
     /// Trained pressures over all regimes, MPa.

@@ -1,5 +1,9 @@
 //! Logs of a bench: described, learned from, compared.
 
+use rom::evaluator::Evaluator;
+use rom::inputs::Inputs;
+use rom::model::Model;
+use rom::observable::Observables;
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -104,6 +108,9 @@ fn twin_of_a_recording_predicts_another_run_within_its_half_widths() {
         assert!((0.8..=1.0).contains(&coverage), "{name}: {output}");
     }
     assert!(folder.join("out/compare.svg").is_file() && folder.join("out/compare.csv").is_file());
+    for kind in ["coefficients", "observables"] {
+        assert!(run(folder, &["plot", kind, "--model", "mine.twin", "--out", "curves.svg"]).status.success());
+    }
     let state = json(folder, &["predict", "--model", "mine.twin", "--pressure-mpa", "0.03"]);
     assert_eq!(state["in_domain"], true);
     let inspected = json(folder, &["inspect", "mine.twin", "--json"]);
@@ -198,4 +205,124 @@ fn memory_of_a_recording_lowers_the_error_on_another_run() {
     assert!(off < 1e-5, "{off}");
     let widths = column("series.csv", "tip_y_mm_half_width", 1.0);
     assert!(widths[0] > 2.0 * widths[widths.len() - 1], "{widths:?}");
+}
+
+/// The shipped finger, with its angles as observables.
+const FINGER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet/pneunet.twin");
+
+/// Pressures (MPa) and bending angles (deg) of the shipped finger over a plate.
+fn angles(gap_mm: f64, pressures_mpa: impl Iterator<Item = f64>) -> Vec<(f64, f64)> {
+    let model = Model::from_bytes(&std::fs::read(FINGER).unwrap()).unwrap();
+    let observables = Observables::of(&model).unwrap();
+    let at = observables.names().position(|name| name == "bending_angle_deg").unwrap();
+    let evaluator = Evaluator::new(&model.header).unwrap();
+    let mut evaluation = evaluator.evaluation();
+    let mut one = |pressure_mpa: f64| {
+        evaluator.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
+        (pressure_mpa, observables.value(at, &evaluation).value)
+    };
+    pressures_mpa.map(&mut one).collect()
+}
+
+fn scene(prior_mm: f64) -> String {
+    format!(
+        "name = \"bench\"\n[[actuator]]\nname = \"finger\"\nmodel = \"{FINGER}\"\n\
+         estimate = {{ gap_mm = {{ prior = {prior_mm}, sigma = 10.0 }} }}\n\
+         observables = {{ bending_angle_deg = {{ sigma = 0.1, model_sigma = 0.1 }} }}\n"
+    )
+}
+
+#[test]
+fn gap_is_calibrated_by_an_angle_and_shown_before_and_after() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let (mut text, mut noise) = ("t;p (kPa);gap;angle (deg)\n".to_owned(), 3_u32);
+    for (row, (pressure_mpa, angle)) in
+        angles(30.0, (1..60).map(|i| 0.0013 * f64::from(i))).iter().enumerate()
+    {
+        noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let n = 0.2 * (f64::from(noise >> 8) / f64::from(1 << 24) - 0.5);
+        text += &format!("{row};{};30;{:.4}\n", 1000.0 * pressure_mpa, angle + n).replace('.', ",");
+    }
+    std::fs::write(folder.join("run.csv"), text).unwrap();
+    let log = "[time]\ncolumn = 1\n[[input]]\nname = \"pressure_mpa\"\ncolumn = 2\nunit = \"kPa\"\n\
+               [[output]]\nname = \"bending_angle_deg\"\ncolumn = 4\nunit = \"deg\"\n";
+    std::fs::write(folder.join("log.toml"), log).unwrap();
+    std::fs::write(folder.join("scene.toml"), scene(36.0)).unwrap();
+    let calibrate = "calibrate --scene scene.toml --recording run.csv --log log.toml --out calibrated.toml --picture fit.svg --json";
+    let found = json(folder, &calibrate.split(' ').collect::<Vec<_>>());
+    let gap = &found["estimates"]["gap_mm"];
+    assert!((gap["value"].as_f64().unwrap() - 30.0).abs() < 0.5 && gap["identifiable"] == true, "{found}");
+    let both = [log, "[[input]]\nname = \"gap_mm\"\ncolumn = 3\nunit = \"mm\"\n"].concat();
+    std::fs::write(folder.join("both.toml"), both).unwrap();
+    let compare = "compare --model calibrated.toml --before scene.toml --recording run.csv --log both.toml --out out --json";
+    let found = json(folder, &compare.split(' ').collect::<Vec<_>>());
+    assert!(found["before"]["bending_angle_deg"]["rms"].is_number(), "{found}");
+    std::fs::write(folder.join("other.toml"), scene(36.0).replace("bending_angle", "torsion")).unwrap();
+    let ended = run(folder, &["calibrate", "--scene", "other.toml", "--recording", "run.csv"]);
+    assert_eq!(ended.status.code(), Some(78), "an observable that the model does not have");
+}
+
+#[test]
+fn offset_of_a_finite_element_model_is_learned_and_shown() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let write = |name: &str, first: f64| {
+        let mut text = "t,p,angle\n".to_owned();
+        let pressures = (0..80).map(|i| 0.02 + 0.01 * (1.0 - (0.3 * f64::from(i) + first).cos()));
+        for (row, (pressure_mpa, angle)) in angles(80.0, pressures).iter().enumerate() {
+            text +=
+                &format!("{row},{},{}\n", 1000.0 * pressure_mpa, angle + 4.0 + 200.0 * (pressure_mpa - 0.02));
+        }
+        std::fs::write(folder.join(name), text).unwrap();
+    };
+    write("run1.csv", 0.0);
+    write("run2.csv", 1.0);
+    let log = "[time]\ncolumn = 1\n[[input]]\nname = \"pressure_mpa\"\ncolumn = 2\nunit = \"kPa\"\n\
+               [[input]]\nname = \"gap_mm\"\ncolumn = 2\nunit = \"mm\"\nslope = 1e-9\noffset = 80.0\n\
+               [[output]]\nname = \"bending_angle_deg\"\ncolumn = 3\nunit = \"deg\"\n";
+    std::fs::write(folder.join("log.toml"), log).unwrap();
+    let learn = format!("learn run1.csv --log log.toml --model {FINGER} --out mine.twin --json");
+    let learned = json(folder, &learn.split(' ').collect::<Vec<_>>());
+    assert_eq!(learned["offsets"][0]["kept"], true);
+    let compare = format!(
+        "compare --model mine.twin --before {FINGER} --recording run2.csv --log log.toml --out out --json"
+    );
+    let found = json(folder, &compare.split(' ').collect::<Vec<_>>());
+    let rms = |of: &str| found[of]["bending_angle_deg"]["rms"].as_f64().unwrap();
+    assert!(rms("before") > 4.0 && rms("outputs") < 0.1, "{found}");
+    assert_eq!(found["source"], "finite elements");
+    let state =
+        json(folder, &["predict", "--model", "mine.twin", "--pressure-mpa", "0.03", "--gap-mm", "80"]);
+    let offset = state["observables"]["bending_angle_deg"]["offset"].as_f64().unwrap();
+    assert!((offset - 6.0).abs() < 0.1, "{state}");
+    let card = json(folder, &["inspect", "mine.twin", "--card", "json"]);
+    assert!(card["outputs"].to_string().contains("measured_offset"), "{card}");
+    let measured = run(
+        folder,
+        &["learn", "run1.csv", "--log", "log.toml", "--model", "mine.twin", "--memory", "--out", "x.twin"],
+    );
+    assert_eq!(measured.status.code(), Some(2), "--memory is for models of measurements alone");
+}
+
+#[test]
+fn markers_are_drawn_at_instants() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let mut text = "Frame,Time (Seconds),P (kPa),tip X (mm),tip Y (mm),tip Z (mm)\n".to_owned();
+    for row in 0..200 {
+        let p = 30.0 * (1.0 - (0.1 * f64::from(row)).cos());
+        text += &format!("{row},{},{p},{},{},{}\n", 0.05 * f64::from(row), 100.0 - 0.1 * p, -p, 0.01 * p);
+    }
+    std::fs::write(folder.join("run1.csv"), text).unwrap();
+    assert!(run(folder, &["log", "describe", "run1.csv", "--out", "log.toml"]).status.success());
+    let proposed = std::fs::read_to_string(folder.join("log.toml")).unwrap();
+    assert!(proposed.contains("column = 2\nunit = \"Seconds\""), "frames are not the time: {proposed}");
+    json(folder, &LEARN);
+    json(folder, &compare("run1.csv", "log.toml"));
+    assert!(folder.join("out/body.png").is_file());
+    let drawn = "render --model mine.twin --set p_mpa=0.05 --field displacement --out markers.png";
+    assert!(run(folder, &drawn.split(' ').collect::<Vec<_>>()).status.success());
+    let refused = run(folder, &["render", "--model", "mine.twin", "--out", "stress.png"]);
+    assert_eq!(refused.status.code(), Some(2), "a measured model has no stress");
 }

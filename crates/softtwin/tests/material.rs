@@ -63,6 +63,13 @@ fn tables_of_machines_give_the_same_constants() {
             rows(4.0, |l| format!("{},{}", 25.0 * (l - 1.0), 18.0 * bar_mpa(l)))
         ),
     );
+    write(
+        "head.csv",
+        format!(
+            "Specimen Thickness (mm);3\nSpecimen Width (mm);6\nSpecimen Length (cm);2.5\nMachine;X 5569\nExtension (mm);Load (N)\n{}",
+            rows(4.0, |l| format!("{};{}", 25.0 * (l - 1.0), 18.0 * bar_mpa(l)))
+        ),
+    );
     write("e.txt", rows(4.0, |l| format!("{} {}", bar_mpa(l), l)));
     let mut cyclic = "strain,stress_mpa\n".to_owned();
     for reach in [2.0, 4.0] {
@@ -98,6 +105,7 @@ fn tables_of_machines_give_the_same_constants() {
         &["b.csv"],
         &["c.txt"],
         &["d.csv", "--length-mm", "25", "--area-mm2", "18"],
+        &["head.csv"],
         &[&["e.txt"], &given[..]].concat(),
         &["f.csv"],
     ] {

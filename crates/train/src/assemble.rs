@@ -23,7 +23,7 @@ pub(crate) fn assemble(
     database: &Database,
     config: &TrainConfig,
     plan: &Plan,
-    parts: Vec<Part>,
+    parts: &[Part],
     onset: Option<OnsetModel>,
     remarks: Vec<String>,
 ) -> (Model, DataSheet) {

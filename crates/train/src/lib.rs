@@ -38,6 +38,7 @@ mod group;
 pub mod inertia;
 pub mod measured;
 pub mod memory;
+mod observables;
 mod onset;
 #[doc(hidden)]
 pub mod pod;
@@ -51,7 +52,7 @@ pub use error::TrainError;
 use crate::config::TrainConfig;
 use crate::datasheet::DataSheet;
 use rom::model::{BlockKind, Model};
-use rom::observable::Observables;
+use rom::observable::OnMesh;
 use rom::snapshots::Database;
 
 /// Trains a model on the training split. `progress` receives the name of each step.
@@ -97,9 +98,13 @@ pub fn train(
     }
     progress("assembling the model");
     sorted.remarks.extend(assemble::remarks(database, &parts));
-    let (mut model, sheet) = assemble::assemble(database, config, &plan, parts, onset, sorted.remarks);
+    let (mut model, sheet) =
+        assemble::assemble(database, config, &plan, &parts, onset, std::mem::take(&mut sorted.remarks));
     if !config.observables.is_empty() {
-        let observables = Observables::define(&model, &config.observables).map_err(TrainError::Config)?;
+        progress("half-widths of the observables");
+        let on_mesh = OnMesh::new(&model, &config.observables).map_err(TrainError::Config)?;
+        let ratios = observables::ratios(database, &plan, &parts, &sorted, &model, &on_mesh)?;
+        let observables = on_mesh.reduced(&model, &ratios, config.coverage).map_err(TrainError::Config)?;
         let put = model.set_record(BlockKind::Observables, &observables);
         put.map_err(|error| TrainError::Config(vec![error.to_string()]))?;
     }

@@ -87,7 +87,7 @@ fn still_inputs_and_unrelated_outputs_are_refused() {
     let mut silent = bench(1, 1000, 0.0);
     silent.runs[0].outputs = vec![vec![1.0; 1000], vec![f64::NAN; 1000], vec![2.0; 1000]];
     assert!(matches!(learn("arm", &silent), Err(MeasuredError::NoOutput)));
-    assert!(matches!(learn("arm", &bench(1, 30, 0.0)), Err(MeasuredError::Few { found: 30, .. })));
+    assert!(matches!(fit("arm", &bench(1, 7, 0.0)), Err(MeasuredError::Few { found: 7, .. })));
 }
 
 #[test]

@@ -298,6 +298,7 @@ class State(Payload):
         ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
         ("observables", f64 * 8),  # Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
         ("observable_halfwidths", f64 * 8),  # Half-widths of the observables; NaN when not configured.
+        ("observable_offsets", f64 * 8),  # Part of each observable that is a measured difference from the finite elements; 0 without one.
         ("observable_names", u8 * 256),  # Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left.
     ]
     _texts = {"actuator"}
@@ -556,6 +557,7 @@ class Answer(Payload):
         ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
         ("observables", f64 * 8),  # Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
         ("observable_halfwidths", f64 * 8),  # Half-widths of the observables; NaN when not configured.
+        ("observable_offsets", f64 * 8),  # Part of each observable that is a measured difference from the finite elements; 0 without one.
         ("observable_names", u8 * 256),  # Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left.
     ]
     _texts = {"node_set", "actuator"}

@@ -78,6 +78,7 @@ class PredictionRow(ctypes.Structure):
         ("reserved", c_uint32),
         ("observables", c_double * MAX_OBSERVABLES),
         ("observable_halfwidths", c_double * MAX_OBSERVABLES),
+        ("observable_offsets", c_double * MAX_OBSERVABLES),
     ]
 
 

@@ -91,6 +91,11 @@ class Prediction:
         return {name: self._rows["observable_halfwidths"][..., at][()] for at, name in enumerate(self._observables)}
 
     @property
+    def observable_offsets(self) -> Dict[str, Any]:
+        """Part of each observable that is a measured difference from the finite elements, by name; 0 without one."""
+        return {name: self._rows["observable_offsets"][..., at][()] for at, name in enumerate(self._observables)}
+
+    @property
     def regime(self) -> Any:
         """`free` or `contact`."""
         return _words(REGIMES, self._rows["regime"])

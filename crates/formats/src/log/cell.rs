@@ -4,22 +4,39 @@
 const MISSING: [&str; 8] = ["nan", "na", "n/a", "#n/a", "null", "none", "-", "--"];
 
 /// Number of a cell: decimal point or comma, or a clock in seconds; NaN for a missing value, `None` for other content.
-pub(super) fn number(cell: &str, separator: char) -> Option<f64> {
+pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
     if cell.is_empty() || MISSING.contains(&cell.to_ascii_lowercase().as_str()) {
         return Some(f64::NAN);
     }
     let comma = || {
-        let is_decimal = separator != ',' && cell.matches(',').count() == 1 && !cell.contains('.');
+        let is_decimal = decimal_comma && cell.matches(',').count() == 1 && !cell.contains('.');
         is_decimal.then(|| cell.replace(',', ".")).and_then(|cell| cell.parse().ok())
     };
     let minus = || cell.strip_prefix('\u{2212}').and_then(|size| size.parse::<f64>().ok()).map(|size| -size);
-    cell.parse().ok().or_else(comma).or_else(minus).or_else(|| clock_s(cell))
+    cell.parse().ok().or_else(comma).or_else(minus).or_else(|| grouped(cell)).or_else(|| clock_s(cell))
 }
 
-/// Seconds of `12:30:01.5` since midnight, or of an ISO 8601 date and time since 1970 (UTC, or with its offset).
+/// Number with groups of thousands: `1,234.5` or `1.234,5`.
+fn grouped(cell: &str) -> Option<f64> {
+    let decimal = cell.rfind(['.', ',']).filter(|at| cell.contains(['.', ',']) && *at > 0)?;
+    let separator = if cell[decimal..].starts_with('.') { ',' } else { '.' };
+    let (whole, part) = (&cell[..decimal], &cell[decimal + 1..]);
+    let mut groups = whole.split(separator);
+    let leads = groups.next().map(|first| first.trim_start_matches(['-', '+']).len());
+    let is_grouped = whole.contains(separator) && groups.all(|group| group.len() == 3);
+    let number = format!("{}.{part}", whole.replace(separator, ""));
+    number.parse().ok().filter(|_| is_grouped && leads.is_some_and(|digits| (1..=3).contains(&digits)))
+}
+
+/// Seconds of `12:30:01.5` or `3:30:01.5 PM` since midnight, or of a date and time since 1970 (UTC, or with its offset).
 fn clock_s(cell: &str) -> Option<f64> {
+    let (cell, half_s) = match cell.to_ascii_lowercase() {
+        lower if lower.ends_with("am") => (cell[..cell.len() - 2].trim_end(), Some(0.0)),
+        lower if lower.ends_with("pm") => (cell[..cell.len() - 2].trim_end(), Some(43200.0)),
+        _ => (cell, None),
+    };
     let (date, time) = match cell.split_once(['T', ' ']) {
-        Some((date, time)) => (Some(date), time),
+        Some((date, time)) => (Some(date), time.trim_start()),
         None => (None, cell),
     };
     let days = match date {
@@ -27,9 +44,10 @@ fn clock_s(cell: &str) -> Option<f64> {
         Some(date) => {
             let parts: Vec<i64> =
                 date.split(['-', '/', '.']).map(|part| part.parse().ok()).collect::<Option<Vec<_>>>()?;
-            // 03/04/2023 is March or April: not read. 03.04.2023 is April.
+            // 03.04.2023 is April; 03/04/2023 is taken for March: times from the first row on depend on it only in the night to another month.
             let [year, month, day] = match parts[..] {
-                [day, month, year] if date.contains('.') && year > 31 => [year, month, day],
+                [day, month, year] if (date.contains('.') || day > 12) && year > 31 => [year, month, day],
+                [month, day, year] if date.contains('/') && year > 31 => [year, month, day],
                 [year, month, day] if year > 31 => [year, month, day],
                 _ => return None,
             };
@@ -47,6 +65,8 @@ fn clock_s(cell: &str) -> Option<f64> {
         [h, m, s] => 3600.0 * h + 60.0 * m + s,
         _ => return None,
     };
+    // 12:30 AM is half past midnight.
+    let time_s = half_s.map_or(time_s, |half_s| time_s % 43200.0 + half_s);
     Some(86400.0 * days as f64 + time_s - zone_s)
 }
 

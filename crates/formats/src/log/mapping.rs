@@ -280,7 +280,10 @@ impl Channel {
                 "others",
             ));
         }
-        let suffix = self.name.rsplit('_').next().unwrap_or_default();
+        let suffix = match self.name.ends_with("_per_mm") {
+            true => "per_mm",
+            false => self.name.rsplit('_').next().unwrap_or_default(),
+        };
         let to = unit::unit(suffix).ok_or_else(|| {
             let expected = format!("a unit at the end (pressure_mpa); one of {}", unit::known());
             Diagnostic::new("name", expected, format!("`{}`", self.name))

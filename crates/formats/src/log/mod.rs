@@ -18,10 +18,12 @@ use std::path::Path;
 
 /// Largest log that is read: 512 MiB.
 const MAX_LOG_BYTES: u64 = 1 << 29;
-/// Most lines of headings.
-const MAX_HEADINGS: usize = 3;
-/// Candidates of the separator; a blank stands for any number of blanks.
-const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
+/// Most lines of headings: motion capture has body, marker, number, quantity and axis.
+const MAX_HEADINGS: usize = 6;
+/// Fewest headings of a further line.
+const MIN_NAMED: usize = 2;
+/// Candidates of the separator, of equal ones the last; a blank stands for any number of blanks.
+const SEPARATORS: [char; 4] = [' ', ',', '\t', ';'];
 
 /// Columns of a log, by position.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,6 +38,8 @@ pub struct Log {
     pub separator: char,
     /// Lines below the first row that are not rows.
     pub damaged: Vec<Diagnostic>,
+    /// Numbers by name above the table: `Width (mm);6`, `width_mm = 6`.
+    pub parameters: Vec<(String, f64)>,
 }
 
 impl Log {
@@ -66,13 +70,20 @@ impl Log {
             lines: Vec::new(),
             separator: layout.separator,
             damaged: Vec::new(),
+            parameters: layout.parameters(&lines),
         };
+        for (line, text) in lines[..layout.first].iter().filter(|(_, text)| is_content(text)) {
+            if layout.is_row(text) {
+                let expected = "a row below the headings";
+                log.damaged.push(Diagnostic::new(format!("line {line}"), expected, "one among parameters"));
+            }
+        }
         for (line, text) in lines.iter().skip(layout.first).filter(|(_, text)| is_content(text)) {
             let cells = cells(text, layout.separator);
-            if cells.len() == layout.width && is_row(&cells, layout.separator) {
+            if cells.len() == layout.width && is_row(&cells, layout.decimal_comma) {
                 log.lines.push(*line);
                 for (column, cell) in log.columns.iter_mut().zip(&cells) {
-                    column.push(number(cell, layout.separator).unwrap_or(f64::NAN));
+                    column.push(number(cell, layout.decimal_comma).unwrap_or(f64::NAN));
                 }
             } else {
                 let found = text.chars().take(40).collect::<String>();
@@ -132,16 +143,41 @@ fn cells(line: &str, separator: char) -> Vec<String> {
 }
 
 /// True if at least half of the cells that are not empty are numbers; text columns (`valve open`) stay in the table.
-fn is_row(cells: &[String], separator: char) -> bool {
+fn is_row(cells: &[String], decimal_comma: bool) -> bool {
     let full: Vec<&String> = cells.iter().filter(|cell| !cell.is_empty()).collect();
-    let numbers = full.iter().filter(|cell| number(cell, separator).is_some_and(|v| !v.is_nan())).count();
-    let missing = full.iter().filter(|cell| number(cell, separator).is_some_and(f64::is_nan)).count();
+    let numbers = full.iter().filter(|cell| number(cell, decimal_comma).is_some_and(|v| !v.is_nan())).count();
+    let missing = full.iter().filter(|cell| number(cell, decimal_comma).is_some_and(f64::is_nan)).count();
     !full.is_empty() && 2 * numbers > full.len() - missing && (numbers > 0 || missing == full.len())
+}
+
+/// True if a comma within a cell is a decimal one. Between commas a cell that contains one was quoted: it is then decimal if no cell has a
+/// decimal point and one of them is no group of thousands (`12,5`, `0,125`).
+fn has_decimal_commas(lines: &[(usize, &str)], separator: char) -> bool {
+    if separator != ',' {
+        return true;
+    }
+    let mut is_decimal = false;
+    for (_, line) in lines.iter().filter(|(_, line)| line.contains('"')) {
+        for cell in cells(line, separator) {
+            let Some((whole, part)) = cell.split_once(',') else {
+                if cell.contains('.') && cell.parse::<f64>().is_ok() {
+                    return false;
+                }
+                continue;
+            };
+            let digits = whole.trim_start_matches(['-', '+']);
+            let is_number = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+            let is_group = part.len() == 3 && digits.len() <= 3 && digits != "0";
+            is_decimal |= is_number(digits) && is_number(part) && !is_group;
+        }
+    }
+    is_decimal
 }
 
 /// A separator with the width of most rows.
 struct Layout {
     separator: char,
+    decimal_comma: bool,
     width: usize,
     /// Numbers in rows of this width, minus twice the other cells: a decimal comma taken for a separator leaves such cells.
     score: i64,
@@ -151,40 +187,85 @@ struct Layout {
 
 impl Layout {
     fn of(lines: &[(usize, &str)], separator: char) -> Option<Self> {
-        // Width, rows, score, first row.
-        let mut widths: Vec<(usize, usize, i64, usize)> = Vec::new();
-        for (at, (_, line)) in lines.iter().enumerate().filter(|(_, (_, line))| is_content(line)) {
+        let decimal_comma = has_decimal_commas(lines, separator);
+        // Width, rows, score.
+        let mut widths: Vec<(usize, usize, i64)> = Vec::new();
+        for (_, line) in lines.iter().filter(|(_, line)| is_content(line)) {
             let cells = cells(line, separator);
-            if !is_row(&cells, separator) {
+            if !is_row(&cells, decimal_comma) {
                 continue;
             }
-            let others = cells.iter().filter(|cell| number(cell, separator).is_none()).count();
+            let others = cells.iter().filter(|cell| number(cell, decimal_comma).is_none()).count();
             let score = cells.len() as i64 - 3 * others as i64;
             match widths.iter_mut().find(|(width, ..)| *width == cells.len()) {
-                Some((_, rows, sum, _)) => (*rows, *sum) = (*rows + 1, *sum + score),
-                None => widths.push((cells.len(), 1, score, at)),
+                Some((_, rows, sum)) => (*rows, *sum) = (*rows + 1, *sum + score),
+                None => widths.push((cells.len(), 1, score)),
             }
         }
-        let (width, _, score, first) = widths.into_iter().max_by_key(|(_, rows, ..)| *rows)?;
-        Some(Self { separator, width, score, first })
+        let (width, _, score) = widths.into_iter().max_by_key(|(_, rows, _)| *rows)?;
+        let mut found = Self { separator, decimal_comma, width, score, first: 0 };
+        found.first = found.first_row(lines);
+        Some(found)
     }
 
-    /// Headings from the lines directly above the first row, comments included, joined by column.
-    fn headings(&self, lines: &[(usize, &str)]) -> Vec<String> {
-        let mut headings = vec![String::new(); self.width];
-        let above = lines[..self.first].iter().rev().filter(|(_, line)| !line.is_empty());
-        for (at, (_, line)) in above.take(MAX_HEADINGS).enumerate() {
-            let text = line.trim_start_matches(['#', '%', '!', '/']).trim();
-            // Further lines of headings have the separator of the rows, sentences have not.
-            let cells = match at {
-                0 => self.heading(text),
-                _ => Some(cells(text, self.separator))
-                    .filter(|_| self.separator != ' ')
-                    .and_then(|c| self.fitted(c)),
+    /// Names and numbers above the table.
+    fn parameters(&self, lines: &[(usize, &str)]) -> Vec<(String, f64)> {
+        let of = |line: &str| {
+            let line = line.trim_start_matches(['#', '%', '!', '/']).trim();
+            let cells = cells(line, self.separator);
+            let (name, value) = match &cells[..] {
+                [name, value, ..] if self.separator != ' ' => (name.as_str(), value.as_str()),
+                _ => line.split_once([':', '='])?,
             };
-            let Some(cells) = cells else { break };
-            for (heading, cell) in headings.iter_mut().zip(cells) {
-                *heading = format!("{cell} {heading}").trim().to_owned();
+            let value = number(value.trim(), self.decimal_comma).filter(|v| v.is_finite())?;
+            let is_name = number(name, self.decimal_comma).is_none();
+            is_name.then(|| (name.trim().to_owned(), value))
+        };
+        lines[..self.first].iter().filter_map(|(_, line)| of(line)).collect()
+    }
+
+    fn is_row(&self, line: &str) -> bool {
+        let cells = cells(line, self.separator);
+        cells.len() == self.width && is_row(&cells, self.decimal_comma)
+    }
+
+    /// The first row below the parameters: these may contain lines of numbers (`Samples 1200 1200`), but fewer than others.
+    fn first_row(&self, lines: &[(usize, &str)]) -> usize {
+        let (mut rows, mut others, mut first, mut is_begun) = (0, 0, 0, false);
+        for (at, (_, line)) in lines.iter().enumerate().filter(|(_, (_, line))| is_content(line)) {
+            if !self.is_row(line) {
+                others += 1;
+                is_begun &= rows >= others;
+                continue;
+            }
+            rows += 1;
+            if !is_begun {
+                (first, is_begun) = (at, true);
+            }
+        }
+        first
+    }
+
+    /// Headings from the lines directly above the first row, comments included, joined by column. A further line names groups of columns
+    /// (`tip,,`): an empty cell continues the one to its left where the heading below it is not unique.
+    fn headings(&self, lines: &[(usize, &str)]) -> Vec<String> {
+        let above = lines[..self.first].iter().rev().filter(|(_, line)| !line.is_empty());
+        let mut above = above.map(|(_, line)| line.trim_start_matches(['#', '%', '!', '/']).trim());
+        let first = above.next().and_then(|line| self.heading(line));
+        let Some(mut headings) = first else { return vec![String::new(); self.width] };
+        let lowest = headings.clone();
+        // Further lines of headings have the separator of the rows, sentences have not.
+        for line in above.take(MAX_HEADINGS - 1).filter(|_| self.separator != ' ') {
+            let found = self.fitted(cells(line, self.separator), MIN_NAMED);
+            let Some(mut groups) = found else { break };
+            for at in 1..groups.len() {
+                let is_repeated = lowest.iter().filter(|other| **other == lowest[at]).count() > 1;
+                if groups[at].is_empty() && is_repeated {
+                    groups[at] = groups[at - 1].clone();
+                }
+            }
+            for (heading, group) in headings.iter_mut().zip(groups) {
+                *heading = format!("{group} {heading}").trim().to_owned();
             }
         }
         headings
@@ -201,20 +282,22 @@ impl Layout {
             cells(line, '\t'),
             words(line),
         ];
-        candidates.into_iter().find_map(|cells| self.fitted(cells))
+        candidates.into_iter().find_map(|cells| self.fitted(cells, self.width / 2 + 1))
     }
 
-    /// The cells, if they are one heading per column.
-    fn fitted(&self, mut cells: Vec<String>) -> Option<Vec<String>> {
-        if cells.len() == self.width + 1 && cells.last().is_some_and(String::is_empty) {
+    /// The cells, if they are one heading per column and at least `named` are not empty.
+    fn fitted(&self, mut cells: Vec<String>, named: usize) -> Option<Vec<String>> {
+        // A column of remarks at the end has cells only where there is one.
+        let is_spare = |cell: &String| cell.is_empty() || cell.to_lowercase().starts_with("comment");
+        if cells.len() == self.width + 1 && cells.last().is_some_and(is_spare) {
             cells.pop();
         }
         if cells.len() + 1 == self.width && self.separator != ' ' {
             cells.push(String::new());
         }
-        let named = cells.iter().filter(|cell| !cell.is_empty()).count();
-        let numeric = cells.iter().any(|cell| number(cell, self.separator).is_some_and(|v| !v.is_nan()));
-        (cells.len() == self.width && 2 * named > self.width && !numeric).then_some(cells)
+        let found = cells.iter().filter(|cell| !cell.is_empty()).count();
+        let numeric = cells.iter().any(|cell| number(cell, self.decimal_comma).is_some_and(|v| !v.is_nan()));
+        (cells.len() == self.width && found >= named.min(self.width) && !numeric).then_some(cells)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Units of bench logs as factors to MPa, mm, N, rad, s, V, A and mm^3.
+//! Units of bench logs as factors to MPa, mm, N, rad, s, V, A, mm^3 and 1/mm.
 //!
 //! A table instead of a package: `uom` checks units at compile time and reads none of a file's spellings; the others bring a language
 //! of expressions. The test holds the factors.
@@ -22,6 +22,8 @@ pub enum Quantity {
     Current,
     /// mm^3.
     Volume,
+    /// 1/mm.
+    Curvature,
     /// No unit.
     Number,
 }
@@ -29,11 +31,15 @@ pub enum Quantity {
 /// Spellings, quantity, factor to its base unit.
 const UNITS: &[(&[&str], Quantity, f64)] = &[
     (&["mpa", "n/mm2", "n/mm^2"], Quantity::Pressure, 1.0),
-    (&["kpa"], Quantity::Pressure, 1e-3),
+    (&["kpa", "kpag"], Quantity::Pressure, 1e-3),
     (&["hpa", "mbar"], Quantity::Pressure, 1e-4),
     (&["pa"], Quantity::Pressure, 1e-6),
-    (&["bar"], Quantity::Pressure, 0.1),
-    (&["psi"], Quantity::Pressure, 0.006_894_757_293_168_361),
+    (&["bar", "barg"], Quantity::Pressure, 0.1),
+    (&["psi", "psig"], Quantity::Pressure, 0.006_894_757_293_168_361),
+    (&["atm"], Quantity::Pressure, 0.101_325),
+    (&["torr", "mmhg"], Quantity::Pressure, 101_325e-6 / 760.0),
+    (&["cmh2o"], Quantity::Pressure, 98.0665e-6),
+    (&["kgf/cm2", "kgf/cm^2"], Quantity::Pressure, 0.098_066_5),
     (&["mm"], Quantity::Length, 1.0),
     (&["cm"], Quantity::Length, 10.0),
     (&["m"], Quantity::Length, 1000.0),
@@ -44,12 +50,14 @@ const UNITS: &[(&[&str], Quantity, f64)] = &[
     (&["kn"], Quantity::Force, 1e3),
     (&["gf"], Quantity::Force, 9.806_65e-3),
     (&["kgf"], Quantity::Force, 9.806_65),
+    (&["lbf"], Quantity::Force, 4.448_221_615_260_5),
     (&["rad"], Quantity::Angle, 1.0),
     (&["deg", "\u{b0}", "degree", "degrees"], Quantity::Angle, std::f64::consts::PI / 180.0),
     (&["s", "sec", "second", "seconds"], Quantity::Time, 1.0),
-    (&["ms"], Quantity::Time, 1e-3),
-    (&["us", "\u{b5}s", "\u{3bc}s"], Quantity::Time, 1e-6),
-    (&["ns"], Quantity::Time, 1e-9),
+    (&["ms", "msec", "milliseconds"], Quantity::Time, 1e-3),
+    (&["us", "\u{b5}s", "\u{3bc}s", "usec", "microseconds"], Quantity::Time, 1e-6),
+    (&["ns", "nsec", "nanoseconds"], Quantity::Time, 1e-9),
+    (&["min", "minutes"], Quantity::Time, 60.0),
     (&["v"], Quantity::Voltage, 1.0),
     (&["mv"], Quantity::Voltage, 1e-3),
     (&["a"], Quantity::Current, 1.0),
@@ -57,6 +65,9 @@ const UNITS: &[(&[&str], Quantity, f64)] = &[
     (&["mm3", "mm^3", "ul", "\u{b5}l"], Quantity::Volume, 1.0),
     (&["ml", "cm3", "cm^3", "cc"], Quantity::Volume, 1e3),
     (&["l"], Quantity::Volume, 1e6),
+    (&["1/mm", "per_mm", "mm^-1"], Quantity::Curvature, 1.0),
+    (&["1/cm", "cm^-1"], Quantity::Curvature, 0.1),
+    (&["1/m", "m^-1"], Quantity::Curvature, 1e-3),
     (&["1", "count", "counts"], Quantity::Number, 1.0),
 ];
 
@@ -77,13 +88,17 @@ pub fn known() -> String {
 /// Units that are words or labels as well (`pressure_in`, `chamber_a`): read in brackets only.
 const WORDS: [&str; 4] = ["in", "a", "l", "1"];
 
-/// Spelling of the unit that a heading contains: in brackets, or as its last word (`pressure_kpa`).
+/// Unit of pixels, whose size a mapping states.
+pub const PIXELS: &str = "px";
+
+/// Spelling of the unit that a heading contains: in brackets, or as its last word (`pressure_kpa`); pixels included.
 #[must_use]
 pub fn in_heading(heading: &str) -> Option<&str> {
+    let is_known = |spelling: &&str| unit(spelling).is_some() || spelling.trim().eq_ignore_ascii_case(PIXELS);
     let bracketed = heading.rfind(['(', '[']).map(|at| heading[at + 1..].trim_end_matches([')', ']', ' ']));
     let last = heading.rsplit(['_', ' ', '/']).next().filter(|last| last.len() < heading.len());
     let last = last.filter(|last| !WORDS.contains(&last.to_lowercase().as_str()));
-    [bracketed, last].into_iter().flatten().find(|spelling| unit(spelling).is_some())
+    [bracketed, last].into_iter().flatten().find(is_known)
 }
 
 #[cfg(test)]
@@ -102,6 +117,8 @@ mod tests {
         assert_eq!(in_heading("pressure_kpa"), Some("kpa"));
         assert_eq!(in_heading("speed"), None);
         assert_eq!((in_heading("chamber_a"), in_heading("supply [A]")), (None, Some("A")));
+        assert_eq!(in_heading("tip x (px)"), Some("px"));
+        assert!((factor("mmHg") * 750.062 - 0.1).abs() < 1e-6 && (factor("1/m") - 1e-3).abs() < 1e-12);
         assert_eq!(unit("furlong"), None);
     }
 }

@@ -26,6 +26,28 @@ pub fn pressure(state: &State, actuator: &str, time_ns: u64) -> Option<Vec<u8>> 
     (!state.pressure_mpa.is_nan()).then(|| Cdr::new().header(time_ns, actuator).doubles(&values).finish())
 }
 
+/// Observables of a state by name, as positions in rad, m, 1/m and m3, with their half-widths as efforts; `None` without observables.
+pub fn observables(state: &State, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
+    let all: Vec<(String, f64, f64)> = state.observables().collect();
+    if all.is_empty() {
+        return None;
+    }
+    let names: Vec<&str> = all.iter().map(|(name, ..)| name.as_str()).collect();
+    let si = |of: &dyn Fn(&(String, f64, f64)) -> f64| -> Vec<f64> {
+        all.iter().map(|one| of(one) * per_unit(&one.0)).collect()
+    };
+    let (values, halfwidths) = (si(&|one| one.1), si(&|one| one.2));
+    let count = all.len() as u32;
+    let message = Cdr::new().header(time_ns, actuator).strings(&names).word(count).doubles(&values);
+    Some(message.word(0).word(count).doubles(&halfwidths).finish())
+}
+
+/// SI units per unit at the end of an observable's name.
+fn per_unit(name: &str) -> f64 {
+    let units = [("_deg", 1_f64.to_radians()), ("_per_mm", 1e3), ("_mm3", 1e-9), ("_mm", 1e-3)];
+    units.iter().find(|(end, _)| name.ends_with(end)).map_or(1.0, |(_, factor)| *factor)
+}
+
 /// Nodes of a field in m, with its other fields; `None` without x, y and z. `O(values)`.
 pub fn points(header: &FieldHeader, values: &[f32], actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
     let [x, y, z] = header.coordinates(values)?;

@@ -5,7 +5,7 @@ use super::config::Ros2;
 use super::marker::Markers;
 use super::message;
 use super::names::{Entity, Names, token};
-use super::types::{DIAGNOSTICS, MARKER, MessageType, POINTS, PRESSURE, WRENCH};
+use super::types::{DIAGNOSTICS, JOINTS, MARKER, MessageType, POINTS, PRESSURE, WRENCH};
 use crate::link::{Link, network};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
@@ -24,6 +24,7 @@ fn kinds(topic: &Topic, ros: &Ros2) -> Vec<(String, MessageType, Encode)> {
         TopicKind::State => vec![
             ("wrench".into(), WRENCH, of_state(message::wrench)),
             ("pressure".into(), PRESSURE, of_state(message::pressure)),
+            ("observables".into(), JOINTS, of_state(message::observables)),
         ],
         TopicKind::Field => {
             let set = plain(topic.node_set().unwrap_or("all"));

@@ -42,6 +42,11 @@ pub const PRESSURE: MessageType = MessageType {
     name: "sensor_msgs::msg::dds_::FluidPressure_",
     hash: "RIHS01_22dfb2b145a0bd5a31a1ac3882a1b32148b51d9b2f3bab250290d66f3595bc32",
 };
+/// `sensor_msgs/msg/JointState`.
+pub const JOINTS: MessageType = MessageType {
+    name: "sensor_msgs::msg::dds_::JointState_",
+    hash: "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
+};
 /// `diagnostic_msgs/msg/DiagnosticArray`.
 pub const DIAGNOSTICS: MessageType = MessageType {
     name: "diagnostic_msgs::msg::dds_::DiagnosticArray_",

@@ -9,6 +9,19 @@ use wire::layout::{MARKERS_MAX, Marker};
 /// Estimated quantities by name: a model input (`gap_mm`, `"elastomer.law.mu_mpa"`), `pressure_bias_mpa`, `force_bias_n`.
 pub type EstimateSpec = BTreeMap<String, UnknownSpec>;
 
+/// Measured observables of the model by name (`bending_angle_deg`).
+pub type ObservedSpecs = BTreeMap<String, ObservedSpec>;
+
+/// A measured observable: the readings carry it by its name.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObservedSpec {
+    /// Standard deviation of the noise of a reading, in the observable's unit; a sensor's own goes before it.
+    pub sigma: f64,
+    /// Standard deviation of the model's value; default: from its half-width, which excludes the error of its mesh.
+    pub model_sigma: Option<f64>,
+}
+
 /// Prior of an estimated quantity, in its own unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -125,6 +138,7 @@ pub(super) fn problems(
     estimate: &EstimateSpec,
     sigma: &SigmaSpec,
     markers: &[MarkerSpec],
+    observables: &ObservedSpecs,
     camera: &CameraSpec,
     problems: &mut Vec<String>,
 ) {
@@ -152,6 +166,13 @@ pub(super) fn problems(
     ] {
         let fits = value.is_finite() && value > 0.0;
         expect(fits, format!("sigma.{key}"), "a number above 0", value.to_string());
+    }
+    for (name, observed) in observables {
+        for (key, value) in [("sigma", observed.sigma), ("model_sigma", observed.model_sigma.unwrap_or(1.0))]
+        {
+            let fits = value.is_finite() && value > 0.0;
+            expect(fits, format!("observables.{name}.{key}"), "a number above 0", value.to_string());
+        }
     }
     let correlation = sigma.model_correlation_s;
     let fits = correlation.is_finite() && correlation >= 0.0;

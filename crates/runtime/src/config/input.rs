@@ -69,6 +69,7 @@ pub(super) fn problems(
     place: &str,
     inputs: &InputSpecs,
     is_estimated: impl Fn(&str) -> bool,
+    observables: impl Iterator<Item = String>,
     problems: &mut Vec<String>,
 ) {
     let mut ends = BTreeSet::new();
@@ -92,9 +93,20 @@ pub(super) fn problems(
         set_slot(&mut end, 0, name);
         expect(ends.insert(end), "measured inputs that differ in their last 31 letters", "two alike".into());
     }
+    for name in observables {
+        let mut end = [0; 32];
+        set_slot(&mut end, 0, &name);
+        if !ends.insert(end) {
+            let expected =
+                "expected a name that differs from those of measured inputs in its last 31 letters";
+            problems.push(format!("{place}.observables.{name}: {expected}, found two alike"));
+        }
+    }
     if ends.len() > PARAMETERS_MAX {
         let found = ends.len();
-        problems.push(format!("{place}.inputs: expected at most {PARAMETERS_MAX} measured, found {found}"));
+        problems.push(format!(
+            "{place}.inputs, {place}.observables: expected at most {PARAMETERS_MAX} measured, found {found}"
+        ));
     }
 }
 

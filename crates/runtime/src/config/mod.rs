@@ -10,7 +10,9 @@ mod scene;
 mod settings;
 
 pub use error::{ConfigError, collect, read};
-pub use estimate::{BIASES, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec, UnknownSpec};
+pub use estimate::{
+    BIASES, CameraSpec, EstimateSpec, MarkerSpec, ObservedSpec, ObservedSpecs, SigmaSpec, UnknownSpec,
+};
 pub(crate) use estimate::{PRESSURE_BIAS, Sigmas};
 pub use grasp::{BlockSpec, GraspSpec, PlaceSpec};
 pub use input::{InputFrom, InputSpecs, Measured, WithinSpec};

@@ -1,7 +1,7 @@
 //! Scenes: what is there, and what is wanted of it. The twin loads and computes exactly that.
 
 use super::error::{ConfigError, read};
-use super::estimate::{self, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec, Sigmas};
+use super::estimate::{self, CameraSpec, EstimateSpec, MarkerSpec, ObservedSpecs, SigmaSpec, Sigmas};
 use super::grasp::{BlockSpec, GraspSpec, PlaceSpec, plate_problems};
 use super::input::{self, InputSpecs, Measured, WithinSpec};
 use crate::source::{Devices, InputNames, PaceSpec, Sensors, Source, SourceSpec, open_sensors, value_mut};
@@ -87,6 +87,9 @@ pub struct ActuatorSpec {
     /// Markers that a camera follows.
     #[serde(default, rename = "marker")]
     pub markers: Vec<MarkerSpec>,
+    /// Observables of the model that are measured, such as a bending angle by a camera: values of the readings by their names.
+    #[serde(default)]
+    pub observables: ObservedSpecs,
     /// The camera's frame.
     #[serde(default)]
     pub camera: CameraSpec,
@@ -277,13 +280,12 @@ impl Scene {
     fn listener_problems(&self, actuator: &ActuatorSpec, place: &str, problems: &mut Vec<String>) {
         let other = self.actuators.iter().find(|other| other.name == actuator.sensor());
         let Some(other) = other.filter(|other| other.name != actuator.name) else { return };
-        for (name, _) in actuator.measured_inputs() {
-            if other.measured_inputs().all(|(known, _)| known != name) {
-                let of = &other.name;
-                problems.push(format!(
-                    "{place}.inputs.\"{name}\": expected it measured by `{of}` too, whose readings count here, found it is not"
-                ));
-            }
+        let known = other.input_names();
+        for name in actuator.input_names().iter().filter(|name| known.iter().all(|known| known != *name)) {
+            problems.push(format!(
+                "{place}: expected {name} measured by `{}` too, whose readings count here, found it is not",
+                other.name
+            ));
         }
     }
 
@@ -336,9 +338,10 @@ impl ActuatorSpec {
         self.inputs.iter().filter_map(|(name, from)| Some((name.as_str(), from.measured()?)))
     }
 
-    /// The names of these inputs, in the order in which readings carry them.
+    /// The names of these inputs, then of the measured observables, in the order in which readings carry them.
     pub fn input_names(&self) -> InputNames {
-        InputNames::new(self.measured_inputs().map(|(name, _)| name))
+        let inputs = InputNames::new(self.measured_inputs().map(|(name, _)| name));
+        inputs.with_observables(self.observables.keys().map(String::as_str))
     }
 
     /// Whether one of its sensors has a value of this name.
@@ -346,11 +349,12 @@ impl ActuatorSpec {
         self.sensors.values().flat_map(|sensor| sensor.values()).any(|(value, _)| value == name)
     }
 
-    /// Standard deviation of the noise of a measured input: its sensor's own where it has one, otherwise that of `inputs`.
-    pub(crate) fn input_sigma(&self, name: &str) -> Option<f64> {
+    /// Standard deviation of the noise of a measured input or observable: its sensor's own where it has one, otherwise the scene's.
+    pub(crate) fn named_sigma(&self, name: &str) -> Option<f64> {
         let mut of_sensors = self.sensors.values().flat_map(|sensor| sensor.values());
         let own = of_sensors.find(|(value, _)| *value == name).and_then(|(_, sigma)| sigma);
-        own.or_else(|| self.inputs.get(name)?.measured()?.sigma)
+        let of_input = || self.inputs.get(name)?.measured()?.sigma;
+        own.or_else(of_input).or_else(|| Some(self.observables.get(name)?.sigma))
     }
 
     /// Where the readings come from, in words; one text for each device.
@@ -430,12 +434,21 @@ impl ActuatorSpec {
             valve.problems(place, problems);
         }
         problems.extend(self.control.problems(&format!("{place}.control")));
-        estimate::problems(place, &self.estimate, &self.sigma, &self.markers, &self.camera, problems);
+        estimate::problems(
+            place,
+            &self.estimate,
+            &self.sigma,
+            &self.markers,
+            &self.observables,
+            &self.camera,
+            problems,
+        );
         let (min, max) = self.gap_mm.range_mm();
         if min.is_nan() || max.is_nan() || min > max || min < 0.0 {
             problems.push(format!("{place}.gap_mm: expected 0 <= min <= max in mm, found {min} .. {max}"));
         }
-        input::problems(place, &self.inputs, |name| self.estimate.contains_key(name), problems);
+        let is_estimated = |name: &str| self.estimate.contains_key(name);
+        input::problems(place, &self.inputs, is_estimated, self.observables.keys().cloned(), problems);
         let waiting = wire::qos::of(wire::TopicKind::Sensor).buffer;
         if !(1..=waiting).contains(&self.backlog) {
             problems.push(format!("{place}.backlog: expected 1 to {waiting}, found {}", self.backlog));

@@ -102,25 +102,43 @@ pub(super) fn age_mut(sample: &mut SensorSample, slot: usize) -> Option<&mut u64
     }
 }
 
-/// Names of the measured model inputs in addition to pressure and gap, in the order of the readings; at most
+/// Names of the measured model inputs in addition to pressure and gap, then of measured observables, in the order of the readings; at most
 /// [`PARAMETERS_MAX`].
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct InputNames(Vec<String>);
+pub struct InputNames {
+    names: Vec<String>,
+    /// How many are inputs; the others may be missing in a reading.
+    inputs: usize,
+}
 
 impl InputNames {
     /// The first [`PARAMETERS_MAX`] of `names` (scenes with more are refused).
     pub fn new<'a>(names: impl IntoIterator<Item = &'a str>) -> Self {
-        Self(names.into_iter().take(PARAMETERS_MAX).map(str::to_owned).collect())
+        let names: Vec<String> = names.into_iter().take(PARAMETERS_MAX).map(str::to_owned).collect();
+        Self { inputs: names.len(), names }
+    }
+
+    /// The same with observables behind the inputs.
+    #[must_use]
+    pub fn with_observables<'a>(mut self, names: impl IntoIterator<Item = &'a str>) -> Self {
+        let room = PARAMETERS_MAX - self.names.len();
+        self.names.extend(names.into_iter().take(room).map(str::to_owned));
+        self
     }
 
     /// The names in their order.
     pub fn iter(&self) -> impl Iterator<Item = &str> {
-        self.0.iter().map(String::as_str)
+        self.names.iter().map(String::as_str)
     }
 
-    /// Whether there are no names.
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
+    /// Whether no input is among the names.
+    pub fn has_no_input(&self) -> bool {
+        self.inputs == 0
+    }
+
+    /// Whether the value of a name may be missing.
+    pub(super) fn is_optional(&self, at: usize) -> bool {
+        at >= self.inputs
     }
 
     /// Slot of a value by name. A named input precedes a value that every reading has: a model's `force_n` is a load, not the
@@ -131,7 +149,7 @@ impl InputNames {
 
     /// A sample with these names and no values.
     pub(super) fn sample(&self) -> SensorSample {
-        let mut sample = SensorSample { input_count: self.0.len() as u32, ..SensorSample::default() };
+        let mut sample = SensorSample { input_count: self.names.len() as u32, ..SensorSample::default() };
         self.iter().enumerate().for_each(|(at, name)| set_slot(&mut sample.input_names, at, name));
         sample
     }

@@ -316,7 +316,7 @@ fn problems(sensors: &Sensors, pace: Option<&PaceSpec>, inputs: &InputNames) -> 
             }
         }
     }
-    if !from.contains_key(&PRESSURE) && inputs.is_empty() {
+    if !from.contains_key(&PRESSURE) && inputs.has_no_input() {
         problems.push("sensors: expected a sensor with pressure_mpa, found none; the twin needs it".into());
     }
     for name in inputs.iter().filter(|name| inputs.slot(name).is_none_or(|slot| !from.contains_key(&slot))) {

@@ -218,11 +218,11 @@ impl Columns {
             is_again.then(|| TraceError::ColumnTwice { line, column: column.to_owned() })
         };
         let needed =
-            ["t_s"].into_iter().chain(names.iter()).chain(names.is_empty().then_some("pressure_mpa"));
+            ["t_s"].into_iter().chain(names.iter()).chain(names.has_no_input().then_some("pressure_mpa"));
         let missing = |column: &str| TraceError::MissingColumn {
             line,
             column: column.to_owned(),
-            expected: match names.is_empty() {
+            expected: match names.has_no_input() {
                 true => "t_s,pressure_mpa,gap_mm".into(),
                 false => ["t_s"].into_iter().chain(names.iter()).collect::<Vec<_>>().join(","),
             },
@@ -263,6 +263,8 @@ impl Columns {
                 found: found.chars().take(40).collect(),
             })
         };
+        // A marker that was not seen, or an angle that was not found, leaves its cells empty.
+        let is_empty = |place: usize| text.split(',').nth(place).is_some_and(|cell| cell.trim().is_empty());
         let optional = |column, place: Option<usize>| place.map_or(Ok(f64::NAN), |place| cell(column, place));
         let mut row = SensorSample {
             t_trace_s: cell("t_s", self.t_s)?,
@@ -273,15 +275,15 @@ impl Columns {
         };
         for ((slot, column), name) in (MARKERS..).zip(&self.markers).zip(marker_columns()) {
             let Some(place) = *column else { continue };
-            // A marker that was not seen leaves its cells empty.
-            let is_empty = text.split(',').nth(place).is_some_and(|cell| cell.trim().is_empty());
             if let Some(value) = value_mut(&mut row, slot) {
-                *value = if is_empty { f64::NAN } else { cell(name, place)? };
+                *value = if is_empty(place) { f64::NAN } else { cell(name, place)? };
             }
             row.marker_values = 3 * ((slot - MARKERS) as u32 / 3) + 3;
         }
-        for (value, (place, name)) in row.inputs.iter_mut().zip(self.inputs.iter().zip(self.names.iter())) {
-            *value = cell(name, *place)?;
+        let named = self.inputs.iter().zip(self.names.iter()).enumerate();
+        for (value, (at, (place, name))) in row.inputs.iter_mut().zip(named) {
+            let is_missing = self.names.is_optional(at) && is_empty(*place);
+            *value = if is_missing { f64::NAN } else { cell(name, *place)? };
         }
         let before = before.unwrap_or(f64::NEG_INFINITY);
         if !row.t_trace_s.is_finite() || row.t_trace_s < before {

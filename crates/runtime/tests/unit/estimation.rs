@@ -3,7 +3,7 @@
 use super::*;
 use wire::layout::{AGES_MAX, Ages};
 
-const ALL_NEW: New = New { force: true, markers: [true; MARKERS_MAX] };
+const ALL_NEW: New = New::ALL;
 
 #[test]
 fn measurement_repeated_in_later_readings_is_new_once() {

@@ -11,7 +11,7 @@ use estimate::{Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, S
 use memory::Calibration;
 use rom::inputs::InputSpec;
 use runtime::config::Scene;
-use runtime::estimation::{self, SensorModel};
+use runtime::estimation::{self, SensorModel, SensorValues};
 use runtime::measured::MeasuredInputs;
 use runtime::source::Trace;
 use serde_json::{Map, Value, json};
@@ -28,8 +28,8 @@ Examples:
     softtwin calibrate --scene config/scenes/estimate.toml \\
       --recording run.csv --memory finger-memory.twin --out calibrated.toml
 
-A table has the columns t_s,pressure_mpa[,gap_mm][,measured_force_n][,marker1_x_mm,marker1_y_mm,marker1_z_mm]...; an empty \
-cell is a missing value. `identifiable` is false where the recording does not tell a quantity: its value then rests on the \
+A table has the columns t_s,pressure_mpa[,gap_mm][,measured_force_n][,marker1_x_mm,marker1_y_mm,marker1_z_mm]... and those of measured \
+inputs and observables by name; an empty cell is a missing value. `identifiable` is false where the recording does not tell a quantity: its value then rests on the \
 prior of the scene. With --json the last thing on standard output is one JSON object. Exit code 1: the fit did not converge. \
 Exit code 65: the model does not explain the recording, because more values than --max-rejected contradict the fit, or because \
 what is left over follows time or the direction of the pressure; nothing is saved then without --force.";
@@ -89,9 +89,10 @@ impl Args {
             configuration(anyhow::anyhow!("{}: {}", self.recording.display(), messages.join("\n")))
         })?;
         let good = trace.rows.iter().filter(|reading| reading.status == 0);
-        let named = MeasuredInputs::new(spec, &unknowns.header.inputs);
-        let readings: Vec<Measurement> =
-            good.map(|reading| estimation::measurement(reading.t_trace_s, reading, &named)).collect();
+        let (named, values) = (MeasuredInputs::new(spec, &unknowns.header.inputs), SensorValues::new(spec));
+        let readings: Vec<Measurement> = good
+            .map(|reading| estimation::measurement(reading.t_trace_s, reading, &named, &values))
+            .collect();
         check_recording(setup, &readings).map_err(configuration)?;
         let (calibration, found) = match &self.memory {
             None => (Calibration::of(unknowns, readings)?, None),

@@ -1,11 +1,15 @@
 //! `softtwin learn`.
 
-use crate::failure::unexplained;
-use crate::{bench, files, memory_report, output};
-use formats::log::Series;
+use crate::bench::{self, inputs_at, match_inputs};
+use crate::failure::{configuration, unexplained};
+use crate::{files, memory_report, output};
+use formats::log::{Recording, Series};
+use rom::memory::Memory;
 use serde_json::{Map, Value, json};
-use std::path::PathBuf;
-use train::measured::{Learned, Measured, Run, learn, learn_with_memory};
+use std::path::{Path, PathBuf};
+use train::measured::{
+    Difference, Learned, Measured, MeasuredError, MeasuredStates, Run, correct, learn, learn_with_memory,
+};
 use train::memory::Identified;
 
 const EXAMPLES: &str = "\
@@ -18,9 +22,13 @@ Examples:
   With memory (line, play, creep) where it improves parts that were left out:
     softtwin learn run1.csv --log log.toml --memory --out mine.twin
 
-The model is measured, without mesh. Exit code 65: the recording teaches nothing.";
+  A finite-element model with the measured difference of its angle and markers:
+    softtwin learn run1.csv --log log.toml --model finger.twin --out mine.twin
 
-/// Learn a model from measured inputs and outputs alone.
+Without --model the model is measured, without mesh. With it, the outputs of the mapping are observables of the model or coordinates \
+of its node sets; their offsets are smooth over the inputs and 0 where nothing was measured. Exit code 65: the recording teaches nothing.";
+
+/// Learn a model from measured inputs and outputs, or what a finite-element model lacks.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
@@ -33,6 +41,9 @@ pub struct Args {
     /// Identify memory of the inputs: line, play, creep (docs/memory.md).
     #[arg(long)]
     memory: bool,
+    /// Finite-element model whose observables and markers get measured offsets; default: measurements alone.
+    #[arg(long, value_name = "FILE.twin", conflicts_with = "memory")]
+    model: Option<PathBuf>,
     /// Model file to write.
     #[arg(long, value_name = "FILE.twin")]
     out: PathBuf,
@@ -46,9 +57,14 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         let recordings = bench::read_all(&self.recordings, &self.log)?;
         let mut remarks = Vec::new();
-        let mut data = Measured::default();
-        for (recording, path) in recordings.into_iter().zip(&self.recordings) {
+        for (recording, path) in recordings.iter().zip(&self.recordings) {
             remarks.extend(recording.remarks.iter().map(|remark| format!("{}: {remark}", path.display())));
+        }
+        if let Some(model) = &self.model {
+            return self.correct(model, &recordings, remarks);
+        }
+        let mut data = Measured::default();
+        for recording in recordings {
             data.inputs = recording.inputs.iter().map(|series| series.name.clone()).collect();
             data.outputs = recording.outputs.iter().map(|series| series.name.clone()).collect();
             let values = |all: Vec<Series>| all.into_iter().map(|series| series.values).collect();
@@ -108,6 +124,77 @@ impl Args {
         for remark in &remarks {
             output!("  note: {remark}")?;
         }
+        Ok(())
+    }
+
+    /// Adds measured offsets to a finite-element model.
+    fn correct(&self, path: &Path, recordings: &[Recording], mut remarks: Vec<String>) -> anyhow::Result<()> {
+        let mut model = files::model(path)?;
+        if model.is_measured() {
+            return Err(configuration(anyhow::anyhow!(
+                "--model {}: expected a finite-element model, found a measured one; learn it again with all recordings instead",
+                path.display()
+            )));
+        }
+        let outputs: Vec<String> =
+            recordings.first().map_or_else(Vec::new, |r| r.outputs.iter().map(|s| s.name.clone()).collect());
+        let mut runs = Vec::new();
+        for recording in recordings {
+            let places = match_inputs(&model.header, recording, &mut remarks).map_err(configuration)?;
+            let mut memory = Memory::of(&model)?;
+            let begin_s = recording.time_s.first().copied().unwrap_or_default();
+            let state = |row: usize| {
+                let inputs = inputs_at(&places, recording, row)?;
+                let Some(memory) = &mut memory else { return Some(inputs) };
+                memory.advance((1e9 * (recording.time_s[row] - begin_s)).round().max(0.0) as u64, &inputs);
+                Some(memory.effective(&inputs))
+            };
+            runs.push(MeasuredStates {
+                states: (0..recording.time_s.len()).map(state).collect(),
+                outputs: recording.outputs.iter().map(|series| series.values.clone()).collect(),
+            });
+        }
+        let found = correct(&mut model, &outputs, &runs, &mut remarks).map_err(|error| match error {
+            MeasuredError::NoSuchOutput { .. } => configuration(error),
+            error => unexplained(error),
+        })?;
+        files::save(&self.out, &model.to_bytes()?)?;
+        if self.json {
+            let one = |of: &Difference| {
+                json!({"name": of.name, "regime": of.regime.name(), "states": of.states, "rms": of.rms,
+                    "rms_left_out": of.rms_left_out, "largest_offset": of.largest_offset, "half_width": of.half_width,
+                    "kept": of.is_kept})
+            };
+            let offsets: Vec<Value> = found.iter().map(one).collect();
+            return output::json(
+                &json!({"source": "finite elements", "offsets": offsets, "remarks": remarks}),
+            );
+        }
+        output!("{}: finite elements with measured offsets", self.out.display())?;
+        output!(
+            "  {:<20}{:>8}{:>8}{:>12}{:>14}{:>16}{:>12}",
+            "output",
+            "regime",
+            "states",
+            "RMS before",
+            "RMS left out",
+            "largest offset",
+            "half-width"
+        )?;
+        for of in &found {
+            output!(
+                "  {:<20}{:>8}{:>8}{:>12.4}{:>14.4}{:>16.4}{:>12.4}{}",
+                of.name,
+                of.regime.name(),
+                of.states,
+                of.rms,
+                of.rms_left_out,
+                of.largest_offset,
+                of.half_width,
+                if of.is_kept { "" } else { "  not kept" }
+            )?;
+        }
+        remarks.iter().try_for_each(|remark| output!("  note: {remark}"))?;
         Ok(())
     }
 }

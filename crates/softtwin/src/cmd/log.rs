@@ -83,8 +83,23 @@ struct Known {
     low: f64,
     high: f64,
     missing: usize,
-    is_time: bool,
+    time: TimeSign,
 }
+
+/// Why a column may be the time, weakest first.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum TimeSign {
+    None,
+    /// The first column, which rises.
+    Rises,
+    Named,
+    Unit,
+}
+
+/// Beginnings of headings of times.
+const TIME_NAMES: [&str; 8] = ["time", "t_", "zeit", "temps", "tiempo", "elapsed", "stamp", "date"];
+/// Units of times since 1970 by their size: ns from 1973 on, us, ms.
+const EPOCHS: [(f64, &str); 3] = [(1e17, "ns"), (1e14, "us"), (1e11, "ms")];
 
 impl Args {
     /// Describes the table.
@@ -100,7 +115,10 @@ impl Describe {
     fn run(self) -> anyhow::Result<()> {
         let log = Log::read(&self.file).map_err(files::refusal)?;
         let columns: Vec<Known> = (0..log.columns.len()).map(|at| Known::of(&log, at)).collect();
-        let time = columns.iter().position(|column| column.is_time);
+        // A unit of time says more than a name, and a name more than numbers that rise, as those of frames do.
+        let time = (0..columns.len())
+            .filter(|at| columns[*at].time > TimeSign::None)
+            .max_by_key(|at| (columns[*at].time, columns.len() - at));
         let proposal = proposal(&self.file.display().to_string(), &columns, time);
         if let Some(out) = &self.out {
             files::save(out, proposal.as_bytes())?;
@@ -128,7 +146,9 @@ impl Describe {
             Some(at) => output!("{}", pace(&log, at))?,
             None => output!("no column rises throughout: name the time's column or a rate")?,
         }
-        let unknown = |column: &&Known| column.unit.is_none() && !column.is_time && !column.is_constant();
+        let unknown = |column: &&Known| {
+            column.quantity.is_none() && Some(column.number) != time.map(|at| at + 1) && !column.is_constant()
+        };
         let numbers: Vec<String> =
             columns.iter().filter(unknown).map(|column| column.number.to_string()).collect();
         if !numbers.is_empty() {
@@ -173,9 +193,14 @@ impl Known {
         let quantity = unit.as_deref().and_then(unit::unit).map(|(quantity, _)| quantity);
         let rises =
             finite.len() == values.len() && finite.windows(2).all(|pair| pair[1] >= pair[0]) && high > low;
-        let named = heading.to_lowercase().starts_with("time") || heading.to_lowercase().starts_with("t_");
-        let first_rising = at == 0 && rises && quantity.is_none_or(|q| q == unit::Quantity::Time);
-        let is_time = quantity == Some(unit::Quantity::Time) || named || first_rising;
+        let lower = heading.to_lowercase();
+        let is_named = lower == "t" || TIME_NAMES.iter().any(|name| lower.starts_with(name));
+        let time = match quantity {
+            Some(unit::Quantity::Time) => TimeSign::Unit,
+            None if is_named && !finite.is_empty() => TimeSign::Named,
+            None if at == 0 && rises => TimeSign::Rises,
+            _ => TimeSign::None,
+        };
         Self {
             number: at + 1,
             heading,
@@ -184,8 +209,12 @@ impl Known {
             low,
             high,
             missing: values.len() - finite.len(),
-            is_time,
+            time,
         }
+    }
+
+    fn is_in_pixels(&self) -> bool {
+        self.unit.as_ref().is_some_and(|unit| unit.trim().eq_ignore_ascii_case(unit::PIXELS))
     }
 
     fn is_constant(&self) -> bool {
@@ -193,12 +222,15 @@ impl Known {
     }
 
     fn text(&self) -> String {
+        if self.low > self.high {
+            return format!("{:>4}  {:<28} no value", self.number, self.heading);
+        }
         let unit = self.unit.as_ref().map_or("unit not known".into(), |unit| format!("unit {unit}?"));
         let mut text = format!(
             "{:>4}  {:<28} {:>12.5} .. {:<12.5} {unit}",
             self.number, self.heading, self.low, self.high
         );
-        if self.is_time {
+        if self.time > TimeSign::None {
             text += ", time?";
         }
         if self.is_constant() {
@@ -223,8 +255,9 @@ fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
     );
     match time {
         Some(at) => {
-            let spelling = columns[at].unit.as_deref();
-            let known = spelling.unwrap_or("s");
+            let spelling = columns[at].unit.as_deref().filter(|_| columns[at].time == TimeSign::Unit);
+            let of_size = EPOCHS.iter().find(|(from, _)| columns[at].low >= *from).map(|(_, unit)| *unit);
+            let known = spelling.or(of_size).unwrap_or("s");
             let note = if spelling.is_some() { "" } else { " # not in the heading: s, ms, us or ns" };
             text += &format!("column = {}\nunit = \"{known}\"{note}\n", at + 1);
         }
@@ -232,24 +265,27 @@ fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
             text += "# no column rises throughout: column = N with unit, or\nrate_hz = 0 # rows per second; 1 for settled states without time\n"
         }
     }
-    for column in columns.iter().filter(|column| Some(column.number) != time.map(|at| at + 1)) {
+    let others = columns.iter().filter(|column| Some(column.number) != time.map(|at| at + 1));
+    for column in others.filter(|column| column.low <= column.high) {
         let (kind, suffix) = match column.quantity {
             Some(unit::Quantity::Pressure) => ("input", "mpa"),
             Some(unit::Quantity::Length) => ("output", "mm"),
             Some(unit::Quantity::Force) => ("output", "n"),
             Some(unit::Quantity::Angle) => ("output", "deg"),
             Some(unit::Quantity::Voltage) => ("output", "v"),
-            _ => ("output", "UNIT"),
+            Some(unit::Quantity::Current) => ("output", "a"),
+            Some(unit::Quantity::Volume) => ("output", "ml"),
+            Some(unit::Quantity::Curvature) => ("output", "per_mm"),
+            None if column.is_in_pixels() => ("output", "mm"),
+            Some(unit::Quantity::Time | unit::Quantity::Number) | None => ("output", "UNIT"),
         };
         let letters = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
         let heading = column.heading.split(['(', '[']).next().unwrap_or_default().trim();
-        let stem = match heading {
+        let own = column.unit.as_deref().and_then(|unit| heading.strip_suffix(unit)).unwrap_or(heading);
+        let name: String = own.chars().map(letters).collect();
+        let stem = match name.trim_matches('_') {
             "" => format!("column{}", column.number),
-            heading => {
-                let name: String = heading.chars().map(letters).collect();
-                let own = column.unit.as_deref().map(|unit| format!("_{}", unit.to_lowercase()));
-                own.and_then(|own| name.strip_suffix(&own).map(str::to_owned)).unwrap_or(name)
-            }
+            stem => stem.to_owned(),
         };
         let entry = format!(
             "[[{kind}]] # {:.5} .. {:.5}\nname = \"{stem}_{suffix}\"\ncolumn = {}\nunit = \"{}\"\n",
@@ -258,11 +294,16 @@ fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
             column.number,
             column.unit.as_deref().unwrap_or("?")
         );
+        let entry = if column.is_in_pixels() { entry + "mm_per_px = 0 # to be measured\n" } else { entry };
         text += "\n";
-        if column.unit.is_some() && suffix != "UNIT" && !column.is_constant() {
+        if column.quantity.is_some() && suffix != "UNIT" && !column.is_constant() {
             text += &entry;
         } else {
-            let why = if column.is_constant() { "constant" } else { "input or output and unit not known" };
+            let why = match (column.is_constant(), column.is_in_pixels()) {
+                (true, _) => "constant",
+                (_, true) => "size of a pixel not known",
+                _ => "input or output and unit not known",
+            };
             text += &format!("# {why}:\n");
             entry.lines().for_each(|line| text += &format!("# {line}\n"));
         }

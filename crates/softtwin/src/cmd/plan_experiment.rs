@@ -167,16 +167,25 @@ impl Args {
     }
 }
 
-/// The load cell, the markers, both: fewest first. By the bits of the setup's blocks.
+/// The load cell, the markers, the observables, all combinations: fewest first. By the bits of the setup's blocks.
 fn sensor_sets(of: &Unknowns) -> Vec<u32> {
-    let markers = (0..of.spec.markers.len()).fold(0, |bits, marker| bits | 2 << marker);
-    if markers == 0 { vec![1] } else { vec![1, markers, 1 | markers] }
+    let bits = |blocks: std::ops::Range<usize>| blocks.fold(0, |bits, block| bits | 1 << block);
+    let markers = of.spec.markers.len();
+    let kinds = [1, bits(1..1 + markers), bits(1 + markers..1 + markers + of.spec.observables.len())];
+    let kinds: Vec<u32> = kinds.into_iter().filter(|kind| *kind != 0).collect();
+    let mut sets: Vec<u32> = (1..1_usize << kinds.len())
+        .map(|chosen| (0..kinds.len()).filter(|at| chosen >> at & 1 == 1).fold(0, |set, at| set | kinds[at]))
+        .collect();
+    sets.sort_by_key(|set| kinds.iter().filter(|kind| set & **kind != 0).count());
+    sets
 }
 
 fn names(of: &Unknowns, blocks: u32) -> Vec<String> {
-    let force = (blocks & 1 != 0).then(|| "measured_force_n".to_owned());
-    let markers = of.spec.markers.iter().enumerate().filter(|(at, _)| blocks & (2 << at) != 0);
-    force.into_iter().chain(markers.map(|(_, marker)| marker.name.clone())).collect()
+    let markers = of.spec.markers.iter().map(|marker| marker.name.clone());
+    let all = std::iter::once("measured_force_n".to_owned())
+        .chain(markers)
+        .chain(of.spec.observables.keys().cloned());
+    all.enumerate().filter(|(block, _)| blocks & (1 << block) != 0).map(|(_, name)| name).collect()
 }
 
 fn estimates(of: &Unknowns, fit: &ExpectedFit) -> BTreeMap<String, Predicted> {

@@ -1,6 +1,7 @@
 //! `softtwin plot`.
 
 mod recording;
+mod sweep;
 
 use crate::bench;
 use crate::failure::usage;
@@ -14,6 +15,7 @@ use rom::model::Model;
 use rom::regime::OnsetTable;
 use rom::snapshots::{Database, RegimeKind, Split};
 use std::path::PathBuf;
+use sweep::CELLS;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -22,19 +24,16 @@ Examples:
       --database models/pneunet/database --out force.png
   How fast the singular values fall, by regime and group:
     softtwin plot singular-values --model finger.twin --out modes.svg
-  The leading modal coefficients over pressure:
+  The leading modal coefficients over each input, the others at the middle of their ranges:
     softtwin plot coefficients --model finger.twin --out coefficients.svg
-  A recording: pressure, gap, force, displacement, stress and latency over time (displacement and stress by the model):
+  Angles, lengths, positions, or the outputs of a measured model, with half-widths:
+    softtwin plot observables --model finger.twin --out observables.svg
+  A recording: pressure, gap, force, observables, displacement, stress and latency over time (displacement and stress by the model):
     softtwin plot recording --recording run.mcap --model finger.twin \\
       --out run.png
   A table of a bench: its inputs and outputs over time:
     softtwin plot recording --recording run1.csv --log log.toml --out run.png
 The modes themselves are drawn by `softtwin render --modes`.";
-
-/// Cells of the force map along each axis.
-const CELLS: usize = 120;
-/// Modal coefficients shown.
-const LEADING: usize = 4;
 
 /// Draw what a model has learnt, or what a recording holds.
 #[derive(clap::Args)]
@@ -66,8 +65,10 @@ enum Kind {
     ForceMap,
     /// Singular values by regime and group.
     SingularValues,
-    /// Leading modal coefficients of the free regime over pressure.
+    /// Leading modal coefficients of the free regime over its inputs.
     Coefficients,
+    /// Observables of the free regime, outputs of a measured model, over the inputs.
+    Observables,
     /// A recording over time.
     Recording,
 }
@@ -107,7 +108,8 @@ impl Args {
                 force_map(&model, database.as_ref())?
             }
             Kind::SingularValues => singular_values(&model),
-            Kind::Coefficients | Kind::Recording => coefficients(&model)?,
+            Kind::Observables => sweep::observables(&model)?,
+            Kind::Coefficients | Kind::Recording => sweep::coefficients(&model)?,
         })
     }
 }
@@ -193,46 +195,4 @@ fn singular_values(model: &Model) -> Figure {
         columns: panels.len().max(1),
         panels,
     }
-}
-
-fn coefficients(model: &Model) -> anyhow::Result<Figure> {
-    let free = model.regime(RegimeKind::Free);
-    let (Some(regime), Some([low, high])) = (free, free.and_then(|free| free.inputs.range(PRESSURE))) else {
-        return Err(usage(
-            "coefficients: expected a model with a free regime; `softtwin inspect` shows its regimes",
-        ));
-    };
-    let evaluator = Evaluator::new(&model.header)?;
-    let mut evaluation = evaluator.evaluation();
-    let states: Vec<(f64, Vec<f64>)> = (0..=CELLS)
-        .map(|i| low + i as f64 / CELLS as f64 * (high - low))
-        .map(|pressure_mpa| {
-            evaluator.evaluate(Inputs::new(pressure_mpa, f64::INFINITY), &mut evaluation);
-            (pressure_mpa, evaluation.coefficients.clone())
-        })
-        .collect();
-    let panel = |group: &rom::model::GroupModel| Panel {
-        title: group.name.clone(),
-        x: Axis::linear("pressure [MPa]"),
-        y: Axis::linear("modal coefficient"),
-        series: group
-            .coefficients
-            .clone()
-            .take(LEADING)
-            .enumerate()
-            .map(|(k, at)| Series {
-                name: format!("mode {}", k + 1),
-                colour: k,
-                mark: Mark::Line,
-                points: states.iter().map(|(p, a)| (*p, a[at])).collect(),
-            })
-            .collect(),
-        map: None,
-    };
-    let panels = regime.groups.iter().map(panel).collect();
-    Ok(Figure {
-        title: format!("Modal coefficients of {}, free regime", model.header.actuator),
-        panels,
-        columns: 2,
-    })
 }

@@ -184,7 +184,7 @@ fn step(
     let mut lines = std::io::stdin().lock().lines();
     while !stop.load(Ordering::Relaxed) {
         let Poll::Reading(Reading { sample, .. }) = source.poll(f64::INFINITY) else { break };
-        let values = if inputs.is_empty() {
+        let values = if inputs.has_no_input() {
             format!("{} MPa  {} mm", sample.pressure_mpa, sample.gap_mm)
         } else {
             let pairs = inputs.iter().zip(sample.inputs);

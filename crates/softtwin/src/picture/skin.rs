@@ -5,6 +5,15 @@ use super::camera::{Vec3, cross, dot, minus, unit};
 /// Facets whose normals differ by more than this (degrees) meet at an edge.
 const CREASE_DEG: f32 = 40.0;
 
+/// Size of a marker, as a fraction of the extent of all of them, and the least, mm.
+const MARKER_SHARE: f32 = 0.02;
+const MARKER_MM: f32 = 1.0;
+/// Corners of an octahedron, and its faces.
+const CORNERS: [[f32; 3]; 6] =
+    [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
+const FACES: [[u32; 3]; 8] =
+    [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
+
 /// Drawable part of a body.
 #[derive(Clone, Debug, Default)]
 pub struct Body {
@@ -27,7 +36,30 @@ pub struct Corner {
     pub value: f32,
 }
 
+/// Half the size of a marker among these nodes, mm.
+pub fn marker_mm(nodes_mm: &[Vec3]) -> f32 {
+    let extent = |axis: usize| {
+        let ends = nodes_mm.iter().map(|node| node[axis]);
+        let (low, high) = ends.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        high - low
+    };
+    (MARKER_SHARE * [0, 1, 2].map(extent).into_iter().fold(0.0, f32::max)).max(MARKER_MM)
+}
+
 impl Body {
+    /// Octahedra at markers, coloured by their values.
+    pub fn of_markers(nodes_mm: &[Vec3], values: &[f32]) -> Self {
+        let size = marker_mm(nodes_mm);
+        let corner = |node: &Vec3, at: Vec3| [0, 1, 2].map(|k| node[k] + size * at[k]);
+        let facets =
+            (0..nodes_mm.len() as u32).flat_map(|node| FACES.map(|face| face.map(|at| 6 * node + at)));
+        Self {
+            nodes_mm: nodes_mm.iter().flat_map(|node| CORNERS.map(|at| corner(node, at))).collect(),
+            facets: facets.collect(),
+            values: values.iter().flat_map(|value| [*value; 6]).collect(),
+        }
+    }
+
     /// Corners of all facets. The normal at a corner is the area-weighted mean over the facets at its node that are
     /// within the crease angle (40 degrees) of its facet.
     pub fn corners(&self) -> Vec<[Corner; 3]> {

@@ -14,7 +14,7 @@ use std::fmt::{self, Display};
 const MAX_CENTRES: usize = 48;
 /// Segments of a run, and the parts they are dealt to.
 const SEGMENTS: usize = 20;
-const FOLDS: usize = 5;
+pub(super) const FOLDS: usize = 5;
 /// Smallest change of the inputs' mean, or of a predicted value, that counts as rising or falling, as a fraction of its range.
 const LEAST_TURN: f64 = 0.05;
 /// Quantile of the standard normal distribution at the nominal coverage.
@@ -231,16 +231,9 @@ impl Curve {
         }
     }
 
-    /// Quantile of the errors' `sizes` plus the bound of a further run's mean error.
+    /// [`half_width`] of these rows.
     pub(super) fn half_width(&self, sizes: Vec<f64>, errors: &[f64]) -> f64 {
-        let runs = self.run.iter().max().map_or(1, |last| last + 1);
-        let count = runs.max(2);
-        let block = |at: usize| if runs > 1 { self.run[at] } else { 2 * at / errors.len() };
-        let of_block = |of: usize| mean((0..errors.len()).filter(|at| block(*at) == of).map(|at| errors[at]));
-        let means: Vec<f64> = (0..count).map(of_block).filter(|v| v.is_finite()).collect();
-        let (n, centre) = (means.len() as f64, mean(means.iter().copied()));
-        let variance = means.iter().map(|m| (m - centre).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-        quantile(sizes) + NORMAL_QUANTILE * (variance * (1.0 + 1.0 / n)).sqrt()
+        half_width(&self.run, sizes, errors)
     }
 
     /// Mean difference of the values on rising and falling at equal predicted values.
@@ -272,7 +265,7 @@ fn rows(data: &Measured) -> Vec<Row> {
         let count = whole.len();
         rows.extend(whole.into_iter().enumerate().map(|(at, (inputs, outputs))| Row {
             run: number,
-            fold: at * SEGMENTS / count % FOLDS,
+            fold: fold(at, count),
             inputs,
             outputs,
         }));
@@ -292,8 +285,25 @@ pub(super) fn quantile(mut values: Vec<f64>) -> f64 {
     values.get(at.clamp(1, values.len().max(1)) - 1).copied().unwrap_or(f64::NAN)
 }
 
+/// Quantile of the errors' `sizes` plus the bound of a further run's mean error. `run`: number of the run by row.
+pub(super) fn half_width(run: &[usize], sizes: Vec<f64>, errors: &[f64]) -> f64 {
+    let runs = run.iter().max().map_or(1, |last| last + 1);
+    let count = runs.max(2);
+    let block = |at: usize| if runs > 1 { run[at] } else { 2 * at / errors.len() };
+    let of_block = |of: usize| mean((0..errors.len()).filter(|at| block(*at) == of).map(|at| errors[at]));
+    let means: Vec<f64> = (0..count).map(of_block).filter(|v| v.is_finite()).collect();
+    let (n, centre) = (means.len() as f64, mean(means.iter().copied()));
+    let variance = means.iter().map(|m| (m - centre).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    quantile(sizes) + NORMAL_QUANTILE * (variance * (1.0 + 1.0 / n)).sqrt()
+}
+
+/// Fold of a row of a run of `count` rows: settled states are segments of one row.
+pub(super) fn fold(row: usize, count: usize) -> usize {
+    row * SEGMENTS.min(count) / count % FOLDS
+}
+
 /// Means of the rows in cells of a grid, as fine as [`MAX_CENTRES`] allows.
-fn centres(x: &[Point], dimensions: usize) -> Vec<Point> {
+pub(super) fn centres(x: &[Point], dimensions: usize) -> Vec<Point> {
     let mut per_axis = MAX_CENTRES;
     loop {
         let mut found: BTreeMap<Vec<usize>, (Point, f64)> = BTreeMap::new();

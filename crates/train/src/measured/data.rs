@@ -112,13 +112,31 @@ pub enum MeasuredError {
     /// The least-squares system has no solution.
     #[error("the least-squares system of the measured rows has no finite solution")]
     Singular,
-    /// The memory cannot be written.
+    /// The model has none of the outputs.
+    #[error(
+        "expected observables or node sets of the model as outputs, found {found}; the model has {known}"
+    )]
+    NoSuchOutput {
+        /// Outputs of the recordings.
+        found: String,
+        /// Observables and node sets of the model.
+        known: String,
+    },
+    /// No measured difference is smooth over the inputs.
+    #[error(
+        "no difference from the model is a smooth function of the inputs: {reasons}; the model stays as it is"
+    )]
+    NoDifference {
+        /// Reason by output.
+        reasons: String,
+    },
+    /// The record cannot be written.
     #[error(transparent)]
     File(#[from] ModelFileError),
 }
 
-/// Fewest rows.
-pub(super) const MIN_ROWS: usize = 40;
+/// Fewest rows: settled states of one sweep.
+pub(super) const MIN_ROWS: usize = 8;
 /// Rows beyond which only every n-th is used.
 pub(super) const MAX_ROWS: usize = 20_000;
 /// Smallest explained variance.

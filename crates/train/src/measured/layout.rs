@@ -17,7 +17,7 @@ pub(super) struct Layout {
 }
 
 /// Marker and axis of `NAME_x_mm`.
-fn coordinate(output: &str) -> Option<(&str, usize)> {
+pub(super) fn coordinate(output: &str) -> Option<(&str, usize)> {
     let (marker, axis) = output.strip_suffix("_mm")?.rsplit_once('_')?;
     Some((marker, AXES.iter().position(|known| *known == axis)?))
 }

@@ -13,11 +13,13 @@
 mod assemble;
 mod curve;
 mod data;
+mod difference;
 mod layout;
 mod motion;
 mod past;
 
 pub use data::{Learned, Measured, MeasuredError, OutputReport, Run};
+pub use difference::{Difference, MeasuredStates, correct};
 pub use layout::{MeasuredOutput, outputs, place};
 pub use motion::select;
 pub use past::learn_with_memory;

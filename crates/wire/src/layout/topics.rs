@@ -176,13 +176,15 @@ macro_rules! evaluated_payload {
                 observables: [f64; $crate::layout::OBSERVABLES_MAX] = [f64::NAN; $crate::layout::OBSERVABLES_MAX], "", Show::Counted("observable_count");
                 /// Half-widths of the observables; NaN when not configured.
                 observable_halfwidths: [f64; $crate::layout::OBSERVABLES_MAX] = [f64::NAN; $crate::layout::OBSERVABLES_MAX], "", Show::Counted("observable_count");
+                /// Part of each observable that is a measured difference from the finite elements; 0 without one.
+                observable_offsets: [f64; $crate::layout::OBSERVABLES_MAX] = [f64::NAN; $crate::layout::OBSERVABLES_MAX], "", Show::Counted("observable_count");
                 /// Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left.
                 observable_names: [u8; 32 * $crate::layout::OBSERVABLES_MAX] = [0; 32 * $crate::layout::OBSERVABLES_MAX], "", Show::Names("observable_count");
             }
             json [
                 $($first)* pressure_mpa, gap_mm, regime, contact_force_n, force_halfwidth_n, force_by_pressure_n_per_mpa,
                 force_by_gap_n_per_mm, onset_pressure_mpa, displacement_halfwidth_mm, von_mises_halfwidth_mpa,
-                domain_distance, domain_status, input_names, inputs, force_by_input, observable_names, observables, observable_halfwidths,
+                domain_distance, domain_status, input_names, inputs, force_by_input, observable_names, observables, observable_halfwidths, observable_offsets,
                 group_sizes, coefficients, $($last)*
             ]
         }

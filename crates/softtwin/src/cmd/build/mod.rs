@@ -69,7 +69,8 @@ const OWN_MESH: &str = "mesh.vtu";
 /// Longest edge of an element by the thinnest wall of a chamber: elements that are longer and flatter fold before they bend.
 const COARSEST: f64 = 5.0;
 
-/// Observables of a finger, at the front edges of the base, where every mesh has nodes; of another shape the place of its tip.
+/// Observables of a finger, at the front edges of the base, where every mesh has nodes, and the volume of its chambers; of another shape the place of
+/// its tip.
 fn observables(family: &Family) -> BTreeMap<String, Definition> {
     let Some(shape) = family.actuator.shape() else {
         let (tip, _) = family.problem.mesh().tip();
@@ -90,6 +91,7 @@ fn observables(family: &Family) -> BTreeMap<String, Definition> {
         ("chord_angle_deg", of(ObservableKind::ChordAngle, vec![at(0.0, 0.0), at(end_mm, 0.0)], None)),
         ("tip_x_mm", of(ObservableKind::Position, vec![at(end_mm, 0.0)], Some([1.0, 0.0, 0.0]))),
         ("tip_y_mm", of(ObservableKind::Position, vec![at(end_mm, 0.0)], Some([0.0, 1.0, 0.0]))),
+        ("chamber_volume_mm3", of(ObservableKind::Volume, Vec::new(), None)),
     ]
     .map(|(name, definition)| (name.to_owned(), definition))
     .into()

@@ -13,6 +13,7 @@ use recording::Series;
 use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
+use rom::observable::Observables;
 use rom::snapshots::{Database, FieldKind, FieldSpec};
 use std::path::{Path, PathBuf};
 use wire::KeyExpr;
@@ -205,10 +206,14 @@ fn predictions<'a>(
         Ok(state) => state,
         Err(error) => return Box::new(std::iter::once(Err(error.into()))),
     };
+    let observables = match Observables::of(model) {
+        Ok(observables) => observables,
+        Err(error) => return Box::new(std::iter::once(Err(error.into()))),
+    };
     Box::new(readings.map(move |reading| {
         let (time, inputs) = reading?;
         state.update(inputs)?;
-        Ok(prediction(model, &state, time))
+        Ok(prediction(model, &state, &observables, time))
     }))
 }
 
@@ -223,8 +228,8 @@ fn case(database: &Database, k: usize) -> Moment {
     Moment { time: k as f64, label, values, moved: database.moved_mm(k) }
 }
 
-/// A model's state for a file, with every input and the contact force.
-pub fn prediction(model: &Model, state: &ModelState, time: f64) -> Moment {
+/// A model's state for a file, with every input, the contact force and the observables.
+pub fn prediction(model: &Model, state: &ModelState, observables: &Observables, time: f64) -> Moment {
     let evaluation = state.evaluation();
     let values = evaluation.inputs.values();
     let taken = model.header.taken_inputs().map(|(at, input)| (input.key(), values[at]));
@@ -232,6 +237,8 @@ pub fn prediction(model: &Model, state: &ModelState, time: f64) -> Moment {
     if model.header.has_forces() {
         numbers.push(("contact_force_n".to_owned(), evaluation.contact_force_n));
     }
+    let observed = observables.names().enumerate();
+    numbers.extend(observed.map(|(at, name)| (name.to_owned(), observables.value(at, evaluation).value)));
     let label = Label { name: String::new(), numbers };
     let moved = model.moved_mm(&evaluation.inputs);
     Moment { time, label, values: state.fields().to_vec(), moved }

@@ -7,7 +7,7 @@ use crate::files::refusal;
 use anyhow::{Result, anyhow};
 use fem::material::fit::Test;
 use fem::material::{Deformation, Hyperelastic};
-use formats::log::Log;
+use formats::log::{Log, unit};
 
 /// A test that was read.
 pub struct Specimen {
@@ -25,6 +25,38 @@ pub struct Specimen {
     pub notes: Vec<String>,
     /// True if the load was assumed to be nominal.
     pub is_load_assumed: bool,
+}
+
+/// Size of the specimen in the parameters above the table: `Specimen Width (mm);6`.
+struct Head {
+    length_mm: Option<f64>,
+    area_mm2: Option<f64>,
+}
+
+/// Units of a cross-section, mm2.
+const AREAS: [(&str, f64); 6] =
+    [("mm^2", 1.0), ("mm2", 1.0), ("mm\u{b2}", 1.0), ("cm^2", 100.0), ("cm2", 100.0), ("cm\u{b2}", 100.0)];
+
+impl Head {
+    fn of(log: &Log) -> Self {
+        let named = |words: &[&str]| -> Vec<&(String, f64)> {
+            let is_so = |name: &str| words.iter().any(|word| name.to_lowercase().contains(word));
+            log.parameters.iter().filter(|(name, value)| is_so(name) && *value > 0.0).collect()
+        };
+        let length = |words: &[&str]| {
+            named(words).into_iter().find_map(|(name, value)| {
+                let (quantity, factor) = unit::unit(unit::in_heading(name)?)?;
+                (quantity == unit::Quantity::Length).then_some(factor * value)
+            })
+        };
+        let area = named(&["section", "area"]).into_iter().find_map(|(name, value)| {
+            let unit = AREAS.iter().find(|(unit, _)| name.to_lowercase().contains(unit));
+            unit.map(|(_, factor)| factor * value)
+        });
+        let product = || Some(length(&["width"])? * length(&["thickness"])?);
+        let round = || length(&["diameter"]).map(|d| 0.25 * std::f64::consts::PI * d * d);
+        Self { length_mm: length(&["length"]), area_mm2: area.or_else(product).or_else(round) }
+    }
 }
 
 /// Smallest number of rows of a fit.
@@ -60,13 +92,28 @@ impl Specimen {
             ));
         }
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let head = Head::of(&log);
+        let needs_length = matches!(deformation.quantity, Extension::Displacement | Extension::Length);
+        if let (None, Some(length_mm)) = (description.length_mm, head.length_mm)
+            && needs_length
+        {
+            notes.push(format!("length {length_mm} mm from the head of the file; --length-mm states it"));
+        }
         let length = || {
-            description
-                .length_mm
-                .ok_or_else(|| error("a displacement or length needs the specimen's --length-mm".into()))
+            let missing = || error("a displacement or length needs the specimen's --length-mm".into());
+            description.length_mm.or(head.length_mm).ok_or_else(missing)
         };
-        let area =
-            || description.area_mm2.ok_or_else(|| error("a force needs the specimen's --area-mm2".into()));
+        if let (None, Some(area_mm2)) = (description.area_mm2, head.area_mm2)
+            && load.quantity == Load::Force
+        {
+            notes.push(format!(
+                "cross-section {area_mm2:.4} mm2 from the head of the file; --area-mm2 states it"
+            ));
+        }
+        let area = || {
+            let missing = || error("a force needs the specimen's --area-mm2".into());
+            description.area_mm2.or(head.area_mm2).ok_or_else(missing)
+        };
         let stretch: Box<dyn Fn(f64) -> f64> = match deformation.quantity {
             Extension::Strain => Box::new(|v| 1.0 + v),
             Extension::TrueStrain => Box::new(f64::exp),

@@ -51,8 +51,8 @@ pub struct Args {
     /// Wall between cavity and slot in mm (0.5 to 20); the top is 0.8 and a side 1.2 of it [default: 2.5].
     #[arg(long, value_name = "MM", value_parser = crate::range::number(0.5, 20.0), help_heading = "Shape")]
     wall_mm: Option<f64>,
-    /// Silicone: with a public tension test dragon-skin-30, -20, -10-medium, ecoflex-00-50, -00-30, -00-10; by published constants alone
-    /// reference, elastosil-m4601. Your own tests: `softtwin material fit`.
+    /// Silicone: with a public tension test dragon-skin-30, -20, -10-medium, ecoflex-00-50, -00-30, -00-10, the printed ninjaflex; by published
+    /// constants alone reference, elastosil-m4601. Your own tests: `softtwin material fit`.
     #[arg(long, value_name = "NAME", value_parser = silicone::named, help_heading = "Material")]
     silicone: Option<&'static Silicone>,
     /// Instead: a neo-Hookean silicone of this shear modulus in MPa (0.005 to 10).

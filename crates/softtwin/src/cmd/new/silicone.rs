@@ -30,8 +30,12 @@ const STRIPS: &str = "`softtwin material fit` on a tension test of the Soft-Robo
 const MORE_STRIPS: &str = "`softtwin material fit` on 30 to 54 rows of a tension test of the Soft-Robotics-Materials-Database \
                            (github.com/LucMarechal), commit 0f67d88; density of the data sheet";
 
+const PRINTED: &str = "`softtwin material fit --law yeoh` on the mean tension test (Cauchy stress against stretch) of MacCurdyLab/SoRoForge \
+                       (github.com), commit 59e845b, TPU Data; a law of both invariants follows it better in tension and is far too stiff \
+                       in biaxial tension; density of the data sheet";
+
 /// All of them; the first is the default.
-pub const SILICONES: [Silicone; 8] = [
+pub const SILICONES: [Silicone; 9] = [
     Silicone {
         name: "reference",
         law: &[("law", "\"gent\""), ("mu_mpa", "0.8"), ("jm", "6.0")],
@@ -117,6 +121,19 @@ pub const SILICONES: [Silicone; 8] = [
         shear_mpa: 0.00719,
         source: MORE_STRIPS,
         test: Some(PublicTest { stretch: 4.0, rms_percent: 0.45 }),
+    },
+    Silicone {
+        name: "ninjaflex",
+        law: &[
+            ("law", "\"yeoh\""),
+            ("c10_mpa", "2.05472"),
+            ("c20_mpa", "-0.0820714"),
+            ("c30_mpa", "0.00275112"),
+        ],
+        density_t_per_mm3: "1.19e-9",
+        shear_mpa: 4.11,
+        source: PRINTED,
+        test: Some(PublicTest { stretch: 3.8, rms_percent: 3.0 }),
     },
 ];
 

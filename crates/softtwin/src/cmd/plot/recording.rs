@@ -1,10 +1,11 @@
 //! A recording over time: one panel a quantity, one line an actuator.
 
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
-use crate::recording_data::{RecordedState, RecordingData, series};
+use crate::recording_data::{RecordedState, RecordingData, Track, series};
 use anyhow::Result;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -40,6 +41,7 @@ pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
         });
         panels.push(panel(label, series.collect()));
     }
+    panels.extend(observed(&data));
     if let Some(model) = model {
         let mut peaks = [Vec::new(), Vec::new()];
         for (colour, (name, track)) in data.tracks.iter().enumerate() {
@@ -52,6 +54,25 @@ pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
         panels.insert(4, panel("largest von Mises stress [MPa]", stress));
     }
     Ok(Figure { title: format!("{}, {:.1} s", data.name, data.duration_s), panels, columns: 2 })
+}
+
+/// One panel per observable of any actuator.
+fn observed(data: &RecordingData) -> Vec<Panel> {
+    let names: BTreeSet<String> = (data.tracks.values().flat_map(|track| &track.states))
+        .flat_map(|state| state.values.observables().map(|(name, ..)| name))
+        .collect();
+    let of_name = |name: &String| {
+        let of_track = |(colour, (actuator, track)): (usize, (&String, &Track))| {
+            let value = |state: &RecordedState| state.values.observables().find(|(own, ..)| own == name);
+            let points = track.states.iter().filter_map(|state| Some((state.t_s, value(state)?.1)));
+            line(actuator, colour, envelope(&points.filter(|point| point.1.is_finite()).collect::<Vec<_>>()))
+        };
+        panel(
+            name,
+            data.tracks.iter().enumerate().map(of_track).filter(|line| !line.points.is_empty()).collect(),
+        )
+    };
+    names.iter().map(of_name).collect()
 }
 
 fn line(name: &str, colour: usize, points: Vec<(f64, f64)>) -> Series {

@@ -130,7 +130,7 @@ impl Args {
         let fields: Vec<FieldSpec> = model.header.fields.iter().map(|f| f.spec.clone()).collect();
         let body = Body::of_model(model).with_mesh(self.mesh.as_deref())?;
         body.series(&fields, 1)
-            .write_state(out, &prediction(model, state, 0.0))
+            .write_state(out, &prediction(model, state, &Observables::of(model)?, 0.0))
             .context("the fields were not written")
     }
 }
@@ -150,11 +150,12 @@ pub(super) fn by_input(header: &ModelHeader, values: &[f64; MAX_INPUTS]) -> Map<
     header.taken_inputs().map(|(at, spec)| (spec.key(), finite(values[at]))).collect()
 }
 
-/// Value and half-width of each observable, by its name.
+/// Value, half-width and measured part of each observable, by its name.
 fn observed(observables: &Observables, evaluation: &Evaluation) -> Map<String, Value> {
     let of = |(at, name): (usize, &str)| {
         let found = observables.value(at, evaluation);
-        (name.to_owned(), json!({ "value": found.value, "half_width": found.halfwidth }))
+        let all = json!({ "value": found.value, "half_width": found.halfwidth, "offset": found.offset });
+        (name.to_owned(), all)
     };
     observables.names().enumerate().map(of).collect()
 }

@@ -1,6 +1,7 @@
 //! The arguments of `softtwin render`.
 
 use crate::failure::usage;
+use crate::options::setting;
 use crate::picture::camera::Camera;
 use crate::picture::theme::ThemeName;
 use anyhow::Result;
@@ -21,6 +22,8 @@ Examples:
   A whole scene: both fingers of the gripper and the block between them
     softtwin render --scene config/scenes/gripper.toml \\
       --pressure-mpa 0.079 --view side --out gripper.png
+  The markers of a measured model:
+    softtwin render --model arm.twin --set p_seg1_a_mpa=0.02 --out arm.png
   A case of a database, as computed by the finite elements:
     softtwin render --database models/pneunet/database --case 17 --out case.png";
 
@@ -50,8 +53,11 @@ pub struct Args {
     /// Gap from the underside of the undeformed base to the plate, mm (0 to 10000); no plate when left out.
     #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm, help_heading = "State")]
     pub gap_mm: Option<f64>,
+    /// Another input of the model; default: its nominal value.
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting, requires = "model", help_heading = "State")]
+    pub settings: Vec<(String, f64)>,
     /// Draw the POD modes of a regime: free or contact.
-    #[arg(long, value_name = "REGIME", conflicts_with_all = ["pressure_mpa", "gap_mm", "fig9", "database"], help_heading = "State")]
+    #[arg(long, value_name = "REGIME", conflicts_with_all = ["pressure_mpa", "gap_mm", "fig9", "database", "settings"], help_heading = "State")]
     pub modes: Option<String>,
     /// Draw gaps 80, 40 and 15 mm at 0.01, 0.025, 0.04, 0.055 and 0.07 MPa, or states in the model's training range.
     #[arg(long, conflicts_with_all = ["pressure_mpa", "gap_mm", "database"], help_heading = "State")]

@@ -26,7 +26,13 @@ impl Args {
         }
         let canvas = match (&self.model, &self.scene) {
             (Some(path), _) => {
-                let loaded = LoadedModel::read(path)?;
+                let mut loaded = LoadedModel::read(path)?;
+                let given = self.settings.iter().map(|(name, value)| (name.as_str(), *value));
+                loaded
+                    .model
+                    .header
+                    .set_parameters(given)
+                    .map_err(|error| usage(format!("--set: {error}")))?;
                 match &self.modes {
                     Some(regime) => modes::draw(&self, &loaded, regime)?,
                     None if self.fig9 => states::fig9(&self, &loaded)?,

@@ -69,7 +69,9 @@ impl Group {
 pub(super) struct StateDrawer {
     state: ModelState,
     footprint: Footprint,
+    /// Surface; empty for markers.
     facets: Vec<[u32; 3]>,
+    undeformed_mm: Vec<[f32; 3]>,
     /// Positions of x, y, z and the shown field.
     columns: [usize; 4],
 }
@@ -78,23 +80,29 @@ impl StateDrawer {
     pub(super) fn new(loaded: &LoadedModel, shown: Shown) -> Result<Self> {
         let fields = &loaded.model.header.fields;
         let at = |name: &str| fields.iter().position(|field| field.spec.name == name);
-        let (Some(x), Some(y), Some(z), Some(shown)) = (at("x"), at("y"), at("z"), at(shown.name())) else {
+        let is_measured = loaded.model.is_measured();
+        // A measured model has no displacement: that of its markers is the distance from the smallest inputs.
+        let shown_at = if is_measured { Some(usize::MAX) } else { at(shown.name()) };
+        let (Some(x), Some(y), Some(z), Some(shown_at)) = (at("x"), at("y"), at("z"), shown_at) else {
             let known: Vec<&str> = fields.iter().map(|field| field.spec.name.as_str()).collect();
-            let wanted = shown.name();
+            let wanted = if is_measured { "of a marker" } else { shown.name() };
             return Err(usage(format!(
-                "a picture needs the fields x, y, z, {wanted}; the model has {}",
+                "a picture needs the fields x, y, z, {wanted}; the model has {}; `softtwin plot observables` draws curves",
                 known.join(", ")
             )));
         };
-        let undeformed = loaded.undeformed_mm();
-        let facets = undeformed.map_or_else(Vec::new, |nodes| visible_facets(&nodes, &loaded.facets()));
-        if facets.is_empty() {
+        if is_measured && shown == Shown::Stress {
+            return Err(usage("a measured model has no stress: --field displacement shows its markers"));
+        }
+        let undeformed_mm = loaded.undeformed_mm().unwrap_or_default();
+        let facets = if is_measured { Vec::new() } else { visible_facets(&undeformed_mm, &loaded.facets()) };
+        if facets.is_empty() && !is_measured {
             return Err(usage(
                 "the model knows no surface; train it on a database with a mesh (mesh.vtu) to draw it",
             ));
         }
         let state = ModelState::new(&loaded.model, &Selection::default())?;
-        Ok(Self { columns: [x, y, z, shown], facets, footprint: loaded.plate(), state })
+        Ok(Self { columns: [x, y, z, shown_at], facets, undeformed_mm, footprint: loaded.plate(), state })
     }
 
     pub(super) fn draw_state(&mut self, pressure_mpa: f64, gap_mm: Option<f64>) -> Result<DrawnState> {
@@ -102,12 +110,18 @@ impl StateDrawer {
         let (rows, evaluation) = (self.state.reconstructor().rows(), self.state.evaluation());
         let column = |k: usize| &self.state.fields()[self.columns[k] * rows..(self.columns[k] + 1) * rows];
         let (x, y, z) = (column(0), column(1), column(2));
+        let nodes_mm: Vec<[f32; 3]> = x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect();
+        let body = if self.facets.is_empty() {
+            let moved = |(to, from): (&[f32; 3], &[f32; 3])| {
+                to.iter().zip(from).map(|(to, from)| (to - from) * (to - from)).sum::<f32>().sqrt()
+            };
+            let moved: Vec<f32> = nodes_mm.iter().zip(&self.undeformed_mm).map(moved).collect();
+            Body::of_markers(&nodes_mm, &moved)
+        } else {
+            Body { nodes_mm, facets: self.facets.clone(), values: column(3).to_vec() }
+        };
         Ok(DrawnState {
-            body: Body {
-                nodes_mm: x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect(),
-                facets: self.facets.clone(),
-                values: column(3).to_vec(),
-            },
+            body,
             plate: gap_mm.map(|gap_mm| plate(gap_mm, &self.footprint)),
             blocks: Vec::new(),
             force_n: evaluation.contact_force_n,
@@ -124,10 +138,16 @@ fn plate(gap_mm: f64, extent: &Footprint) -> Plate {
 
 /// One state of a model.
 pub fn one(args: &Args, loaded: &LoadedModel) -> Result<Canvas> {
-    let pressure = args.pressure_mpa()?;
+    let needs = loaded.model.header.needs();
+    let pressure = if needs.pressure { args.pressure_mpa()? } else { f64::NAN };
     let mut state = StateDrawer::new(loaded, args.field)?.draw_state(pressure, args.gap_mm)?;
-    state.title = state_title(pressure, args.gap_mm);
-    let caption = format!("Predicted by the reduced-order model {}.", loaded.name());
+    let given = args.settings.iter().map(|(name, value)| format!("{name} = {value}"));
+    let own = needs.pressure.then(|| state_title(pressure, args.gap_mm));
+    state.title = own.into_iter().chain(given).collect::<Vec<_>>().join(", ");
+    let caption = match loaded.model.is_measured() {
+        true => format!("Markers predicted by the measured model {}.", loaded.name()),
+        false => format!("Predicted by the reduced-order model {}.", loaded.name()),
+    };
     draw(args, &[Group::alone(state)], None, caption)
 }
 

@@ -1,5 +1,8 @@
 //! `softtwin compare`.
 
+mod body;
+mod subject;
+
 use crate::bench::{self, confusion, inputs_at, line, match_inputs, panel, range};
 use crate::failure::configuration;
 use crate::picture::{Figure, Mark};
@@ -15,7 +18,8 @@ use rom::observable::Observables;
 use rom::reconstructor::Reconstructor;
 use rom::snapshots::FieldKind;
 use serde_json::{Map, Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use subject::Subject;
 use train::measured::place;
 
 const EXAMPLES: &str = "\
@@ -27,7 +31,11 @@ Examples:
     softtwin compare --model mine.twin --recording run2.csv --log log.toml \\
       --out compared --json
 
-Outputs are named as in the mapping: `tip_x_mm` is the coordinate x at the node set `tip`; `contact_force_n` is the contact force; \
+  A scene before and after its calibration, on one page:
+    softtwin compare --model calibrated.toml --before finger.toml \\
+      --recording run2.csv --log log.toml --out compared
+
+A scene stands for its actuator's model with the inputs that it gives, or the priors that it estimates. Outputs are named as in the mapping: `tip_x_mm` is the coordinate x at the node set `tip`; `contact_force_n` is the contact force; \
 observables have their name. \
 Coverage is the fraction of the values within the model's half-widths.";
 
@@ -35,9 +43,15 @@ Coverage is the fraction of the values within the model's half-widths.";
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Model file.
-    #[arg(long, value_name = "FILE.twin")]
+    /// Model file, or a scene with one actuator.
+    #[arg(long, value_name = "FILE")]
     model: PathBuf,
+    /// Another model file or scene, shown beside it; default: none.
+    #[arg(long, value_name = "FILE")]
+    before: Option<PathBuf>,
+    /// Times of the body with its markers, s; default: where the input that moves most has 0, 50 and 100 % of its range.
+    #[arg(long, value_name = "S,...", value_delimiter = ',', value_parser = crate::range::number(0.0, 1e6))]
+    at_s: Vec<f64>,
     /// Recording.
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
@@ -70,11 +84,12 @@ enum Origin {
 impl Args {
     /// Compares and writes pictures and table.
     pub fn run(self) -> anyhow::Result<()> {
-        let model = files::model(&self.model)?;
+        let subject = Subject::read(&self.model)?;
+        let model = &subject.model;
         let recording = bench::read(&self.recording, &bench::mapping(&self.log)?)?;
         let mut remarks = recording.remarks.clone();
         let places = match_inputs(&model.header, &recording, &mut remarks).map_err(configuration)?;
-        let outputs = compare(&model, &recording, &places, &mut remarks)?;
+        let outputs = compare(&subject, &recording, &places, &mut remarks)?;
         let rows = outputs.first().map_or(0, |o| o.predicted.iter().filter(|v| v.is_finite()).count());
         if rows == 0 {
             return Err(configuration(anyhow::anyhow!(
@@ -82,18 +97,25 @@ impl Args {
             )));
         }
         remarks.extend(suspicions(&outputs));
+        let before =
+            self.before.as_ref().map(|path| before(path, &recording)).transpose()?.unwrap_or_default();
         formats::file::create_folder(&self.out)?;
-        figure(&recording, &places, &outputs).save(&self.out.join("compare.svg"))?;
+        figure(&recording, &places, &outputs, &before).save(&self.out.join("compare.svg"))?;
         files::save(&self.out.join("compare.csv"), table(&recording, &outputs).as_bytes())?;
-        let results: Map<String, Value> = outputs.iter().map(|o| (o.name.clone(), o.json())).collect();
+        if let Some(picture) = body::picture(&subject, &recording, &places, &self.at_s)? {
+            picture.write_png(&self.out.join("body.png"))?;
+        }
+        let results = statistics_json(&outputs);
         let markers = markers(&outputs);
         if self.json {
-            return output::json(
-                &json!({"source": source(&model), "rows": rows, "outputs": results, "markers": markers,
-                "remarks": remarks}),
-            );
+            let mut all = json!({"source": source(model), "rows": rows, "outputs": results, "markers": markers,
+                "remarks": remarks});
+            if self.before.is_some() {
+                all["before"] = statistics_json(&before).into();
+            }
+            return output::json(&all);
         }
-        output!("model: {}; {rows} rows", source(&model))?;
+        output!("model: {}; {rows} rows", source(model))?;
         output!(
             "  {:<20}{:>10}{:>10}{:>10}{:>10}{:>12}{:>10}{:>8}{:>10}",
             "output",
@@ -106,11 +128,13 @@ impl Args {
             "gain",
             "coverage"
         )?;
-        for output in &outputs {
+        let named = |of: &Compared, note: &str| format!("{}{note}", of.name);
+        let earlier = before.iter().map(|of| (of, named(of, " before")));
+        for (output, name) in outputs.iter().map(|of| (of, named(of, ""))).chain(earlier) {
             let s = output.statistics();
             output!(
                 "  {:<20}{:>10.4}{:>10.4}{:>10.4}{:>10.4}{:>10.1} %{:>10.4}{:>8.3}{:>8.0} %",
-                output.name,
+                name,
                 s.rms,
                 s.p95,
                 s.max,
@@ -140,12 +164,27 @@ fn source(model: &Model) -> &'static str {
     if model.is_measured() { "measured" } else { "finite elements" }
 }
 
+fn statistics_json(outputs: &[Compared]) -> Map<String, Value> {
+    outputs.iter().map(|o| (o.name.clone(), o.json())).collect()
+}
+
+/// The comparison with another model.
+fn before(path: &Path, recording: &Recording) -> anyhow::Result<Vec<Compared>> {
+    let subject = Subject::read(path)?;
+    let mut remarks = Vec::new();
+    let places = match_inputs(&subject.model.header, recording, &mut remarks)
+        .with_context(|| format!("--before {}", path.display()))
+        .map_err(configuration)?;
+    compare(&subject, recording, &places, &mut remarks)
+}
+
 fn compare(
-    model: &Model,
+    subject: &Subject,
     recording: &Recording,
     places: &[Option<usize>],
     remarks: &mut Vec<String>,
 ) -> anyhow::Result<Vec<Compared>> {
+    let model = &subject.model;
     let observables = Observables::of(model)?;
     let mut origins = Vec::new();
     let mut outputs = Vec::new();
@@ -199,7 +238,7 @@ fn compare(
                 let found = observables.value(at, evaluation);
                 (found.value, found.halfwidth)
             }
-            Origin::Force => (evaluation.contact_force_n, widths.force_n),
+            Origin::Force => (evaluation.contact_force_n + subject.force_bias_n, widths.force_n),
             Origin::Node { field, node } => {
                 let kind = BlockKind::HalfWidth { field: field as u32 };
                 let measured = model.f32_block(kind).and_then(|widths| widths.get(node));
@@ -215,7 +254,9 @@ fn compare(
     };
     let begin_s = recording.time_s.first().copied().unwrap_or_default();
     for row in 0..recording.time_s.len() {
-        let Some(inputs) = inputs_at(places, recording, row) else { continue };
+        let Some(inputs) = inputs_at(places, recording, row).map(|inputs| subject.unbiased(inputs)) else {
+            continue;
+        };
         let t_ns = (1e9 * (recording.time_s[row] - begin_s)).round().max(0.0) as u64;
         match moving.step(t_ns, inputs, &mut evaluation) {
             // A row of the time of the one before has the same state.
@@ -283,6 +324,17 @@ impl Compared {
         }
     }
 
+    fn correlation(&self) -> f64 {
+        let mean = |of: &dyn Fn(f64, f64) -> f64| {
+            self.pairs().map(|(m, p, _)| of(m, p)).sum::<f64>() / self.pairs().count() as f64
+        };
+        let (mean_m, mean_p) = (mean(&|m, _| m), mean(&|_, p| p));
+        let product =
+            |a: &dyn Fn(f64, f64) -> f64, b: &dyn Fn(f64, f64) -> f64| mean(&|m, p| a(m, p) * b(m, p));
+        let (of_m, of_p) = (|m: f64, _: f64| m - mean_m, |_: f64, p: f64| p - mean_p);
+        product(&of_m, &of_p) / (product(&of_m, &of_m) * product(&of_p, &of_p)).sqrt()
+    }
+
     fn json(&self) -> Value {
         let s = self.statistics();
         json!({"rms": s.rms, "p95": s.p95, "max": s.max, "range": s.range, "coverage": s.coverage, "bias": s.bias, "gain": s.gain})
@@ -304,12 +356,20 @@ fn markers(outputs: &[Compared]) -> Map<String, Value> {
     found
 }
 
+/// Correlation of measured and predicted values from which they have the same shape.
+const SAME_SHAPE: f64 = 0.9;
+
 /// Ranges that differ by a factor, and columns that fit one another's prediction.
 fn suspicions(outputs: &[Compared]) -> Vec<String> {
     let mut remarks = Vec::new();
     for output in outputs {
         let ratio = range(&output.measured) / range(&output.predicted);
-        if ratio.is_finite() && ratio > 0.0 && !(0.2..=5.0).contains(&ratio) {
+        // Only a curve of the same shape can have another unit.
+        if output.correlation() > SAME_SHAPE
+            && ratio.is_finite()
+            && ratio > 0.0
+            && !(0.2..=5.0).contains(&ratio)
+        {
             remarks.push(format!(
                 "{}: the measured range is {ratio:.3} times the predicted one ({}); is its unit right?",
                 output.name,
@@ -332,23 +392,33 @@ fn suspicions(outputs: &[Compared]) -> Vec<String> {
     remarks
 }
 
-fn figure(recording: &Recording, places: &[Option<usize>], outputs: &[Compared]) -> Figure {
+fn figure(
+    recording: &Recording,
+    places: &[Option<usize>],
+    outputs: &[Compared],
+    before: &[Compared],
+) -> Figure {
     let inputs = places.iter().flatten().map(|at| &recording.inputs[*at]);
     let main = inputs.max_by(|a, b| range(&a.values).total_cmp(&range(&b.values)));
     let mut panels = Vec::new();
     for output in outputs {
         let over = |x: &[f64], y: &[f64]| x.iter().copied().zip(y.iter().copied()).collect::<Vec<_>>();
+        let earlier = before.iter().find(|earlier| earlier.name == output.name);
         let both = |x: &[f64], mark| {
-            vec![
-                line("measured", 0, mark, over(x, &output.measured).into_iter()),
-                line("predicted", 1, mark, over(x, &output.predicted).into_iter()),
-            ]
+            let of = |name: &str, colour, y: &[f64]| line(name, colour, mark, over(x, y).into_iter());
+            let mut lines = vec![of("measured", 0, &output.measured), of("predicted", 1, &output.predicted)];
+            lines.extend(earlier.map(|earlier| of("before", 2, &earlier.predicted)));
+            lines
         };
         panels.push(panel(&output.name, "time [s]", &output.name, both(&recording.time_s, Mark::Line)));
         if let Some(main) = main {
             panels.push(panel("loops", &main.name, &output.name, both(&main.values, Mark::Line)));
         }
         let residuals: Vec<f64> = output.measured.iter().zip(&output.predicted).map(|(m, p)| m - p).collect();
+        let of_earlier = |earlier: &Compared| {
+            let residuals = output.measured.iter().zip(&earlier.predicted).map(|(m, p)| m - p);
+            line("before", 2, Mark::Line, recording.time_s.iter().copied().zip(residuals))
+        };
         let band = |sign: f64| {
             let widths = output.half_width.iter().map(move |h| sign * h);
             line("", 4, Mark::Line, recording.time_s.iter().copied().zip(widths))
@@ -359,7 +429,7 @@ fn figure(recording: &Recording, places: &[Option<usize>], outputs: &[Compared])
             "residuals and half-widths",
             "time [s]",
             &output.name,
-            vec![own, band(1.0), band(-1.0)],
+            earlier.map(of_earlier).into_iter().chain([own, band(1.0), band(-1.0)]).collect(),
         ));
     }
     Figure { title: "model and measurement".into(), panels, columns: if main.is_some() { 3 } else { 2 } }

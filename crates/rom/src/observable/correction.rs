@@ -1,0 +1,78 @@
+//! Measured difference of an observable from the finite elements, smooth over the inputs.
+//!
+//! ```text
+//! offset(x)     = sum_k w_k g(|x - c_k|)      g(d) = exp(-d^2 / 2 l^2), x scaled as in the model
+//! share(x)      = max_k g(|x - c_k|)          1 at a measured state, 0 far from all of them
+//! half-width    = share q + (1 - share) sqrt(h^2 + d^2)
+//! ```
+//!
+//! `q` is the 90 % quantile of the errors on parts of the recordings that were left out, `d` that of the difference itself, `h` the model's
+//! half-width: where nothing was measured, the offset is 0 and the model may be as far off as it was elsewhere.
+
+use crate::evaluation::Evaluation;
+use crate::inputs::{InputMap, Inputs, MAX_INPUTS, Point, square_distance};
+use crate::snapshots::RegimeKind;
+use serde::{Deserialize, Serialize};
+
+/// Difference of one observable in one regime.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Correction {
+    /// Regime.
+    pub regime: RegimeKind,
+    /// Inputs of the regime.
+    pub inputs: InputMap,
+    /// Length `l` over scaled inputs.
+    pub length: f64,
+    /// Centres `c`.
+    pub centres: Vec<Point>,
+    /// Weights `w`, in the observable's unit.
+    pub weights: Vec<f64>,
+    /// `q`.
+    pub residual: f64,
+    /// `d`.
+    pub difference: f64,
+}
+
+impl Correction {
+    /// Values `g` of the centres at scaled inputs.
+    pub fn terms<'a>(centres: &'a [Point], length: f64, x: &'a Point) -> impl Iterator<Item = f64> + 'a {
+        centres.iter().map(move |c| (-0.5 * square_distance(c, x) / (length * length)).exp())
+    }
+
+    /// True if the numbers can be evaluated.
+    pub(super) fn is_sound(&self) -> bool {
+        let finite = self.centres.as_flattened().iter().chain(&self.weights).all(|v| v.is_finite());
+        finite && self.centres.len() == self.weights.len() && self.length > 0.0
+    }
+
+    /// Offset and share at a state. Allocates nothing.
+    pub fn at(&self, inputs: &Inputs) -> (f64, f64) {
+        self.at_scaled(&self.inputs.scale(inputs))
+    }
+
+    /// [`Self::at`] at scaled inputs.
+    pub fn at_scaled(&self, x: &Point) -> (f64, f64) {
+        let terms = || Self::terms(&self.centres, self.length, x);
+        let offset = terms().zip(&self.weights).map(|(g, w)| g * w).sum();
+        (offset, terms().fold(0.0, f64::max))
+    }
+
+    /// Derivatives of the offset with respect to each input.
+    pub(super) fn gradient(&self, evaluation: &Evaluation) -> [f64; MAX_INPUTS] {
+        let x = self.inputs.scale(&evaluation.inputs);
+        let mut gradient = [0.0; MAX_INPUTS];
+        let terms = Self::terms(&self.centres, self.length, &x).zip(&self.weights).zip(&self.centres);
+        for ((g, w), centre) in terms {
+            for (at, axis) in self.inputs.axes.iter().enumerate() {
+                let slope = g * w * (centre[at] - x[at]) / (self.length * self.length);
+                gradient[axis.input] += slope / (axis.max - axis.min);
+            }
+        }
+        gradient
+    }
+
+    /// Half-width at a share, with that of the model.
+    pub(super) fn halfwidth(&self, share: f64, of_model: f64) -> f64 {
+        share * self.residual + (1.0 - share) * of_model.hypot(self.difference)
+    }
+}

@@ -1,0 +1,168 @@
+//! The body with predicted and measured markers at some instants.
+
+use super::subject::Subject;
+use crate::bench::{inputs_at, range};
+use crate::load::LoadedModel;
+use crate::picture::camera::Camera;
+use crate::picture::canvas::Canvas;
+use crate::picture::colour::ColourMap;
+use crate::picture::scale::Scale;
+use crate::picture::scene::{Block, Scene};
+use crate::picture::sheet::{Panel, Row, Sheet};
+use crate::picture::skin::{Body, marker_mm};
+use crate::picture::theme::ThemeName;
+use crate::picture::visible::visible_facets;
+use formats::log::Recording;
+use rom::memory::Memory;
+use rom::model::{BlockKind, Model, Selection};
+use rom::model_state::ModelState;
+use rom::snapshots::FieldKind;
+
+/// Fractions of the range of the input that moves most.
+const INSTANTS: [f64; 3] = [0.0, 0.5, 1.0];
+const PANEL_PX: usize = 520;
+const TEXT_PX: f32 = 20.0;
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// Names and measured positions (mm) of the markers in a row; coordinates that were not measured are those of the model.
+fn measured(
+    recording: &Recording,
+    row: usize,
+    predicted: impl Fn(&str) -> Option<[f32; 3]>,
+) -> Vec<[f32; 3]> {
+    let value = |name: &str, axis: &str| {
+        let series = recording.outputs.iter().find(|series| series.name == format!("{name}_{axis}_mm"));
+        series.map(|series| series.values[row])
+    };
+    let mut names: Vec<&str> = recording.outputs.iter().filter_map(|series| marker(&series.name)).collect();
+    names.dedup();
+    let of = |name: &str| {
+        let own = predicted(name)?;
+        let mut place = own;
+        for (k, axis) in AXES.iter().enumerate() {
+            place[k] = value(name, axis).map_or(own[k], |v| v as f32);
+        }
+        Some(place).filter(|place| place.iter().all(|v| v.is_finite()))
+    };
+    let mut seen = std::collections::BTreeSet::new();
+    names.into_iter().filter(|name| seen.insert(*name)).filter_map(of).collect()
+}
+
+fn marker(name: &str) -> Option<&str> {
+    AXES.iter().find_map(|axis| name.strip_suffix(&format!("_{axis}_mm")))
+}
+
+/// The nearest rows to the wanted times, or the default ones.
+fn rows(recording: &Recording, places: &[Option<usize>], at_s: &[f64]) -> Vec<usize> {
+    let nearest = |distance: &dyn Fn(usize) -> f64| {
+        let all = (0..recording.time_s.len()).filter(|row| distance(*row).is_finite());
+        all.min_by(|a, b| distance(*a).total_cmp(&distance(*b)))
+    };
+    if !at_s.is_empty() {
+        return at_s.iter().filter_map(|t| nearest(&|row| (recording.time_s[row] - t).abs())).collect();
+    }
+    let inputs = places.iter().flatten().map(|at| &recording.inputs[*at].values);
+    let Some(main) = inputs.max_by(|a, b| range(a).total_cmp(&range(b))) else { return Vec::new() };
+    let low = main.iter().copied().filter(|v| v.is_finite()).fold(f64::INFINITY, f64::min);
+    let wanted = INSTANTS.map(|part| low + part * range(main));
+    wanted.iter().filter_map(|wanted| nearest(&|row| (main[row] - wanted).abs())).collect()
+}
+
+/// The picture; none without markers that the model has, or without coordinates.
+pub fn picture(
+    subject: &Subject,
+    recording: &Recording,
+    places: &[Option<usize>],
+    at_s: &[f64],
+) -> anyhow::Result<Option<Canvas>> {
+    let model = &subject.model;
+    let Some(columns) = coordinates(model) else { return Ok(None) };
+    let set =
+        |name: &str| model.header.node_sets.iter().find(|set| set.name == name && !set.nodes.is_empty());
+    if !recording.outputs.iter().filter_map(|series| marker(&series.name)).any(|name| set(name).is_some()) {
+        return Ok(None);
+    }
+    let undeformed = [0, 1, 2].map(|axis| model.f32_block(BlockKind::Undeformed(axis)).unwrap_or(&[]));
+    let rest: Vec<[f32; 3]> =
+        (0..undeformed[0].len()).map(|node| undeformed.map(|axis| axis[node])).collect();
+    let facets = visible_facets(&rest, &LoadedModel::facets_of(model));
+    let mut state = ModelState::new(model, &Selection::default())?;
+    let (mut memory, mut next) = (Memory::of(model)?, 0);
+    let mut wanted = rows(recording, places, at_s);
+    wanted.sort_unstable();
+    let mut drawn: Vec<(Body, Vec<Block>, String)> = Vec::new();
+    for row in wanted {
+        let mut effective = None;
+        // Memory sees every reading on the way.
+        for row in next..=row {
+            let Some(inputs) = inputs_at(places, recording, row).map(|inputs| subject.unbiased(inputs))
+            else {
+                continue;
+            };
+            effective = Some(match &mut memory {
+                Some(memory) => {
+                    let t_s = recording.time_s[row] - recording.time_s[0];
+                    memory.advance((1e9 * t_s).round().max(0.0) as u64, &inputs);
+                    memory.effective(&inputs)
+                }
+                None => inputs,
+            });
+        }
+        next = row + 1;
+        let Some(inputs) = effective else { continue };
+        state.update(inputs)?;
+        let count = model.header.node_count;
+        let place = |node: usize| columns.map(|column| state.fields()[column * count + node]);
+        let nodes: Vec<[f32; 3]> = (0..count).map(place).collect();
+        let moved = |(to, from): (&[f32; 3], &[f32; 3])| {
+            to.iter().zip(from).map(|(to, from)| (to - from) * (to - from)).sum::<f32>().sqrt()
+        };
+        let values: Vec<f32> = nodes.iter().zip(&rest).map(moved).collect();
+        let mean = |name: &str| {
+            let nodes_of = &set(name)?.nodes;
+            let sum = |k: usize| nodes_of.iter().map(|node| nodes[*node as usize][k]).sum::<f32>();
+            Some([0, 1, 2].map(|k| sum(k) / nodes_of.len() as f32))
+        };
+        let size = marker_mm(&rest);
+        let block = |at: [f32; 3]| Block { min_mm: at.map(|v| v - size), max_mm: at.map(|v| v + size) };
+        let blocks = measured(recording, row, mean).into_iter().map(block).collect();
+        let body = if facets.is_empty() {
+            Body::of_markers(&nodes, &values)
+        } else {
+            Body { nodes_mm: nodes, facets: facets.clone(), values }
+        };
+        drawn.push((body, blocks, format!("{:.2} s", recording.time_s[row])));
+    }
+    if drawn.is_empty() {
+        return Ok(None);
+    }
+    let largest = drawn.iter().flat_map(|(body, ..)| &body.values).copied().fold(0.0, f32::max);
+    let scale = Scale::rounded([0.0, largest], 5);
+    let panels = drawn.iter().map(|(body, blocks, title)| Panel {
+        scene: Scene { body, plate: None, blocks, range: scale.range },
+        title: title.clone(),
+        note: String::new(),
+    });
+    let sheet = Sheet {
+        title: "Model and measured markers".into(),
+        caption: "Blocks: measured markers.".into(),
+        rows: vec![Row { heading: String::new(), panels: panels.collect() }],
+        bar_label: "displacement (mm)".into(),
+        map: ColourMap::stress(),
+        camera: Camera::new(24.0, 17.0),
+        panel_px: PANEL_PX,
+        text_px: TEXT_PX,
+        theme: ThemeName::Light.colours(),
+        scale,
+    };
+    sheet.draw().map(Some)
+}
+
+/// Fields of x, y and z.
+fn coordinates(model: &Model) -> Option<[usize; 3]> {
+    let of = |axis: u8| {
+        let is_axis = |field: &rom::model::OutputField| field.spec.kind == FieldKind::Coordinate(axis);
+        model.header.fields.iter().position(is_axis)
+    };
+    Some([of(0)?, of(1)?, of(2)?])
+}

@@ -1,0 +1,244 @@
+//! Measured differences of a finite-element model's observables and markers: [`Correction`]s by ridge regression.
+//!
+//! ```text
+//! offset(x) = sum_k w_k exp(-|x - c_k|^2 / 2 l^2),     w = argmin mean_i (r_i - offset(x_i))^2 + lambda |w|^2
+//! ```
+//!
+//! `r` is measured minus predicted, `x` the inputs scaled as in the model, centres `c` the means of cells of the measured states. Segments of the
+//! runs that are left out choose `l` and `lambda`, and decide whether there is an offset at all.
+
+use super::curve::{FOLDS, centres, fold, half_width, quantile};
+use super::data::{MeasuredError, mean};
+use super::layout::coordinate;
+use rom::dense::Dense;
+use rom::evaluator::Evaluator;
+use rom::inputs::{Inputs, Point};
+use rom::model::{BlockKind, Model, ModelError, ModelFileError};
+use rom::observable::{Correction, Definition, MAX_OBSERVABLES, ObservableKind, Observables, Place};
+use rom::snapshots::RegimeKind;
+use std::collections::BTreeMap;
+
+/// Fewest states.
+const MIN_STATES: usize = 12;
+/// Largest RMS on left-out segments, as a fraction of that without offset, at which an offset is kept.
+const MOST_LEFT: f64 = 0.9;
+/// Lengths tried, per root of the number of inputs: short, so that nothing is added far from what was measured.
+const LENGTHS: [f64; 3] = [0.05, 0.1, 0.2];
+const SMOOTHINGS: [f64; 6] = [1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0];
+
+/// States of a run and the values measured there, by output; a row without all inputs has no state.
+#[derive(Clone, Debug, Default)]
+pub struct MeasuredStates {
+    /// Inputs of the model.
+    pub states: Vec<Option<Inputs>>,
+    /// Values by output, then row; NaN if missing.
+    pub outputs: Vec<Vec<f64>>,
+}
+
+/// Figures of one output in one regime.
+#[derive(Clone, Debug)]
+pub struct Difference {
+    /// Name.
+    pub name: String,
+    /// Regime.
+    pub regime: RegimeKind,
+    /// States.
+    pub states: usize,
+    /// RMS of measured minus predicted.
+    pub rms: f64,
+    /// RMS on segments that were left out, with the offset.
+    pub rms_left_out: f64,
+    /// Offset with the largest size at a measured state.
+    pub largest_offset: f64,
+    /// Half-width at measured states.
+    pub half_width: f64,
+    /// True if the model has the offset; false where it does not lower the error on left-out segments.
+    pub is_kept: bool,
+}
+
+/// Rows of one output in one regime.
+#[derive(Default)]
+struct Rows {
+    x: Vec<Point>,
+    r: Vec<f64>,
+    fold: Vec<usize>,
+    run: Vec<usize>,
+}
+
+/// Adds the measured differences of `outputs` to the model, whose coordinates must be loaded. Outputs are observables of the model or
+/// coordinates of its node sets, which become observables. Cost `O(states centres^2)`.
+///
+/// # Errors
+/// [`MeasuredError`]; the model is then unchanged.
+pub fn correct(
+    model: &mut Model,
+    outputs: &[String],
+    runs: &[MeasuredStates],
+    remarks: &mut Vec<String>,
+) -> Result<Vec<Difference>, MeasuredError> {
+    let mut observables = Observables::of(model)?;
+    let places = places(model, outputs, &mut observables, remarks)?;
+    let mut found = Vec::new();
+    let refused = |error: ModelError| ModelFileError::Header(error.to_string());
+    let evaluator = Evaluator::new(&model.header).map_err(refused)?;
+    let mut evaluation = evaluator.evaluation();
+    for (output, at) in places {
+        let mut by_regime: Vec<(RegimeKind, Rows)> = Vec::new();
+        for (number, run) in runs.iter().enumerate() {
+            let both = run.states.iter().zip(&run.outputs[output]);
+            let known: Vec<(Inputs, f64)> = both
+                .filter_map(|(state, value)| Some(((*state)?, *value)))
+                .filter(|(_, v)| v.is_finite())
+                .collect();
+            for (row, (inputs, value)) in known.iter().enumerate() {
+                evaluator.evaluate(*inputs, &mut evaluation);
+                let Some(regime) = model.regime(evaluation.regime) else { continue };
+                let predicted = observables.value(at, &evaluation);
+                let rest = value - (predicted.value - predicted.offset);
+                if by_regime.iter().all(|(kind, _)| *kind != regime.kind) {
+                    by_regime.push((regime.kind, Rows::default()));
+                }
+                let own = by_regime.iter_mut().find(|(kind, _)| *kind == regime.kind);
+                let Some((_, rows)) = own.filter(|_| rest.is_finite()) else { continue };
+                rows.x.push(regime.inputs.scale(inputs));
+                rows.r.push(rest);
+                rows.fold.push(fold(row, known.len()));
+                rows.run.push(number);
+            }
+        }
+        for (kind, rows) in by_regime {
+            if rows.r.len() < MIN_STATES {
+                let (name, count) = (&outputs[output], rows.r.len());
+                remarks.push(format!(
+                    "{name}: {count} states of the {} regime, expected at least {MIN_STATES}: no offset",
+                    kind.name()
+                ));
+                continue;
+            }
+            let Some(regime) = model.regime(kind) else { continue };
+            let (correction, report) =
+                rows.correction(kind, &regime.inputs, &outputs[output]).ok_or(MeasuredError::Singular)?;
+            if report.is_kept {
+                observables.correct(at, correction);
+            }
+            found.push(report);
+        }
+    }
+    if !found.iter().any(|report| report.is_kept) {
+        let reason = |report: &Difference| {
+            format!("{}: RMS {:.3e}, {:.3e} on left-out parts", report.name, report.rms, report.rms_left_out)
+        };
+        let reasons: Vec<String> = found.iter().map(reason).chain(std::mem::take(remarks)).collect();
+        return Err(MeasuredError::NoDifference { reasons: reasons.join("; ") });
+    }
+    model.set_record(BlockKind::Observables, &observables)?;
+    Ok(found)
+}
+
+/// Output and observable of each output that the model has; markers become observables.
+fn places(
+    model: &Model,
+    outputs: &[String],
+    observables: &mut Observables,
+    remarks: &mut Vec<String>,
+) -> Result<Vec<(usize, usize)>, MeasuredError> {
+    let has_set = |name: &str| model.header.node_sets.iter().any(|set| set.name == name);
+    let mut found = Vec::new();
+    for (output, name) in outputs.iter().enumerate() {
+        if observables.names().all(|known| known != name)
+            && let Some((marker, axis)) = coordinate(name).filter(|(marker, _)| has_set(marker))
+            && observables.count() < MAX_OBSERVABLES
+        {
+            let mut direction = [0.0; 3];
+            direction[axis] = 1.0;
+            let (kind, points) = (ObservableKind::Position, vec![Place::Set(marker.to_owned())]);
+            let definition = Definition { kind, points, axis: Some(direction) };
+            let added = Observables::define(model, &BTreeMap::from([(name.clone(), definition)]));
+            observables.append(added.map_err(|problems| ModelFileError::Header(problems.join("; ")))?);
+        }
+        match observables.names().position(|known| known == name) {
+            Some(at) => found.push((output, at)),
+            None => remarks
+                .push(format!("{name}: no observable of the model, and no coordinate of its node sets")),
+        }
+    }
+    if !found.is_empty() {
+        return Ok(found);
+    }
+    let sets = model.header.node_sets.iter().map(|set| set.name.as_str());
+    let known: Vec<&str> = observables.names().chain(sets).collect();
+    Err(MeasuredError::NoSuchOutput { found: outputs.join(", "), known: known.join(", ") })
+}
+
+impl Rows {
+    fn correction(
+        &self,
+        regime: RegimeKind,
+        inputs: &rom::inputs::InputMap,
+        name: &str,
+    ) -> Option<(Correction, Difference)> {
+        let centres = centres(&self.x, inputs.dimensions());
+        let mean_square = |errors: &[f64]| mean(errors.iter().map(|e| e * e));
+        let mut best: Option<(f64, f64, f64, Vec<f64>)> = None;
+        for length in LENGTHS.map(|length| length * (inputs.dimensions() as f64).sqrt()) {
+            let terms: Vec<Vec<f64>> =
+                self.x.iter().map(|x| Correction::terms(&centres, length, x).collect()).collect();
+            for smoothing in SMOOTHINGS {
+                let Some(errors) = self.left_out(&terms, smoothing) else { continue };
+                let square = mean_square(&errors);
+                if best.as_ref().is_none_or(|(least, ..)| square < *least) {
+                    best = Some((square, length, smoothing, errors));
+                }
+            }
+        }
+        let (square, length, smoothing, errors) = best?;
+        let terms: Vec<Vec<f64>> =
+            self.x.iter().map(|x| Correction::terms(&centres, length, x).collect()).collect();
+        let weights = self.weights(&terms, smoothing, |_| true)?;
+        let offset = |row: &Vec<f64>| row.iter().zip(&weights).map(|(g, w)| g * w).sum::<f64>();
+        let largest_offset =
+            terms.iter().map(offset).fold(0.0, |most: f64, v| if v.abs() > most.abs() { v } else { most });
+        let sizes = |errors: &[f64]| errors.iter().map(|e| e.abs()).collect();
+        let residual = half_width(&self.run, sizes(&errors), &errors);
+        let rms = mean_square(&self.r).sqrt();
+        let report = Difference {
+            name: name.to_owned(),
+            regime,
+            states: self.r.len(),
+            rms,
+            rms_left_out: square.sqrt(),
+            largest_offset,
+            half_width: residual,
+            is_kept: square.sqrt() < MOST_LEFT * rms,
+        };
+        let (inputs, difference) = (inputs.clone(), quantile(sizes(&self.r)));
+        Some((Correction { regime, inputs, length, centres, weights, residual, difference }, report))
+    }
+
+    fn left_out(&self, terms: &[Vec<f64>], smoothing: f64) -> Option<Vec<f64>> {
+        let mut errors = self.r.clone();
+        for part in 0..FOLDS {
+            let weights = self.weights(terms, smoothing, |at| self.fold[at] != part)?;
+            for at in (0..terms.len()).filter(|at| self.fold[*at] == part) {
+                errors[at] -= terms[at].iter().zip(&weights).map(|(g, w)| g * w).sum::<f64>();
+            }
+        }
+        Some(errors)
+    }
+
+    fn weights(&self, terms: &[Vec<f64>], smoothing: f64, of: impl Fn(usize) -> bool) -> Option<Vec<f64>> {
+        let count = terms.first()?.len();
+        let (mut system, mut right) = (Dense::zeros(count), vec![0.0; count]);
+        let mut rows = 0.0;
+        for at in (0..terms.len()).filter(|at| of(*at)) {
+            rows += 1.0;
+            for (i, own) in terms[at].iter().enumerate() {
+                right[i] += own * self.r[at];
+                terms[at].iter().enumerate().for_each(|(j, v)| system[(i, j)] += own * v);
+            }
+        }
+        (0..count).for_each(|i| system[(i, i)] += smoothing * f64::max(rows, 1.0));
+        system.solve(&mut right, 1)?;
+        Some(right)
+    }
+}
