@@ -458,7 +458,7 @@ impl Solver {
                 Err(reason) => {
                     report.cuts += 1;
                     let failed = step;
-                    step *= if report.cuts < SEARCH_AFTER { 0.5 } else { 0.25 };
+                    step *= 0.5;
                     if report.cuts == SEARCH_AFTER && to.injected_mm3.is_none() {
                         let goal_mpa = between(&begin, to, (done + 2.0 * failed).min(1.0)).pressure_mpa;
                         self.set_problem(path.at(done).map_err(SolveError::Body)?);
