@@ -173,7 +173,7 @@ struct Observed {
 }
 
 impl Observed {
-    /// None where the scene measures none.
+    /// `None` if the scene measures no observable.
     ///
     /// # Errors
     /// Observables that the model does not have.

@@ -11,7 +11,7 @@ use rom::observable::OnMesh;
 use rom::reconstructor::BasisOptions;
 use rom::snapshots::{Database, RegimeKind};
 
-/// By regime and observable the ratio of each case.
+/// Ratio of each case by regime and observable.
 pub(crate) type Ratios = Vec<(RegimeKind, Vec<Vec<f64>>)>;
 
 /// The ratios of a trained model.

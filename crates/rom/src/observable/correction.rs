@@ -7,7 +7,7 @@
 //! ```
 //!
 //! `q` is the 90 % quantile of the errors on parts of the recordings that were left out, `d` that of the difference itself, `h` the model's
-//! half-width: where nothing was measured, the offset is 0 and the model may be as far off as it was elsewhere.
+//! half-width: where nothing was measured, the offset is 0 and the model may be as far off as at the measured inputs.
 
 use crate::evaluation::Evaluation;
 use crate::inputs::{InputMap, Inputs, MAX_INPUTS, Point, square_distance};
@@ -71,7 +71,7 @@ impl Correction {
         gradient
     }
 
-    /// Half-width at a share, with that of the model.
+    /// Half-width at a fraction, with that of the model.
     pub(super) fn halfwidth(&self, share: f64, of_model: f64) -> f64 {
         share * self.residual + (1.0 - share) * of_model.hypot(self.difference)
     }

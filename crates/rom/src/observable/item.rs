@@ -22,7 +22,7 @@ pub(super) struct Item {
     pub rest: f64,
 }
 
-/// What an observable is computed of.
+/// Data from which an observable is computed.
 pub(super) enum Source {
     Points(Vec<MeshPoint>),
     Chambers(Walls),

@@ -60,7 +60,7 @@ pub struct Observables {
     corrections: Vec<(usize, Correction)>,
 }
 
-/// What the observables are computed of in one regime.
+/// Data from which the observables of one regime are computed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct OfRegime {
     kind: RegimeKind,
@@ -264,7 +264,7 @@ impl Observables {
         self.corrections.extend(other.corrections.into_iter().map(|(at, of)| (before + at, of)));
     }
 
-    /// Sets the measured difference of one in a regime.
+    /// Sets the measured difference of an observable in a regime.
     pub fn correct(&mut self, at: usize, correction: Correction) {
         self.corrections.retain(|(of, known)| *of != at || known.regime != correction.regime);
         self.corrections.push((at, correction));

@@ -80,7 +80,7 @@ impl Walls {
     }
 }
 
-/// Facets by the parts of the surface that share nodes.
+/// Facets by the parts of the surface with common nodes.
 fn connected(facets: &[[u32; 3]], nodes: usize) -> Vec<Vec<[u32; 3]>> {
     let mut parent: Vec<u32> = (0..nodes as u32).collect();
     fn root(parent: &mut [u32], mut at: u32) -> u32 {

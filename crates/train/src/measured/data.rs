@@ -124,7 +124,7 @@ pub enum MeasuredError {
     },
     /// No measured difference is smooth over the inputs.
     #[error(
-        "no difference from the model is a smooth function of the inputs: {reasons}; the model stays as it is"
+        "no difference from the model is a smooth function of the inputs: {reasons}; the model is unchanged"
     )]
     NoDifference {
         /// Reason by output.

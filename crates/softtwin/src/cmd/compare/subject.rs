@@ -1,4 +1,4 @@
-//! What is compared with a recording: a model, or that of a scene's actuator.
+//! Subject of a comparison with a recording: a model, or that of a scene's actuator.
 
 use crate::failure::{configuration, usage};
 use crate::files;

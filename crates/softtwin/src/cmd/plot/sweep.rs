@@ -1,4 +1,4 @@
-//! What a model answers along each of its inputs, the others at the middle of their ranges, without an obstacle.
+//! Answers of a model along each of its inputs, the others at the middle of their ranges, without an obstacle.
 
 use crate::bench::{line, panel};
 use crate::failure::usage;
