@@ -10,7 +10,8 @@ use tests::skip::{Missing, skipped};
 use tests::{Program, Stage};
 use wire::layout::query_kind;
 use wire::{
-    Bus, Domain, Query, QueryClient, QueryServer, SetpointWriter, StateReader, Topic, WakeSet, Wakeable,
+    Bus, Domain, Query, QueryClient, QueryServer, SetpointWriter, StateReader, TargetWriter, Topic, WakeSet,
+    Wakeable,
 };
 
 const SERVICE: u32 = 61_001;
@@ -34,7 +35,7 @@ const RIGHTS: [&str; 6] = [
     "subscribe",
     "query",
     "publish readings, states, fields",
-    "publish setpoints, overrides, commands",
+    "publish setpoints, overrides, targets, commands",
     "stop or reload a daemon",
     "rename or remove these folders",
 ];
@@ -154,7 +155,9 @@ fn try_right(domain: &Domain, right: &str) -> String {
         }),
         "publish readings, states, fields" => bus()
             .and_then(|bus| wire::StateWriter::create(&bus, &topic("other/state")).map(drop).map_err(text)),
-        "publish setpoints, overrides, commands" => bus().and_then(|bus| {
+        "publish setpoints, overrides, targets, commands" => bus().and_then(|bus| {
+            // The target first: refused, both have the same text.
+            TargetWriter::create_named(&bus, &topic("finger/target"), "test").map_err(text)?;
             SetpointWriter::create_named(&bus, &topic("finger/setpoint"), "test").map(drop).map_err(text)
         }),
         "stop or reload a daemon" => {
