@@ -27,25 +27,25 @@ run() {
     printf '\n== %s\n' "${folder#"$PWD/"} ${program##*/}"
     (cd "$folder" && CARGO_MANIFEST_DIR=$folder "$program" "${@:2}")
 }
-# run_all LOG [NAME]: the programs of standard input one after the other; fails if one failed.
+# run_all [NAME]: the programs of standard input one after the other; fails if one failed.
 run_all() {
     local program failed=0
     while read -r program; do
-        run "$program" "${@:2}" </dev/null || failed=1
-    done >"$1" 2>&1
+        run "$program" "$@" </dev/null 2>&1 || failed=1
+    done
     return "$failed"
 }
 of_computing() { grep "$@" -E "^[^ ]*/($computing) " "$logs/programs"; }
 set -m # each list in its own process group, which ends with this script
 beside=()
 for half in 0 1; do
-    of_computing | awk "NR % 2 == $half" | (renice -n 15 "$BASHPID" >/dev/null && run_all "$logs/beside$half" "$@") &
+    of_computing | awk "NR % 2 == $half" | (renice -n 15 "$BASHPID" >/dev/null && run_all "$@" >"$logs/beside$half") &
     beside+=($!)
 done
 set +m
 trap 'kill -- "${beside[@]/#/-}" 2>/dev/null || true; rm -rf "$logs"' EXIT
 failed=0
-of_computing -v | run_all /dev/stdout "$@" || failed=1
+of_computing -v | run_all "$@" || failed=1
 cargo test --locked --workspace $(network) --doc --quiet -- "$@" || failed=1
 processes_s=$SECONDS
 for group in "${beside[@]}"; do

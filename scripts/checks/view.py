@@ -257,10 +257,11 @@ def what_if_answers_sliders_without_a_twin_and_its_colours_are_the_published_max
         assert page.shown("contact_force_n") > low, "more pressure, more force"
         answer = json.loads(stage.run("softtwin", "predict", "--model", MODEL, "--pressure-mpa", "0.07", "--gap-mm", "30").stdout)
         assert abs(page.shown("contact_force_n") - answer["contact_force_n"]) < 1e-9, answer
-        value, node = hottest(page)
+        _, node = hottest(page)
         span = node["range"][1] - node["range"][0]
         assert node["node"] == node["published_node"] and abs(node["value"] - node["published"]) < 1e-6, node
-        assert abs(value - node["published"]) < 0.02 * span, f"the pixel says {value} MPa, the prediction {node}"
+        # The numbers of a state can be shown before its picture is drawn.
+        wait(lambda: abs(hottest(page)[0] - node["published"]) < 0.02 * span, f"the colour of {node}")
         assert page.run("document.querySelector('.mark').textContent") == f"{page.shown('contact_force_n'):.3f} N", "the arrow says the force"
         page.slide("input-pressure", 0.11)
         wait(lambda: "outside-domain" in (page.run("softtwin.chosen().shown.flags.join()") or ""), "the flag of an extrapolation")

@@ -49,7 +49,7 @@ Examples:
       --node middle=120
 
 Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row per node and state), .npy, .fmu (--fmu FILE is the same as --out FILE). \
-VTU files (as field data) and CSV files (as columns) carry every input, the contact force and the name of the case.";
+VTU files (as field data) and CSV files (as columns) carry every input, the contact force, the observables and the name of the case.";
 
 /// Export predictions, a database or a recording as VTU series, Tecplot, XDMF, CSV or NumPy files; a recording as tables.
 #[derive(clap::Args)]
