@@ -13,6 +13,8 @@ pub enum Missing {
     SecondUser,
     /// A C++ compiler.
     CppCompiler,
+    /// The network gateway, which a build without its feature does not have.
+    Gateway,
 }
 
 /// Prints that a test ends without its checks, with the reason.

@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 use std::fs::{create_dir, remove_file, set_permissions, write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
+use tests::process::binary;
+use tests::skip::{Missing, skipped};
 use tests::{Program, Stage};
 
 /// File with paths, and a command line that opens them; `FILE` is the file.
@@ -84,6 +86,10 @@ fn every_path_in_a_file_counts_from_its_folder() {
     let stage = Stage::new("paths");
     create_dir(stage.path("folder")).unwrap();
     for case in cases() {
+        if case.command.contains("--gateway") && !binary("softtwin-gateway").is_file() {
+            skipped(Missing::Gateway);
+            continue;
+        }
         let at = |name: &str| stage.path("folder").join(name);
         write(at(case.file), &case.text).unwrap();
         for path in case.paths {
