@@ -38,6 +38,8 @@ CORNER_PAIRS = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
 
 def boxes(a):
     """Boxes (x0, x1, y0, y1, z0, z1) of the parts: lower layer, upper layer, body, and what is cut out of them."""
+    if own := [k for k in ("lengths_mm", "tops_mm", "opposite") if k in a["chambers"]] + [k for k in ("side_mm",) if k in a["slots"]]:
+        sys.exit(f"mesh: expected a shape without {', '.join(own)}; softtwin mesh makes it")
     base, body, chambers, slots, channels = (a[k] for k in ("base", "body", "chambers", "slots", "channels"))
     middle = base["width_mm"] / 2
     sheet, top = base["lower_mm"], base["lower_mm"] + base["upper_mm"]
@@ -87,6 +89,8 @@ def name_surfaces(a):
     base, body, chambers, slots = (a[k] for k in ("base", "body", "chambers", "slots"))
     sheet, top = base["lower_mm"], base["lower_mm"] + base["upper_mm"]
     held = {"body-start": (body["start_mm"], top, body["top_mm"]), "base-start": (0.0, 0.0, top)}
+    if a["support"]["fixed"] not in held:
+        sys.exit(f"mesh: expected support.fixed {' or '.join(held)}, found {a['support']['fixed']}; softtwin mesh holds any face")
     held_x, held_low, held_high = held[a["support"]["fixed"]]
     middle, half_width = base["width_mm"] / 2, body["width_mm"] / 2
     inner = chambers["width_mm"] / 2

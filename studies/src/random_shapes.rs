@@ -1,14 +1,19 @@
 //! `softtwin-studies random-shapes`: actuators of random sizes, materials and loads are meshed and solved, or refused with a reason.
 
 use fem::actuator::{Actuator, Setting};
-use fem::{Problem, Solver};
+use fem::{Mesh, Problem, Solver};
 use rom::rng::Rng;
 use softtwin::files::refusal;
 use softtwin::output;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::panic::AssertUnwindSafe;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
+
+/// How it ended, with its figures or the reason.
+type Outcome = (&'static str, String);
+const PANIC: &str = "panic";
 
 /// Quantities that vary, with the range of their factor or, where they begin at 0, of their value.
 const FACTORS: [(&str, f64, f64); 14] = [
@@ -31,6 +36,15 @@ const FACTORS: [(&str, f64, f64); 14] = [
 const PRESSURE: [f64; 2] = [0.01, 0.1];
 /// Longest edge of an element (mm).
 const SIZE_MM: f64 = 9.0;
+/// Faces that are held.
+const HELD: [&str; 7] =
+    ["body-start", "base-start", "body-end", "base-end", "body-top", "base-front", "base-back"];
+/// One of this number of actuators is of a mesh file.
+const FILE_EVERY: usize = 5;
+/// Their folders: cavities, materials, films, folds.
+const FILES: [&str; 4] = ["two-chambers", "skeleton", "wound-tube", "bellows"];
+/// Begins of the keys that vary there, by factors of 0.3 to 3.
+const FILE_KEYS: [&str; 4] = ["elastomer.law.", "materials.", "films.", "loads.gravity"];
 
 /// Mesh and solve actuators of random sizes.
 #[derive(clap::Args)]
@@ -44,6 +58,9 @@ pub struct Args {
     /// The actuator that is varied.
     #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
     actuator: PathBuf,
+    /// Folder of the actuators of mesh files.
+    #[arg(long, value_name = "DIR", default_value = "models/shapes")]
+    shapes: PathBuf,
 }
 
 impl Args {
@@ -57,16 +74,29 @@ impl Args {
         let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
         for k in 0..self.count {
             let began = Instant::now();
-            let (outcome, detail) = outcome(&nominal, &mut rng);
+            let found = std::panic::catch_unwind(AssertUnwindSafe(|| self.outcome(k, &nominal, &mut rng)));
+            let (outcome, detail) = found.unwrap_or_else(|_| Ok((PANIC, String::new())))?;
             *counts.entry(outcome).or_default() += 1;
             output!("{k:>4} {outcome:<11} {:>5.1} s  {detail}", began.elapsed().as_secs_f64())?;
         }
         output!("{counts:?}")?;
+        anyhow::ensure!(!counts.contains_key(PANIC), "an actuator ended in a panic");
         Ok(())
+    }
+
+    fn outcome(&self, k: usize, nominal: &Actuator, rng: &mut Rng) -> anyhow::Result<Outcome> {
+        if k % FILE_EVERY != FILE_EVERY - 1 {
+            return Ok(of_boxes(nominal, rng));
+        }
+        let name = FILES[rng.below(FILES.len())];
+        let path = self.shapes.join(name).join("actuator.toml");
+        let actuator = Actuator::read(&path).map_err(refusal)?;
+        let (outcome, detail) = of_file(&actuator, &path, rng);
+        Ok((outcome, format!("{name}: {detail}")))
     }
 }
 
-/// Actuator of at most four chambers, with parts left out at random.
+/// Actuator of at most four chambers, with parts left out and added at random.
 fn varied(nominal: &Actuator, rng: &mut Rng) -> (Actuator, Vec<Setting>) {
     let mut actuator = nominal.clone();
     if let (Some(base), Some(body), Some(row)) =
@@ -75,6 +105,22 @@ fn varied(nominal: &Actuator, rng: &mut Rng) -> (Actuator, Vec<Setting>) {
         let less_mm = row.pitch_mm * (row.count as f64 - (1 + rng.below(4)) as f64);
         row.count = ((row.count as f64 * row.pitch_mm - less_mm) / row.pitch_mm).round() as usize;
         (body.length_mm, base.length_mm) = (body.length_mm - less_mm, base.length_mm - less_mm);
+        if rng.below(4) == 0 {
+            row.lengths_mm = (0..row.count).map(|_| row.length_mm * (0.6 + 0.6 * rng.uniform())).collect();
+        }
+        if rng.below(4) == 0 {
+            row.tops_mm = (0..row.count).map(|_| row.top_mm * (0.6 + 0.4 * rng.uniform())).collect();
+        }
+        if rng.below(4) == 0 {
+            row.opposite = Some("opposite".into());
+            actuator.pressure_mpa.insert("opposite".into(), 0.02 * rng.uniform());
+        }
+    }
+    if let (Some(slots), 0) = (&mut actuator.slots, rng.below(4)) {
+        slots.side_mm = 8.0 * rng.uniform();
+    }
+    if rng.below(2) == 0 {
+        actuator.support.fixed = HELD[rng.below(HELD.len())].into();
     }
     actuator.mesh.nodes = 0;
     let hangs = rng.below(3);
@@ -98,20 +144,48 @@ fn varied(nominal: &Actuator, rng: &mut Rng) -> (Actuator, Vec<Setting>) {
     (actuator, settings)
 }
 
-fn outcome(nominal: &Actuator, rng: &mut Rng) -> (&'static str, String) {
+fn listed(list: &[formats::Diagnostic]) -> String {
+    list.first().map_or(String::new(), |first| format!("{first} ({} in all)", list.len()))
+}
+
+/// Pressure over the shear modulus.
+fn share(rng: &mut Rng) -> f64 {
+    PRESSURE[0] + (PRESSURE[1] - PRESSURE[0]) * rng.uniform()
+}
+
+fn of_file(actuator: &Actuator, path: &Path, rng: &mut Rng) -> Outcome {
+    let mut settings = Vec::new();
+    for (name, value) in actuator.quantities() {
+        let varies = FILE_KEYS.iter().any(|key| name.starts_with(key)) && rng.below(2) == 0;
+        if varies {
+            settings.push((name, value * 0.3 * 10.0_f64.powf(rng.uniform())));
+        } else if name.starts_with("pressure_mpa.") {
+            settings.push((name, 0.1 * rng.uniform() * actuator.elastomer.law.shear_modulus_mpa()));
+        }
+    }
+    let share = share(rng);
+    match (actuator.with(&settings), actuator.read_mesh(path)) {
+        (Err(list), _) => ("refused", listed(&list)),
+        (_, Err(error)) => ("not meshed", error.to_string()),
+        (Ok(actuator), Ok(mesh)) => solved(&actuator, mesh, share),
+    }
+}
+
+fn of_boxes(nominal: &Actuator, rng: &mut Rng) -> Outcome {
     let (actuator, settings) = varied(nominal, rng);
-    let listed = |list: Vec<formats::Diagnostic>| {
-        list.first().map_or(String::new(), |first| format!("{first} ({} in all)", list.len()))
-    };
-    let share = PRESSURE[0] + (PRESSURE[1] - PRESSURE[0]) * rng.uniform();
+    let share = share(rng);
     let actuator = match actuator.with(&settings) {
         Ok(actuator) => actuator,
-        Err(list) => return ("refused", listed(list)),
+        Err(list) => return ("refused", listed(&list)),
     };
-    let mesh = match actuator.grid_mesh(SIZE_MM, 1) {
-        Ok(mesh) => mesh,
-        Err(list) => return ("not meshed", listed(list)),
-    };
+    match actuator.grid_mesh(SIZE_MM, 1) {
+        Ok(mesh) => solved(&actuator, mesh, share),
+        Err(list) => ("not meshed", listed(&list)),
+    }
+}
+
+/// Rest under gravity, then the state under pressure.
+fn solved(actuator: &Actuator, mesh: Mesh, share: f64) -> Outcome {
     let problem = match Problem::new(mesh, actuator.problem_config()) {
         Ok(problem) => Arc::new(problem),
         Err(error) => return ("refused", error.to_string()),

@@ -13,6 +13,8 @@ pub enum Missing {
     SecondUser,
     /// A C++ compiler.
     CppCompiler,
+    /// The Python package gmsh.
+    GmshPackage,
     /// The network gateway, which a build without its feature does not have.
     Gateway,
 }

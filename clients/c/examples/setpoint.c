@@ -22,7 +22,7 @@ int main(int argc, char **argv) {
     softtwin_valve_reader *written = NULL;
     check(softtwin_bus_open(NULL, NULL, &bus), "domain");
     check(softtwin_valve_reader_open(bus, actuator, &written), "valve");
-    check(softtwin_writer_open_setpoint(bus, actuator, "setpoint.c", &valve), "setpoint");
+    check(softtwin_writer_open_setpoint(bus, actuator, NULL, "setpoint.c", &valve), "setpoint");
 
     const uint64_t end_ns = softtwin_now_ns() + (uint64_t)(seconds * 1e9);
     uint64_t next_ns = 0;

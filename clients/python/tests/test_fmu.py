@@ -164,6 +164,45 @@ def test_parameters_are_tuned_between_steps(tmp_path):
     made.fmu.freeInstance()
 
 
+@pytest.fixture(scope="module")
+def two_cavities(tmp_path_factory):
+    """Model of four nodes that bend down with `pressure_mpa` and up with `pressure_mpa.left`."""
+    folder = tmp_path_factory.mktemp("two")
+    steps = np.linspace(0.0, 0.04, 4)
+    states = [(p, q) for p in steps for q in steps]
+    at = np.array([[0, 0, 0], [10, 0, 0], [10, 2, 0], [10, 0, 2]], dtype=np.float32)
+    bent = lambda p, q: at + at[:, :1] * np.array([0.0, 4.0 * (q - p) - 20.0 * (p + q) * (p - q), 0.0])
+    np.save(folder / "snapshots.npy", np.array([bent(p, q) for p, q in states], dtype=np.float32))
+    rows = [f"s{k},free,train,{p!r},,{q!r}" for k, (p, q) in enumerate(map(lambda s: tuple(map(float, s)), states))]
+    (folder / "cases.csv").write_text("\n".join(["case,regime,split,pressure_mpa,gap_mm,pressure_mpa.left", *rows]) + "\n")
+    fields = "".join(f'[[field]]\nname = "{axis}"\nunit = "mm"\nkind = "coordinate"\n' for axis in "xyz")
+    (folder / "database.toml").write_text(
+        'layout = 1\nactuator = "two"\nnodes = 4\ncases = "cases.csv"\nsnapshots = "snapshots.npy"\n'
+        f'{fields}[[input]]\nname = "pressure_mpa"\nunit = "MPa"\n[[input]]\nname = "gap_mm"\nunit = "mm"\n'
+        '[[input]]\nname = "pressure_mpa.left"\nunit = "MPa"\nnominal = 0.0\n'
+    )
+    done = tool("train", "--database", folder, "--out", folder / "two.twin")
+    assert done.returncode == 0, done.stderr
+    return folder / "two.twin"
+
+
+def test_pressures_of_all_cavities_are_inputs(two_cavities, tmp_path):
+    model = softtwin.Model(two_cavities)
+    up, down = model.predict(0.0, pressure_mpa_left=0.03), model.predict(0.03, **{"pressure_mpa.left": 0.0})
+    assert up.y[1] > 1.0 and down.y[1] < -1.0
+    np.testing.assert_array_equal(model.predict(0.03).y, down.y)
+    assert tool("export", two_cavities, "--out", tmp_path / "two.fmu", "--node", "tip=1").returncode == 0
+    made = Twin(tmp_path / "two.fmu", tmp_path / "fmu").start()
+    causality = {v.name: v.causality for v in made.description.modelVariables}
+    assert causality["pressure_mpa"] == causality["pressure_mpa.left"] == "input"
+    for step, (right, left) in enumerate([(0.01, 0.03), (0.03, 0.01)]):
+        made.put(pressure_mpa=right, **{"pressure_mpa.left": left})
+        made.fmu.doStep(currentCommunicationPoint=0.01 * step, communicationStepSize=0.01)
+        assert made.get("tip.y") == [pytest.approx(float(model.predict(right, pressure_mpa_left=left).y[1]), abs=1e-6)]
+    made.fmu.terminate()
+    made.fmu.freeInstance()
+
+
 def test_a_recording_is_an_input(archive, live, tmp_path):
     record = [PROGRAMS / "softtwin", "record", "softtwin/finger/state", "--seconds", "1", "--out", tmp_path / "run.mcap"]
     assert subprocess.run(record, env=live.environment(), capture_output=True).returncode == 0

@@ -166,10 +166,10 @@ softtwin_status softtwin_writer_send_inputs(softtwin_writer *writer, double pres
                                             size_t count);
 /** Sends one command: the gauge pressure wanted, MPa, and the stamp of the reading that it answers (0: none). */
 softtwin_status softtwin_writer_send_command(softtwin_writer *writer, double pressure_mpa, uint64_t t_sensor_ns);
-/** Becomes the owner of an actuator's valve, the writer of softtwin/<actuator>/setpoint. `owner` is the name (1 to 31 bytes) by which
- *  a second one is refused: SOFTTWIN_TAKEN, the last error has name and process. A program that ends loses the valve at once. */
-softtwin_status softtwin_writer_open_setpoint(softtwin_bus *bus, const char *actuator, const char *owner,
-                                              softtwin_writer **out);
+/** Becomes the owner of an actuator's valve, the writer of softtwin/<actuator>/setpoint, or of that of a further cavity (`cavity` not
+ *  NULL), softtwin/<actuator>/setpoint/<cavity>. `owner` is the name (1 to 31 bytes) by which a second one is refused: SOFTTWIN_TAKEN, the last error has name and process. A program that ends loses the valve at once. */
+softtwin_status softtwin_writer_open_setpoint(softtwin_bus *bus, const char *actuator, const char *cavity,
+                                              const char *owner, softtwin_writer **out);
 /** Sends one setpoint: the gauge pressure wanted, MPa (NaN: none, the valve takes its safe value), for how long it counts, ms,
  *  and the stamp of the reading that it answers (0: none). Without renewal the valve takes its safe value. */
 softtwin_status softtwin_writer_send_setpoint(softtwin_writer *writer, double pressure_mpa, uint32_t valid_ms,

@@ -206,9 +206,11 @@ private:
 /// The owner of an actuator's valve, under a name by which a second one is refused.
 class SetpointWriter {
 public:
-    SetpointWriter(const Bus &bus, const std::string &actuator, const std::string &owner) {
+    /// `cavity`: the one of the input `pressure_mpa.<cavity>`; empty: that of `pressure_mpa`.
+    SetpointWriter(const Bus &bus, const std::string &actuator, const std::string &owner, const std::string &cavity = "") {
         softtwin_writer *writer = nullptr;
-        check(softtwin_writer_open_setpoint(bus.get(), actuator.c_str(), owner.c_str(), &writer));
+        const char *of = cavity.empty() ? nullptr : cavity.c_str();
+        check(softtwin_writer_open_setpoint(bus.get(), actuator.c_str(), of, owner.c_str(), &writer));
         writer_.reset(writer);
     }
     /// Pressure wanted, MPa (NaN: none), for how long it counts, and the stamp of the reading that it answers (0: none).

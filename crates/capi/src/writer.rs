@@ -55,15 +55,16 @@ pub unsafe extern "C" fn softtwin_writer_open(
     })
 }
 
-/// Becomes the owner of an actuator's valve, the writer of `softtwin/<actuator>/setpoint`; `owner` is the name (1 to 31 bytes) by
-/// which a second one is refused.
+/// Becomes the owner of an actuator's valve, the writer of `softtwin/<actuator>/setpoint`, or of that of a further cavity,
+/// `softtwin/<actuator>/setpoint/<cavity>`; `owner` is the name (1 to 31 bytes) by which a second one is refused.
 ///
 /// # Safety
-/// `bus` is live, strings are zero-terminated, `out` points to memory for a pointer.
+/// `bus` is live, strings are zero-terminated, `cavity` is null or one of them, `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_writer_open_setpoint(
     bus: *mut softtwin_bus,
     actuator: *const c_char,
+    cavity: *const c_char,
     owner: *const c_char,
     out: *mut *mut softtwin_writer,
 ) -> softtwin_status {
@@ -75,7 +76,10 @@ pub unsafe extern "C" fn softtwin_writer_open_setpoint(
                 "expected an owner's name of 1 to {NAME_BYTES} bytes, found {owner:?}"
             )));
         }
-        let port = SetpointWriter::create_named(&bus.bus, &topic(actuator, "setpoint")?, owner)?;
+        // SAFETY: by the caller's promise.
+        let cavity = if cavity.is_null() { None } else { Some(unsafe { name(cavity)? }) };
+        let topic = topic(actuator, "setpoint")?.of_cavity(cavity)?;
+        let port = SetpointWriter::create_named(&bus.bus, &topic, owner)?;
         let port = Port::Setpoint(port, pack_name(owner));
         // SAFETY: by the caller's promise.
         unsafe { write_handle(out, softtwin_writer { port, boot_id: boot_id(), seq: 0 }) }

@@ -186,8 +186,13 @@ fn refused_owner(stage: &Stage, owner: &str) -> String {
             capi::softtwin_bus_open(domain.as_ptr(), root.as_ptr(), &mut bus),
             capi::softtwin_status::SOFTTWIN_OK
         );
-        let status =
-            capi::softtwin_writer_open_setpoint(bus, c"finger".as_ptr(), owner.as_ptr(), &mut writer);
+        let status = capi::softtwin_writer_open_setpoint(
+            bus,
+            c"finger".as_ptr(),
+            std::ptr::null(),
+            owner.as_ptr(),
+            &mut writer,
+        );
         assert_eq!(status, capi::softtwin_status::SOFTTWIN_ARGUMENT);
         capi::softtwin_bus_close(bus);
         CStr::from_ptr(capi::softtwin_last_error()).to_str().unwrap().to_owned()

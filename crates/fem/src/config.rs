@@ -150,6 +150,25 @@ pub struct Load {
     pub obstacle: Obstacle,
     /// Gravitational acceleration (mm/s2).
     pub gravity_mm_s2: [f64; 3],
+    /// Pressures of further cavities minus those of the configuration's `cavities_mpa` (MPa).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub cavities_change_mpa: [f64; 6],
+}
+
+/// Most cavities in addition to that of the load's pressure: a model has at most eight inputs.
+pub const MAX_CAVITIES: usize = 6;
+
+fn is_zero(changes: &[f64; MAX_CAVITIES]) -> bool {
+    *changes == [0.0; MAX_CAVITIES]
+}
+
+/// Pressures of all cavities (MPa), that of `pressure_mpa` first; 0 for those that are absent.
+pub(crate) fn pressures_mpa(config: &ProblemConfig, load: &Load) -> [f64; 1 + MAX_CAVITIES] {
+    let mut pressures = [0.0; 1 + MAX_CAVITIES];
+    pressures[0] = load.pressure_mpa;
+    let further = config.cavities_mpa.iter().zip(&load.cavities_change_mpa);
+    pressures[1..].iter_mut().zip(further).for_each(|(p, (base, change))| *p = base + change);
+    pressures
 }
 
 /// Debug form of a configuration without the fields of absent parts (round obstacle, range of stretches, films, further cavities), and without motion, of which

@@ -393,7 +393,7 @@ impl Newton {
         if let Some(closure) = self.closure.clone() {
             let [by, gradient] = self.by_pressure(state);
             let (row, wanted) = match &closure {
-                Closure::Volume(target_mm3) => (&gradient, target_mm3 - self.system.cavity_volume_mm3),
+                Closure::Volume(target_mm3) => (&gradient, target_mm3 - self.system.cavity_volumes_mm3[0]),
                 Closure::Normal(direction) => (direction, 0.0),
             };
             let cavity_mpa = (wanted - product(row, &self.rhs)) / product(row, &by);

@@ -104,7 +104,7 @@ pub(crate) fn output(problem: &Problem, state: &State, system: &mut System) -> O
         von_mises_mpa,
         von_mises_owner_mpa,
         contact_force_n: system.contact_force_n,
-        cavity_volume_mm3: system.cavity_volume_mm3,
+        cavity_volume_mm3: system.cavity_volumes_mm3[0],
         contact_nodes,
         slot_contact_nodes: slot_contact_nodes(problem, &coordinates_mm),
         residual_n,

@@ -6,7 +6,7 @@ use std::time::Instant;
 use thiserror::Error;
 
 use crate::algebra::{Vec3, norm, sub};
-use crate::config::Load;
+use crate::config::{Load, pressures_mpa};
 use crate::contact::obstacle::Obstacle;
 use crate::family::VariantError;
 use crate::linear::LinearError;
@@ -340,6 +340,10 @@ impl Solver {
         } else if !(load.pressure_mpa.is_finite() && load.pressure_mpa >= 0.0) {
             return invalid("pressure_mpa", load.pressure_mpa, "a finite number, 0 or more");
         }
+        let cavities_mpa = &pressures_mpa(self.problem.config(), load)[1..];
+        if let Some(bad) = cavities_mpa.iter().find(|mpa| !(mpa.is_finite() && **mpa >= 0.0)) {
+            return invalid("pressure_mpa of a further cavity", *bad, "a finite number, 0 or more");
+        }
         if let Some(bad) = load.gravity_mm_s2.iter().find(|g| !g.is_finite()) {
             return invalid("gravity_mm_s2", *bad, "finite components");
         }
@@ -521,5 +525,8 @@ fn between(from: &Load, to: &Load, fraction: f64) -> Load {
         injected_mm3: from.injected_mm3.zip(to.injected_mm3).map(|(a, b)| mix(a, b)),
         obstacle,
         gravity_mm_s2: std::array::from_fn(|i| mix(from.gravity_mm_s2[i], to.gravity_mm_s2[i])),
+        cavities_change_mpa: std::array::from_fn(|i| {
+            mix(from.cavities_change_mpa[i], to.cavities_change_mpa[i])
+        }),
     }
 }

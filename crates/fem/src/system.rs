@@ -5,7 +5,7 @@
 //! `mixed` takes the carried ones, and measures equilibrium.
 
 use crate::algebra::{Mat3, Vec3, axpy, outer, scale, skew};
-use crate::config::Load;
+use crate::config::{Load, MAX_CAVITIES, pressures_mpa};
 use crate::contact::obstacle::{Face, Obstacle};
 use crate::contact::slot::Turning;
 use crate::element::bending;
@@ -52,8 +52,8 @@ pub(crate) struct System {
     pub(crate) volume_gradient: Vec<[Vec3; 10]>,
     /// Volume change of each element (mm3).
     pub(crate) volume_change: Vec<f64>,
-    /// Enclosed volume of the cavity (mm3).
-    pub(crate) cavity_volume_mm3: f64,
+    /// Enclosed volumes of the cavities (mm3), that of `pressure_mpa` first.
+    pub(crate) cavity_volumes_mm3: [f64; 1 + MAX_CAVITIES],
     /// Total force of the base on the obstacle (N).
     pub(crate) contact_force_n: f64,
     /// Tangent parts from the rotating normals of touching slots.
@@ -73,7 +73,7 @@ impl System {
             overstress: None,
             volume_gradient: vec![[[0.0; 3]; 10]; tets],
             volume_change: vec![0.0; tets],
-            cavity_volume_mm3: 0.0,
+            cavity_volumes_mm3: [0.0; 1 + MAX_CAVITIES],
             contact_force_n: 0.0,
             turning: Vec::new(),
             terms: TetTerms::default(),
@@ -128,7 +128,7 @@ impl System {
         // The remaining forces follow from the displacements alone and are the same in both residuals.
         let mut shared = vec![[0.0; 3]; x.len()];
         self.add_bending(problem, x, &mut shared, with_tangent);
-        self.add_cavity(problem, load.pressure_mpa, ahead_mpa, x, &mut shared, with_tangent);
+        self.add_cavities(problem, load, ahead_mpa, x, &mut shared, with_tangent);
         for ((c, m), s) in self.condensed.iter_mut().zip(&mut self.mixed).zip(&shared) {
             axpy(1.0, *s, c);
             axpy(1.0, *s, m);
@@ -252,23 +252,25 @@ impl System {
         }
     }
 
-    fn add_cavity(
+    fn add_cavities(
         &mut self,
         problem: &Problem,
-        pressure_mpa: f64,
+        load: &Load,
         ahead_mpa: f64,
         x: &[Vec3],
         residual: &mut [Vec3],
         with_tangent: bool,
     ) {
-        let (faces, ranks) = (&problem.cavity, &problem.cavity_ranks);
-        let tangent_mpa = with_tangent.then_some(pressure_mpa);
-        self.cavity_volume_mm3 =
-            self.add_walls(problem, (faces, ranks), pressure_mpa + ahead_mpa, tangent_mpa, x, residual);
-        for (cavity, pressure_mpa) in problem.cavities.iter().zip(&problem.config.cavities_mpa) {
-            let tangent_mpa = with_tangent.then_some(*pressure_mpa);
-            let walls = (cavity.faces.as_slice(), cavity.ranks.as_slice());
-            self.add_walls(problem, walls, *pressure_mpa, tangent_mpa, x, residual);
+        let first = (problem.cavity.as_slice(), problem.cavity_ranks.as_slice());
+        let further =
+            problem.cavities.iter().map(|cavity| (cavity.faces.as_slice(), cavity.ranks.as_slice()));
+        let pressures_mpa = pressures_mpa(&problem.config, load);
+        let ahead_mpa = std::iter::once(ahead_mpa).chain(std::iter::repeat(0.0));
+        let all = std::iter::once(first).chain(further).zip(pressures_mpa).zip(ahead_mpa);
+        for (k, ((walls, pressure_mpa), ahead_mpa)) in all.enumerate() {
+            let tangent_mpa = with_tangent.then_some(pressure_mpa);
+            self.cavity_volumes_mm3[k] =
+                self.add_walls(problem, walls, pressure_mpa + ahead_mpa, tangent_mpa, x, residual);
         }
     }
 

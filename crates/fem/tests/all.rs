@@ -3,6 +3,7 @@
 
 #[path = "common/actuators.rs"]
 mod actuators;
+mod boxes;
 #[path = "common/builder.rs"]
 mod builder;
 mod closed_forms;

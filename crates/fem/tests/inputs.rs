@@ -37,7 +37,7 @@ fn case_lists_contain_the_reference_cases() {
 fn vanishing_or_overlapping_parts_and_impossible_materials_are_named() {
     for (section, key, value, word) in [
         ("base", "lower_mm", "-0.1", "base.lower_mm"),
-        ("slots", "width_mm", "0.0", "leave the sections"),
+        ("slots", "width_mm", "-1.0", "slots.width_mm"),
         ("body", "pocket_mm", "2.5", "body.pocket_mm"),
         ("body", "width_mm", "40.0", "body.width_mm"),
         ("body", "length_mm", "120.0", "base.length_mm"),

@@ -24,16 +24,21 @@ fn wall(b: &mut Builder, z: [f64; 2]) -> Vec<[u32; 6]> {
     b.faces(|p| within(p[0], 2.0, 10.0) && within(p[1], 1.0, 2.0) && within(p[2], z[0], z[1]))
 }
 
-/// Displacements for small pressures of both chambers.
-fn bent(mpa: [f64; 2]) -> Vec<[f64; 3]> {
+/// A bar with two chambers, the second one at a pressure of the configuration.
+pub fn bar_of_two(second_mpa: f64) -> Arc<Problem> {
     let mut b = two_chambers();
     b.mesh.cavity = wall(&mut b, [1.0, 2.0]);
     b.mesh.cavities = vec![wall(&mut b, [6.0, 7.0])];
     b.mesh.fixed_nodes = b.nodes_where(|p| p[0] < 1.0e-9);
-    let elastomers = neo_hookean(0.1, 200.0, 0.0, VolumeChange::Mean);
-    let config =
-        ProblemConfig { elastomers, cavities_mpa: vec![mpa[1]], sheet: None, ..ProblemConfig::default() };
-    let mut solver = Solver::new(Arc::new(Problem::new(b.mesh, config).unwrap())).unwrap();
+    let elastomers = neo_hookean(0.1, 200.0, 1.0e-9, VolumeChange::Mean);
+    let cavities_mpa = vec![second_mpa];
+    let config = ProblemConfig { elastomers, cavities_mpa, sheet: None, ..ProblemConfig::default() };
+    Arc::new(Problem::new(b.mesh, config).unwrap())
+}
+
+/// Displacements for small pressures of both chambers.
+fn bent(mpa: [f64; 2]) -> Vec<[f64; 3]> {
+    let mut solver = Solver::new(bar_of_two(mpa[1])).unwrap();
     let start = solver.undeformed();
     let (state, _) = solver.solve_to(&start, &Load { pressure_mpa: mpa[0], ..Load::default() }).unwrap();
     state.displacement_mm

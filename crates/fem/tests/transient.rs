@@ -272,6 +272,43 @@ fn energies_of_a_finger_balance() {
 }
 
 #[test]
+fn pressures_of_further_cavities_change_in_a_trace() {
+    let actuator = Actuator::parse(&crate::actuators::two_sided()).unwrap();
+    let trace = "t_s,pressure_mpa,pressure_mpa.lower\n0,0,0.01\n0.003,0.04,0.01\n0.006,0.04,0.05\n";
+    let trace = Trace::parse(trace, &actuator).unwrap();
+    assert_eq!(trace.settings, [("pressure_mpa.lower".to_owned(), 0.01)]);
+    assert!(close(trace.at(0.0045).cavities_change_mpa[0], 0.02, 1.0e-12));
+    let load = trace.load(&actuator, 0.006);
+    assert!(close(load.cavities_change_mpa[0], 0.04, 1.0e-12) && close(load.pressure_mpa, 0.04, 1.0e-12));
+    let bad = Trace::parse("t_s,pressure_mpa,pressure_mpa.lower\n0,0,0\n1,0,-0.1\n", &actuator).unwrap_err();
+    assert!(bad[0].to_string().contains("0 to 10 MPa"), "{bad:?}");
+}
+
+/// The second chamber of a bar is inflated from a pressure at rest: its work is in the balance.
+#[test]
+fn work_of_a_further_cavity_is_in_the_balance_of_energy() {
+    let problem = crate::parts::bar_of_two(0.002);
+    let load_at = |t_s: f64| {
+        let mut load = Load { pressure_mpa: 0.5 * t_s, ..Load::default() };
+        load.cavities_change_mpa[0] = 2.0 * t_s;
+        load
+    };
+    let mut solver = Solver::new(Arc::clone(&problem)).unwrap();
+    let start = solver.undeformed();
+    let state = solver.solve_to(&start, &load_at(0.0)).unwrap().0;
+    let dynamics = Dynamics { beta_s: 5.0e-5, prony: Vec::new() };
+    let settings = StepSettings { largest_s: 2.5e-4, smallest_s: 3.0e-5, tolerance_mm: 4.0e-3 };
+    let mut motion = Transient::from_equilibrium(problem, &dynamics, settings, 0.0, state).unwrap();
+    motion.advance(&load_at, 0.004).unwrap();
+    let energy = motion.figures().unwrap().energy;
+    println!("two chambers: {energy:?}, left {} mJ", energy.numerical_mj());
+    assert!(
+        energy.external_mj > 0.0 && energy.numerical_mj().abs() < 0.02 * energy.external_mj,
+        "{energy:?}"
+    );
+}
+
+#[test]
 fn motion_continues_from_a_checkpoint_with_the_same_bits() {
     let problem = bar(-1.0);
     let load_at = |t: f64| Load {

@@ -69,8 +69,11 @@ pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> Result<Stri
     for (at, input) in header.taken_inputs() {
         let start = start[at];
         let kind = match input.value {
-            None => "causality=\"input\" variability=\"continuous\"",
-            Some(_) => "causality=\"parameter\" variability=\"tunable\"",
+            // Pressures of further cavities change in time as that of `pressure_mpa`.
+            Some(_) if !input.name.starts_with("pressure_mpa.") => {
+                "causality=\"parameter\" variability=\"tunable\""
+            }
+            _ => "causality=\"input\" variability=\"continuous\"",
         };
         let _ = writeln!(
             xml,

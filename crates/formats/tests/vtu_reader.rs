@@ -235,3 +235,66 @@ proptest! {
         prop_assert!(vtu::parse(&bytes).is_err());
     }
 }
+
+/// Two tetrahedra with a common face in two groups, a triangle of each on the outside in further ones.
+#[test]
+fn groups_of_cells_name_volumes_and_surfaces_by_their_numbers() {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
+    let mut points: Vec<[f64; 3]> = corners.to_vec();
+    let mut cell = |of: &[usize], edges: &[[usize; 2]]| -> Vec<usize> {
+        let middles: Vec<usize> = edges
+            .iter()
+            .map(|[a, b]| {
+                let at = [0, 1, 2].map(|k| 0.5 * (corners[of[*a]][k] + corners[of[*b]][k]));
+                let known = points.iter().position(|p| *p == at);
+                known.unwrap_or_else(|| {
+                    points.push(at);
+                    points.len() - 1
+                })
+            })
+            .collect();
+        [of, &middles].concat()
+    };
+    let edges = [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]];
+    let cells = [
+        cell(&[0, 1, 2, 3], &edges),
+        cell(&[0, 2, 1, 4], &edges),
+        cell(&[1, 2, 3], &edges[..3]),
+        cell(&[0, 1, 4], &edges[..3]),
+    ];
+    let file = |name: &str, groups: &str, more: &str| {
+        let offsets = cells.iter().scan(0, |sum, cell| {
+            *sum += cell.len();
+            Some(*sum)
+        });
+        format!(
+            "<VTKFile type=\"UnstructuredGrid\"><UnstructuredGrid><Piece NumberOfPoints=\"{}\" NumberOfCells=\"4\">\
+             <Points><DataArray type=\"Float64\" NumberOfComponents=\"3\">{}</DataArray></Points><Cells>\
+             <DataArray type=\"Int64\" Name=\"connectivity\">{}</DataArray><DataArray type=\"Int64\" Name=\"offsets\">{}</DataArray>\
+             <DataArray type=\"UInt8\" Name=\"types\">24 24 22 22</DataArray></Cells><CellData>\
+             <DataArray type=\"Int32\" Name=\"{name}\">{groups}</DataArray>{more}</CellData></Piece></UnstructuredGrid></VTKFile>",
+            points.len(),
+            text(points.iter().flatten()),
+            text(cells.iter().flatten()),
+            text(offsets),
+        )
+    };
+    let other = "<DataArray type=\"Int32\" Name=\"other\">9 9 9 9</DataArray>";
+    for (name, more) in [("group", other), ("gmsh:physical", other), ("body", "")] {
+        let mesh = vtu::parse(file(name, "7 2 30 4", more).as_bytes()).unwrap();
+        let volumes: Vec<(&str, &[u32])> =
+            mesh.volumes.iter().map(|(k, v)| (k.as_str(), v.as_slice())).collect();
+        assert_eq!(volumes, [("2", &[1][..]), ("7", &[0])], "{name}");
+        let corners = |name: &str| mesh.surfaces[name].iter().map(|t| [t[0], t[1], t[2]]).collect::<Vec<_>>();
+        assert_eq!(
+            (mesh.surfaces.len(), corners("30"), corners("4")),
+            (2, vec![[1, 2, 3]], vec![[0, 1, 4]]),
+            "{name}"
+        );
+    }
+    // Two arrays of other names: which of them groups is not known.
+    let mesh = vtu::parse(file("body", "7 2 30 4", other).as_bytes()).unwrap();
+    assert!(mesh.volumes.is_empty() && mesh.surfaces.is_empty());
+    let short = vtu::parse(file("group", "7 2 30", "").as_bytes()).unwrap_err();
+    assert!(short[0].to_string().contains("4 numbers"), "{short:?}");
+}

@@ -15,6 +15,7 @@ MODEL = REPOSITORY / "models/pneunet/pneunet.twin"
 TOPICS = {
     "softtwin/finger/wrench": "geometry_msgs/msg/WrenchStamped",
     "softtwin/finger/pressure": "sensor_msgs/msg/FluidPressure",
+    "softtwin/finger/inputs": "sensor_msgs/msg/JointState",
     "softtwin/finger/observables": "sensor_msgs/msg/JointState",
     "softtwin/finger/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
     "softtwin/finger/all/points": "sensor_msgs/msg/PointCloud2",
@@ -77,6 +78,9 @@ def test_messages_are_those_of_ros(stage):
         wrench = found["softtwin/finger/wrench"].wrench
         assert wrench.force.y >= 0.0 and (wrench.force.x, wrench.torque.z) == (0.0, 0.0)
         assert 0.0 <= found["softtwin/finger/pressure"].fluid_pressure <= 90_000.0
+        inputs = found["softtwin/finger/inputs"]
+        inputs = dict(zip(inputs.name, inputs.position))
+        assert list(inputs) == ["pressure_mpa", "gap_mm"] and 0.0 <= inputs["pressure_mpa"] <= 90_000.0 and inputs["gap_mm"] < 1.0, "SI units"
         joints = found["softtwin/finger/observables"]
         angles = dict(zip(joints.name, joints.position))
         assert list(angles) == ["bending_angle_deg", "chord_angle_deg", "tip_x_mm", "tip_y_mm"] and len(joints.effort) == 4

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use wire::layout::{estimate_alarm, flags, unpack_name, valve_reason};
-use wire::{Estimate, Health, Outcome};
+use wire::{Estimate, Health, Outcome, Topic};
 
 /// How often the end of the process is checked for.
 const STOP_CHECK: Duration = Duration::from_millis(50);
@@ -222,7 +222,7 @@ pub fn start<P: FnMut() -> String + 'static>(
 pub fn bridge(
     bridge: &BridgeCounters,
     devices: &BridgeDevices,
-    valves: &[(String, Arc<ValveCounters>)],
+    valves: &[(Topic, Arc<ValveCounters>)],
 ) -> String {
     let mut page = Registry::default();
     for (name, help, value) in [
@@ -240,13 +240,19 @@ pub fn bridge(
         device.all().map(|(event, count)| (with(&labels, "event", event), count))
     });
     counters(&mut page, "softtwin_sensor_events", "Answers of the sensors by outcome", events);
-    let events = valves.iter().flat_map(|(actuator, valve)| {
-        valve.all().map(|(event, count)| (with(&[("actuator", actuator.clone())], "event", event), count))
+    let labels = |valve: &Topic| {
+        let mut labels = vec![("actuator", valve.actuator().to_owned())];
+        labels.extend(valve.cavity().map(|cavity| ("cavity", cavity.to_owned())));
+        labels
+    };
+    let events = valves.iter().flat_map(|(topic, valve)| {
+        let labels = labels(topic);
+        valve.all().map(|(event, count)| (with(&labels, "event", event), count))
     });
     counters(&mut page, "softtwin_valve_events", "Writes to valves, and what has closed them", events);
-    let reasons = valves.iter().flat_map(|(actuator, valve)| {
+    let reasons = valves.iter().flat_map(|(topic, valve)| {
         let now = valve.reason.load(Ordering::Relaxed);
-        let labels = vec![("actuator", actuator.clone())];
+        let labels = labels(topic);
         valve_reason::ALL.iter().map(move |reason| {
             (with(&labels, "reason", reason.name), f64::from(u8::from(reason.number == now)))
         })

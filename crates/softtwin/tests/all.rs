@@ -18,6 +18,7 @@ mod recording;
 mod recording_memory;
 mod simulate;
 mod simulate_motion;
+mod step;
 #[allow(dead_code, reason = "shared by several test programs")]
 #[path = "../../../tests/src/synthetic/mod.rs"]
 mod synthetic;

@@ -1,11 +1,14 @@
 //! One's own actuator, as a user makes it: `new`, `build --quick`, then twin, readings and prediction, in real processes.
 
 use serde_json::Value;
+use std::io::Read;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use tests::process::binary;
+use tests::wait::wait_until;
 use tests::{Program, Stage};
+use wire::{SensorSample, SensorWriter, Topic, now_ns};
 
 /// A build takes about a minute of processor time, and other tests run beside it.
 const DEADLINE: Duration = Duration::from_secs(1800);
@@ -112,12 +115,88 @@ fn two_opposite_chambers_of_a_mesh_file_bend_either_way_in_the_twin() {
     };
     let (rest, down, up) = (tip_y(0.0, 0.0), tip_y(largest, 0.0), tip_y(0.0, largest));
     assert!(down < rest - 0.3 && up > rest + 0.3, "{rest} {down} {up}");
-    let scene = stage.path("two-chambers/scene.toml");
-    let _twin = Program::twin(&stage, &scene);
-    let _bridge = Program::bridge(&stage, &scene);
-    let (status, said) =
-        Program::tool(&stage, &["echo", "softtwin/two-chambers/state", "--once", "--json"]).end();
-    assert!(status.success() && said[0].contains("pressure_mpa.lower"), "{said:?}");
+    every_cavity_is_an_input_of_the_unit(&stage);
+    every_cavity_has_its_valve(&stage, largest);
+}
+
+/// The FMU has each pressure as an input.
+fn every_cavity_is_an_input_of_the_unit(stage: &Stage) {
+    done(stage, "export two-chambers/two-chambers.twin --out two.fmu");
+    let file = std::fs::File::open(stage.path("two.fmu")).expect("just made");
+    let mut archive = zip::ZipArchive::new(file).expect("an archive");
+    let mut text = String::new();
+    archive.by_name("modelDescription.xml").expect("in it").read_to_string(&mut text).expect("text");
+    for name in ["pressure_mpa", "pressure_mpa.lower"] {
+        let line = text.lines().find(|line| line.contains(&format!("name=\"{name}\""))).unwrap_or_default();
+        assert!(line.contains("causality=\"input\""), "{name}: {text}");
+    }
+}
+
+/// A valve per cavity on two converters: each follows its own owner, and both close where the state is outside of the sampled ones.
+fn every_cavity_has_its_valve(stage: &Stage, largest_mpa: f64) {
+    let converters = stage.path("iio:device0");
+    std::fs::create_dir(&converters).expect("a new folder");
+    let raw = |channel: u32| converters.join(format!("out_voltage{channel}_raw"));
+    let valve = |section: &str, channel: u32| {
+        std::fs::write(raw(channel), "0\n").expect("written");
+        format!(
+            "[actuator.{section}]\nrange_mpa = [0.0, {largest_mpa:?}]\nstate_max_age_ms = 60000.0\n\
+             [actuator.{section}.iio]\nroot = \"{}\"\ndevice = \"iio:device0\"\nchannel = {channel}\nscale = 1e-6\nraw_max = 65535\n",
+            stage.folder.path().display()
+        )
+    };
+    let text = |input: &str| {
+        format!(
+            "name = \"two\"\n[[actuator]]\nname = \"two\"\nmodel = \"two-chambers/two-chambers.twin\"\n\
+             [actuator.inputs]\n\"pressure_mpa.lower\" = {input}\n{}{}",
+            valve("valve", 0),
+            valve("valves.lower", 1)
+        )
+    };
+    let given = stage.write("given.toml", &text("0.0"));
+    let (code, said, error) = run(stage, &format!("scene explain {}", given.display()));
+    assert!(code == Some(78) && error.contains("valves.lower: expected the pressure"), "{said}{error}");
+    let scene = stage.write("two.toml", &text("\"measured\""));
+    let _twin = Program::twin(stage, &scene);
+    let _bridge = Program::bridge(stage, &scene);
+    let mut sensor =
+        SensorWriter::create(&stage.bus(), &Topic::sensor("two").expect("a name")).expect("one writer");
+    let mut seq = 0;
+    let mut publish = |upper_mpa: f64, lower_mpa: f64| {
+        seq += 1;
+        let (boot_id, t_sensor_ns) = (1, now_ns());
+        let mut reading =
+            SensorSample { boot_id, seq, t_sensor_ns, pressure_mpa: upper_mpa, ..SensorSample::default() };
+        assert!(reading.add_input("pressure_mpa.lower", lower_mpa));
+        sensor.publish(reading).expect("published");
+    };
+    let written = |channel: u32, wanted: f64| {
+        wait_until(&format!("{wanted} MPa in converter {channel}"), || {
+            let found: f64 = std::fs::read_to_string(raw(channel)).ok()?.trim().parse().ok()?;
+            ((1e-6 * found - wanted).abs() < 1e-6).then_some(())
+        });
+    };
+    let inside = [0.3, 0.2].map(|share| share * largest_mpa);
+    publish(inside[0], inside[1]);
+    let setpoint = |cavity: &str, mpa: f64| {
+        Program::shell(stage, &format!("exec softtwin setpoint two {cavity} --pressure-mpa {mpa}"))
+    };
+    let mut upper = setpoint("", inside[0]);
+    written(0, inside[0]);
+    written(1, 0.0);
+    let _lower = setpoint("--cavity lower", inside[1]);
+    written(1, inside[1]);
+    publish(inside[0], 3.0 * largest_mpa);
+    written(0, 0.0);
+    written(1, 0.0);
+    publish(inside[0], inside[1]);
+    written(0, inside[0]);
+    written(1, inside[1]);
+    upper.kill();
+    written(0, 0.0);
+    written(1, inside[1]);
+    let (code, said, error) = run(stage, "setpoint two --cavity middle --pressure-mpa 0.0");
+    assert!(code != Some(0) && error.contains("[actuator.valves.middle]"), "{said}{error}");
 }
 
 #[test]

@@ -11,7 +11,7 @@ use runtime::removed_files;
 use runtime::service::{self, Watchdog};
 use runtime::source::{Devices, SourceSpec};
 use runtime::thread_group::{StopFlag, ThreadGroup};
-use runtime::valve::{self, OpenValve, ValveSpec};
+use runtime::valve::{self, OpenValve};
 use runtime::wire::{Bus, OwnFiles, Topic, background_thread, now_ns};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -32,8 +32,9 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
             tracing::info!("{}: {source}", Topic::sensor(&actuator.name)?);
         }
     }
-    for (name, spec) in valves(&scene) {
-        tracing::info!("{}: to {}", Topic::valve(&name)?, spec.describe());
+    for valve in scene.actuators.iter().flat_map(ActuatorSpec::all_valves) {
+        let (topic, spec) = valve?;
+        tracing::info!("{topic}: to {}", spec.describe());
     }
     let paths = Devices::default();
     let sources = open(&scene, &options.scene, &paths)?;
@@ -164,15 +165,18 @@ fn wait(stop: &AtomicBool, counters: &BridgeCounters) -> Result<(), BridgeError>
     Ok(())
 }
 
-/// The valves by the name of their actuator.
-fn valves(scene: &Scene) -> Vec<(String, ValveSpec)> {
-    let valve = |actuator: &ActuatorSpec| Some((actuator.name.clone(), actuator.valve.clone()?));
-    scene.actuators.iter().filter_map(valve).collect()
-}
-
 /// The valves with their open devices.
 fn open_valves(scene: &Scene, path: &Path, devices: &Devices) -> Result<Vec<OpenValve>, ConfigError> {
-    let valves = valves(scene);
-    let opened = valves.iter().map(|(name, spec)| (name.as_str(), valve::open(name, spec, devices)));
+    let valves = |actuator: &ActuatorSpec| {
+        let opened = actuator.all_valves().map(|valve| {
+            let (topic, spec) = valve.map_err(|error| vec![error.to_string()])?;
+            valve::open(&topic, spec, devices)
+        });
+        opened.collect::<Vec<_>>()
+    };
+    let opened = scene
+        .actuators
+        .iter()
+        .flat_map(|actuator| valves(actuator).into_iter().map(|opened| (actuator.name.as_str(), opened)));
     config::collect(path, opened)
 }

@@ -30,7 +30,8 @@ pub fn open(scene: &Scene, path: &Path, devices: &Devices) -> Result<Sources, Co
     let none =
         "no actuator has a source or a valve; add [actuator.source], [actuator.sensors.NAME] or [actuator.valve], or use --trace"
             .to_owned();
-    let has_nothing = sources.is_empty() && scene.actuators.iter().all(|actuator| actuator.valve.is_none());
+    let has_nothing =
+        sources.is_empty() && scene.actuators.iter().all(|actuator| actuator.all_valves().next().is_none());
     ConfigError::unless(path, if has_nothing { vec![none] } else { Vec::new() })?;
     Ok(sources)
 }
@@ -83,7 +84,9 @@ impl BridgeReloader {
             ));
         }
         let mut valves = self.scene.actuators.iter().zip(&scene.actuators);
-        if let Some((actuator, _)) = valves.find(|(old, new)| old.valve != new.valve) {
+        if let Some((actuator, _)) =
+            valves.find(|(old, new)| (&old.valve, &old.valves) != (&new.valve, &new.valves))
+        {
             let name = &actuator.name;
             return Err(format!("the valve of `{name}` has other settings; restart the bridge for that"));
         }
@@ -127,8 +130,10 @@ fn shape(scene: &Scene) -> String {
     for actuator in &scene.actuators {
         let readings =
             if actuator.source.is_some() || !actuator.sensors.is_empty() { "readings" } else { "none" };
-        let valve = actuator.valve.as_ref().map_or("no valve".to_owned(), ValveSpec::describe);
-        shape += &format!("`{}` ({readings}, {valve}) ", actuator.name);
+        let valves = actuator.valve.iter().chain(actuator.valves.values());
+        let valves: Vec<String> = valves.map(ValveSpec::describe).collect();
+        let valves = if valves.is_empty() { "no valve".to_owned() } else { valves.join(", ") };
+        shape += &format!("`{}` ({readings}, {valves}) ", actuator.name);
     }
     shape.trim_end().to_owned()
 }

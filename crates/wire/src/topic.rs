@@ -66,7 +66,20 @@ impl TopicKind {
             Self::Valve => "valve",
         }
     }
+
+    /// Meaning of a fourth chunk; `None`: a name has none.
+    fn part(self) -> Option<&'static str> {
+        match self {
+            Self::Field => Some(NODE_SET),
+            Self::Setpoint | Self::Override | Self::Valve => Some(CAVITY),
+            _ => None,
+        }
+    }
 }
+
+/// Fourth chunk of the names of fields and of valves.
+const NODE_SET: &str = "node set";
+const CAVITY: &str = "cavity";
 
 /// One topic: a plain key (no wildcard) with its parts.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
@@ -74,7 +87,7 @@ pub struct Topic {
     name: String,
     actuator: String,
     kind: TopicKind,
-    node_set: Option<String>,
+    part: Option<String>,
 }
 
 /// One constructor per kind of topic without a node set.
@@ -124,21 +137,33 @@ impl Topic {
         let actuator = chunks.next()?;
         let name = chunks.next()?;
         let kind = TopicKind::ALL.into_iter().find(|kind| kind.as_str() == name)?;
-        let node_set = chunks.next();
-        if chunks.next().is_some() || (node_set.is_some() && kind != TopicKind::Field) {
+        let part = chunks.next();
+        if chunks.next().is_some() || (part.is_some() && kind.part().is_none()) {
             return None;
         }
-        Self::build(actuator, kind, node_set).ok()
+        Self::build(actuator, kind, part).ok()
     }
 
-    fn build(actuator: &str, kind: TopicKind, node_set: Option<&str>) -> Result<Self, WireError> {
+    /// This topic of a valve for the cavity of the input `pressure_mpa.<cavity>`, `softtwin/<actuator>/<kind>/<cavity>`; `None`: that of
+    /// `pressure_mpa`.
+    ///
+    /// # Errors
+    /// As [`Topic::sensor`], for the cavity; a topic of another kind than those of a valve.
+    pub fn of_cavity(&self, cavity: Option<&str>) -> Result<Self, WireError> {
+        if self.kind.part() != Some(CAVITY) {
+            return Err(WireError::BadName { what: CAVITY, found: self.name.clone() });
+        }
+        Self::build(&self.actuator, self.kind, cavity)
+    }
+
+    fn build(actuator: &str, kind: TopicKind, part: Option<&str>) -> Result<Self, WireError> {
         check_name("actuator", actuator)?;
         let mut name = format!("{ROOT}/{actuator}/{}", kind.as_str());
-        if let Some(set) = node_set {
-            check_name("node set", set)?;
-            name = format!("{name}/{set}");
+        if let Some(part) = part {
+            check_name(kind.part().unwrap_or_default(), part)?;
+            name = format!("{name}/{part}");
         }
-        Ok(Self { name, actuator: actuator.into(), kind, node_set: node_set.map(Into::into) })
+        Ok(Self { name, actuator: actuator.into(), kind, part: part.map(Into::into) })
     }
 
     /// The whole name.
@@ -158,7 +183,12 @@ impl Topic {
 
     /// The node set of a field topic; `None`: all nodes.
     pub fn node_set(&self) -> Option<&str> {
-        self.node_set.as_deref()
+        self.part.as_deref().filter(|_| self.kind == TopicKind::Field)
+    }
+
+    /// The cavity of a valve's topic; `None`: that of `pressure_mpa`.
+    pub fn cavity(&self) -> Option<&str> {
+        self.part.as_deref().filter(|_| self.kind.part() == Some(CAVITY))
     }
 
     /// Whether `key` matches this topic's name.

@@ -305,6 +305,13 @@ fn topic_names_are_checked_and_read_back() {
         assert!(matches!(Topic::state(bad), Err(WireError::BadName { .. })), "{bad}");
     }
     assert_eq!(Topic::parse("softtwin/finger/state/tip"), None);
+    let left = Topic::valve("finger").unwrap().of_cavity(Some("left")).unwrap();
+    assert_eq!(
+        (left.name(), left.cavity(), left.node_set()),
+        ("softtwin/finger/valve/left", Some("left"), None)
+    );
+    assert_eq!(Topic::parse(left.name()), Some(left));
+    assert!(Topic::state("finger").unwrap().of_cavity(Some("left")).is_err());
     assert_eq!(Topic::parse("other/finger/state"), None);
     assert_eq!(unpack_name(&pack_name("finger")), "finger");
     assert_eq!(flags::names(flags::STALE | flags::NO_DATA).collect::<Vec<_>>(), ["stale", "no-data"]);

@@ -24,6 +24,7 @@ _KINDS = {
     "target": layout.Target,
     "valve": layout.Valve,
 }
+_WITH_PART = ("field", "setpoint", "override", "valve")
 _FLUX_S = 2.0  # time to wait for other programs that create or remove the same topic
 
 
@@ -152,10 +153,10 @@ class Bus(Holder):
 
 
 def kind_of(topic: str) -> str:
-    """The kind of a topic: the third chunk of its name."""
+    """The kind of a topic: the third chunk of its name. Fields and valves may have a fourth: node set, cavity."""
     chunks = topic.split("/")
     kind = chunks[2] if len(chunks) > 2 else ""
-    ours = chunks[0] == "softtwin" and kind in QOS and (len(chunks) == 3 or (len(chunks) == 4 and kind == "field"))
+    ours = chunks[0] == "softtwin" and kind in QOS and (len(chunks) == 3 or (len(chunks) == 4 and kind in _WITH_PART))
     if not ours or "*" in topic:
         raise ValueError(
             f"`{topic}`: expected softtwin/<actuator>/sensor, /state, /health, /command, /field or /field/<set>, or "

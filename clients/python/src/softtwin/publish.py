@@ -117,13 +117,15 @@ class CommandPublisher(_Writer):
 
 
 class SetpointPublisher(_Writer):
-    """The owner of an actuator's valve, which a bridge drives. A second owner gets `AlreadyPublished` with the first one's name."""
+    """The owner of an actuator's valve, which a bridge drives: that of `pressure_mpa`, or of `pressure_mpa.<cavity>`. A second owner gets
+    `AlreadyPublished` with the first one's name.
+    """
 
-    def __init__(self, actuator: str, owner: str, bus: Optional[Bus] = None) -> None:
+    def __init__(self, actuator: str, owner: str, bus: Optional[Bus] = None, cavity: Optional[str] = None) -> None:
         if not owner or not owner.isprintable():
             raise ValueError(f"expected a name of the owner, such as `my-controller`, found {owner!r}")
         self._owner = pack(owner)
-        super().__init__(f"softtwin/{actuator}/setpoint", bus, owner)
+        super().__init__(f"softtwin/{actuator}/setpoint" + (f"/{cavity}" if cavity else ""), bus, owner)
 
     def send(self, pressure_mpa: float, valid_for_s: float = 0.1, t_sensor_ns: int = 0) -> int:
         """Sends one setpoint and returns its sequence number. It is valid for `valid_for_s`; then the valve takes its safe value unless

@@ -1,14 +1,11 @@
 //! Checks of an actuator: sizes, overlaps, materials.
 
 use super::file::{Actuator, Fixed, ObstacleBody, ObstacleShape, Shape};
-use crate::config::MAX_MPA;
+use crate::config::{MAX_CAVITIES, MAX_MPA};
 use formats::Diagnostic;
 
 /// Smallest wall that can be meshed with elements of useful shape (mm).
 const THINNEST_MM: f64 = 0.1;
-
-/// Most cavities, each with a pressure, in addition to `cavity`: a model has at most eight inputs.
-const MAX_CAVITIES: usize = 6;
 
 /// All errors in the values.
 pub(crate) fn diagnostics(actuator: &Actuator) -> Vec<Diagnostic> {
@@ -53,11 +50,18 @@ impl Actuator {
             return found.add("boxes", expected, given.join(", "));
         }
         if Fixed::named(&self.support.fixed).is_none() {
-            found.add("support.fixed", "body-start or base-start", format!("`{}`", self.support.fixed));
+            let names = Fixed::NAMES.map(|(name, _)| name).join(", ");
+            found.add("support.fixed", &format!("one of {names}"), format!("`{}`", self.support.fixed));
         }
         let Some(shape) = self.shape() else { return };
         let before = found.0.len();
         shape.sizes(found);
+        let opposite = shape.chambers.opposite.as_deref();
+        if opposite.is_some_and(|name| !self.pressure_mpa.contains_key(name)) {
+            let name = opposite.unwrap_or_default();
+            let expected = format!("[pressure_mpa] {name} = 0.0 (MPa), the pressure of that row");
+            found.add("chambers.opposite", &expected, "none");
+        }
         for (key, value) in [("mesh.seed_mm", self.mesh.seed_mm), ("mesh.size_mm", self.mesh.size_mm)] {
             if !(value.is_finite() && value > 0.0) {
                 found.add(key, "a finite number above 0 mm", value);
@@ -133,6 +137,20 @@ impl Shape<'_> {
     /// Checks that every size is a finite number above 0.
     fn sizes(&self, found: &mut Found) {
         let (base, body, chambers) = (self.base, self.body, self.chambers);
+        for (key, list) in [("lengths_mm", &chambers.lengths_mm), ("tops_mm", &chambers.tops_mm)] {
+            if !(list.is_empty() || list.len() == chambers.count) {
+                let expected = format!("none, or one for each of the {} chambers", chambers.count);
+                found.add(format!("chambers.{key}"), &expected, list.len());
+            }
+            for value in list.iter().filter(|value| !(value.is_finite() && **value > 0.0)) {
+                found.add(format!("chambers.{key}"), "finite numbers above 0 mm", value);
+            }
+        }
+        if let Some(side_mm) = self.slots.map(|slots| slots.side_mm)
+            && !(side_mm.is_finite() && side_mm >= 0.0)
+        {
+            found.add("slots.side_mm", "a finite number, 0 mm or more", side_mm);
+        }
         let optional = [
             ("slots.width_mm", self.slots.map(|s| s.width_mm)),
             ("slots.floor_mm", self.slots.map(|s| s.floor_mm)),
@@ -154,7 +172,7 @@ impl Shape<'_> {
         ];
         for (key, value) in sizes.into_iter().chain(optional) {
             if !(value.is_finite() && value > 0.0) {
-                found.add(key, "a finite number above 0 mm; leave the sections [slots], [channels], [sheet] out to have none", value);
+                found.add(key, "a finite number above 0 mm", value);
             }
         }
         for (key, value) in [
@@ -175,7 +193,7 @@ impl Shape<'_> {
     fn along(&self, found: &mut Found) {
         let (body, chambers) = (self.body, self.chambers);
         let body_end = body.start_mm + body.length_mm;
-        let last = chambers.first_mm + (chambers.count - 1) as f64 * chambers.pitch_mm + chambers.length_mm;
+        let last = chambers.end_mm();
         found.wall("body: its end within the base (base.length_mm)", body_end, self.base.length_mm, 0.0);
         found.wall(
             "chambers: the first inside the body (body.start_mm)",
@@ -184,7 +202,7 @@ impl Shape<'_> {
             THINNEST_MM,
         );
         found.wall("chambers: the last inside the body (body.length_mm)", last, body_end, THINNEST_MM);
-        let between = chambers.pitch_mm - chambers.length_mm;
+        let between = chambers.wall_mm();
         match self.slots {
             Some(slots) => {
                 let wall = (between - slots.width_mm) / 2.0;
@@ -211,12 +229,22 @@ impl Shape<'_> {
         let sheet = self.base.lower_mm;
         found.wall("body.pocket_mm: the pocket ends above the sheet", sheet, floor, THINNEST_MM);
         found.wall("body: stands out of the base (body.top_mm)", self.base_top_mm(), top, THINNEST_MM);
-        found.wall("chambers: closed above (chambers.top_mm)", self.chambers.top_mm, top, THINNEST_MM);
+        let [lowest, highest] = self.chambers.tops_range_mm();
+        found.wall("chambers: closed above (chambers.top_mm)", highest, top, THINNEST_MM);
+        if self.chambers.opposite.is_some() {
+            let pocket = self.body.pocket_mm;
+            found.wall(
+                "body.pocket_mm: the opposite pocket ends below the sheet",
+                pocket,
+                sheet,
+                THINNEST_MM,
+            );
+        }
         let channel_top = self.channels.map_or(floor, |channels| channels.top_mm);
         if self.channels.is_some() {
             found.wall("channels: have a height (channels.top_mm)", floor, channel_top, THINNEST_MM);
         }
-        found.wall("channels: end below the chambers' top", channel_top, self.chambers.top_mm, 0.0);
+        found.wall("channels: end below the chambers' top", channel_top, lowest, 0.0);
         let Some(slots) = self.slots else { return };
         found.wall(
             "slots: end above the channels (slots.floor_mm)",
@@ -232,6 +260,11 @@ impl Shape<'_> {
         let (body, chambers) = (self.body.width_mm, self.chambers.width_mm);
         found.wall("body: within the base (body.width_mm)", body, self.base.width_mm, 0.0);
         found.wall("chambers: walls at both sides (chambers.width_mm)", chambers, body, 2.0 * THINNEST_MM);
+        if let Some(slots) = self.slots.filter(|slots| slots.side_mm > 0.0) {
+            let neck = body - 2.0 * slots.side_mm;
+            let inner = self.channels.map_or(0.0, |channels| channels.width_mm);
+            found.wall("slots.side_mm: walls at both sides of the channel", inner, neck, 2.0 * THINNEST_MM);
+        }
         if let Some(channels) = self.channels {
             found.wall(
                 "channels: not wider than the chambers (channels.width_mm)",

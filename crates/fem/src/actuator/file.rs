@@ -96,7 +96,7 @@ pub struct Body {
     pub pocket_mm: f64,
 }
 
-/// Cavities, repeated along x (mm).
+/// Cavities, repeated along x (mm). All y count from the underside of the base.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Chambers {
@@ -112,6 +112,54 @@ pub struct Chambers {
     pub width_mm: f64,
     /// y of their top.
     pub top_mm: f64,
+    /// Along x, one for each cavity instead of `length_mm`; the walls between them are those of `pitch_mm` and `length_mm`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lengths_mm: Vec<f64>,
+    /// y of their tops, one for each cavity instead of `top_mm`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tops_mm: Vec<f64>,
+    /// Name of the cavity of a second row, that of the first one mirrored at the middle of the base with body, slots and channels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub opposite: Option<String>,
+}
+
+impl Chambers {
+    /// x of the begin and the end of a cavity (mm).
+    #[must_use]
+    pub fn along_mm(&self, i: usize) -> [f64; 2] {
+        if self.lengths_mm.is_empty() {
+            let start = self.first_mm + i as f64 * self.pitch_mm;
+            return [start, start + self.length_mm];
+        }
+        let before: f64 = self.lengths_mm.iter().take(i).map(|length| length + self.wall_mm()).sum();
+        let start = self.first_mm + before;
+        [start, start + self.lengths_mm.get(i).copied().unwrap_or(f64::NAN)]
+    }
+
+    /// y of the top of a cavity (mm).
+    #[must_use]
+    pub fn cavity_top_mm(&self, i: usize) -> f64 {
+        self.tops_mm.get(i).copied().unwrap_or(self.top_mm)
+    }
+
+    /// Lowest and highest top of a cavity (mm).
+    #[must_use]
+    pub fn tops_range_mm(&self) -> [f64; 2] {
+        let tops = (0..self.count).map(|i| self.cavity_top_mm(i));
+        tops.fold([f64::INFINITY, 0.0], |[low, high], top| [top.min(low), top.max(high)])
+    }
+
+    /// x of the end of the last cavity (mm).
+    #[must_use]
+    pub fn end_mm(&self) -> f64 {
+        self.along_mm(self.count.saturating_sub(1))[1]
+    }
+
+    /// Distance between neighbouring cavities (mm).
+    #[must_use]
+    pub fn wall_mm(&self) -> f64 {
+        self.pitch_mm - self.length_mm
+    }
 }
 
 /// Cuts from the top, midway between neighbouring cavities (mm).
@@ -122,6 +170,13 @@ pub struct Slots {
     pub width_mm: f64,
     /// y of their floor.
     pub floor_mm: f64,
+    /// Depth of the cuts from both sides of the body, from the base up: with them the outline is that of a bellows.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub side_mm: f64,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// Tunnels along the floor that join neighbouring cavities (mm).
@@ -155,19 +210,36 @@ pub struct Support {
 /// Faces of the boxes that can be held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fixed {
-    /// Left end of the body above the base, `body-start`.
+    /// Left end of the body above the base, and of an opposite one, `body-start`.
     BodyStart,
     /// Left end of the base, and of a body that begins there, `base-start`.
     BaseStart,
+    /// Right end of the body above the base, and of an opposite one, `body-end`.
+    BodyEnd,
+    /// Right end of the base, and of a body that ends there, `base-end`.
+    BaseEnd,
+    /// Top of the body, `body-top`.
+    BodyTop,
+    /// Side of the base at z = 0, `base-front`.
+    BaseFront,
+    /// Side of the base at its width, `base-back`.
+    BaseBack,
 }
 
 impl Fixed {
+    /// All with their names.
+    pub(crate) const NAMES: [(&str, Self); 7] = [
+        ("body-start", Self::BodyStart),
+        ("base-start", Self::BaseStart),
+        ("body-end", Self::BodyEnd),
+        ("base-end", Self::BaseEnd),
+        ("body-top", Self::BodyTop),
+        ("base-front", Self::BaseFront),
+        ("base-back", Self::BaseBack),
+    ];
+
     pub(crate) fn named(name: &str) -> Option<Self> {
-        match name {
-            "body-start" => Some(Self::BodyStart),
-            "base-start" => Some(Self::BaseStart),
-            _ => None,
-        }
+        Self::NAMES.into_iter().find(|(known, _)| *known == name).map(|(_, face)| face)
     }
 }
 
@@ -313,7 +385,7 @@ impl Actuator {
             (Some(gap_mm), ObstacleKind::Plate) => Obstacle::Plate { gap_mm },
             (Some(gap_mm), ObstacleKind::Block) => Obstacle::Block { gap_mm },
         };
-        Load { pressure_mpa, injected_mm3: None, obstacle, gravity_mm_s2: self.loads.gravity_mm_s2 }
+        Load { pressure_mpa, obstacle, gravity_mm_s2: self.loads.gravity_mm_s2, ..Load::default() }
     }
 
     /// Kind of obstacle in the names of the database's regimes.
@@ -330,18 +402,27 @@ impl Actuator {
 }
 
 impl Shape<'_> {
-    /// y of the base's top (mm).
+    /// y of the base's top above its underside (mm).
     #[must_use]
     pub fn base_top_mm(&self) -> f64 {
         self.base.lower_mm + self.base.upper_mm
     }
 
-    /// x of the held face (mm).
+    /// y of the base's underside in the mesh (mm): the lowest point of the actuator is at 0, that of a second row too.
     #[must_use]
-    pub fn held_mm(&self) -> f64 {
+    pub fn base_mm(&self) -> f64 {
+        self.chambers.opposite.as_ref().map_or(0.0, |_| self.body.top_mm - self.base_top_mm())
+    }
+
+    /// Largest distance from the held face along x (mm).
+    #[must_use]
+    pub fn free_mm(&self) -> f64 {
         match self.fixed {
-            Fixed::BodyStart => self.body.start_mm,
-            Fixed::BaseStart => 0.0,
+            Fixed::BodyStart => self.base.length_mm - self.body.start_mm,
+            Fixed::BodyEnd => self.body.start_mm + self.body.length_mm,
+            Fixed::BaseStart | Fixed::BaseEnd | Fixed::BodyTop | Fixed::BaseFront | Fixed::BaseBack => {
+                self.base.length_mm
+            }
         }
     }
 
@@ -349,8 +430,7 @@ impl Shape<'_> {
     #[must_use]
     pub fn thinnest_wall_mm(&self) -> f64 {
         let (body, chambers) = (self.body, self.chambers);
-        let end = chambers.first_mm + (chambers.count - 1) as f64 * chambers.pitch_mm + chambers.length_mm;
-        let between = chambers.pitch_mm - chambers.length_mm;
+        let (end, between) = (chambers.end_mm(), chambers.wall_mm());
         let inner = match (chambers.count, self.slots) {
             (1, _) => f64::INFINITY,
             (_, Some(slots)) => 0.5 * (between - slots.width_mm),
@@ -361,12 +441,12 @@ impl Shape<'_> {
             chambers.first_mm - body.start_mm,
             body.start_mm + body.length_mm - end,
             0.5 * (body.width_mm - chambers.width_mm),
-            body.top_mm - chambers.top_mm,
+            body.top_mm - chambers.tops_range_mm()[1],
         ];
         walls.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    /// y of the cavities' floor (mm).
+    /// y of the cavities' floor above the base's underside (mm).
     #[must_use]
     pub fn cavity_floor_mm(&self) -> f64 {
         self.base_top_mm() - self.body.pocket_mm

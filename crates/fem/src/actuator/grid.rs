@@ -47,6 +47,8 @@ pub(crate) fn mesh(shape: &Shape<'_>, size_mm: f64, times: usize) -> Result<Mesh
         return Err(Diagnostic::new("element size", expected, format!("{cubes:.0} boxes at {size_mm} mm")));
     }
     let mut grid = Grid::new([0, 1, 2].map(|axis| divided(&planes[axis], &counts[axis])));
+    // Elements below the sheet mirror those above it: opposite rows that are alike have meshes that are alike.
+    grid.mirror_below_mm = shape.chambers.opposite.as_ref().map(|_| shape.base_mm() + shape.base.lower_mm);
     grid.fill(|centre| boxes.solid_at(centre));
     let surfaces = surfaces::locate(shape, &grid.points_mm, &grid.tets);
     let volumes = surfaces::volumes(shape, &grid.points_mm, &grid.tets);
@@ -74,19 +76,22 @@ struct Grid {
     nodes: HashMap<[usize; 3], u32>,
     points_mm: Vec<[f64; 3]>,
     tets: Vec<Tet10>,
+    mirror_below_mm: Option<f64>,
 }
 
 impl Grid {
     fn new(axes: [Vec<f64>; 3]) -> Self {
-        Self { axes, nodes: HashMap::new(), points_mm: Vec::new(), tets: Vec::new() }
+        Self { axes, nodes: HashMap::new(), points_mm: Vec::new(), tets: Vec::new(), mirror_below_mm: None }
     }
 
     fn fill(&mut self, solid: impl Fn([f64; 3]) -> bool) {
         let [nx, ny, nz] = self.axes.each_ref().map(|axis| axis.len() - 1);
         for cube in (0..nx).flat_map(|i| (0..ny).flat_map(move |j| (0..nz).map(move |k| [i, j, k]))) {
-            if solid(self.place(cube.map(|c| 2 * c + 1))) {
+            let centre = self.place(cube.map(|c| 2 * c + 1));
+            if solid(centre) {
+                let is_mirrored = self.mirror_below_mm.is_some_and(|y| centre[1] < y);
                 for (path, against) in PATHS {
-                    self.tet(cube, path, against);
+                    self.tet(cube, path, against, is_mirrored);
                 }
             }
         }
@@ -110,14 +115,17 @@ impl Grid {
         node
     }
 
-    fn tet(&mut self, cube: [usize; 3], path: [usize; 3], against: bool) {
+    fn tet(&mut self, cube: [usize; 3], path: [usize; 3], against: bool, is_mirrored: bool) {
         let mut corners = [cube.map(|c| 2 * c); 4];
         for (step, axis) in path.into_iter().enumerate() {
             for corner in &mut corners[step + 1..] {
                 corner[axis] += 2;
             }
         }
-        if against {
+        if is_mirrored {
+            corners.iter_mut().for_each(|corner| corner[1] = 2 * (2 * cube[1] + 1) - corner[1]);
+        }
+        if against != is_mirrored {
             corners.swap(2, 3);
         }
         let mut tet: Tet10 = [0; 10];

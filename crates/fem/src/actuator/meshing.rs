@@ -130,7 +130,8 @@ impl Actuator {
     /// Names of the pairs of walls: those of the boxes, or those in the file.
     fn slot_names(&self, file: &MeshFile) -> Vec<String> {
         if let Some(shape) = self.shape() {
-            let count = shape.slots.map_or(0, |_| shape.chambers.count - 1);
+            let rows = 1 + usize::from(shape.chambers.opposite.is_some());
+            let count = shape.slots.map_or(0, |_| rows * (shape.chambers.count - 1));
             return (0..count).map(|i| i.to_string()).collect();
         }
         let of = |name: &String| {

@@ -42,10 +42,14 @@ impl Actuator {
     /// # Errors
     /// All errors; never empty.
     pub fn parse(text: &str) -> Result<Self, Vec<Diagnostic>> {
-        let actuator: Self = toml::from_str(text).map_err(|error| {
+        let mut actuator: Self = toml::from_str(text).map_err(|error| {
             let expected = "the keys of models/pneunet/actuator.toml";
             vec![Diagnostic::new("content", expected, error.to_string().trim_end())]
         })?;
+        // 0 leaves a part out.
+        actuator.slots = actuator.slots.filter(|slots| slots.width_mm != 0.0);
+        actuator.channels = actuator.channels.filter(|channels| channels.width_mm != 0.0);
+        actuator.sheet = actuator.sheet.filter(|sheet| sheet.thickness_mm != 0.0);
         let diagnostics = diagnostics(&actuator);
         if diagnostics.is_empty() { Ok(actuator) } else { Err(diagnostics) }
     }

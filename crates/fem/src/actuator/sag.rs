@@ -4,8 +4,8 @@
 //! stretch: second moments are about its plane. Ridges between slots carry no tension: above the slots' floor nothing counts. Shear is left
 //! out. The reference actuator: 33.2 mm, finite elements 27.5 mm.
 
-use super::boxes::{Bounds, Boxes};
-use super::file::{Actuator, Shape};
+use super::boxes::{Bounds, Boxes, Row};
+use super::file::{Actuator, Fixed, Shape};
 
 /// Sections along the beam.
 const SECTIONS: usize = 400;
@@ -14,12 +14,17 @@ const ITERATIONS: usize = 400;
 
 impl Actuator {
     /// Estimated tip displacement (mm) across the base under gravity along y, with elastomers `factor` times as stiff. `None`
-    /// without boxes.
+    /// without boxes, with a second row, or held elsewhere than at the start.
     #[must_use]
     pub fn sag_estimate_mm(&self, factor: f64) -> Option<f64> {
         let shape = self.shape()?;
+        let is_beam =
+            shape.chambers.opposite.is_none() && matches!(shape.fixed, Fixed::BodyStart | Fixed::BaseStart);
+        if !is_beam {
+            return None;
+        }
         let gravity = -self.loads.gravity_mm_s2[1];
-        let start = shape.held_mm();
+        let start = shape.base.length_mm - shape.free_mm();
         let boxes = Boxes::of(&shape);
         let step = (shape.base.length_mm - start) / SECTIONS as f64;
         let youngs = 3.0 * factor * self.elastomer.law.shear_modulus_mpa();
@@ -63,11 +68,11 @@ impl Shape<'_> {
         let sum = |parts: &mut dyn Iterator<Item = &Bounds>| {
             parts.filter(at).map(part).fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
         };
-        let [lower, upper, body] = boxes.solids;
+        let [(_, lower), (_, upper), (_, body), ..] = boxes.solids[..] else { return [f64::NAN; 2] };
         // The pocket belongs to the base and to the body.
         let above = [body[0], [self.base_top_mm(), body[1][1]], body[2]];
         let solid = sum(&mut [lower, upper, above].iter());
-        let cut = sum(&mut boxes.chambers.iter().chain(&boxes.channels).chain(&boxes.slots));
+        let cut = sum(&mut boxes.rows.iter().flat_map(Row::cuts));
         [solid[0] - cut[0], solid[1] - cut[1]]
     }
 }

@@ -22,7 +22,13 @@ pub fn moved_nodes(mesh: &Mesh, from: &Actuator, to: &Actuator) -> Result<Vec<Ve
     let count = |shape: &Shape<'_>| shape.chambers.count;
     let (from, to) = match (from.shape(), to.shape()) {
         (None, None) if from.support == to.support => return Ok(mesh.nodes_mm.clone()),
-        (Some(a), Some(b)) if count(&a) == count(&b) && from.support == to.support => (a, b),
+        (Some(a), Some(b))
+            if count(&a) == count(&b)
+                && from.support == to.support
+                && a.chambers.opposite == b.chambers.opposite =>
+        {
+            (a, b)
+        }
         _ => {
             let expected = "chambers and support as the mesh has them";
             let found = "another number of chambers, or another held face";
@@ -83,13 +89,25 @@ fn quality(nodes: &[Vec3], tet: &[u32; 10]) -> f64 {
 
 /// All boxes with their names for messages.
 fn faces(boxes: &Boxes) -> Vec<(String, Bounds)> {
-    let solids = ["base below the sheet", "base above the sheet", "body"].map(str::to_owned);
-    let numbered = |name: &'static str, count: usize| (1..=count).map(move |i| format!("{name} {i}"));
-    let names = solids.into_iter().chain(numbered("chamber", boxes.chambers.len()));
-    let names =
-        names.chain(numbered("channel", boxes.channels.len())).chain(numbered("slot", boxes.slots.len()));
-    let all = boxes.solids.iter().chain(&boxes.chambers).chain(&boxes.channels).chain(&boxes.slots);
-    names.zip(all.copied()).collect()
+    let mut named: Vec<(String, Bounds)> = Vec::new();
+    for (name, b) in &boxes.solids {
+        let name = match *name {
+            "lower" => "base below the sheet",
+            "upper" => "base above the sheet",
+            "opposite" => "opposite body",
+            name => name,
+        };
+        named.push((name.to_owned(), *b));
+    }
+    for (row, of) in boxes.rows.iter().zip(["", "opposite "]) {
+        let mut add = |name: &str, all: &[Bounds]| {
+            named.extend(all.iter().enumerate().map(|(i, b)| (format!("{of}{name} {}", i + 1), *b)));
+        };
+        add("chamber", &row.chambers);
+        add("channel", &row.channels);
+        named.extend(row.slots.iter().map(|(i, b)| (format!("{of}slot {}", i + 1), *b)));
+    }
+    named
 }
 
 /// Break points of one coordinate, old and new, rising.

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, HashSet};
 /// Tolerance of the mesher's coordinates (mm).
 const TOLERANCE_MM: f64 = 1.0e-3;
 
-/// `bottom`, `sheet`, `fixed`, `cavity`, `slot_lower_0`, `slot_upper_0`, ... with their triangles; surfaces
+/// `bottom`, `sheet`, `fixed`, `cavity`, that of an opposite row, `slot_lower_0`, `slot_upper_0`, ... with their triangles; surfaces
 /// without triangles are absent. Cost `O(elements x chambers)`.
 pub(crate) fn locate(
     shape: &Shape<'_>,
@@ -60,7 +60,7 @@ fn on(corners: &[[f64; 3]; 3], axis: usize, v: f64) -> bool {
 
 impl Places<'_> {
     fn on_sheet(&self, corners: &[[f64; 3]; 3]) -> bool {
-        self.shape.sheet && on(corners, 1, self.shape.base.lower_mm)
+        self.shape.sheet && on(corners, 1, self.shape.base_mm() + self.shape.base.lower_mm)
     }
 
     /// Name of an outer face.
@@ -71,21 +71,28 @@ impl Places<'_> {
         if on(1, 0.0) {
             return Some("bottom".into());
         }
+        let base = [0.0, a.base_top_mm()].map(|y| a.base_mm() + y);
+        let in_base = (base[0]..base[1]).contains(&centroid[1]);
         let held = match a.fixed {
-            Fixed::BodyStart => on(0, a.body.start_mm) && centroid[1] > a.base_top_mm(),
+            Fixed::BodyStart => on(0, a.body.start_mm) && !in_base,
             Fixed::BaseStart => on(0, 0.0),
+            Fixed::BodyEnd => on(0, a.body.start_mm + a.body.length_mm) && !in_base,
+            Fixed::BaseEnd => on(0, a.base.length_mm),
+            Fixed::BodyTop => on(1, a.base_mm() + a.body.top_mm),
+            Fixed::BaseFront => on(2, 0.0) && in_base,
+            Fixed::BaseBack => on(2, a.base.width_mm) && in_base,
         };
         if held {
             return Some("fixed".into());
         }
-        for (i, [[low, high], [floor, _], _]) in self.boxes.slots.iter().enumerate() {
-            for (side, x) in [("lower", *low), ("upper", *high)] {
-                if on(0, x) && centroid[1] > *floor {
-                    return Some(format!("slot_{side}_{i}"));
-                }
-            }
+        let across = corners.iter().all(|p| (p[0] - centroid[0]).abs() < TOLERANCE_MM);
+        if let Some((i, side)) = self.boxes.slot_at(centroid, TOLERANCE_MM).filter(|_| across) {
+            return Some(format!("slot_{side}_{i}"));
         }
-        self.boxes.in_cavity(centroid, TOLERANCE_MM).then(|| "cavity".into())
+        match (self.boxes.cavity_at(centroid, TOLERANCE_MM)?, &a.chambers.opposite) {
+            (0, _) => Some("cavity".into()),
+            (_, name) => name.as_ref().map(|name| format!("cavity.{name}")),
+        }
     }
 }
 

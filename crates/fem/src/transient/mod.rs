@@ -156,7 +156,7 @@ impl Transient {
             force: gather(&problem, &newton.system.mixed),
             viscous: if relaxation.is_some() { zero } else { Vec::new() },
             relaxation,
-            cavity_volume_mm3: newton.system.cavity_volume_mm3,
+            cavity_volumes_mm3: newton.system.cavity_volumes_mm3,
             contact_force_n: newton.system.contact_force_n,
             energy: Energy { strain_mj, ..Energy::default() },
             level: 0,

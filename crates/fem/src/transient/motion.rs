@@ -2,6 +2,7 @@
 
 use super::relaxation::Relaxation;
 use crate::algebra::Vec3;
+use crate::config::MAX_CAVITIES;
 use crate::state::State;
 
 /// Energies since the start (mJ).
@@ -99,8 +100,8 @@ pub(super) struct Motion {
     pub(super) viscous: Vec<f64>,
     /// Internal variables of the Prony series.
     pub(super) relaxation: Option<Relaxation>,
-    /// Volume of the cavity (mm3).
-    pub(super) cavity_volume_mm3: f64,
+    /// Volumes of the cavities (mm3), that of `pressure_mpa` first.
+    pub(super) cavity_volumes_mm3: [f64; 1 + MAX_CAVITIES],
     /// Force on the obstacle (N).
     pub(super) contact_force_n: f64,
     /// Works since the start; kinetic and strain energy are those of the start.
@@ -119,7 +120,6 @@ impl Motion {
         let mut out = vec![
             self.t_s,
             self.step_s,
-            self.cavity_volume_mm3,
             self.contact_force_n,
             external_mj,
             kinetic_mj,
@@ -129,6 +129,7 @@ impl Motion {
             f64::from(self.level),
         ];
         out.extend([steps, rejected, beyond_tolerance, iterations, factorisations].map(|n| n as f64));
+        out.extend(self.cavity_volumes_mm3);
         out.extend(self.state.displacement_mm.as_flattened());
         out.extend(&self.state.element_pressure_mpa);
         out.extend(self.state.sheet_resultants_n_per_mm.as_flattened().as_flattened());
@@ -148,7 +149,6 @@ impl Motion {
         for value in [
             &mut self.t_s,
             &mut self.step_s,
-            &mut self.cavity_volume_mm3,
             &mut self.contact_force_n,
             &mut self.energy.external_mj,
             &mut self.energy.kinetic_mj,
@@ -169,6 +169,7 @@ impl Motion {
         ] {
             *count = rest.one()? as usize;
         }
+        rest.fill(&mut self.cavity_volumes_mm3)?;
         rest.fill(self.state.displacement_mm.as_flattened_mut())?;
         rest.fill(&mut self.state.element_pressure_mpa)?;
         rest.fill(self.state.sheet_resultants_n_per_mm.as_flattened_mut().as_flattened_mut())?;

@@ -11,7 +11,7 @@ use formats::{FormatError, file};
 use std::path::Path;
 
 /// First bytes of a checkpoint.
-const MAGIC: [u8; 8] = *b"STWNDYN1";
+const MAGIC: [u8; 8] = *b"STWNDYN2";
 const HASH: usize = 32;
 /// Numbers of a record.
 const NUMBERS: usize = 13;

@@ -6,7 +6,7 @@
 use super::motion::{Motion, largest};
 use super::{Transient, krylov};
 use crate::algebra::{Vec3, add, axpy, dot, norm, scale, sub};
-use crate::config::Load;
+use crate::config::{Load, pressures_mpa};
 use crate::mass::{gather, product, scatter};
 use crate::newton::NewtonError;
 use crate::output::MAX_RESIDUAL;
@@ -211,8 +211,10 @@ impl Transient {
             energy.damping_mj -= self.dynamics.beta_s / h * dot(sub(*now, *then), *du);
         }
         let (was, is) = (from.state.load, *step.load);
-        let volume_mm3 = system.cavity_volume_mm3 - from.cavity_volume_mm3;
-        energy.external_mj += 0.5 * (was.pressure_mpa + is.pressure_mpa) * volume_mm3;
+        let mpa = [was, is].map(|load| pressures_mpa(&problem.config, &load));
+        for (k, volume_mm3) in system.cavity_volumes_mm3.iter().enumerate() {
+            energy.external_mj += 0.5 * (mpa[0][k] + mpa[1][k]) * (volume_mm3 - from.cavity_volumes_mm3[k]);
+        }
         let gravity = scale(0.5, add(was.gravity_mm_s2, is.gravity_mm_s2));
         energy.external_mj +=
             moved.iter().zip(&problem.node_mass_t).map(|(du, m)| m * dot(gravity, *du)).sum::<f64>();
@@ -220,7 +222,7 @@ impl Transient {
         if let (Some(was), Some(is)) = (was.obstacle.gap_mm(), is.obstacle.gap_mm()) {
             energy.external_mj += 0.5 * (from.contact_force_n + contact_force_n) * (was - is);
         }
-        let cavity_volume_mm3 = system.cavity_volume_mm3;
+        let cavity_volumes_mm3 = system.cavity_volumes_mm3;
         let force = gather(&problem, &force);
         let mut viscous = Vec::new();
         let mut relaxation = None;
@@ -250,7 +252,7 @@ impl Transient {
             step_s: h,
             viscous,
             relaxation,
-            cavity_volume_mm3,
+            cavity_volumes_mm3,
             contact_force_n,
             energy,
             level: from.level,

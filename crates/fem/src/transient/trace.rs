@@ -2,7 +2,7 @@
 
 use crate::actuator::{Actuator, Setting};
 use crate::cases::MAX_MM;
-use crate::config::{Load, MAX_MPA};
+use crate::config::{Load, MAX_CAVITIES, MAX_MPA};
 use formats::table::Table;
 use formats::trace::{self, Cell};
 use formats::{Diagnostic, FormatError, collect};
@@ -10,6 +10,9 @@ use std::path::Path;
 
 /// Keys of gravity, the loads other than pressure and gap that may change in time.
 const GRAVITY: [&str; 3] = ["loads.gravity_mm_s2.0", "loads.gravity_mm_s2.1", "loads.gravity_mm_s2.2"];
+
+/// Begin of the keys of further cavities' pressures.
+const CAVITY: &str = "pressure_mpa.";
 
 /// Least time between two rows (s).
 const MIN_INTERVAL_S: f64 = 1.0e-6;
@@ -28,6 +31,8 @@ pub struct TraceRow {
     pub gap_mm: Option<f64>,
     /// Gravitational acceleration (mm/s2).
     pub gravity_mm_s2: [f64; 3],
+    /// Pressures of further cavities, in the order of their names, minus those of the first row (MPa).
+    pub cavities_change_mpa: [f64; MAX_CAVITIES],
 }
 
 /// Inputs over time, linear between the rows.
@@ -42,8 +47,8 @@ pub struct Trace {
 impl Trace {
     /// Reads a trace of an actuator.
     ///
-    /// Columns `t_s` and `pressure_mpa`; `gap_mm`, and dotted keys of numbers in `actuator.toml`, if given. Gravity may change in
-    /// time, other quantities may not. Results of an earlier transient are ignored, so that its series is a trace.
+    /// Columns `t_s` and `pressure_mpa`; `gap_mm`, and dotted keys of numbers in `actuator.toml`, if given. Gravity and the pressures
+    /// of further cavities may change in time, other quantities may not. Results of an earlier transient are ignored, so that its series is a trace.
     ///
     /// # Errors
     /// All errors in it: I/O, missing or unknown columns, times that do not rise, values out of range.
@@ -76,6 +81,11 @@ impl Trace {
         let at = |name: &str| read.position(name);
         let (pressure, gap) = (at("pressure_mpa"), at("gap_mm"));
         let gravity = GRAVITY.map(at);
+        let mut cavities = [None; MAX_CAVITIES];
+        for (cavity, name) in cavities.iter_mut().zip(actuator.pressure_mpa.keys()) {
+            *cavity = at(&format!("{CAVITY}{name}"));
+        }
+        let first = read.rows.first().map(|(_, values)| values.as_slice()).unwrap_or_default();
         let row = |(t_s, values): &(f64, Vec<f64>)| {
             let of = |at: Option<usize>| at.map(|at| values[at]);
             TraceRow {
@@ -85,6 +95,7 @@ impl Trace {
                 gravity_mm_s2: std::array::from_fn(|axis| {
                     of(gravity[axis]).unwrap_or(actuator.loads.gravity_mm_s2[axis])
                 }),
+                cavities_change_mpa: cavities.map(|at| at.map_or(0.0, |at| values[at] - first[at])),
             }
         };
         let changing = [pressure, gap].into_iter().chain(gravity).flatten().collect::<Vec<_>>();
@@ -109,6 +120,9 @@ impl Trace {
             pressure_mpa: mix(a.pressure_mpa, b.pressure_mpa),
             gap_mm: a.gap_mm.zip(b.gap_mm).map(|(a, b)| mix(a, b)),
             gravity_mm_s2: std::array::from_fn(|i| mix(a.gravity_mm_s2[i], b.gravity_mm_s2[i])),
+            cavities_change_mpa: std::array::from_fn(|i| {
+                mix(a.cavities_change_mpa[i], b.cavities_change_mpa[i])
+            }),
         }
     }
 
@@ -116,7 +130,8 @@ impl Trace {
     #[must_use]
     pub fn load(&self, actuator: &Actuator, t_s: f64) -> Load {
         let row = self.at(t_s);
-        Load { gravity_mm_s2: row.gravity_mm_s2, ..actuator.load(row.pressure_mpa, row.gap_mm) }
+        let TraceRow { gravity_mm_s2, cavities_change_mpa, .. } = row;
+        Load { gravity_mm_s2, cavities_change_mpa, ..actuator.load(row.pressure_mpa, row.gap_mm) }
     }
 
     /// Times of a series: those of the rows and of `further`, and between them equal parts of at most `largest_s`.
@@ -148,7 +163,9 @@ impl Trace {
 fn refused(Cell { name, value, first }: Cell<'_>) -> Option<&'static str> {
     let same = |first: f64| first.is_finite() == value.is_finite();
     match name {
-        "pressure_mpa" if !(0.0..=MAX_MPA).contains(&value) => Some("a pressure of 0 to 10 MPa"),
+        name if (name == "pressure_mpa" || name.starts_with(CAVITY)) && !(0.0..=MAX_MPA).contains(&value) => {
+            Some("a pressure of 0 to 10 MPa")
+        }
         "gap_mm" if value.is_finite() && !(value > 0.0 && value <= MAX_MM) => {
             Some("a gap above 0 mm (the obstacle is outside the body), or nothing")
         }
@@ -156,7 +173,12 @@ fn refused(Cell { name, value, first }: Cell<'_>) -> Option<&'static str> {
             Some("a gap in every row or in none: an obstacle neither appears nor vanishes")
         }
         "pressure_mpa" | "gap_mm" => None,
-        name if GRAVITY.contains(&name) || first.is_none_or(|first| first == value) => None,
-        _ => Some("the value of the first row: only pressure, gap and gravity change in time"),
+        name if GRAVITY.contains(&name)
+            || name.starts_with(CAVITY)
+            || first.is_none_or(|first| first == value) =>
+        {
+            None
+        }
+        _ => Some("the value of the first row: only pressures, gap and gravity change in time"),
     }
 }

@@ -52,3 +52,22 @@ pub fn tiny() -> String {
     }
     text
 }
+
+/// The text with further keys in a section.
+pub fn more(text: &str, section: &str, keys: &str) -> String {
+    text.replacen(&format!("[{section}]"), &format!("[{section}]\n{keys}"), 1)
+}
+
+/// The text without a section.
+pub fn without(text: &str, section: &str) -> String {
+    let at = text.find(&format!("\n[{section}]")).unwrap() + 1;
+    let end = at + 1 + text[at + 1..].find("\n[").unwrap();
+    format!("{}{}", &text[..at], &text[end..])
+}
+
+/// Two-sided finger of two equal rows, without weight.
+pub fn two_sided() -> String {
+    let text = more(&tiny(), "chambers", "opposite = \"lower\"");
+    let text = without(&with(&text, "loads", "gravity_mm_s2", "[0.0, 0.0, 0.0]"), "obstacle");
+    format!("{text}\n[pressure_mpa]\nlower = 0.0\n")
+}

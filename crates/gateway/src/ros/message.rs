@@ -32,19 +32,29 @@ pub fn observables(state: &State, actuator: &str, time_ns: u64) -> Option<Vec<u8
     if all.is_empty() {
         return None;
     }
-    let names: Vec<&str> = all.iter().map(|(name, ..)| name.as_str()).collect();
-    let si = |of: &dyn Fn(&(String, f64, f64)) -> f64| -> Vec<f64> {
-        all.iter().map(|one| of(one) * per_unit(&one.0)).collect()
-    };
-    let (values, halfwidths) = (si(&|one| one.1), si(&|one| one.2));
-    let count = all.len() as u32;
-    let message = Cdr::new().header(time_ns, actuator).strings(&names).word(count).doubles(&values);
-    Some(message.word(0).word(count).doubles(&halfwidths).finish())
+    Some(joints(&all, &all.iter().map(|one| one.2 * per_unit(&one.0)).collect::<Vec<_>>(), actuator, time_ns))
 }
 
-/// SI units per unit at the end of an observable's name.
+/// Inputs of a state by name, as positions in Pa, m and what their names state: pressures of all cavities, the gap where there is one.
+pub fn inputs(state: &State, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
+    let known = state.inputs().filter(|input| input.value.is_finite());
+    let all: Vec<(String, f64, f64)> = known.map(|input| (input.name, input.value, 0.0)).collect();
+    (!all.is_empty()).then(|| joints(&all, &[], actuator, time_ns))
+}
+
+fn joints(all: &[(String, f64, f64)], efforts: &[f64], actuator: &str, time_ns: u64) -> Vec<u8> {
+    let names: Vec<&str> = all.iter().map(|(name, ..)| name.as_str()).collect();
+    let values: Vec<f64> = all.iter().map(|one| one.1 * per_unit(&one.0)).collect();
+    let message =
+        Cdr::new().header(time_ns, actuator).strings(&names).word(all.len() as u32).doubles(&values);
+    message.word(0).word(efforts.len() as u32).doubles(efforts).finish()
+}
+
+/// SI units per unit at the end of a name; a pressure's may have its cavity behind it (`pressure_mpa.left`).
 fn per_unit(name: &str) -> f64 {
-    let units = [("_deg", 1_f64.to_radians()), ("_per_mm", 1e3), ("_mm3", 1e-9), ("_mm", 1e-3)];
+    let name = if name.starts_with("pressure_mpa.") { "pressure_mpa" } else { name };
+    let units =
+        [("_deg", 1_f64.to_radians()), ("_per_mm", 1e3), ("_mm3", 1e-9), ("_mm", 1e-3), ("_mpa", PA_PER_MPA)];
     units.iter().find(|(end, _)| name.ends_with(end)).map_or(1.0, |(_, factor)| *factor)
 }
 
@@ -102,3 +112,7 @@ pub fn diagnostics(health: &Health, actuator: &str, time_ns: u64) -> Vec<u8> {
         .word(values.len() as u32);
     values.iter().fold(message, |message, (key, value)| message.string(key).string(value)).finish()
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/message.rs"]
+mod tests;

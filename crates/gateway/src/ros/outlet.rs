@@ -24,6 +24,7 @@ fn kinds(topic: &Topic, ros: &Ros2) -> Vec<(String, MessageType, Encode)> {
         TopicKind::State => vec![
             ("wrench".into(), WRENCH, of_state(message::wrench)),
             ("pressure".into(), PRESSURE, of_state(message::pressure)),
+            ("inputs".into(), JOINTS, of_state(message::inputs)),
             ("observables".into(), JOINTS, of_state(message::observables)),
         ],
         TopicKind::Field => {

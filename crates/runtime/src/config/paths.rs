@@ -42,7 +42,7 @@ impl ActuatorSpec {
                 SensorSpec::Lines(sensor) => &mut sensor.serial,
             });
         }
-        if let Some(valve) = &mut self.valve {
+        for valve in self.valve.iter_mut().chain(self.valves.values_mut()) {
             lines.extend(valve.modbus.as_mut().map(|valve| &mut valve.serial));
             lines.extend(valve.lines.as_mut().map(|valve| &mut valve.serial));
             paths.extend(valve.iio.as_mut().map(|valve| &mut valve.root));

@@ -10,7 +10,7 @@ use rom::kernel::Precision;
 use rom::reconstructor::BasisOptions;
 use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use wire::SensorSample;
 use wire::layout::{MARKERS_MAX, Marker};
@@ -70,8 +70,11 @@ pub struct ActuatorSpec {
     pub sensors: Sensors,
     /// Pace of the readings of `sensors`.
     pub pace: Option<PaceSpec>,
-    /// The pressure source that the bridge drives.
+    /// The pressure source that the bridge drives: that of `pressure_mpa`.
     pub valve: Option<ValveSpec>,
+    /// Pressure sources of further cavities: `[actuator.valves.NAME]` is that of the input `pressure_mpa.NAME`.
+    #[serde(default)]
+    pub valves: BTreeMap<String, ValveSpec>,
     /// Dynamics of the actuator and times of the controller.
     #[serde(default)]
     pub control: control::settings::Settings,
@@ -262,9 +265,10 @@ impl Scene {
             actuator.problems(&place, &mut problems);
             actuator.sensor_problems(&place, &self.folder, &devices, &mut problems);
             self.listener_problems(actuator, &place, &mut problems);
-            let valve = actuator.valve.as_ref().map(|valve| valve::open(&actuator.name, valve, &devices));
-            let found = valve.and_then(Result::err).into_iter().flatten();
-            problems.extend(found.map(|problem| format!("{place}.{problem}")));
+            for (topic, valve) in actuator.all_valves().filter_map(Result::ok) {
+                let found = valve::open(&topic, valve, &devices).err().into_iter().flatten();
+                problems.extend(found.map(|problem| format!("{place}.{problem}")));
+            }
         }
         if let Some(grasp) = &self.grasp {
             let names: Vec<&str> = self.actuators.iter().map(|actuator| actuator.name.as_str()).collect();
@@ -304,6 +308,16 @@ fn one() -> usize {
 }
 
 impl ActuatorSpec {
+    /// All valves with their topics.
+    ///
+    /// # Errors
+    /// Names of actuator or cavity that a topic cannot have.
+    pub fn all_valves(&self) -> impl Iterator<Item = Result<(wire::Topic, &ValveSpec), wire::WireError>> {
+        let further = self.valves.iter().map(|(cavity, valve)| (Some(cavity.as_str()), valve));
+        let all = self.valve.iter().map(|valve| (None, valve)).chain(further);
+        all.map(|(cavity, valve)| Ok((wire::Topic::valve(&self.name)?.of_cavity(cavity)?, valve)))
+    }
+
     /// The actuator whose sensor topic counts.
     pub fn sensor(&self) -> &str {
         self.sensor.as_deref().unwrap_or(&self.name)
@@ -431,7 +445,21 @@ impl ActuatorSpec {
             plate_problems(plate, place, problems);
         }
         if let Some(valve) = &self.valve {
-            valve.problems(place, problems);
+            valve.problems(&format!("{place}.valve"), problems);
+        }
+        for (cavity, valve) in &self.valves {
+            let key = format!("{place}.{}", ValveSpec::key(Some(cavity)));
+            valve.problems(&key, problems);
+            let topic = wire::Topic::valve("a").and_then(|topic| topic.of_cavity(Some(cavity)));
+            problems.extend(topic.err().map(|error| format!("{key}: {error}")));
+            let input = format!("pressure_mpa.{cavity}");
+            if self.inputs.get(&input).is_none_or(|from| from.measured().is_none())
+                && !self.estimate.contains_key(&input)
+            {
+                problems.push(format!(
+                    "{key}: expected the pressure that it changes as an input, inputs.\"{input}\" = \"measured\"; found it given or missing"
+                ));
+            }
         }
         problems.extend(self.control.problems(&format!("{place}.control")));
         estimate::problems(

@@ -2,6 +2,8 @@
 //! allocation.
 
 use super::spec::ValveSpec;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use wire::layout::{domain_status, flags, valve_interlock, valve_limit, valve_reason};
 use wire::{Setpoint, State};
 
@@ -38,13 +40,19 @@ pub struct Governor {
     /// Last known pressure of the device, and its time.
     last_mpa: f64,
     last_ns: u64,
-    /// Time from which an operator's release opens the valve again: the force was beyond its limit.
-    tripped_ns: Option<u64>,
+    trip: Arc<Trip>,
+}
+
+/// The latch of the force interlock, one for all valves of an actuator.
+#[derive(Debug, Default)]
+pub struct Trip {
+    /// Time from which an operator's release opens the valves again; 0: the force was not beyond its limit.
+    ns: AtomicU64,
 }
 
 impl Governor {
     /// Governor of a device at its safe value.
-    pub fn new(spec: &ValveSpec, now_ns: u64) -> Self {
+    pub fn new(spec: &ValveSpec, now_ns: u64, trip: Arc<Trip>) -> Self {
         let ns = |ms: f64| (ms * 1e6) as u64;
         Self {
             safe_mpa: spec.safe_mpa,
@@ -58,7 +66,7 @@ impl Governor {
             stop_on_mismatch: spec.stop_on_mismatch,
             last_mpa: spec.safe_mpa,
             last_ns: now_ns,
-            tripped_ns: None,
+            trip,
         }
     }
 
@@ -122,7 +130,7 @@ impl Governor {
         // A measured or predicted force that is not a number is no force beyond a limit; `needs_force` asks for one.
         let force_n = state.measured_force_n.max(state.contact_force_n);
         if force_n > self.force_max_n {
-            self.tripped_ns = Some(now_ns);
+            self.trip.ns.fetch_max(now_ns, Ordering::Relaxed);
         }
         let bit = |is_set: bool, bit: u32| if is_set { bit } else { 0 };
         let outside = state.domain_status == domain_status::OUTSIDE;
@@ -136,16 +144,16 @@ impl Governor {
     }
 
     fn latched(&self) -> u32 {
-        if self.tripped_ns.is_some() { valve_interlock::FORCE } else { 0 }
+        if self.trip.ns.load(Ordering::Relaxed) != 0 { valve_interlock::FORCE } else { 0 }
     }
 
     /// A release by the operator that was sent after the trip.
     fn release_trip(&mut self, operator: Option<&Setpoint>) {
-        if let (Some(tripped_ns), Some(operator)) = (self.tripped_ns, operator)
-            && operator.pressure_mpa.is_nan()
-            && operator.t_publish_ns > tripped_ns
-        {
-            self.tripped_ns = None;
+        let Some(operator) = operator.filter(|operator| operator.pressure_mpa.is_nan()) else { return };
+        let tripped_ns = self.trip.ns.load(Ordering::Relaxed);
+        if operator.t_publish_ns > tripped_ns {
+            // A trip by another valve in between stays.
+            let _stays = self.trip.ns.compare_exchange(tripped_ns, 0, Ordering::Relaxed, Ordering::Relaxed);
         }
     }
 }

@@ -1,10 +1,11 @@
 //! The thread of a valve: at each setpoint or override, and at least at a fixed rate, it takes setpoint, override and state, decides, writes, and
 //! publishes what it did.
 
-use super::decide::{Decision, Governor};
+use super::decide::{Decision, Governor, Trip};
 use super::device::Device;
 use super::spec::ValveSpec;
 use crate::source::{Devices, ModbusConnection, ModbusPath};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -51,22 +52,22 @@ pub enum ValveError {
     #[error(transparent)]
     Wire(#[from] WireError),
     /// The system refuses a thread, or what its device needs.
-    #[error("no thread for the valve of `{actuator}`: {cause}")]
+    #[error("no thread for {valve}: {cause}")]
     Thread {
-        /// The actuator.
-        actuator: String,
+        /// Its topic.
+        valve: Topic,
         /// The system's message.
         cause: std::io::Error,
     },
 }
 
-/// Valves by the name of their actuator.
-pub type Valves = Vec<(String, Arc<ValveCounters>)>;
+/// Valves by their topics.
+pub type Valves = Vec<(Topic, Arc<ValveCounters>)>;
 
 /// A valve with its way to the device.
 #[derive(Debug)]
 pub struct OpenValve {
-    actuator: String,
+    topic: Topic,
     spec: ValveSpec,
     /// Where the device is on Modbus.
     modbus: Option<ModbusConnection>,
@@ -76,12 +77,13 @@ pub struct OpenValve {
 ///
 /// # Errors
 /// Messages about a path that a sensor or another valve uses otherwise.
-pub fn open(actuator: &str, spec: &ValveSpec, devices: &Devices) -> Result<OpenValve, Vec<String>> {
+pub fn open(topic: &Topic, spec: &ValveSpec, devices: &Devices) -> Result<OpenValve, Vec<String>> {
     let path = spec.modbus.as_ref();
     let path = path.and_then(|modbus| ModbusPath::new(modbus.tcp.as_deref(), modbus.serial.as_ref()));
     let modbus = path.map(|path| devices.modbus(&path)).transpose();
-    let modbus = modbus.map_err(|problem| vec![format!("valve.modbus: {problem}")])?;
-    Ok(OpenValve { actuator: actuator.to_owned(), spec: spec.clone(), modbus })
+    let modbus =
+        modbus.map_err(|problem| vec![format!("{}.modbus: {problem}", ValveSpec::key(topic.cavity()))])?;
+    Ok(OpenValve { topic: topic.clone(), spec: spec.clone(), modbus })
 }
 
 /// Starts a thread for each valve and returns when all have their topics. A thread that is asked to end writes the safe value.
@@ -90,31 +92,32 @@ pub fn open(actuator: &str, spec: &ValveSpec, devices: &Devices) -> Result<OpenV
 /// [`WireError::AlreadyPublished`] when another bridge drives one of them, other refusals of the wire, [`ValveError::Thread`].
 pub fn start(group: &mut ThreadGroup, domain: &Domain, valves: Vec<OpenValve>) -> Result<Valves, ValveError> {
     let mut started = Valves::new();
-    for OpenValve { actuator, spec, modbus } in valves {
+    let mut trips: BTreeMap<String, Arc<Trip>> = BTreeMap::new();
+    for OpenValve { topic, spec, modbus } in valves {
         let counters = Arc::<ValveCounters>::default();
         let (opened, result) = sync_channel(1);
-        let (name, counted, domain) = (actuator.clone(), counters.clone(), domain.clone());
+        let trip = trips.entry(topic.actuator().to_owned()).or_default().clone();
+        let (valve, counted, domain) = (topic.clone(), counters.clone(), domain.clone());
+        let open =
+            move || Drive::open(&valve, &spec, modbus, &domain, trip).map(|drive| (drive, spec.write_hz));
         group
-            .start("valve", move |end| run(&name, &spec, modbus, &domain, &counted, opened, end))
-            .map_err(|cause| ValveError::Thread { actuator: actuator.clone(), cause })?;
+            .start("valve", move |end| run(open, &counted, opened, end))
+            .map_err(|cause| ValveError::Thread { valve: topic.clone(), cause })?;
         // A thread that panics drops its end: the group names it.
         result.recv().unwrap_or(Ok(()))?;
-        started.push((actuator, counters));
+        started.push((topic, counters));
     }
     Ok(started)
 }
 
 fn run(
-    actuator: &str,
-    spec: &ValveSpec,
-    modbus: Option<ModbusConnection>,
-    domain: &Domain,
+    open: impl FnOnce() -> Result<(Drive, f64), ValveError>,
     counters: &ValveCounters,
     opened: SyncSender<Result<(), ValveError>>,
     end: &StopFlag,
 ) -> wire::thread_group::ThreadResult {
-    let mut drive = match Drive::open(actuator, spec, modbus, domain) {
-        Ok(drive) => drive,
+    let (mut drive, write_hz) = match open() {
+        Ok(opened) => opened,
         Err(error) => {
             // The starter gets the error and ends the group.
             let _starter_is_gone = opened.send(Err(error));
@@ -123,7 +126,7 @@ fn run(
         }
     };
     let _starter_is_gone = opened.send(Ok(()));
-    let period = Duration::from_secs_f64(1.0 / spec.write_hz);
+    let period = Duration::from_secs_f64(1.0 / write_hz);
     let mut wake = WakeSet::new([&drive.setpoints as &dyn Wakeable, &drive.overrides]);
     let mut answered = Instant::now();
     while !end.is_set() {
@@ -150,7 +153,7 @@ const END_POLL: Duration = Duration::from_millis(100);
 
 /// State of one valve's thread.
 struct Drive {
-    actuator: String,
+    topic: Topic,
     safe_mpa: f64,
     device: Option<Device>,
     governor: Governor,
@@ -167,22 +170,24 @@ struct Drive {
 
 impl Drive {
     fn open(
-        actuator: &str,
+        topic: &Topic,
         spec: &ValveSpec,
         modbus: Option<ModbusConnection>,
         domain: &Domain,
+        trip: Arc<Trip>,
     ) -> Result<Self, ValveError> {
         let bus = Bus::open(domain)?;
         // First: a second bridge is refused before it writes anything.
-        let output = ValveWriter::create(&bus, &Topic::valve(actuator)?)?;
-        let refused = |cause| ValveError::Thread { actuator: actuator.to_owned(), cause };
+        let output = ValveWriter::create(&bus, topic)?;
+        let refused = |cause| ValveError::Thread { valve: topic.clone(), cause };
+        let (actuator, cavity) = (topic.actuator(), topic.cavity());
         Ok(Self {
-            actuator: actuator.to_owned(),
+            topic: topic.clone(),
             safe_mpa: spec.safe_mpa,
             device: Device::new(spec, modbus).map_err(refused)?,
-            governor: Governor::new(spec, now_ns()),
-            setpoints: SetpointReader::attach(&bus, &Topic::setpoint(actuator)?)?,
-            overrides: SetpointReader::attach(&bus, &Topic::operator(actuator)?)?,
+            governor: Governor::new(spec, now_ns(), trip),
+            setpoints: SetpointReader::attach(&bus, &Topic::setpoint(actuator)?.of_cavity(cavity)?)?,
+            overrides: SetpointReader::attach(&bus, &Topic::operator(actuator)?.of_cavity(cavity)?)?,
             states: StateReader::attach_as(&bus, &Topic::state(actuator)?, Waking::Never)?,
             output,
             setpoint: None,
@@ -250,9 +255,9 @@ impl Drive {
 
     /// One line for each change.
     fn log(&mut self, before: (u32, u32), now: &Valve, error: Option<String>) {
-        let actuator = &self.actuator;
+        let valve = &self.topic;
         if error.is_some() && error != self.error {
-            tracing::warn!("valve of {actuator}: {}", error.as_deref().unwrap_or_default());
+            tracing::warn!("{valve}: {}", error.as_deref().unwrap_or_default());
         }
         self.error = error;
         if before != (now.valve_reason, now.valve_interlock) {
@@ -260,7 +265,7 @@ impl Drive {
             let names =
                 if interlocks.is_empty() { String::new() } else { format!(" ({})", interlocks.join(", ")) };
             let reason = valve_reason::as_str(now.valve_reason);
-            tracing::info!("valve of {actuator}: {reason}{names}, {} MPa", now.pressure_mpa);
+            tracing::info!("{valve}: {reason}{names}, {} MPa", now.pressure_mpa);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `[actuator.valve]` of a scene: the device behind a setpoint, its limits, and what closes it.
+//! `[actuator.valve]` and `[actuator.valves.CAVITY]` of a scene: the device behind a setpoint, its limits, and what closes it.
 
 use crate::source::{FilterSpec, ModbusPath, Quantity, RegisterAt, SerialSpec, ValueSpec};
 use serde::{Deserialize, Serialize};
@@ -142,9 +142,13 @@ fn iio_root() -> PathBuf {
 }
 
 impl ValveSpec {
-    /// All errors in it; `place` is its actuator's place in the file.
-    pub fn problems(&self, place: &str, problems: &mut Vec<String>) {
-        let key = format!("{place}.valve");
+    /// Key of the valve of a cavity in its actuator's part of the scene; `None`: that of `pressure_mpa`.
+    pub fn key(cavity: Option<&str>) -> String {
+        cavity.map_or("valve".to_owned(), |cavity| format!("valves.{cavity}"))
+    }
+
+    /// All errors in it; `key` is its place in the file.
+    pub fn problems(&self, key: &str, problems: &mut Vec<String>) {
         let [low, high] = self.range_mpa;
         if !(low.is_finite() && high.is_finite() && low < high) {
             problems

@@ -10,7 +10,7 @@ fn spec(more: &str) -> ValveSpec {
 }
 
 fn governor(more: &str) -> Governor {
-    Governor::new(&spec(more), NOW)
+    Governor::new(&spec(more), NOW, Arc::default())
 }
 
 fn wants(pressure_mpa: f64, age_ms: u64) -> Setpoint {
@@ -148,7 +148,9 @@ proptest! {
 fn numbers_and_clocks_at_their_limits_never_open_the_valve() {
     let at = |now_ns: u64, setpoint: Setpoint| {
         let state = State { t_sensor_ns: now_ns, ..fresh(0.1) };
-        Governor::new(&spec(""), now_ns).decide(now_ns, Some(&setpoint), None, Some(&state)).reason
+        Governor::new(&spec(""), now_ns, Arc::default())
+            .decide(now_ns, Some(&setpoint), None, Some(&state))
+            .reason
     };
     let last = Setpoint { seq: u64::MAX, valid_for_ns: u64::MAX, ..wants(0.05, 0) };
     assert_eq!(at(NOW, last), valve_reason::FOLLOWING, "the scene's longest validity counts");

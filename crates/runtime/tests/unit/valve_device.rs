@@ -11,7 +11,7 @@ use tokio_modbus::{ExceptionCode, Request, Response, SlaveRequest};
 fn device(text: &str, devices: &Devices) -> Device {
     let spec: ValveSpec = toml::from_str(&format!("range_mpa = [0.0, 0.08]\n{text}")).unwrap();
     let mut problems = Vec::new();
-    spec.problems("actuator[0]", &mut problems);
+    spec.problems("actuator[0].valve", &mut problems);
     assert!(problems.is_empty(), "{problems:?}");
     let path = spec
         .modbus
@@ -29,7 +29,7 @@ fn all_errors_are_listed() {
     )
     .unwrap();
     let mut problems = Vec::new();
-    spec.problems("actuator[0] `f`", &mut problems);
+    spec.problems("actuator[0] `f`.valve", &mut problems);
     let all = problems.join("\n");
     for expected in [
         "valve.safe_mpa: expected a value of range_mpa, found 2",

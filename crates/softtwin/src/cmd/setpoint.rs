@@ -3,6 +3,7 @@
 use crate::live::{DomainArgs, text};
 use crate::output;
 use anyhow::Context;
+use runtime::valve::ValveSpec;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use wire::layout::{pack_name, valve_interlock, valve_reason};
@@ -17,8 +18,10 @@ Examples:
   The operator's value, whatever setpoint and interlocks say, until it is released:
     softtwin setpoint finger --override --pressure-mpa 0.02
     softtwin setpoint finger --release
+  A further cavity:
+    softtwin setpoint finger --cavity left --pressure-mpa 0.01
 
-A release also ends the interlock of a force beyond its limit, once the force is below it. An override keeps to the valve's range and rate and to nothing else. It ends with --release, or when the bridge ends. \
+A release also ends the interlock of a force beyond its limit, for all valves of the actuator, once the force is below it. An override keeps to the valve's range and rate and to nothing else. It ends with --release, or when the bridge ends. \
 What the valve does: softtwin echo softtwin/finger/valve";
 
 /// Drive a valve by hand, or override its owner.
@@ -27,6 +30,9 @@ What the valve does: softtwin echo softtwin/finger/valve";
 pub struct Args {
     /// Actuator.
     actuator: String,
+    /// Further cavity, the one of the input `pressure_mpa.NAME`.
+    #[arg(long, value_name = "NAME")]
+    cavity: Option<String>,
     /// Gauge pressure in MPa.
     #[arg(long, value_name = "MPA", required_unless_present = "release", value_parser = crate::range::pressure_mpa)]
     pressure_mpa: Option<f64>,
@@ -54,10 +60,11 @@ impl Args {
     /// Sends setpoints, or one override.
     pub fn run(self) -> anyhow::Result<()> {
         let bus = self.domain.join()?;
-        let valves = match ValveReader::open(&bus, &Topic::valve(&self.actuator)?) {
+        let valves = match ValveReader::open(&bus, &self.topic(Topic::valve)?) {
             Err(WireError::NoSuchTopic { .. }) => anyhow::bail!(
-                "no bridge drives a valve of `{0}`: start `softtwind bridge` with a scene whose actuator `{0}` has [actuator.valve]",
-                self.actuator
+                "no bridge drives that valve of `{0}`: start `softtwind bridge` with a scene whose actuator `{0}` has [actuator.{1}]",
+                self.actuator,
+                ValveSpec::key(self.cavity.as_deref())
             ),
             opened => opened?,
         };
@@ -67,9 +74,13 @@ impl Args {
         }
     }
 
+    fn topic(&self, kind: fn(&str) -> Result<Topic, WireError>) -> Result<Topic, WireError> {
+        kind(&self.actuator)?.of_cavity(self.cavity.as_deref())
+    }
+
     /// One override or its release; done when the bridge says that it acts on it.
     fn operate(&self, bus: &Bus, valves: &ValveReader) -> anyhow::Result<()> {
-        let mut sender = Sender::new(bus, &Topic::operator(&self.actuator)?)?;
+        let mut sender = Sender::new(bus, &self.topic(Topic::operator)?)?;
         sender.send(self.pressure_mpa.unwrap_or(f64::NAN), Duration::ZERO)?;
         let is_done = |valve: &Valve| {
             let is_ours =
@@ -98,7 +109,7 @@ impl Args {
     /// Setpoints until a signal, each renewed in time; every change of what the valve does is printed.
     fn hold(&self, bus: &Bus, valves: &ValveReader) -> anyhow::Result<()> {
         let pressure_mpa = self.pressure_mpa.context("--pressure-mpa is missing")?;
-        let mut sender = Sender::new(bus, &Topic::setpoint(&self.actuator)?)?;
+        let mut sender = Sender::new(bus, &self.topic(Topic::setpoint)?)?;
         let stop = runtime::service::stop_flag().context("cannot listen for signals")?;
         let (begin, mut before) = (Instant::now(), None);
         while !stop.load(Ordering::Relaxed) && begin.elapsed().as_secs_f64() < self.seconds {

@@ -16,10 +16,10 @@ use crate::{output, range, resources};
 use anyhow::Result;
 use fem::Family;
 use fem::actuator::Actuator;
-use fem::cases::to_csv;
+use fem::cases::{Case, to_csv};
 use fem::run::{Run, Store, fingerprint};
 use folder::Folder;
-use plan::{Counts, Plan};
+use plan::{Counts, Plan, landings};
 use pressures::Pressures;
 use quality::Quality;
 use serde_json::json;
@@ -83,7 +83,7 @@ fn observables(family: &Family) -> BTreeMap<String, Definition> {
         return named.map(|(axis, name)| (name.to_owned(), position(axis))).collect();
     };
     let (end_mm, top_mm) = (shape.base.length_mm, shape.base_top_mm());
-    let at = |x: f64, y: f64| Place::At([x, y, 0.0]);
+    let at = |x: f64, y: f64| Place::At([x, shape.base_mm() + y, 0.0]);
     let sections = vec![at(0.0, 0.0), at(0.0, top_mm), at(end_mm, 0.0), at(end_mm, top_mm)];
     let of = |kind, points, axis| Definition { kind, points, axis };
     [
@@ -142,15 +142,21 @@ impl Args {
             )?;
         }
         let counts = if self.quick { Counts::QUICK } else { Counts::FULL };
-        let plan = Plan::new(actuator, &pressures, counts)?;
+        let mut plan = Plan::new(actuator, &pressures, counts)?;
+        let options = batch::Options { threads: self.threads, sensitivities: false, settings: Vec::new() };
+        if let (false, Some(gaps_mm)) = (plan.cavities.is_empty(), plan.gaps_mm) {
+            let free: Vec<Case> = plan.cases.iter().filter(|case| case.gap_mm.is_none()).cloned().collect();
+            let solved = batch::solve(&family, &free, &database, &options)?.solved;
+            let (free, clearances_mm): (Vec<Case>, Vec<f64>) =
+                solved.iter().map(|(at, solved)| (free[*at].clone(), solved.clearance_mm)).unzip();
+            plan.cases.extend(landings(&free, &clearances_mm, gaps_mm));
+        }
         let list = self.folder.join("cases.csv");
         save(&list, to_csv(&plan.cases).as_bytes())?;
         let states = plan.cases.len();
         let gaps =
             plan.gaps_mm.map_or("no obstacle".into(), |[low, high]| format!("gaps {low} to {high} mm"));
         folder.say("states", &format!("{states} in {}, {gaps}", list.display()))?;
-        let threads = self.threads;
-        let options = batch::Options { threads, sensitivities: false, settings: Vec::new() };
         let outcome = batch::solve(&family, &plan.cases, &database, &options)?;
         for (index, reason) in &outcome.failed {
             folder.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;

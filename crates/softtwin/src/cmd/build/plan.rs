@@ -46,7 +46,8 @@ pub struct Plan {
 impl Plan {
     /// The states for the pressures found. The gaps reach from a clear press on the plate at rest (or, where the actuator hardly
     /// sags, 10 % of its reach) to 80 % of the way that pressure bends it down. With further cavities the states are free ones
-    /// over all pressures from 0 to 80 % of the largest, and touching ones in which only the pressure of `cavity` acts.
+    /// over all pressures from 0 to 80 % of the largest, and touching ones in which only the pressure of `cavity` acts; [`landings`] are
+    /// those with all.
     ///
     /// # Errors
     /// An actuator that never comes nearer to a plate.
@@ -114,6 +115,28 @@ impl Plan {
         Ok(Self { cases, gaps_mm: Some(gaps_mm), cavities: Vec::new(), contact_mpa: largest })
     }
 }
+
+/// Contact states over the pressures of all cavities: each free state with pressure in a further cavity is brought down to a plate at a
+/// gap between the smallest one and that at which the state touches. `clearances_mm` are those gaps of `free`.
+pub fn landings(free: &[Case], clearances_mm: &[f64], gaps_mm: [f64; 2]) -> Vec<Case> {
+    let combined = free.iter().zip(clearances_mm);
+    let combined = combined.filter(|(case, _)| case.settings.iter().any(|(_, mpa)| *mpa > 0.0));
+    let landing = |(k, (case, clearance)): (usize, (&Case, &f64))| {
+        let touches = clearance.min(gaps_mm[1]);
+        let share = 0.05 + 0.9 * (GOLDEN * (k as f64 + 1.0)).fract();
+        let gap_mm = rounded(gaps_mm[0] + share * (touches - gaps_mm[0]), 1e4);
+        (touches > gaps_mm[0]).then(|| Case {
+            name: format!("landing-{}", case.name),
+            regime: "contact".into(),
+            gap_mm: Some(gap_mm),
+            ..case.clone()
+        })
+    };
+    combined.enumerate().filter_map(landing).collect()
+}
+
+/// Multiples of the golden section, modulo 1, are spread evenly.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// Fraction of the largest pressure to which all cavities are inflated together, which weakens their walls.
 pub const TOGETHER: f64 = 0.8;

@@ -78,10 +78,7 @@ pub fn free_case(name: &str, pressure_mpa: f64) -> Case {
 
 /// Distance from the held face to the tip, mm.
 fn free_length_mm(family: &Family) -> f64 {
-    family
-        .actuator
-        .shape()
-        .map_or_else(|| family.problem.mesh().tip().1, |shape| shape.base.length_mm - shape.held_mm())
+    family.actuator.shape().map_or_else(|| family.problem.mesh().tip().1, |shape| shape.free_mm())
 }
 
 /// Solves upwards. States are kept in the run's store: a second call finds them there and takes the same steps.

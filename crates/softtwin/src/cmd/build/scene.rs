@@ -10,7 +10,7 @@ pub fn text(family: &Family, plan: &Plan, pressures: &Pressures) -> String {
     // On the sheet, where every mesh has a node if it has one on the middle line; of another shape the farthest node.
     let tip = family.actuator.shape().map_or_else(
         || family.problem.mesh().tip().0,
-        |shape| [shape.base.length_mm, shape.base.lower_mm, 0.5 * shape.base.width_mm],
+        |shape| [shape.base.length_mm, shape.base_mm() + shape.base.lower_mm, 0.5 * shape.base.width_mm],
     );
     let middle = 0.5 * plan.contact_mpa;
     let gap = plan
