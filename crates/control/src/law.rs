@@ -17,7 +17,8 @@
 
 use crate::inverse::{Inverse, Model, Quantity, inverse};
 use crate::monitor::{Fault, Monitor, Signs};
-use crate::settings::{GaugeAt, Limits, Settings, TARGET_FRACTION};
+use crate::plan::{Now, Planner};
+use crate::settings::{GaugeAt, LawKind, Limits, Settings, TARGET_FRACTION};
 use crate::shape::{Notch, Path, Plays, Shaper, lag};
 
 /// Wanted value.
@@ -66,6 +67,8 @@ pub struct Cycle {
     pub bias_mpa: f64,
     /// Which limits bind.
     pub limited: Limited,
+    /// The predictive law had no plan in time: the command is that of the inverse.
+    pub is_fallback: bool,
     /// Fault that has ended the control.
     pub fault: Option<Fault>,
 }
@@ -116,6 +119,8 @@ const STILL_MPA: f64 = 3e-4;
 const SIDE_S: f64 = 0.1;
 /// Part of half of the play from which its side is reached.
 const THROUGH: f64 = 0.1;
+/// Fraction of the force limit that no planned state exceeds.
+const PLAN_FRACTION: f64 = 0.98;
 /// Difference between written and commanded pressure from which the valve's limit binds, MPa.
 const WRITTEN_MPA: f64 = 1e-4;
 
@@ -147,6 +152,8 @@ pub struct Controller<M> {
     /// The quantity was measured since the start.
     is_seen: bool,
     monitor: Monitor,
+    planner: Option<Box<Planner>>,
+    is_fallback: bool,
     fault: Option<Fault>,
 }
 
@@ -157,6 +164,9 @@ impl<M: Model> Controller<M> {
             model,
             quantity,
             shaper: Shaper::new(&settings),
+            planner: (settings.law == LawKind::Predictive)
+                .then(|| Box::new(Planner::new(&settings, &limits))),
+            is_fallback: false,
             settings,
             limits,
             path: Path::default(),
@@ -193,11 +203,6 @@ impl<M: Model> Controller<M> {
         &self.settings
     }
 
-    /// Time by which a moving target has to be known ahead, s: that of the shaper and of the delay.
-    pub fn lead_s(&self) -> f64 {
-        self.settings.lead_s()
-    }
-
     /// Begins, or begins again, where the actuator is: the next command continues from the pressure that is read. To be called
     /// while the valve does not follow (override, interlock, another owner); what was learned of the valve is kept.
     pub fn start(&mut self, reading: Reading) {
@@ -218,10 +223,15 @@ impl<M: Model> Controller<M> {
         self.path.value = pressure_mpa - correction_mpa;
         self.shaped_mpa = self.path.value;
         self.shaper.start(self.path.value);
+        if let Some(planner) = &mut self.planner {
+            planner.start(self.command_mpa, pressure_mpa, correction_mpa);
+        }
     }
 
-    /// The command for a target, `dt_s` after the last cycle. A reading that is not finite changes nothing, and the last command stands.
-    pub fn update(&mut self, target: Target, reading: Reading, dt_s: f64) -> Cycle {
+    /// The command for targets by the time ahead in s, `dt_s` after the last cycle. A reading that is not finite changes nothing, and the last
+    /// command stands.
+    pub fn update(&mut self, targets: &dyn Fn(f64) -> Target, reading: Reading, dt_s: f64) -> Cycle {
+        let target = targets(self.settings.lead_s());
         let inputs = [reading.pressure_mpa, reading.gap_mm, target.value, target.rate, dt_s];
         if self.fault.is_some() || inputs.iter().any(|value| !value.is_finite()) || dt_s < 0.0 {
             return self.cycle(target.value, f64::NAN, Limited::default());
@@ -251,8 +261,10 @@ impl<M: Model> Controller<M> {
             GaugeAt::Cavity => PRESSURE_GAIN * (before_mpa - reading.pressure_mpa),
             GaugeAt::Valve => 0.0,
         };
-        let wanted_mpa = cavity_mpa + time_s * slope + behind_mpa + self.bias_mpa;
-        self.command(wanted_mpa, dt_s, &mut limited);
+        let inverted_mpa = cavity_mpa + time_s * slope + behind_mpa + self.bias_mpa;
+        let planned_mpa = self.plan(targets, reading.gap_mm, error_mpa, dt_s);
+        self.is_fallback = self.planner.is_some() && planned_mpa.is_none();
+        self.command(planned_mpa.unwrap_or(inverted_mpa), dt_s, &mut limited);
         self.cycle(wanted.value, followed, limited)
     }
 
@@ -265,6 +277,7 @@ impl<M: Model> Controller<M> {
             correction_mpa: self.lags_mpa[1],
             bias_mpa: self.bias_mpa,
             limited,
+            is_fallback: self.is_fallback,
             fault: self.fault,
         }
     }
@@ -452,6 +465,43 @@ impl<M: Model> Controller<M> {
             return f64::INFINITY;
         }
         self.search_of(2, Quantity::Force, TARGET_FRACTION * limit_n, gap_mm).pressure_mpa
+    }
+
+    /// The command of the predictive law; `None` without it, or where it has none in time.
+    fn plan(
+        &mut self,
+        targets: &dyn Fn(f64) -> Target,
+        gap_mm: f64,
+        error_mpa: Option<f64>,
+        dt_s: f64,
+    ) -> Option<f64> {
+        let mut planner = self.planner.take()?;
+        let (shift_mpa, mut is_touching) = (self.lags_mpa[1], false);
+        for knot in planner.knots() {
+            let target = self.within(targets(knot.ahead_s)).0;
+            let found = inverse(&mut self.model, self.quantity, gap_mm, target.value, knot.reference_mpa);
+            let most_mpa = self.limit_mpa(&found, target.value, gap_mm);
+            knot.reference_mpa = found.pressure_mpa.min(most_mpa);
+            is_touching |= found.force_n > 0.0;
+        }
+        let most_n = PLAN_FRACTION * self.settings.force_max_n;
+        let most_mpa = if is_touching {
+            self.search_of(2, Quantity::Force, most_n, gap_mm).pressure_mpa + shift_mpa
+        } else {
+            f64::INFINITY
+        };
+        let now = Now {
+            cavity_mpa: self.cavity_mpa,
+            plays: self.plays,
+            bias_mpa: self.bias_mpa,
+            command_mpa: self.command_mpa,
+            shift_mpa,
+            missing_mpa: error_mpa.map(|error_mpa| shift_mpa - error_mpa),
+            most_mpa,
+        };
+        let command_mpa = planner.command(&self.settings, &now, dt_s);
+        self.planner = Some(planner);
+        command_mpa
     }
 
     fn search(&mut self, slot: usize, value: f64, gap_mm: f64) -> Inverse {

@@ -3,6 +3,7 @@
 //! | module | content |
 //! | --- | --- |
 //! | `law` | controller: force, observable or pressure, by the model's inverse and gradients, with two integrals; pure, without allocation |
+//! | `plan` | predictive law: the command from a horizon over line, play and swing, by a quadratic program |
 //! | `settings` | dynamics of the actuator, times of the loop, limits |
 //! | `monitor` | faults that readings show while the controller drives |
 //! | `inverse` | pressure that gives a force or an observable |
@@ -14,7 +15,9 @@
 pub mod inverse;
 pub mod law;
 pub mod monitor;
+mod plan;
 pub mod plant;
+mod program;
 pub mod settings;
 mod shape;
 pub mod trial;

@@ -14,12 +14,27 @@ pub enum GaugeAt {
     Valve,
 }
 
+/// How the command follows from the reference.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LawKind {
+    /// Inverse of line and play behind a shaped path.
+    #[default]
+    Inverse,
+    /// Optimum over a horizon, under the limits of pressure, rate and force.
+    Predictive,
+}
+
 /// Dynamics of the actuator and times of the loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
     /// Quantity that is held without another target: `force`, `tip`, `pressure`, or an observable of the model.
     pub hold: String,
+    /// Law.
+    pub law: LawKind,
+    /// Horizon of the predictive law, s.
+    pub horizon_s: f64,
     /// Marker whose height is the tip's; needed where the scene has several.
     pub marker: Option<String>,
     /// Whether load cell or marker correct the model.
@@ -60,6 +75,8 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             hold: "force".into(),
+            law: LawKind::Inverse,
+            horizon_s: 1.0,
             marker: None,
             is_measured: true,
             line: Line { fill_s: 0.08, empty_s: 0.08 },
@@ -99,6 +116,7 @@ impl Settings {
             ("line.fill_s", self.line.fill_s, 60.0),
             ("line.empty_s", self.line.empty_s, 60.0),
             ("approach_s", self.approach_s, 60.0),
+            ("horizon_s", self.horizon_s, 60.0),
             ("slew_mpa_per_s[0]", self.slew_mpa_per_s[0], f64::INFINITY),
             ("slew_mpa_per_s[1]", self.slew_mpa_per_s[1], f64::INFINITY),
             ("correction_s", self.correction_s, 60.0),

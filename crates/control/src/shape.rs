@@ -21,6 +21,16 @@ impl Plays {
         Self { states: [value; MAX_PLAYS] }
     }
 
+    /// The states.
+    pub(crate) fn states(&self) -> [f64; MAX_PLAYS] {
+        self.states
+    }
+
+    /// Output for an input that does not move.
+    pub(crate) fn output(mut self, plays: &[Play], input: f64) -> f64 {
+        self.follow(plays, input)
+    }
+
     /// Output for an input.
     pub(crate) fn follow(&mut self, plays: &[Play], input: f64) -> f64 {
         let mut sum = input;

@@ -8,22 +8,13 @@ use serde::Serialize;
 
 /// A law that gives a command for each reading.
 pub trait Law {
-    /// The command, `dt_s` after the last cycle.
-    fn update(&mut self, target: Target, reading: Reading, dt_s: f64) -> Cycle;
-
-    /// Time by which it has to know a moving target ahead, s.
-    fn lead_s(&self) -> f64 {
-        0.0
-    }
+    /// The command for targets by the time ahead in s, `dt_s` after the last cycle.
+    fn update(&mut self, targets: &dyn Fn(f64) -> Target, reading: Reading, dt_s: f64) -> Cycle;
 }
 
 impl<M: Model> Law for Controller<M> {
-    fn update(&mut self, target: Target, reading: Reading, dt_s: f64) -> Cycle {
-        Self::update(self, target, reading, dt_s)
-    }
-
-    fn lead_s(&self) -> f64 {
-        Self::lead_s(self)
+    fn update(&mut self, targets: &dyn Fn(f64) -> Target, reading: Reading, dt_s: f64) -> Cycle {
+        Self::update(self, targets, reading, dt_s)
     }
 }
 
@@ -108,7 +99,7 @@ impl<L: Law, B: Body> Loop<L, B> {
             let reading =
                 Reading { pressure_mpa: shown.pressure_mpa, gap_mm, measured, written_mpa: f64::NAN };
             let at_s = at as f64 * dt_s;
-            let cycle = self.law.update(target(at_s + self.law.lead_s()), reading, dt_s);
+            let cycle = self.law.update(&|ahead_s| target(at_s + ahead_s), reading, dt_s);
             // Let go, the valve takes its safe value.
             self.plant.command(if cycle.fault.is_some() { 0.0 } else { cycle.pressure_mpa });
             moments.push(Moment {

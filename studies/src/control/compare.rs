@@ -6,7 +6,7 @@ use crate::plant::table::PlantTable;
 use control::inverse::Quantity;
 use control::law::{Controller, Target};
 use control::plant::{Plant, PlantSpec};
-use control::settings::{Limits, Settings};
+use control::settings::{LawKind, Limits, Settings};
 use control::trial::{Law, Loop, Moment, SineFigures, StepFigures, Trial, sine_figures, step_figures};
 use control::twin_model::{Tip, TwinModel};
 use rom::memory::{Line, Play};
@@ -145,6 +145,9 @@ const CHANGES: [(&str, [f64; 3]); 5] = [
     ("play x 2", [1.0, 1.0, 2.0]),
 ];
 
+/// The laws of `softtwin hold`.
+const LAWS: [(&str, LawKind); 2] = [("inverse", LawKind::Inverse), ("predictive", LawKind::Predictive)];
+
 /// Cycles, steps, and of the tip a sine.
 type Followed = (Vec<Moment>, Vec<StepFigures>, SineFigures);
 
@@ -167,12 +170,15 @@ pub fn measure(bench: &Bench) -> anyhow::Result<(Vec<Row>, Runs)> {
                 anyhow::Ok(())
             };
             let quantities = [Quantity::Force, Quantity::Observable];
-            let of = |quantity| {
-                run(bench, case, &spec, quantity, |model| {
-                    Controller::new(model, quantity, settings.clone(), Limits::default())
-                })
-            };
-            add("softtwin hold", quantities.map(of))?;
+            for (name, law) in LAWS {
+                let of = |quantity| {
+                    run(bench, case, &spec, quantity, |model| {
+                        let settings = Settings { law, ..settings.clone() };
+                        Controller::new(model, quantity, settings, Limits::default())
+                    })
+                };
+                add(name, quantities.map(of))?;
+            }
             if change != CHANGES[0].0 {
                 continue;
             }

@@ -16,7 +16,8 @@ pub struct Pi {
 }
 
 impl Law for Pi {
-    fn update(&mut self, target: Target, reading: Reading, dt_s: f64) -> Cycle {
+    fn update(&mut self, targets: &dyn Fn(f64) -> Target, reading: Reading, dt_s: f64) -> Cycle {
+        let target = targets(0.0);
         let error = target.value - reading.measured;
         let [low, high] = self.range_mpa;
         let wanted_mpa = self.sum_mpa + self.gains[0] * error;
@@ -46,7 +47,8 @@ pub struct InversePi<M> {
 }
 
 impl<M: Model> Law for InversePi<M> {
-    fn update(&mut self, target: Target, reading: Reading, dt_s: f64) -> Cycle {
+    fn update(&mut self, targets: &dyn Fn(f64) -> Target, reading: Reading, dt_s: f64) -> Cycle {
+        let target = targets(0.0);
         let start_mpa = self.state_mpa[0];
         let goal = inverse(&mut self.model, self.quantity, reading.gap_mm, target.value, start_mpa);
         let step_mpa = (goal.pressure_mpa - start_mpa) * (1.0 - (-dt_s / self.reference_s).exp());

@@ -4,35 +4,40 @@ use super::compare::{Bench, cases, known};
 use crate::plant::report::{Percentiles, percentiles};
 use control::inverse::Quantity;
 use control::law::{Controller, Reading, Target};
-use control::settings::Limits;
+use control::settings::{LawKind, Limits, Settings};
 use control::twin_model::{Tip, TwinModel};
 use rom::rng::Rng;
 use serde_json::{Value, json};
 use std::time::Instant;
 
 /// Turns that are measured.
-const TURNS: usize = 20_000;
+const TURNS: usize = 5_000;
+/// Time from one turn to the next, s.
+const CYCLE_S: f64 = 5e-3;
 /// Turns of one target.
-const A_TARGET: usize = 500;
+const A_TARGET: usize = 250;
 /// Standard deviations of the readings' noise: pressure, MPa, gap, mm, force, N.
 const NOISE: [f64; 3] = [5e-5, 0.05, 2e-3];
 
 /// Force with a measured value, force without, tip without.
 pub fn measure(bench: &Bench) -> anyhow::Result<Value> {
     let mut all = serde_json::Map::new();
-    for (name, quantity, is_measured) in [
-        ("force, load cell", Quantity::Force, true),
-        ("force, no load cell", Quantity::Force, false),
-        ("tip, no camera", Quantity::Observable, false),
+    for (name, law, quantity, is_measured) in [
+        ("force, load cell", LawKind::Inverse, Quantity::Force, true),
+        ("force, no load cell", LawKind::Inverse, Quantity::Force, false),
+        ("tip, no camera", LawKind::Inverse, Quantity::Observable, false),
+        ("predictive: force, load cell", LawKind::Predictive, Quantity::Force, true),
+        ("predictive: tip, no camera", LawKind::Predictive, Quantity::Observable, false),
     ] {
-        all.insert(name.into(), json!(turns(bench, quantity, is_measured)?));
+        all.insert(name.into(), json!(turns(bench, law, quantity, is_measured)?));
     }
     Ok(Value::Object(all))
 }
 
-fn turns(bench: &Bench, quantity: Quantity, is_measured: bool) -> anyhow::Result<Percentiles> {
+fn turns(bench: &Bench, law: LawKind, quantity: Quantity, is_measured: bool) -> anyhow::Result<Percentiles> {
     let model = TwinModel::new(&bench.model, Tip::REFERENCE)?;
     let settings = cases().first().map(|case| known(&case.spec)).unwrap_or_default();
+    let settings = Settings { law, ..settings };
     let mut controller = Controller::new(model, quantity, settings, Limits::default());
     let (mut pressure_mpa, mut durations_ns) = (0.02, Vec::with_capacity(TURNS));
     let mut random = Rng::new(TURNS as u64);
@@ -51,13 +56,13 @@ fn turns(bench: &Bench, quantity: Quantity, is_measured: bool) -> anyhow::Result
             written_mpa: f64::NAN,
         };
         let begin = Instant::now();
-        let found = controller.update(Target::step(target), reading, 1e-3);
+        let found = controller.update(&|_| Target::step(target), reading, CYCLE_S);
         durations_ns.push(begin.elapsed().as_nanos() as u64);
         if found.fault.is_some() {
             controller.release(); // the plant is not the model's: only the time counts
             continue;
         }
-        pressure_mpa += (found.pressure_mpa - pressure_mpa) * 0.0124; // a lag of 80 ms
+        pressure_mpa += (found.pressure_mpa - pressure_mpa) * (CYCLE_S / 0.08); // a lag of 80 ms
     }
     Ok(percentiles(&mut durations_ns))
 }

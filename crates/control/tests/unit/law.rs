@@ -60,14 +60,37 @@ fn controller(quantity: Quantity) -> Controller<Straight> {
     Controller::new(MODEL, quantity, settings(), Limits::default())
 }
 
-fn run(quantity: Quantity, spec: PlantSpec) -> Loop<Controller<Straight>, Straight> {
+const LAWS: [LawKind; 2] = [LawKind::Inverse, LawKind::Predictive];
+
+fn of_law(law: LawKind, quantity: Quantity, limits: Limits) -> Controller<Straight> {
+    Controller::new(MODEL, quantity, Settings { law, ..settings() }, limits)
+}
+
+fn on(
+    law: Controller<Straight>,
+    quantity: Quantity,
+    spec: PlantSpec,
+) -> Loop<Controller<Straight>, Straight> {
     let trial = Trial { quantity, is_measured: true, gap_error_mm: 0.0, rate_hz: 1.0 / DT_S };
-    Loop::new(controller(quantity), Plant::new(spec, MODEL), trial)
+    Loop::new(law, Plant::new(spec, MODEL), trial)
+}
+
+fn run(quantity: Quantity, spec: PlantSpec) -> Loop<Controller<Straight>, Straight> {
+    on(controller(quantity), quantity, spec)
+}
+
+fn both(quantity: Quantity, spec: &PlantSpec) -> [Loop<Controller<Straight>, Straight>; 2] {
+    LAWS.map(|law| on(of_law(law, quantity, Limits::default()), quantity, spec.clone()))
 }
 
 #[test]
 fn force_steps_settle_without_overshoot_on_a_plant_with_line_play_swing_and_bias() {
-    let mut run = run(Quantity::Force, finger());
+    for mut run in both(Quantity::Force, &finger()) {
+        steps_settle(&mut run);
+    }
+}
+
+fn steps_settle(run: &mut Loop<Controller<Straight>, Straight>) {
     let (mut from, mut moments) = (0.2, Vec::new());
     run.hold(from, 4.0, &mut moments);
     for target in [0.1, 0.5, 0.1, 0.3, 0.4, 0.2] {
@@ -85,15 +108,16 @@ fn force_steps_settle_without_overshoot_on_a_plant_with_line_play_swing_and_bias
 
 #[test]
 fn observable_follows_a_sine_of_known_rate() {
-    let mut run = run(Quantity::Observable, finger());
-    let mut moments = Vec::new();
-    run.hold(-40.0, 3.0, &mut moments);
-    moments.clear();
     let w = std::f64::consts::PI;
     let sine = |t_s: f64| Target { value: -40.0 + 3.0 * (w * t_s).sin(), rate: 3.0 * w * (w * t_s).cos() };
-    run.follow(sine, 8.0, &mut moments);
-    let found = sine_figures(0.5, &moments[800..]);
-    assert!((0.9..1.15).contains(&found.amplitude) && found.lag_deg.abs() < 20.0, "{found:?}");
+    for mut run in both(Quantity::Observable, &finger()) {
+        let mut moments = Vec::new();
+        run.hold(-40.0, 3.0, &mut moments);
+        moments.clear();
+        run.follow(sine, 8.0, &mut moments);
+        let found = sine_figures(0.5, &moments[800..]);
+        assert!((0.9..1.15).contains(&found.amplitude) && found.lag_deg.abs() < 20.0, "{found:?}");
+    }
 }
 
 #[test]
@@ -105,8 +129,7 @@ fn loop_stays_stable_on_wrong_stiffness_lag_and_play() {
         PlantSpec { line: double(finger().line), ..finger() },
         PlantSpec { play: vec![Play { threshold: 0.0045, weight: 1.0 }], ..finger() },
     ];
-    for spec in plants {
-        let mut run = run(Quantity::Force, spec.clone());
+    for (spec, mut run) in plants.iter().flat_map(|spec| both(Quantity::Force, spec).map(|run| (spec, run))) {
         let mut moments = Vec::new();
         run.hold(0.4, 6.0, &mut moments);
         let off = |part: &[Moment]| part.iter().map(|moment| (moment.truth - 0.4).abs()).fold(0.0, f64::max);
@@ -117,28 +140,43 @@ fn loop_stays_stable_on_wrong_stiffness_lag_and_play() {
 #[test]
 fn commands_are_within_range_and_rate_and_targets_below_the_force_limit() {
     let limits = Limits { rate_mpa_per_s: 0.5, ..Limits::default() };
-    let law = Controller::new(MODEL, Quantity::Force, settings(), limits);
-    let trial =
-        Trial { quantity: Quantity::Force, is_measured: true, gap_error_mm: 0.0, rate_hz: 1.0 / DT_S };
-    let mut run = Loop::new(law, Plant::new(finger(), MODEL), trial);
-    let mut moments = Vec::new();
-    run.hold(5.0, 4.0, &mut moments);
-    let force_max_n = settings().force_max_n;
-    assert!(moments.iter().all(|moment| moment.force_n <= force_max_n && moment.is_limited));
-    assert!((moments[799].truth - TARGET_FRACTION * force_max_n).abs() < 1e-2);
-    let step = 0.5 * DT_S + 1e-12;
-    assert!(moments.windows(2).all(|pair| (pair[1].command_mpa - pair[0].command_mpa).abs() <= step));
-    assert!(moments.iter().all(|moment| (0.0..=0.09).contains(&moment.command_mpa)));
+    for law in LAWS {
+        let mut run = on(of_law(law, Quantity::Force, limits), Quantity::Force, finger());
+        let mut moments = Vec::new();
+        run.hold(5.0, 4.0, &mut moments);
+        let force_max_n = settings().force_max_n;
+        assert!(moments.iter().all(|moment| moment.force_n <= force_max_n && moment.is_limited));
+        assert!((moments[799].truth - TARGET_FRACTION * force_max_n).abs() < 1e-2);
+        let step = 0.5 * DT_S + 1e-12;
+        assert!(moments.windows(2).all(|pair| (pair[1].command_mpa - pair[0].command_mpa).abs() <= step));
+        assert!(moments.iter().all(|moment| (0.0..=0.09).contains(&moment.command_mpa)));
+    }
+}
+
+#[test]
+fn without_a_plan_the_command_is_that_of_the_inverse() {
+    let [mut inverse, mut planned] = LAWS.map(|law| of_law(law, Quantity::Force, Limits::default()));
+    for cycle in 0..400 {
+        let step = reading(0.02 + 1e-5 * f64::from(cycle), 0.1);
+        planned.planner.as_mut().unwrap().max_iterations = if cycle < 200 { 1 } else { 40 };
+        let [of_inverse, of_plan] =
+            [&mut inverse, &mut planned].map(|law| law.update(&|_| Target::step(0.3), step, DT_S));
+        assert_eq!(of_plan.is_fallback, cycle < 200);
+        assert!(!of_inverse.is_fallback && (0.0..=0.09).contains(&of_plan.pressure_mpa));
+        if cycle < 200 {
+            assert_eq!(of_inverse, Cycle { is_fallback: false, ..of_plan });
+        }
+    }
 }
 
 #[test]
 fn start_continues_from_the_present_pressure() {
     let mut law = controller(Quantity::Force);
-    let first = law.update(Target::step(0.3), reading(0.04, 0.3), DT_S);
+    let first = law.update(&|_| Target::step(0.3), reading(0.04, 0.3), DT_S);
     assert!((first.pressure_mpa - 0.04).abs() < 1e-6, "{first:?}");
     // Another owner has moved the valve.
     law.start(reading(0.02, 0.1));
-    let next = law.update(Target::step(0.1), reading(0.02, 0.1), DT_S);
+    let next = law.update(&|_| Target::step(0.1), reading(0.02, 0.1), DT_S);
     assert!((next.pressure_mpa - 0.02).abs() < 1e-6, "{next:?}");
 }
 
@@ -161,14 +199,16 @@ fn target_beyond_the_range_is_left_at_once() {
 #[test]
 fn reading_that_is_not_finite_changes_nothing() {
     let mut law = controller(Quantity::Force);
-    let before = law.update(Target::step(0.2), reading(0.03, 0.2), DT_S);
+    let before = law.update(&|_| Target::step(0.2), reading(0.03, 0.2), DT_S);
     let good = reading(0.03, 0.2);
     for bad in [reading(f64::NAN, 0.2), Reading { gap_mm: f64::INFINITY, ..good }] {
-        assert_eq!(law.update(Target::step(0.2), bad, DT_S).pressure_mpa, before.pressure_mpa);
+        assert_eq!(law.update(&|_| Target::step(0.2), bad, DT_S).pressure_mpa, before.pressure_mpa);
     }
     let wrong = [Target::step(f64::NAN), Target { value: 0.2, rate: f64::INFINITY }];
-    assert!(wrong.iter().all(|target| law.update(*target, good, DT_S).pressure_mpa == before.pressure_mpa));
-    assert_eq!(law.update(Target::step(0.2), good, -1.0).pressure_mpa, before.pressure_mpa);
+    assert!(
+        wrong.iter().all(|target| law.update(&|_| *target, good, DT_S).pressure_mpa == before.pressure_mpa)
+    );
+    assert_eq!(law.update(&|_| Target::step(0.2), good, -1.0).pressure_mpa, before.pressure_mpa);
 }
 
 /// The first fault of a run, and when, s.
@@ -225,7 +265,7 @@ fn measurement_may_be_missing_for_a_tenth_of_a_second() {
         for at in 0..1000 {
             let is_missing = (1.0..1.0 + missing_s).contains(&(f64::from(at) * DT_S));
             let measured = if is_missing { f64::NAN } else { -24.0 };
-            let cycle = law.update(Target::step(-24.0), reading(0.03, measured), DT_S);
+            let cycle = law.update(&|_| Target::step(-24.0), reading(0.03, measured), DT_S);
             found = found.or(cycle.fault);
             assert_eq!(cycle.pressure_mpa.is_nan(), found.is_some());
         }

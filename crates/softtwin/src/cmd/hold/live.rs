@@ -83,6 +83,7 @@ struct Loop<'a> {
     measured: Vec<f64>,
     predicted: Vec<f64>,
     is_rate_limited: bool,
+    fallbacks: u64,
 }
 
 impl<'a> Loop<'a> {
@@ -117,6 +118,7 @@ impl<'a> Loop<'a> {
             measured: Vec::new(),
             predicted: Vec::new(),
             is_rate_limited: false,
+            fallbacks: 0,
         })
     }
 
@@ -196,9 +198,9 @@ impl<'a> Loop<'a> {
         self.reach.0.set_inputs(&state.inputs);
         self.reach.1 = gap_mm;
         self.take_target(since_s)?;
-        let lead_s = if self.goal.end_s().is_some() { self.controller.lead_s() } else { 0.0 };
-        let target = self.goal.at(since_s + lead_s);
-        self.cycle = self.controller.update(target, reading, dt_s);
+        let goal = &self.goal;
+        self.cycle = self.controller.update(&|ahead_s| goal.at(since_s + ahead_s), reading, dt_s);
+        self.fallbacks += u64::from(self.cycle.is_fallback);
         if let Some(fault) = self.cycle.fault {
             bail!("{}: {}", fault.name(), fault.advice());
         }
@@ -248,6 +250,7 @@ impl<'a> Loop<'a> {
             "final_error": followed.map(|followed| followed - goal.last()),
             "is_limited": self.cycle.limited.is_limited(),
             "is_rate_limited": self.is_rate_limited,
+            "fallbacks": self.fallbacks,
             "fault": self.cycle.fault,
             "setpoints": self.owner.seq,
             "reading_to_setpoint_us": self.latencies.percentiles_us(),

@@ -1,0 +1,367 @@
+//! Predictive law: the command that keeps the pressure behind the swing at its reference over a horizon.
+//!
+//! ```text
+//! c' = (u - b - c) / tau of filling or emptying,   v = H(c),   q'' = w^2 (v - q) - 2 z w q'
+//! min  sum_k (q_k - r_k)^2 + W_s (v_k - q_k)^2  +  sum_j W_u (u_j - u_(j-1))^2  +  W_f s + W_f s^2
+//! low <= u_j <= high,   |u_j - u_(j-1)| <= rate (t_j - t_(j-1)),   q_k <= q_max + s,   0 <= s
+//! ```
+//!
+//! `r` is the model's inverse of the target plus the error of the model, approached with `approach_s`: pressures behind the swing, in which
+//! force limit and observables are linear. Each cycle moves the last plan on, predicts along it with derivatives, and solves one quadratic
+//! program for the change (real-time iteration); the plan's first command is given.
+
+use crate::program::Program;
+use crate::settings::{Limits, Settings};
+use crate::shape::Plays;
+use rom::memory::MAX_PLAYS;
+
+/// Stages of the horizon.
+const STAGES: usize = 50;
+/// Stages over which each move is constant.
+const BLOCKS: [usize; MOVES] = [1, 1, 2, 2, 3, 3, 4, 5, 6, 7, 8, 8];
+const MOVES: usize = 12;
+/// Unknowns: changes of the moves, and what is beyond the force limit.
+const UNKNOWNS: usize = MOVES + 1;
+/// Stages between two points of time at which the target is inverted.
+const KNOT_STAGES: usize = 5;
+const KNOTS: usize = STAGES / KNOT_STAGES + 1;
+/// Pressure in whose unit the program is stated, MPa.
+const UNIT_MPA: f64 = 0.01;
+/// Weights relative to that of the difference to the reference: of what accelerates the swing, of each change of the command, of what is beyond
+/// the force limit.
+const SWING_WEIGHT: f64 = 0.5;
+const MOVE_WEIGHT: f64 = 0.02;
+const BEYOND_WEIGHT: f64 = 1e3;
+/// Share of the swing's frequency with which the prediction of the swing follows what is measured.
+const SEEN_SHARE: f64 = 0.3;
+/// Commands that are remembered until they reach the valve.
+const SENT: usize = 256;
+
+/// A time at which the target is inverted.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Knot {
+    pub(crate) ahead_s: f64,
+    /// Pressure that the target has in the model, MPa.
+    pub(crate) reference_mpa: f64,
+}
+
+/// What is known at a cycle.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Now {
+    /// Pressure in the cavity and the state of the play there.
+    pub(crate) cavity_mpa: f64,
+    pub(crate) plays: Plays,
+    /// The valve's error, MPa.
+    pub(crate) bias_mpa: f64,
+    /// The last command, MPa.
+    pub(crate) command_mpa: f64,
+    /// Error of the model as a pressure, MPa.
+    pub(crate) shift_mpa: f64,
+    /// Measured pressure behind the swing minus the one before it, MPa.
+    pub(crate) missing_mpa: Option<f64>,
+    /// Pressure behind the swing at the force limit.
+    pub(crate) most_mpa: f64,
+}
+
+/// A value and its derivatives by the moves.
+#[derive(Debug, Clone, Copy)]
+struct Moved {
+    value: f64,
+    by: [f64; MOVES],
+}
+
+impl Moved {
+    fn still(value: f64) -> Self {
+        Self { value, by: [0.0; MOVES] }
+    }
+
+    /// `factor self + other_factor other`.
+    fn mixed(&self, factor: f64, other: &Self, other_factor: f64) -> Self {
+        let mut by = self.by;
+        by.iter_mut()
+            .zip(&other.by)
+            .for_each(|(mine, theirs)| *mine = factor * *mine + other_factor * theirs);
+        Self { value: factor * self.value + other_factor * other.value, by }
+    }
+}
+
+/// Exact step of the swing over a time with constant input: `[q, q']` relative to that input.
+#[derive(Debug, Clone, Copy)]
+struct Swing([[f64; 2]; 2]);
+
+impl Swing {
+    fn new(hz: f64, damping: f64, dt_s: f64) -> Self {
+        let w = std::f64::consts::TAU * hz;
+        let (decay, damped) = (damping * w, w * (1.0 - damping * damping).sqrt());
+        let (fade, (sine, cosine)) = ((-decay * dt_s).exp(), (damped * dt_s).sin_cos());
+        Self([
+            [fade * (cosine + decay / damped * sine), fade * sine / damped],
+            [-fade * w * w / damped * sine, fade * (cosine - decay / damped * sine)],
+        ])
+    }
+}
+
+/// The plan and what it begins from.
+#[derive(Debug)]
+pub(crate) struct Planner {
+    stage_s: f64,
+    limits: Limits,
+    moves_mpa: [f64; MOVES],
+    knots: [Knot; KNOTS],
+    /// Begin and end of the last reference's first part, and what is left of the way to it, MPa.
+    last_mpa: [f64; 2],
+    away_mpa: f64,
+    /// Pressure behind the swing, MPa, its change, MPa/s, and the pressure before the swing.
+    swing: [f64; 2],
+    before_mpa: f64,
+    /// Commands, MPa, and the times for which they were given, s; the newest at `newest`.
+    sent: [[f64; 2]; SENT],
+    newest: usize,
+    program: Program,
+    pub(crate) max_iterations: u32,
+}
+
+impl Planner {
+    pub(crate) fn new(settings: &Settings, limits: &Limits) -> Self {
+        let stage_s = settings.horizon_s / STAGES as f64;
+        let ahead = |knot: usize| (knot * KNOT_STAGES) as f64 * stage_s + settings.delay_s;
+        Self {
+            stage_s,
+            limits: *limits,
+            moves_mpa: [0.0; MOVES],
+            knots: std::array::from_fn(|knot| Knot { ahead_s: ahead(knot), reference_mpa: 0.0 }),
+            last_mpa: [0.0; 2],
+            away_mpa: 0.0,
+            swing: [0.0; 2],
+            before_mpa: 0.0,
+            sent: [[0.0; 2]; SENT],
+            newest: 0,
+            program: Program::new(UNKNOWNS),
+            max_iterations: MAX_ITERATIONS,
+        }
+    }
+
+    /// At rest at a pressure.
+    pub(crate) fn start(&mut self, command_mpa: f64, behind_mpa: f64, shift_mpa: f64) {
+        (self.last_mpa, self.away_mpa) = ([behind_mpa - shift_mpa; 2], 0.0);
+        self.moves_mpa = [command_mpa; MOVES];
+        self.swing = [behind_mpa, 0.0];
+        self.before_mpa = behind_mpa;
+        self.sent = [[command_mpa, 0.0]; SENT];
+    }
+
+    /// Times at which the target is wanted, with the references of the last cycle.
+    pub(crate) fn knots(&mut self) -> &mut [Knot] {
+        &mut self.knots
+    }
+
+    /// The next command; `None` where the program has no solution within its iterations.
+    pub(crate) fn command(&mut self, settings: &Settings, now: &Now, dt_s: f64) -> Option<f64> {
+        self.observe(settings, now, dt_s);
+        let start = self.at_the_valve(settings, now);
+        self.move_on(dt_s);
+        self.approach(settings, dt_s);
+        self.state(settings, now, start, dt_s);
+        let change = self.program.solve(self.max_iterations)?;
+        for (moved, by) in self.moves_mpa.iter_mut().zip(&change) {
+            *moved += UNIT_MPA * by;
+        }
+        Some(self.moves_mpa[0])
+    }
+
+    /// Moves the swing's state to the time of the reading.
+    fn observe(&mut self, settings: &Settings, now: &Now, dt_s: f64) {
+        let behind_mpa = now.plays.output(&settings.play, now.cavity_mpa);
+        let input_mpa = 0.5 * (self.before_mpa + behind_mpa);
+        self.before_mpa = behind_mpa;
+        self.swing = swung(settings, self.swing, input_mpa, dt_s);
+        if let Some(missing_mpa) = now.missing_mpa.filter(|_| settings.swing_hz > 0.0) {
+            let share = 1.0 - (-SEEN_SHARE * std::f64::consts::TAU * settings.swing_hz * dt_s).exp();
+            self.swing[0] += share * (behind_mpa + missing_mpa - self.swing[0]);
+        }
+        self.newest = (self.newest + 1) % SENT;
+        self.sent[self.newest] = [now.command_mpa, dt_s];
+    }
+
+    /// Cavity, play and swing when the next command reaches the valve.
+    fn at_the_valve(&self, settings: &Settings, now: &Now) -> Start {
+        let mut start = Start { cavity_mpa: now.cavity_mpa, plays: now.plays, swing: self.swing };
+        let (mut back, mut past_s) = (0, 0.0);
+        while back < SENT - 1 && past_s < settings.delay_s {
+            past_s += self.sent[(self.newest + SENT - back) % SENT][1];
+            back += 1;
+        }
+        let mut left_s = settings.delay_s;
+        for at in (0..back).rev() {
+            let [command_mpa, given_s] = self.sent[(self.newest + SENT - at) % SENT];
+            let step_s = given_s.min(left_s);
+            left_s -= step_s;
+            start.cavity_mpa =
+                crate::shape::lag(start.cavity_mpa, command_mpa - now.bias_mpa, settings.line, step_s);
+            let input_mpa = start.plays.follow(&settings.play, start.cavity_mpa);
+            start.swing = swung(settings, start.swing, input_mpa, step_s);
+        }
+        start
+    }
+
+    /// The last plan, `dt_s` later.
+    fn move_on(&mut self, dt_s: f64) {
+        for (at, stages) in BLOCKS.iter().enumerate().take(MOVES - 1) {
+            let share = (dt_s / (*stages as f64 * self.stage_s)).min(1.0);
+            self.moves_mpa[at] += share * (self.moves_mpa[at + 1] - self.moves_mpa[at]);
+        }
+        let [low, high] = self.limits.range_mpa;
+        self.moves_mpa.iter_mut().for_each(|moved| *moved = moved.clamp(low, high));
+    }
+
+    /// The way to a target that has jumped, first order in time; a target that was known ahead is followed.
+    fn approach(&mut self, settings: &Settings, dt_s: f64) {
+        let [first, second] = self.last_mpa;
+        let expected_mpa = first + (second - first) * dt_s / (KNOT_STAGES as f64 * self.stage_s);
+        self.last_mpa = [self.knots[0].reference_mpa, self.knots[1].reference_mpa];
+        self.away_mpa =
+            (self.away_mpa + expected_mpa - self.last_mpa[0]) * (-dt_s / settings.approach_s).exp();
+    }
+
+    /// States the program: prediction along the plan, weights, limits.
+    fn state(&mut self, settings: &Settings, now: &Now, start: Start, dt_s: f64) {
+        self.program.clear();
+        let mut along = Along::new(settings, &start, self.stage_s);
+        let mut stage = 0;
+        let mut last = Moved::still(now.command_mpa);
+        for (at, stages) in BLOCKS.iter().enumerate() {
+            let mut command = Moved::still(self.moves_mpa[at]);
+            command.by[at] = 1.0;
+            self.limit(&command, &last, at, dt_s);
+            self.square(&command.mixed(1.0, &last, -1.0), MOVE_WEIGHT.sqrt());
+            for _ in 0..*stages {
+                let before = along.step(&command, now.bias_mpa);
+                let time_s = (stage + 1) as f64 * self.stage_s;
+                let reference_mpa = self.reference(time_s);
+                let away = now.shift_mpa + self.away_mpa * (-time_s / settings.approach_s).exp();
+                let after = along.swing[0];
+                self.square(&after.mixed(1.0, &Moved::still(reference_mpa + away), -1.0), 1.0);
+                if settings.swing_hz > 0.0 {
+                    self.square(&before.mixed(1.0, &after, -1.0), SWING_WEIGHT.sqrt());
+                }
+                if now.most_mpa < f64::INFINITY && stage % 2 == 1 {
+                    let bound = (now.most_mpa - after.value) / UNIT_MPA;
+                    self.program
+                        .add_row(bound, |column| if column < MOVES { after.by[column] } else { -1.0 });
+                }
+                stage += 1;
+            }
+            last = command;
+        }
+        self.program.hessian[UNKNOWNS * UNKNOWNS - 1] += BEYOND_WEIGHT;
+        self.program.gradient[UNKNOWNS - 1] += BEYOND_WEIGHT;
+        self.program.add_row(0.0, |column| if column == MOVES { -1.0 } else { 0.0 });
+    }
+
+    /// Range of a move, and its rate from the one before.
+    fn limit(&mut self, command: &Moved, last: &Moved, at: usize, dt_s: f64) {
+        let [low, high] = self.limits.range_mpa.map(|end| (end - command.value) / UNIT_MPA);
+        let by = |column: usize| f64::from(u8::from(column == at));
+        self.program.add_row(high, by);
+        self.program.add_row(-low, |column| -by(column));
+        let time_s = if at == 0 { dt_s } else { BLOCKS[at - 1] as f64 * self.stage_s };
+        let step = command.mixed(1.0, last, -1.0);
+        let [up, down] =
+            [1.0, -1.0].map(|sign| (self.limits.rate_mpa_per_s * time_s - sign * step.value) / UNIT_MPA);
+        let by = |column: usize| step.by.get(column).copied().unwrap_or(0.0);
+        self.program.add_row(up, by);
+        self.program.add_row(down, |column| -by(column));
+    }
+
+    fn square(&mut self, residual: &Moved, weight: f64) {
+        let mut by = [0.0; UNKNOWNS];
+        by.iter_mut().zip(&residual.by).for_each(|(mine, theirs)| *mine = weight * theirs);
+        self.program.add_square(&by, weight * residual.value / UNIT_MPA);
+    }
+
+    /// Reference between the knots.
+    fn reference(&self, time_s: f64) -> f64 {
+        let at = time_s / (KNOT_STAGES as f64 * self.stage_s);
+        let before = (at as usize).min(KNOTS - 2);
+        let [first, second] = [before, before + 1].map(|knot| self.knots[knot].reference_mpa);
+        first + (second - first) * (at - before as f64).min(1.0)
+    }
+}
+
+/// Iterations after which there is no plan: twice what the hardest of the studies' plants needed.
+const MAX_ITERATIONS: u32 = 40;
+
+/// Begin of a prediction.
+#[derive(Debug, Clone, Copy)]
+struct Start {
+    cavity_mpa: f64,
+    plays: Plays,
+    swing: [f64; 2],
+}
+
+fn swung(settings: &Settings, [at, speed]: [f64; 2], input_mpa: f64, dt_s: f64) -> [f64; 2] {
+    if settings.swing_hz <= 0.0 {
+        return [input_mpa, 0.0];
+    }
+    let Swing([to, of]) = Swing::new(settings.swing_hz, settings.swing_damping, dt_s);
+    let away = at - input_mpa;
+    [input_mpa + to[0] * away + to[1] * speed, of[0] * away + of[1] * speed]
+}
+
+/// A prediction on its way, with derivatives.
+struct Along<'a> {
+    settings: &'a Settings,
+    stage_s: f64,
+    swing_step: Option<Swing>,
+    cavity: Moved,
+    plays: [Moved; MAX_PLAYS],
+    before: Moved,
+    swing: [Moved; 2],
+}
+
+impl<'a> Along<'a> {
+    fn new(settings: &'a Settings, start: &Start, stage_s: f64) -> Self {
+        let before = start.plays.output(&settings.play, start.cavity_mpa);
+        let swing_step =
+            (settings.swing_hz > 0.0).then(|| Swing::new(settings.swing_hz, settings.swing_damping, stage_s));
+        Self {
+            settings,
+            stage_s,
+            swing_step,
+            cavity: Moved::still(start.cavity_mpa),
+            plays: start.plays.states().map(Moved::still),
+            before: Moved::still(before),
+            swing: start.swing.map(Moved::still),
+        }
+    }
+
+    /// One stage; returns the pressure before the swing.
+    fn step(&mut self, command: &Moved, bias_mpa: f64) -> Moved {
+        let into = command.mixed(1.0, &Moved::still(bias_mpa), -1.0);
+        let line = self.settings.line;
+        let time_s = if into.value >= self.cavity.value { line.fill_s } else { line.empty_s };
+        let stays = (-self.stage_s / time_s).exp();
+        self.cavity = self.cavity.mixed(stays, &into, 1.0 - stays);
+        let mut output = self.cavity;
+        for (play, state) in self.settings.play.iter().zip(&mut self.plays) {
+            // Within the play the output does not move; its derivative is that at the end to which the cavity moves, which leads there.
+            *state = Moved { value: play.follow(state.value, self.cavity.value), by: self.cavity.by };
+            output = output.mixed(1.0, &state.mixed(1.0, &self.cavity, -1.0), play.weight);
+        }
+        let input = self.before.mixed(0.5, &output, 0.5);
+        self.before = output;
+        let [at, speed] = &self.swing;
+        self.swing = match &self.swing_step {
+            None => [output, Moved::still(0.0)],
+            Some(Swing([to, of])) => {
+                let away = at.mixed(1.0, &input, -1.0);
+                [input.mixed(1.0, &away.mixed(to[0], speed, to[1]), 1.0), away.mixed(of[0], speed, of[1])]
+            }
+        };
+        output
+    }
+}
+
+#[cfg(test)]
+#[path = "../tests/unit/plan.rs"]
+mod tests;
