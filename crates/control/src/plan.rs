@@ -45,7 +45,7 @@ pub(crate) struct Knot {
     pub(crate) reference_mpa: f64,
 }
 
-/// What is known at a cycle.
+/// Pressures known at a cycle.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Now {
     /// Pressure in the cavity and the state of the play there.

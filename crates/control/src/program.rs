@@ -38,7 +38,7 @@ impl Program {
         }
     }
 
-    /// Adds `row z <= bound`; an infinite bound is none.
+    /// Adds `row z <= bound`; rows with an infinite bound are left out.
     pub(crate) fn add_row(&mut self, bound: f64, row: impl Fn(usize) -> f64) {
         if bound < f64::INFINITY {
             self.rows.extend((0..self.size).map(row));

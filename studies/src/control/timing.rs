@@ -12,7 +12,7 @@ use std::time::Instant;
 
 /// Turns that are measured.
 const TURNS: usize = 5_000;
-/// Time from one turn to the next, s.
+/// Time between control cycles, s.
 const CYCLE_S: f64 = 5e-3;
 /// Turns of one target.
 const A_TARGET: usize = 250;
