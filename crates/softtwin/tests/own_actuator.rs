@@ -115,6 +115,14 @@ fn two_opposite_chambers_of_a_mesh_file_bend_either_way_in_the_twin() {
     };
     let (rest, down, up) = (tip_y(0.0, 0.0), tip_y(largest, 0.0), tip_y(0.0, largest));
     assert!(down < rest - 0.3 && up > rest + 0.3, "{rest} {down} {up}");
+    let trace = format!("t_s,pressure_mpa,pressure_mpa.lower\n0,{largest},0\n1,0,{largest}\n");
+    stage.write("trace.csv", &trace);
+    done(&stage, "predict --model two-chambers/two-chambers.twin --trace trace.csv --out series.csv");
+    let series = std::fs::read_to_string(stage.path("series.csv")).expect("just made");
+    let column = |line: &str| line.split(',').nth(5).and_then(|cell| cell.parse::<f64>().ok());
+    let heights: Vec<f64> = series.lines().filter_map(column).collect();
+    let ends = [heights[0], heights[heights.len() - 1]];
+    assert!((ends[0] - down).abs() < 1e-3 && (ends[1] - up).abs() < 1e-3, "{ends:?}: {down} {up}");
     every_cavity_is_an_input_of_the_unit(&stage);
     every_cavity_has_its_valve(&stage, largest);
 }

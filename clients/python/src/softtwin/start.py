@@ -141,7 +141,8 @@ class Places:
         """Folder of a shared domain whose writers may publish `topic`; None in a private one."""
         if not os.stat(self.root).st_mode & stat.S_ISGID:
             return None
-        return f"{self.root}/{'control' if topic.rsplit('/', 1)[-1] in _DRIVING else 'publish'}"
+        is_driving = any(kind in _DRIVING for kind in topic.split("/")[2:3])
+        return f"{self.root}/{'control' if is_driving else 'publish'}"
 
     def writer_lock(self, topic: str) -> str:
         """Path of the lock file of a topic's writer: in a shared domain it is in the folder of those who may publish the topic."""

@@ -30,3 +30,21 @@ fn names_and_states_are_unique_and_contact_states_are_beyond_the_onset() {
         }
     }
 }
+
+/// Free states touch at 3 mm + 100 mm/MPa p - 50 mm/MPa q, of which the plate is tried within 2 to 6 mm.
+#[test]
+fn landings_are_below_the_gap_at_which_all_pressures_together_touch() {
+    let free = combined(&["pressure_mpa.lower".into()], 0.08, Counts::QUICK);
+    let touches = |case: &Case| 3.0 + 100.0 * case.pressure_mpa - 50.0 * case.settings[0].1;
+    let clearances: Vec<f64> = free.iter().map(touches).collect();
+    let landings = landings(&free, &clearances, [2.0, 6.0]);
+    let expected = free.iter().filter(|case| case.settings[0].1 > 0.0 && touches(case) > 2.0);
+    let names: Vec<String> = expected.map(|case| format!("landing-{}", case.name)).collect();
+    assert_eq!(landings.iter().map(|case| case.name.clone()).collect::<Vec<_>>(), names);
+    assert!(landings.len() > 15 && landings.len() < free.len(), "{} of {}", landings.len(), free.len());
+    for case in &landings {
+        let gap_mm = case.gap_mm.expect("a plate");
+        assert!(case.regime == "contact" && (2.0..touches(case).min(6.0)).contains(&gap_mm), "{case:?}");
+    }
+    assert!(landings.iter().any(|case| case.split == "check"));
+}

@@ -16,8 +16,8 @@ const CONTROL: &str = "control";
 const PUBLISH: &str = "publish";
 /// Folders keep their group for what is made in them.
 pub(super) const SET_GROUP: u32 = 0o2000;
-/// The topics that drive an actuator.
-const DRIVING: [&str; 4] = ["/setpoint", "/override", "/target", "/command"];
+/// Kinds of topics that drive an actuator, third chunks of their names; a cavity may follow.
+const DRIVING: [&str; 4] = ["setpoint", "override", "target", "command"];
 
 /// The folders and names of one domain.
 #[derive(Debug, Clone)]
@@ -148,7 +148,7 @@ impl Places {
 
     /// Folder of a shared domain whose writers may publish `topic`.
     pub(crate) fn right_to_write(&self, topic: &str) -> Option<PathBuf> {
-        let is_driving = DRIVING.iter().any(|kind| topic.ends_with(kind));
+        let is_driving = topic.split('/').nth(2).is_some_and(|kind| DRIVING.contains(&kind));
         self.group().map(|_| self.root.join(if is_driving { CONTROL } else { PUBLISH }))
     }
 

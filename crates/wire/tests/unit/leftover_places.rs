@@ -18,3 +18,18 @@ fn a_domain_owns_its_own_segments_only() {
         "that is a writer's lock"
     );
 }
+
+#[test]
+fn only_drivers_may_publish_what_drives_a_cavity() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::set_permissions(folder.path(), std::fs::Permissions::from_mode(0o2770)).unwrap();
+    let places = Domain::of(Some("a"), folder.path().to_str().map(Into::into)).places().unwrap();
+    let right = |topic: &str| places.right_to_write(topic).unwrap().file_name().unwrap().to_owned();
+    for kind in ["setpoint", "setpoint/left", "override", "override/left", "target", "command"] {
+        assert_eq!(right(&format!("softtwin/finger/{kind}")), "control", "{kind}");
+    }
+    for kind in ["sensor", "valve/left", "field/setpoint", "query"] {
+        assert_eq!(right(&format!("softtwin/finger/{kind}")), "publish", "{kind}");
+    }
+}
