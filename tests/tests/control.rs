@@ -185,7 +185,7 @@ fn second_owner_is_refused_and_operator_overrides() {
     let valve = wait_valve(&reader, "the release", |valve| valve.valve_reason != valve_reason::OVERRIDE);
     assert_eq!(valve.pressure_mpa, 0.0, "{valve:?}");
     let (_, said) = bridge.stop();
-    assert!(said.join("\n").contains("valve of finger: override"), "{said:?}");
+    assert!(said.join("\n").contains("softtwin/finger/valve: override"), "{said:?}");
 }
 
 /// A finger of the design model behind a lag of 80 ms, with gap sensor, load cell and a marker at the tip in a camera's frame that is
