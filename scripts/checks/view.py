@@ -1,6 +1,7 @@
 """Checks `softtwin view` from outside: in a browser, and as programs that misbehave. See scripts/check.sh."""
 import argparse
 import json
+import math
 import os
 import pathlib
 import signal
@@ -297,6 +298,31 @@ def what_if_has_a_slider_for_every_input_and_numbers_show_the_parameters(stage, 
         derivative = f"dF{answer['dforce']['elastomer.law.mu_mpa']:.3g}"
         # The numbers are written at most a few times per second, after the state.
         wait(lambda: "elastomer.law.mu_mpa0.7000" in numbers() and derivative in numbers(), f"stiffness 0.7000 and {derivative} in the numbers")
+        assert not page.browser.complaints(), page.browser.complaints()
+        stage.end(view)
+    finally:
+        page.browser.close()
+
+
+@check
+def the_pictures_of_a_comparison_and_the_curves_of_a_measured_model_are_on_a_page(stage, program):
+    folder = pathlib.Path(stage.folder.name)
+    rows = [(0.1 * k, 30 - 30 * math.cos(0.2 * k)) for k in range(300)]
+    (folder / "run.csv").write_text("t,p,angle\n" + "".join(f"{t},{p},{1.5 * p}\n" for t, p in rows))
+    (folder / "log.toml").write_text('[time]\ncolumn = "t"\n[[input]]\nname = "pressure_mpa"\ncolumn = "p"\nunit = "kPa"\n'
+                                     '[[output]]\nname = "angle_deg"\ncolumn = "angle"\nunit = "deg"\n')
+    run, log, model, out = (str(folder / name) for name in ("run.csv", "log.toml", "mine.twin", "compared"))
+    learned = stage.run("softtwin", "learn", run, "--log", log, "--out", model)
+    compared = stage.run("softtwin", "compare", "--model", model, "--recording", run, "--log", log, "--out", out)
+    assert learned.returncode == compared.returncode == 0, learned.stderr + compared.stderr
+    view, url = stage.view("--model", model, "--compare", out)
+    page = Page(program, url)
+    try:
+        wait(lambda: page.run("!document.getElementById('pictures').hidden"), "the link to the pictures")
+        page.browser.open(url + "pictures")
+        widths = lambda: page.run("[...document.images].map((image) => image.complete ? image.naturalWidth : 0)")
+        # The comparison and the model's curves; a model without coordinates has no body.
+        wait(lambda: len(widths()) == 2 and min(widths()) > 100, "two pictures")
         assert not page.browser.complaints(), page.browser.complaints()
         stage.end(view)
     finally:

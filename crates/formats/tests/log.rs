@@ -29,6 +29,23 @@ fn layouts_of_benches_are_one_table() {
 }
 
 #[test]
+fn lines_with_labels_are_rows() {
+    let named = ["t", "p"];
+    same("Booting...\nt:0,p:1.5\nt:0.5,p:2.5\nt:1,p:-3\n", &named);
+    same("t: 0\tp: 1.5\nt: 0.5\tp: 2.5\nt: 1\tp: -3\n", &named);
+    same("t=0 p=1.5\nt=0.5 p=2.5\nt=1 p=-3\n", &named);
+    same("{\"t\": 0, \"p\": 1.5}\n{\"t\": 0.5, \"p\": 2.5}\n{\"t\": 1, \"p\": -3}\n", &named);
+    let clocks =
+        |heading: &str| format!("{heading}00:00:00.000 -> 1.5\n00:00:00.500 -> 2.5\n00:00:01.000 -> -3\n");
+    same(&clocks(""), &["", ""]);
+    same(&clocks("00:00:00.000 -> p\n"), &["time", "p"]);
+    let last = Log::parse("t:0,p:1\nt:1,p:2\nt:2,p:3\nt:3,p").unwrap();
+    assert_eq!((last.rows(), last.damaged.len()), (3, 1), "{last:?}");
+    let head = Log::parse("Width;6;mm\nWidth, cm\nt;p\n0;1\n1;2\n").unwrap();
+    assert_eq!(head.parameters, [("Width (mm)".to_owned(), 6.0)]);
+}
+
+#[test]
 fn clocks_are_seconds() {
     let log = Log::parse("2023-01-10T23:59:59.5Z,1\n2023-01-11T00:00:00Z,2\n2023-01-11T02:00:01+02:00,3\n")
         .unwrap();

@@ -144,6 +144,31 @@ fn wrong_units_and_swapped_columns_are_noticed() {
 }
 
 #[test]
+fn swapped_inputs_are_named() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    let write = |name: &str, headings: &str| {
+        let mut text = format!("t,{headings},angle\n");
+        for row in 0..300 {
+            let t = 0.1 * f64::from(row);
+            let (a, b) = (30.0 + 30.0 * (0.9 * t).sin(), 30.0 + 30.0 * (1.7 * t).cos());
+            text += &format!("{t},{a},{b},{}\n", a - 0.6 * b);
+        }
+        std::fs::write(folder.join(name), text).unwrap();
+    };
+    write("run1.csv", "left,right");
+    write("run2.csv", "right,left");
+    let input =
+        |name: &str| format!("[[input]]\nname = \"{name}_mpa\"\ncolumn = \"{name}\"\nunit = \"kPa\"\n");
+    let log = "[time]\ncolumn = \"t\"\nunit = \"s\"\n[[output]]\nname = \"angle_deg\"\ncolumn = \"angle\"\nunit = \"deg\"\n";
+    std::fs::write(folder.join("log.toml"), [log, &input("left"), &input("right")].concat()).unwrap();
+    json(folder, &LEARN);
+    let named =
+        |run: &str| json(folder, &compare(run, "log.toml"))["remarks"].to_string().contains("swapped?");
+    assert!(named("run2.csv") && !named("run1.csv"));
+}
+
+#[test]
 fn recordings_that_teach_nothing_are_refused() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();

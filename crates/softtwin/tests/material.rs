@@ -70,6 +70,14 @@ fn tables_of_machines_give_the_same_constants() {
             rows(4.0, |l| format!("{};{}", 25.0 * (l - 1.0), 18.0 * bar_mpa(l)))
         ),
     );
+    write(
+        "zwick.txt",
+        format!(
+            "\"Width\";\"6\";\"mm\"\nThickness;3;mm\nKraft;Standardweg;Dehnung\nN;mm;%\n{}Ende;;\n",
+            rows(4.0, |l| format!("{:.9};{};{:.9}", 18.0 * bar_mpa(l), l, 100.0 * (l - 1.0))
+                .replace('.', ","))
+        ),
+    );
     write("e.txt", rows(4.0, |l| format!("{} {}", bar_mpa(l), l)));
     let mut cyclic = "strain,stress_mpa\n".to_owned();
     for reach in [2.0, 4.0] {
@@ -106,6 +114,7 @@ fn tables_of_machines_give_the_same_constants() {
         &["c.txt"],
         &["d.csv", "--length-mm", "25", "--area-mm2", "18"],
         &["head.csv"],
+        &["zwick.txt"],
         &[&["e.txt"], &given[..]].concat(),
         &["f.csv"],
     ] {

@@ -2,6 +2,7 @@
 
 mod cell;
 mod clock;
+mod labelled;
 mod mapping;
 mod recording;
 pub mod unit;
@@ -60,12 +61,18 @@ impl Log {
         let text = text.trim_start_matches('\u{feff}').replace("\r\n", "\n").replace('\r', "\n");
         let lines: Vec<(usize, &str)> =
             text.split('\n').enumerate().map(|(at, line)| (at + 1, line.trim())).collect();
+        let labelled = labelled::rows(&lines);
+        let of_labels =
+            labelled.iter().flat_map(|(_, lines)| lines.iter().map(|(at, line)| (*at, line.as_str())));
+        let lines = if labelled.is_some() { of_labels.collect() } else { lines };
         let best = SEPARATORS.into_iter().filter_map(|separator| Layout::of(&lines, separator));
         let layout = best
             .max_by_key(|layout| layout.score)
             .ok_or_else(|| Diagnostic::new("content", "lines of numbers in columns", "none"))?;
+        let names = labelled.as_ref().map(|(labels, _)| labels);
+        let names = names.filter(|l| l.len() == layout.width && l.iter().all(|label| !label.is_empty()));
         let mut log = Self {
-            headings: layout.headings(&lines),
+            headings: names.cloned().unwrap_or_else(|| layout.headings(&lines)),
             columns: vec![Vec::new(); layout.width],
             lines: Vec::new(),
             separator: layout.separator,
@@ -219,7 +226,11 @@ impl Layout {
             };
             let value = number(value.trim(), self.decimal_comma).filter(|v| v.is_finite())?;
             let is_name = number(name, self.decimal_comma).is_none();
-            is_name.then(|| (name.trim().to_owned(), value))
+            // `Width;6;mm`
+            let unit = cells.get(2).filter(|cell| self.separator != ' ' && unit::unit(cell).is_some());
+            let name =
+                unit.map_or_else(|| name.trim().to_owned(), |unit| format!("{} ({unit})", name.trim()));
+            is_name.then_some((name, value))
         };
         lines[..self.first].iter().filter_map(|(_, line)| of(line)).collect()
     }

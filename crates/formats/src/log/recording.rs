@@ -25,6 +25,22 @@ pub struct Recording {
 }
 
 impl Recording {
+    /// Every `step`-th row, at least each.
+    #[must_use]
+    pub fn every(&self, step: usize) -> Self {
+        let thin = |values: &[f64]| values.iter().copied().step_by(step.max(1)).collect();
+        let all = |series: &[Series]| {
+            series.iter().map(|s| Series { name: s.name.clone(), values: thin(&s.values) }).collect()
+        };
+        Self {
+            start_s: self.start_s,
+            time_s: thin(&self.time_s),
+            inputs: all(&self.inputs),
+            outputs: all(&self.outputs),
+            remarks: self.remarks.clone(),
+        }
+    }
+
     /// The recording as a trace: comma-separated, columns by name.
     #[must_use]
     pub fn csv(&self) -> String {

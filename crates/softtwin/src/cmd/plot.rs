@@ -16,6 +16,7 @@ use rom::regime::OnsetTable;
 use rom::snapshots::{Database, RegimeKind, Split};
 use std::path::PathBuf;
 use sweep::CELLS;
+pub use sweep::observables;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -108,7 +109,7 @@ impl Args {
                 force_map(&model, database.as_ref())?
             }
             Kind::SingularValues => singular_values(&model),
-            Kind::Observables => sweep::observables(&model)?,
+            Kind::Observables => observables(&model)?,
             Kind::Coefficients | Kind::Recording => sweep::coefficients(&model)?,
         })
     }

@@ -1,12 +1,16 @@
 //! `softtwin view`: the live view in a browser.
 
+use super::plot;
 use crate::failure::usage;
+use crate::files;
 use crate::live::DomainArgs;
 use crate::output;
-use crate::view::{Catalogue, Command, Guard, Hub, Library, Player, Reader, Server, Shared, open_port};
+use crate::view::{
+    Catalogue, Command, Guard, Hub, Library, Picture, Player, Reader, Server, Shared, open_port,
+};
 use anyhow::{Context, Result};
 use std::net::{IpAddr, Ipv4Addr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Sender};
@@ -16,6 +20,10 @@ use wire::KeyExpr;
 
 /// How often the server checks for a signal to end.
 const STOP_INTERVAL: Duration = Duration::from_millis(50);
+
+/// Largest picture that is served.
+const MAX_PICTURE_BYTES: u64 = 1 << 26;
+const SVG: &str = "image/svg+xml";
 
 const EXAMPLES: &str = "\
 Examples:
@@ -30,6 +38,8 @@ Examples:
   A recording, or a folder of recordings to choose from (the files of a recorder that rotates are one recording):
     softtwin view --model finger.twin --recording run.mcap
     softtwin view --model finger.twin --recording /var/lib/softtwin
+  A measured model with the pictures of its comparison, under /pictures:
+    softtwin view --model mine.twin --compare compared
   For other machines, with a token in the printed address:
     softtwin view --model finger.twin --bind 0.0.0.0
 
@@ -52,6 +62,9 @@ pub struct Args {
     /// Play this recording, or those of this folder, instead of live topics.
     #[arg(long, value_name = "PATH", conflicts_with = "key")]
     recording: Option<PathBuf>,
+    /// Show the pictures of this folder of `softtwin compare` under /pictures, with the curves of measured models.
+    #[arg(long, value_name = "DIR")]
+    compare: Option<PathBuf>,
     /// Address to listen on; clients of any address but loopback need a token.
     #[arg(long, value_name = "IP", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST), help_heading = "Network")]
     bind: IpAddr,
@@ -91,12 +104,39 @@ impl Args {
         let guard = Guard::new(self.bind, self.token.clone())?;
         let hub = Arc::new(Hub::default());
         let stop = runtime::service::stop_flag()?;
+        let pictures = self.pictures(&catalogue)?.into();
         let (thread, player) = self.feed(key, &catalogue, &hub, &stop)?;
-        let server = Server { listener, guard, shared: Shared { catalogue, hub, player } };
+        let server = Server { listener, guard, shared: Shared { pictures, catalogue, hub, player } };
         output!("{}\nOpen it in a browser; Ctrl-C ends the viewer.", server.url()?)?;
         server.run(is_set(&stop)).await;
         stop.store(true, Ordering::Relaxed);
         thread.join().unwrap_or_else(|_| anyhow::bail!("the reader thread panicked; please report this"))
+    }
+
+    /// Pictures of the comparison and of the measured models.
+    fn pictures(&self, catalogue: &Catalogue) -> Result<Vec<Picture>> {
+        let mut pictures = Vec::new();
+        if let Some(folder) = &self.compare {
+            let read = |name: &str| formats::file::read_bytes(&folder.join(name), MAX_PICTURE_BYTES);
+            let one = |title: &str, kind, content: Vec<u8>| Picture {
+                title: title.into(),
+                kind,
+                content: content.into(),
+            };
+            let comparison = read("compare.svg").map_err(files::refusal)?;
+            pictures.push(one("Model and measurement", SVG, comparison));
+            // Only models with coordinates have it.
+            if folder.join("body.png").exists() {
+                let body = read("body.png").map_err(files::refusal)?;
+                pictures.push(one("Measured markers", "image/png", body));
+            }
+        }
+        let curves = |path: &Path| {
+            let figure = plot::observables(&files::model(path)?)?;
+            Ok(Picture { title: path.display().to_string(), kind: SVG, content: figure.svg()?.into() })
+        };
+        pictures.extend(catalogue.measured().map(curves).collect::<Result<Vec<_>>>()?);
+        Ok(pictures)
     }
 
     /// Starts the thread that fills the hub. It ends when `stop` is set.

@@ -55,6 +55,8 @@ impl Stand {
 /// One model as the browser sees it.
 struct Known {
     card: Card,
+    /// File of a measured model, whose outputs are drawn as curves.
+    measured: Option<PathBuf>,
     hash: [u8; 16],
     /// All inputs, in the model's order.
     inputs: Vec<InputSpec>,
@@ -151,6 +153,11 @@ impl Catalogue {
     /// Mesh messages, one a model that has a surface.
     pub fn meshes(&self) -> impl Iterator<Item = &[u8]> {
         self.models.iter().filter_map(|known| known.mesh_message.as_deref())
+    }
+
+    /// Files of the measured models.
+    pub fn measured(&self) -> impl Iterator<Item = &Path> {
+        self.models.iter().filter_map(|known| known.measured.as_deref())
     }
 
     /// The model with this hash, if it is known.
@@ -258,6 +265,7 @@ impl Known {
                 inputs: header.inputs.iter().filter_map(InputCard::new).collect(),
                 obstacle: loaded.plate(),
             },
+            measured: loaded.model.is_measured().then(|| loaded.path.clone()),
             hash: loaded.hash16(),
             inputs: header.inputs.clone(),
             node_sets: header.node_sets.clone(),

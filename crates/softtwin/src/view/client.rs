@@ -2,6 +2,7 @@
 
 use super::catalogue::{Card, Catalogue, Stand};
 use super::hub::Hub;
+use super::pictures::Picture;
 use super::player::{Command, Library};
 use super::readings::Cursors;
 use axum::body::Bytes;
@@ -20,6 +21,8 @@ const MAX_MESSAGES: u32 = 500;
 /// Context of the task of one browser.
 #[derive(Clone)]
 pub struct Shared {
+    /// Pictures under `/pictures`.
+    pub pictures: Arc<[Picture]>,
     /// Known models.
     pub catalogue: Arc<Catalogue>,
     /// The newest frames.
@@ -58,6 +61,7 @@ enum Notification<'a> {
     Hello {
         version: &'a str,
         models: Vec<&'a Card>,
+        pictures: usize,
         #[serde(flatten)]
         stand: &'a Stand,
     },
@@ -123,6 +127,7 @@ impl Page<'_> {
         self.notify(&Notification::Hello {
             version: env!("CARGO_PKG_VERSION"),
             models,
+            pictures: self.shared.pictures.len(),
             stand: catalogue.stand(),
         })
         .await?;

@@ -2,6 +2,7 @@
 
 use super::client::{self, Shared};
 use super::guard::Guard;
+use super::pictures;
 use crate::picture::colour::{ColourMap, ENTRIES};
 use anyhow::{Context, Result};
 use axum::Router;
@@ -78,6 +79,7 @@ impl Server {
             router =
                 router.route(path, get(move || async move { ([(header::CONTENT_TYPE, *kind)], *content) }));
         }
+        router = pictures::routes(router, &self.shared.pictures);
         let router =
             router.with_state(self.shared).layer(from_fn_with_state(Arc::new(self.guard), check_request));
         runtime::http::serve(self.listener, TowerToHyperService::new(router), stop).await;

@@ -97,6 +97,7 @@ impl Args {
             )));
         }
         remarks.extend(suspicions(&outputs));
+        remarks.extend(swapped_inputs(&subject, &recording, &places, &outputs)?);
         let before =
             self.before.as_ref().map(|path| before(path, &recording)).transpose()?.unwrap_or_default();
         formats::file::create_folder(&self.out)?;
@@ -390,6 +391,52 @@ fn suspicions(outputs: &[Compared]) -> Vec<String> {
         }
     }
     remarks
+}
+
+/// Rows of a recording from which swapped inputs are found.
+const PROBE_ROWS: usize = 200;
+/// Error from which inputs may be swapped, and the fraction of it that is left if they are: mean squares over the squared range.
+const SUSPECT: f64 = 0.03 * 0.03;
+const LEFT_BY_SWAP: f64 = 0.25;
+
+/// Pairs of inputs that explain the outputs better when exchanged. Inputs with the same effect are undecidable and not named.
+fn swapped_inputs(
+    subject: &Subject,
+    recording: &Recording,
+    places: &[Option<usize>],
+    outputs: &[Compared],
+) -> anyhow::Result<Vec<String>> {
+    let share = |of: &Compared| (of.statistics().rms / range(&of.measured)).powi(2);
+    let error = |all: &[Compared]| -> f64 {
+        all.iter().map(share).filter(|v| v.is_finite()).sum::<f64>() / all.len() as f64
+    };
+    if error(outputs) < SUSPECT {
+        return Ok(Vec::new());
+    }
+    let thin = recording.every(recording.time_s.len().div_ceil(PROBE_ROWS));
+    let of = |places: &[Option<usize>]| -> anyhow::Result<f64> {
+        Ok(error(&compare(subject, &thin, places, &mut Vec::new())?))
+    };
+    let own = of(places)?;
+    let unit = |at: usize| subject.model.header.inputs[at].unit.as_str();
+    let moves = |place: Option<usize>| place.is_some_and(|at| range(&thin.inputs[at].values) > 0.0);
+    let mut remarks = Vec::new();
+    for a in 0..places.len() {
+        for b in a + 1..places.len() {
+            if unit(a) != unit(b) || !(moves(places[a]) || moves(places[b])) {
+                continue;
+            }
+            let (Some(first), Some(second)) = (places[a], places[b]) else { continue };
+            let mut swapped = places.to_vec();
+            swapped.swap(a, b);
+            if of(&swapped)? < LEFT_BY_SWAP * own {
+                let [a, b] = [first, second].map(|at| &recording.inputs[at].name);
+                remarks
+                    .push(format!("inputs {a} and {b}: swapped? Exchanged, they explain the outputs better"));
+            }
+        }
+    }
+    Ok(remarks)
 }
 
 fn figure(

@@ -70,7 +70,7 @@ pub fn load(log: &Log, given: &Channel<Load>) -> Result<Chosen<Load>, String> {
     let factor = factor(&spelling, expected)?;
     let heading = log.headings[index].to_lowercase();
     let said = given.quantity.is_some()
-        || ["nominal", "engineering", "true", "cauchy", "force", "load"]
+        || ["nominal", "engineering", "true", "cauchy", "force", "load", "kraft"]
             .iter()
             .any(|word| heading.contains(word));
     let mut note = note(log, index, &name(quantity), &spelling);
@@ -208,12 +208,13 @@ fn extension(heading: &str) -> Option<(u32, Extension)> {
                 "deformation",
                 "disp",
                 "stroke",
+                "weg",
             ]) =>
         {
             Some((4, Extension::Displacement))
         }
         () if is_length && has(&["length", "gauge", "distance"]) => Some((5, Extension::Length)),
-        () if has(&["strain", "elongation", "epsilon", "\u{3b5}", "deformation"]) => {
+        () if has(&["strain", "elongation", "epsilon", "\u{3b5}", "deformation", "dehnung"]) => {
             if has(&["true", "log", "hencky"]) {
                 return Some((3, Extension::TrueStrain));
             }
@@ -229,13 +230,13 @@ fn load_of(heading: &str) -> Option<(u32, Load)> {
     let has = |words: &[&str]| words.iter().any(|word| lower.contains(word));
     match () {
         () if has(&["rate", "strength"]) => None,
-        () if has(&["stress", "sigma", "\u{3c3}"]) => {
+        () if has(&["stress", "spannung", "sigma", "\u{3c3}"]) => {
             if has(&["true", "cauchy"]) {
                 return Some((2, Load::TrueStress));
             }
             Some((u32::from(!has(&["eng", "nominal", "piola"])), Load::NominalStress))
         }
-        () if has(&["force", "load"]) => Some((3, Load::Force)),
+        () if has(&["force", "load", "kraft"]) => Some((3, Load::Force)),
         () => None,
     }
 }

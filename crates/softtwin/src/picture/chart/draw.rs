@@ -44,22 +44,25 @@ impl Figure {
     /// Another ending, or a file that cannot be written.
     pub fn save(&self, path: &Path) -> anyhow::Result<()> {
         match path.extension().and_then(|e| e.to_str()) {
-            Some("svg") => files::save(path, svg(self)?.as_bytes()),
+            Some("svg") => files::save(path, self.svg()?.as_bytes()),
             Some("png") => files::save(path, &png(self)?),
             _ => Err(usage(format!("{}: a picture ends in .svg or .png", path.display()))),
         }
     }
-}
 
-/// The figure as SVG text.
-fn svg(figure: &Figure) -> anyhow::Result<String> {
-    let mut text = String::new();
-    let (width, height) = size(figure);
-    let (wide, high) = (width * STEPS, height * STEPS);
-    paint(figure, SVGBackend::with_string(&mut text, (wide, high)), STEPS)?;
-    let (drawn, shown) =
-        (format!(r#"width="{wide}" height="{high}""#), format!(r#"width="{width}" height="{height}""#));
-    Ok(text.replacen(&drawn, &shown, 1))
+    /// SVG text of the figure.
+    ///
+    /// # Errors
+    /// A figure that cannot be drawn.
+    pub fn svg(&self) -> anyhow::Result<String> {
+        let mut text = String::new();
+        let (width, height) = size(self);
+        let (wide, high) = (width * STEPS, height * STEPS);
+        paint(self, SVGBackend::with_string(&mut text, (wide, high)), STEPS)?;
+        let (drawn, shown) =
+            (format!(r#"width="{wide}" height="{high}""#), format!(r#"width="{width}" height="{height}""#));
+        Ok(text.replacen(&drawn, &shown, 1))
+    }
 }
 
 /// The figure as a PNG file.

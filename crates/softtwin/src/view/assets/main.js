@@ -55,7 +55,8 @@ const link = new Link({
 const recording = new Recording((message) => link.send(message));
 const whatIf = new WhatIf((message) => link.send(message), () => { scene.forget(); choose(null); reshow(); touch(); });
 
-function hello({ models, places, plates, blocks }) {
+function hello({ models, pictures, places, plates, blocks }) {
+  document.getElementById("pictures").hidden = pictures === 0;
   state.models = new Map(models.map((model) => [model.id, model]));
   Object.assign(state, { places, plates });
   state.blocks = blocks.map(({ min_mm, max_mm }) => ({ low: min_mm, high: max_mm, mesh: block(min_mm, max_mm) }));
