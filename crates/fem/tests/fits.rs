@@ -147,6 +147,9 @@ fn sag_by_beam_theory_is_near_the_solved_one() {
     let sag = actuator.sag_estimate_mm(1.0).unwrap();
     assert!((sag / 27.45 - 1.0).abs() < 0.3, "{sag} mm");
     // Small displacements are proportional to the weight over the stiffness.
+    // Softer is lower, down to hanging from the base.
+    let sags = [1.0, 0.3, 0.1, 0.03, 0.01].map(|factor| actuator.sag_estimate_mm(factor).unwrap());
+    assert!(sags.is_sorted() && sags[4] > 0.7 * 115.0 && sags[4] < 115.0, "{sags:?}");
     let ratio = actuator.sag_estimate_mm(100.0).unwrap() / actuator.sag_estimate_mm(200.0).unwrap();
     assert!((ratio - 2.0).abs() < 0.01, "{ratio}");
     let hanging =

@@ -9,8 +9,10 @@ use super::file::{Actuator, Fixed, Shape};
 
 /// Sections along the beam.
 const SECTIONS: usize = 400;
-/// Iterations of the shape under which the lever arms are taken.
-const ITERATIONS: usize = 400;
+/// Most iterations of the shape under which the lever arms are taken; about 10 per radian of the straight beam's angle are needed.
+const ITERATIONS: usize = 100_000;
+/// Change of the angles at which they end.
+const CONVERGED_RAD: f64 = 1e-6;
 
 impl Actuator {
     /// Estimated tip displacement (mm) across the base under gravity along y, with elastomers `factor` times as stiff. `None`
@@ -35,7 +37,8 @@ impl Actuator {
             .map(|[area, _]| self.elastomer.density_t_per_mm3 * gravity * area * step)
             .collect();
         let mut angle = vec![0.0_f64; SECTIONS];
-        for _ in 0..ITERATIONS {
+        let mut relaxation = 1.0;
+        for iteration in 0..ITERATIONS {
             // From the tip: force beyond a section, and its moment.
             let (mut force, mut moment) = (0.0, 0.0);
             let mut curvature = vec![0.0; SECTIONS];
@@ -45,11 +48,19 @@ impl Actuator {
                 force += weight[k];
                 curvature[k] = moment / (youngs * sections[k][1]);
             }
-            let mut next = 0.0;
+            if iteration == 0 {
+                // The slopes of the iteration are real, between 0 and minus the angle of the straight beam's load: it converges for any softness.
+                relaxation = 2.0 / (2.0 + step * curvature.iter().sum::<f64>());
+            }
+            let (mut next, mut change) = (0.0, 0.0_f64);
             for k in 0..SECTIONS {
                 next += curvature[k] * step;
-                // Half of the way: the plain iteration swings about the solution of a soft beam.
-                angle[k] = 0.5 * (angle[k] + next);
+                let by = relaxation * (next - angle[k]);
+                angle[k] += by;
+                change = change.max(by.abs());
+            }
+            if change < CONVERGED_RAD * relaxation {
+                break;
             }
         }
         Some(angle.iter().map(|angle| step * angle.sin()).sum())
