@@ -214,6 +214,7 @@ fn bad_tables_have_defined_outcomes() {
     }
     let found = fit(folder.path(), &["kpa.csv", "--law", "yeoh"]);
     assert!(found["remarks"][0].as_str().unwrap().contains("kPa"), "{found}");
+    assert!(found["remarks"].to_string().contains("nominal or true is not identifiable"), "{found}");
 }
 
 #[test]
