@@ -7,8 +7,16 @@ const PROBE: usize = 200;
 /// Between the clock of a serial monitor and its line.
 const ARROW: &str = " -> ";
 
-/// Labels of the columns, and the lines with tabs between the values; `None` unless most lines have the same labels. Other lines stay.
-pub(super) fn rows(lines: &[(usize, &str)]) -> Option<(Vec<String>, Vec<(usize, String)>)> {
+/// Lines of a file with labels.
+pub(super) struct Labelled {
+    /// Label of each column.
+    pub labels: Vec<String>,
+    /// Number and text of each line, tabs between the values; lines without the labels are unchanged.
+    pub lines: Vec<(usize, String)>,
+}
+
+/// The lines as rows; `None` unless most of the first lines have the same labels.
+pub(super) fn rows(lines: &[(usize, &str)]) -> Option<Labelled> {
     let content = || lines.iter().filter(|(_, line)| is_content(line));
     let probe: Vec<Option<(Vec<&str>, String)>> = content().take(PROBE).map(|(_, line)| row(line)).collect();
     let votes = |labels: &[&str]| probe.iter().flatten().filter(|(own, _)| own == labels).count();
@@ -22,7 +30,8 @@ pub(super) fn rows(lines: &[(usize, &str)]) -> Option<(Vec<String>, Vec<(usize, 
         let headings = || line.split_once(ARROW).map(|(_, rest)| format!("time\t{}", cells(rest).join("\t")));
         (*number, values.or_else(headings).unwrap_or_else(|| (*line).to_owned()))
     };
-    Some((labels.iter().map(|label| (*label).to_owned()).collect(), lines.iter().map(one).collect()))
+    let lines = lines.iter().map(one).collect();
+    Some(Labelled { labels: labels.iter().map(|label| (*label).to_owned()).collect(), lines })
 }
 
 /// Labels and values of a line; `None` if it has neither labels nor a clock with an arrow.

@@ -62,14 +62,15 @@ impl Log {
         let lines: Vec<(usize, &str)> =
             text.split('\n').enumerate().map(|(at, line)| (at + 1, line.trim())).collect();
         let labelled = labelled::rows(&lines);
-        let of_labels =
-            labelled.iter().flat_map(|(_, lines)| lines.iter().map(|(at, line)| (*at, line.as_str())));
-        let lines = if labelled.is_some() { of_labels.collect() } else { lines };
+        let lines = match &labelled {
+            Some(labelled) => labelled.lines.iter().map(|(at, line)| (*at, line.as_str())).collect(),
+            None => lines,
+        };
         let best = SEPARATORS.into_iter().filter_map(|separator| Layout::of(&lines, separator));
         let layout = best
             .max_by_key(|layout| layout.score)
             .ok_or_else(|| Diagnostic::new("content", "lines of numbers in columns", "none"))?;
-        let names = labelled.as_ref().map(|(labels, _)| labels);
+        let names = labelled.as_ref().map(|labelled| &labelled.labels);
         let names = names.filter(|l| l.len() == layout.width && l.iter().all(|label| !label.is_empty()));
         let mut log = Self {
             headings: names.cloned().unwrap_or_else(|| layout.headings(&lines)),
