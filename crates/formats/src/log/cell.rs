@@ -1,7 +1,12 @@
-//! Cells of a log: numbers, clocks, missing values.
+//! Cells and lines of a log: numbers, clocks, missing values, comments.
 
 /// Words of a missing value.
 const MISSING: [&str; 8] = ["nan", "na", "n/a", "#n/a", "null", "none", "-", "--"];
+
+/// True if the line is neither empty nor a comment.
+pub(super) fn is_content(line: &str) -> bool {
+    !line.is_empty() && !line.starts_with(['#', '%', '!']) && !line.starts_with("//")
+}
 
 /// Number of a cell: decimal point or comma, or a clock in seconds; NaN for a missing value, `None` for other content.
 pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {

@@ -1,6 +1,6 @@
 //! Lines of serial monitors and of JSON as rows: `t:20,p:1.5`, `{"t": 20, "p": 1.5}`, `10:12:13.1 -> 1.5,2`.
 
-use super::is_content;
+use super::cell::is_content;
 
 /// Lines that decide whether the file has labels.
 const PROBE: usize = 200;

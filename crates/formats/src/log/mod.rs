@@ -10,7 +10,7 @@ pub mod unit;
 pub use mapping::{Channel, Column, Frame, Further, Mapping, TimeColumn};
 pub use recording::{Recording, Series};
 
-use cell::number;
+use cell::{is_content, number};
 
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
@@ -124,14 +124,6 @@ fn decoded(bytes: &[u8]) -> Cow<'_, str> {
             Err(_) => bytes.iter().map(|byte| char::from(*byte)).collect::<String>().into(),
         },
     }
-}
-
-fn is_content(line: &str) -> bool {
-    !line.is_empty() && !is_comment(line)
-}
-
-fn is_comment(line: &str) -> bool {
-    line.starts_with(['#', '%', '!']) || line.starts_with("//")
 }
 
 /// Cells of a line, without quotes. A separator between quotes is part of the cell.
