@@ -18,9 +18,10 @@ Example, with the block's folder of published measurements (docs/hardware.md):
   softtwin material fit planar.toml --law yeoh --out yeoh.toml
   softtwin-studies hardware --data ../shared/realdata/epfl --material yeoh.toml --out hardware.png";
 
-/// Pressure at which the measured angle is 0 (MPa), and end of the range without a limit of pressure.
+/// Pressure at which the measured angle is 0 (MPa), end of the first range, end of the measurement.
 const ZERO_MPA: f64 = 0.010;
 const BELOW_MPA: f64 = 0.034;
+const ALL_MPA: f64 = 0.0451;
 /// Half-width of the mean around a pressure of the table (MPa).
 const WINDOW_MPA: f64 = 0.0001;
 /// Pressures of the table (MPa).
@@ -42,6 +43,9 @@ pub struct Args {
     /// The block.
     #[arg(long, value_name = "FILE.toml", default_value = "models/shapes/epfl-block/actuator.toml")]
     actuator: PathBuf,
+    /// Sister parts, predicted with the same constants; several.
+    #[arg(long, value_name = "FILE.toml", num_args = 1..)]
+    sister: Vec<PathBuf>,
     /// Longest edge of an element (mm).
     #[arg(long, value_name = "MM", default_value_t = 3.5, value_parser = softtwin::range::number(0.1, 100.0))]
     size_mm: f64,
@@ -74,14 +78,11 @@ impl Args {
         let mut series = vec![series("measured", 0, Mark::Dots, &measured)];
         for (place, file) in self.material.iter().enumerate() {
             let material = MaterialFile::read(file).map_err(refusal)?;
-            let mut actuator = Actuator::read(&self.actuator).map_err(refusal)?;
-            let bulk_mpa = actuator.elastomer.bulk_mpa;
-            actuator.elastomer = fem::material::Elastomer { bulk_mpa, ..material.elastomer };
-            let (curve, ended) = self.path(&actuator)?;
+            let (curve, ended) = self.path(&self.actuator, &material)?;
             let limit = curve.iter().map(|point| point.0).fold(0.0, f64::max);
             output!("\n{}: {}", file.display(), material.summary())?;
             output!("largest pressure {:.2} kPa; the path ends {ended}", 1e3 * limit)?;
-            let best = calibrated(&curve, &measured);
+            let best = calibrated(&curve, &measured, BELOW_MPA);
             output!(
                 "{:>6} {:>9} {:>9} {:>19} {:>9}",
                 "kPa",
@@ -104,18 +105,32 @@ impl Args {
                     cell(best)
                 )?;
             }
-            for (label, scale) in [("constants of the tests", 1.0), ("one constant calibrated", best)] {
-                let error = largest_error(&curve, &measured, scale);
-                output!(
-                    "{label} (stiffness x {scale:.3}): largest error to {:.0} kPa {:.1} % of the range",
-                    1e3 * BELOW_MPA,
-                    100.0 * error / range
-                )?;
+            let whole = calibrated(&curve, &measured, ALL_MPA);
+            for (label, scale) in [
+                ("constants of the tests", 1.0),
+                ("calibrated to 34 kPa", best),
+                ("calibrated to 45 kPa", whole),
+            ] {
+                let errors = [BELOW_MPA, ALL_MPA].map(|to_mpa| {
+                    let error = 100.0 * largest_error(&curve, &measured, scale, to_mpa) / range;
+                    format!("largest error to {:.0} kPa {error:.1} % of the range", 1e3 * to_mpa)
+                });
+                output!("{label} (stiffness x {scale:.3}): {}", errors.join(", "))?;
             }
             let name = file.file_stem().map_or(String::new(), |name| name.to_string_lossy().into_owned());
             series.push(self::series(&name, 2 * place + 1, Mark::Line, &curve));
             let scaled: Curve = curve.iter().map(|(mpa, angle)| (best * mpa, *angle)).collect();
             series.push(self::series(&format!("{name}, calibrated"), 2 * place + 2, Mark::Line, &scaled));
+            for sister in &self.sister {
+                let (curve, ended) = self.path(sister, &material)?;
+                output!("{}: the path ends {ended}", sister.display())?;
+                output!("{:>6} {:>9} {:>19} {:>9}", "kPa", "computed", "interval", "calibrated")?;
+                for mpa in TABLE_MPA {
+                    let cell = |s: f64| cell(angle(&curve, mpa / s));
+                    let interval = [1.0 + self.interval, 1.0 - self.interval].map(cell).join(" to ");
+                    output!("{:>6.1} {:>9} {interval:>19} {:>9}", 1e3 * mpa, cell(1.0), cell(best))?;
+                }
+            }
         }
         if let Some(out) = &self.out {
             let panel = Panel {
@@ -131,7 +146,10 @@ impl Args {
     }
 
     /// Angle along the path of rising volume, 0 at [`ZERO_MPA`], and where it ends.
-    fn path(&self, actuator: &Actuator) -> anyhow::Result<(Curve, String)> {
+    fn path(&self, file: &Path, material: &MaterialFile) -> anyhow::Result<(Curve, String)> {
+        let mut actuator = Actuator::read(file).map_err(refusal)?;
+        let bulk_mpa = actuator.elastomer.bulk_mpa;
+        actuator.elastomer = fem::material::Elastomer { bulk_mpa, ..material.elastomer };
         let mesh = actuator.grid_mesh(self.size_mm, 1).map_err(|list| usage(format!("{list:?}")))?;
         let problem = Arc::new(Problem::new(mesh, actuator.problem_config())?);
         let shape = actuator.shape().ok_or_else(|| usage("--actuator: expected an actuator of boxes"))?;
@@ -191,7 +209,7 @@ fn mean(curve: &Curve, mpa: f64) -> Option<f64> {
     (!near.is_empty()).then(|| near.iter().sum::<f64>() / near.len() as f64)
 }
 
-/// Angle at a pressure on the part of the path before the largest one; `None` beyond it.
+/// Angle at a rising pressure: on the first part of the path that has it, so behind a limit on the next one; `None` beyond all.
 fn angle(curve: &Curve, mpa: f64) -> Option<f64> {
     let pair = curve.windows(2).find(|pair| (pair[0].0..=pair[1].0).contains(&mpa))?;
     let share = (mpa - pair[0].0) / (pair[1].0 - pair[0].0);
@@ -202,18 +220,18 @@ fn cell(angle: Option<f64>) -> String {
     angle.map_or("beyond".into(), |angle| format!("{angle:.2}"))
 }
 
-/// Largest difference (degrees) up to [`BELOW_MPA`]; infinite if the path ends before.
-fn largest_error(curve: &Curve, measured: &Curve, scale: f64) -> f64 {
-    let below = measured.iter().filter(|point| (ZERO_MPA..=BELOW_MPA).contains(&point.0));
+/// Largest difference (degrees) up to a pressure; infinite if the path ends before.
+fn largest_error(curve: &Curve, measured: &Curve, scale: f64, to_mpa: f64) -> f64 {
+    let below = measured.iter().filter(|point| (ZERO_MPA..=to_mpa).contains(&point.0));
     below
         .map(|(mpa, truth)| angle(curve, mpa / scale).map_or(f64::INFINITY, |angle| (angle - truth).abs()))
         .fold(0.0, f64::max)
 }
 
-/// Stiffness over that of the tests with the smallest largest error.
-fn calibrated(curve: &Curve, measured: &Curve) -> f64 {
+/// Stiffness over that of the tests with the smallest largest error up to a pressure.
+fn calibrated(curve: &Curve, measured: &Curve, to_mpa: f64) -> f64 {
     let at = |k: usize| SCALES[0] + (SCALES[1] - SCALES[0]) * k as f64 / SCALE_STEPS as f64;
-    let error = |scale: &f64| largest_error(curve, measured, *scale);
+    let error = |scale: &f64| largest_error(curve, measured, *scale, to_mpa);
     let best = (0..=SCALE_STEPS).map(at).min_by(|a, b| error(a).total_cmp(&error(b)));
     best.unwrap_or(1.0)
 }

@@ -55,13 +55,21 @@ pub enum NewtonError {
     },
     /// The pressure has a limit on the way.
     #[error(
-        "the pressure has a limit of {pressure_mpa:.6} MPa at an injected volume of {injected_mm3:.1} mm3: beyond it no state is near"
+        "the pressure has a limit of {pressure_mpa:.6} MPa at an injected volume of {injected_mm3:.1} mm3; beyond it {}",
+        next_injected_mm3.map_or_else(
+            || format!("no state up to {searched_mm3:.1} mm3 is stable at that pressure"),
+            |mm3| format!("the next stable state has {mm3:.1} mm3"),
+        )
     )]
     Limit {
         /// Pressure (MPa).
         pressure_mpa: f64,
         /// Injected volume (mm3).
         injected_mm3: f64,
+        /// Injected volume of the next state on the path that is stable at that pressure (mm3).
+        next_injected_mm3: Option<f64>,
+        /// Injected volume up to which the path was followed (mm3).
+        searched_mm3: f64,
     },
     /// The contact with the obstacle opened within a step, and the body swung away.
     #[error("the contact with the obstacle opened, and the body moved by {moved_mm:.1} mm in one step")]

@@ -123,14 +123,16 @@ const EASY: usize = 4;
 const HARD: usize = 8;
 /// Fraction of the first step below which a path ends.
 const SHORTEST: f64 = 1.0e-3;
-/// Points per wanted point after which a path ends.
+/// Steps per wanted point after which a path ends.
 const MAX_POINTS: usize = 10;
 /// Largest displacement of a step, in its length.
 const MAX_LENGTHS: f64 = 3.0;
 /// Halvings of a bisection.
 const HALVINGS: usize = 60;
-/// Points within which a limit of the pressure is looked for, and the first step as a fraction of the step that failed.
-const SEARCH_POINTS: usize = 16;
+/// Steps within which a limit of the pressure is looked for, steps behind it within which its pressure is looked for, and the first
+/// step as a fraction of the step that failed.
+const SEARCH_STEPS: usize = 16;
+const BEYOND_STEPS: usize = 24;
 const SEARCH_STEP: f64 = 0.25;
 
 /// Direction of the path at an equilibrium, with the length of a step per MPa.
@@ -139,9 +141,23 @@ struct Tangent {
     mm_per_mpa: f64,
 }
 
+/// Steps along a path.
+struct Walk<'a> {
+    /// First step (mm).
+    length_mm: f64,
+    /// Longest step from a point (mm).
+    longest_mm: &'a dyn Fn(&PathPoint, &Tangent) -> f64,
+    /// Steps, failed ones included, after which it ends.
+    tries: usize,
+    /// True if the next point of these is behind the end.
+    passed: &'a dyn Fn(&[PathPoint], &PathPoint) -> bool,
+    /// Gets every point.
+    notify: &'a mut dyn FnMut(&PathPoint),
+}
+
 impl Solver {
     /// Follows the path from a solved state to an injected volume. `notify` gets every point. The path ends before it where no step
-    /// converges, or after ten times the wanted number of points.
+    /// converges, or after ten times the wanted number of steps.
     ///
     /// # Errors
     /// [`SolveError`]: the start is not an equilibrium of this problem, or the volume is not a number.
@@ -157,62 +173,27 @@ impl Solver {
         let end_mm3 = settings.end_mm3;
         let begin_mm3 = self.injected_mm3(from);
         let up = (end_mm3 - begin_mm3).signum();
-        let (mut point, mut tangent) = self.first(from, up, &mut effort).map_err(|e| stopped(from, e))?;
+        let first = self.first(from, up, &mut effort).map_err(|e| stopped(from, e))?;
         let volume_step = (end_mm3 - begin_mm3).abs() / settings.points.max(1) as f64;
         let longest = self.problem().config().newton.step_length_mm;
         let wanted = |point: &PathPoint, tangent: &Tangent| {
-            volume_step / point.compliance_mm3_per_mpa.abs() * tangent.mm_per_mpa
+            (volume_step / point.compliance_mm3_per_mpa.abs() * tangent.mm_per_mpa).min(longest)
         };
-        let first = wanted(&point, &tangent).min(longest);
-        let mut length = first;
-        notify(&point);
-        path.points.push(point.clone());
-        while (end_mm3 - point.injected_mm3) * up > 0.0 {
-            if path.points.len() > MAX_POINTS * settings.points {
-                path.ended = Some(NewtonError::PathTooLong { points: path.points.len() });
-                break;
-            }
-            let step = length.min(wanted(&point, &tangent)).min(longest);
-            let before = effort.factorisations;
-            match self.arc(&point, &tangent, step, &mut effort) {
-                Ok((next, _)) if point.both_turn(&next) && step > SHORTEST * first => {
-                    path.report.cuts += 1;
-                    length = 0.5 * step;
-                }
-                Ok((next, along)) => {
-                    let spent = effort.factorisations - before;
-                    length = if spent <= EASY + 1 {
-                        1.5 * step
-                    } else if spent >= HARD {
-                        0.6 * step
-                    } else {
-                        step
-                    };
-                    path.report.steps += 1;
-                    if (end_mm3 - next.injected_mm3) * up <= 0.0 {
-                        break;
-                    }
-                    if let Some(limit) = self.at_limit(&point, &next, &mut effort) {
-                        notify(&limit);
-                        path.points.push(limit);
-                    }
-                    (point, tangent) = (next, along);
-                    notify(&point);
-                    path.points.push(point.clone());
-                }
-                Err(reason) => {
-                    path.report.cuts += 1;
-                    length = 0.5 * step;
-                    if length < SHORTEST * first {
-                        path.ended = Some(reason);
-                        break;
-                    }
-                }
-            }
-        }
-        if path.ended.is_none() && point.injected_mm3 != end_mm3 {
-            let (state, report) =
-                self.solve_to(&point.state, &Load { injected_mm3: Some(end_mm3), ..point.state.load })?;
+        let walk = Walk {
+            length_mm: wanted(&first.0, &first.1),
+            longest_mm: &wanted,
+            tries: MAX_POINTS * settings.points,
+            passed: &|_, next| (end_mm3 - next.injected_mm3) * up <= 0.0,
+            notify,
+        };
+        self.walk(first, walk, &mut path, &mut effort);
+        if path.ended.is_none()
+            && let Some(last) = path.points.last()
+            && last.injected_mm3 != end_mm3
+        {
+            let state = last.state.clone();
+            let load = Load { injected_mm3: Some(end_mm3), ..state.load };
+            let (state, report) = self.solve_to(&state, &load)?;
             path.report = path.report.and(&report);
             let (last, _) = self.first(&state, up, &mut effort).map_err(|e| stopped(&state, e))?;
             notify(&last);
@@ -224,7 +205,8 @@ impl Solver {
     }
 
     /// First limit of pressure on the way from a state to another pressure: looked for along the path, beginning with a part of the
-    /// step that failed, until that pressure is passed.
+    /// step that failed, until that pressure is passed. Behind a limit the path is followed until its pressure is reached again by a
+    /// stable state, at most [`BEYOND_STEPS`].
     pub(crate) fn limit_before(
         &mut self,
         from: &State,
@@ -232,33 +214,96 @@ impl Solver {
         effort: &mut Effort,
     ) -> Option<NewtonError> {
         let up = (to_mpa - from.load.pressure_mpa).signum();
-        let (mut point, mut tangent) = self.first(from, up, effort).ok()?;
+        let (mut point, tangent) = self.first(from, up, effort).ok()?;
         // The pressure is to move towards the goal: the sense of the volume is that of the path.
         point.sense = up;
-        let longest = 0.5 * self.problem().config().newton.step_length_mm;
-        let mut length = SEARCH_STEP * (to_mpa - point.pressure_mpa()).abs() * tangent.mm_per_mpa;
-        let mut points = vec![point.clone()];
-        for _ in 0..SEARCH_POINTS {
-            length = length.min(longest);
-            let Ok((next, along)) = self.arc(&point, &tangent, length, effort) else {
-                length *= 0.5;
-                continue;
+        let longest = self.problem().config().newton.step_length_mm;
+        let longest_mm =
+            |point: &PathPoint, _: &Tangent| if point.sense == up { 0.5 * longest } else { longest };
+        let passed = |points: &[PathPoint], next: &PathPoint| {
+            let Some(turn) = points.iter().position(|point| point.sense != up) else {
+                let before = next.sense == up;
+                return before && ((next.pressure_mpa() - to_mpa) * up > 0.0 || points.len() > SEARCH_STEPS);
             };
-            points.extend(self.at_limit(&point, &next, effort));
-            (point, tangent) = (next, along);
+            let limit_mpa = points.iter().map(|point| up * point.pressure_mpa()).fold(f64::MIN, f64::max);
+            let again = next.is_stable_at_pressure() && up * next.pressure_mpa() >= limit_mpa;
+            again || points.len() - turn > BEYOND_STEPS
+        };
+        let walk = Walk {
+            length_mm: SEARCH_STEP * (to_mpa - point.pressure_mpa()).abs() * tangent.mm_per_mpa,
+            longest_mm: &longest_mm,
+            tries: SEARCH_STEPS + BEYOND_STEPS,
+            passed: &passed,
+            notify: &mut |_| {},
+        };
+        let mut path = Path::default();
+        let last = self.walk((point, tangent), walk, &mut path, effort);
+        path.points.extend(last);
+        let limit = limits(&path.points)
+            .into_iter()
+            .find(|limit| matches!(limit.kind, LimitKind::PressureMaximum | LimitKind::PressureMinimum))?;
+        let Limit { pressure_mpa, injected_mm3, after, .. } = limit;
+        let mut beyond = path.points[after + 1..].windows(2);
+        Some(NewtonError::Limit {
+            pressure_mpa,
+            injected_mm3,
+            next_injected_mm3: beyond.find_map(|pair| crossing(pair, pressure_mpa)),
+            searched_mm3: path.points.last().map_or(injected_mm3, |point| point.injected_mm3),
+        })
+    }
+
+    /// Steps along a path until a point has passed its end, which is returned and not recorded. A path that ends before says why.
+    fn walk(
+        &mut self,
+        (mut point, mut tangent): (PathPoint, Tangent),
+        walk: Walk,
+        path: &mut Path,
+        effort: &mut Effort,
+    ) -> Option<PathPoint> {
+        let mut record = |points: &mut Vec<PathPoint>, point: &PathPoint| {
+            (walk.notify)(point);
             points.push(point.clone());
-            length *= 1.5;
-            if let Some(limit) = limits(&points)
-                .into_iter()
-                .find(|limit| matches!(limit.kind, LimitKind::PressureMaximum | LimitKind::PressureMinimum))
-            {
-                let Limit { pressure_mpa, injected_mm3, .. } = limit;
-                return Some(NewtonError::Limit { pressure_mpa, injected_mm3 });
-            }
-            if (point.pressure_mpa() - to_mpa) * up > 0.0 {
+        };
+        record(&mut path.points, &point);
+        if (walk.passed)(&[], &point) {
+            return Some(point);
+        }
+        let mut length = walk.length_mm;
+        for _ in 0..walk.tries {
+            let step = length.min((walk.longest_mm)(&point, &tangent));
+            let before = effort.factorisations;
+            let failed = match self.arc(&point, &tangent, step, effort) {
+                Ok((next, _)) if point.both_turn(&next) && step > SHORTEST * walk.length_mm => None,
+                Ok((next, along)) => {
+                    let spent = effort.factorisations - before;
+                    length = if spent <= EASY + 1 {
+                        1.5 * step
+                    } else if spent >= HARD {
+                        0.6 * step
+                    } else {
+                        step
+                    };
+                    path.report.steps += 1;
+                    if (walk.passed)(&path.points, &next) {
+                        return Some(next);
+                    }
+                    if let Some(limit) = self.at_limit(&point, &next, effort) {
+                        record(&mut path.points, &limit);
+                    }
+                    (point, tangent) = (next, along);
+                    record(&mut path.points, &point);
+                    continue;
+                }
+                Err(reason) => Some(reason),
+            };
+            path.report.cuts += 1;
+            length = 0.5 * step;
+            if length < SHORTEST * walk.length_mm && failed.is_some() {
+                path.ended = failed;
                 return None;
             }
         }
+        path.ended = Some(NewtonError::PathTooLong { points: path.points.len() });
         None
     }
 

@@ -65,9 +65,13 @@ fn advice(reason: &NewtonError) -> &'static str {
         NewtonError::Stalled { .. } | NewtonError::StepTooShort { .. } | NewtonError::Jumped { .. } => {
             "Start from a solved state nearer to it, or check that the loads are meant"
         }
+        NewtonError::Limit { next_injected_mm3: Some(_), .. } => {
+            "Lower the pressure to stay before it; `softtwin simulate --volume-mm3 V` with the volume of the next state solves that one, \
+             `--path` the branch to it"
+        }
         NewtonError::Limit { .. } => {
             "Lower the pressure to stay before it; `softtwin simulate --path --volume-mm3 V` with several times that volume follows the \
-             branch beyond it to the next stable state"
+             branch beyond it"
         }
         NewtonError::PathTooLong { .. } => "Give a smaller volume",
         NewtonError::Body(_) => "Start from a state whose measures are nearer",

@@ -88,7 +88,10 @@ fn path_lists_the_limit_of_the_balloon_and_loses_stability_there() {
     let load = Load { pressure_mpa: 1.1 * found[0].pressure_mpa, ..Load::default() };
     let Err(SolveError::NotConverged(stopped)) = solver.solve_to(&start, &load) else { panic!("no limit") };
     println!("{stopped}, {:?}", stopped.report);
-    let NewtonError::Limit { pressure_mpa, injected_mm3 } = stopped.reason else { panic!("{stopped}") };
+    let NewtonError::Limit { pressure_mpa, injected_mm3, next_injected_mm3: None, .. } = stopped.reason
+    else {
+        panic!("{stopped}")
+    };
     assert!(
         close(pressure_mpa, found[0].pressure_mpa, 1e-6) && close(injected_mm3, found[0].injected_mm3, 1e-3)
     );
@@ -110,4 +113,18 @@ fn stiffening_balloon_snaps_to_a_stable_state_and_back() {
     let (state, _) =
         solver.solve_to(&near.state, &Load { pressure_mpa: most.pressure_mpa, ..Load::default() }).unwrap();
     assert!(near.is_stable_at_pressure() && close(solver.injected_mm3(&state), forth, 1e-3), "{forth}");
+    // Given pressures name both limits with the state that each jumps to.
+    for (limit, from, factor, next) in
+        [(most, &path.points[0], 1.1, forth), (least, near, 0.5, least.next_injected_mm3.unwrap())]
+    {
+        let load = Load { pressure_mpa: factor * limit.pressure_mpa, ..Load::default() };
+        let Err(SolveError::NotConverged(stopped)) = solver.solve_to(&from.state, &load) else {
+            panic!("no limit")
+        };
+        println!("{stopped}, {:?}", stopped.report);
+        let NewtonError::Limit { pressure_mpa, next_injected_mm3: Some(found), .. } = stopped.reason else {
+            panic!("{stopped}")
+        };
+        assert!(close(pressure_mpa, limit.pressure_mpa, 1e-3) && close(found, next, 1e-2), "{found} {next}");
+    }
 }

@@ -9,11 +9,11 @@ use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs};
-use rom::model::{Model, Selection};
+use rom::model::{Model, ModelHeader, Selection};
 use rom::moving::Moving;
 use rom::probe::model_tip;
 use rom::reconstructor::{BasisOptions, Reconstructor};
-use rom::snapshots::FieldKind;
+use rom::snapshots::{FieldKind, FieldSpec};
 use std::path::Path;
 use std::time::Instant;
 use train::measured::MeasuredOutput;
@@ -162,6 +162,13 @@ fn reconstructor(model: &Model) -> Result<Reconstructor> {
     Ok(Reconstructor::with_options(model, &Selection::default(), options)?)
 }
 
+/// Position of the field with the pressure, of a model whose pressure is a result (inputs of volume).
+pub fn pressure_field(header: &ModelHeader) -> Option<usize> {
+    let is_pressure =
+        |spec: &FieldSpec| spec.kind == FieldKind::Other && spec.name == "pressure" && spec.unit == "MPa";
+    header.fields.iter().position(|field| is_pressure(&field.spec)).filter(|_| !header.needs().pressure)
+}
+
 /// Follows a trace with a model of an actuator's shape: values of [`trace::SERIES_COLUMNS`].
 ///
 /// # Errors
@@ -169,6 +176,7 @@ fn reconstructor(model: &Model) -> Result<Reconstructor> {
 pub fn follow_shape(model: &Model, trace: &Trace, step_ns: u64) -> Result<Followed<[f64; 8]>> {
     let reconstructor = reconstructor(model)?;
     let places = Places::new(model, reconstructor.rows())?;
+    let pressure = pressure_field(&model.header);
     let mut fields = vec![0.0; reconstructor.entries()];
     follow(model, trace, step_ns, |t_s, inputs, evaluation, _| {
         let peaks = reconstructor.reconstruct_into(evaluation, &mut fields)?;
@@ -176,7 +184,7 @@ pub fn follow_shape(model: &Model, trace: &Trace, step_ns: u64) -> Result<Follow
         let lowest = values(places.y).iter().copied().fold(f32::INFINITY, f32::min);
         Ok([
             t_s,
-            inputs.pressure_mpa(),
+            pressure.map_or(inputs.pressure_mpa(), |field| f64::from(values(field)[places.tip])),
             inputs.values()[GAP],
             f64::from(lowest),
             f64::from(values(places.x)[places.tip]),

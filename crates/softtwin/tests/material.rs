@@ -200,6 +200,7 @@ fn bad_tables_have_defined_outcomes() {
         (&["short.csv"], 78, "8 rows"),
         (&["below.csv"], 78, "strain of -1"),
         (&["list.toml"], 78, "colour"),
+        (&["list.toml", "--origin", "load"], 2, "--origin"),
         (&["good.csv", "--load-unit", "mm"], 78, "Pressure"),
         (&["good.csv", "--deformation-column", "7"], 78, "7"),
         (

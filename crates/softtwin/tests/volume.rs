@@ -68,11 +68,18 @@ fn path_through_a_limit_of_pressure_is_a_table_and_a_picture() {
     };
     let solved = place.read("db/cases.csv");
     for (line, volume) in [(13, 700), (14, 2900), (15, 4600)] {
-        place.run(&format!("predict --model m.twin --set volume_mm3={volume} --out s.csv")).json();
+        let answer =
+            place.run(&format!("predict --model m.twin --set volume_mm3={volume} --out s.csv")).json();
         let predicted = cell(&place.read("s.csv"), 1, "pressure_mpa");
         let exact = cell(&solved, line, "pressure_mpa");
         println!("{volume} mm3: {predicted} MPa predicted, {exact} MPa solved");
         assert!((predicted / exact - 1.0).abs() < 5.0e-3, "{predicted} {exact}");
+        assert!((answer["pressure_mpa"].as_f64().unwrap() / predicted - 1.0).abs() < 1.0e-6, "{answer}");
+        // Along a trace of volumes the pressure is a result too.
+        place.put("t.csv", &format!("t_s,volume_mm3\n0,{volume}\n1,900\n"));
+        place.run("predict --model m.twin --trace t.csv --step-ms 1000 --out series.csv").json();
+        let along = cell(&place.read("series.csv"), 1, "pressure_mpa");
+        assert!((along / predicted - 1.0).abs() < 1.0e-6, "{along} {predicted}");
     }
     // The same limit at given pressure, named.
     let beyond = format!("simulate --actuator a.toml --pressure-mpa {}", 1.2 * limit_mpa);

@@ -68,12 +68,12 @@ pub struct Args {
     /// Undeformed cross-section of the specimen in mm2, for forces.
     #[arg(long, value_name = "MM2", value_parser = crate::range::number(1e-6, 1e8), help_heading = "Tables")]
     area_mm2: Option<f64>,
-    /// Loading that is fitted: the first one, or that of the last cycle.
-    #[arg(long, value_name = "BRANCH", default_value = "first", help_heading = "Tables")]
-    branch: Branch,
-    /// Origin: that of the table; slack shifts the strain, load the stress, so that the first 30 % begin at 0.
-    #[arg(long, value_name = "ORIGIN", default_value = "table", help_heading = "Tables")]
-    origin: Origin,
+    /// Loading that is fitted: the first one (default), or that of the last cycle.
+    #[arg(long, value_name = "BRANCH", help_heading = "Tables")]
+    branch: Option<Branch>,
+    /// Origin: that of the table (default); slack shifts the strain, load the stress, so that the first 30 % begin at 0.
+    #[arg(long, value_name = "ORIGIN", help_heading = "Tables")]
+    origin: Option<Origin>,
     /// Largest engineering strain that is fitted.
     #[arg(long, value_name = "STRAIN", default_value_t = 3.0, value_parser = crate::range::number(0.01, 100.0))]
     max_strain: f64,
@@ -187,6 +187,24 @@ impl Args {
     fn descriptions(&self) -> Result<Vec<Description>> {
         let is_list = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "toml");
         let tables = self.files.iter().filter(|path| !is_list(path)).count();
+        let of_tables = [
+            ("--test", !self.test.is_empty()),
+            ("--deformation-column", self.deformation_column.is_some()),
+            ("--deformation", self.deformation.is_some()),
+            ("--deformation-unit", self.deformation_unit.is_some()),
+            ("--load-column", self.load_column.is_some()),
+            ("--load", self.load.is_some()),
+            ("--load-unit", self.load_unit.is_some()),
+            ("--length-mm", self.length_mm.is_some()),
+            ("--area-mm2", self.area_mm2.is_some()),
+            ("--branch", self.branch.is_some()),
+            ("--origin", self.origin.is_some()),
+        ];
+        if let (0, Some((option, _))) = (tables, of_tables.iter().find(|(_, is_given)| *is_given)) {
+            return Err(usage(format!(
+                "{option}: expected a table, found lists only; give it as a key of [[test]]"
+            )));
+        }
         if self.test.len() > 1 && self.test.len() != tables {
             return Err(usage(format!(
                 "--test: expected once, or once for each of the {tables} tables, found {} times",
@@ -215,8 +233,8 @@ impl Args {
                 },
                 length_mm: self.length_mm,
                 area_mm2: self.area_mm2,
-                branch: self.branch,
-                origin: self.origin,
+                branch: self.branch.unwrap_or_default(),
+                origin: self.origin.unwrap_or_default(),
             });
             at += 1;
         }

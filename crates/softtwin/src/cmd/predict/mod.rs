@@ -4,6 +4,7 @@ mod trace;
 
 use super::export::{Body, prediction};
 use crate::failure::usage;
+use crate::motion::pressure_field;
 use crate::{files, output};
 use anyhow::Context;
 use formats::export::StateFormat;
@@ -121,6 +122,9 @@ impl Args {
         let mut answer = answer(&model.header, state.evaluation(), &peaks, &Observables::of(&model)?);
         if model.is_measured() {
             answer["outputs"] = measured(&model, state.fields());
+        }
+        if let Some(field) = pressure_field(&model.header) {
+            answer["pressure_mpa"] = json!(state.fields()[field * model.header.node_count]);
         }
         output::json(&answer)
     }
