@@ -3,6 +3,7 @@
 //! A command's file has a `pub struct Args` (clap derive: names, units, examples) and `impl Args { pub fn run(self) ->
 //! anyhow::Result<()> }`. What the user got wrong is marked with [`crate::failure`]; results are printed with `output!`.
 
+use hold::tune;
 use softtwind::demo;
 
 mod build;
@@ -62,7 +63,7 @@ macro_rules! commands {
 
 commands! {
     "Run": Demo => demo, Replay => replay, Record => record, Grasp => grasp, Scene => scene, Doctor => doctor,
-        Hold => hold, Target => target, Setpoint => setpoint, Manual => manual;
+        Hold => hold, Tune => tune, Target => target, Setpoint => setpoint, Manual => manual;
     "Look": Log => log, View => view, Top => top, List => list, Echo => echo, Get => get, Export => export,
         Plot => plot, Render => render;
     "Model": Predict => predict, Design => design, Calibrate => calibrate, PlanExperiment => plan_experiment, Train => train, Learn => learn,

@@ -55,6 +55,12 @@ impl Held {
         Ok(Self { quantity, name, unit, marker, settings, limits, has_memory, model })
     }
 
+    /// The same quantity with other settings.
+    pub(super) fn with(&self, settings: Settings) -> Self {
+        let (name, model) = (self.name.clone(), self.model.clone());
+        Self { settings, name, model, ..*self }
+    }
+
     /// The model at the point or observable that is held.
     pub(super) fn model(&self, spec: &ActuatorSpec) -> anyhow::Result<TwinModel> {
         let model = &self.model;

@@ -23,15 +23,15 @@ use wire::{
 };
 
 /// A state older than this, or none: the valve is let go.
-const SILENCE: Duration = Duration::from_secs(1);
+pub(super) const SILENCE: Duration = Duration::from_secs(1);
 /// Longest wait for the first state with a reading.
 const FIRST: Duration = Duration::from_secs(10);
 /// Longest time of one control cycle, s.
 const LONGEST_S: f64 = 0.1;
 /// Substituted readings are not used.
-const NOT_A_READING: u32 = flags::NO_DATA | flags::STALE | flags::HELD;
+pub(super) const NOT_A_READING: u32 = flags::NO_DATA | flags::STALE | flags::HELD;
 /// Reasons for which the valve does not follow, and the controller waits.
-const WAITS: [u32; 4] =
+pub(super) const WAITS: [u32; 4] =
     [valve_reason::OVERRIDE, valve_reason::INTERLOCK, valve_reason::TIMEOUT, valve_reason::DEVICE_ERROR];
 
 /// Holds until the time is over, a signal comes or a fault ends it; then the valve is let go.
@@ -42,7 +42,7 @@ pub(super) fn run(args: &Args, spec: &ActuatorSpec, held: Held, goal: Option<Goa
     let first = first(&states, &mut wake)?;
     let mut model = held.model(spec)?;
     model.set_inputs(&first.inputs);
-    let gap_mm = gap_mm(&first, args, &held).context(
+    let gap_mm = state_gap_mm(&first, args.gap_mm, &held).context(
         "the gap is unknown: the twin's states have none; give it to the scene (gap_mm), or --gap-mm",
     )?;
     let present = held.quantity.of(&model.at(first.pressure_mpa, gap_mm), first.pressure_mpa).0;
@@ -178,7 +178,7 @@ impl<'a> Loop<'a> {
         self.last_ns = Some(state.t_sensor_ns);
         let has_reading = self.sensors.take(state)?;
         // Without a gap or the reading behind the state the setpoint expires.
-        let Some(gap_mm) = gap_mm(state, self.args, &self.held).filter(|_| has_reading) else {
+        let Some(gap_mm) = state_gap_mm(state, self.args.gap_mm, &self.held).filter(|_| has_reading) else {
             return Ok(());
         };
         let seen = self.sensors.measured(state);
@@ -273,7 +273,7 @@ fn text(report: &Value) -> String {
 }
 
 /// The first state with a reading: its gap and inputs decide what is in reach.
-fn first(states: &StateReader, wake: &mut WakeSet) -> anyhow::Result<State> {
+pub(super) fn first(states: &StateReader, wake: &mut WakeSet) -> anyhow::Result<State> {
     let end = Instant::now() + FIRST;
     loop {
         if let Some(state) = states.newest()?.filter(|state| state.flags & NOT_A_READING == 0) {
@@ -290,9 +290,9 @@ fn first(states: &StateReader, wake: &mut WakeSet) -> anyhow::Result<State> {
 }
 
 /// Gap of a state: measured, given or estimated; the option's if it has none. What moves freely needs none.
-fn gap_mm(state: &State, args: &Args, held: &Held) -> Option<f64> {
+pub(super) fn state_gap_mm(state: &State, given_mm: Option<f64>, held: &Held) -> Option<f64> {
     let free_mm = (held.quantity != Quantity::Force).then_some(OUT_OF_REACH_MM);
-    Some(state.gap_mm).filter(|gap_mm| gap_mm.is_finite()).or(args.gap_mm).or(free_mm)
+    Some(state.gap_mm).filter(|gap_mm| gap_mm.is_finite()).or(given_mm).or(free_mm)
 }
 
 /// Mean over the last quarter.

@@ -7,6 +7,7 @@ mod live;
 mod owner;
 mod sensors;
 mod simulate;
+pub mod tune;
 
 pub use args::Args;
 
@@ -39,7 +40,7 @@ impl Args {
     /// Runs the loop on the actuator, or on a simulated one.
     pub fn run(self) -> anyhow::Result<()> {
         let scene = Scene::load(&self.scene).map_err(configuration)?;
-        let spec = self.spec(&scene)?;
+        let (_, spec) = actuator(&scene, self.actuator.as_deref())?;
         let (column, goal) = match self.target.goal()? {
             Some((column, goal)) => (column, Some(goal)),
             None => (held::column(&spec.control.hold), None),
@@ -51,11 +52,12 @@ impl Args {
             (true, None) => Err(usage("--simulate: expected a target, such as --force-n 0.3, found none")),
         }
     }
+}
 
-    fn spec<'a>(&self, scene: &'a Scene) -> anyhow::Result<&'a ActuatorSpec> {
-        let is_meant = |spec: &&ActuatorSpec| self.actuator.as_ref().is_none_or(|name| *name == spec.name);
-        let names = || scene.actuators.iter().map(|spec| spec.name.clone()).collect::<Vec<_>>().join(", ");
-        let found = scene.actuators.iter().find(is_meant);
-        found.with_context(|| format!("--actuator: expected one of the scene's ({})", names())).map_err(usage)
-    }
+/// An actuator of a scene by name, with its position; without a name the first.
+fn actuator<'a>(scene: &'a Scene, name: Option<&str>) -> anyhow::Result<(usize, &'a ActuatorSpec)> {
+    let is_meant = |(_, spec): &(usize, &ActuatorSpec)| name.is_none_or(|name| name == spec.name);
+    let names = || scene.actuators.iter().map(|spec| spec.name.clone()).collect::<Vec<_>>().join(", ");
+    let found = scene.actuators.iter().enumerate().find(is_meant);
+    found.with_context(|| format!("--actuator: expected one of the scene's ({})", names())).map_err(usage)
 }

@@ -67,7 +67,7 @@ pub(super) fn run(args: &Args, spec: &ActuatorSpec, held: Held, goal: &Goal) -> 
 }
 
 /// The plant that the settings describe, with errors and the factors of a change.
-fn plant(held: &Held, gap_mm: f64, [stiffness, lag, play]: [f64; 3]) -> PlantSpec {
+pub(super) fn plant(held: &Held, gap_mm: f64, [stiffness, lag, play]: [f64; 3]) -> PlantSpec {
     let settings = &held.settings;
     let mut spec = PlantSpec {
         valve_s: 0.0,

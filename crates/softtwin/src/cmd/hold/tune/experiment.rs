@@ -1,0 +1,86 @@
+//! The experiment: steps up and down at three pressures, then a slow ramp up and down.
+
+/// Setpoints over time, as straight lines between points of time in s and MPa.
+#[derive(Debug, Clone)]
+pub(super) struct Experiment {
+    points: Vec<[f64; 2]>,
+    /// Begin and end of each step's hold, s.
+    pub(super) holds_s: Vec<[f64; 2]>,
+}
+
+/// The pressures, as fractions of the range, and the height of the steps.
+const LEVELS: [f64; 3] = [0.3, 0.55, 0.8];
+const STEP: f64 = 0.2;
+/// Least and greatest hold, s, and its multiple of the longest time of the line.
+const HOLD_S: [f64; 2] = [4.0, 20.0];
+const HOLD_TIMES: f64 = 5.0;
+/// Times of a hold for the ramp in each direction.
+const RAMP_HOLDS: f64 = 4.0;
+
+impl Experiment {
+    /// Within a range of pressures, for a line whose longest time is about `time_s`; steps no faster than `rate_mpa_per_s`.
+    pub(super) fn new([low, high]: [f64; 2], time_s: f64, rate_mpa_per_s: f64) -> Self {
+        let hold_s = (HOLD_TIMES * time_s).clamp(HOLD_S[0], HOLD_S[1]);
+        let mut made = Self { points: vec![[0.0, low]], holds_s: Vec::new() };
+        let at = |share: f64| low + share * (high - low);
+        for level in LEVELS {
+            for share in [level, level + STEP, level] {
+                made.go(at(share.min(1.0)), rate_mpa_per_s);
+                let begin = made.end_s();
+                made.hold(hold_s);
+                made.holds_s.push([begin, made.end_s()]);
+            }
+        }
+        made.go(low, rate_mpa_per_s);
+        made.hold(hold_s);
+        let slow = (high - low) / (RAMP_HOLDS * hold_s);
+        made.go(high, slow);
+        made.go(low, slow);
+        made.hold(hold_s);
+        made
+    }
+
+    fn last(&self) -> [f64; 2] {
+        self.points.last().copied().unwrap_or_default()
+    }
+
+    pub(super) fn end_s(&self) -> f64 {
+        self.last()[0]
+    }
+
+    fn go(&mut self, to_mpa: f64, rate_mpa_per_s: f64) {
+        let [time_s, from_mpa] = self.last();
+        self.points.push([time_s + (to_mpa - from_mpa).abs() / rate_mpa_per_s, to_mpa]);
+    }
+
+    fn hold(&mut self, seconds: f64) {
+        let [time_s, at_mpa] = self.last();
+        self.points.push([time_s + seconds, at_mpa]);
+    }
+
+    /// Lowest and highest pressure, MPa.
+    pub(super) fn range_mpa(&self) -> [f64; 2] {
+        let pressures = || self.points.iter().map(|point| point[1]);
+        [pressures().fold(f64::INFINITY, f64::min), pressures().fold(f64::NEG_INFINITY, f64::max)]
+    }
+
+    /// Setpoint at a time, MPa.
+    pub(super) fn at(&self, time_s: f64) -> f64 {
+        let after = self.points.partition_point(|point| point[0] <= time_s);
+        match (after.checked_sub(1).map(|before| self.points[before]), self.points.get(after)) {
+            (Some([begin, from]), Some([end, to])) => from + (to - from) * (time_s - begin) / (end - begin),
+            (Some([_, last]), None) => last,
+            (None, _) => self.points[0][1],
+        }
+    }
+
+    /// For people: what will happen.
+    pub(super) fn text(&self) -> String {
+        let [_, most] = self.range_mpa();
+        format!(
+            "steps up and down at {} pressures, then a ramp up and down: at most {most:.4} MPa, {:.0} s",
+            LEVELS.len(),
+            self.end_s()
+        )
+    }
+}

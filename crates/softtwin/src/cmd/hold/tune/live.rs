@@ -1,0 +1,79 @@
+//! The experiment on the valve.
+
+use super::super::held::Held;
+use super::super::live::{NOT_A_READING, SILENCE, WAITS, first, state_gap_mm};
+use super::super::owner::Owner;
+use super::super::sensors::Sensors;
+use super::{Args, Experiment, Row, experiment};
+use anyhow::{Context, bail, ensure};
+use runtime::config::ActuatorSpec;
+use std::sync::atomic::Ordering;
+use wire::layout::valve_reason;
+use wire::{StateReader, Topic, ValveReader, Wake, WakeSet, Wakeable, Waking};
+
+/// The owner's name and the validity of its setpoints, ms.
+const OWNER: &str = "softtwin-tune";
+const VALID_MS: f64 = 50.0;
+/// Time after which the valve has to follow, s.
+const FOLLOWS_S: f64 = 1.0;
+
+/// Cycles of the experiment, and the gap; whatever ends it lets go of the valve.
+pub(super) fn run(
+    args: &Args,
+    spec: &ActuatorSpec,
+    held: &Held,
+) -> anyhow::Result<(Vec<Row>, Experiment, f64)> {
+    let bus = args.domain.join()?;
+    let states = StateReader::open(&bus, &Topic::state(&spec.name)?)?;
+    let mut wake = WakeSet::new([&states as &dyn Wakeable]);
+    let begin = first(&states, &mut wake)?;
+    let gap_mm = state_gap_mm(&begin, args.gap_mm, held).context(
+        "the gap is unknown: the twin's states have none; give it to the scene (gap_mm), or --gap-mm",
+    )?;
+    let mut model = held.model(spec)?;
+    model.set_inputs(&begin.inputs);
+    let experiment = experiment(held, &mut model, gap_mm);
+    args.consent(&experiment)?;
+    let stop = runtime::service::stop_flag().context("cannot listen for signals")?;
+    let valves = ValveReader::attach_as(&bus, &Topic::valve(&spec.name)?, Waking::Never)?;
+    let mut sensors = Sensors::open(&bus, spec, held)?;
+    let mut owner = Owner::new(&bus, &spec.name, OWNER, VALID_MS)?;
+    let mut rows = Vec::new();
+    let mut drive = || -> anyhow::Result<()> {
+        let (mut begin_ns, mut time_s) = (None, 0.0);
+        while time_s < experiment.end_s() {
+            ensure!(!stop.load(Ordering::Relaxed), "interrupted: the valve is let go, nothing is written");
+            let Some(state) = states.newest()? else {
+                ensure!(
+                    wake.wait(SILENCE)? != Wake::Timeout,
+                    "the twin has been silent for {} s",
+                    SILENCE.as_secs()
+                );
+                continue;
+            };
+            if state.flags & NOT_A_READING != 0 || !sensors.take(&state)? {
+                continue;
+            }
+            time_s =
+                state.t_sensor_ns.saturating_sub(*begin_ns.get_or_insert(state.t_sensor_ns)) as f64 * 1e-9;
+            if let Some(valve) = valves.newest()?.filter(|_| time_s > FOLLOWS_S) {
+                let reason = valve.valve_reason;
+                if WAITS.contains(&reason) || reason == valve_reason::NO_SETPOINT {
+                    bail!(
+                        "the valve does not follow ({}): let go, nothing is written",
+                        valve_reason::as_str(reason)
+                    );
+                }
+            }
+            let command_mpa = experiment.at(time_s);
+            owner.send(command_mpa, state.t_sensor_ns)?;
+            let (gauge_mpa, measured) = (sensors.pressure_mpa(&state), sensors.measured(&state));
+            rows.push(Row { time_s, command_mpa, gauge_mpa, measured });
+        }
+        Ok(())
+    };
+    let ended = drive();
+    let released = owner.send(f64::NAN, 0);
+    ended.and(released)?;
+    Ok((rows, experiment, gap_mm))
+}

@@ -1,0 +1,237 @@
+//! `softtwin tune`: a bounded experiment on the valve, and the settings that follow from it.
+
+mod experiment;
+mod identify;
+mod live;
+mod scene;
+
+use super::held::{self, Held};
+use super::simulate;
+use crate::failure::{configuration, usage};
+use crate::live::DomainArgs;
+use crate::output;
+use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use control::inverse::{Model, Quantity, inverse};
+use control::law::{Controller, Target};
+use control::plant::Plant;
+use control::settings::TARGET_FRACTION;
+use control::trial::{Loop, Trial, step_figures};
+use control::twin_model::{OUT_OF_REACH_MM, TwinModel};
+use experiment::Experiment;
+use identify::{Found, Row};
+use runtime::config::{ActuatorSpec, Scene};
+use serde_json::{Value, json};
+use std::io::{BufRead, IsTerminal};
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  Identify line, delay, play and swing on the running scene, and write them to it:
+    softtwin tune --scene config/scenes/rig.toml --out tune.svg
+  The same on a simulated actuator that has the settings of the scene; nothing is written:
+    softtwin tune --scene config/scenes/rig.toml --simulate";
+
+const NOTES: &str = "\
+The experiment: steps up and down at three pressures, then a ramp up and down, within the range of [actuator.valve], at most at its rate, and up to 80 % of the \
+force limit. It is shown and asked for first. Ctrl-C, a closed terminal, an interlock or a valve that does not follow end it at the safe value, and nothing is written.";
+
+/// Identify line, delay, play and swing by a bounded experiment on the valve, and set the controller.
+#[derive(clap::Args)]
+#[command(before_help = EXAMPLES, after_help = NOTES)]
+pub struct Args {
+    /// Scene of the running twin and bridge; its [actuator.control] is changed.
+    #[arg(long, value_name = "FILE")]
+    scene: PathBuf,
+    /// Actuator; default: the scene's first.
+    #[arg(long, value_name = "NAME")]
+    actuator: Option<String>,
+    /// Gap that is assumed if the twin's states have none, mm.
+    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm)]
+    gap_mm: Option<f64>,
+    /// Does not ask.
+    #[arg(long)]
+    yes: bool,
+    /// Runs on a simulated actuator with the settings of the scene, and writes nothing.
+    #[arg(long)]
+    simulate: bool,
+    /// Picture (.svg, .png).
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    out: Option<PathBuf>,
+    /// One JSON object.
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+    #[command(flatten)]
+    domain: DomainArgs,
+}
+
+/// Control cycles per second of the simulation, and the gap without another, mm.
+const RATE_HZ: f64 = 200.0;
+const GAP_MM: f64 = 40.0;
+/// Part of the force limit that the experiment reaches in the model.
+const FORCE_PART: f64 = 0.8;
+/// Fastest change of the setpoint where the valve has no rate, as part of the range in a second.
+const RATE_PART: f64 = 20.0;
+/// Begin and end of the predicted steps, as fractions of the experiment's pressures.
+const PREDICTED: [f64; 2] = [0.3, 0.7];
+/// Duration of each predicted step, s.
+const PREDICTED_S: f64 = 5.0;
+
+impl Args {
+    /// Asks, experiments, identifies, predicts, writes.
+    pub fn run(self) -> anyhow::Result<()> {
+        let scene = Scene::load(&self.scene).map_err(configuration)?;
+        let (at, spec) = super::actuator(&scene, self.actuator.as_deref())?;
+        let held = Held::new(spec, held::column(&spec.control.hold))?;
+        let (rows, experiment, gap_mm) =
+            if self.simulate { self.simulated(spec, &held)? } else { live::run(&self, spec, &held)? };
+        let found = identify::found(&rows, &experiment, &held.settings, held.quantity);
+        let predicted = predicted(spec, &held, &found, &experiment, gap_mm)?;
+        if let Some(out) = &self.out {
+            picture(&held, &rows).save(out)?;
+        }
+        if !self.simulate {
+            scene::write(&self.scene, at, &found.settings)?;
+        }
+        let report = json!({
+            "held": held.name, "unit": held.unit, "seconds": experiment.end_s(), "rows": rows.len(), "found": found.report,
+            "control": control_keys(&found), "predicted": predicted, "unknown": found.remarks,
+            "scene": (!self.simulate).then(|| self.scene.display().to_string()),
+        });
+        if self.json { output::json(&report) } else { Ok(output!("{}", text(&report))?) }
+    }
+
+    fn simulated(&self, spec: &ActuatorSpec, held: &Held) -> anyhow::Result<(Vec<Row>, Experiment, f64)> {
+        let gap_mm =
+            self.gap_mm.unwrap_or(if held.quantity == Quantity::Force { GAP_MM } else { OUT_OF_REACH_MM });
+        let experiment = experiment(held, &mut held.model(spec)?, gap_mm);
+        let mut plant = Plant::new(simulate::plant(held, gap_mm, [1.0; 3]), held.model(spec)?);
+        let count = (experiment.end_s() * RATE_HZ) as usize;
+        let row = |at: usize| {
+            let (time_s, command_mpa) = (at as f64 / RATE_HZ, experiment.at(at as f64 / RATE_HZ));
+            plant.command(command_mpa);
+            let shown = plant.step(1.0 / RATE_HZ);
+            let measured = if held.settings.is_measured { shown.of(held.quantity)[0] } else { f64::NAN };
+            Row { time_s, command_mpa, gauge_mpa: shown.pressure_mpa, measured }
+        };
+        Ok(((0..count).map(row).collect(), experiment, gap_mm))
+    }
+
+    /// Shows the experiment and asks for it.
+    fn consent(&self, experiment: &Experiment) -> anyhow::Result<()> {
+        let shown = experiment.text();
+        if self.yes {
+            return Ok(());
+        }
+        if !std::io::stdin().is_terminal() {
+            return Err(usage(format!("expected --yes where nobody can be asked; the experiment: {shown}")));
+        }
+        output!("{shown}\ndrive the valve? [y/N]")?;
+        let mut answer = String::new();
+        std::io::stdin().lock().read_line(&mut answer)?;
+        if answer.trim() == "y" { Ok(()) } else { Err(usage("not agreed; nothing was driven")) }
+    }
+}
+
+/// The experiment within range, model and force limit.
+fn experiment(held: &Held, model: &mut TwinModel, gap_mm: f64) -> Experiment {
+    let ([low, high], known) = (held.limits.range_mpa, model.range_mpa());
+    let force_n = FORCE_PART * TARGET_FRACTION * held.settings.force_max_n;
+    let at_force_mpa = inverse(model, Quantity::Force, gap_mm, force_n, low).pressure_mpa;
+    let range_mpa = [low.max(known[0]), high.min(known[1]).min(at_force_mpa)];
+    let line = held.settings.line;
+    let rate = held.limits.rate_mpa_per_s.min(RATE_PART * (range_mpa[1] - range_mpa[0]));
+    Experiment::new(range_mpa, line.fill_s.max(line.empty_s), rate)
+}
+
+/// Steps up and down with the settings, on the plant that they describe.
+fn predicted(
+    spec: &ActuatorSpec,
+    held: &Held,
+    found: &Found,
+    experiment: &Experiment,
+    gap_mm: f64,
+) -> anyhow::Result<Value> {
+    let (quantity, [low, high]) = (held.quantity, experiment.range_mpa());
+    let mut body = held.model(spec)?;
+    let targets = PREDICTED.map(|share| {
+        let pressure_mpa = low + share * (high - low);
+        quantity.of(&body.at(pressure_mpa, gap_mm), pressure_mpa).0
+    });
+    let held = held.with(found.settings.clone());
+    let controller = Controller::new(held.model(spec)?, quantity, held.settings.clone(), held.limits);
+    let trial =
+        Trial { quantity, is_measured: held.settings.is_measured, gap_error_mm: 0.0, rate_hz: RATE_HZ };
+    let mut under_way =
+        Loop::new(controller, Plant::new(simulate::plant(&held, gap_mm, [1.0; 3]), body), trial);
+    let mut steps = Vec::new();
+    let mut moments = Vec::new();
+    under_way.follow(|_| Target::step(targets[0]), 2.0 * PREDICTED_S, &mut moments);
+    for (from, to) in [(targets[0], targets[1]), (targets[1], targets[0])] {
+        moments.clear();
+        under_way.hold(to, PREDICTED_S, &mut moments);
+        steps.extend(step_figures(from, &moments, |moment| moment.truth));
+    }
+    Ok(json!({ "steps": steps }))
+}
+
+/// The keys that are written.
+fn control_keys(found: &Found) -> Value {
+    let keys = scene::keys(&found.settings);
+    keys.into_iter().map(|(key, value)| (key.to_owned(), value)).collect::<serde_json::Map<_, _>>().into()
+}
+
+fn text(report: &Value) -> String {
+    let mut out =
+        format!("{} cycles in {:.0} s\n", report["rows"], report["seconds"].as_f64().unwrap_or(f64::NAN));
+    for part in ["line", "delay_s", "play", "swing", "gauge_noise_mpa", "noise"] {
+        if !report["found"][part].is_null() {
+            out += &format!("  {part}: {}\n", report["found"][part]);
+        }
+    }
+    for remark in report["unknown"].as_array().into_iter().flatten() {
+        out += &format!("  not known: {}\n", remark.as_str().unwrap_or_default());
+    }
+    out += &format!("[actuator.control] {}\n", report["control"]);
+    for step in report["predicted"]["steps"].as_array().into_iter().flatten() {
+        out += &format!(
+            "  predicted {:.3} to {:.3} {}: overshoot {:.1} %, settled {} s\n",
+            step["step"][0].as_f64().unwrap_or(f64::NAN),
+            step["step"][1].as_f64().unwrap_or(f64::NAN),
+            report["unit"].as_str().unwrap_or_default(),
+            100.0 * step["overshoot"].as_f64().unwrap_or(f64::NAN),
+            step["settling_s"].as_f64().map_or("-".to_owned(), |settling_s| format!("{settling_s:.2}"))
+        );
+    }
+    out.trim_end().to_owned()
+}
+
+/// Command and gauge over time, and the quantity over the gauge.
+fn picture(held: &Held, rows: &[Row]) -> Figure {
+    let series = |name: &str, colour: usize, point: fn(&Row) -> (f64, f64)| Series {
+        name: name.into(),
+        colour,
+        mark: Mark::Line,
+        points: rows.iter().step_by(4).map(point).collect(),
+    };
+    let panel = |title: &str, x: &str, y: &str, series: Vec<Series>| Panel {
+        title: title.into(),
+        x: Axis::linear(x),
+        y: Axis::linear(y),
+        series,
+        map: None,
+    };
+    let pressures = vec![
+        series("command", 1, |row| (row.time_s, row.command_mpa)),
+        series("gauge", 0, |row| (row.time_s, row.gauge_mpa)),
+    ];
+    let loops = vec![series("measured", 0, |row| (row.gauge_mpa, row.measured))];
+    let quantity = format!("{} ({})", held.name, held.unit);
+    Figure {
+        title: "Experiment on the valve".into(),
+        panels: vec![
+            panel("pressure", "time (s)", "pressure (MPa)", pressures),
+            panel("play", "gauge (MPa)", &quantity, loops),
+        ],
+        columns: 1,
+    }
+}
