@@ -1,6 +1,6 @@
 #!/bin/sh
 # Makes databases, models and gauge traces from nothing: mesh -> states -> database -> trained model; cavity volumes -> traces.
-#   scripts/make_model.sh [pneunet|gripper|design|traces|cylinder ...]     default: pneunet gripper
+#   scripts/make_model.sh [pneunet|gripper|design|motion|traces|cylinder ...]     default: pneunet gripper
 #   MESH=1 scripts/make_model.sh                           builds the mesh again too (needs gmsh, see scripts/mesh.py)
 # Stop it and start it again as you like: solved states are kept in target/database/*/states.
 set -eu
@@ -60,6 +60,14 @@ for name in "$@"; do
         scattered contact 40 31 p --pressure-mpa 0 0.012 "$@"
         scattered contact 60 27182818 t "$@"
         solve_and_check design "$list" models/pneunet-design/pneunet-design.twin 60 14142135 "$@"
+        continue
+    fi
+    if [ "$name" = motion ]; then
+        # The reference actuator with the inertial load as third input: it moves in time. Five minutes on two cores.
+        softtwin simulate --actuator models/pneunet/actuator.toml --cases models/pneunet/motion/cases.csv --sensitivities --out target/database/motion
+        softtwin train --database target/database/motion $(config_of models/pneunet/motion) --inertia models/pneunet/actuator.toml \
+            --out models/pneunet/motion/pneunet-motion.twin
+        softtwin evaluate --model models/pneunet/motion/pneunet-motion.twin --database target/database/motion --split check
         continue
     fi
     if [ "$name" = cylinder ]; then

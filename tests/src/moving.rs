@@ -123,7 +123,14 @@ pub fn model_bytes() -> &'static [u8] {
         let times = |v: &[f64]| v.iter().enumerate().map(|(i, v)| MASS_T[i % NODES] * v).collect();
         // Only the inner mass is loaded: the family is then that of one load.
         let unit_load = vec![0.0, 0.0, 0.0, 0.0, MASS_T[1], 0.0, 0.0, 0.0, 0.0];
-        let mass = Mass { load: LOAD, unit_load, times: &times, damping_s: 0.02, step_ns: 1_000_000 };
+        let mass = Mass {
+            load: LOAD,
+            unit_load,
+            times: &times,
+            damping_s: 0.02,
+            step_ns: 1_000_000,
+            prony: Vec::new(),
+        };
         let mut reduced = reduce(&model, &database, &mass).expect("its mass can be reduced");
         reduced.inertia.widths.past = [1.0, 0.0, 0.0];
         model.set_record(BlockKind::Inertia, &reduced.inertia).expect("a record");

@@ -3,13 +3,16 @@
 use proptest::prelude::*;
 use rom::halfwidths::HalfWidths;
 use rom::inputs::Inputs;
-use rom::memory::{Advance, Creep, InputMemory, Line, Memory, MemorySpec, Play, Prony, PronyTerm, Slopes};
+use rom::memory::{
+    Advance, Creep, InputMemory, Line, Memory, MemorySpec, Orifice, Play, PronyTerm, Slopes, filter,
+};
 
 const RANGE: [f64; 2] = [0.0, 0.1];
 
 fn spec(line: Option<Line>, play: &[Play], creep: &[Creep]) -> MemorySpec {
     let slopes = Slopes { displacement_mm: 800.0, stress_mpa: 0.0, force_n: 10.0 };
-    let of = InputMemory { input: 0, range: RANGE, line, play: play.into(), creep: creep.into(), slopes };
+    let (play, creep) = (play.into(), creep.into());
+    let of = InputMemory { input: 0, range: RANGE, line, orifice: None, play, creep, slopes };
     MemorySpec { inputs: vec![of], max_gap_s: 1.0 }
 }
 
@@ -82,26 +85,48 @@ fn creep_after_a_jump_follows_the_closed_form() {
 }
 
 #[test]
-fn prony_filter_follows_the_closed_form_at_any_step_and_rests_at_the_load() {
-    // P^ (1 + r s tau / (1 + s tau)) = P: after a jump of 1, 1 - g e^(-t / T) with g = r / (1 + r), T = (1 + r) tau.
-    let terms = [PronyTerm { ratio: 0.25, time_s: 0.05 }];
-    for steps in [10_u32, 100, 1000] {
-        let mut filter = Prony::at_rest(&terms, 0.0).expect("valid");
-        filter.step(1.0, 0.0);
-        assert!((filter.filtered() - 0.8).abs() < 1e-15, "{}", filter.filtered());
-        (0..steps).for_each(|_| {
-            filter.step(1.0, 0.1 / f64::from(steps));
-        });
-        let expected = 1.0 - 0.2 * (-0.1_f64 / 0.0625).exp();
-        assert!((filter.filtered() - expected).abs() < 2e-4, "{steps}: {} {expected}", filter.filtered());
+fn orifice_fills_linearly_while_choked_and_exponentially_at_the_end() {
+    let orifice = Orifice { time_s: 0.5, critical_ratio: 0.4 };
+    let mut spec = spec(None, &[], &[]);
+    (spec.inputs[0].orifice, spec.max_gap_s) = (Some(orifice), 10.0);
+    let mut memory = Memory::new(spec).expect("valid");
+    let mut at = |t_s: f64, p: f64| {
+        memory.advance((t_s * 1e9) as u64, &inputs(p));
+        memory.effective(&inputs(p)).pressure_mpa()
+    };
+    at(0.0, 0.0);
+    // The pressure jumps to 0.4 MPa within 1 ns; ratios up to 0.4 until the cavity has 0.4 (0.4 + p_atm) - p_atm.
+    at(1e-9, 0.4);
+    let choked_s = 0.5 * (0.4 - 0.101_325 / 0.501_325);
+    for k in 1..=10 {
+        let t_s = choked_s * f64::from(k) / 10.0;
+        let exact = 0.501_325 * t_s / 0.5;
+        assert!((at(t_s + 1e-9, 0.4) - exact).abs() < 1e-4, "{k}");
     }
-    let two = [terms[0], PronyTerm { ratio: 0.5, time_s: 2.0 }];
-    let mut filter = Prony::at_rest(&two, 0.3).expect("valid");
-    assert!((filter.step(0.3, 1.0) - 0.3).abs() < 1e-15);
-    assert!((filter.step(1.0, 1e6) - 1.0).abs() < 1e-3, "stable at any step");
-    assert!(filter.relaxing().abs() < 1e-3);
-    assert!(Prony::at_rest(&[PronyTerm { ratio: 0.2, time_s: -1.0 }], 0.0).is_err());
-    assert!(Prony::at_rest(&[terms[0]; 5], 0.0).is_err());
+    // From 99 % on the difference decays with 0.01 T / psi(0.99).
+    let lag_s = 0.01 * 0.5 / (1.0 - (0.59_f64 / 0.6).powi(2)).sqrt();
+    let left: Vec<f64> = (0..400).map(|k| 0.4 - at(choked_s + 2e-9 + 0.002 * f64::from(k), 0.4)).collect();
+    let late: Vec<&[f64]> = left.windows(2).filter(|w| w[0] < 0.004 && w[1] > 1e-6).collect();
+    assert!(late.len() > 20);
+    for pair in late {
+        assert!((pair[1] / pair[0] - (-0.002 / lag_s).exp()).abs() < 1e-6, "{pair:?}");
+    }
+}
+
+#[test]
+fn prony_filter_is_creep_with_the_poles_of_the_series() {
+    // One term: after a jump of 1, 1 - g e^(-t / T) with g = r / (1 + r), T = (1 + r) tau.
+    let terms = [PronyTerm { ratio: 0.25, time_s: 0.05 }, PronyTerm { ratio: 0.5, time_s: 2.0 }];
+    let one = filter(&terms[..1]).expect("valid");
+    assert!((one[0].weight - 0.2).abs() < 1e-12 && (one[0].time_s - 0.0625).abs() < 1e-12, "{one:?}");
+    // Two: 1 - sum w = 1 / (1 + sum r), and P = P^ + sum r h for a ramp of P^ of the filter, far from the start.
+    let two = filter(&terms).expect("valid");
+    let late: f64 = two.iter().map(|creep| creep.weight).sum();
+    assert!((1.0 - late - 1.0 / 1.75).abs() < 1e-12, "{two:?}");
+    let delay: f64 = two.iter().map(|creep| creep.weight * creep.time_s).sum();
+    assert!((delay - (0.25 * 0.05 + 0.5 * 2.0)).abs() < 1e-9, "{two:?}");
+    assert!(filter(&[PronyTerm { ratio: 0.2, time_s: -1.0 }]).is_err());
+    assert!(filter(&[terms[0]; 5]).is_err());
 }
 
 #[test]

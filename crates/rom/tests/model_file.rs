@@ -65,6 +65,7 @@ fn memory_survives_the_round_trip_and_is_refused_where_it_does_not_fit() {
         input: 0,
         range: [0.0, 0.08],
         line: Some(Line { fill_s: 0.4, empty_s: 1.2 }),
+        orifice: None,
         play: vec![Play { threshold: 0.002, weight: 0.3 }],
         creep: vec![Creep { time_s: 5.0, weight: 0.1 }],
         slopes: Slopes { displacement_mm: 900.0, ..Slopes::default() },

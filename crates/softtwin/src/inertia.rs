@@ -7,8 +7,8 @@ use fem::actuator::Actuator;
 use fem::{BodyMass, Load, Problem, Solver};
 use rom::inertia::data::MotionWidths;
 use rom::inertia::model_motion::ModelMotion;
-use rom::inputs::{Inputs, PARAMETERS};
-use rom::memory::Slopes;
+use rom::inputs::{Inputs, PARAMETERS, PRESSURE};
+use rom::memory::{Creep, InputMemory, MemorySpec, PronyTerm, Slopes, filter};
 use rom::model::{BlockKind, Model};
 use rom::snapshots::{Case, Database, RegimeKind, Split, Vibration};
 use std::path::Path;
@@ -30,6 +30,8 @@ const SWING: [f64; 3] = [0.02, 0.06, 0.06];
 const IMPACT: [f64; 3] = [0.4, 0.4, 0.6];
 /// Training cases at which the change per amplitude is taken.
 const WIDTH_CASES: usize = 12;
+/// Time between two readings from which the last pressure is held and the past is unknown, s.
+const LONGEST_GAP_S: f64 = 1.0;
 /// Length of the inner steps, ns.
 const STEP_NS: u64 = 500_000;
 
@@ -55,6 +57,13 @@ impl Body {
                 LOADS[1], LOADS[1]
             )));
         };
+        let named: Vec<&str> = LOADS.into_iter().filter(varies).collect();
+        if named.len() > 1 {
+            return Err(usage(format!(
+                "--inertia: expected one inertial load, found {}; a motion has a load along one axis, sample the others at a fixed value",
+                named.join(" and ")
+            )));
+        }
         let (actuator, problem) = files::actuator(actuator)?;
         let (found, expected) = (problem.mesh().nodes_mm.len(), database.node_count);
         if found != expected {
@@ -109,6 +118,7 @@ impl Body {
             times: &times,
             damping_s: self.actuator.dynamics.beta_s,
             step_ns: STEP_NS,
+            prony: self.prony(),
         };
         let reduced = reduce(model, database, &mass).map_err(configuration)?;
         let line = |(kind, part): &(RegimeKind, f64)| {
@@ -120,7 +130,31 @@ impl Body {
         model.set_record(BlockKind::Inertia, &inertia)?;
         inertia.widths = widths(model, database, inertia.load_input as usize)?;
         model.set_record(BlockKind::Inertia, &inertia)?;
+        if !inertia.prony.is_empty() {
+            let memory = self.filter(model, database)?;
+            for Creep { time_s, weight } in memory.inputs.iter().flat_map(|input| &input.creep) {
+                lines.push(format!("pressure behind the relaxation: weight {weight:.4}, {time_s:.4} s"));
+            }
+            model.set_record(BlockKind::Memory, &memory)?;
+        }
         Ok(lines)
+    }
+
+    fn prony(&self) -> Vec<PronyTerm> {
+        let terms = self.actuator.dynamics.ratios().into_iter();
+        terms.map(|(ratio, time_s)| PronyTerm { ratio, time_s }).collect()
+    }
+
+    /// Load filter of the relaxing elastomer on the pressure.
+    fn filter(&self, model: &Model, database: &Database) -> Result<MemorySpec> {
+        let creep = filter(&self.prony())
+            .map_err(|reason| configuration(anyhow::anyhow!("dynamics.prony: {reason}")))?;
+        let range = model.header.inputs[PRESSURE].range;
+        let states: Vec<Inputs> = width_cases(database).into_iter().map(inputs_of).collect();
+        let slopes = slopes(model, &states, PRESSURE, range);
+        let (line, orifice, play) = (None, None, Vec::new());
+        let of = InputMemory { input: PRESSURE, range, line, orifice, play, creep, slopes };
+        Ok(MemorySpec { inputs: vec![of], max_gap_s: LONGEST_GAP_S })
     }
 
     /// Force of a unit of the load on each node.
@@ -149,17 +183,25 @@ impl Body {
     }
 }
 
+/// Training cases at which changes are taken.
+fn width_cases(database: &Database) -> Vec<&Case> {
+    let cases: Vec<&Case> = database.of_split(Split::Train).map(|i| &database.cases[i]).collect();
+    let step = cases.len().div_ceil(WIDTH_CASES).max(1);
+    cases.into_iter().step_by(step).collect()
+}
+
+fn inputs_of(case: &Case) -> Inputs {
+    let inputs = Inputs::new(case.pressure_mpa, case.gap_mm.unwrap_or(f64::INFINITY));
+    (PARAMETERS..).zip(&case.parameters).fold(inputs, |inputs, (at, value)| inputs.with(at, *value))
+}
+
 /// Half-widths of a motion: fractions of what a swing changes in displacement, stress and contact force.
 fn widths(model: &Model, database: &Database, load_input: usize) -> Result<MotionWidths> {
     let Some(mut motion) = ModelMotion::new(model)? else { return Ok(MotionWidths::default()) };
     let range = model.header.inputs[load_input].range;
-    let cases: Vec<&Case> = database.of_split(Split::Train).map(|i| &database.cases[i]).collect();
-    let step = cases.len().div_ceil(WIDTH_CASES).max(1);
     let mut changes: [Vec<f64>; 3] = Default::default();
-    for case in cases.into_iter().step_by(step) {
-        let inputs = Inputs::new(case.pressure_mpa, case.gap_mm.unwrap_or(f64::INFINITY));
-        let inputs =
-            (PARAMETERS..).zip(&case.parameters).fold(inputs, |inputs, (at, value)| inputs.with(at, *value));
+    for case in width_cases(database) {
+        let inputs = inputs_of(case);
         let touches = case.contact_force_n > 0.0;
         let regime = if touches { RegimeKind::Contact } else { RegimeKind::Free };
         let amplitude = motion.amplitude_per_load(regime, inputs);

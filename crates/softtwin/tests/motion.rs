@@ -49,6 +49,15 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
     // The static model jumps with the pressure; the vibration of this short actuator is overdamped.
     assert!((still[1] - moves[1]) / way > 0.3, "{moves:?} {still:?}");
     assert!(((still[end] - moves[end]) / way).abs() < 0.01, "{moves:?} {still:?}");
+    // A relaxing elastomer: the same static states, the pressure acts late; 20 % of it with (1 + r) tau, r = 0.25.
+    let text = std::fs::read_to_string(folder.join("f/actuator.toml")).unwrap();
+    let relaxing = text.replace("prony = []", "prony = [{ weight = 0.2, time_s = 0.05 }]");
+    save("f/relaxing.toml", &relaxing);
+    succeed("train --database db --inertia f/relaxing.toml --out late.twin");
+    succeed("predict --model late.twin --trace step.csv --out late.csv --step-ms 0.5");
+    let late = tip("late.csv");
+    let behind = (still[end] - late[end]) / way;
+    assert!((behind - 0.2 * (-0.0795_f64 / 0.0625).exp()).abs() < 0.015, "{behind}");
     // The series of a motion is a trace, here with the model's own answers.
     std::fs::create_dir(folder.join("own")).unwrap();
     std::fs::copy(folder.join("moves.csv"), folder.join("own/series.csv")).unwrap();
@@ -67,6 +76,12 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
         let (code, _, error) = end_of(&format!("predict --model moves.twin --trace {bad} --out x.csv"));
         assert_eq!(code, 78, "{bad}: {error}");
     }
+    let two = "sample --kind sequence --n 2 --regime free --pressure-mpa 0 0.01 --actuator f/actuator.toml --out two.csv";
+    let along = |axis: u8| format!("--parameter loads.gravity_mm_s2.{axis}=-10000:10000");
+    succeed(&format!("{two} {} {}", along(0), along(1)));
+    succeed("simulate --actuator f/actuator.toml --cases two.csv --out two");
+    let (code, _, error) = end_of("train --database two --inertia f/actuator.toml --out x.twin");
+    assert_eq!(code, 2, "{error}");
     let (code, _, error) = end_of("train --database db --inertia c.csv --out x.twin");
     assert_eq!(code, 78, "{error}");
 }

@@ -8,6 +8,7 @@ use faer::Mat;
 use rom::inertia::data::{InertiaModel, MotionWidths, RegimeInertia, StoredMode};
 use rom::inertia::manifold::{MAX_COORDINATES, MAX_LINEAR_MODES};
 use rom::inputs::PARAMETERS;
+use rom::memory::PronyTerm;
 use rom::model::{BlockKind, Model, RegimeModel};
 use rom::snapshots::{Database, FieldKind, RegimeKind, Split};
 
@@ -31,6 +32,8 @@ pub struct Mass<'a> {
     pub damping_s: f64,
     /// Length of the inner steps, ns.
     pub step_ns: u64,
+    /// Relaxation of the elastomer.
+    pub prony: Vec<PronyTerm>,
 }
 
 /// Result of a reduction.
@@ -107,7 +110,8 @@ pub fn reduce(model: &Model, database: &Database, mass: &Mass<'_>) -> Result<Red
     let (damping_s, step_ns) = (mass.damping_s, mass.step_ns);
     let widths = MotionWidths::default();
     let load_input = load_input as u32;
-    let inertia = InertiaModel { load_input, step_ns, damping_s, unit_load, regimes, widths };
+    let prony = mass.prony.clone();
+    let inertia = InertiaModel { load_input, step_ns, damping_s, unit_load, regimes, widths, prony };
     inertia.check(&model.header).map_err(wrong)?;
     Ok(Reduced { inertia, outside })
 }

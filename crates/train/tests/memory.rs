@@ -1,6 +1,6 @@
 //! Memory identified from synthetic runs whose truth is known.
 
-use rom::memory::{Creep, InputMemory, Line, Play, Slopes};
+use rom::memory::{Creep, InputMemory, Line, Orifice, Play, Slopes};
 use train::measured::Run;
 use train::memory::{Block, Identified, identify};
 
@@ -35,11 +35,12 @@ fn run(of: &InputMemory, shift: f64, sigma: f64) -> Run {
 }
 
 fn block(line: Option<Line>, play: Vec<Play>, creep: Vec<Creep>) -> InputMemory {
-    InputMemory { input: 0, range: [0.0, 0.09], line, play, creep, slopes: Slopes::default() }
+    let slopes = Slopes::default();
+    InputMemory { input: 0, range: [0.0, 0.09], line, orifice: None, play, creep, slopes }
 }
 
 fn found(of: &InputMemory, sigma: f64) -> Identified {
-    identify(&[run(of, 0.0, sigma)], &[100.0], None).expect("a fit")
+    identify(&[run(of, 0.0, sigma)], true, &[100.0], None).expect("a fit")
 }
 
 fn kept(found: &Identified) -> Vec<Block> {
@@ -59,6 +60,17 @@ fn line_is_found_with_its_time_constants_within_the_intervals() {
         assert!(low <= truth * 1.02 && truth <= high * 1.02 && high < 1.5 * low, "{constant:?}");
     }
     assert!(found.left_out[1] < 0.2 * found.left_out[0], "{:?}", found.left_out);
+}
+
+#[test]
+fn orifice_is_found_where_the_flow_is_that_of_iso_6358() {
+    let orifice = Some(Orifice { time_s: 2.0, critical_ratio: 0.3 });
+    let of = InputMemory { orifice, ..block(None, vec![], vec![]) };
+    let found = found(&of, 0.2);
+    assert_eq!(kept(&found), [Block::Orifice], "{found:?}");
+    let constants = &found.blocks.iter().find(|b| b.block == Block::Orifice).expect("orifice").constants;
+    let [low, high] = constants[0].interval;
+    assert!((low..high).contains(&2.0) && high < 1.5 * low, "{constants:?}");
 }
 
 #[test]
@@ -110,6 +122,6 @@ fn static_actuator_gets_no_memory_at_any_noise() {
 #[test]
 fn runs_without_use_have_no_result() {
     let still = Run { time_s: vec![0.0, 1.0, 2.0], inputs: vec![vec![0.1; 3]], outputs: vec![vec![1.0; 3]] };
-    assert!(identify(&[still], &[1.0], None).is_none());
-    assert!(identify(&[], &[1.0], None).is_none());
+    assert!(identify(&[still], true, &[1.0], None).is_none());
+    assert!(identify(&[], true, &[1.0], None).is_none());
 }

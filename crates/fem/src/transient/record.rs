@@ -42,30 +42,24 @@ impl Record {
     }
 
     fn values(&self) -> [f64; NUMBERS] {
-        let Figures { lowest_y_mm, tip_x_mm, tip_y_mm, contact_force_n, max_stress_mpa, energy } =
-            self.figures;
-        let Energy { external_mj, kinetic_mj, strain_mj, damping_mj, viscous_mj } = energy;
-        [
-            self.t_s,
-            self.pressure_mpa,
-            self.gap_mm.unwrap_or(f64::NAN),
-            lowest_y_mm,
-            tip_x_mm,
-            tip_y_mm,
-            contact_force_n,
-            max_stress_mpa,
-            external_mj,
-            kinetic_mj,
-            strain_mj,
-            damping_mj,
-            viscous_mj,
-        ]
+        let (mut copy, mut gap_mm) = (*self, self.gap_mm.unwrap_or(f64::NAN));
+        copy.numbers(&mut gap_mm).map(|number| *number)
     }
 
     fn of_values(values: &[f64; NUMBERS]) -> Self {
-        let [
-            t_s,
-            pressure_mpa,
+        let (mut record, mut gap_mm) = (Self::default(), f64::NAN);
+        record.numbers(&mut gap_mm).into_iter().zip(values).for_each(|(to, from)| *to = *from);
+        Self { gap_mm: (!gap_mm.is_nan()).then_some(gap_mm), ..record }
+    }
+
+    /// Numbers in the order of the columns; the gap, NaN without an obstacle, is a separate number.
+    fn numbers<'a>(&'a mut self, gap_mm: &'a mut f64) -> [&'a mut f64; NUMBERS] {
+        let Figures { lowest_y_mm, tip_x_mm, tip_y_mm, contact_force_n, max_stress_mpa, energy } =
+            &mut self.figures;
+        let Energy { external_mj, kinetic_mj, strain_mj, damping_mj, viscous_mj } = energy;
+        [
+            &mut self.t_s,
+            &mut self.pressure_mpa,
             gap_mm,
             lowest_y_mm,
             tip_x_mm,
@@ -77,10 +71,7 @@ impl Record {
             strain_mj,
             damping_mj,
             viscous_mj,
-        ] = *values;
-        let energy = Energy { external_mj, kinetic_mj, strain_mj, damping_mj, viscous_mj };
-        let figures = Figures { lowest_y_mm, tip_x_mm, tip_y_mm, contact_force_n, max_stress_mpa, energy };
-        Self { t_s, pressure_mpa, gap_mm: (!gap_mm.is_nan()).then_some(gap_mm), figures }
+        ]
     }
 }
 

@@ -1,6 +1,7 @@
 //! Reduced inertia as a model stores it.
 
 use crate::halfwidths::HalfWidths;
+use crate::memory::PronyTerm;
 use crate::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
 
@@ -19,6 +20,8 @@ pub struct InertiaModel {
     pub regimes: Vec<RegimeInertia>,
     /// Half-widths of a motion.
     pub widths: MotionWidths,
+    /// Relaxation of the elastomer; the static family is the relaxed one.
+    pub prony: Vec<PronyTerm>,
 }
 
 /// Half-widths of displacement (mm), stress (MPa) and contact force (N) per mm of an amplitude, in addition to those of the static model

@@ -217,7 +217,7 @@ impl ModelMotion {
         };
         let of = |r: &RegimeInertia| (r.kind, r.modes.iter().map(|mode| mode.coefficients.clone()).collect());
         Ok(Some(Self {
-            motion: Motion::new(manifold, settings),
+            motion: Motion::new(manifold, settings).relaxing(&inertia.prony),
             evaluator: Evaluator::new(&model.header)?,
             modes: inertia.regimes.iter().map(of).collect(),
             widths: inertia.widths,

@@ -11,9 +11,12 @@
 //!
 //! with `a`, `y` the means and `q' = (q_n+1 - q_n) / h`. Second order; for a family that is linear in the load it is the trapezoidal
 //! rule: stable at any step, without energy error. No second derivatives of `X` and no rate of the pressure are needed.
+//!
+//! A relaxing elastomer resists with `u + sum_k r_k h_k`, `h_k' = u' - h_k / tau_k`, in place of `u` (`memory/prony.rs`).
 
 use super::manifold::{Amplitudes, Coordinates, LinearMode, MAX_LINEAR_MODES, Manifold, dot};
 use crate::inputs::Inputs;
+use crate::memory::{MAX_PRONY, PronyTerm};
 use crate::snapshots::RegimeKind;
 
 /// Unknowns of a step at most: load and amplitudes.
@@ -37,12 +40,15 @@ pub(super) struct Instant {
     pub momenta: Unknowns,
     /// Rates of the last step, per second: where Newton's method begins.
     pub rates: Unknowns,
+    /// Internal variables of the relaxation, by term.
+    pub relaxing: [Unknowns; MAX_PRONY],
 }
 
 /// A step: regime, length in seconds, loads at rest at both ends.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Step {
+pub(super) struct Step<'a> {
     pub regime: RegimeKind,
+    pub prony: &'a [PronyTerm],
     pub h: f64,
     pub damping_s: f64,
     pub rest: [f64; 2],
@@ -109,12 +115,13 @@ impl Forces<'_> {
 /// One step from `now` at `position` to the inputs `next`. `None` if Newton's method does not converge.
 pub(super) fn step(
     manifold: &mut impl Manifold,
-    step: &Step,
+    step: &Step<'_>,
     now: &Instant,
     position: &Coordinates,
     next: &Inputs,
 ) -> Option<Stepped> {
-    let Step { regime, h, damping_s, rest: [rest_now, rest_next] } = *step;
+    let Step { regime, prony, h, damping_s, rest: [rest_now, rest_next] } = *step;
+    let relaxation = Relaxing::new(prony, h, now);
     let rest = 0.5 * (rest_now + rest_next);
     let [low, high] = manifold.load_range();
     let (width, at) = (high - low, manifold.load_input());
@@ -130,12 +137,12 @@ pub(super) fn step(
             reached.iter_mut().zip(&mode.shape).for_each(|(q, phi)| *q += phi * y);
         }
         let velocity = difference(&reached, position, h);
-        let mean = |a: &Amplitudes, b: &Amplitudes| std::array::from_fn(|k| 0.5 * (a[k] + b[k]));
-        let (excess, middle) = (rest - 0.5 * (now.load + load), mean(&now.amplitudes, &amplitudes));
+        let (mean, middle) = relaxation.means(load, &amplitudes);
+        let excess = rest - mean;
         let acting = forces.at(excess, &middle, &now.tangent, &velocity);
         let carried = forces.tested(&now.tangent, &velocity);
         let mut right: Unknowns = std::array::from_fn(|i| now.momenta[i] + 0.5 * h * acting[i] - carried[i]);
-        let mut matrix = jacobian(&forces, h, &now.tangent, &place.tangent);
+        let mut matrix = jacobian(&forces, h, relaxation.stiffness, &now.tangent, &place.tangent);
         solve(&mut matrix, &mut right, count)?;
         let change = right[0].abs();
         let damp = if change > MAX_CHANGE * width { MAX_CHANGE * width / change } else { 1.0 };
@@ -152,18 +159,54 @@ pub(super) fn step(
             }
             reached.iter_mut().zip(tail).for_each(|(q, d)| *q += d);
             let velocity = difference(&reached, position, h);
-            let (excess, middle) = (rest - 0.5 * (now.load + load), mean(&now.amplitudes, &amplitudes));
-            let momenta = forces.momenta(h, excess, &middle, &place.tangent, &velocity);
+            let (mean, middle) = relaxation.means(load, &amplitudes);
+            let momenta = forces.momenta(h, rest - mean, &middle, &place.tangent, &velocity);
             let mut rates = [(load - now.load) / h; UNKNOWNS];
             rates[1..]
                 .iter_mut()
                 .enumerate()
                 .for_each(|(k, rate)| *rate = (amplitudes[k] - now.amplitudes[k]) / h);
-            let instant = Instant { load, amplitudes, tangent: place.tangent, momenta, rates };
+            let relaxing = relaxed(prony, h, now, &rates);
+            let instant = Instant { load, amplitudes, tangent: place.tangent, momenta, rates, relaxing };
             return Some(Stepped { instant, position: reached, velocity });
         }
     }
     None
+}
+
+/// Resistance of an elastomer within a step: `mean = constant + stiffness / 2 u` of the unknowns `u` at its end.
+struct Relaxing {
+    stiffness: f64,
+    constant: Unknowns,
+}
+
+impl Relaxing {
+    fn new(prony: &[PronyTerm], h: f64, now: &Instant) -> Self {
+        let factors = prony.iter().map(|term| (term.ratio, term.within(h)));
+        let stiffness = 1.0 + factors.clone().map(|(ratio, (_, a))| ratio * a).sum::<f64>();
+        let mut constant = [0.5 * (2.0 - stiffness) * now.load; UNKNOWNS];
+        constant[1..].iter_mut().zip(&now.amplitudes).for_each(|(c, y)| *c = 0.5 * (2.0 - stiffness) * y);
+        for ((ratio, (e, _)), h) in factors.zip(&now.relaxing) {
+            constant.iter_mut().zip(h).for_each(|(c, h)| *c += 0.5 * ratio * (1.0 + e) * h);
+        }
+        Self { stiffness, constant }
+    }
+
+    /// Means of load and amplitudes over the step.
+    fn means(&self, load: f64, amplitudes: &Amplitudes) -> (f64, Amplitudes) {
+        let mean = |at: usize, u: f64| self.constant[at] + 0.5 * self.stiffness * u;
+        (mean(0, load), std::array::from_fn(|k| mean(1 + k, amplitudes[k])))
+    }
+}
+
+/// Internal variables after a step with these rates.
+fn relaxed(prony: &[PronyTerm], h: f64, now: &Instant, rates: &Unknowns) -> [Unknowns; MAX_PRONY] {
+    let mut relaxing = now.relaxing;
+    for (term, states) in prony.iter().zip(&mut relaxing) {
+        let (e, a) = term.within(h);
+        states.iter_mut().zip(rates).for_each(|(state, rate)| *state = e * *state + a * h * rate);
+    }
+    relaxing
 }
 
 fn difference(to: &Coordinates, from: &Coordinates, h: f64) -> Coordinates {
@@ -171,7 +214,14 @@ fn difference(to: &Coordinates, from: &Coordinates, h: f64) -> Coordinates {
 }
 
 /// Derivative of the left minus the right side of the step with respect to the unknowns.
-fn jacobian(forces: &Forces<'_>, h: f64, now: &Coordinates, next: &Coordinates) -> [Unknowns; UNKNOWNS] {
+fn jacobian(
+    forces: &Forces<'_>,
+    h: f64,
+    stiffness: f64,
+    now: &Coordinates,
+    next: &Coordinates,
+) -> [Unknowns; UNKNOWNS] {
+    let elastic = 0.25 * h * stiffness;
     let mut matrix = [[0.0; UNKNOWNS]; UNKNOWNS];
     let (modes, unit, beta) = (forces.modes, forces.unit_load, forces.damping_s);
     let row = |test: &Coordinates, damped: &Coordinates, factor: f64| {
@@ -182,13 +232,13 @@ fn jacobian(forces: &Forces<'_>, h: f64, now: &Coordinates, next: &Coordinates) 
         row
     };
     matrix[0] = row(now, unit, 1.0);
-    matrix[0][0] += 0.25 * h * dot(unit, now);
+    matrix[0][0] += elastic * dot(unit, now);
     for (k, mode) in modes.iter().enumerate() {
-        let (along, square) = (0.25 * h * dot(unit, &mode.shape), mode.rate_rad_s * mode.rate_rad_s);
+        let (along, square) = (elastic * dot(unit, &mode.shape), mode.rate_rad_s * mode.rate_rad_s);
         matrix[0][1 + k] += along;
         matrix[1 + k] = row(&mode.shape, &mode.shape, square);
         matrix[1 + k][0] += along;
-        matrix[1 + k][1 + k] += 0.25 * h * square;
+        matrix[1 + k][1 + k] += elastic * square;
     }
     matrix
 }

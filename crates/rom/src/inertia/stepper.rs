@@ -10,6 +10,7 @@
 use super::manifold::{Amplitudes, Coordinates, MAX_LINEAR_MODES, Manifold, dot};
 use super::momenta::{Forces, Instant, Step, Stepped, solve, step};
 use crate::inputs::Inputs;
+use crate::memory::{MAX_PRONY, PronyTerm};
 use crate::snapshots::RegimeKind;
 use thiserror::Error;
 
@@ -96,8 +97,17 @@ struct Now {
     /// Inputs with the load at rest.
     inputs: Inputs,
     force_n: f64,
+    /// Force of the relaxed elastomer, and its internal variables.
+    relaxed_n: Relaxed,
     /// Path, and amplitudes of impacts and of an unknown past, in coordinates.
     faded: [f64; 3],
+}
+
+/// Contact force of the relaxed elastomer, N, and internal variables of its relaxation.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Relaxed {
+    force_n: f64,
+    internal_n: [f64; MAX_PRONY],
 }
 
 /// Time and inputs of the last reading, begin of the grid, inner steps made.
@@ -117,6 +127,9 @@ pub struct Motion<M> {
     now: Option<(Now, Clock)>,
     /// Before the first reading the body may have moved.
     is_past_unknown: bool,
+    prony: [PronyTerm; MAX_PRONY],
+    /// Number of terms.
+    terms: usize,
 }
 
 impl<M: Manifold> Motion<M> {
@@ -127,7 +140,18 @@ impl<M: Manifold> Motion<M> {
             settings: MotionSettings { step_ns: settings.step_ns.max(1), ..settings },
             now: None,
             is_past_unknown: true,
+            prony: Default::default(),
+            terms: 0,
         }
+    }
+
+    /// The elastomer relaxes by a series, of whose terms at most [`MAX_PRONY`] count; the family is the relaxed one. Pressures are those
+    /// behind its load filter.
+    #[must_use]
+    pub fn relaxing(mut self, prony: &[PronyTerm]) -> Self {
+        self.terms = prony.len().min(MAX_PRONY);
+        self.prony[..self.terms].copy_from_slice(&prony[..self.terms]);
+        self
     }
 
     /// The manifold.
@@ -207,17 +231,24 @@ impl<M: Manifold> Motion<M> {
         let regime = if is_free { RegimeKind::Free } else { RegimeKind::Contact };
         let place = self.manifold.place(regime, inputs);
         let load = inputs.values()[self.manifold.load_input()];
-        let instant =
-            Instant { load, amplitudes: still, tangent: place.tangent, momenta: [0.0; _], rates: [0.0; _] };
+        let instant = Instant {
+            load,
+            amplitudes: still,
+            tangent: place.tangent,
+            momenta: [0.0; _],
+            rates: [0.0; _],
+            relaxing: [[0.0; _]; _],
+        };
         let (position, velocity) = (place.position, Coordinates::default());
-        let force_n = self.force_n(regime, inputs, &instant, [0.0; 2]);
+        let [force_n, _] = self.force_n(regime, inputs, &instant, [0.0; 2]);
+        let relaxed_n = Relaxed { force_n, ..Relaxed::default() };
         let range = self.manifold.load_range();
         let reach = if self.is_past_unknown { PAST_FRACTION * (range[1] - range[0]) } else { 0.0 };
         // A swing is one of the free body, which may touch only now.
         let tangent = self.manifold.place(RegimeKind::Free, inputs).tangent;
         let past = reach * dot(&tangent, &tangent).sqrt();
         let faded = [0.0, 0.0, past];
-        let now = Now { regime, instant, position, velocity, inputs: *inputs, force_n, faded };
+        let now = Now { regime, instant, position, velocity, inputs: *inputs, force_n, relaxed_n, faded };
         self.now = Some((now, Clock { begin_ns: t_ns, steps: 0, last_ns: t_ns, last: *inputs }));
         let state = self.state(&now);
         Moved { state, load_distance: self.outside(&now), held: false, at_rest: true }
@@ -235,24 +266,45 @@ impl<M: Manifold> Motion<M> {
         }
     }
 
-    /// Contact force, the part of the damping included: `F + beta dF/dt`, where pressure and gap change by `rates` per second.
-    fn force_n(&mut self, regime: RegimeKind, inputs: &Inputs, instant: &Instant, rates: [f64; 2]) -> f64 {
+    /// Contact force `F` of the relaxed elastomer, and the part of the damping, `beta dF/dt`, where pressure and gap change by `rates` per
+    /// second.
+    fn force_n(
+        &mut self,
+        regime: RegimeKind,
+        inputs: &Inputs,
+        instant: &Instant,
+        rates: [f64; 2],
+    ) -> [f64; 2] {
         if regime == RegimeKind::Free {
-            return 0.0;
+            return [0.0; 2];
         }
         let inputs = inputs.with(self.manifold.load_input(), instant.load);
         let force = self.manifold.force(&inputs, &instant.amplitudes);
         let by = std::iter::once(&force.by_load).chain(&force.by_amplitude).zip(instant.rates);
         let by = by.chain(force.by_operation.iter().zip(rates));
-        force.n + self.settings.damping_s * by.map(|(by, rate)| by * rate).sum::<f64>()
+        [force.n, self.settings.damping_s * by.map(|(by, rate)| by * rate).sum::<f64>()]
+    }
+
+    /// Contact force after a step, and what the next one needs of it.
+    fn relaxed_n(&self, now: &Now, [force_n, damping_n]: [f64; 2], h: f64) -> (f64, Relaxed) {
+        let mut next = Relaxed { force_n, ..now.relaxed_n };
+        let mut sum = force_n + damping_n;
+        for (term, state) in self.prony[..self.terms].iter().zip(&mut next.internal_n) {
+            let (e, a) = term.within(h);
+            *state = e * *state + a * (force_n - now.relaxed_n.force_n);
+            sum += term.ratio * *state;
+        }
+        (sum, next)
     }
 
     /// One step with its change of regime, if any.
     fn step(&mut self, now: &Now, step_ns: u64, next: &Inputs) -> Option<Now> {
         let at = self.manifold.load_input();
         let damping_s = self.settings.damping_s;
+        let (prony, terms) = (self.prony, self.terms);
         let of = |regime| Step {
             regime,
+            prony: &prony[..terms],
             h: step_ns as f64 * 1e-9,
             damping_s,
             rest: [now.inputs.values()[at], next.values()[at]],
@@ -263,14 +315,16 @@ impl<M: Manifold> Motion<M> {
             if change.is_finite() { change / (step_ns as f64 * 1e-9) } else { 0.0 }
         };
         let rates = [rate(Inputs::pressure_mpa), rate(Inputs::gap_mm)];
-        let force_n = self.force_n(now.regime, next, &stepped.instant, rates);
+        let force = self.force_n(now.regime, next, &stepped.instant, rates);
+        let h = step_ns as f64 * 1e-9;
+        let (force_n, relaxed_n) = self.relaxed_n(now, force, h);
         let leaves = match now.regime {
             RegimeKind::Free => self.penetrates(next, &stepped.instant),
             RegimeKind::Contact => force_n < 0.0,
         };
         let faded = self.faded(now, &stepped, step_ns);
         if !leaves {
-            return Some(moved(now.regime, stepped, next, force_n, faded));
+            return Some(moved(now.regime, stepped, next, (force_n, relaxed_n), faded));
         }
         let regime = match now.regime {
             RegimeKind::Free => RegimeKind::Contact,
@@ -281,11 +335,15 @@ impl<M: Manifold> Motion<M> {
         let other = step(&mut self.manifold, &changed, &instant, &now.position, next)?;
         if regime == RegimeKind::Free && self.penetrates(next, &other.instant) {
             // Neither held nor away from the obstacle: it touches without force.
-            return Some(moved(now.regime, stepped, next, 0.0, faded));
+            return Some(moved(now.regime, stepped, next, (0.0, relaxed_n), faded));
         }
         // The load of the onset is not that of the position: its change in this step is no rate.
         let arrived = Instant { rates: [0.0; _], ..other.instant };
-        let force_n = self.force_n(regime, next, &arrived, rates);
+        let arrived_n = self.force_n(regime, next, &arrived, rates);
+        let force_n = match regime {
+            RegimeKind::Contact => self.relaxed_n(now, arrived_n, h),
+            RegimeKind::Free => (0.0, Relaxed::default()),
+        };
         let lost: Coordinates = std::array::from_fn(|i| now.velocity[i] - other.velocity[i]);
         let rate = self.contact_rate(&arrived).max(f64::MIN_POSITIVE);
         let [path, impact, past] = faded;
@@ -323,7 +381,7 @@ impl<M: Manifold> Motion<M> {
 
     /// The present instant in another regime: load and amplitudes at the onset nearest to the position, momenta of the velocity tested
     /// with the tangents of arrival.
-    fn arrival(&mut self, now: &Now, step: &Step) -> Option<Instant> {
+    fn arrival(&mut self, now: &Now, step: &Step<'_>) -> Option<Instant> {
         let at = self.manifold.load_input();
         let inputs = now.inputs.with(at, now.instant.load);
         let onset = self.manifold.onset_load(&inputs);
@@ -349,15 +407,26 @@ impl<M: Manifold> Motion<M> {
             // Where the tangent of contact is small, the load is that of the onset.
             amplitudes.iter_mut().zip(modes).for_each(|(y, mode)| *y = dot(&mode.shape, &off));
         }
-        let excess = step.rest[0] - load;
+        // The amplitudes are those of other modes; the load relaxes on.
+        let relaxing =
+            now.instant.relaxing.map(|[load, ..]| std::array::from_fn(|i| if i == 0 { load } else { 0.0 }));
+        let acting =
+            step.prony.iter().zip(&relaxing).map(|(term, h): (_, &[f64; _])| term.ratio * h[0]).sum::<f64>();
+        let excess = step.rest[0] - load - acting;
         let momenta = forces.momenta(step.h, excess, &amplitudes, &place.tangent, &now.velocity);
-        Some(Instant { load, amplitudes, tangent: place.tangent, momenta, rates: [0.0; _] })
+        Some(Instant { load, amplitudes, tangent: place.tangent, momenta, rates: [0.0; _], relaxing })
     }
 }
 
-fn moved(regime: RegimeKind, stepped: Stepped, inputs: &Inputs, force_n: f64, faded: [f64; 3]) -> Now {
+fn moved(
+    regime: RegimeKind,
+    stepped: Stepped,
+    inputs: &Inputs,
+    (force_n, relaxed_n): (f64, Relaxed),
+    faded: [f64; 3],
+) -> Now {
     let Stepped { instant, position, velocity } = stepped;
-    Now { regime, instant, position, velocity, inputs: *inputs, force_n, faded }
+    Now { regime, instant, position, velocity, inputs: *inputs, force_n, relaxed_n, faded }
 }
 
 /// Square of the circular frequency of small swings along the tangent, 1/s2: `X_a' M e = w^2 X_a' M X_a`.

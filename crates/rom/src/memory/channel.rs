@@ -6,6 +6,8 @@ use super::spec::InputMemory;
 
 /// Longest inner step as a fraction of the shortest creep time.
 const INNER: f64 = 0.25;
+/// Time of an orifice's flow that counts as a time constant for the inner steps.
+const FLOW: f64 = 0.2;
 /// Most inner steps.
 const MAX_INNER: f64 = 64.0;
 
@@ -25,7 +27,7 @@ impl Channel {
     pub(super) fn at_rest(of: &InputMemory, past: f64, input: f64) -> Self {
         let mut channel = Self {
             input,
-            line: if of.line.is_some() { past } else { input },
+            line: if of.has_lag() { past } else { input },
             plays: [past; MAX_PLAYS],
             after_play: past,
             creeps: [past; MAX_CREEPS],
@@ -52,7 +54,7 @@ impl Channel {
     /// The input jumps.
     pub(super) fn jump(&mut self, of: &InputMemory, to: f64) {
         self.input = to;
-        if of.line.is_none() {
+        if !of.has_lag() {
             self.line = to;
         }
         self.follow(of);
@@ -72,11 +74,13 @@ impl Channel {
     /// The input goes straight to `to` within `dt_s`, which is above 0.
     pub(super) fn step(&mut self, of: &InputMemory, to: f64, dt_s: f64) {
         let shortest = of.creep.iter().map(|creep| creep.time_s).fold(f64::INFINITY, f64::min);
+        let shortest = of.orifice.map_or(shortest, |orifice| shortest.min(FLOW * orifice.time_s));
         let count = (dt_s / (INNER * shortest)).ceil().clamp(1.0, MAX_INNER);
         let (from, inner_s) = (self.input, dt_s / count);
         for k in 1..=count as u32 {
             let next = from + (to - from) * f64::from(k) / count;
-            match of.line.map(|line| line.step(self.line, self.input, next, inner_s)) {
+            let of_orifice = of.orifice.map(|orifice| orifice.within(self.line, self.input, next, inner_s));
+            match of.line.or(of_orifice).map(|line| line.step(self.line, self.input, next, inner_s)) {
                 Some((end, turn)) => {
                     let mut rest_s = inner_s;
                     if let Some(turn) = turn {

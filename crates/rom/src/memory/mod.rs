@@ -2,10 +2,10 @@
 //!
 //! ```text
 //! command -> line -> play -> creep -> x(P, gap, ...)
-//! c' = (u - c) / tau, tau of filling or emptying        line.rs
+//! c' = (u - c) / tau, tau of filling or emptying        line.rs, orifice.rs
 //! y_k = max(c - r_k, min(c + r_k, y_k)),  v = c + sum w_k (y_k - c)        play.rs
 //! z_k' = (v - z_k) / tau_k,  output = v + sum w_k (z_k - v)        creep.rs
-//! P = P^ + sum r_k h_k,  h_k' = P^' - h_k / tau_k        prony.rs
+//! P = P^ + sum r_k h_k,  h_k' = P^' - h_k / tau_k: as creep        prony.rs
 //! ```
 //!
 //! The blocks step by the sensor's time. Line and play are exact for an input that is straight between readings, so results do not depend on
@@ -15,14 +15,16 @@
 mod channel;
 mod creep;
 mod line;
+mod orifice;
 mod play;
 mod prony;
 mod spec;
 
 pub use creep::{Creep, MAX_CREEPS};
 pub use line::Line;
+pub use orifice::Orifice;
 pub use play::{MAX_PLAYS, Play};
-pub use prony::{MAX_PRONY, Prony, PronyTerm};
+pub use prony::{MAX_PRONY, PronyTerm, filter};
 pub use spec::{InputMemory, MemorySpec, Slopes};
 
 use crate::halfwidths::HalfWidths;

@@ -1,20 +1,19 @@
-//! Load filter of a material whose deviatoric stress relaxes by a Prony series.
+//! Relaxation of a material by a Prony series: load filter of its static family, and internal variables of a quantity.
 //!
-//! A static family at the long-term modulus, driven by the load `P^` with `P = P^ + sum r_k h_k`, `h_k' = P^' - h_k / tau_k`: the relaxing part
-//! of the stress takes `r_k h_k` of the load. With `z_k = P^ - h_k` the states are those of viscous elements, `z_k' = (P^ - z_k) / tau_k`, and
-//! `P^ = (P + sum r_k z_k) / (1 + sum r_k)`. At rest `z_k = P^ = P`.
+//! A static family at the long-term modulus is driven by the load `P^` with `P = P^ + sum r_k h_k`, `h_k' = P^' - h_k / tau_k`: the relaxing part
+//! of the stress takes `r_k h_k` of the load. `P^ / P = 1 / (1 + sum r_k tau_k s / (1 + tau_k s))` has as many real poles as terms, so that
+//! the filter is a sum of creep terms with the same poles and residues.
 
+use super::creep::Creep;
 use serde::{Deserialize, Serialize};
 
 /// Largest number of terms.
 pub const MAX_PRONY: usize = 4;
-/// Longest inner step as a fraction of the shortest time constant.
-const INNER: f64 = 0.25;
-/// Most inner steps; a longer step is nearer to rest than the error of longer inner steps.
-const MAX_INNER: f64 = 64.0;
+/// Halvings of an interval that contains a pole.
+const HALVINGS: usize = 200;
 
 /// Term of a series.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PronyTerm {
     /// Ratio of the relaxing modulus to the long-term modulus, `w / (1 - sum w)` of weights `w` of the instantaneous modulus.
     pub ratio: f64,
@@ -22,77 +21,55 @@ pub struct PronyTerm {
     pub time_s: f64,
 }
 
-/// Filter of one load.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Prony {
-    terms: [PronyTerm; MAX_PRONY],
-    count: usize,
-    states: [f64; MAX_PRONY],
-    load: f64,
-    filtered: f64,
-}
-
-impl Prony {
-    /// Filter at rest under a load.
+impl PronyTerm {
+    /// Checks a series.
     ///
     /// # Errors
     /// A sentence if there are more than [`MAX_PRONY`] terms, or a ratio or time is not positive and finite.
-    pub fn at_rest(terms: &[PronyTerm], load: f64) -> Result<Self, String> {
+    pub fn check(terms: &[Self]) -> Result<(), String> {
         if terms.len() > MAX_PRONY {
             return Err(format!("expected at most {MAX_PRONY} Prony terms, found {}", terms.len()));
         }
         let positive = |value: f64| value > 0.0 && value.is_finite();
-        if let Some(term) = terms.iter().find(|term| !positive(term.ratio) || !positive(term.time_s)) {
-            return Err(format!(
-                "expected Prony ratios and times above 0, found {} and {} s",
-                term.ratio, term.time_s
-            ));
-        }
-        let mut own = [PronyTerm { ratio: 0.0, time_s: 1.0 }; MAX_PRONY];
-        own[..terms.len()].copy_from_slice(terms);
-        Ok(Self { terms: own, count: terms.len(), states: [load; MAX_PRONY], load, filtered: load })
-    }
-
-    /// Load `P^` of the static family.
-    pub fn filtered(&self) -> f64 {
-        self.filtered
-    }
-
-    /// `sum r_k h_k = P - P^`: the part of the load that the relaxing stress carries.
-    pub fn relaxing(&self) -> f64 {
-        self.load - self.filtered
-    }
-
-    /// Advances by `dt_s`, in which the load goes straight to `to`; returns `P^`. Unconditionally stable; exact where `P^` is straight
-    /// within an inner step. A step of no duration is a jump.
-    pub fn step(&mut self, to: f64, dt_s: f64) -> f64 {
-        let terms = &self.terms[..self.count];
-        let shortest = terms.iter().map(|term| term.time_s).fold(f64::INFINITY, f64::min);
-        let count = (dt_s / (INNER * shortest)).ceil().clamp(1.0, MAX_INNER);
-        let (from, inner_s) = (self.load, dt_s / count);
-        for k in 1..=count as u32 {
-            let load = from + (to - from) * f64::from(k) / count;
-            // z_k = a_k P^ + b_k at the end of the step.
-            let (mut left, mut right) = (1.0, load);
-            let parts = |term: &PronyTerm| {
-                let x = inner_s / term.time_s;
-                // (1 - e^-x) / x, 1 at x = 0
-                let mean = if x > 0.0 { -(-x).exp_m1() / x } else { 1.0 };
-                (1.0 - mean, (-x).exp(), mean - (-x).exp())
-            };
-            for (term, state) in terms.iter().zip(&self.states) {
-                let (a, decay, past) = parts(term);
-                left += term.ratio * (1.0 - a);
-                right += term.ratio * (decay * state + past * self.filtered);
+        match terms.iter().find(|term| !positive(term.ratio) || !positive(term.time_s)) {
+            Some(PronyTerm { ratio, time_s }) => {
+                Err(format!("expected Prony ratios and times above 0, found {ratio} and {time_s} s"))
             }
-            let filtered = right / left;
-            for (term, state) in terms.iter().zip(&mut self.states) {
-                let (a, decay, past) = parts(term);
-                *state = a * filtered + decay * *state + past * self.filtered;
-            }
-            self.filtered = filtered;
+            None => Ok(()),
         }
-        self.load = to;
-        self.filtered
     }
+
+    /// Factors `e`, `a` of `h_1 = e h_0 + a (u_1 - u_0)` for a quantity `u` that is straight within a step.
+    pub fn within(&self, step_s: f64) -> (f64, f64) {
+        let x = step_s / self.time_s;
+        let lost = -(-x).exp_m1();
+        (1.0 - lost, if x > 0.0 { lost / x } else { 1.0 })
+    }
+}
+
+/// Creep terms of the load filter of a series, by decreasing time.
+///
+/// # Errors
+/// As [`PronyTerm::check`].
+pub fn filter(terms: &[PronyTerm]) -> Result<Vec<Creep>, String> {
+    PronyTerm::check(terms)?;
+    let mut times: Vec<f64> = terms.iter().map(|term| term.time_s).collect();
+    times.sort_by(|a, b| b.total_cmp(a));
+    times.dedup();
+    // Denominator at s = -x, which falls from 1 or infinity to minus infinity between two rates of the series.
+    let at = |x: f64| 1.0 - terms.iter().map(|t| t.ratio * t.time_s * x / (1.0 - t.time_s * x)).sum::<f64>();
+    let mut low = 0.0;
+    let mut creeps = Vec::new();
+    for time_s in times {
+        let (mut from, mut to) = (low, 1.0 / time_s);
+        low = to;
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (from + to);
+            if at(middle) > 0.0 { from = middle } else { to = middle }
+        }
+        let x = 0.5 * (from + to);
+        let slope: f64 = terms.iter().map(|t| t.ratio * t.time_s / (1.0 - t.time_s * x).powi(2)).sum();
+        creeps.push(Creep { time_s: 1.0 / x, weight: 1.0 / (x * slope) });
+    }
+    Ok(creeps)
 }

@@ -2,6 +2,7 @@
 
 use super::creep::{Creep, MAX_CREEPS};
 use super::line::Line;
+use super::orifice::Orifice;
 use super::play::{MAX_PLAYS, Play};
 use crate::inputs::MAX_INPUTS;
 use crate::model::{BlockKind, Model, ModelFileError};
@@ -26,6 +27,8 @@ pub struct InputMemory {
     pub range: [f64; 2],
     /// Line.
     pub line: Option<Line>,
+    /// Line with an orifice in place of `line`; the input is a gauge pressure, MPa.
+    pub orifice: Option<Orifice>,
     /// Play operators.
     pub play: Vec<Play>,
     /// Creep.
@@ -46,6 +49,11 @@ pub struct Slopes {
 }
 
 impl InputMemory {
+    /// True if the pressure of the cavity lags behind the input.
+    pub(super) fn has_lag(&self) -> bool {
+        self.line.is_some() || self.orifice.is_some()
+    }
+
     fn check(&self, inputs: usize) -> Result<(), String> {
         let positive = |value: f64| value > 0.0 && value.is_finite();
         let require = |sound: bool, what: &str| if sound { Ok(()) } else { Err(what.to_owned()) };
@@ -56,6 +64,10 @@ impl InputMemory {
         )?;
         let line = self.line.is_none_or(|line| positive(line.fill_s) && positive(line.empty_s));
         require(line, "a line's time constant is not above 0 s")?;
+        let orifice =
+            self.orifice.is_none_or(|o| positive(o.time_s) && (0.0..1.0).contains(&o.critical_ratio));
+        require(orifice, "an orifice's time is not above 0 s or its critical ratio not within 0 and 1")?;
+        require(self.line.is_none() || self.orifice.is_none(), "a line and an orifice of one input")?;
         require(self.play.len() <= MAX_PLAYS, "more than six play operators")?;
         require(self.play.iter().all(|p| positive(p.threshold)), "a threshold of play is not above 0")?;
         require(self.creep.len() <= MAX_CREEPS, "more than four creep terms")?;

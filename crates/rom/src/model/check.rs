@@ -6,6 +6,7 @@ use crate::inertia::data::{InertiaModel, MotionWidths, RegimeInertia, StoredMode
 use crate::inertia::manifold::{MAX_COORDINATES, MAX_LINEAR_MODES};
 use crate::inputs::{InputMap, MAX_INPUTS, PARAMETERS};
 use crate::interpolant::{Interpolant, Slope};
+use crate::memory::PronyTerm;
 use crate::snapshots::RegimeKind;
 
 /// Largest number in an interpolant; sums over it stay finite as f32 fields.
@@ -65,6 +66,7 @@ impl InertiaModel {
         require((1..=MAX_COORDINATES).contains(&count), "expected 1 to 16 coordinates")?;
         let sane = self.step_ns > 0 && self.damping_s >= 0.0 && self.damping_s.is_finite();
         require(sane, "expected a step above 0 and a damping of at least 0")?;
+        PronyTerm::check(&self.prony).map_err(|reason| format!("inertia: {reason}"))?;
         let MotionWidths { swing, impact, past } = self.widths;
         let widths = [swing, impact, past].concat();
         require(

@@ -23,7 +23,8 @@ pub fn learn_with_memory(actuator: &str, data: &Measured) -> Result<(Learned, Id
     let moving = select(data, &mut remarks)?;
     let runs: Vec<Run> = moving.runs.iter().map(driven).filter(|run| run.time_s.len() > 1).collect();
     let scales = scales(&moving.outputs, &runs);
-    let found = identify(&runs, &scales, None).ok_or(MeasuredError::Singular)?;
+    let are_pressures = moving.inputs.iter().all(|name| name.ends_with("_mpa"));
+    let found = identify(&runs, are_pressures, &scales, None).ok_or(MeasuredError::Singular)?;
     let Some(spec) = &found.memory else {
         let mut learned = fit(actuator, &moving)?;
         remarks.append(&mut learned.remarks);

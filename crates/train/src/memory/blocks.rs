@@ -1,15 +1,20 @@
 //! Constants of the blocks as unknowns of the search.
 
-use rom::memory::{Creep, InputMemory, Line, MemorySpec, Play, Slopes};
+use rom::memory::{Creep, InputMemory, Line, MemorySpec, Orifice, Play, Slopes};
 
 /// Play operators of an input: thresholds evenly spaced up to the largest, equal weights.
 const PLAYS: usize = 4;
+
+/// Critical pressure ratios of valves and tubes.
+const CRITICAL_RATIOS: [f64; 2] = [0.05, 0.6];
 
 /// Kind of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Block {
     /// Lag with two time constants.
     Line,
+    /// Flow through an orifice into a volume: an alternative to the former, of pressures in MPa.
+    Orifice,
     /// Play operators of thresholds up to the largest, a loop that rounds its turning points.
     Play,
     /// One play operator, as a mechanical play: an alternative to the former.
@@ -20,13 +25,14 @@ pub enum Block {
 
 impl Block {
     /// In the order from the source to the fields.
-    pub const ALL: [Self; 4] = [Self::Line, Self::Play, Self::SinglePlay, Self::Creep];
+    pub const ALL: [Self; 5] = [Self::Line, Self::Orifice, Self::Play, Self::SinglePlay, Self::Creep];
 
     /// Word for it.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Line => "line",
+            Self::Orifice => "orifice",
             Self::Play => "play",
             Self::SinglePlay => "single play",
             Self::Creep => "creep",
@@ -38,6 +44,7 @@ impl Block {
     pub fn constants(self) -> [(&'static str, &'static str); 2] {
         match self {
             Self::Line => [("filling", "s"), ("emptying", "s")],
+            Self::Orifice => [("volume over conductance", "s"), ("critical ratio", "")],
             Self::Play => [("largest threshold", "of the range"), ("weight", "")],
             Self::SinglePlay => [("threshold", "of the range"), ("weight", "")],
             Self::Creep => [("time", "s"), ("weight", "")],
@@ -46,8 +53,12 @@ impl Block {
 
     /// True if a set of blocks has this one, or its alternative.
     pub(super) fn is_in(self, blocks: &[Self]) -> bool {
-        let is_play = |block: Self| matches!(block, Self::Play | Self::SinglePlay);
-        blocks.iter().any(|other| *other == self || is_play(*other) && is_play(self))
+        let kind = |block: Self| match block {
+            Self::Line | Self::Orifice => Self::Line,
+            Self::Play | Self::SinglePlay => Self::Play,
+            Self::Creep => Self::Creep,
+        };
+        blocks.iter().any(|other| kind(*other) == kind(self))
     }
 
     /// True if a constant is a time.
@@ -77,6 +88,7 @@ impl Limits {
         let time = [(0.3 * interval_s).ln(), (0.25 * duration_s).max(interval_s).ln()];
         match block {
             Block::Line => [time, time],
+            Block::Orifice => [time, CRITICAL_RATIOS],
             Block::Play | Block::SinglePlay => [[0.005_f64.ln(), 0.5_f64.ln()], [0.0, 1.0]],
             Block::Creep => {
                 [[(3.0 * interval_s).max(0.02 * duration_s).ln().min(time[1]), time[1]], [0.0, 0.6]]
@@ -94,6 +106,7 @@ impl Limits {
         };
         match block {
             Block::Line => grid(&shares, &shares),
+            Block::Orifice => grid(&shares, &[0.4]),
             Block::Play | Block::SinglePlay => grid(&[0.3, 0.5, 0.7, 0.85], &[0.3, 0.8]),
             Block::Creep => grid(&[0.2, 0.5, 0.8], &[0.1, 0.4]),
         }
@@ -104,10 +117,14 @@ impl Limits {
 pub(super) fn spec(blocks: &[Block], unknowns: &[f64], ranges: &[[f64; 2]], max_gap_s: f64) -> MemorySpec {
     let inputs = ranges.iter().enumerate().map(|(input, range)| {
         let (play, creep, slopes) = (Vec::new(), Vec::new(), Slopes::default());
-        let mut of = InputMemory { input, range: *range, line: None, play, creep, slopes };
+        let (line, orifice) = (None, None);
+        let mut of = InputMemory { input, range: *range, line, orifice, play, creep, slopes };
         for (block, u) in blocks.iter().zip(unknowns.chunks_exact(2)) {
             match block {
                 Block::Line => of.line = Some(Line { fill_s: u[0].exp(), empty_s: u[1].exp() }),
+                Block::Orifice => {
+                    of.orifice = Some(Orifice { time_s: u[0].exp(), critical_ratio: u[1] });
+                }
                 Block::Play => {
                     let largest = u[0].exp() * (range[1] - range[0]);
                     let play = |k: usize| Play {

@@ -85,11 +85,16 @@ pub fn parts(rows: &[usize]) -> Vec<Vec<usize>> {
     rows.iter().enumerate().map(one).collect()
 }
 
-/// Identifies the memory of runs. `scales` is the unit of each output's error, e.g. the range of the outputs with its unit. The static map
+/// Identifies the memory of runs, whose inputs are gauge pressures in MPa or others. `scales` is the unit of each output's error, e.g. the range of the outputs with its unit. The static map
 /// is that of a `model` up to weights, or a polynomial.
 /// Returns `None` where the least-squares map has no finite solution. Cost: `O(1000 rows)`.
 #[must_use]
-pub fn identify(runs: &[Run], scales: &[f64], model: Option<&dyn ModelTerms>) -> Option<Identified> {
+pub fn identify(
+    runs: &[Run],
+    are_pressures: bool,
+    scales: &[f64],
+    model: Option<&dyn ModelTerms>,
+) -> Option<Identified> {
     let inputs = runs.first()?.inputs.len();
     let range = |input: usize| {
         let values = runs.iter().flat_map(|run| &run.inputs[input]);
@@ -127,7 +132,9 @@ pub fn identify(runs: &[Run], scales: &[f64], model: Option<&dyn ModelTerms>) ->
     let mut kept = memoryless.clone();
     let (mut reports, mut remarks): (Vec<BlockReport>, Vec<String>) = (Vec::new(), Vec::new());
     loop {
-        let missing: Vec<Block> = Block::ALL.into_iter().filter(|block| !block.is_in(&kept.blocks)).collect();
+        let is_possible = |block: &Block| are_pressures || *block != Block::Orifice;
+        let missing: Vec<Block> =
+            Block::ALL.into_iter().filter(is_possible).filter(|block| !block.is_in(&kept.blocks)).collect();
         let with = |block: Block| -> Vec<Block> {
             Block::ALL.into_iter().filter(|b| *b == block || kept.blocks.contains(b)).collect()
         };

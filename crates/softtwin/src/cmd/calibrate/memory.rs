@@ -86,7 +86,7 @@ pub fn calibrate(
         let own = &calibration.unknowns;
         let terms = Terms::new(&own.setup, readings, &estimates, &mut own.sensors.clone(), (&rows, &scales));
         let model_terms: Option<&dyn ModelTerms> = if round > 0 { Some(&terms) } else { None };
-        let identified = identify(std::slice::from_ref(&run), &scales, model_terms).ok_or_else(|| {
+        let identified = identify(std::slice::from_ref(&run), true, &scales, model_terms).ok_or_else(|| {
             unexplained(String::from(
                 "--memory: expected a recording in which the pressure moves, found one that identifies no memory",
             ))

@@ -17,10 +17,13 @@ use std::path::{Path, PathBuf};
 const FORCE_WINDOW_S: f64 = 0.01;
 /// Place of the contact force in a series.
 const FORCE: usize = 6;
+/// Places of the tip's coordinates in a series.
+const TIP: [usize; 2] = [4, 5];
 /// First quantity of a series that is predicted.
 const FIRST: usize = 3;
 
-/// Errors along one motion, root mean square in % of the range of each quantity.
+/// Errors along one motion, root mean square in % of the range of each quantity; of positions, in % of the length of the tip's range, because
+/// an obstacle holds single coordinates.
 #[derive(Debug, Serialize)]
 struct Errors {
     series: PathBuf,
@@ -36,7 +39,7 @@ struct Errors {
 /// Compares, draws and prints.
 pub fn run(model: &Model, folders: &[PathBuf], picture: Option<&Path>, as_json: bool) -> Result<()> {
     let mut without = model.clone();
-    without.blocks.retain(|(kind, _)| *kind != BlockKind::Inertia);
+    without.blocks.retain(|(kind, _)| !matches!(kind, BlockKind::Inertia | BlockKind::Memory));
     let compare = |folder: &PathBuf| -> Result<(Errors, Motion)> {
         let series = folder.join("series.csv");
         let truth = read(&series)?;
@@ -66,8 +69,8 @@ pub fn run(model: &Model, folders: &[PathBuf], picture: Option<&Path>, as_json: 
     }
     let names = SERIES_COLUMNS[FIRST..].iter().map(|name| format!("{name:>17}")).collect::<String>();
     output!(
-        "root mean square error in % of the range, contact force as mean over 10 ms; within: values of the motion within their \
-         half-widths, %"
+        "root mean square error in % of the range, of positions in % of the length of the tip's range, contact force as mean over 10 ms; \
+         within: values of the motion within their half-widths, %"
     )?;
     output!("{:<9}{:<9}{names}  series", "class", "model")?;
     for errors in &all {
@@ -125,14 +128,20 @@ fn column(rows: &[[f64; 8]], at: usize) -> Vec<f64> {
 }
 
 fn errors(truth: &[[f64; 8]], found: &[[f64; 8]]) -> [Option<f64>; 5] {
+    let range = |at: usize| {
+        let values = column(truth, at);
+        let (low, high) =
+            values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+        high - low
+    };
+    let tip = TIP.map(range);
     std::array::from_fn(|k| {
         let at = FIRST + k;
         let (truth, found) = (column(truth, at), column(found, at));
-        let (low, high) =
-            truth.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+        let scale = if at < FORCE { tip[0].hypot(tip[1]) } else { range(at) };
         let square =
             truth.iter().zip(&found).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / truth.len() as f64;
-        (high > low).then(|| 100.0 * square.sqrt() / (high - low))
+        (scale > 0.0).then(|| 100.0 * square.sqrt() / scale)
     })
 }
 

@@ -1,0 +1,39 @@
+#!/bin/sh
+# Tables of docs/memory.md: a short finger, its model with inertia, random traces of pressure, their finite-element motions, and the errors;
+# the same finger of a relaxing elastomer, whose static states are the same.
+#   scripts/motion.sh [FOLDER]      default: target/motion. Stopped and started again, it continues.
+#   SOFTTWIN=path/to/softtwin takes a program that is already built.
+set -eu
+cd "$(dirname "$0")/.."
+folder=${1:-target/motion}
+softtwin() { ${SOFTTWIN:-cargo run --quiet --release -p softtwin --} "$@"; }
+mkdir -p "$folder"
+if [ ! -f "$folder/q/actuator.toml" ]; then
+    (cd "$folder" && softtwin new q --chambers 4 --length-mm 48 --width-mm 16 --shear-modulus-mpa 0.2)
+    softtwin mesh --actuator "$folder/q/actuator.toml" --size-mm 12.5
+fi
+softtwin sample --kind sequence --n 60 --regime both --pressure-mpa 0 0.04 --gap-mm 3.5 6 --actuator "$folder/q/actuator.toml" \
+    --parameter loads.gravity_mm_s2.1=-60000:40000 --out "$folder/cases.csv"
+softtwin simulate --actuator "$folder/q/actuator.toml" --cases "$folder/cases.csv" --sensitivities --out "$folder/database"
+softtwin train --database "$folder/database" --inertia "$folder/q/actuator.toml" --out "$folder/q.twin"
+python3 scripts/motion_traces.py "$folder/traces"
+set --
+for trace in "$folder"/traces/*.csv; do
+    name=$(basename "$trace" .csv)
+    softtwin simulate --actuator "$folder/q/actuator.toml" --trace "$trace" --out "$folder/motions/$name"
+    set -- "$@" "$folder/motions/$name"
+done
+softtwin evaluate --model "$folder/q.twin" --traces "$@"
+
+mkdir -p "$folder/v" "$folder/relaxing"
+cp -r "$folder/q/." "$folder/v/"
+sed -i 's/^prony = \[\]/prony = [{ weight = 0.2, time_s = 0.05 }]/' "$folder/v/actuator.toml"
+softtwin train --database "$folder/database" --inertia "$folder/v/actuator.toml" --out "$folder/v.twin"
+printf 't_s,pressure_mpa\n0,0.01\n0.01,0.03\n0.2,0.03\n' >"$folder/relaxing/free.csv"
+printf 't_s,pressure_mpa,gap_mm\n0,0.01,4.6\n0.01,0.04,4.6\n0.2,0.04,4.6\n' >"$folder/relaxing/landing.csv"
+set --
+for name in free landing; do
+    softtwin simulate --actuator "$folder/v/actuator.toml" --trace "$folder/relaxing/$name.csv" --out "$folder/relaxed/$name"
+    set -- "$@" "$folder/relaxed/$name"
+done
+softtwin evaluate --model "$folder/v.twin" --traces "$@"
