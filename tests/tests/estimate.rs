@@ -190,6 +190,7 @@ fn memory_is_identified_beside_stiffness_gap_and_bias_and_then_used() {
         input: 0,
         range: [0.0, 0.095],
         line: Some(Line { fill_s: 0.3, empty_s: 0.9 }),
+        orifice: None,
         play: vec![Play { threshold: 0.00225, weight: 1.0 }],
         creep: Vec::new(),
         slopes: Slopes::default(),

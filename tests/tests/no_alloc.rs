@@ -50,6 +50,7 @@ fn memory() -> Memory {
         input: 0,
         range: [0.0, 0.06],
         line: Some(Line { fill_s: 0.2, empty_s: 0.5 }),
+        orifice: None,
         play: vec![Play { threshold: 0.001, weight: 0.4 }],
         creep: vec![Creep { time_s: 3.0, weight: 0.1 }],
         slopes: Slopes { displacement_mm: 1000.0, ..Slopes::default() },

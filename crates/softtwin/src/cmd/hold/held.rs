@@ -144,6 +144,12 @@ fn take_memory(model: &rom::model::Model, settings: &mut Settings) -> anyhow::Re
     let memory = MemorySpec::of(model).map_err(configuration)?;
     let of_pressure = memory.and_then(|memory| memory.inputs.into_iter().find(|of| of.input == PRESSURE));
     let Some(of_pressure) = of_pressure else { return Ok(false) };
+    if of_pressure.orifice.is_some() {
+        return Err(configuration(anyhow::anyhow!(
+            "the model's memory: expected a line with two time constants, found an orifice, which no control law inverts; set control.line and \
+             use a model without memory"
+        )));
+    }
     settings.play = of_pressure.play;
     if let Some(line) = of_pressure.line {
         (settings.line, settings.gauge_at) = (line, GaugeAt::Valve);
