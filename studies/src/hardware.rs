@@ -113,7 +113,12 @@ impl Args {
             ] {
                 let errors = [BELOW_MPA, ALL_MPA].map(|to_mpa| {
                     let error = 100.0 * largest_error(&curve, &measured, scale, to_mpa) / range;
-                    format!("largest error to {:.0} kPa {error:.1} % of the range", 1e3 * to_mpa)
+                    let kpa = 1e3 * to_mpa;
+                    if error.is_finite() {
+                        format!("largest error to {kpa:.0} kPa {error:.1} % of the range")
+                    } else {
+                        format!("the path ends before {kpa:.0} kPa")
+                    }
                 });
                 output!("{label} (stiffness x {scale:.3}): {}", errors.join(", "))?;
             }
