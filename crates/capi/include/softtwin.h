@@ -33,13 +33,15 @@ typedef struct softtwin_reader softtwin_reader;
 typedef struct softtwin_waiter softtwin_waiter;
 /** A received field. Its memory is unchanged until softtwin_field_release; at most 4 may be held of one topic. */
 typedef struct softtwin_field softtwin_field;
-/** The one writer of a topic of readings, commands or setpoints. */
+/** The one writer of a topic of readings, commands, setpoints or targets. */
 typedef struct softtwin_writer softtwin_writer;
 /** A client of the twin of one actuator, for questions. */
 typedef struct softtwin_client softtwin_client;
 /** A model in this process, with the fields and nodes that it reconstructs. Any number of threads may use one. */
 typedef struct softtwin_model softtwin_model;
 typedef struct softtwin_motion softtwin_motion;
+/** Controller of one actuator, stepped by its caller, without a bus. Used by one thread. */
+typedef struct softtwin_control softtwin_control;
 
 /** One input of a model. */
 typedef struct {
@@ -103,6 +105,35 @@ typedef struct {
   double observable_halfwidths[8]; /**< Their half-widths; outside, they do not hold. */
   double observable_offsets[8];    /**< Part of each that is a measured difference from the finite elements; 0 without one. */
 } softtwin_prediction;
+
+/** Measurements of one control cycle. */
+typedef struct {
+  double pressure_mpa; /**< Gauge, MPa; of a model with memory the one before it. */
+  double gap_mm;       /**< Gap, mm, measured or estimated; 1e4 without an obstacle. */
+  double measured;     /**< The held quantity; NaN: not measured, the model's value is used. */
+  double written_mpa;  /**< Pressure that the valve was last given, MPa; NaN: the last setpoint. */
+} softtwin_control_reading;
+
+/** Limits that bind in a control cycle, bits. */
+typedef enum {
+  SOFTTWIN_LIMITED_FORCE = 1,      /**< The target is beyond the force limit. */
+  SOFTTWIN_LIMITED_RANGE = 2,      /**< The target is beyond the model's or the valve's range. */
+  SOFTTWIN_LIMITED_RATE = 4,       /**< Line, slew or rate of the valve are slower than the reference. */
+  SOFTTWIN_LIMITED_CORRECTION = 8, /**< The correction is at its largest. */
+  SOFTTWIN_LIMITED_VALVE = 16      /**< The valve was given another pressure than the setpoint. */
+} softtwin_limited;
+
+/** Result of one control cycle. */
+typedef struct {
+  double setpoint_mpa;   /**< Pressure for the valve, MPa; NaN: none, because of a fault. */
+  double target;         /**< The target, cut at the force limit. */
+  double reference_mpa;  /**< Reference as a pressure in the cavity, MPa. */
+  double followed;       /**< The held quantity: measured, or the model's. */
+  double correction_mpa; /**< The model's error as a pressure, MPa. */
+  double bias_mpa;       /**< The valve's error, MPa. */
+  uint32_t limited;      /**< Sum of SOFTTWIN_LIMITED_...; 0: none. */
+  uint32_t fault;        /**< 0: none; else see softtwin_control_fault_name. It stays until softtwin_control_release. */
+} softtwin_control_cycle;
 
 /** Why the last call on this thread failed: what was found, what to do. Valid until the next call on this thread. */
 const char *softtwin_last_error(void);
@@ -174,6 +205,14 @@ softtwin_status softtwin_writer_open_setpoint(softtwin_bus *bus, const char *act
  *  and the stamp of the reading that it answers (0: none). Without renewal the valve takes its safe value. */
 softtwin_status softtwin_writer_send_setpoint(softtwin_writer *writer, double pressure_mpa, uint32_t valid_ms,
                                               uint64_t t_sensor_ns);
+/** Becomes the owner of the target of an actuator's controller (softtwin hold), the writer of softtwin/<actuator>/target. `owner`: as for
+ *  setpoints. */
+softtwin_status softtwin_writer_open_target(softtwin_bus *bus, const char *actuator, const char *owner,
+                                            softtwin_writer **out);
+/** Sends one target, in the unit of the held quantity. `kind`: SOFTTWIN_TARGET_KIND_STEP (1 value), _RAMP (1 value, reached with
+ *  `rate_per_s`), _SERIES (1 to 64 `values` every `interval_s` seconds). SOFTTWIN_ARGUMENT: nothing was sent. */
+softtwin_status softtwin_writer_send_target(softtwin_writer *writer, uint32_t kind, const double *values, size_t count,
+                                            double rate_per_s, double interval_s);
 /** Ends a writer. */
 void softtwin_writer_close(softtwin_writer *writer);
 
@@ -216,6 +255,28 @@ softtwin_status softtwin_motion_step(softtwin_motion *motion, uint64_t t_ns, con
 void softtwin_motion_reset(softtwin_motion *motion);
 /** Ends a motion. */
 void softtwin_motion_close(softtwin_motion *motion);
+
+/** Makes a controller of the quantity `held`: "force_n" (N), "tip_y_mm" (height of the scene's marker, or of the model's tip), "pressure_mpa",
+ *  or an observable of the model. `scene` is a scene's file, of which control, valve, sigma.force_n, markers and given inputs of `actuator`
+ *  (null: the first) count; null: defaults. The model may be closed afterwards. The law: docs/control.md. */
+softtwin_status softtwin_control_open(const softtwin_model *model, const char *scene, const char *actuator, const char *held,
+                                      softtwin_control **out);
+/** Sets the model's inputs for the cycles that follow, in the order of softtwin_model_predict; NaN: the model's value. Pressure and gap are
+ *  ignored: those of the readings count. */
+softtwin_status softtwin_control_inputs(softtwin_control *control, const double *inputs, size_t count);
+/** One control cycle at `t_ns`, later than the last one (at most 0.1 s of it counts). `rate_per_s`: known change of the target, 0 of a step.
+ *  Allocates nothing. SOFTTWIN_ARGUMENT for a time that is not later and for pressure, gap or target that are not finite: nothing has
+ *  changed; send no setpoint. */
+softtwin_status softtwin_control_step(softtwin_control *control, uint64_t t_ns, double target, double rate_per_s,
+                                      const softtwin_control_reading *reading, softtwin_control_cycle *out);
+/** Begins again where the actuator is, for each cycle in which the valve does not follow the setpoint. */
+softtwin_status softtwin_control_start(softtwin_control *control, const softtwin_control_reading *reading);
+/** Releases a fault: the next cycle begins the control again. */
+void softtwin_control_release(softtwin_control *control);
+/** Name of a fault: "no-response", "opposite-sign", "unexplained", "measurement-lost"; "none". */
+const char *softtwin_control_fault_name(uint32_t fault);
+/** Ends a controller. */
+void softtwin_control_close(softtwin_control *control);
 
 /* Readers of one kind: softtwin_state_reader_open(bus, actuator, &reader), ..._next and ..._newest(reader, timeout_ms,
  * &state), ..._close. The handle types are distinct, so that a compiler rejects the wrong payload. */

@@ -12,6 +12,7 @@
 )]
 
 mod bus;
+mod control;
 mod ffi;
 mod model;
 mod motion;
@@ -22,6 +23,11 @@ mod waiter;
 mod writer;
 
 pub use bus::{softtwin_bus, softtwin_bus_close, softtwin_bus_open, softtwin_regime_name};
+pub use control::{
+    softtwin_control, softtwin_control_close, softtwin_control_cycle, softtwin_control_fault_name,
+    softtwin_control_inputs, softtwin_control_open, softtwin_control_reading, softtwin_control_release,
+    softtwin_control_start, softtwin_control_step,
+};
 pub use model::{
     softtwin_model, softtwin_model_close, softtwin_model_describe, softtwin_model_field, softtwin_model_info,
     softtwin_model_input, softtwin_model_node_set, softtwin_model_open, softtwin_model_predict,
@@ -45,6 +51,6 @@ pub use waiter::{
 };
 pub use writer::{
     softtwin_writer, softtwin_writer_close, softtwin_writer_open, softtwin_writer_open_setpoint,
-    softtwin_writer_send_command, softtwin_writer_send_inputs, softtwin_writer_send_reading,
-    softtwin_writer_send_setpoint,
+    softtwin_writer_open_target, softtwin_writer_send_command, softtwin_writer_send_inputs,
+    softtwin_writer_send_reading, softtwin_writer_send_setpoint, softtwin_writer_send_target,
 };

@@ -1,19 +1,20 @@
-//! Writers: readings in place of a bridge, pressure commands, setpoints of a valve's owner.
+//! Writers: readings in place of a bridge, pressure commands, setpoints of a valve's owner, targets of its controller.
 
 use crate::bus::softtwin_bus;
-use crate::ffi::{argument, call, handle, name, take, write_handle};
+use crate::ffi::{Failure, argument, call, handle, name, take, write_handle};
 use crate::reader::topic;
 use crate::status::softtwin_status;
 use std::ffi::c_char;
-use wire::layout::{PARAMETERS_MAX, pack_name};
+use wire::layout::{PARAMETERS_MAX, TARGET_VALUES_MAX, pack_name, target_kind};
 use wire::{
-    Command, CommandWriter, SensorSample, SensorWriter, Setpoint, SetpointWriter, TopicKind, boot_id, now_ns,
+    Command, CommandWriter, SensorSample, SensorWriter, Setpoint, SetpointWriter, Target, TargetWriter,
+    TopicKind, boot_id, now_ns,
 };
 
 /// Longest name of an owner or an input, bytes.
 const NAME_BYTES: usize = 31;
 
-/// The one writer of a topic of readings, commands or setpoints.
+/// The one writer of a topic of readings, commands, setpoints or targets.
 pub struct softtwin_writer {
     port: Port,
     boot_id: u64,
@@ -25,6 +26,18 @@ enum Port {
     Command(CommandWriter),
     /// With the packed name of the owner.
     Setpoint(SetpointWriter, [u8; 32]),
+    /// With the packed name of the owner.
+    Target(TargetWriter, [u8; 32]),
+}
+
+/// Checks an owner's name.
+fn check_owner(owner: &str) -> Result<(), Failure> {
+    if !(1..=NAME_BYTES).contains(&owner.len()) || owner.contains(char::is_control) {
+        return Err(argument(&format!(
+            "expected an owner's name of 1 to {NAME_BYTES} bytes, found {owner:?}"
+        )));
+    }
+    Ok(())
 }
 
 /// Becomes the writer of `softtwin/<name>/<kind>`; kind: `sensor` or `command`.
@@ -47,6 +60,9 @@ pub unsafe extern "C" fn softtwin_writer_open(
             TopicKind::Command => Port::Command(CommandWriter::create(&bus.bus, &topic)?),
             TopicKind::Setpoint => {
                 return Err(argument("setpoints have an owner; expected softtwin_writer_open_setpoint"));
+            }
+            TopicKind::Target => {
+                return Err(argument("targets have an owner; expected softtwin_writer_open_target"));
             }
             _ => return Err(argument(&format!("{topic} is the twin's own; expected sensor or command"))),
         };
@@ -71,11 +87,7 @@ pub unsafe extern "C" fn softtwin_writer_open_setpoint(
     call(|| {
         // SAFETY: by the caller's promise.
         let (bus, actuator, owner) = unsafe { (handle(bus)?, name(actuator)?, name(owner)?) };
-        if !(1..=NAME_BYTES).contains(&owner.len()) || owner.contains(char::is_control) {
-            return Err(argument(&format!(
-                "expected an owner's name of 1 to {NAME_BYTES} bytes, found {owner:?}"
-            )));
-        }
+        check_owner(owner)?;
         // SAFETY: by the caller's promise.
         let cavity = if cavity.is_null() { None } else { Some(unsafe { name(cavity)? }) };
         let topic = topic(actuator, "setpoint")?.of_cavity(cavity)?;
@@ -110,6 +122,77 @@ pub unsafe extern "C" fn softtwin_writer_send_setpoint(
         let valid_for_ns = u64::from(valid_ms) * 1_000_000;
         let stamped = Setpoint { boot_id, seq, t_sensor_ns, t_publish_ns, ..Setpoint::default() };
         Ok(port.publish(Setpoint { valid_for_ns, pressure_mpa, owner: *owner, ..stamped })?)
+    })
+}
+
+/// Becomes the owner of the target of an actuator's controller, the writer of `softtwin/<actuator>/target`; `owner` is the name (1 to 31
+/// bytes) by which a second one is refused.
+///
+/// # Safety
+/// `bus` is live, strings are zero-terminated, `out` points to memory for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_writer_open_target(
+    bus: *mut softtwin_bus,
+    actuator: *const c_char,
+    owner: *const c_char,
+    out: *mut *mut softtwin_writer,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: by the caller's promise.
+        let (bus, actuator, owner) = unsafe { (handle(bus)?, name(actuator)?, name(owner)?) };
+        check_owner(owner)?;
+        let port = TargetWriter::create_named(&bus.bus, &topic(actuator, "target")?, owner)?;
+        let port = Port::Target(port, pack_name(owner));
+        // SAFETY: by the caller's promise.
+        unsafe { write_handle(out, softtwin_writer { port, boot_id: boot_id(), seq: 0 }) }
+    })
+}
+
+/// Sends one target, in the unit of the held quantity: a step, a ramp or a series by `kind`; `rate_per_s` of a ramp, `interval_s` of a
+/// series, each more than 0 and otherwise ignored.
+///
+/// # Safety
+/// `writer` is live and used by the thread that opened it; `values` points to `count` numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_writer_send_target(
+    writer: *mut softtwin_writer,
+    kind: u32,
+    values: *const f64,
+    count: usize,
+    rate_per_s: f64,
+    interval_s: f64,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: by the caller's promise.
+        let softtwin_writer { port: Port::Target(port, owner), boot_id, seq } = (unsafe { handle(writer) })?
+        else {
+            return Err(argument("this writer is not one of targets"));
+        };
+        let most = if kind == target_kind::SERIES { TARGET_VALUES_MAX } else { 1 };
+        if values.is_null() || !(1..=most).contains(&count) {
+            return Err(argument(&format!("expected 1 to {most} values, found {count}")));
+        }
+        // SAFETY: not null, and `count` numbers by the caller's promise.
+        let values = unsafe { std::slice::from_raw_parts(values, count) };
+        if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+            return Err(argument(&format!("expected finite values, found {value}")));
+        }
+        let is_above = |value: f64| value > 0.0 && value.is_finite();
+        let mut target = Target { target_kind: kind, value_count: count as u32, ..Target::default() };
+        match kind {
+            target_kind::STEP => {}
+            target_kind::RAMP if is_above(rate_per_s) => target.rate_per_s = rate_per_s,
+            target_kind::SERIES if is_above(interval_s) => target.interval_s = interval_s,
+            _ => {
+                return Err(argument(&format!(
+                    "expected a step, a ramp with rate_per_s above 0, or a series with interval_s above 0, found kind {kind}, rate {rate_per_s}, interval {interval_s}"
+                )));
+            }
+        }
+        target.values.iter_mut().zip(values).for_each(|(to, value)| *to = *value);
+        *seq += 1;
+        let (boot_id, seq, t_publish_ns) = (*boot_id, *seq, now_ns());
+        Ok(port.publish(Target { boot_id, seq, t_publish_ns, owner: *owner, ..target })?)
     })
 }
 

@@ -1,5 +1,6 @@
 //! Tests of the C API: its header, and programs that are compiled against it.
 
+mod control;
 mod header;
 mod live;
 mod motion;

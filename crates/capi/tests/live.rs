@@ -34,7 +34,7 @@ fn libraries(stage: &Stage) -> PathBuf {
 }
 
 /// Compiles an example; `None` without a C++ compiler.
-fn compile(stage: &Stage, compiler: &str, standard: &str, example: &str) -> Option<String> {
+pub fn compile(stage: &Stage, compiler: &str, standard: &str, example: &str) -> Option<String> {
     if compiler == "c++" && Command::new(compiler).arg("--version").output().is_err() {
         skipped(Missing::CppCompiler);
         return None;

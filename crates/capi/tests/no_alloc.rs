@@ -95,3 +95,27 @@ fn a_loop_over_two_readers_allocates_nothing_of_its_own() {
         softtwin_bus_close(bus);
     }
 }
+
+#[test]
+fn a_control_cycle_allocates_nothing() {
+    let stage = Stage::new("capicontrolalloc");
+    let path = CString::new(stage.path("beam.twin").display().to_string()).unwrap();
+    let (mut model, mut control) = (null_mut(), null_mut());
+    // SAFETY: strings and places live across the calls, a reading is four numbers, a cycle is 56 bytes.
+    unsafe {
+        assert_eq!(softtwin_model_open(path.as_ptr(), &mut model), OK);
+        let held = c"force_n".as_ptr();
+        let status = softtwin_control_open(model, std::ptr::null(), std::ptr::null(), held, &mut control);
+        assert_eq!(status, OK);
+        let (reading, mut cycle) = ([0.04, 25.0, 0.02, f64::NAN], [0u64; 7]);
+        let before = COUNT.get();
+        for k in 1..100 {
+            let place = (&raw mut cycle).cast();
+            let status = softtwin_control_step(control, k * 5_000_000, 0.03, 0.0, reading.as_ptr().cast(), place);
+            assert_eq!(status, OK);
+        }
+        assert_eq!(COUNT.get() - before, 0);
+        softtwin_control_close(control);
+        softtwin_model_close(model);
+    }
+}

@@ -9,6 +9,7 @@
 //! | `inverse` | pressure that gives a force or an observable |
 //! | `twin_model` | force and observable of a trained model |
 //! | `plant` | simulated actuator: delay, line, play, swing, noise |
+//! | `stepping` | the controller in a loop that is not ours: from a scene's file, by readings with their times |
 //! | `trial` | a controller on a plant in simulated time, and what is read off it |
 #![forbid(unsafe_code)]
 
@@ -20,5 +21,6 @@ pub mod plant;
 mod program;
 pub mod settings;
 mod shape;
+pub mod stepping;
 pub mod trial;
 pub mod twin_model;

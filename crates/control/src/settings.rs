@@ -1,6 +1,9 @@
 //! Settings of a controller: `[actuator.control]` of a scene.
 
-use rom::memory::{Line, Play};
+use rom::inputs::PRESSURE;
+use rom::memory::{Line, MemorySpec, Play};
+use crate::twin_model::TwinModelError;
+use rom::model::Model;
 use serde::{Deserialize, Serialize};
 
 /// Where the gauge is.
@@ -102,6 +105,24 @@ impl Settings {
     pub fn with_swing(self, swing_hz: f64, swing_damping: f64) -> Self {
         let (approach_s, correction_s) = (0.9 / swing_hz, 0.4 / swing_hz);
         Self { swing_hz, swing_damping, approach_s, correction_s, ..self }
+    }
+
+    /// Line and play of a model with memory replace those of the settings; true if it has any.
+    ///
+    /// # Errors
+    /// A description that contradicts itself, or an orifice, which no law inverts.
+    pub fn take_memory(&mut self, model: &Model) -> Result<bool, TwinModelError> {
+        let of_pressure =
+            MemorySpec::of(model)?.and_then(|memory| memory.inputs.into_iter().find(|of| of.input == PRESSURE));
+        let Some(of_pressure) = of_pressure else { return Ok(false) };
+        if of_pressure.orifice.is_some() {
+            return Err(TwinModelError::Orifice);
+        }
+        self.play = of_pressure.play;
+        if let Some(line) = of_pressure.line {
+            (self.line, self.gauge_at) = (line, GaugeAt::Valve);
+        }
+        Ok(true)
     }
 
     /// All errors; `key` is the table's place in the scene.

@@ -1,12 +1,12 @@
 //! A trained model as the controller sees it: force and one observable, or one coordinate of a point, with their gradients, in one pass.
 
-use crate::inverse::{Model, Point};
+use crate::inverse::{Model, Point, Quantity};
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::{ModelError, ModelFileError};
 use rom::observable::Observables;
-use rom::probe::{MeshPoint, PointError, ProbePosition, Probes};
+use rom::probe::{MeshPoint, PointError, ProbePosition, Probes, model_tip};
 use rom::snapshots::RegimeKind;
 use std::path::Path;
 
@@ -46,6 +46,9 @@ impl Tip {
     pub const REFERENCE: Self = Self { at_mm: [115.0, 2.0, 16.0], axis: 1 };
 }
 
+/// The vertical axis.
+const Y: usize = 1;
+
 /// A gap that no actuator closes, mm.
 pub const OUT_OF_REACH_MM: f64 = 1e4;
 
@@ -69,6 +72,9 @@ pub enum TwinModelError {
     /// The observables of the file.
     #[error(transparent)]
     Observables(#[from] ModelFileError),
+    /// A memory with an orifice.
+    #[error("the model's memory: expected a line with two time constants, found an orifice, which no control law inverts; set control.line and use a model without memory")]
+    Orifice,
     /// An observable that the model does not have.
     #[error("expected an observable of the model ({}), found `{found}`", if .known.is_empty() { "it has none".into() } else { .known.join(", ") })]
     NoObservable {
@@ -130,6 +136,32 @@ impl TwinModel {
         let evaluation = evaluator.evaluation();
         let held = Held::Observable { evaluator: Box::new(evaluator), observables, at };
         Ok(Self::of_held(model, held, evaluation))
+    }
+
+    /// Takes what a column of targets names: `force_n`, `pressure_mpa`, `tip_y_mm` (height of `marker`, or of the model's tip), or an observable.
+    ///
+    /// # Errors
+    /// [`TwinModelError`]: no such observable, or blocks that were not loaded.
+    pub fn of_column(
+        model: &rom::model::Model,
+        column: &str,
+        marker: Option<&MeshPoint>,
+    ) -> Result<(Quantity, Self), TwinModelError> {
+        let of_node = |node: usize| Self::of_point(model, &MeshPoint::node(model, node as u32)?, Y);
+        // Force and pressure need no point: any will do.
+        Ok(match (column, marker) {
+            ("force_n", _) => (Quantity::Force, of_node(0)?),
+            ("pressure_mpa", _) => (Quantity::Pressure, of_node(0)?),
+            ("tip_y_mm", Some(point)) => (Quantity::Observable, Self::of_point(model, point, Y)?),
+            ("tip_y_mm", None) => (
+                Quantity::Observable,
+                match MeshPoint::at(model, Tip::REFERENCE.at_mm) {
+                    Ok(point) => Self::of_point(model, &point, Y)?,
+                    Err(_) => of_node(model_tip(model).unwrap_or(0))?,
+                },
+            ),
+            (name, _) => (Quantity::Observable, Self::of_observable(model, name)?),
+        })
     }
 
     fn of_held(model: &rom::model::Model, held: Held, evaluation: Evaluation) -> Self {

@@ -15,6 +15,7 @@ Everything is woken by event; fields are read-only numpy views of shared memory 
 """
 
 from .bus import Bus, now_ns
+from .control import Control, Cycle
 from .errors import (
     AlreadyPublished,
     Refused,
@@ -41,6 +42,8 @@ __all__ = [
     "Client",
     "Command",
     "CommandPublisher",
+    "Control",
+    "Cycle",
     "Field",
     "FieldHeader",
     "Grasp",

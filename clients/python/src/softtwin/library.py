@@ -82,6 +82,27 @@ class PredictionRow(ctypes.Structure):
     ]
 
 
+class ControlReading(ctypes.Structure):
+    """softtwin_control_reading."""
+
+    _fields_ = [("pressure_mpa", c_double), ("gap_mm", c_double), ("measured", c_double), ("written_mpa", c_double)]
+
+
+class ControlCycle(ctypes.Structure):
+    """softtwin_control_cycle."""
+
+    _fields_ = [
+        ("setpoint_mpa", c_double),
+        ("target", c_double),
+        ("reference_mpa", c_double),
+        ("followed", c_double),
+        ("correction_mpa", c_double),
+        ("bias_mpa", c_double),
+        ("limited", c_uint32),
+        ("fault", c_uint32),
+    ]
+
+
 @lru_cache(maxsize=None)
 def library() -> ctypes.CDLL:
     """The library: `$SOFTTWIN_LIBRARY`, that of the wheel, or the one that the system's loader finds."""
@@ -118,6 +139,24 @@ def _declare(found: ctypes.CDLL) -> None:
     for name in ("reset", "close"):
         getattr(found, f"softtwin_motion_{name}").argtypes = [c_void_p]
         getattr(found, f"softtwin_motion_{name}").restype = None
+    found.softtwin_control_open.argtypes = [c_void_p, c_char_p, c_char_p, c_char_p, POINTER(c_void_p)]
+    found.softtwin_control_inputs.argtypes = [c_void_p, POINTER(c_double), c_size_t]
+    found.softtwin_control_step.argtypes = [
+        c_void_p,
+        c_uint64,
+        c_double,
+        c_double,
+        POINTER(ControlReading),
+        POINTER(ControlCycle),
+    ]
+    found.softtwin_control_start.argtypes = [c_void_p, POINTER(ControlReading)]
+    for name in ("open", "inputs", "step", "start"):
+        getattr(found, f"softtwin_control_{name}").restype = c_int
+    for name in ("release", "close"):
+        getattr(found, f"softtwin_control_{name}").argtypes = [c_void_p]
+        getattr(found, f"softtwin_control_{name}").restype = None
+    found.softtwin_control_fault_name.argtypes = [c_uint32]
+    found.softtwin_control_fault_name.restype = c_char_p
 
 
 def check(status: int) -> None:

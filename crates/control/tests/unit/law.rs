@@ -274,6 +274,75 @@ fn measurement_may_be_missing_for_a_tenth_of_a_second() {
 }
 
 #[test]
+fn saturated_load_cell_is_a_fault_within_the_range() {
+    /// Its load cell shows at most 0.25 N.
+    struct Saturated(Straight);
+    impl crate::plant::Body for Saturated {
+        fn answer(&mut self, pressure_mpa: f64, gap_mm: f64, _: f64) -> [f64; 2] {
+            let point = self.0.at(pressure_mpa, gap_mm);
+            [point.force_n.min(0.25), point.observable]
+        }
+    }
+    let trial =
+        Trial { quantity: Quantity::Force, is_measured: true, gap_error_mm: 0.0, rate_hz: 1.0 / DT_S };
+    let mut run = Loop::new(controller(Quantity::Force), Plant::new(finger(), Saturated(MODEL)), trial);
+    let mut moments = Vec::new();
+    run.hold(0.4, 8.0, &mut moments);
+    let (fault, after_s) = fault_of(&moments).unwrap();
+    assert!(fault == Fault::Unexplained && after_s < 5.0, "{fault:?} {after_s}");
+    assert!(moments.iter().all(|moment| moment.command_mpa.is_nan() || moment.command_mpa <= 0.09));
+}
+
+#[test]
+fn controller_that_restarts_in_motion_continues_from_there() {
+    let mut run = run(Quantity::Force, finger());
+    let mut moments = Vec::new();
+    run.hold(0.1, 3.0, &mut moments);
+    moments.clear();
+    run.hold(0.5, 0.4, &mut moments);
+    let before = *moments.last().unwrap();
+    assert!((0.15..0.45).contains(&before.truth), "in motion: {before:?}");
+    run.law = controller(Quantity::Force);
+    moments.clear();
+    run.hold(0.5, 4.0, &mut moments);
+    let [low, high] = moments.iter().fold([f64::INFINITY, 0.0], |[low, high]: [f64; 2], moment| {
+        [low.min(moment.truth), high.max(moment.truth)]
+    });
+    assert!(low > before.truth - 0.02 && high < 0.53, "{low} {high} after {before:?}");
+    assert!(fault_of(&moments).is_none() && (moments[799].truth - 0.5).abs() < 0.01, "{:?}", moments[799]);
+}
+
+#[test]
+fn target_faster_than_the_line_is_followed_at_its_rate_and_shown() {
+    let mut law = controller(Quantity::Force);
+    law.update(Target::step(0.2), reading(0.03, 0.2), DT_S);
+    let cycle = law.update(Target { value: 0.5, rate: 50.0 }, reading(0.03, 0.2), DT_S);
+    assert!(cycle.limited.by_rate && !cycle.limited.is_limited(), "{cycle:?}");
+    assert!(cycle.reference_mpa - 0.03 <= settings().slew_mpa_per_s[0] * DT_S, "{cycle:?}");
+}
+
+/// As with a model that has line and play itself: the gauge is before both.
+#[test]
+fn force_settles_with_the_gauge_before_line_and_play() {
+    let settings = Settings { gauge_at: GaugeAt::Valve, ..settings() };
+    let law = Controller::new(MODEL, Quantity::Force, settings, Limits::default());
+    let trial =
+        Trial { quantity: Quantity::Force, is_measured: true, gap_error_mm: 0.0, rate_hz: 1.0 / DT_S };
+    let spec = PlantSpec { gauge_at: GaugeAt::Valve, ..finger() };
+    let mut run = Loop::new(law, Plant::new(spec, MODEL), trial);
+    let (mut from, mut moments) = (0.2, Vec::new());
+    run.hold(from, 4.0, &mut moments);
+    for target in [0.4, 0.1] {
+        moments.clear();
+        run.hold(target, 4.0, &mut moments);
+        let found = step_figures(from, &moments, |moment| moment.truth).unwrap();
+        assert!(found.overshoot < 0.1 && found.final_error.abs() < 5e-3, "{found:?}");
+        assert_eq!(fault_of(&moments), None);
+        from = target;
+    }
+}
+
+#[test]
 fn value_at_the_end_of_the_range_is_found_there() {
     let mut model = Straight { slope: 1.0, onset_mpa: 0.02 };
     for pressure_mpa in [0.0, 0.09] {

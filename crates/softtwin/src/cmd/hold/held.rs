@@ -2,18 +2,12 @@
 
 use crate::failure::{configuration, usage};
 use control::inverse::{Model, Quantity};
-use control::settings::{GaugeAt, Limits, Settings, TARGET_FRACTION};
-use control::twin_model::{OUT_OF_REACH_MM, Tip, TwinModel, read_model};
+use control::settings::{Limits, Settings, TARGET_FRACTION};
+use control::stepping::CONTACT_SIGMAS;
+use control::twin_model::{OUT_OF_REACH_MM, TwinModel, read_model};
 use rom::inputs::PRESSURE;
-use rom::memory::MemorySpec;
 use rom::observable::Observables;
-use rom::probe::{MeshPoint, model_tip};
 use runtime::config::ActuatorSpec;
-
-/// Standard deviations of the load cell below which a force is no contact yet.
-const CONTACT_SIGMAS: f64 = 3.0;
-/// The vertical axis.
-const Y: usize = 1;
 
 /// A quantity with the model that gives it.
 pub(super) struct Held {
@@ -43,7 +37,7 @@ impl Held {
             "angle_deg" => (Quantity::Observable, angle(&model, &settings)?, "deg"),
             name => (Quantity::Observable, name.to_owned(), unit(&model, name)?),
         };
-        let has_memory = take_memory(&model, &mut settings)?;
+        let has_memory = settings.take_memory(&model).map_err(configuration)?;
         let marker = if column == "tip_y_mm" { marker(spec)? } else { None };
         let contact_n = CONTACT_SIGMAS * spec.force_sigma_n();
         let range_mpa = model.header.inputs[PRESSURE].range;
@@ -63,21 +57,11 @@ impl Held {
 
     /// The model at the point or observable that is held.
     pub(super) fn model(&self, spec: &ActuatorSpec) -> anyhow::Result<TwinModel> {
-        let model = &self.model;
-        let of_point = |point: &MeshPoint| TwinModel::of_point(model, point, Y).map_err(configuration);
-        let node = |node: usize| MeshPoint::node(model, node as u32).map_err(configuration);
-        match (self.quantity, self.name.as_str(), self.marker.and_then(|at| spec.markers.get(at))) {
-            // Force and pressure need no point: any will do.
-            (Quantity::Force | Quantity::Pressure, ..) => of_point(&node(0)?),
-            (Quantity::Observable, "tip_y_mm", Some(marker)) => {
-                of_point(&marker.point(model).map_err(configuration)?)
-            }
-            (Quantity::Observable, "tip_y_mm", None) => match MeshPoint::at(model, Tip::REFERENCE.at_mm) {
-                Ok(point) => of_point(&point),
-                Err(_) => of_point(&node(model_tip(model).unwrap_or(0))?),
-            },
-            (Quantity::Observable, name, _) => TwinModel::of_observable(model, name).map_err(configuration),
-        }
+        let marker = self.marker.and_then(|at| spec.markers.get(at));
+        let point = marker.map(|marker| marker.point(&self.model)).transpose().map_err(configuration)?;
+        let (_, model) =
+            TwinModel::of_column(&self.model, &self.name, point.as_ref()).map_err(configuration)?;
+        Ok(model)
     }
 
     /// Refuses a value that the model's pressures do not give, with the nearest that they do.
@@ -137,24 +121,6 @@ fn unit(model: &rom::model::Model, name: &str) -> anyhow::Result<&'static str> {
             known.trim_end_matches(", ")
         ))
     })
-}
-
-/// Line and play of a model with memory replace those of the settings; true if it has any.
-fn take_memory(model: &rom::model::Model, settings: &mut Settings) -> anyhow::Result<bool> {
-    let memory = MemorySpec::of(model).map_err(configuration)?;
-    let of_pressure = memory.and_then(|memory| memory.inputs.into_iter().find(|of| of.input == PRESSURE));
-    let Some(of_pressure) = of_pressure else { return Ok(false) };
-    if of_pressure.orifice.is_some() {
-        return Err(configuration(anyhow::anyhow!(
-            "the model's memory: expected a line with two time constants, found an orifice, which no control law inverts; set control.line and \
-             use a model without memory"
-        )));
-    }
-    settings.play = of_pressure.play;
-    if let Some(line) = of_pressure.line {
-        (settings.line, settings.gauge_at) = (line, GaugeAt::Valve);
-    }
-    Ok(true)
 }
 
 /// The model's observable in degrees: that of `hold`, or the only one.

@@ -10,6 +10,7 @@ use crate::output;
 use anyhow::{Context, bail, ensure};
 use control::inverse::{Model, Quantity};
 use control::law::{Controller, Cycle, Reading};
+use control::stepping::LONGEST_S;
 use control::twin_model::{OUT_OF_REACH_MM, TwinModel};
 use runtime::config::ActuatorSpec;
 use serde_json::{Value, json};
@@ -26,8 +27,6 @@ use wire::{
 pub(super) const SILENCE: Duration = Duration::from_secs(1);
 /// Longest wait for the first state with a reading.
 const FIRST: Duration = Duration::from_secs(10);
-/// Longest time of one control cycle, s.
-const LONGEST_S: f64 = 0.1;
 /// Substituted readings are not used.
 pub(super) const NOT_A_READING: u32 = flags::NO_DATA | flags::STALE | flags::HELD;
 /// Reasons for which the valve does not follow, and the controller waits.
