@@ -12,22 +12,17 @@
 )]
 
 mod bus;
-mod control;
 mod ffi;
 mod model;
 mod motion;
 mod query;
 mod reader;
 mod status;
+mod stepping;
 mod waiter;
 mod writer;
 
 pub use bus::{softtwin_bus, softtwin_bus_close, softtwin_bus_open, softtwin_regime_name};
-pub use control::{
-    softtwin_control, softtwin_control_close, softtwin_control_cycle, softtwin_control_fault_name,
-    softtwin_control_inputs, softtwin_control_open, softtwin_control_reading, softtwin_control_release,
-    softtwin_control_start, softtwin_control_step,
-};
 pub use model::{
     softtwin_model, softtwin_model_close, softtwin_model_describe, softtwin_model_field, softtwin_model_info,
     softtwin_model_input, softtwin_model_node_set, softtwin_model_open, softtwin_model_predict,
@@ -45,6 +40,11 @@ pub use reader::{
     softtwin_reader_open, softtwin_reader_read, softtwin_reader_read_field,
 };
 pub use status::{softtwin_last_error, softtwin_layout_version, softtwin_now_ns, softtwin_status};
+pub use stepping::{
+    softtwin_control, softtwin_control_close, softtwin_control_cycle, softtwin_control_fault_name,
+    softtwin_control_inputs, softtwin_control_open, softtwin_control_reading, softtwin_control_release,
+    softtwin_control_start, softtwin_control_step,
+};
 pub use waiter::{
     softtwin_waiter, softtwin_waiter_close, softtwin_waiter_descriptor, softtwin_waiter_open,
     softtwin_waiter_wait,

@@ -5,7 +5,7 @@ use crate::settings::{Limits, Settings};
 use crate::twin_model::{TwinModel, TwinModelError};
 use rom::inputs::PRESSURE;
 use rom::model::Model;
-use rom::probe::{MeshPoint, PointError};
+use rom::probe::MeshPoint;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -138,7 +138,7 @@ impl Actuator {
             (Some(node), _) => MeshPoint::node(model, node),
             (None, at_mm) => MeshPoint::at(model, at_mm.unwrap_or([f64::NAN; 3])),
         };
-        Ok(Some(point.map_err(|error: PointError| TwinModelError::from(error))?))
+        Ok(Some(point.map_err(TwinModelError::from)?))
     }
 
     fn limits(&self, model: &Model) -> Limits {

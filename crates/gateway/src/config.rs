@@ -7,7 +7,7 @@ use runtime::config::ConfigError;
 use serde::Deserialize;
 use std::path::Path;
 use std::time::Duration;
-use wire::{KeyExpr, Topic};
+use wire::{KeyExpr, Topic, WireError};
 
 /// Role of the gateway in the Zenoh network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
@@ -36,6 +36,7 @@ struct File {
     keys: Vec<String>,
     field_rate_hz: f64,
     readings_from_network: Vec<String>,
+    targets_from_network: Vec<String>,
     ros2: Option<Ros2File>,
     security: SecurityFile,
 }
@@ -50,6 +51,7 @@ impl Default for File {
             keys: vec!["softtwin/**".into()],
             field_rate_hz: 30.0,
             readings_from_network: Vec::new(),
+            targets_from_network: Vec::new(),
             ros2: None,
             security: SecurityFile::default(),
         }
@@ -73,6 +75,8 @@ pub struct Config {
     pub field_period: Duration,
     /// Sensor topics that are fed from the network.
     pub inlets: Vec<Topic>,
+    /// Target topics that are fed from nodes of ROS 2.
+    pub targets: Vec<Topic>,
     /// The node of ROS 2, if configured.
     pub ros2: Option<Ros2>,
     /// Certificates and users.
@@ -130,6 +134,9 @@ fn check(file: File, path: &Path, problems: &mut Vec<String>) -> Config {
             "mode: expected \"{mode}\", found \"peer\": the router of ROS 2 passes nothing on from one peer to another"
         ));
     }
+    if file.ros2.is_none() && !file.targets_from_network.is_empty() {
+        problems.push("targets_from_network: expected a table [ros2], whose nodes send them, found none".into());
+    }
     if !(0.001..=1000.0).contains(&file.field_rate_hz) {
         problems.push(format!("field_rate_hz: expected 0.001 to 1000, found {}", file.field_rate_hz));
     }
@@ -140,7 +147,8 @@ fn check(file: File, path: &Path, problems: &mut Vec<String>) -> Config {
         prefix: prefix(&file.prefix, problems),
         keys: keys(&file.keys, problems),
         field_period: Duration::try_from_secs_f64(1.0 / file.field_rate_hz).unwrap_or_default(),
-        inlets: inlets(&file.readings_from_network, problems),
+        inlets: topics("readings_from_network", Topic::sensor, &file.readings_from_network, problems),
+        targets: topics("targets_from_network", Topic::target, &file.targets_from_network, problems),
         ros2: file.ros2.map(|ros2| ros::check(ros2, path, problems)),
         security: known,
     }
@@ -175,15 +183,18 @@ fn keys(listed: &[String], problems: &mut Vec<String>) -> Vec<KeyExpr> {
     listed.iter().filter_map(&mut take).collect()
 }
 
-fn inlets(names: &[String], problems: &mut Vec<String>) -> Vec<Topic> {
+fn topics(
+    key: &str,
+    of: impl Fn(&str) -> Result<Topic, WireError>,
+    names: &[String],
+    problems: &mut Vec<String>,
+) -> Vec<Topic> {
     let mut topics: Vec<Topic> = Vec::new();
     for name in names {
-        match Topic::sensor(name) {
-            Ok(topic) if topics.contains(&topic) => {
-                problems.push(format!("readings_from_network: {name:?} twice"))
-            }
+        match of(name) {
+            Ok(topic) if topics.contains(&topic) => problems.push(format!("{key}: {name:?} twice")),
             Ok(topic) => topics.push(topic),
-            Err(error) => problems.push(format!("readings_from_network: {error}")),
+            Err(error) => problems.push(format!("{key}: {error}")),
         }
     }
     topics

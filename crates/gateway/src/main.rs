@@ -153,7 +153,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
 /// Logs the configuration.
 fn say(config: &Config) {
     tracing::info!(
-        "{:?} below `{}`, listens on {}, connects to {}; sends {}, fields every {} ms at most; takes readings for {}; {}",
+        "{:?} below `{}`, listens on {}, connects to {}; sends {}, fields every {} ms at most; takes readings for {}, targets for {}; {}",
         config.mode,
         config.prefix,
         list(&config.listen),
@@ -161,6 +161,7 @@ fn say(config: &Config) {
         list(&config.keys),
         config.field_period.as_millis(),
         list(&config.inlets),
+        list(&config.targets),
         config.security
     );
 }
@@ -207,6 +208,10 @@ fn serve(
         threads.start("ros2", move |_| Ok(ros::run(&own, &ros2, &keys, period, to_twins)?))?;
         let own = thread_link();
         threads.start("ros2-questions", move |_| Ok(ros::ask(&own, &questions)?))?;
+    }
+    if let Some(ros2) = config.ros2.clone().filter(|_| !config.targets.is_empty()) {
+        let (own, targets) = (thread_link(), config.targets.clone());
+        threads.start("ros2-commands", move |_| Ok(ros::commands(&own, &ros2, &targets)?))?;
     }
     if !inlets.is_empty() {
         let (own, ros2) = (thread_link(), config.ros2.clone());

@@ -1,8 +1,8 @@
 //! Samples as messages of ROS 2, in SI units.
 
 use super::cdr::Cdr;
-use wire::layout::{field_id, flags};
-use wire::{FieldHeader, Health, State};
+use wire::layout::{field_id, flags, unpack_name, valve_interlock, valve_limit, valve_reason};
+use wire::{FieldHeader, Health, State, Valve};
 
 /// Pascals per megapascal.
 pub const PA_PER_MPA: f64 = 1e6;
@@ -11,6 +11,7 @@ const FLOAT32: u8 = 7;
 /// Levels of `DiagnosticStatus`.
 const OK: u8 = 0;
 const WARN: u8 = 1;
+const ERROR: u8 = 2;
 const STALE: u8 = 3;
 
 /// Force of the plate on the actuator, N, along y of the actuator's axes, in the frame of the contact; `None` without a force.
@@ -104,13 +105,50 @@ pub fn diagnostics(health: &Health, actuator: &str, time_ns: u64) -> Vec<u8> {
         ("missed", health.missed.to_string()),
         ("late", health.late.to_string()),
     ];
+    status(level, actuator, &summary, &values, time_ns)
+}
+
+/// A `DiagnosticArray` with one status.
+fn status(
+    level: u8,
+    actuator: &str,
+    summary: &str,
+    values: &[(&str, String)],
+    time_ns: u64,
+) -> Vec<u8> {
     let message = Cdr::new().header(time_ns, "").word(1).byte(level);
     let message = message
         .string(&format!("softtwin: {actuator}"))
-        .string(&summary)
+        .string(summary)
         .string(actuator)
         .word(values.len() as u32);
     values.iter().fold(message, |message, (key, value)| message.string(key).string(value)).finish()
+}
+
+/// Written and wanted pressure of a valve, Pa, as positions; NaN: no setpoint.
+pub fn valve(valve: &Valve, actuator: &str, time_ns: u64) -> Vec<u8> {
+    let values = [valve.pressure_mpa, valve.wanted_mpa].map(|mpa| mpa * PA_PER_MPA);
+    let message = Cdr::new().header(time_ns, actuator).strings(&["pressure_written", "pressure_wanted"]);
+    message.word(values.len() as u32).doubles(&values).word(0).word(0).finish()
+}
+
+/// Why a valve has this value as one status: 0 follows, 1 safe value or override, 2 device error.
+pub fn valve_diagnostics(valve: &Valve, actuator: &str, time_ns: u64) -> Vec<u8> {
+    let level = match valve.valve_reason {
+        valve_reason::FOLLOWING => OK,
+        valve_reason::DEVICE_ERROR => ERROR,
+        _ => WARN,
+    };
+    let names = |all: wire::layout::Codes, bits: u32| -> String {
+        let set = all.iter().filter(|one| bits & one.number != 0).map(|one| one.name);
+        set.collect::<Vec<&str>>().join(", ")
+    };
+    let values = [
+        ("interlocks", names(valve_interlock::ALL, valve.valve_interlock)),
+        ("limits", names(valve_limit::ALL, valve.valve_limit)),
+        ("owner", unpack_name(&valve.owner)),
+    ];
+    status(level, actuator, valve_reason::as_str(valve.valve_reason), &values, time_ns)
 }
 
 #[cfg(test)]

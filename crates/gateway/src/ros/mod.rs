@@ -3,6 +3,7 @@
 
 mod attachment;
 mod cdr;
+mod commands;
 mod config;
 mod describe;
 mod inlet;
@@ -26,6 +27,7 @@ use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 use wire::{Bus, KeyExpr};
 
+pub use commands::run as commands;
 pub use config::{Ros2, Ros2File, check};
 pub use inlet::{Inlet, reading};
 pub use questions::{channel as questions, run as ask};

@@ -35,6 +35,10 @@ fn kinds(topic: &Topic, ros: &Ros2) -> Vec<(String, MessageType, Encode)> {
             }
             kinds
         }
+        TopicKind::Valve => vec![
+            ("state".into(), JOINTS, Box::new(valve)),
+            ("valve".into(), DIAGNOSTICS, Box::new(valve_diagnostics)),
+        ],
         TopicKind::Health => vec![("diagnostics".into(), DIAGNOSTICS, Box::new(diagnostics))],
         _ => Vec::new(),
     }
@@ -62,6 +66,16 @@ fn marker(mut markers: Markers) -> Encode {
 fn diagnostics(sample: &AnySample, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
     let AnySample::Health(health) = sample else { return None };
     Some(message::diagnostics(health, actuator, time_ns))
+}
+
+fn valve(sample: &AnySample, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
+    let AnySample::Valve(valve) = sample else { return None };
+    Some(message::valve(valve, actuator, time_ns))
+}
+
+fn valve_diagnostics(sample: &AnySample, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
+    let AnySample::Valve(valve) = sample else { return None };
+    Some(message::valve_diagnostics(valve, actuator, time_ns))
 }
 
 /// One topic of ROS with its local reader, which exists while there are subscribers.

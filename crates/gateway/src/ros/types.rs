@@ -47,6 +47,11 @@ pub const JOINTS: MessageType = MessageType {
     name: "sensor_msgs::msg::dds_::JointState_",
     hash: "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
 };
+/// `std_msgs/msg/Float64MultiArray`.
+pub const COMMANDS: MessageType = MessageType {
+    name: "std_msgs::msg::dds_::Float64MultiArray_",
+    hash: "RIHS01_1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f",
+};
 /// `diagnostic_msgs/msg/DiagnosticArray`.
 pub const DIAGNOSTICS: MessageType = MessageType {
     name: "diagnostic_msgs::msg::dds_::DiagnosticArray_",

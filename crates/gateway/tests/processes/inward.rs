@@ -5,7 +5,8 @@ use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 use tests::wait::{fresh, states, wait_for, wait_state, wait_until};
 use tests::{Program, Stage};
-use wire::{HealthReader, KeyExpr, Outcome, Topic, now_ns};
+use wire::layout::unpack_name;
+use wire::{HealthReader, KeyExpr, Outcome, TargetReader, TargetWriter, Topic, Valve, ValveWriter, now_ns};
 use zenoh::{Session, Wait};
 
 fn put(session: &Session, key: &str, message: &Value) {
@@ -117,5 +118,65 @@ fn a_bridge_that_is_there_already_keeps_its_place() {
     wait_until("the network takes over", || {
         put(&session, "softtwin/finger/sensor", &reading(now_ns() / 1000, json!(0.02)));
         state.newest().unwrap().filter(|state| state.sensor_boot_id == 0xaa)
+    });
+}
+
+const COMMANDS: &str = "0/softtwin/finger/commands/std_msgs::msg::dds_::Float64MultiArray_/RIHS01_1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f";
+const STATE: &str = "0/softtwin/finger/state/sensor_msgs::msg::dds_::JointState_/RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e";
+
+/// A `std_msgs/Float64MultiArray` in CDR, as `rosbags` writes it.
+fn float_array(values: &[f64]) -> Vec<u8> {
+    let mut bytes = vec![0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    bytes.extend((values.len() as u32).to_le_bytes());
+    bytes.extend([0; 4]);
+    bytes.truncate(if values.is_empty() { 16 } else { 20 });
+    bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    bytes
+}
+
+/// Targets come from ROS where they may, by one owner; what the valve was given goes back.
+#[test]
+fn targets_come_from_ros_and_the_valve_goes_back() {
+    let stage = Stage::new("gwtarget");
+    let bus = stage.bus();
+    let mut valve = ValveWriter::create(&bus, &Topic::valve("finger").unwrap()).unwrap();
+    let port = free_port();
+    let config = format!(
+        "listen = [\"tcp/127.0.0.1:{port}\"]\ntargets_from_network = [\"finger\"]\n[ros2]\nnode = \"twins\"\n"
+    );
+    let mut gateway = gateway(&stage, &config);
+    let session = far_end(port);
+    let targets = TargetReader::attach(&bus, &Topic::target("finger").unwrap()).unwrap();
+    let send = |values: &[f64]| session.put(COMMANDS, float_array(values)).wait().expect("sent");
+    // Sent until it arrives: the subscription may be on its way still.
+    let found = wait_until("the target", || {
+        send(&[0.25]);
+        targets.newest().unwrap()
+    });
+    assert_eq!((found.target_kind, found.value_count, found.values[0]), (0, 1, 0.25));
+    assert_eq!(unpack_name(&found.owner), "twins");
+    assert!(TargetWriter::create_named(&bus, &Topic::target("finger").unwrap(), "second").is_err());
+    for wrong in [vec![], vec![f64::NAN], vec![0.1, 0.2]] {
+        send(&wrong);
+        gateway.wait_for(&format!("one finite value, found {wrong:?}"));
+    }
+    send(&[0.5]);
+    wait_until("the next target", || targets.newest().unwrap().filter(|target| target.values[0] == 0.5));
+
+    let states = crate::common::subscribe(&session, STATE);
+    let message = wait_until("the valve's state", || {
+        let sample = Valve { boot_id: 1, seq: 1, t_publish_ns: now_ns(), pressure_mpa: 0.02, ..Valve::default() };
+        valve.publish(Valve { wanted_mpa: 0.03, ..sample }).unwrap();
+        states.try_recv().ok()
+    });
+    let bytes = message.payload().to_bytes().into_owned();
+    let positions: Vec<f64> = bytes[bytes.len() - 24..bytes.len() - 8]
+        .chunks(8)
+        .map(|eight| f64::from_le_bytes(eight.try_into().unwrap()))
+        .collect();
+    assert!((positions[0] - 20_000.0).abs() < 1e-6 && (positions[1] - 30_000.0).abs() < 1e-6, "{positions:?}");
+    // Two seconds of silence give the right back.
+    wait_until("the right to send targets", || {
+        TargetWriter::create_named(&bus, &Topic::target("finger").unwrap(), "second").ok()
     });
 }
