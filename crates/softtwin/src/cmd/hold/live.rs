@@ -74,6 +74,9 @@ struct Loop<'a> {
     owner: Owner,
     valve: Option<Valve>,
     last_ns: Option<u64>,
+    /// Number of the last reading, and how many states came and were not used.
+    last_seq: u64,
+    missed: u64,
     cycle: Cycle,
     /// From readings to setpoints, and to what the device confirmed.
     latencies: Latencies,
@@ -110,6 +113,8 @@ impl<'a> Loop<'a> {
             owner: Owner::new(bus, &spec.name, &args.owner, args.valid_ms)?,
             valve: None,
             last_ns: None,
+            last_seq: 0,
+            missed: 0,
             cycle: Cycle::default(),
             latencies: Latencies::new()?,
             written: Latencies::new()?,
@@ -175,6 +180,11 @@ impl<'a> Loop<'a> {
     fn answer(&mut self, state: &State, since_s: f64) -> anyhow::Result<()> {
         let elapsed_ns = self.last_ns.map_or(0, |before| state.t_sensor_ns.saturating_sub(before));
         self.last_ns = Some(state.t_sensor_ns);
+        if self.last_seq > 0 {
+            // Of a new run of the bridge none is counted.
+            self.missed += state.sensor_seq.saturating_sub(self.last_seq + 1);
+        }
+        self.last_seq = state.sensor_seq;
         let has_reading = self.sensors.take(state)?;
         // Without a gap or the reading behind the state the setpoint expires.
         let Some(gap_mm) = state_gap_mm(state, self.args.gap_mm, &self.held).filter(|_| has_reading) else {
@@ -252,6 +262,7 @@ impl<'a> Loop<'a> {
             "fallbacks": self.fallbacks,
             "fault": self.cycle.fault,
             "setpoints": self.owner.seq,
+            "missed_readings": self.missed,
             "reading_to_setpoint_us": self.latencies.percentiles_us(),
             "reading_to_written_us": (!self.written.is_empty()).then(|| self.written.percentiles_us()),
         })
