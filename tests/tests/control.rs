@@ -149,6 +149,12 @@ fn force_loop_closes_the_valve_after_any_kill_or_unplug() {
     rig.is_safe_since(killed_ns, "killing the bridge");
     bridge = Program::bridge(&stage, &rig.scene);
     rig.event("driven", killed_ns);
+
+    // Stopped, it writes nothing: the device's own time-out closes.
+    let stopped_ns = now_ns();
+    bridge.signal(libc::SIGSTOP);
+    rig.is_safe_since(stopped_ns, "stopping the bridge");
+    bridge.signal(libc::SIGCONT);
     drop((bridge, twin, holds));
 }
 

@@ -35,6 +35,12 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     for valve in scene.actuators.iter().flat_map(ActuatorSpec::all_valves) {
         let (topic, spec) = valve?;
         tracing::info!("{topic}: to {}", spec.describe());
+        if !spec.has_watchdog() {
+            tracing::warn!(
+                "{topic}: no time-out of the device is set (watchdog of [actuator.valve.modbus]): while this bridge is stopped or after \
+                 it is killed the last pressure stays, unless the device closes by itself"
+            );
+        }
     }
     let paths = Devices::default();
     let sources = open(&scene, &options.scene, &paths)?;

@@ -184,6 +184,11 @@ impl ValveSpec {
         }
     }
 
+    /// Whether the bridge sets the device's own time-out, which closes the valve while the bridge is stopped.
+    pub fn has_watchdog(&self) -> bool {
+        self.modbus.as_ref().is_some_and(|modbus| modbus.watchdog.is_some())
+    }
+
     /// The device in words, for logs.
     pub fn describe(&self) -> String {
         let at = |tcp: &Option<String>, serial: &Option<SerialSpec>| {
