@@ -91,7 +91,8 @@ fn float_array(bytes: &[u8]) -> Option<Vec<f64>> {
     let dimensions = reader.word().filter(|count| *count as usize <= MOST)?;
     for _ in 0..dimensions {
         reader.string()?;
-        (reader.word()?, reader.word()?);
+        reader.word()?;
+        reader.word()?;
     }
     reader.word()?;
     reader.doubles(MOST)
