@@ -314,7 +314,8 @@ fn controller_that_restarts_in_motion_continues_from_there() {
 
 #[test]
 fn target_faster_than_the_line_is_followed_at_its_rate_and_shown() {
-    let mut law = controller(Quantity::Force);
+    let without_play = Settings { play: Vec::new(), ..settings() };
+    let mut law = Controller::new(MODEL, Quantity::Force, without_play, Limits::default());
     law.update(Target::step(0.2), reading(0.03, 0.2), DT_S);
     let cycle = law.update(Target { value: 0.5, rate: 50.0 }, reading(0.03, 0.2), DT_S);
     assert!(cycle.limited.by_rate && !cycle.limited.is_limited(), "{cycle:?}");
