@@ -28,7 +28,7 @@ def test_setpoints_are_those_of_c(tmp_path):
     control = softtwin.Control(model, "force_n", SCENE)
     pressure_mpa, setpoints, lines = 0.01, [], []
     for k in range(1, 201):
-        force_n = 0.9 * model.predict(pressure_mpa, 30.0, fields=False).contact_force_n
+        force_n = float(0.9 * model.predict(pressure_mpa, 30.0, fields=False).contact_force_n)
         measured = math.nan if k % 50 < 3 else force_n
         row = (5_000_000 * k, 0.3 if k < 120 else 0.2, pressure_mpa, 30.0, measured)
         cycle = control.step(*row)

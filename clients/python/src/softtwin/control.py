@@ -1,4 +1,4 @@
-"""The control law in a loop of one's own, without a bus: `softtwin.Control(model, "force_n", "finger.toml")`."""
+"""The control law in your loop, without a bus: `softtwin.Control(model, "force_n", "finger.toml")`."""
 
 import ctypes
 import math
