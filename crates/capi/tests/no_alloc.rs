@@ -111,7 +111,8 @@ fn a_control_cycle_allocates_nothing() {
         let before = COUNT.get();
         for k in 1..100 {
             let place = (&raw mut cycle).cast();
-            let status = softtwin_control_step(control, k * 5_000_000, 0.03, 0.0, reading.as_ptr().cast(), place);
+            let status =
+                softtwin_control_step(control, k * 5_000_000, 0.03, 0.0, reading.as_ptr().cast(), place);
             assert_eq!(status, OK);
         }
         assert_eq!(COUNT.get() - before, 0);

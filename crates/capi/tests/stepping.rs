@@ -171,8 +171,7 @@ fn targets_of_c_arrive_and_wrong_ones_are_not_sent() {
     // SAFETY: strings and places live across the calls; handles are live until they are closed.
     unsafe {
         assert_eq!(softtwin_bus_open(domain.as_ptr(), root.as_ptr(), &mut bus), OK);
-        let status =
-            softtwin_writer_open_target(bus, c"finger".as_ptr(), c"planner".as_ptr(), &mut writer);
+        let status = softtwin_writer_open_target(bus, c"finger".as_ptr(), c"planner".as_ptr(), &mut writer);
         assert_eq!(status, OK);
         let taken = softtwin_writer_open_target(bus, c"finger".as_ptr(), c"other".as_ptr(), &mut second);
         assert_eq!(taken, softtwin_status::SOFTTWIN_TAKEN);

@@ -1,8 +1,8 @@
 //! Settings of a controller: `[actuator.control]` of a scene.
 
+use crate::twin_model::TwinModelError;
 use rom::inputs::PRESSURE;
 use rom::memory::{Line, MemorySpec, Play};
-use crate::twin_model::TwinModelError;
 use rom::model::Model;
 use serde::{Deserialize, Serialize};
 
@@ -112,8 +112,8 @@ impl Settings {
     /// # Errors
     /// A description that contradicts itself, or an orifice, which no law inverts.
     pub fn take_memory(&mut self, model: &Model) -> Result<bool, TwinModelError> {
-        let of_pressure =
-            MemorySpec::of(model)?.and_then(|memory| memory.inputs.into_iter().find(|of| of.input == PRESSURE));
+        let of_pressure = MemorySpec::of(model)?
+            .and_then(|memory| memory.inputs.into_iter().find(|of| of.input == PRESSURE));
         let Some(of_pressure) = of_pressure else { return Ok(false) };
         if of_pressure.orifice.is_some() {
             return Err(TwinModelError::Orifice);

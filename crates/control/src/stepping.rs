@@ -103,8 +103,8 @@ impl Actuator {
         let scene: Scene = toml::from_str(text).map_err(|error| error.to_string().trim_end().to_owned())?;
         let known: Vec<String> = scene.actuator.iter().map(|one| one.name.clone()).collect();
         let found = scene.actuator.into_iter().find(|one| name.is_none_or(|name| one.name == name));
-        let found =
-            found.ok_or_else(|| format!("expected an actuator of {known:?}, found {:?}", name.unwrap_or("")))?;
+        let found = found
+            .ok_or_else(|| format!("expected an actuator of {known:?}, found {:?}", name.unwrap_or("")))?;
         let mut problems = found.control.problems("actuator.control");
         if let Some(Valve { range_mpa: [low, high], rate_mpa_per_s, force_max_n }) = found.valve {
             if !(low < high && low.is_finite() && high.is_finite()) {
@@ -132,7 +132,9 @@ impl Actuator {
         };
         let Some(marker) = found else {
             let found = self.control.marker.as_deref().unwrap_or("none");
-            return Err(OpenError::Scene(format!("control.marker: expected one of {known:?}, found {found}")));
+            return Err(OpenError::Scene(format!(
+                "control.marker: expected one of {known:?}, found {found}"
+            )));
         };
         let point = match (marker.node, marker.at_mm) {
             (Some(node), _) => MeshPoint::node(model, node),
@@ -193,7 +195,7 @@ impl Stepping {
         Ok(Self { controller: Controller::new(held, quantity, settings, limits), last_ns: None })
     }
 
-    /// One control cycle at `t_ns`, later than the last one. Never allocates. A `measured` or `written_mpa` that is NaN is absent.
+    /// One control cycle at `t_ns`, later than the last one. The target moves on by its rate. Never allocates with the first law. A `measured` or `written_mpa` that is NaN is absent.
     ///
     /// # Errors
     /// [`StepError`]: nothing has changed.
@@ -213,7 +215,8 @@ impl Stepping {
         }
         let elapsed_ns = self.last_ns.map_or(0, |last_ns| t_ns - last_ns);
         self.last_ns = Some(t_ns);
-        Ok(self.controller.update(target, reading, (elapsed_ns as f64 * 1e-9).min(LONGEST_S)))
+        let targets = |ahead_s: f64| Target { value: target.value + target.rate * ahead_s, ..target };
+        Ok(self.controller.update(&targets, reading, (elapsed_ns as f64 * 1e-9).min(LONGEST_S)))
     }
 
     /// The controller: to start it where the valve does not follow, to release a fault, to set the model's inputs.

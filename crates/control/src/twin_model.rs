@@ -73,7 +73,9 @@ pub enum TwinModelError {
     #[error(transparent)]
     Observables(#[from] ModelFileError),
     /// A memory with an orifice.
-    #[error("the model's memory: expected a line with two time constants, found an orifice, which no control law inverts; set control.line and use a model without memory")]
+    #[error(
+        "the model's memory: expected a line with two time constants, found an orifice, which no control law inverts; set control.line and use a model without memory"
+    )]
     Orifice,
     /// An observable that the model does not have.
     #[error("expected an observable of the model ({}), found `{found}`", if .known.is_empty() { "it has none".into() } else { .known.join(", ") })]

@@ -47,7 +47,7 @@ struct Direction {
 }
 
 impl Direction {
-    /// Adds the noise of a reading, then takes its value for the direction of the next one: chosen by its own noise, a mean would
+    /// Adds the noise of a reading, then takes its value for the direction of the next one: chosen by the same noise, a mean would
     /// be biased.
     fn add(&mut self, value: f64, noise: f64, weight: f64) {
         self.sums.as_flattened_mut().iter_mut().for_each(|sum| *sum *= weight);

@@ -135,7 +135,8 @@ fn check(file: File, path: &Path, problems: &mut Vec<String>) -> Config {
         ));
     }
     if file.ros2.is_none() && !file.targets_from_network.is_empty() {
-        problems.push("targets_from_network: expected a table [ros2], whose nodes send them, found none".into());
+        problems
+            .push("targets_from_network: expected a table [ros2], whose nodes send them, found none".into());
     }
     if !(0.001..=1000.0).contains(&file.field_rate_hz) {
         problems.push(format!("field_rate_hz: expected 0.001 to 1000, found {}", file.field_rate_hz));

@@ -316,8 +316,8 @@ fn controller_that_restarts_in_motion_continues_from_there() {
 fn target_faster_than_the_line_is_followed_at_its_rate_and_shown() {
     let without_play = Settings { play: Vec::new(), ..settings() };
     let mut law = Controller::new(MODEL, Quantity::Force, without_play, Limits::default());
-    law.update(Target::step(0.2), reading(0.03, 0.2), DT_S);
-    let cycle = law.update(Target { value: 0.5, rate: 50.0 }, reading(0.03, 0.2), DT_S);
+    law.update(&|_| Target::step(0.2), reading(0.03, 0.2), DT_S);
+    let cycle = law.update(&|_| Target { value: 0.5, rate: 50.0 }, reading(0.03, 0.2), DT_S);
     assert!(cycle.limited.by_rate && !cycle.limited.is_limited(), "{cycle:?}");
     assert!(cycle.reference_mpa - 0.03 <= settings().slew_mpa_per_s[0] * DT_S, "{cycle:?}");
 }

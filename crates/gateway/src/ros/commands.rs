@@ -80,7 +80,9 @@ fn command(sample: &Sample) -> Result<f64, String> {
     let values = float_array(&bytes).unwrap_or_default();
     match values[..] {
         [value] if value.is_finite() => Ok(value),
-        _ => Err(format!("{key}: expected a std_msgs/Float64MultiArray with one finite value, found {values:?}")),
+        _ => Err(format!(
+            "{key}: expected a std_msgs/Float64MultiArray with one finite value, found {values:?}"
+        )),
     }
 }
 
@@ -115,7 +117,9 @@ impl Inlet {
         (self.seq, self.last) = (self.seq + 1, Instant::now());
         let mut target = Target { boot_id: self.boot_id, seq: self.seq, ..Target::default() };
         (target.target_kind, target.value_count, target.values[0]) = (target_kind::STEP, 1, value);
-        writer.publish(Target { t_publish_ns: now_ns(), owner: pack_name(&owner), ..target }).map_err(said)?;
+        writer
+            .publish(Target { t_publish_ns: now_ns(), owner: pack_name(&owner), ..target })
+            .map_err(said)?;
         (self.writer, self.error) = (Some(writer), None);
         Ok(())
     }

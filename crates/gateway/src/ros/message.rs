@@ -109,13 +109,7 @@ pub fn diagnostics(health: &Health, actuator: &str, time_ns: u64) -> Vec<u8> {
 }
 
 /// A `DiagnosticArray` with one status.
-fn status(
-    level: u8,
-    actuator: &str,
-    summary: &str,
-    values: &[(&str, String)],
-    time_ns: u64,
-) -> Vec<u8> {
+fn status(level: u8, actuator: &str, summary: &str, values: &[(&str, String)], time_ns: u64) -> Vec<u8> {
     let message = Cdr::new().header(time_ns, "").word(1).byte(level);
     let message = message
         .string(&format!("softtwin: {actuator}"))

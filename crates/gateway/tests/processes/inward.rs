@@ -165,7 +165,8 @@ fn targets_come_from_ros_and_the_valve_goes_back() {
 
     let states = crate::common::subscribe(&session, STATE);
     let message = wait_until("the valve's state", || {
-        let sample = Valve { boot_id: 1, seq: 1, t_publish_ns: now_ns(), pressure_mpa: 0.02, ..Valve::default() };
+        let sample =
+            Valve { boot_id: 1, seq: 1, t_publish_ns: now_ns(), pressure_mpa: 0.02, ..Valve::default() };
         valve.publish(Valve { wanted_mpa: 0.03, ..sample }).unwrap();
         states.try_recv().ok()
     });
@@ -174,7 +175,10 @@ fn targets_come_from_ros_and_the_valve_goes_back() {
         .chunks(8)
         .map(|eight| f64::from_le_bytes(eight.try_into().unwrap()))
         .collect();
-    assert!((positions[0] - 20_000.0).abs() < 1e-6 && (positions[1] - 30_000.0).abs() < 1e-6, "{positions:?}");
+    assert!(
+        (positions[0] - 20_000.0).abs() < 1e-6 && (positions[1] - 30_000.0).abs() < 1e-6,
+        "{positions:?}"
+    );
     // Two seconds of silence give the right back.
     wait_until("the right to send targets", || {
         TargetWriter::create_named(&bus, &Topic::target("finger").unwrap(), "second").ok()

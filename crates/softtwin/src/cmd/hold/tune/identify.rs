@@ -18,16 +18,16 @@ pub(super) struct Row {
     pub(super) measured: f64,
 }
 
-/// What an experiment shows.
+/// Results of an experiment.
 pub(super) struct Found {
     pub(super) settings: Settings,
     /// Constants with intervals, and noise.
     pub(super) report: Value,
-    /// What it cannot tell.
+    /// Quantities that it cannot tell.
     pub(super) remarks: Vec<String>,
 }
 
-/// Delays that are tried: every third, then those beside the best.
+/// Delays that are tried: every third, then the neighbours of the best.
 const DELAYS: usize = 10;
 const DELAYS_COARSE: usize = 3;
 const DELAY_STEP_S: f64 = 0.01;
@@ -121,7 +121,7 @@ fn search<'a>(
     }
     let known = || run.outputs[0].iter().copied().filter(|value| value.is_finite());
     let scale = known().fold(f64::NEG_INFINITY, f64::max) - known().fold(f64::INFINITY, f64::min);
-    let of = identify(&[run.clone()], &[scale], None)?;
+    let of = identify(&[run.clone()], false, &[scale], None)?;
     let memory = of.memory.as_ref()?.inputs.first()?.clone();
     Some((memory, of))
 }

@@ -123,7 +123,7 @@ impl Args {
             return Ok(());
         }
         if !std::io::stdin().is_terminal() {
-            return Err(usage(format!("expected --yes where nobody can be asked; the experiment: {shown}")));
+            return Err(usage(format!("expected --yes without a terminal; the experiment: {shown}")));
         }
         output!("{shown}\ndrive the valve? [y/N]")?;
         let mut answer = String::new();
