@@ -1,5 +1,10 @@
 //! The experiment: steps up and down at three pressures, then a slow ramp up and down.
 
+use super::super::held::Held;
+use control::inverse::{Model, Quantity, inverse};
+use control::settings::TARGET_FRACTION;
+use control::twin_model::TwinModel;
+
 /// Setpoints over time, as straight lines between points of time in s and MPa.
 #[derive(Debug, Clone)]
 pub(super) struct Experiment {
@@ -17,7 +22,23 @@ const HOLD_TIMES: f64 = 5.0;
 /// Times of a hold for the ramp in each direction.
 const RAMP_HOLDS: f64 = 4.0;
 
+/// Part of the force limit that the experiment reaches in the model.
+const FORCE_PART: f64 = 0.8;
+/// Fastest change of the setpoint where the valve has no rate, as part of the range in a second.
+const RATE_PART: f64 = 20.0;
+
 impl Experiment {
+    /// Within range, model and force limit of what is held.
+    pub(super) fn of(held: &Held, model: &mut TwinModel, gap_mm: f64) -> Self {
+        let ([low, high], known) = (held.limits.range_mpa, model.range_mpa());
+        let force_n = FORCE_PART * TARGET_FRACTION * held.settings.force_max_n;
+        let at_force_mpa = inverse(model, Quantity::Force, gap_mm, force_n, low).pressure_mpa;
+        let range_mpa = [low.max(known[0]), high.min(known[1]).min(at_force_mpa)];
+        let line = held.settings.line;
+        let rate = held.limits.rate_mpa_per_s.min(RATE_PART * (range_mpa[1] - range_mpa[0]));
+        Self::new(range_mpa, line.fill_s.max(line.empty_s), rate)
+    }
+
     /// Within a range of pressures, for a line whose longest time is about `time_s`; steps no faster than `rate_mpa_per_s`.
     pub(super) fn new([low, high]: [f64; 2], time_s: f64, rate_mpa_per_s: f64) -> Self {
         let hold_s = (HOLD_TIMES * time_s).clamp(HOLD_S[0], HOLD_S[1]);

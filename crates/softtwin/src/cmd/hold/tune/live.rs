@@ -4,12 +4,13 @@ use super::super::held::Held;
 use super::super::live::{NOT_A_READING, SILENCE, WAITS, first, state_gap_mm};
 use super::super::owner::Owner;
 use super::super::sensors::Sensors;
-use super::{Args, Experiment, Row, experiment};
+use super::experiment::Experiment;
+use super::identify::Row;
 use anyhow::{Context, bail, ensure};
 use runtime::config::ActuatorSpec;
 use std::sync::atomic::Ordering;
 use wire::layout::valve_reason;
-use wire::{StateReader, Topic, ValveReader, Wake, WakeSet, Wakeable, Waking};
+use wire::{Bus, StateReader, Topic, ValveReader, Wake, WakeSet, Wakeable, Waking};
 
 /// The owner's name and the validity of its setpoints, ms.
 const OWNER: &str = "softtwin-tune";
@@ -19,25 +20,26 @@ const FOLLOWS_S: f64 = 1.0;
 
 /// Cycles of the experiment, and the gap; whatever ends it lets go of the valve.
 pub(super) fn run(
-    args: &Args,
+    bus: &Bus,
+    given_gap_mm: Option<f64>,
     spec: &ActuatorSpec,
     held: &Held,
+    consent: impl FnOnce(&Experiment) -> anyhow::Result<()>,
 ) -> anyhow::Result<(Vec<Row>, Experiment, f64)> {
-    let bus = args.domain.join()?;
-    let states = StateReader::open(&bus, &Topic::state(&spec.name)?)?;
+    let states = StateReader::open(bus, &Topic::state(&spec.name)?)?;
     let mut wake = WakeSet::new([&states as &dyn Wakeable]);
     let begin = first(&states, &mut wake)?;
-    let gap_mm = state_gap_mm(&begin, args.gap_mm, held).context(
+    let gap_mm = state_gap_mm(&begin, given_gap_mm, held).context(
         "the gap is unknown: the twin's states have none; give it to the scene (gap_mm), or --gap-mm",
     )?;
     let mut model = held.model(spec)?;
     model.set_inputs(&begin.inputs);
-    let experiment = experiment(held, &mut model, gap_mm);
-    args.consent(&experiment)?;
+    let experiment = Experiment::of(held, &mut model, gap_mm);
+    consent(&experiment)?;
     let stop = runtime::service::stop_flag().context("cannot listen for signals")?;
-    let valves = ValveReader::attach_as(&bus, &Topic::valve(&spec.name)?, Waking::Never)?;
-    let mut sensors = Sensors::open(&bus, spec, held)?;
-    let mut owner = Owner::new(&bus, &spec.name, OWNER, VALID_MS)?;
+    let valves = ValveReader::attach_as(bus, &Topic::valve(&spec.name)?, Waking::Never)?;
+    let mut sensors = Sensors::open(bus, spec, held)?;
+    let mut owner = Owner::new(bus, &spec.name, OWNER, VALID_MS)?;
     let mut rows = Vec::new();
     let mut drive = || -> anyhow::Result<()> {
         let (mut begin_ns, mut time_s) = (None, 0.0);

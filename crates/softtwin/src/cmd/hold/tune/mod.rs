@@ -11,12 +11,11 @@ use crate::failure::{configuration, usage};
 use crate::live::DomainArgs;
 use crate::output;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
-use control::inverse::{Model, Quantity, inverse};
+use control::inverse::{Model, Quantity};
 use control::law::{Controller, Target};
 use control::plant::Plant;
-use control::settings::TARGET_FRACTION;
 use control::trial::{Loop, Trial, step_figures};
-use control::twin_model::{OUT_OF_REACH_MM, TwinModel};
+use control::twin_model::OUT_OF_REACH_MM;
 use experiment::Experiment;
 use identify::{Found, Row};
 use runtime::config::{ActuatorSpec, Scene};
@@ -67,10 +66,6 @@ pub struct Args {
 /// Control cycles per second of the simulation, and the gap without another, mm.
 const RATE_HZ: f64 = 200.0;
 const GAP_MM: f64 = 40.0;
-/// Part of the force limit that the experiment reaches in the model.
-const FORCE_PART: f64 = 0.8;
-/// Fastest change of the setpoint where the valve has no rate, as part of the range in a second.
-const RATE_PART: f64 = 20.0;
 /// Begin and end of the predicted steps, as fractions of the experiment's pressures.
 const PREDICTED: [f64; 2] = [0.3, 0.7];
 /// Duration of each predicted step, s.
@@ -82,8 +77,11 @@ impl Args {
         let scene = Scene::load(&self.scene).map_err(configuration)?;
         let (at, spec) = super::actuator(&scene, self.actuator.as_deref())?;
         let held = Held::new(spec, held::column(&spec.control.hold))?;
-        let (rows, experiment, gap_mm) =
-            if self.simulate { self.simulated(spec, &held)? } else { live::run(&self, spec, &held)? };
+        let (rows, experiment, gap_mm) = if self.simulate {
+            self.simulated(spec, &held)?
+        } else {
+            live::run(&self.domain.join()?, self.gap_mm, spec, &held, |experiment| self.consent(experiment))?
+        };
         let found = identify::found(&rows, &experiment, &held.settings, held.quantity);
         let predicted = predicted(spec, &held, &found, &experiment, gap_mm)?;
         if let Some(out) = &self.out {
@@ -103,7 +101,7 @@ impl Args {
     fn simulated(&self, spec: &ActuatorSpec, held: &Held) -> anyhow::Result<(Vec<Row>, Experiment, f64)> {
         let gap_mm =
             self.gap_mm.unwrap_or(if held.quantity == Quantity::Force { GAP_MM } else { OUT_OF_REACH_MM });
-        let experiment = experiment(held, &mut held.model(spec)?, gap_mm);
+        let experiment = Experiment::of(held, &mut held.model(spec)?, gap_mm);
         let mut plant = Plant::new(simulate::plant(held, gap_mm, [1.0; 3]), held.model(spec)?);
         let count = (experiment.end_s() * RATE_HZ) as usize;
         let row = |at: usize| {
@@ -130,17 +128,6 @@ impl Args {
         std::io::stdin().lock().read_line(&mut answer)?;
         if answer.trim() == "y" { Ok(()) } else { Err(usage("not agreed; nothing was driven")) }
     }
-}
-
-/// The experiment within range, model and force limit.
-fn experiment(held: &Held, model: &mut TwinModel, gap_mm: f64) -> Experiment {
-    let ([low, high], known) = (held.limits.range_mpa, model.range_mpa());
-    let force_n = FORCE_PART * TARGET_FRACTION * held.settings.force_max_n;
-    let at_force_mpa = inverse(model, Quantity::Force, gap_mm, force_n, low).pressure_mpa;
-    let range_mpa = [low.max(known[0]), high.min(known[1]).min(at_force_mpa)];
-    let line = held.settings.line;
-    let rate = held.limits.rate_mpa_per_s.min(RATE_PART * (range_mpa[1] - range_mpa[0]));
-    Experiment::new(range_mpa, line.fill_s.max(line.empty_s), rate)
 }
 
 /// Steps up and down with the settings, on the plant that they describe.
