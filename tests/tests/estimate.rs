@@ -18,8 +18,8 @@ use std::time::{Duration, Instant};
 use tests::process::binary;
 use tests::wait::{states, wait_for, wait_state};
 use tests::{Program, Stage};
-use wire::layout::{estimate_alarm, estimate_status, input_source};
-use wire::{EstimateReader, Topic};
+use wire::layout::{estimate_alarm, estimate_status, flags, input_source};
+use wire::{EstimateReader, StateReader, Topic};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
@@ -345,6 +345,8 @@ fn unzeroed_load_cell_raises_an_alarm_that_names_it() {
     let twin = Program::twin(&stage, &scene);
     let topic = Topic::estimate("finger").expect("a topic");
     let estimates = EstimateReader::attach(&stage.bus(), &topic).expect("a reader");
+    let states =
+        StateReader::attach(&stage.bus(), &Topic::state("finger").expect("a topic")).expect("a reader");
     let _bridge = Program::bridge(&stage, &scene);
     let first = wait_for(&estimates, "the first estimate", |reader| reader.newest().expect("readable"));
     let alarmed = wait_for(&estimates, "an alarm", |reader| {
@@ -354,6 +356,10 @@ fn unzeroed_load_cell_raises_an_alarm_that_names_it() {
     // Five times as fast as measured: two seconds of the recording are 0.4 s.
     let after_ns = alarmed.t_sensor_ns.saturating_sub(first.t_sensor_ns);
     assert!(after_ns < 2_000_000_000, "{after_ns} ns");
+    // The state has the flag with which a valve closes.
+    wait_for(&states, "a state with the alarm", |reader| {
+        reader.next().expect("readable").filter(|state| state.flags & flags::ESTIMATE_ALARM != 0)
+    });
     assert!(twin.stop().0.success());
 }
 

@@ -66,6 +66,12 @@ fn write(name: &str, event: &Event) {
             );
         }
         EventKind::MarkerMismatch => tracing::info!("{name}: markers and predicted positions agree again"),
+        EventKind::EstimateAlarm if event.value != 0 => {
+            tracing::warn!(
+                "{name}: ESTIMATE ALARM: model and estimated quantities do not explain the readings; softtwin/{name}/estimate names the suspects"
+            );
+        }
+        EventKind::EstimateAlarm => tracing::info!("{name}: the estimate explains the readings again"),
         EventKind::ReceiveFailed => {
             tracing::error!(
                 "{name}: reading the sensor topic failed {} times; see `softtwin doctor`",

@@ -121,6 +121,7 @@ FLAGS: Dict[int, str] = {
     512: "force-clamped",
     1024: "regime-held",
     2048: "marker-mismatch",
+    4096: "estimate-alarm",
 }
 """Flags by bit."""
 
@@ -149,6 +150,7 @@ VALVE_INTERLOCKS: Dict[int, str] = {
     16: "no-force",
     32: "force-mismatch",
     64: "marker-mismatch",
+    128: "estimate-alarm",
 }
 """Interlocks of a valve, by bit."""
 

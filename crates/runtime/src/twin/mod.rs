@@ -46,7 +46,7 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use swap::Running;
-use wire::layout::{INPUTS_MAX, LAYOUT_VERSION, flags, pack_name};
+use wire::layout::{INPUTS_MAX, LAYOUT_VERSION, estimate_alarm, flags, pack_name};
 use wire::{
     Bus, Estimate, EstimateWriter, Health, HealthWriter, Outcome, SensorReader, SensorSample, State,
     StateWriter, Topic, WakeSet, Wakeable, WireError, boot_id, now_ns,
@@ -511,10 +511,12 @@ impl ActuatorTwin {
         state.t_sensor_ns = sample.t_sensor_ns;
         state.measured_force_n = sample.measured_force_n;
         let late = taken_ns.saturating_sub(sample.t_sensor_ns) > ms_to_ns(self.limits.late_ms);
+        let has_alarm = self.estimation.as_ref().is_some_and(|of| of.estimate.alarm != estimate_alarm::NONE);
         for (bit, set) in [
             (flags::FORCE_MEASURED, sample.measured_force_n.is_finite()),
             (flags::FORCE_MISMATCH, force.mismatch),
             (flags::MARKER_MISMATCH, markers.mismatch),
+            (flags::ESTIMATE_ALARM, has_alarm),
             (flags::LATE, late),
         ] {
             state.flags |= if set { bit } else { 0 };

@@ -123,6 +123,7 @@ impl Record {
         let alarms = [
             (flags::FORCE_MISMATCH, EventKind::ForceMismatch),
             (flags::MARKER_MISMATCH, EventKind::MarkerMismatch),
+            (flags::ESTIMATE_ALARM, EventKind::EstimateAlarm),
         ];
         for (bit, kind) in alarms.into_iter().filter(|(bit, _)| (before ^ now) & bit != 0) {
             self.event(kind, u64::from(now & bit != 0));
@@ -191,6 +192,8 @@ pub enum EventKind {
     ForceMismatch,
     /// A marker contradicts its predicted position, or all agree again; value as of the force.
     MarkerMismatch,
+    /// The estimate has an alarm (1), or none any more (0).
+    EstimateAlarm,
     /// Readings could not be received; value: failures of this kind so far, as for all that follow.
     ReceiveFailed,
     /// A state, field or health could not be sent.

@@ -30,6 +30,8 @@ codes! {
         REGIME_HELD = 1 << 10, "regime-held";
         /// A marker has differed from its predicted position by more than the displacement's half-width for longer than configured.
         MARKER_MISMATCH = 1 << 11, "marker-mismatch";
+        /// The estimate has an alarm: model and estimated quantities do not explain the readings.
+        ESTIMATE_ALARM = 1 << 12, "estimate-alarm";
     }
     /// The names of the set bits.
     pub fn names(flags: u32) -> impl Iterator<Item = &'static str> {
@@ -259,6 +261,8 @@ codes! {
         FORCE_MISMATCH = 1 << 5, "force-mismatch";
         /// A marker contradicts its predicted position.
         MARKER_MISMATCH = 1 << 6, "marker-mismatch";
+        /// The estimate has an alarm.
+        ESTIMATE_ALARM = 1 << 7, "estimate-alarm";
     }
     /// The names of the set bits.
     pub fn names(bits: u32) -> impl Iterator<Item = &'static str> {

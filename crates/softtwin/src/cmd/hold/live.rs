@@ -17,10 +17,9 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
-use wire::layout::{estimate_alarm, flags, unpack_name, valve_interlock, valve_reason};
+use wire::layout::{flags, unpack_name, valve_interlock, valve_reason};
 use wire::{
-    Bus, Estimate, EstimateReader, State, StateReader, TargetReader, Topic, Valve, ValveReader, Wake,
-    WakeSet, Wakeable, Waking, now_ns,
+    Bus, State, StateReader, TargetReader, Topic, Valve, ValveReader, Wake, WakeSet, Wakeable, Waking, now_ns,
 };
 
 /// A state older than this, or none: the valve is let go.
@@ -66,7 +65,6 @@ struct Loop<'a> {
     controller: Controller<TwinModel>,
     sensors: Sensors,
     valves: ValveReader,
-    estimates: Option<EstimateReader>,
     targets: TargetReader,
     goal: Goal,
     /// Model for what is in reach, and the gap of the last state.
@@ -97,9 +95,6 @@ impl<'a> Loop<'a> {
         model: TwinModel,
         goal: Goal,
     ) -> anyhow::Result<Self> {
-        let estimates = (!spec.estimate.is_empty())
-            .then(|| EstimateReader::attach_as(bus, &Topic::estimate(&spec.name)?, Waking::Never))
-            .transpose()?;
         Ok(Self {
             args,
             controller: Controller::new(model, held.quantity, held.settings.clone(), held.limits),
@@ -109,7 +104,6 @@ impl<'a> Loop<'a> {
             sensors: Sensors::open(bus, spec, &held)?,
             held,
             valves: ValveReader::attach_as(bus, &Topic::valve(&spec.name)?, Waking::Never)?,
-            estimates,
             owner: Owner::new(bus, &spec.name, &args.owner, args.valid_ms)?,
             valve: None,
             last_ns: None,
@@ -142,7 +136,7 @@ impl<'a> Loop<'a> {
                 continue;
             }
             self.refuse_tripped()?;
-            self.refuse_alarm()?;
+            self.refuse_alarm(&state)?;
             self.answer(&state, begin.elapsed().as_secs_f64())?;
         }
         Ok(())
@@ -165,13 +159,12 @@ impl<'a> Loop<'a> {
     }
 
     /// Without a sensor of the quantity the twin is what is controlled: it has to explain its readings.
-    fn refuse_alarm(&mut self) -> anyhow::Result<()> {
-        let Some(estimates) = &self.estimates else { return Ok(()) };
-        let alarm = estimates.newest()?.map_or(estimate_alarm::NONE, |Estimate { alarm, .. }| alarm);
-        let name = estimate_alarm::as_str(alarm);
+    fn refuse_alarm(&self, state: &State) -> anyhow::Result<()> {
         ensure!(
-            alarm == estimate_alarm::NONE || self.measured.last().is_some_and(|value| value.is_finite()),
-            "estimate-alarm ({name}): the twin does not explain its readings, and no sensor measures the quantity"
+            state.flags & flags::ESTIMATE_ALARM == 0
+                || self.measured.last().is_some_and(|value| value.is_finite()),
+            "estimate-alarm: the twin does not explain its readings, and no sensor measures the quantity; `softtwin echo {}` names the suspects",
+            Topic::estimate(self.args.actuator.as_deref().unwrap_or("ACTUATOR"))?
         );
         Ok(())
     }
