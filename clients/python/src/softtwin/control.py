@@ -77,10 +77,18 @@ class Control:
         found = self._cycle
         step = library().softtwin_control_step
         check(step(self._handle, t_ns, target, rate_per_s, ctypes.byref(reading), ctypes.byref(found)))
-        values = (getattr(found, name) for name, _ in ControlCycle._fields_[:6])
         limited = tuple(name for at, name in enumerate(_LIMITS) if found.limited >> at & 1)
         fault = library().softtwin_control_fault_name(found.fault).decode() if found.fault else None
-        return Cycle(*values, limited, fault)
+        return Cycle(
+            found.setpoint_mpa,
+            found.target,
+            found.reference_mpa,
+            found.followed,
+            found.correction_mpa,
+            found.bias_mpa,
+            limited,
+            fault,
+        )
 
     def start(self, pressure_mpa: float, gap_mm: float = 1e4, measured: float = math.nan) -> None:
         """Begins again where the actuator is, for each cycle in which the valve does not follow the setpoint."""
