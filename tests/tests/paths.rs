@@ -86,7 +86,9 @@ fn every_path_in_a_file_counts_from_its_folder() {
     let stage = Stage::new("paths");
     create_dir(stage.path("folder")).unwrap();
     for case in cases() {
-        if case.command.contains("--gateway") && !binary("softtwin-gateway").is_file() {
+        if case.command.contains("--gateway")
+            && !binary("softtwin").with_file_name("softtwin-gateway").is_file()
+        {
             skipped(Missing::Gateway);
             continue;
         }
