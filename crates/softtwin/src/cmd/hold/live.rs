@@ -144,12 +144,15 @@ impl<'a> Loop<'a> {
 
     /// The bridge has closed because of the force: it stays closed until it is released by name.
     fn refuse_tripped(&mut self) -> anyhow::Result<()> {
-        self.valve = self.valves.newest()?.or(self.valve);
-        let status = self.valve.unwrap_or_default();
-        if status.setpoint_boot_id == self.owner.boot_id && status.setpoint_seq > self.written_seq {
-            self.written_seq = status.setpoint_seq;
-            self.written.record_ns(status.t_written_ns.saturating_sub(status.t_sensor_ns));
+        // All samples: the first that confirms a setpoint counts, not its renewals.
+        while let Some(status) = self.valves.next()? {
+            if status.setpoint_boot_id == self.owner.boot_id && status.setpoint_seq > self.written_seq {
+                self.written_seq = status.setpoint_seq;
+                self.written.record_ns(status.t_written_ns.saturating_sub(status.t_sensor_ns));
+            }
+            self.valve = Some(status);
         }
+        let status = self.valve.unwrap_or_default();
         ensure!(
             status.valve_interlock & valve_interlock::FORCE == 0,
             "the valve has closed: the force was beyond its limit; find out why, then release it with `softtwin setpoint {} --release`",
