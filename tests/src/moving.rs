@@ -124,8 +124,7 @@ pub fn model_bytes() -> &'static [u8] {
         // Only the inner mass is loaded: the family is then that of one load.
         let unit_load = vec![0.0, 0.0, 0.0, 0.0, MASS_T[1], 0.0, 0.0, 0.0, 0.0];
         let mass = Mass {
-            load: LOAD,
-            unit_load,
+            loads: vec![(LOAD, unit_load)],
             times: &times,
             damping_s: 0.02,
             step_ns: 1_000_000,

@@ -1,6 +1,8 @@
 //! Motion on families of equilibria with a closed form: oscillator, hinge, two masses above a plate.
 
-use rom::inertia::manifold::{Amplitudes, Coordinates, LinearMode, Manifold, Place, PlateForce};
+use rom::inertia::manifold::{
+    Amplitudes, Coordinates, InertialLoad, LinearMode, MAX_LOADS, Manifold, Place, PlateForce, Tangents,
+};
 use rom::inertia::stepper::{Motion, MotionSettings, Moved, ReadingError};
 use rom::inputs::Inputs;
 use rom::memory::PronyTerm;
@@ -26,25 +28,34 @@ fn coordinates(values: &[f64]) -> Coordinates {
     all
 }
 
+/// One load along the first axis or a unit vector.
+fn load(unit: &[f64], range: [f64; 2]) -> Vec<InertialLoad> {
+    vec![InertialLoad { input: LOAD, unit: coordinates(unit), range }]
+}
+
+fn along_one(tangent: &[f64]) -> Tangents {
+    let mut tangents = Tangents::default();
+    tangents[0] = coordinates(tangent);
+    tangents
+}
+
 /// Unit mass on a spring whose rest position the pressure moves.
 struct Spring {
     rate_rad_s: f64,
-    unit: Coordinates,
+    loads: Vec<InertialLoad>,
 }
 
 impl Spring {
     fn new(hertz: f64) -> Self {
-        Self { rate_rad_s: TAU * hertz, unit: coordinates(&[1.0]) }
+        let rate_rad_s = TAU * hertz;
+        let range = [-1.0, 1.0].map(|side| REST + side * 20.0 * rate_rad_s.powi(2));
+        Self { rate_rad_s, loads: load(&[1.0], range) }
     }
 }
 
 impl Manifold for Spring {
-    fn load_input(&self) -> usize {
-        LOAD
-    }
-
-    fn unit_load(&self) -> &Coordinates {
-        &self.unit
+    fn loads(&self) -> &[InertialLoad] {
+        &self.loads
     }
 
     fn modes(&self, _: RegimeKind) -> &[LinearMode] {
@@ -54,7 +65,7 @@ impl Manifold for Spring {
     fn place(&mut self, _: RegimeKind, inputs: &Inputs) -> Place {
         let compliance = self.rate_rad_s.powi(-2);
         let position = 1000.0 * inputs.pressure_mpa() + compliance * inputs.values()[LOAD];
-        Place { position: coordinates(&[position]), tangent: coordinates(&[compliance]) }
+        Place { position: coordinates(&[position]), tangents: along_one(&[compliance]) }
     }
 
     fn clearance_mm(&mut self, _: &Inputs, _: &Amplitudes) -> f64 {
@@ -67,10 +78,6 @@ impl Manifold for Spring {
 
     fn force(&mut self, _: &Inputs, _: &Amplitudes) -> PlateForce {
         PlateForce::default()
-    }
-
-    fn load_range(&self) -> [f64; 2] {
-        [-1.0, 1.0].map(|side| REST + side * 20.0 * self.rate_rad_s.powi(2))
     }
 }
 
@@ -171,13 +178,17 @@ fn damping_decays_as_its_closed_form() {
 
 /// Unit mass at the end of a lever with a torsion spring, whose angle at rest the pressure moves: the family is curved.
 struct Hinge {
-    unit: Coordinates,
+    loads: Vec<InertialLoad>,
 }
 
 const LEVER_MM: f64 = 100.0;
 const TORSION: f64 = 6.25e6;
 
 impl Hinge {
+    fn new() -> Self {
+        Self { loads: load(&[0.0, 1.0], [-60_000.0, 40_000.0]) }
+    }
+
     fn rest_angle(pressure_mpa: f64) -> f64 {
         -10.0 * pressure_mpa
     }
@@ -198,12 +209,8 @@ impl Hinge {
 }
 
 impl Manifold for Hinge {
-    fn load_input(&self) -> usize {
-        LOAD
-    }
-
-    fn unit_load(&self) -> &Coordinates {
-        &self.unit
+    fn loads(&self) -> &[InertialLoad] {
+        &self.loads
     }
 
     fn modes(&self, _: RegimeKind) -> &[LinearMode] {
@@ -216,7 +223,7 @@ impl Manifold for Hinge {
         let by_load = LEVER_MM * cos / (TORSION + load * LEVER_MM * sin);
         Place {
             position: coordinates(&[LEVER_MM * cos, LEVER_MM * sin]),
-            tangent: coordinates(&[-LEVER_MM * sin * by_load, LEVER_MM * cos * by_load]),
+            tangents: along_one(&[-LEVER_MM * sin * by_load, LEVER_MM * cos * by_load]),
         }
     }
 
@@ -231,10 +238,86 @@ impl Manifold for Hinge {
     fn force(&mut self, _: &Inputs, _: &Amplitudes) -> PlateForce {
         PlateForce::default()
     }
+}
 
-    fn load_range(&self) -> [f64; 2] {
-        [-60_000.0, 40_000.0]
+/// Unit mass on a spring in a plane, softer along the second load, with stiffness `[[A, B], [B, C]]`; exact with two loads.
+struct Plane {
+    loads: Vec<InertialLoad>,
+}
+
+/// Stiffness, mJ/mm2, and place of the second load in the inputs.
+const PLANE: [f64; 3] = [900.0, 200.0, 400.0];
+const ACROSS: usize = LOAD + 1;
+
+impl Plane {
+    fn new() -> Self {
+        let range = [-40_000.0, 40_000.0];
+        let of = |input, unit: &[f64]| InertialLoad { input, unit: coordinates(unit), range };
+        Self { loads: vec![of(LOAD, &[1.0]), of(ACROSS, &[0.0, 1.0])] }
     }
+}
+
+impl Manifold for Plane {
+    fn loads(&self) -> &[InertialLoad] {
+        &self.loads
+    }
+
+    fn modes(&self, _: RegimeKind) -> &[LinearMode] {
+        &[]
+    }
+
+    fn place(&mut self, _: RegimeKind, inputs: &Inputs) -> Place {
+        let ([a, b, c], [_, _, first, second, ..]) = (PLANE, *inputs.values());
+        let inverse = [[c, -b], [-b, a]].map(|row| row.map(|v| v / (a * c - b * b)));
+        let x = inverse.map(|row| row[0] * first + row[1] * second);
+        let mut tangents = along_one(&inverse[0]);
+        tangents[1] = coordinates(&inverse[1]);
+        Place { position: coordinates(&[x[0] + 1000.0 * inputs.pressure_mpa(), x[1]]), tangents }
+    }
+
+    fn clearance_mm(&mut self, _: &Inputs, _: &Amplitudes) -> f64 {
+        f64::INFINITY
+    }
+
+    fn onset_load(&mut self, inputs: &Inputs) -> f64 {
+        inputs.values()[LOAD]
+    }
+
+    fn force(&mut self, _: &Inputs, _: &Amplitudes) -> PlateForce {
+        PlateForce::default()
+    }
+}
+
+#[test]
+fn two_loads_swing_as_the_two_modes_of_a_plane() {
+    let mut motion = Motion::new(Plane::new(), settings(250_000, 0.0));
+    let at = |second: f64| reading(0.0, f64::INFINITY).with(LOAD, 0.0).with(ACROSS, second);
+    motion.advance(0, &at(0.0)).unwrap();
+    // The base is accelerated across from the first reading on: x'' + K (x - x_end) = 0.
+    motion.advance(1, &at(5000.0)).unwrap();
+    let [a, b, c] = PLANE;
+    let end = Plane::new().place(RegimeKind::Free, &at(5000.0)).position;
+    let spread = (0.25 * (a - c).powi(2) + b * b).sqrt();
+    let squares = [0.5 * (a + c) + spread, 0.5 * (a + c) - spread];
+    let length = (b * b + (squares[0] - a).powi(2)).sqrt();
+    let upper = [b / length, (squares[0] - a) / length];
+    let shapes = [upper, [-upper[1], upper[0]]];
+    let mut worst = 0.0_f64;
+    for i in 1..=500_u64 {
+        let moved = motion.advance(1 + i * 4_000_000, &at(5000.0)).unwrap();
+        assert!(moved.load_distance == 0.0 && !moved.at_rest, "{moved:?}");
+        let found = motion.manifold().place(RegimeKind::Free, &moved.state.inputs).position;
+        for axis in 0..2 {
+            let along = |shape: &[f64; 2]| end[0] * shape[0] + end[1] * shape[1];
+            let swings = shapes
+                .iter()
+                .zip(squares)
+                .map(|(shape, square)| // The jump of the load takes one inner step.
+                shape[axis] * along(shape) * (square.sqrt() * (i as f64 * 4e-3 - 0.5 * 250e-6)).cos());
+            worst = worst.max((found[axis] - (end[axis] - swings.sum::<f64>())).abs());
+        }
+    }
+    assert!(worst < 0.002 * end[1], "{worst} of {end:?}");
 }
 
 /// Pressure of a ramp of 20 ms.
@@ -270,7 +353,7 @@ fn hinge_truth(beta: f64) -> Vec<f64> {
 }
 
 fn hinge(step_ns: u64, beta: f64) -> Vec<f64> {
-    let mut motion = Motion::new(Hinge { unit: coordinates(&[0.0, 1.0]) }, settings(step_ns, beta));
+    let mut motion = Motion::new(Hinge::new(), settings(step_ns, beta));
     motion.advance(0, &reading(0.03, f64::INFINITY)).unwrap();
     let angle = |i: u64| {
         let moved = motion.advance(i * 10_000_000, &reading(ramp(i * 10_000_000), f64::INFINITY)).unwrap();
@@ -298,7 +381,7 @@ fn curved_family_under_a_ramp_follows_the_equation_of_motion_with_second_order()
 #[test]
 fn energy_of_a_curved_family_stays_without_damping_and_falls_with_it() {
     for beta in [0.0, 2e-3] {
-        let mut motion = Motion::new(Hinge { unit: coordinates(&[0.0, 1.0]) }, settings(1_000_000, beta));
+        let mut motion = Motion::new(Hinge::new(), settings(1_000_000, beta));
         motion.advance(0, &reading(0.0, f64::INFINITY)).unwrap();
         let mut energies = Vec::new();
         for i in 1..=25_000_u64 {
@@ -322,7 +405,7 @@ fn energy_of_a_curved_family_stays_without_damping_and_falls_with_it() {
 /// Two masses on a chain of springs; the outer one, which the pressure pushes down, lands on a plate. Exact: one load and one linear
 /// mode free, one load in contact.
 struct Pair {
-    unit: Coordinates,
+    loads: Vec<InertialLoad>,
     mode: Vec<LinearMode>,
 }
 
@@ -338,17 +421,14 @@ impl Pair {
         let ratio = l / (l - square);
         let length = (1.0 + ratio * ratio).sqrt();
         let shape = coordinates(&[1.0 / length, ratio / length]);
-        Self { unit: coordinates(&[1.0]), mode: vec![LinearMode { rate_rad_s: square.sqrt(), shape }] }
+        let loads = load(&[1.0], [-200_000.0, 200_000.0]);
+        Self { loads, mode: vec![LinearMode { rate_rad_s: square.sqrt(), shape }] }
     }
 }
 
 impl Manifold for Pair {
-    fn load_input(&self) -> usize {
-        LOAD
-    }
-
-    fn unit_load(&self) -> &Coordinates {
-        &self.unit
+    fn loads(&self) -> &[InertialLoad] {
+        &self.loads
     }
 
     fn modes(&self, regime: RegimeKind) -> &[LinearMode] {
@@ -361,11 +441,11 @@ impl Manifold for Pair {
             let first = (load - push) / k;
             return Place {
                 position: coordinates(&[first, first - push / l]),
-                tangent: coordinates(&[1.0 / k, 1.0 / k]),
+                tangents: along_one(&[1.0 / k, 1.0 / k]),
             };
         }
         let first = (load - l * inputs.gap_mm()) / (k + l);
-        Place { position: coordinates(&[first, -inputs.gap_mm()]), tangent: coordinates(&[1.0 / (k + l)]) }
+        Place { position: coordinates(&[first, -inputs.gap_mm()]), tangents: along_one(&[1.0 / (k + l)]) }
     }
 
     fn clearance_mm(&mut self, inputs: &Inputs, amplitudes: &Amplitudes) -> f64 {
@@ -382,11 +462,9 @@ impl Manifold for Pair {
         let [k, l] = STIFFNESS;
         let first = self.place(RegimeKind::Contact, inputs).position[0];
         let n = l * (-inputs.gap_mm() - first) + PUSH * inputs.pressure_mpa();
-        PlateForce { n, by_load: -l / (k + l), ..PlateForce::default() }
-    }
-
-    fn load_range(&self) -> [f64; 2] {
-        [-200_000.0, 200_000.0]
+        let mut by_load = [0.0; MAX_LOADS];
+        by_load[0] = -l / (k + l);
+        PlateForce { n, by_load, ..PlateForce::default() }
     }
 }
 

@@ -6,6 +6,7 @@ use anyhow::Result;
 use fem::actuator::Actuator;
 use fem::{BodyMass, Load, Problem, Solver};
 use rom::inertia::data::MotionWidths;
+use rom::inertia::manifold::MAX_LINEAR_MODES;
 use rom::inertia::model_motion::ModelMotion;
 use rom::inputs::{Inputs, PARAMETERS, PRESSURE};
 use rom::memory::{Creep, InputMemory, MemorySpec, PronyTerm, Slopes, filter};
@@ -16,13 +17,14 @@ use std::sync::Arc;
 use train::inertia::{Mass, Nodal, reduce};
 use train::memory::slopes;
 
-/// Name of the inertial load along each axis.
+/// Name of the inertial load along each axis; a body lands along the first that its cases vary, of y, x and z.
 const LOADS: [&str; 3] = ["loads.gravity_mm_s2.0", "loads.gravity_mm_s2.1", "loads.gravity_mm_s2.2"];
-/// Linear modes of a regime in addition to the load.
-const MODES: usize = 3;
-/// Vibrations among which they are sought: those across the load are left out.
+const ORDER: [usize; 3] = [1, 0, 2];
+/// Linear modes of a regime in addition to one load, and for each further load.
+const MODES: [usize; 2] = [3, 1];
+/// Vibrations among which they are sought: those across the loads are left out.
 const SOUGHT: usize = 12;
-/// Least part of the mass, as a square root, that takes part in a vibration along the load.
+/// Least part of the mass, as a square root, that takes part in a vibration along a load.
 const LEAST_PART: f64 = 0.03;
 /// Half-widths of displacement, stress and contact force, as fractions of what the path of the motion changes in them, and of what a swing
 /// with the velocity that an impact took would change.
@@ -35,33 +37,27 @@ const LONGEST_GAP_S: f64 = 1.0;
 /// Length of the inner steps, ns.
 const STEP_NS: u64 = 500_000;
 
-/// Mass and load of the actuator of a database.
+/// Mass and loads of the actuator of a database.
 pub struct Body {
     actuator: Actuator,
     problem: Arc<Problem>,
     mass: BodyMass,
-    axis: usize,
+    axes: Vec<usize>,
 }
 
 impl Body {
-    /// Reads the actuator of a database whose cases vary the inertial load.
+    /// Reads the actuator of a database whose cases vary an inertial load.
     ///
     /// # Errors
-    /// The load does not vary between the cases; the actuator cannot be read.
+    /// No load varies between the cases; the actuator cannot be read.
     pub fn read(database: &Database, actuator: &Path) -> Result<Self> {
-        let varies = |load: &&str| database.parameters.iter().any(|parameter| parameter.name == **load);
-        let Some(axis) = LOADS.iter().position(varies) else {
+        let varies = |axis: &usize| database.parameters.iter().any(|p| p.name == LOADS[*axis]);
+        let axes: Vec<usize> = ORDER.into_iter().filter(varies).collect();
+        if axes.is_empty() {
             return Err(usage(format!(
                 "--inertia: expected a column {} in the database's cases, found none; `softtwin sample --parameter {}=LOW:HIGH` \
                  makes one",
                 LOADS[1], LOADS[1]
-            )));
-        };
-        let named: Vec<&str> = LOADS.into_iter().filter(varies).collect();
-        if named.len() > 1 {
-            return Err(usage(format!(
-                "--inertia: expected one inertial load, found {}; a motion has a load along one axis, sample the others at a fixed value",
-                named.join(" and ")
             )));
         }
         let (actuator, problem) = files::actuator(actuator)?;
@@ -71,7 +67,7 @@ impl Body {
                 "--inertia: expected the actuator of the database, with {expected} nodes, found {found}"
             )));
         }
-        Ok(Self { actuator, mass: BodyMass::new(Arc::clone(&problem)), problem, axis })
+        Ok(Self { actuator, mass: BodyMass::new(Arc::clone(&problem)), problem, axes })
     }
 
     /// Linear modes of the regimes that the database has, and lines for the user.
@@ -80,7 +76,7 @@ impl Body {
     /// A state cannot be solved or is not stable.
     pub fn vibrations(&self, database: &Database) -> Result<(Vec<Vibration>, Vec<String>)> {
         let (mut vibrations, mut lines) = (Vec::new(), Vec::new());
-        let unit_load = self.unit_load();
+        let unit_loads: Vec<Nodal> = self.axes.iter().map(|axis| self.unit_load(*axis)).collect();
         let total_t: f64 = self.mass.node_mass_t().iter().sum();
         for regime in [RegimeKind::Free, RegimeKind::Contact] {
             let Some(case) = middle(database, regime) else { continue };
@@ -91,17 +87,29 @@ impl Body {
                 shape_mm: by_axis(&found.shape_mm),
                 reaction_n: found.reaction_n,
             };
+            // The load along which it moves most, where it moves along one.
             let moves = |v: &Vibration| {
-                let along: f64 = v.shape_mm.iter().zip(&unit_load).map(|(x, m)| x * m).sum();
-                along.abs() > LEAST_PART * total_t.sqrt()
+                let along =
+                    unit_loads.iter().map(|unit| v.shape_mm.iter().zip(unit).map(|(x, m)| x * m).sum());
+                let along = along.map(f64::abs).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+                along.filter(|(_, part)| *part > LEAST_PART * total_t.sqrt()).map(|(load, _)| load)
             };
-            let taken: Vec<Vibration> =
-                found.into_iter().map(vibration).filter(moves).take(1 + MODES).collect();
-            let hertz: Vec<String> =
-                taken.iter().map(|v| format!("{:.2}", v.rate_rad_s / std::f64::consts::TAU)).collect();
+            // Each load contains the slowest along it.
+            let mut contained = vec![false; self.axes.len()];
+            let (mut hertz, mut taken) = (Vec::new(), Vec::new());
+            for v in found.into_iter().map(vibration) {
+                let Some(load) =
+                    moves(&v).filter(|_| taken.len() < MODES[0] + MODES[1] * (self.axes.len() - 1))
+                else {
+                    continue;
+                };
+                hertz.push(format!("{:.2}", v.rate_rad_s / std::f64::consts::TAU));
+                if std::mem::replace(&mut contained[load], true) {
+                    taken.push(v);
+                }
+            }
             lines.push(format!("{}, case {}: {} Hz", regime.name(), case.name, hertz.join(", ")));
-            // The load contains the first.
-            vibrations.extend(taken.into_iter().skip(1));
+            vibrations.extend(taken.into_iter().take(MAX_LINEAR_MODES));
         }
         Ok((vibrations, lines))
     }
@@ -113,8 +121,7 @@ impl Body {
     pub fn add_to(&self, model: &mut Model, database: &Database) -> Result<Vec<String>> {
         let times = |v: &[f64]| by_axis(&self.mass.times(&by_node(v)));
         let mass = Mass {
-            load: LOADS[self.axis],
-            unit_load: self.unit_load(),
+            loads: self.axes.iter().map(|axis| (LOADS[*axis], self.unit_load(*axis))).collect(),
             times: &times,
             damping_s: self.actuator.dynamics.beta_s,
             step_ns: STEP_NS,
@@ -128,7 +135,7 @@ impl Body {
         lines.extend(reduced.outside.iter().map(line));
         let mut inertia = reduced.inertia;
         model.set_record(BlockKind::Inertia, &inertia)?;
-        inertia.widths = widths(model, database, inertia.load_input as usize)?;
+        inertia.widths = widths(model, database, inertia.loads[0].input as usize)?;
         model.set_record(BlockKind::Inertia, &inertia)?;
         if !inertia.prony.is_empty() {
             let memory = self.filter(model, database)?;
@@ -157,20 +164,21 @@ impl Body {
         Ok(MemorySpec { inputs: vec![of], max_gap_s: LONGEST_GAP_S })
     }
 
-    /// Force of a unit of the load on each node.
-    fn unit_load(&self) -> Nodal {
+    /// Force of a unit of the load along an axis on each node.
+    fn unit_load(&self, axis: usize) -> Nodal {
         let nodes = self.mass.node_mass_t();
         let mut unit_load = vec![0.0; 3 * nodes.len()];
-        unit_load[self.axis * nodes.len()..][..nodes.len()].copy_from_slice(nodes);
+        unit_load[axis * nodes.len()..][..nodes.len()].copy_from_slice(nodes);
         unit_load
     }
 
-    /// Load of a case.
+    /// Loads of a case.
     fn load(&self, database: &Database, case: &Case) -> Load {
         let mut load = self.actuator.load(case.pressure_mpa, case.gap_mm);
-        let at = database.parameters.iter().position(|parameter| parameter.name == LOADS[self.axis]);
-        if let Some(value) = at.and_then(|at| case.parameters.get(at)) {
-            load.gravity_mm_s2[self.axis] = *value;
+        for (parameter, value) in database.parameters.iter().zip(&case.parameters) {
+            if let Some(axis) = LOADS.iter().position(|name| *name == parameter.name) {
+                load.gravity_mm_s2[axis] = *value;
+            }
         }
         load
     }

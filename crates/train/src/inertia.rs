@@ -5,7 +5,7 @@
 
 use crate::error::TrainError;
 use faer::Mat;
-use rom::inertia::data::{InertiaModel, MotionWidths, RegimeInertia, StoredMode};
+use rom::inertia::data::{InertiaModel, MotionWidths, RegimeInertia, StoredLoad, StoredMode};
 use rom::inertia::manifold::{MAX_COORDINATES, MAX_LINEAR_MODES};
 use rom::inputs::PARAMETERS;
 use rom::memory::PronyTerm;
@@ -22,10 +22,9 @@ const OUTSIDE: f64 = 1e-3;
 
 /// Mass of a body, as the finite elements provide it.
 pub struct Mass<'a> {
-    /// Name of the model's input that is the inertial load (`loads.gravity_mm_s2.1`).
-    pub load: &'a str,
-    /// Force of a unit of that load on each node, t.
-    pub unit_load: Nodal,
+    /// Names of the model's inputs that are inertial loads (`loads.gravity_mm_s2.1`), that of landing first, and the force of a unit of
+    /// each on the nodes, t.
+    pub loads: Vec<(&'a str, Nodal)>,
     /// Mass matrix times a vector.
     pub times: &'a dyn Fn(&[f64]) -> Nodal,
     /// Damping proportional to the stiffness, s.
@@ -47,21 +46,22 @@ pub struct Reduced {
 /// Reduces a mass to a model and the database that it was trained on. Cost: one product with the mass per training state.
 ///
 /// # Errors
-/// [`TrainError::Database`] if the load is no input, coordinates are missing or nodes differ.
+/// [`TrainError::Database`] if a load is no input, coordinates are missing or nodes differ.
 pub fn reduce(model: &Model, database: &Database, mass: &Mass<'_>) -> Result<Reduced, TrainError> {
     let wrong = |what: String| TrainError::Database(vec![what]);
     let inputs = &model.header.inputs;
-    let load = inputs.iter().position(|input| input.name == mass.load).filter(|at| *at >= PARAMETERS);
-    let load_input = load.ok_or_else(|| {
-        wrong(format!("inertia: no parameter {} varies between the cases; sample it", mass.load))
-    })?;
+    let input = |name: &str| {
+        let at = inputs.iter().position(|input| input.name == name).filter(|at| *at >= PARAMETERS);
+        at.ok_or_else(|| wrong(format!("inertia: no parameter {name} varies between the cases; sample it")))
+    };
+    let places = mass.loads.iter().map(|(name, _)| input(name)).collect::<Result<Vec<usize>, _>>()?;
     let axes = [0, 1, 2].map(|axis| database.coordinate(axis));
     let [Some(x), Some(y), Some(z)] = axes else {
         return Err(wrong("inertia: expected the coordinates x, y and z as fields".into()));
     };
     let nodes = database.node_count;
-    if mass.unit_load.len() != 3 * nodes {
-        let found = mass.unit_load.len() / 3;
+    if let Some((_, unit)) = mass.loads.iter().find(|(_, unit)| unit.len() != 3 * nodes) {
+        let found = unit.len() / 3;
         return Err(wrong(format!(
             "inertia: expected a mesh of {nodes} nodes, as the database, found {found}"
         )));
@@ -76,7 +76,11 @@ pub fn reduce(model: &Model, database: &Database, mass: &Mass<'_>) -> Result<Red
         (0..3 * nodes).map(|i| states.iter().map(|state| state[i]).sum::<f64>() / count).collect();
     let (shapes, weighted) = coordinates(&states, &centre, database, mass)
         .ok_or_else(|| wrong("inertia: the training states do not differ".into()))?;
-    let unit_load = shapes.iter().map(|psi| dot(psi, &mass.unit_load)).collect();
+    let stored = |(input, (_, unit)): (&usize, &(&str, Nodal))| StoredLoad {
+        input: *input as u32,
+        unit: shapes.iter().map(|psi| dot(psi, unit)).collect(),
+    };
+    let loads = places.iter().zip(&mass.loads).map(stored).collect();
     let (mut regimes, mut outside) = (Vec::new(), Vec::new());
     for regime in &model.header.regimes {
         let modes = CoordinateModes::new(model, regime, fields).map_err(wrong)?;
@@ -109,9 +113,8 @@ pub fn reduce(model: &Model, database: &Database, mass: &Mass<'_>) -> Result<Red
     }
     let (damping_s, step_ns) = (mass.damping_s, mass.step_ns);
     let widths = MotionWidths::default();
-    let load_input = load_input as u32;
     let prony = mass.prony.clone();
-    let inertia = InertiaModel { load_input, step_ns, damping_s, unit_load, regimes, widths, prony };
+    let inertia = InertiaModel { loads, step_ns, damping_s, regimes, widths, prony };
     inertia.check(&model.header).map_err(wrong)?;
     Ok(Reduced { inertia, outside })
 }

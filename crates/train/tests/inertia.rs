@@ -88,7 +88,13 @@ fn times(v: &[f64]) -> Vec<f64> {
 fn mass(load: &str) -> Mass<'_> {
     let mut unit_load = vec![0.0; 3 * NODES];
     (0..NODES).for_each(|i| unit_load[NODES + i] = node(i).1);
-    Mass { load, unit_load, times: &times, damping_s: BETA_S, step_ns: 500_000, prony: Vec::new() }
+    Mass {
+        loads: vec![(load, unit_load)],
+        times: &times,
+        damping_s: BETA_S,
+        step_ns: 500_000,
+        prony: Vec::new(),
+    }
 }
 
 fn model() -> Model {

@@ -5,23 +5,30 @@ use crate::memory::PronyTerm;
 use crate::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
 
-/// Reduced inertia of a model whose inertial load is one of its inputs. Coordinates: `q = Psi' M (x - x_0)` over M-orthonormal modes.
+/// Reduced inertia of a model whose inertial loads are among its inputs. Coordinates: `q = Psi' M (x - x_0)` over M-orthonormal modes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InertiaModel {
-    /// Position of the inertial load (mm/s2) in the model's inputs.
-    pub load_input: u32,
+    /// Inertial loads; the body lands along the first.
+    pub loads: Vec<StoredLoad>,
     /// Length of the inner steps, ns.
     pub step_ns: u64,
     /// Damping proportional to the stiffness, s.
     pub damping_s: f64,
-    /// Inertial force of a unit acceleration, `Psi' M e`, in coordinates.
-    pub unit_load: Vec<f64>,
     /// Free regime, then contact if the model has it.
     pub regimes: Vec<RegimeInertia>,
     /// Half-widths of a motion.
     pub widths: MotionWidths,
     /// Relaxation of the elastomer; the static family is the relaxed one.
     pub prony: Vec<PronyTerm>,
+}
+
+/// Inertial load as a model stores it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StoredLoad {
+    /// Position of the load (mm/s2) in the model's inputs.
+    pub input: u32,
+    /// Inertial force of a unit acceleration, `Psi' M e`, in coordinates.
+    pub unit: Vec<f64>,
 }
 
 /// Half-widths of displacement (mm), stress (MPa) and contact force (N) per mm of an amplitude, in addition to those of the static model
@@ -78,6 +85,6 @@ pub struct StoredMode {
 impl InertiaModel {
     /// Number of coordinates.
     pub fn coordinates(&self) -> usize {
-        self.unit_load.len()
+        self.loads.first().map_or(0, |load| load.unit.len())
     }
 }

@@ -5,6 +5,8 @@ use crate::snapshots::RegimeKind;
 
 /// Largest number of M-orthonormal coordinates.
 pub const MAX_COORDINATES: usize = 16;
+/// Largest number of inertial loads.
+pub const MAX_LOADS: usize = 3;
 /// Largest number of linear modes of a regime.
 pub const MAX_LINEAR_MODES: usize = 4;
 
@@ -12,10 +14,23 @@ pub const MAX_LINEAR_MODES: usize = 4;
 pub type Coordinates = [f64; MAX_COORDINATES];
 /// Amplitudes of the linear modes, mm t^1/2; unused entries are 0.
 pub type Amplitudes = [f64; MAX_LINEAR_MODES];
+/// Derivatives of the position with respect to the loads, per mm/s2; unused entries are 0.
+pub type Tangents = [Coordinates; MAX_LOADS];
 
 /// Scalar product over the coordinates.
 pub(super) fn dot(a: &Coordinates, b: &Coordinates) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Inertial load: uniform acceleration along one axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InertialLoad {
+    /// Position of the load (mm/s2) in the inputs. Its value in a reading is the load at rest.
+    pub input: usize,
+    /// Inertial force of a unit acceleration, `Psi' M e`, in coordinates.
+    pub unit: Coordinates,
+    /// Smallest and largest load of the training states, mm/s2.
+    pub range: [f64; 2],
 }
 
 /// Linear mode of a regime, constant over its states.
@@ -27,13 +42,13 @@ pub struct LinearMode {
     pub shape: Coordinates,
 }
 
-/// Equilibrium under a load and its derivative with respect to the load.
+/// Equilibrium under loads and its derivatives with respect to them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Position in coordinates.
     pub position: Coordinates,
-    /// Derivative of the position with respect to the load, per mm/s2.
-    pub tangent: Coordinates,
+    /// Derivatives of the position with respect to the loads.
+    pub tangents: Tangents,
 }
 
 /// Contact force of an equilibrium with linear modes, and its derivatives.
@@ -41,8 +56,8 @@ pub struct Place {
 pub struct PlateForce {
     /// Force, N; negative where the body would have to be held.
     pub n: f64,
-    /// Derivative with respect to the load, N per mm/s2.
-    pub by_load: f64,
+    /// Derivatives with respect to the loads, N per mm/s2.
+    pub by_load: [f64; MAX_LOADS],
     /// Derivatives with respect to pressure (N/MPa) and gap (N/mm) of the part that the body transmits, without what the pressure applies to
     /// the place of contact itself.
     pub by_operation: [f64; 2],
@@ -50,33 +65,27 @@ pub struct PlateForce {
     pub by_amplitude: Amplitudes,
 }
 
-/// Equilibria under pressure, gap and inertial load, in each regime also a little beyond the onset of contact.
+/// Equilibria under pressure, gap and inertial loads, in each regime also a little beyond the onset of contact.
 pub trait Manifold {
     /// Forgets states at which a search would begin: a motion at rest does not depend on those before it.
     fn forget(&mut self) {}
 
-    /// Position of the inertial load (mm/s2) in the inputs. Its value in a reading is the load at rest.
-    fn load_input(&self) -> usize;
-
-    /// Inertial force of a unit acceleration, `Psi' M e`, in coordinates.
-    fn unit_load(&self) -> &Coordinates;
+    /// Inertial loads, at least one and at most [`MAX_LOADS`]; landing is sought along the first.
+    fn loads(&self) -> &[InertialLoad];
 
     /// Linear modes of a regime, by increasing frequency, at most [`MAX_LINEAR_MODES`].
     fn modes(&self, regime: RegimeKind) -> &[LinearMode];
 
-    /// Equilibrium of a regime; `inputs` contain the load.
+    /// Equilibrium of a regime; `inputs` contain the loads.
     fn place(&mut self, regime: RegimeKind, inputs: &Inputs) -> Place;
 
     /// Distance of the lowest point of a free shape from the obstacle, mm: negative if it would penetrate, infinite without
     /// an obstacle.
     fn clearance_mm(&mut self, inputs: &Inputs, amplitudes: &Amplitudes) -> f64;
 
-    /// Load at which the free equilibrium touches the obstacle, sought near the load of the inputs.
+    /// First load at which the free equilibrium touches the obstacle, sought near that of the inputs.
     fn onset_load(&mut self, inputs: &Inputs) -> f64;
 
     /// Contact force of the contact regime.
     fn force(&mut self, inputs: &Inputs, amplitudes: &Amplitudes) -> PlateForce;
-
-    /// Smallest and largest load of the training states, mm/s2.
-    fn load_range(&self) -> [f64; 2];
 }

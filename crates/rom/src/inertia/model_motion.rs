@@ -1,7 +1,9 @@
 //! Motion of a model: its regimes as manifold, its evaluation at the moving state.
 
-use super::data::{InertiaModel, MotionWidths, RegimeInertia, StoredMode};
-use super::manifold::{Amplitudes, Coordinates, LinearMode, Manifold, Place, PlateForce, dot};
+use super::data::{InertiaModel, MotionWidths, RegimeInertia, StoredLoad, StoredMode};
+use super::manifold::{
+    Amplitudes, Coordinates, InertialLoad, LinearMode, MAX_LOADS, Manifold, Place, PlateForce, Tangents, dot,
+};
 use super::stepper::{Motion, MotionSettings, Moved, ReadingError};
 use crate::clearance::OnsetSolver;
 use crate::contract::{self, Output};
@@ -32,9 +34,7 @@ struct RegimePlace {
 /// Static model over its M-orthonormal coordinates.
 #[derive(Clone, Debug)]
 pub struct ModelManifold {
-    load_input: usize,
-    range: [f64; 2],
-    unit_load: Coordinates,
+    loads: Vec<InertialLoad>,
     evaluator: Evaluator,
     regimes: Vec<RegimePlace>,
     solver: Option<OnsetSolver>,
@@ -109,11 +109,12 @@ impl ModelManifold {
             scratch.coefficients.reserve(more.coefficients.capacity());
             scratch.gradients.iter_mut().for_each(|row| row.reserve(more.coefficients.capacity()));
         }
-        let load_input = inertia.load_input as usize;
+        let load = |load: &StoredLoad| {
+            let input = load.input as usize;
+            InertialLoad { input, unit: padded(&load.unit), range: header.inputs[input].range }
+        };
         Ok(Self {
-            load_input,
-            range: header.inputs[load_input].range,
-            unit_load: padded(&inertia.unit_load),
+            loads: inertia.loads.iter().map(load).collect(),
             evaluator,
             regimes,
             solver,
@@ -133,12 +134,8 @@ impl Manifold for ModelManifold {
         self.last = LastOnset::default();
     }
 
-    fn load_input(&self) -> usize {
-        self.load_input
-    }
-
-    fn unit_load(&self) -> &Coordinates {
-        &self.unit_load
+    fn loads(&self) -> &[InertialLoad] {
+        &self.loads
     }
 
     fn modes(&self, kind: RegimeKind) -> &[LinearMode] {
@@ -148,11 +145,13 @@ impl Manifold for ModelManifold {
     fn place(&mut self, kind: RegimeKind, inputs: &Inputs) -> Place {
         self.evaluator.differentiate_as(kind, *inputs, &mut self.scratch);
         let regime = self.regime(kind);
-        let mut place = Place { position: regime.mean, tangent: Coordinates::default() };
-        let slopes = self.scratch.coefficient_gradient(self.load_input);
+        let mut place = Place { position: regime.mean, tangents: Tangents::default() };
         for (coordinate, at) in &regime.outputs {
             place.position[*coordinate] += self.scratch.coefficients[*at];
-            place.tangent[*coordinate] += slopes[*at];
+        }
+        for (load, tangent) in self.loads.iter().zip(&mut place.tangents) {
+            let slopes = self.scratch.coefficient_gradient(load.input);
+            regime.outputs.iter().for_each(|(coordinate, at)| tangent[*coordinate] += slopes[*at]);
         }
         place
     }
@@ -171,8 +170,8 @@ impl Manifold for ModelManifold {
         let found = self
             .solver
             .as_ref()
-            .and_then(|solver| solver.touching(self.load_input, inputs, &mut self.scratch));
-        found.unwrap_or(inputs.values()[self.load_input])
+            .and_then(|solver| solver.touching(self.loads[0].input, inputs, &mut self.scratch));
+        found.unwrap_or(inputs.values()[self.loads[0].input])
     }
 
     fn force(&mut self, inputs: &Inputs, amplitudes: &Amplitudes) -> PlateForce {
@@ -181,11 +180,9 @@ impl Manifold for ModelManifold {
         let by_amplitude = self.regime(RegimeKind::Contact).reactions_n;
         let n = n + by_amplitude.iter().zip(amplitudes).map(|(by, y)| by * y).sum::<f64>();
         let by_operation = [gradient[PRESSURE], gradient[GAP]];
-        PlateForce { n, by_load: gradient[self.load_input], by_operation, by_amplitude }
-    }
-
-    fn load_range(&self) -> [f64; 2] {
-        self.range
+        let mut by_load = [0.0; MAX_LOADS];
+        by_load.iter_mut().zip(&self.loads).for_each(|(by, load)| *by = gradient[load.input]);
+        PlateForce { n, by_load, by_operation, by_amplitude }
     }
 }
 
@@ -241,16 +238,16 @@ impl ModelMotion {
         self.motion.reset();
     }
 
-    /// Amplitude of the body per load at an equilibrium, mm per mm/s2.
+    /// Amplitude of the body per first load at an equilibrium, mm per mm/s2.
     pub fn amplitude_per_load(&mut self, kind: RegimeKind, inputs: Inputs) -> f64 {
         let inputs = self.evaluator.completed(inputs);
         let manifold = self.motion.manifold();
-        let tangent = manifold.place(kind, &inputs).tangent;
-        let unit = *manifold.unit_load();
+        let tangent = manifold.place(kind, &inputs).tangents[0];
+        let unit = manifold.loads[0].unit;
         (dot(&tangent, &tangent) / dot(&unit, &unit)).sqrt()
     }
 
-    /// Moves to a reading and evaluates the moving state: the inputs of the evaluation contain the inertial load. Inputs that the reading
+    /// Moves to a reading and evaluates the moving state: the inputs of the evaluation contain the inertial loads. Inputs that the reading
     /// does not set take the model's value. Allocates nothing.
     ///
     /// # Errors

@@ -1,47 +1,67 @@
 //! One step of the discrete equation of motion within a regime.
 //!
-//! Unknowns `u = (a, y_1, ...)`, tangents `J = (X_a, phi_1, ...)`, momenta `p = J' q'`. The step is that of the discrete
+//! Unknowns `u = (a_1, ..., y_1, ...)`, tangents `J = (X_1, ..., phi_1, ...)`, momenta `p = J' q'`. The step is that of the discrete
 //! Lagrangian with forces at the mean of both ends,
 //!
 //! ```text
 //! J_n'     (q_n+1 - q_n) / h = p_n  + h/2 Q(J_n)
 //! p_n+1 = J_n+1' (q_n+1 - q_n) / h + h/2 Q(J_n+1)
-//! Q_0 = (g - a) e' X_a - sum_k (e' phi_k) y_k - beta e' q',    Q_k = (g - a) e' phi_k - w_k^2 y_k - beta w_k^2 phi_k' q'
+//! Q(J) = J' K J (g - u) - beta J' K q',    K X_i = e_i,    K phi_k = w_k^2 phi_k
 //! ```
 //!
-//! with `a`, `y` the means and `q' = (q_n+1 - q_n) / h`. Second order; for a family that is linear in the load it is the trapezoidal
-//! rule: stable at any step, without energy error. No second derivatives of `X` and no rate of the pressure are needed.
+//! with `u` the mean, `g` the loads at rest (0 for amplitudes) and `q' = (q_n+1 - q_n) / h`. Second order; for a family that is linear
+//! in the loads it is the trapezoidal rule: stable at any step, without energy error. No second derivatives of `X` and no rate of the
+//! pressure are needed.
 //!
 //! A relaxing elastomer resists with `u + sum_k r_k h_k`, `h_k' = u' - h_k / tau_k`, in place of `u` (`memory/prony.rs`).
 
-use super::manifold::{Amplitudes, Coordinates, LinearMode, MAX_LINEAR_MODES, Manifold, dot};
+use super::manifold::{
+    Amplitudes, Coordinates, InertialLoad, LinearMode, MAX_LINEAR_MODES, MAX_LOADS, Manifold, Tangents, dot,
+};
 use crate::inputs::Inputs;
 use crate::memory::{MAX_PRONY, PronyTerm};
 use crate::snapshots::RegimeKind;
 
-/// Unknowns of a step at most: load and amplitudes.
-const UNKNOWNS: usize = 1 + MAX_LINEAR_MODES;
+/// Unknowns of a step at most: loads and amplitudes.
+pub(super) const UNKNOWNS: usize = MAX_LOADS + MAX_LINEAR_MODES;
 /// Newton steps; two or three are usual.
 const NEWTON_STEPS: usize = 25;
-/// Largest change of the load in one Newton step, as a fraction of the load's range.
+/// Largest change of a load in one Newton step, as a fraction of the load's range.
 const MAX_CHANGE: f64 = 0.25;
-/// Change of the load from which the last step is taken along the tangent, as a fraction of the load's range.
+/// Changes of the loads from which the last step is taken along the tangents, as fractions of the loads' ranges.
 const TANGENT_FRACTION: f64 = 1e-5;
 
-/// Values over the unknowns: load, then amplitudes.
+/// Values over the unknowns: loads, then amplitudes; unused entries are 0.
 pub(super) type Unknowns = [f64; UNKNOWNS];
+/// Values over pairs of unknowns.
+pub(super) type Matrix = [Unknowns; UNKNOWNS];
 
 /// A regime at one instant: what the next step is tested with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Instant {
-    pub load: f64,
-    pub amplitudes: Amplitudes,
-    pub tangent: Coordinates,
+    pub at: Unknowns,
+    pub tangents: Tangents,
+    /// `J' K J`.
+    pub elastic: Matrix,
     pub momenta: Unknowns,
     /// Rates of the last step, per second: where Newton's method begins.
     pub rates: Unknowns,
     /// Internal variables of the relaxation, by term.
     pub relaxing: [Unknowns; MAX_PRONY],
+}
+
+impl Instant {
+    /// At rest under the loads of a place.
+    pub fn at_rest(at: Unknowns, space: &Space<'_>) -> Self {
+        let still = [0.0; UNKNOWNS];
+        let (tangents, elastic) = (*space.tangents, space.elastic());
+        Self { at, tangents, elastic, momenta: still, rates: still, relaxing: [still; _] }
+    }
+
+    /// Amplitudes of the linear modes behind `loads` loads.
+    pub fn amplitudes(&self, loads: usize) -> Amplitudes {
+        std::array::from_fn(|k| self.at[loads + k])
+    }
 }
 
 /// A step: regime, length in seconds, loads at rest at both ends.
@@ -51,7 +71,7 @@ pub(super) struct Step<'a> {
     pub prony: &'a [PronyTerm],
     pub h: f64,
     pub damping_s: f64,
-    pub rest: [f64; 2],
+    pub rest: [Unknowns; 2],
 }
 
 /// Result of a step.
@@ -62,54 +82,92 @@ pub(super) struct Stepped {
     pub velocity: Coordinates,
 }
 
-/// Forces of a regime.
-pub(super) struct Forces<'a> {
+/// Directions of motion at a place: tangents of the loads, then linear modes.
+pub(super) struct Space<'a> {
+    pub loads: &'a [InertialLoad],
     pub modes: &'a [LinearMode],
-    pub unit_load: &'a Coordinates,
-    pub damping_s: f64,
+    pub tangents: &'a Tangents,
 }
 
-impl Forces<'_> {
-    /// Generalised forces at a load and amplitudes, tested with a tangent.
-    pub fn at(
-        &self,
-        excess: f64,
-        amplitudes: &Amplitudes,
-        tangent: &Coordinates,
-        velocity: &Coordinates,
-    ) -> Unknowns {
-        let mut forces = [0.0; UNKNOWNS];
-        forces[0] = excess * dot(self.unit_load, tangent) - self.damping_s * dot(self.unit_load, velocity);
-        for ((mode, y), force) in self.modes.iter().zip(amplitudes).zip(1..) {
-            let (along, square) = (dot(self.unit_load, &mode.shape), mode.rate_rad_s * mode.rate_rad_s);
-            forces[0] -= along * y;
-            forces[force] = excess * along - square * (y + self.damping_s * dot(&mode.shape, velocity));
-        }
-        forces
+impl Space<'_> {
+    /// Number of directions.
+    pub fn count(&self) -> usize {
+        self.loads.len() + self.modes.len()
     }
 
-    /// Momenta of a velocity half a step ago, tested with a tangent at an instant.
-    pub fn momenta(
-        &self,
-        h: f64,
-        excess: f64,
-        amplitudes: &Amplitudes,
-        tangent: &Coordinates,
-        velocity: &Coordinates,
-    ) -> Unknowns {
-        let forces = self.at(excess, amplitudes, tangent, velocity);
-        let mut momenta = self.tested(tangent, velocity);
-        momenta.iter_mut().zip(forces).for_each(|(p, force)| *p += 0.5 * h * force);
-        momenta
+    /// Direction `J_i`.
+    pub fn direction(&self, i: usize) -> &Coordinates {
+        match i.checked_sub(self.loads.len()) {
+            None => &self.tangents[i],
+            Some(mode) => &self.modes[mode].shape,
+        }
+    }
+
+    /// `K J_i`.
+    fn resisted(&self, i: usize) -> Coordinates {
+        match i.checked_sub(self.loads.len()) {
+            None => self.loads[i].unit,
+            Some(mode) => {
+                let LinearMode { rate_rad_s, shape } = &self.modes[mode];
+                shape.map(|phi| rate_rad_s * rate_rad_s * phi)
+            }
+        }
     }
 
     /// `J' v`.
-    pub fn tested(&self, tangent: &Coordinates, v: &Coordinates) -> Unknowns {
-        let mut out = [0.0; UNKNOWNS];
-        out[0] = dot(tangent, v);
-        out[1..].iter_mut().zip(self.modes).for_each(|(p, mode)| *p = dot(&mode.shape, v));
-        out
+    pub fn tested(&self, v: &Coordinates) -> Unknowns {
+        self.each(|i| dot(self.direction(i), v))
     }
+
+    /// `J' K J`.
+    pub fn elastic(&self) -> Matrix {
+        let loads = self.loads.len();
+        let mut matrix = [[0.0; UNKNOWNS]; UNKNOWNS];
+        for (i, row) in matrix.iter_mut().enumerate().take(self.count()) {
+            for (j, entry) in row.iter_mut().enumerate().take(self.count()) {
+                *entry = match (i < loads, j < loads) {
+                    (_, true) => dot(&self.loads[j].unit, self.direction(i)),
+                    (true, false) => dot(&self.loads[i].unit, self.direction(j)),
+                    (false, false) if i == j => self.modes[i - loads].rate_rad_s.powi(2),
+                    (false, false) => 0.0,
+                };
+            }
+        }
+        matrix
+    }
+
+    /// Momenta at the end of a step with this velocity; `excess` is `g - u` in its mean.
+    pub fn momenta(
+        &self,
+        h: f64,
+        damping_s: f64,
+        elastic: &Matrix,
+        excess: &Unknowns,
+        velocity: &Coordinates,
+    ) -> Unknowns {
+        let damped = |i| damping_s * dot(&self.resisted(i), velocity);
+        self.each(|i| {
+            let force = times(&elastic[i], excess) - damped(i);
+            dot(self.direction(i), velocity) + 0.5 * h * force
+        })
+    }
+
+    fn each(&self, of: impl Fn(usize) -> f64) -> Unknowns {
+        let count = self.count();
+        std::array::from_fn(|i| if i < count { of(i) } else { 0.0 })
+    }
+}
+
+/// `g` of inputs.
+pub(super) fn rest(loads: &[InertialLoad], inputs: &Inputs) -> Unknowns {
+    let mut rest = [0.0; UNKNOWNS];
+    rest.iter_mut().zip(loads).for_each(|(rest, load)| *rest = inputs.values()[load.input]);
+    rest
+}
+
+/// Inputs with the loads of unknowns.
+pub(super) fn with_loads(loads: &[InertialLoad], inputs: &Inputs, at: &Unknowns) -> Inputs {
+    loads.iter().zip(at).fold(*inputs, |inputs, (load, value)| inputs.with(load.input, *value))
 }
 
 /// One step from `now` at `position` to the inputs `next`. `None` if Newton's method does not converge.
@@ -120,58 +178,97 @@ pub(super) fn step(
     position: &Coordinates,
     next: &Inputs,
 ) -> Option<Stepped> {
-    let Step { regime, prony, h, damping_s, rest: [rest_now, rest_next] } = *step;
+    let Step { regime, prony, h, damping_s, .. } = *step;
     let relaxation = Relaxing::new(prony, h, now);
-    let rest = 0.5 * (rest_now + rest_next);
-    let [low, high] = manifold.load_range();
-    let (width, at) = (high - low, manifold.load_input());
-    let mut load = now.load + h * now.rates[0];
-    let mut amplitudes: Amplitudes = std::array::from_fn(|k| now.amplitudes[k] + h * now.rates[1 + k]);
+    let rest: Unknowns = std::array::from_fn(|i| 0.5 * (step.rest[0][i] + step.rest[1][i]));
+    let excess = |at: &Unknowns| -> Unknowns { std::array::from_fn(|i| rest[i] - relaxation.mean(i, at[i])) };
+    let equations = Equations::new(manifold, step, now, relaxation.stiffness);
+    let mut at: Unknowns = std::array::from_fn(|i| now.at[i] + h * now.rates[i]);
     for _ in 0..NEWTON_STEPS {
-        let place = manifold.place(regime, &next.with(at, load));
-        let modes = manifold.modes(regime);
-        let count = 1 + modes.len();
-        let forces = Forces { modes, unit_load: manifold.unit_load(), damping_s };
-        let mut reached = place.position;
-        for (mode, y) in modes.iter().zip(&amplitudes) {
-            reached.iter_mut().zip(&mode.shape).for_each(|(q, phi)| *q += phi * y);
-        }
-        let velocity = difference(&reached, position, h);
-        let (mean, middle) = relaxation.means(load, &amplitudes);
-        let excess = rest - mean;
-        let acting = forces.at(excess, &middle, &now.tangent, &velocity);
-        let carried = forces.tested(&now.tangent, &velocity);
-        let mut right: Unknowns = std::array::from_fn(|i| now.momenta[i] + 0.5 * h * acting[i] - carried[i]);
-        let mut matrix = jacobian(&forces, h, relaxation.stiffness, &now.tangent, &place.tangent);
-        solve(&mut matrix, &mut right, count)?;
-        let change = right[0].abs();
-        let damp = if change > MAX_CHANGE * width { MAX_CHANGE * width / change } else { 1.0 };
-        load += damp * right[0];
-        amplitudes.iter_mut().zip(&right[1..count]).for_each(|(y, d)| *y += damp * d);
-        if !load.is_finite() {
+        let reached = with_loads(manifold.loads(), next, &at);
+        let place = manifold.place(regime, &reached);
+        let space =
+            Space { loads: manifold.loads(), modes: manifold.modes(regime), tangents: &place.tangents };
+        let (loads, count) = (space.loads.len(), space.count());
+        let mut moved: Coordinates = std::array::from_fn(|i| place.position[i] - position[i]);
+        add(&mut moved, &space, loads..count, &at);
+        let excess_now = excess(&at);
+        let mut change = equations.right(now, &excess_now, &moved, count);
+        let mut matrix = equations.matrix(&space);
+        solve(&mut matrix, &mut change, count)?;
+        let fraction = |(load, change): (&InertialLoad, &f64)| change.abs() / (load.range[1] - load.range[0]);
+        let largest = space.loads.iter().zip(&change).map(fraction).fold(0.0, f64::max);
+        let damp = if largest > MAX_CHANGE { MAX_CHANGE / largest } else { 1.0 };
+        at.iter_mut().zip(&change[..count]).for_each(|(u, d)| *u += damp * d);
+        if !at.iter().all(|u| u.is_finite()) {
             return None;
         }
-        if change <= TANGENT_FRACTION * width {
+        if largest <= TANGENT_FRACTION {
             // What is left is of second order in the change.
-            let mut tail = place.tangent.map(|t| t * right[0]);
-            for (mode, d) in modes.iter().zip(&right[1..]) {
-                tail.iter_mut().zip(&mode.shape).for_each(|(q, phi)| *q += phi * d);
-            }
-            reached.iter_mut().zip(tail).for_each(|(q, d)| *q += d);
-            let velocity = difference(&reached, position, h);
-            let (mean, middle) = relaxation.means(load, &amplitudes);
-            let momenta = forces.momenta(h, rest - mean, &middle, &place.tangent, &velocity);
-            let mut rates = [(load - now.load) / h; UNKNOWNS];
-            rates[1..]
-                .iter_mut()
-                .enumerate()
-                .for_each(|(k, rate)| *rate = (amplitudes[k] - now.amplitudes[k]) / h);
+            add(&mut moved, &space, 0..count, &change);
+            let velocity = moved.map(|d| d / h);
+            let elastic = space.elastic();
+            let momenta = space.momenta(h, damping_s, &elastic, &excess(&at), &velocity);
+            let rates: Unknowns = std::array::from_fn(|i| (at[i] - now.at[i]) / h);
             let relaxing = relaxed(prony, h, now, &rates);
-            let instant = Instant { load, amplitudes, tangent: place.tangent, momenta, rates, relaxing };
-            return Some(Stepped { instant, position: reached, velocity });
+            let instant = Instant { at, tangents: place.tangents, elastic, momenta, rates, relaxing };
+            let position = std::array::from_fn(|i| position[i] + moved[i]);
+            return Some(Stepped { instant, position, velocity });
         }
     }
     None
+}
+
+/// Adds directions times changes of the unknowns.
+fn add(to: &mut Coordinates, space: &Space<'_>, unknowns: std::ops::Range<usize>, by: &Unknowns) {
+    for i in unknowns {
+        to.iter_mut().zip(space.direction(i)).for_each(|(q, along)| *q += along * by[i]);
+    }
+}
+
+/// The equations of a step, `p_n + h/2 J_n' K J_n (g - u) = T d` of the way `d`, with `T = J_n / h + beta/2 K J_n`.
+struct Equations {
+    tests: [Coordinates; UNKNOWNS],
+    half_s: f64,
+    /// Derivative of the left side, negative, and that of the right side by the amplitudes, which do not change within a step.
+    fixed: Matrix,
+}
+
+impl Equations {
+    fn new(manifold: &impl Manifold, step: &Step<'_>, now: &Instant, stiffness: f64) -> Self {
+        let Step { regime, h, damping_s, .. } = *step;
+        let space = Space { loads: manifold.loads(), modes: manifold.modes(regime), tangents: &now.tangents };
+        let (loads, count) = (space.loads.len(), space.count());
+        let mut tests = [Coordinates::default(); UNKNOWNS];
+        let mut fixed = now.elastic.map(|row| row.map(|entry| 0.25 * h * stiffness * entry));
+        for (i, (test, row)) in tests.iter_mut().zip(&mut fixed).enumerate().take(count) {
+            let (along, resisted) = (space.direction(i), space.resisted(i));
+            *test = std::array::from_fn(|c| along[c] / h + 0.5 * damping_s * resisted[c]);
+            for (entry, mode) in row[loads..].iter_mut().zip(space.modes) {
+                *entry += dot(test, &mode.shape);
+            }
+        }
+        Self { tests, half_s: 0.5 * h, fixed }
+    }
+
+    fn right(&self, now: &Instant, excess: &Unknowns, moved: &Coordinates, count: usize) -> Unknowns {
+        let mut right = [0.0; UNKNOWNS];
+        for (i, right) in right.iter_mut().enumerate().take(count) {
+            let force = times(&now.elastic[i], excess);
+            *right = now.momenta[i] + self.half_s * force - dot(&self.tests[i], moved);
+        }
+        right
+    }
+
+    fn matrix(&self, next: &Space<'_>) -> Matrix {
+        let mut matrix = self.fixed;
+        for (row, test) in matrix.iter_mut().zip(&self.tests).take(next.count()) {
+            for (entry, tangent) in row.iter_mut().zip(next.tangents).take(next.loads.len()) {
+                *entry += dot(test, tangent);
+            }
+        }
+        matrix
+    }
 }
 
 /// Resistance of an elastomer within a step: `mean = constant + stiffness / 2 u` of the unknowns `u` at its end.
@@ -184,18 +281,16 @@ impl Relaxing {
     fn new(prony: &[PronyTerm], h: f64, now: &Instant) -> Self {
         let factors = prony.iter().map(|term| (term.ratio, term.within(h)));
         let stiffness = 1.0 + factors.clone().map(|(ratio, (_, a))| ratio * a).sum::<f64>();
-        let mut constant = [0.5 * (2.0 - stiffness) * now.load; UNKNOWNS];
-        constant[1..].iter_mut().zip(&now.amplitudes).for_each(|(c, y)| *c = 0.5 * (2.0 - stiffness) * y);
+        let mut constant = now.at.map(|u| 0.5 * (2.0 - stiffness) * u);
         for ((ratio, (e, _)), h) in factors.zip(&now.relaxing) {
             constant.iter_mut().zip(h).for_each(|(c, h)| *c += 0.5 * ratio * (1.0 + e) * h);
         }
         Self { stiffness, constant }
     }
 
-    /// Means of load and amplitudes over the step.
-    fn means(&self, load: f64, amplitudes: &Amplitudes) -> (f64, Amplitudes) {
-        let mean = |at: usize, u: f64| self.constant[at] + 0.5 * self.stiffness * u;
-        (mean(0, load), std::array::from_fn(|k| mean(1 + k, amplitudes[k])))
+    /// Mean of an unknown over the step.
+    fn mean(&self, i: usize, u: f64) -> f64 {
+        self.constant[i] + 0.5 * self.stiffness * u
     }
 }
 
@@ -209,42 +304,12 @@ fn relaxed(prony: &[PronyTerm], h: f64, now: &Instant, rates: &Unknowns) -> [Unk
     relaxing
 }
 
-fn difference(to: &Coordinates, from: &Coordinates, h: f64) -> Coordinates {
-    std::array::from_fn(|i| (to[i] - from[i]) / h)
-}
-
-/// Derivative of the left minus the right side of the step with respect to the unknowns.
-fn jacobian(
-    forces: &Forces<'_>,
-    h: f64,
-    stiffness: f64,
-    now: &Coordinates,
-    next: &Coordinates,
-) -> [Unknowns; UNKNOWNS] {
-    let elastic = 0.25 * h * stiffness;
-    let mut matrix = [[0.0; UNKNOWNS]; UNKNOWNS];
-    let (modes, unit, beta) = (forces.modes, forces.unit_load, forces.damping_s);
-    let row = |test: &Coordinates, damped: &Coordinates, factor: f64| {
-        let with = |of: &Coordinates| dot(test, of) / h + 0.5 * beta * factor * dot(damped, of);
-        let mut row = [0.0; UNKNOWNS];
-        row[0] = with(next);
-        row[1..].iter_mut().zip(modes).for_each(|(entry, mode)| *entry = with(&mode.shape));
-        row
-    };
-    matrix[0] = row(now, unit, 1.0);
-    matrix[0][0] += elastic * dot(unit, now);
-    for (k, mode) in modes.iter().enumerate() {
-        let (along, square) = (elastic * dot(unit, &mode.shape), mode.rate_rad_s * mode.rate_rad_s);
-        matrix[0][1 + k] += along;
-        matrix[1 + k] = row(&mode.shape, &mode.shape, square);
-        matrix[1 + k][0] += along;
-        matrix[1 + k][1 + k] += elastic * square;
-    }
-    matrix
+fn times(row: &Unknowns, by: &Unknowns) -> f64 {
+    row.iter().zip(by).map(|(a, b)| a * b).sum()
 }
 
 /// Solves the leading `count` equations in place by Gaussian elimination with partial pivoting. `None` if a pivot is 0 or not a number.
-pub(super) fn solve(matrix: &mut [Unknowns; UNKNOWNS], right: &mut Unknowns, count: usize) -> Option<()> {
+pub(super) fn solve(matrix: &mut Matrix, right: &mut Unknowns, count: usize) -> Option<()> {
     for k in 0..count {
         let largest = (k..count).max_by(|a, b| matrix[*a][k].abs().total_cmp(&matrix[*b][k].abs()))?;
         if !matrix[largest][k].is_normal() {

@@ -7,8 +7,8 @@
 //! onset, amplitudes by projection of the position, momenta those of the velocity tested with the tangents of contact. **Leaving**: a
 //! step whose contact force is negative is repeated free, in the same way. Projection never adds kinetic energy.
 
-use super::manifold::{Amplitudes, Coordinates, MAX_LINEAR_MODES, Manifold, dot};
-use super::momenta::{Forces, Instant, Step, Stepped, solve, step};
+use super::manifold::{Amplitudes, Coordinates, Manifold, Tangents, dot};
+use super::momenta::{Instant, Space, Step, Stepped, UNKNOWNS, Unknowns, rest, solve, step, with_loads};
 use crate::inputs::Inputs;
 use crate::memory::{MAX_PRONY, PronyTerm};
 use crate::snapshots::RegimeKind;
@@ -21,7 +21,7 @@ const FAR: f64 = 1.0;
 const IMPACT_PERIODS: f64 = 3.0;
 /// Periods in which the path of an undamped swing is forgotten by a factor of e.
 const PATH_PERIODS: f64 = 32.0;
-/// Load of a swing that an unknown past may have left, as a fraction of the training range of the load.
+/// Loads of a swing that an unknown past may have left, as fractions of their training ranges.
 const PAST_FRACTION: f64 = 0.25;
 
 /// Constants of a motion.
@@ -61,7 +61,7 @@ pub enum ReadingError {
 pub struct Moved {
     /// State of the motion at the reading.
     pub state: MotionState,
-    /// Largest distance of the load from its training range since the last reading, as a fraction of it; 0 inside.
+    /// Largest distance of a load from its training range since the last reading, as a fraction of it; 0 inside.
     pub load_distance: f64,
     /// The inputs were held over a gap in the readings.
     pub held: bool,
@@ -74,7 +74,7 @@ pub struct Moved {
 pub struct MotionState {
     /// Regime.
     pub regime: RegimeKind,
-    /// Inputs, with the inertial load (mm/s2) in place of the load at rest.
+    /// Inputs, with the inertial loads (mm/s2) in place of the loads at rest.
     pub inputs: Inputs,
     /// Amplitudes of the linear modes, mm t^1/2.
     pub amplitudes: Amplitudes,
@@ -94,7 +94,7 @@ struct Now {
     instant: Instant,
     position: Coordinates,
     velocity: Coordinates,
-    /// Inputs with the load at rest.
+    /// Inputs with the loads at rest.
     inputs: Inputs,
     force_n: f64,
     /// Force of the relaxed elastomer, and its internal variables.
@@ -175,8 +175,8 @@ impl<M: Manifold> Motion<M> {
     /// # Errors
     /// [`ReadingError`]; the motion is unchanged.
     pub fn advance(&mut self, t_ns: u64, inputs: &Inputs) -> Result<Moved, ReadingError> {
-        let rest = inputs.values()[self.manifold.load_input()];
-        if !(inputs.pressure_mpa().is_finite() && rest.is_finite()) || inputs.gap_mm().is_nan() {
+        let rests = self.manifold.loads().iter().map(|load| inputs.values()[load.input]);
+        if !rests.chain([inputs.pressure_mpa()]).all(f64::is_finite) || inputs.gap_mm().is_nan() {
             return Err(ReadingError::NotFinite { found_ns: t_ns });
         }
         let Some((mut now, mut clock)) = self.now else { return Ok(self.begin(t_ns, inputs)) };
@@ -217,10 +217,14 @@ impl<M: Manifold> Motion<M> {
         }
     }
 
-    /// Distance of the load from its training range, as a fraction of it.
+    /// Largest distance of a load from its training range, as a fraction of it.
     fn outside(&self, now: &Now) -> f64 {
-        let [low, high] = self.manifold.load_range();
-        (low - now.instant.load).max(now.instant.load - high).max(0.0) / (high - low)
+        let loads = self.manifold.loads().iter().zip(now.instant.at);
+        let distances = loads.map(|(load, at)| {
+            let [low, high] = load.range;
+            (low - at).max(at - high) / (high - low)
+        });
+        distances.fold(0.0, f64::max)
     }
 
     /// At rest under the reading's inputs.
@@ -230,23 +234,17 @@ impl<M: Manifold> Motion<M> {
         let is_free = self.manifold.clearance_mm(inputs, &still) >= 0.0;
         let regime = if is_free { RegimeKind::Free } else { RegimeKind::Contact };
         let place = self.manifold.place(regime, inputs);
-        let load = inputs.values()[self.manifold.load_input()];
-        let instant = Instant {
-            load,
-            amplitudes: still,
-            tangent: place.tangent,
-            momenta: [0.0; _],
-            rates: [0.0; _],
-            relaxing: [[0.0; _]; _],
-        };
+        let at = rest(self.manifold.loads(), inputs);
+        let instant = Instant::at_rest(at, &self.space(regime, &place.tangents));
         let (position, velocity) = (place.position, Coordinates::default());
         let [force_n, _] = self.force_n(regime, inputs, &instant, [0.0; 2]);
         let relaxed_n = Relaxed { force_n, ..Relaxed::default() };
-        let range = self.manifold.load_range();
-        let reach = if self.is_past_unknown { PAST_FRACTION * (range[1] - range[0]) } else { 0.0 };
+        let reach = if self.is_past_unknown { PAST_FRACTION } else { 0.0 };
         // A swing is one of the free body, which may touch only now.
-        let tangent = self.manifold.place(RegimeKind::Free, inputs).tangent;
-        let past = reach * dot(&tangent, &tangent).sqrt();
+        let tangents = self.manifold.place(RegimeKind::Free, inputs).tangents;
+        let swings = self.manifold.loads().iter().zip(&tangents);
+        let squares = swings.map(|(load, along)| (load.range[1] - load.range[0]).powi(2) * dot(along, along));
+        let past = reach * squares.sum::<f64>().sqrt();
         let faded = [0.0, 0.0, past];
         let now = Now { regime, instant, position, velocity, inputs: *inputs, force_n, relaxed_n, faded };
         self.now = Some((now, Clock { begin_ns: t_ns, steps: 0, last_ns: t_ns, last: *inputs }));
@@ -255,12 +253,13 @@ impl<M: Manifold> Motion<M> {
     }
 
     fn state(&self, now: &Now) -> MotionState {
-        let mass = dot(self.manifold.unit_load(), self.manifold.unit_load());
+        let loads = self.manifold.loads();
+        let mass = dot(&loads[0].unit, &loads[0].unit);
         MotionState {
             amplitudes_mm: now.faded.map(|length| if mass > 0.0 { length / mass.sqrt() } else { 0.0 }),
             regime: now.regime,
-            inputs: now.inputs.with(self.manifold.load_input(), now.instant.load),
-            amplitudes: now.instant.amplitudes,
+            inputs: with_loads(loads, &now.inputs, &now.instant.at),
+            amplitudes: now.instant.amplitudes(loads.len()),
             contact_force_n: now.force_n.max(0.0),
             kinetic_mj: 0.5 * dot(&now.velocity, &now.velocity),
         }
@@ -278,9 +277,10 @@ impl<M: Manifold> Motion<M> {
         if regime == RegimeKind::Free {
             return [0.0; 2];
         }
-        let inputs = inputs.with(self.manifold.load_input(), instant.load);
-        let force = self.manifold.force(&inputs, &instant.amplitudes);
-        let by = std::iter::once(&force.by_load).chain(&force.by_amplitude).zip(instant.rates);
+        let loads = self.manifold.loads().len();
+        let inputs = with_loads(self.manifold.loads(), inputs, &instant.at);
+        let force = self.manifold.force(&inputs, &instant.amplitudes(loads));
+        let by = force.by_load[..loads].iter().chain(&force.by_amplitude).zip(instant.rates);
         let by = by.chain(force.by_operation.iter().zip(rates));
         [force.n, self.settings.damping_s * by.map(|(by, rate)| by * rate).sum::<f64>()]
     }
@@ -299,16 +299,10 @@ impl<M: Manifold> Motion<M> {
 
     /// One step with its change of regime, if any.
     fn step(&mut self, now: &Now, step_ns: u64, next: &Inputs) -> Option<Now> {
-        let at = self.manifold.load_input();
         let damping_s = self.settings.damping_s;
         let (prony, terms) = (self.prony, self.terms);
-        let of = |regime| Step {
-            regime,
-            prony: &prony[..terms],
-            h: step_ns as f64 * 1e-9,
-            damping_s,
-            rest: [now.inputs.values()[at], next.values()[at]],
-        };
+        let rest = [&now.inputs, next].map(|inputs| rest(self.manifold.loads(), inputs));
+        let of = |regime| Step { regime, prony: &prony[..terms], h: step_ns as f64 * 1e-9, damping_s, rest };
         let stepped = step(&mut self.manifold, &of(now.regime), &now.instant, &now.position, next)?;
         let rate = |of: fn(&Inputs) -> f64| {
             let change = of(next) - of(&now.inputs);
@@ -357,14 +351,14 @@ impl<M: Manifold> Motion<M> {
     /// Circular frequency of the slowest linear mode of contact, or of the motion where it has none, rad/s.
     fn contact_rate(&self, instant: &Instant) -> f64 {
         let slowest = self.manifold.modes(RegimeKind::Contact).first();
-        slowest.map_or_else(|| square_rate(self.manifold.unit_load(), instant).sqrt(), |mode| mode.rate_rad_s)
+        slowest.map_or_else(|| self.square_rate(instant).sqrt(), |mode| mode.rate_rad_s)
     }
 
     /// Path, and amplitudes of impacts and of an unknown past, after a step.
     fn faded(&self, now: &Now, stepped: &Stepped, step_ns: u64) -> [f64; 3] {
         let h = step_ns as f64 * 1e-9;
         let periods = |rate: f64| rate * h / std::f64::consts::TAU;
-        let square = square_rate(self.manifold.unit_load(), &now.instant);
+        let square = self.square_rate(&now.instant);
         let damped = 0.5 * self.settings.damping_s * square * h;
         let kept = (-damped.max(periods(square.sqrt()) / PATH_PERIODS)).exp();
         let [path, impact, past] = now.faded;
@@ -375,46 +369,57 @@ impl<M: Manifold> Motion<M> {
 
     /// True if the whole shape of a free instant, linear modes included, reaches behind the obstacle.
     fn penetrates(&mut self, inputs: &Inputs, instant: &Instant) -> bool {
-        let reached = inputs.with(self.manifold.load_input(), instant.load);
-        self.manifold.clearance_mm(&reached, &instant.amplitudes) < 0.0
+        let loads = self.manifold.loads().len();
+        let reached = with_loads(self.manifold.loads(), inputs, &instant.at);
+        self.manifold.clearance_mm(&reached, &instant.amplitudes(loads)) < 0.0
     }
 
-    /// The present instant in another regime: load and amplitudes at the onset nearest to the position, momenta of the velocity tested
+    /// The present instant in another regime: loads and amplitudes at the onset nearest to the position, momenta of the velocity tested
     /// with the tangents of arrival.
     fn arrival(&mut self, now: &Now, step: &Step<'_>) -> Option<Instant> {
-        let at = self.manifold.load_input();
-        let inputs = now.inputs.with(at, now.instant.load);
-        let onset = self.manifold.onset_load(&inputs);
-        let place = self.manifold.place(step.regime, &inputs.with(at, onset));
-        let modes = self.manifold.modes(step.regime);
-        let forces = Forces { modes, unit_load: self.manifold.unit_load(), damping_s: step.damping_s };
+        let reached = with_loads(self.manifold.loads(), &now.inputs, &now.instant.at);
+        let onset = self.manifold.onset_load(&reached);
+        let place = self.manifold.place(step.regime, &reached.with(self.manifold.loads()[0].input, onset));
+        let space = self.space(step.regime, &place.tangents);
+        let loads = space.loads.len();
         let off = std::array::from_fn(|i| now.position[i] - place.position[i]);
-        let (mut load, mut amplitudes) = (onset, Amplitudes::default());
+        let mut at: Unknowns = std::array::from_fn(|i| if i < loads { now.instant.at[i] } else { 0.0 });
+        at[0] = onset;
+        let mut along = space.tested(&off);
         if step.regime == RegimeKind::Free {
-            // Least squares over load and amplitudes.
-            let count = 1 + modes.len();
-            let mut matrix = [[0.0; 1 + MAX_LINEAR_MODES]; 1 + MAX_LINEAR_MODES];
-            matrix[0] = forces.tested(&place.tangent, &place.tangent);
-            for (k, mode) in modes.iter().enumerate() {
-                matrix[0][1 + k] = dot(&place.tangent, &mode.shape);
-                matrix[1 + k] = forces.tested(&place.tangent, &mode.shape);
+            // Least squares over loads and amplitudes.
+            let mut matrix = [[0.0; UNKNOWNS]; UNKNOWNS];
+            for (i, row) in matrix.iter_mut().enumerate().take(space.count()) {
+                *row = space.tested(space.direction(i));
             }
-            let mut right = forces.tested(&place.tangent, &off);
-            solve(&mut matrix, &mut right, count)?;
-            load += right[0];
-            amplitudes[..modes.len()].copy_from_slice(&right[1..count]);
+            solve(&mut matrix, &mut along, space.count())?;
         } else {
-            // Where the tangent of contact is small, the load is that of the onset.
-            amplitudes.iter_mut().zip(modes).for_each(|(y, mode)| *y = dot(&mode.shape, &off));
+            // Where the tangents of contact are small, the loads are those of the onset.
+            along[..loads].fill(0.0);
         }
-        // The amplitudes are those of other modes; the load relaxes on.
+        at.iter_mut().zip(along).for_each(|(u, by)| *u += by);
+        // The amplitudes are those of other modes; the loads relax on.
         let relaxing =
-            now.instant.relaxing.map(|[load, ..]| std::array::from_fn(|i| if i == 0 { load } else { 0.0 }));
-        let acting =
-            step.prony.iter().zip(&relaxing).map(|(term, h): (_, &[f64; _])| term.ratio * h[0]).sum::<f64>();
-        let excess = step.rest[0] - load - acting;
-        let momenta = forces.momenta(step.h, excess, &amplitudes, &place.tangent, &now.velocity);
-        Some(Instant { load, amplitudes, tangent: place.tangent, momenta, rates: [0.0; _], relaxing })
+            now.instant.relaxing.map(|h| std::array::from_fn(|i| if i < loads { h[i] } else { 0.0 }));
+        let acting = |i: usize| -> f64 {
+            step.prony.iter().zip(&relaxing).map(|(term, h): (_, &Unknowns)| term.ratio * h[i]).sum()
+        };
+        let excess = std::array::from_fn(|i| step.rest[0][i] - at[i] - acting(i));
+        let arrived = Instant::at_rest(at, &space);
+        let momenta = space.momenta(step.h, step.damping_s, &arrived.elastic, &excess, &now.velocity);
+        Some(Instant { momenta, relaxing, ..arrived })
+    }
+
+    fn space<'a>(&'a self, regime: RegimeKind, tangents: &'a Tangents) -> Space<'a> {
+        Space { loads: self.manifold.loads(), modes: self.manifold.modes(regime), tangents }
+    }
+
+    /// Square of the circular frequency of small swings along the first tangent, 1/s2: `X_1' M e = w^2 X_1' M X_1`.
+    fn square_rate(&self, instant: &Instant) -> f64 {
+        let (unit, tangent) = (&self.manifold.loads()[0].unit, &instant.tangents[0]);
+        let size = dot(tangent, tangent);
+        // A body that does not yield moves with no load.
+        if size > 0.0 { (dot(unit, tangent) / size).abs().max(f64::MIN_POSITIVE) } else { f64::MAX }
     }
 }
 
@@ -427,11 +432,4 @@ fn moved(
 ) -> Now {
     let Stepped { instant, position, velocity } = stepped;
     Now { regime, instant, position, velocity, inputs: *inputs, force_n, relaxed_n, faded }
-}
-
-/// Square of the circular frequency of small swings along the tangent, 1/s2: `X_a' M e = w^2 X_a' M X_a`.
-fn square_rate(unit: &Coordinates, instant: &Instant) -> f64 {
-    let size = dot(&instant.tangent, &instant.tangent);
-    // A body that does not yield moves with no load.
-    if size > 0.0 { (dot(unit, &instant.tangent) / size).abs().max(f64::MIN_POSITIVE) } else { f64::MAX }
 }

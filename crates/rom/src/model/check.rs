@@ -2,8 +2,8 @@
 
 use super::header::{Clearance, ModelHeader, RegimeModel};
 use super::selection::{ModelError, Nodes};
-use crate::inertia::data::{InertiaModel, MotionWidths, RegimeInertia, StoredMode};
-use crate::inertia::manifold::{MAX_COORDINATES, MAX_LINEAR_MODES};
+use crate::inertia::data::{InertiaModel, MotionWidths, RegimeInertia, StoredLoad, StoredMode};
+use crate::inertia::manifold::{MAX_COORDINATES, MAX_LINEAR_MODES, MAX_LOADS};
 use crate::inputs::{InputMap, MAX_INPUTS, PARAMETERS};
 use crate::interpolant::{Interpolant, Slope};
 use crate::memory::PronyTerm;
@@ -61,8 +61,14 @@ impl InertiaModel {
     /// A sentence on the first contradiction.
     pub fn check(&self, header: &ModelHeader) -> Result<(), String> {
         let require = |sound: bool, what: &str| if sound { Ok(()) } else { Err(format!("inertia: {what}")) };
-        let (input, count) = (self.load_input as usize, self.coordinates());
-        require((PARAMETERS..header.inputs.len()).contains(&input), "its load is no parameter of the model")?;
+        let count = self.coordinates();
+        require((1..=MAX_LOADS).contains(&self.loads.len()), "expected 1 to 3 loads")?;
+        for (i, StoredLoad { input, unit }) in self.loads.iter().enumerate() {
+            let is_parameter = (PARAMETERS..header.inputs.len()).contains(&(*input as usize));
+            require(is_parameter, "a load is no parameter of the model")?;
+            require(self.loads[..i].iter().all(|other| other.input != *input), "a load is there twice")?;
+            require(unit.len() == count, "a load is cut")?;
+        }
         require((1..=MAX_COORDINATES).contains(&count), "expected 1 to 16 coordinates")?;
         let sane = self.step_ns > 0 && self.damping_s >= 0.0 && self.damping_s.is_finite();
         require(sane, "expected a step above 0 and a damping of at least 0")?;
@@ -79,8 +85,9 @@ impl InertiaModel {
         let nodes = header.clearance.as_ref().map_or(0, |clearance| clearance.mean_mm.len());
         for (regime, of) in self.regimes.iter().zip(&header.regimes) {
             let coefficients = of.coefficient_count();
-            let varies = of.inputs.axes.iter().any(|axis| axis.input == input);
-            require(varies, "its load does not vary in a regime")?;
+            let varies =
+                |load: &StoredLoad| of.inputs.axes.iter().any(|axis| axis.input == load.input as usize);
+            require(self.loads.iter().all(varies), "a load does not vary in a regime")?;
             let sizes = [regime.mean.len(), regime.by_coefficient.len()];
             require(sizes == [count, count * coefficients], "coordinates are cut")?;
             require(regime.modes.len() <= MAX_LINEAR_MODES, "expected at most 4 linear modes")?;
@@ -100,7 +107,8 @@ impl InertiaModel {
             let all = regime.mean.iter().chain(&regime.by_coefficient);
             all.into_iter().all(|v| v.abs() <= LARGEST) && regime.modes.iter().all(of_modes)
         };
-        let sane = self.unit_load.iter().all(|v| v.abs() <= LARGEST) && self.regimes.iter().all(of_regime);
+        let units = self.loads.iter().flat_map(|load| &load.unit);
+        let sane = units.into_iter().all(|v| v.abs() <= LARGEST) && self.regimes.iter().all(of_regime);
         require(sane, "it has numbers that no training gives")
     }
 }
