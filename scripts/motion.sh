@@ -1,6 +1,6 @@
 #!/bin/sh
 # Tables of docs/memory.md: a short finger, its model with inertia, random traces of pressure, their finite-element motions, and the errors;
-# the same finger of a relaxing elastomer, whose static states are the same.
+# the same finger of a relaxing elastomer, whose static states are the same; and with a load across, whose base is accelerated.
 #   scripts/motion.sh [FOLDER]      default: target/motion. Stopped and started again, it continues.
 #   SOFTTWIN=path/to/softtwin takes a program that is already built.
 set -eu
@@ -25,7 +25,7 @@ for trace in "$folder"/traces/*.csv; do
 done
 softtwin evaluate --model "$folder/q.twin" --traces "$@"
 
-mkdir -p "$folder/v" "$folder/relaxing"
+mkdir -p "$folder/v" "$folder/relaxing" "$folder/across"
 cp -r "$folder/q/." "$folder/v/"
 sed -i 's/^prony = \[\]/prony = [{ weight = 0.2, time_s = 0.05 }]/' "$folder/v/actuator.toml"
 softtwin train --database "$folder/database" --inertia "$folder/v/actuator.toml" --out "$folder/v.twin"
@@ -37,3 +37,12 @@ for name in free landing; do
     set -- "$@" "$folder/relaxed/$name"
 done
 softtwin evaluate --model "$folder/v.twin" --traces "$@"
+
+across=$folder/across
+softtwin sample --kind sequence --n 48 --regime free --pressure-mpa 0 0.04 --actuator "$folder/q/actuator.toml" \
+    --parameter loads.gravity_mm_s2.1=-60000:40000 --parameter loads.gravity_mm_s2.2=-50000:50000 --out "$across/cases.csv"
+softtwin simulate --actuator "$folder/q/actuator.toml" --cases "$across/cases.csv" --sensitivities --out "$across/database"
+softtwin train --database "$across/database" --inertia "$folder/q/actuator.toml" --out "$across.twin"
+printf 't_s,pressure_mpa,loads.gravity_mm_s2.2\n0,0.02,0\n0.02,0.02,5000\n0.3,0.02,5000\n0.32,0.035,0\n0.6,0.035,0\n' >"$across/base.csv"
+softtwin simulate --actuator "$folder/q/actuator.toml" --trace "$across/base.csv" --out "$across/motion"
+softtwin evaluate --model "$across.twin" --traces "$across/motion"

@@ -4,7 +4,7 @@ use crate::table::{Row, Table};
 use crate::{Diagnostic, collect};
 
 /// Columns of the series that a motion writes.
-pub const SERIES_COLUMNS: [&str; 8] = [
+pub const SERIES_COLUMNS: [&str; SERIES] = [
     "t_s",
     "pressure_mpa",
     "gap_mm",
@@ -13,7 +13,10 @@ pub const SERIES_COLUMNS: [&str; 8] = [
     "tip_y_mm",
     "contact_force_n",
     "max_stress_mpa",
+    "tip_z_mm",
 ];
+/// Their number.
+pub const SERIES: usize = 9;
 /// Leading columns of a series that are inputs.
 const INPUTS: usize = 3;
 /// Name of the input whose empty cell is no obstacle.
@@ -67,6 +70,18 @@ impl Trace {
         }
         let names = columns.iter().map(|(_, name)| (*name).to_owned()).collect();
         if diagnostics.is_empty() { Ok(Self { names, rows }) } else { Err(diagnostics) }
+    }
+
+    /// Values at a time (s), linear between the rows, those of the first and last row outside.
+    #[must_use]
+    pub fn at(&self, t_s: f64) -> Vec<f64> {
+        let after = self.rows.partition_point(|(row_s, _)| *row_s <= t_s);
+        if after == 0 || after == self.rows.len() {
+            return self.rows[after.saturating_sub(1)].1.clone();
+        }
+        let [(from_s, from), (to_s, to)] = [&self.rows[after - 1], &self.rows[after]];
+        let part = (t_s - from_s) / (to_s - from_s);
+        from.iter().zip(to).map(|(a, b)| if a == b { *a } else { a + part * (b - a) }).collect()
     }
 
     /// Position of an input.

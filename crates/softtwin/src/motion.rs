@@ -4,6 +4,7 @@ use crate::failure::usage;
 use crate::files::refusal;
 use anyhow::Result;
 use formats::table::Table;
+use formats::trace::SERIES;
 use formats::{Diagnostic, FormatError, trace};
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
@@ -89,8 +90,7 @@ impl Trace {
 /// Positions of one field in the reconstruction, and of the tip in it.
 struct Places {
     rows: usize,
-    x: usize,
-    y: usize,
+    axes: [usize; 3],
     tip: usize,
 }
 
@@ -103,7 +103,7 @@ impl Places {
         };
         let no_mesh = || usage("--trace: the model has no undeformed coordinates, which define the tip");
         let tip = model_tip(model).ok_or_else(no_mesh)?;
-        Ok(Self { rows, x: field(0)?, y: field(1)?, tip })
+        Ok(Self { rows, axes: [field(0)?, field(1)?, field(2)?], tip })
     }
 }
 
@@ -173,7 +173,7 @@ pub fn pressure_field(header: &ModelHeader) -> Option<usize> {
 ///
 /// # Errors
 /// A model without coordinates or mesh; a regime that the model was not trained in.
-pub fn follow_shape(model: &Model, trace: &Trace, step_ns: u64) -> Result<Followed<[f64; 8]>> {
+pub fn follow_shape(model: &Model, trace: &Trace, step_ns: u64) -> Result<Followed<[f64; SERIES]>> {
     let reconstructor = reconstructor(model)?;
     let places = Places::new(model, reconstructor.rows())?;
     let pressure = pressure_field(&model.header);
@@ -181,16 +181,19 @@ pub fn follow_shape(model: &Model, trace: &Trace, step_ns: u64) -> Result<Follow
     follow(model, trace, step_ns, |t_s, inputs, evaluation, _| {
         let peaks = reconstructor.reconstruct_into(evaluation, &mut fields)?;
         let values = |field: usize| &fields[field * places.rows..(field + 1) * places.rows];
-        let lowest = values(places.y).iter().copied().fold(f32::INFINITY, f32::min);
+        let [x, y, z] = places.axes;
+        let tip = |field: usize| f64::from(values(field)[places.tip]);
+        let lowest = values(y).iter().copied().fold(f32::INFINITY, f32::min);
         Ok([
             t_s,
-            pressure.map_or(inputs.pressure_mpa(), |field| f64::from(values(field)[places.tip])),
+            pressure.map_or(inputs.pressure_mpa(), tip),
             inputs.values()[GAP],
             f64::from(lowest),
-            f64::from(values(places.x)[places.tip]),
-            f64::from(values(places.y)[places.tip]),
+            tip(x),
+            tip(y),
             evaluation.contact_force_n,
             peaks.stress_mpa.map_or(f64::NAN, |peak| f64::from(peak.value)),
+            tip(z),
         ])
     })
 }

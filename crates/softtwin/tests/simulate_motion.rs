@@ -20,7 +20,8 @@ fn killed_motion_continues_with_the_same_series() {
     };
     let whole = place.run(&line("whole")).json();
     let series = place.read("whole/series.csv");
-    let heading = "t_s,pressure_mpa,gap_mm,lowest_y_mm,tip_x_mm,tip_y_mm,contact_force_n,max_stress_mpa";
+    let heading =
+        "t_s,pressure_mpa,gap_mm,lowest_y_mm,tip_x_mm,tip_y_mm,contact_force_n,max_stress_mpa,tip_z_mm";
     assert_eq!(series.lines().next(), Some(heading));
     assert_eq!((whole["instants"].as_u64(), series.lines().count()), (Some(61), 62));
     assert_eq!(place.read("whole/energy.csv").lines().count(), 62);

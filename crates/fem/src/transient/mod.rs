@@ -313,6 +313,7 @@ impl Transient {
             tip_y_mm: tip[1],
             contact_force_n: motion.contact_force_n,
             max_stress_mpa: self.von_mises_mpa().into_iter().fold(0.0, f64::max),
+            tip_z_mm: tip[2],
             energy,
         })
     }

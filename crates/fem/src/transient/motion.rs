@@ -75,6 +75,8 @@ pub struct Figures {
     pub contact_force_n: f64,
     /// Largest nodal von Mises stress, the viscous part included (MPa).
     pub max_stress_mpa: f64,
+    /// z of the tip (mm).
+    pub tip_z_mm: f64,
     /// Energies since the start.
     pub energy: Energy,
 }

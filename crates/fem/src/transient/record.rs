@@ -11,10 +11,10 @@ use formats::{FormatError, file};
 use std::path::Path;
 
 /// First bytes of a checkpoint.
-const MAGIC: [u8; 8] = *b"STWNDYN2";
+const MAGIC: [u8; 8] = *b"STWNDYN3";
 const HASH: usize = 32;
 /// Numbers of a record.
-const NUMBERS: usize = 13;
+const NUMBERS: usize = 14;
 
 /// Columns of the table of energies.
 const ENERGY_COLUMNS: [&str; 7] =
@@ -54,7 +54,7 @@ impl Record {
 
     /// Numbers in the order of the columns; the gap, NaN without an obstacle, is a separate number.
     fn numbers<'a>(&'a mut self, gap_mm: &'a mut f64) -> [&'a mut f64; NUMBERS] {
-        let Figures { lowest_y_mm, tip_x_mm, tip_y_mm, contact_force_n, max_stress_mpa, energy } =
+        let Figures { lowest_y_mm, tip_x_mm, tip_y_mm, contact_force_n, max_stress_mpa, tip_z_mm, energy } =
             &mut self.figures;
         let Energy { external_mj, kinetic_mj, strain_mj, damping_mj, viscous_mj } = energy;
         [
@@ -66,6 +66,7 @@ impl Record {
             tip_y_mm,
             contact_force_n,
             max_stress_mpa,
+            tip_z_mm,
             external_mj,
             kinetic_mj,
             strain_mj,
@@ -75,12 +76,18 @@ impl Record {
     }
 }
 
-/// Series as a table; `gap_mm` is empty without an obstacle.
+/// Series as a table, with further inputs of its trace; `gap_mm` is empty without an obstacle.
 #[must_use]
-pub fn series_csv(records: &[Record]) -> String {
+pub fn series_csv(records: &[Record], trace: &Trace) -> String {
     let cell = |value: &f64| if value.is_nan() { String::new() } else { value.to_string() };
-    let row = |record: &Record| record.values()[..SERIES_COLUMNS.len()].iter().map(cell).collect::<Vec<_>>();
-    to_text(&SERIES_COLUMNS, records.iter().map(row))
+    let columns: Vec<&str> =
+        SERIES_COLUMNS.into_iter().chain(trace.further().map(|(_, name)| name)).collect();
+    let row = |record: &Record| {
+        let inputs = trace.inputs_at(record.t_s);
+        let further = trace.further().map(|(at, _)| &inputs[at]);
+        record.values()[..SERIES_COLUMNS.len()].iter().chain(further).map(cell).collect::<Vec<_>>()
+    };
+    to_text(&columns, records.iter().map(row))
 }
 
 /// Energies as a table.

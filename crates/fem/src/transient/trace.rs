@@ -42,6 +42,8 @@ pub struct Trace {
     pub rows: Vec<TraceRow>,
     /// Quantities of the actuator that have their own column, constant in time.
     pub settings: Vec<Setting>,
+    /// All columns of inputs.
+    inputs: trace::Trace,
 }
 
 impl Trace {
@@ -102,7 +104,7 @@ impl Trace {
         let first = read.rows.iter().take(1).flat_map(|(_, values)| read.names.iter().zip(values));
         let constant = first.enumerate().filter(|(at, _)| !changing.contains(at));
         let settings = constant.map(|(_, (name, value))| (name.clone(), *value)).collect();
-        Ok(Self { rows: read.rows.iter().map(row).collect(), settings })
+        Ok(Self { rows: read.rows.iter().map(row).collect(), settings, inputs: read })
     }
 
     /// Inputs at a time (s), linear between the rows, those of the first and last row outside.
@@ -124,6 +126,17 @@ impl Trace {
                 mix(a.cavities_change_mpa[i], b.cavities_change_mpa[i])
             }),
         }
+    }
+
+    /// Positions and names of the inputs that the columns of a series do not have.
+    pub(super) fn further(&self) -> impl Iterator<Item = (usize, &str)> {
+        let named = self.inputs.names.iter().map(String::as_str).enumerate();
+        named.filter(|(_, name)| !trace::SERIES_COLUMNS.contains(name))
+    }
+
+    /// All inputs at a time (s).
+    pub(super) fn inputs_at(&self, t_s: f64) -> Vec<f64> {
+        self.inputs.at(t_s)
     }
 
     /// Loads of an actuator at a time (s).

@@ -48,7 +48,7 @@ pub struct Args {
     /// instead of leave-one-out, which over-states errors.
     #[arg(long, value_name = "FILE.csv")]
     errors: Option<PathBuf>,
-    /// Actuator file of the cases: the model then moves with inertia. The cases have a column loads.gravity_mm_s2.1, the inertial load.
+    /// Actuator file of the cases: the model then moves with inertia. Columns loads.gravity_mm_s2.1, .0 or .2 of the cases are the inertial loads.
     #[arg(long, value_name = "FILE.toml")]
     inertia: Option<PathBuf>,
     /// Obstacle of the cases to train on; default: the plate, if the database has it.

@@ -2,6 +2,7 @@
 
 use super::motion::Motion;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use formats::trace::SERIES;
 
 /// Places of time, height of the tip and contact force in a series.
 const TIME: usize = 0;
@@ -24,7 +25,7 @@ pub fn figure(motions: &[Motion]) -> Figure {
 fn panels(motion: &Motion) -> [Panel; 4] {
     let title = motion.name.clone();
     let all = [("finite elements", &motion.truth), ("model", &motion.moving), ("static", &motion.still)];
-    let panel = |x: &str, y: &str, count: usize, of: &dyn Fn(&[[f64; 8]]) -> Points| Panel {
+    let panel = |x: &str, y: &str, count: usize, of: &dyn Fn(&[[f64; SERIES]]) -> Points| Panel {
         title: title.clone(),
         x: Axis::linear(x),
         y: Axis::linear(y),
@@ -41,7 +42,7 @@ fn panels(motion: &Motion) -> [Panel; 4] {
         map: None,
     };
     let over_time = |at: usize| {
-        move |rows: &[[f64; 8]]| -> Points { rows.iter().map(|row| (row[TIME], row[at])).collect() }
+        move |rows: &[[f64; SERIES]]| -> Points { rows.iter().map(|row| (row[TIME], row[at])).collect() }
     };
     [
         panel("time [s]", "tip y [mm]", 3, &over_time(TIP_Y)),
@@ -52,8 +53,8 @@ fn panels(motion: &Motion) -> [Panel; 4] {
 }
 
 /// Position and rate between neighbouring instants.
-fn phase(rows: &[[f64; 8]]) -> Points {
-    let between = |pair: &[[f64; 8]]| {
+fn phase(rows: &[[f64; SERIES]]) -> Points {
+    let between = |pair: &[[f64; SERIES]]| {
         let [a, b] = [pair[0], pair[1]];
         (0.5 * (a[TIP_Y] + b[TIP_Y]), (b[TIP_Y] - a[TIP_Y]) / (b[TIME] - a[TIME]))
     };
@@ -61,7 +62,7 @@ fn phase(rows: &[[f64; 8]]) -> Points {
 }
 
 /// Amplitudes of the tip's height about its straight line between the ends, with a Hann window.
-fn spectrum(rows: &[[f64; 8]]) -> Points {
+fn spectrum(rows: &[[f64; SERIES]]) -> Points {
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return Vec::new() };
     let length_s = last[TIME] - first[TIME];
     let at = |k: usize| {

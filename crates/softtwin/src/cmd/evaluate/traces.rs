@@ -7,7 +7,7 @@ use crate::motion::{Followed, Trace, follow_shape};
 use crate::output;
 use anyhow::Result;
 use formats::table::Table;
-use formats::trace::SERIES_COLUMNS;
+use formats::trace::{SERIES, SERIES_COLUMNS};
 use formats::{Diagnostic, FormatError};
 use rom::model::{BlockKind, Model};
 use serde::Serialize;
@@ -17,8 +17,10 @@ use std::path::{Path, PathBuf};
 const FORCE_WINDOW_S: f64 = 0.01;
 /// Place of the contact force in a series.
 const FORCE: usize = 6;
+/// Place of the stress in a series.
+const STRESS: usize = 7;
 /// Places of the tip's coordinates in a series.
-const TIP: [usize; 2] = [4, 5];
+const TIP: [usize; 3] = [4, 5, 8];
 /// First quantity of a series that is predicted.
 const FIRST: usize = 3;
 
@@ -29,10 +31,10 @@ struct Errors {
     series: PathBuf,
     /// `free`, `contact` (throughout) or `landing`.
     class: &'static str,
-    inertia: [Option<f64>; 5],
-    statics: [Option<f64>; 5],
+    inertia: [Option<f64>; SERIES - FIRST],
+    statics: [Option<f64>; SERIES - FIRST],
     /// Values within the half-widths of the motion, %.
-    coverage: [Option<f64>; 5],
+    coverage: [Option<f64>; SERIES - FIRST],
     outside_training_range: usize,
 }
 
@@ -87,7 +89,7 @@ pub fn run(model: &Model, folders: &[PathBuf], picture: Option<&Path>, as_json: 
     Ok(())
 }
 
-fn read(path: &Path) -> Result<Vec<[f64; 8]>> {
+fn read(path: &Path) -> Result<Vec<[f64; SERIES]>> {
     let wrong = |diagnostics| refusal(FormatError::Content { path: path.into(), diagnostics });
     let table = Table::read(path, true).map_err(refusal)?;
     let columns = table.columns(SERIES_COLUMNS).map_err(wrong)?;
@@ -106,12 +108,12 @@ fn read(path: &Path) -> Result<Vec<[f64; 8]>> {
 }
 
 /// Values of a motion within their half-widths, %; the force as mean over the window.
-fn coverage(truth: &[[f64; 8]], found: &Followed<[f64; 8]>) -> [Option<f64>; 5] {
+fn coverage(truth: &[[f64; SERIES]], found: &Followed<[f64; SERIES]>) -> [Option<f64>; SERIES - FIRST] {
     std::array::from_fn(|k| {
         let at = FIRST + k;
         let width = |widths: &[f64; 3]| match at {
             FORCE => widths[1],
-            at if at > FORCE => widths[2],
+            STRESS => widths[2],
             _ => widths[0],
         };
         let (truth, answers) = (column(truth, at), column(&found.rows, at));
@@ -123,22 +125,22 @@ fn coverage(truth: &[[f64; 8]], found: &Followed<[f64; 8]>) -> [Option<f64>; 5] 
 }
 
 /// Values of a quantity at all instants.
-fn column(rows: &[[f64; 8]], at: usize) -> Vec<f64> {
+fn column(rows: &[[f64; SERIES]], at: usize) -> Vec<f64> {
     if at == FORCE { means(rows) } else { rows.iter().map(|row| row[at]).collect() }
 }
 
-fn errors(truth: &[[f64; 8]], found: &[[f64; 8]]) -> [Option<f64>; 5] {
+fn errors(truth: &[[f64; SERIES]], found: &[[f64; SERIES]]) -> [Option<f64>; SERIES - FIRST] {
     let range = |at: usize| {
         let values = column(truth, at);
         let (low, high) =
             values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
         high - low
     };
-    let tip = TIP.map(range);
+    let tip = TIP.map(range).iter().map(|range| range * range).sum::<f64>().sqrt();
     std::array::from_fn(|k| {
         let at = FIRST + k;
         let (truth, found) = (column(truth, at), column(found, at));
-        let scale = if at < FORCE { tip[0].hypot(tip[1]) } else { range(at) };
+        let scale = if matches!(at, FORCE | STRESS) { range(at) } else { tip };
         let square =
             truth.iter().zip(&found).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / truth.len() as f64;
         (scale > 0.0).then(|| 100.0 * square.sqrt() / scale)
@@ -146,7 +148,7 @@ fn errors(truth: &[[f64; 8]], found: &[[f64; 8]]) -> [Option<f64>; 5] {
 }
 
 /// Mean of the force over a window about each instant; forces are straight lines between the rows.
-fn means(rows: &[[f64; 8]]) -> Vec<f64> {
+fn means(rows: &[[f64; SERIES]]) -> Vec<f64> {
     let mut impulse = vec![0.0];
     for pair in rows.windows(2) {
         let last = impulse[impulse.len() - 1];
@@ -159,7 +161,7 @@ fn means(rows: &[[f64; 8]]) -> Vec<f64> {
         let force = rows[i][FORCE] + part * (rows[i + 1][FORCE] - rows[i][FORCE]);
         impulse[i] + 0.5 * (rows[i][FORCE] + force) * (t - rows[i][0])
     };
-    let mean = |row: &[f64; 8]| {
+    let mean = |row: &[f64; SERIES]| {
         let (from, to) =
             ((row[0] - 0.5 * FORCE_WINDOW_S).max(begin), (row[0] + 0.5 * FORCE_WINDOW_S).min(end));
         (until(to) - until(from)) / (to - from)

@@ -146,7 +146,7 @@ impl Run {
     /// Writes series, energies and checkpoint of the records so far.
     fn save(&self, motion: &mut Transient, records: &[Record]) -> anyhow::Result<()> {
         let out = &self.options.out;
-        file::replace(&out.join("series.csv"), series_csv(records).as_bytes())?;
+        file::replace(&out.join("series.csv"), series_csv(records, &self.trace).as_bytes())?;
         file::replace(&out.join("energy.csv"), energy_csv(records).as_bytes())?;
         // After an error the motion may be between two records, from which no series continues.
         if records.last().is_some_and(|last| last.t_s.total_cmp(&motion.t_s()).is_eq()) {
