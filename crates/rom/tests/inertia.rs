@@ -58,26 +58,10 @@ impl Manifold for Spring {
         &self.loads
     }
 
-    fn modes(&self, _: RegimeKind) -> &[LinearMode] {
-        &[]
-    }
-
     fn place(&mut self, _: RegimeKind, inputs: &Inputs) -> Place {
         let compliance = self.rate_rad_s.powi(-2);
         let position = 1000.0 * inputs.pressure_mpa() + compliance * inputs.values()[LOAD];
         Place { position: coordinates(&[position]), tangents: along_one(&[compliance]) }
-    }
-
-    fn clearance_mm(&mut self, _: &Inputs, _: &Amplitudes) -> f64 {
-        f64::INFINITY
-    }
-
-    fn onset_load(&mut self, inputs: &Inputs) -> f64 {
-        inputs.values()[LOAD]
-    }
-
-    fn force(&mut self, _: &Inputs, _: &Amplitudes) -> PlateForce {
-        PlateForce::default()
     }
 }
 
@@ -213,10 +197,6 @@ impl Manifold for Hinge {
         &self.loads
     }
 
-    fn modes(&self, _: RegimeKind) -> &[LinearMode] {
-        &[]
-    }
-
     fn place(&mut self, _: RegimeKind, inputs: &Inputs) -> Place {
         let load = inputs.values()[LOAD];
         let (sin, cos) = Self::angle(inputs.pressure_mpa(), load).sin_cos();
@@ -225,18 +205,6 @@ impl Manifold for Hinge {
             position: coordinates(&[LEVER_MM * cos, LEVER_MM * sin]),
             tangents: along_one(&[-LEVER_MM * sin * by_load, LEVER_MM * cos * by_load]),
         }
-    }
-
-    fn clearance_mm(&mut self, _: &Inputs, _: &Amplitudes) -> f64 {
-        f64::INFINITY
-    }
-
-    fn onset_load(&mut self, inputs: &Inputs) -> f64 {
-        inputs.values()[LOAD]
-    }
-
-    fn force(&mut self, _: &Inputs, _: &Amplitudes) -> PlateForce {
-        PlateForce::default()
     }
 }
 
@@ -262,10 +230,6 @@ impl Manifold for Plane {
         &self.loads
     }
 
-    fn modes(&self, _: RegimeKind) -> &[LinearMode] {
-        &[]
-    }
-
     fn place(&mut self, _: RegimeKind, inputs: &Inputs) -> Place {
         let ([a, b, c], [_, _, first, second, ..]) = (PLANE, *inputs.values());
         let inverse = [[c, -b], [-b, a]].map(|row| row.map(|v| v / (a * c - b * b)));
@@ -273,18 +237,6 @@ impl Manifold for Plane {
         let mut tangents = along_one(&inverse[0]);
         tangents[1] = coordinates(&inverse[1]);
         Place { position: coordinates(&[x[0] + 1000.0 * inputs.pressure_mpa(), x[1]]), tangents }
-    }
-
-    fn clearance_mm(&mut self, _: &Inputs, _: &Amplitudes) -> f64 {
-        f64::INFINITY
-    }
-
-    fn onset_load(&mut self, inputs: &Inputs) -> f64 {
-        inputs.values()[LOAD]
-    }
-
-    fn force(&mut self, _: &Inputs, _: &Amplitudes) -> PlateForce {
-        PlateForce::default()
     }
 }
 

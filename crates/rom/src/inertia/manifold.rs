@@ -65,7 +65,8 @@ pub struct PlateForce {
     pub by_amplitude: Amplitudes,
 }
 
-/// Equilibria under pressure, gap and inertial loads, in each regime also a little beyond the onset of contact.
+/// Equilibria under pressure, gap and inertial loads, in each regime also a little beyond the onset of contact. By default without an
+/// obstacle and linear modes.
 pub trait Manifold {
     /// Forgets states at which a search would begin: a motion at rest does not depend on those before it.
     fn forget(&mut self) {}
@@ -74,18 +75,26 @@ pub trait Manifold {
     fn loads(&self) -> &[InertialLoad];
 
     /// Linear modes of a regime, by increasing frequency, at most [`MAX_LINEAR_MODES`].
-    fn modes(&self, regime: RegimeKind) -> &[LinearMode];
+    fn modes(&self, _: RegimeKind) -> &[LinearMode] {
+        &[]
+    }
 
     /// Equilibrium of a regime; `inputs` contain the loads.
     fn place(&mut self, regime: RegimeKind, inputs: &Inputs) -> Place;
 
     /// Distance of the lowest point of a free shape from the obstacle, mm: negative if it would penetrate, infinite without
     /// an obstacle.
-    fn clearance_mm(&mut self, inputs: &Inputs, amplitudes: &Amplitudes) -> f64;
+    fn clearance_mm(&mut self, _: &Inputs, _: &Amplitudes) -> f64 {
+        f64::INFINITY
+    }
 
     /// First load at which the free equilibrium touches the obstacle, sought near that of the inputs.
-    fn onset_load(&mut self, inputs: &Inputs) -> f64;
+    fn onset_load(&mut self, inputs: &Inputs) -> f64 {
+        inputs.values()[self.loads()[0].input]
+    }
 
     /// Contact force of the contact regime.
-    fn force(&mut self, inputs: &Inputs, amplitudes: &Amplitudes) -> PlateForce;
+    fn force(&mut self, _: &Inputs, _: &Amplitudes) -> PlateForce {
+        PlateForce::default()
+    }
 }
