@@ -49,7 +49,7 @@ fn make_and_run(label: &str, options: &str) -> Value {
     for errors in held_back {
         let mean = |name: &str| errors[name][0].as_f64();
         assert!(mean("displacement_percent").is_some_and(|e| e < 1.0), "{errors}");
-        assert!(mean("stress_percent").is_some_and(|e| e < 5.0), "{errors}");
+        assert!(mean("stress_percent").is_some_and(|e| e < 6.0), "{errors}");
         assert!(mean("force_percent").is_none_or(|e| e < 2.0), "{errors}");
     }
     assert!(stage.path("finger/errors.png").exists());
@@ -80,8 +80,10 @@ fn make_and_run(label: &str, options: &str) -> Value {
 }
 
 #[test]
-fn new_actuator_with_thick_walls_and_soft_silicone_runs() {
-    make_and_run("soft", "--chambers 4 --wall-mm 3 --shear-modulus-mpa 0.3");
+fn new_actuator_of_soft_silicone_bends_by_more_than_150_degrees_and_runs() {
+    let built = make_and_run("soft", "--chambers 4 --wall-mm 3 --silicone dragon-skin-10-medium");
+    let angle_deg = built["angle_deg"].as_f64().expect("an angle");
+    assert!((150.0..200.0).contains(&angle_deg), "{built:#}");
 }
 
 #[test]
