@@ -192,7 +192,7 @@ fn every_cavity_has_its_valve(stage: &Stage, largest_mpa: f64) {
     let setpoint = |cavity: &str, mpa: f64| {
         Program::shell(stage, &format!("exec softtwin setpoint two {cavity} --pressure-mpa {mpa}"))
     };
-    let mut upper = setpoint("", inside[0]);
+    let upper = setpoint("", inside[0]);
     written(0, inside[0]);
     written(1, 0.0);
     let _lower = setpoint("--cavity lower", inside[1]);
