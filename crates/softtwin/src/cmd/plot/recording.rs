@@ -1,7 +1,7 @@
 //! A recording over time: one panel a quantity, one line an actuator.
 
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
-use crate::recording_data::{RecordedState, RecordingData, Track, series};
+use crate::recording_data::{RecordedState, RecordingData, series};
 use anyhow::Result;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
@@ -41,7 +41,9 @@ pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
         });
         panels.push(panel(label, series.collect()));
     }
-    panels.extend(observed(&data));
+    let states: Vec<(&str, &[RecordedState])> =
+        data.tracks.iter().map(|(name, track)| (name.as_str(), track.states.as_slice())).collect();
+    panels.extend(observed(&states));
     if let Some(model) = model {
         let mut peaks = [Vec::new(), Vec::new()];
         for (colour, (name, track)) in data.tracks.iter().enumerate() {
@@ -57,20 +59,17 @@ pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
 }
 
 /// One panel per observable of any actuator.
-fn observed(data: &RecordingData) -> Vec<Panel> {
-    let names: BTreeSet<String> = (data.tracks.values().flat_map(|track| &track.states))
+fn observed(tracks: &[(&str, &[RecordedState])]) -> Vec<Panel> {
+    let names: BTreeSet<String> = (tracks.iter().flat_map(|(_, states)| states.iter()))
         .flat_map(|state| state.values.observables().map(|(name, ..)| name))
         .collect();
     let of_name = |name: &String| {
-        let of_track = |(colour, (actuator, track)): (usize, (&String, &Track))| {
+        let of_track = |(colour, (actuator, states)): (usize, &(&str, &[RecordedState]))| {
             let value = |state: &RecordedState| state.values.observables().find(|(own, ..)| own == name);
-            let points = track.states.iter().filter_map(|state| Some((state.t_s, value(state)?.1)));
+            let points = states.iter().filter_map(|state| Some((state.t_s, value(state)?.1)));
             line(actuator, colour, envelope(&points.filter(|point| point.1.is_finite()).collect::<Vec<_>>()))
         };
-        panel(
-            name,
-            data.tracks.iter().enumerate().map(of_track).filter(|line| !line.points.is_empty()).collect(),
-        )
+        panel(name, tracks.iter().enumerate().map(of_track).filter(|line| !line.points.is_empty()).collect())
     };
     names.iter().map(of_name).collect()
 }
