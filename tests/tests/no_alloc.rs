@@ -3,6 +3,7 @@
 
 use rom::inputs::Inputs;
 use rom::memory::{Creep, InputMemory, Line, Memory, MemorySpec, Play, Slopes};
+use rom::rng::Rng;
 use runtime::config::{Limits, Scene, Settings};
 use runtime::load::load_scene;
 use runtime::source::{Devices, Poll};
@@ -13,8 +14,8 @@ use std::net::UdpSocket;
 use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
 use tests::{Stage, moving};
-use wire::layout::regime;
-use wire::{FieldReader, SensorSample, SensorWriter, StateReader, Topic, now_ns};
+use wire::layout::{Marker, field_id, regime};
+use wire::{EstimateReader, FieldReader, SensorSample, SensorWriter, StateReader, Topic, now_ns};
 
 struct Counting;
 
@@ -68,7 +69,7 @@ fn twin_loop_allocates_only_the_transports_sample_handles_and_publishes_inputs_b
     loaded[0].memory = Some(memory());
     let mut expected = memory();
     let (events, _reporter) = event_channel();
-    let mut twin = Twin::start(&bus, loaded, &Settings::default(), &events).unwrap();
+    let mut twin = Twin::start(&bus, loaded, &patient(), &events).unwrap();
     let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
     let fields = FieldReader::open(&bus, &Topic::field("finger", None).unwrap()).unwrap();
     let states = StateReader::open(&bus, &Topic::state("finger").unwrap()).unwrap();
@@ -79,9 +80,7 @@ fn twin_loop_allocates_only_the_transports_sample_handles_and_publishes_inputs_b
         let sample =
             SensorSample { boot_id: 5, seq, t_sensor_ns, pressure_mpa, gap_mm: 30.0, ..Default::default() };
         sensor.publish(sample).unwrap();
-        let before = COUNT.get();
-        twin.turn(Duration::from_millis(100));
-        let allocations = COUNT.get() - before;
+        let allocations = allocations_of_turn(&mut twin);
         if pressure_mpa.is_finite() {
             expected.advance(t_sensor_ns, &Inputs::new(pressure_mpa, 30.0));
         }
@@ -104,45 +103,92 @@ fn twin_loop_allocates_only_the_transports_sample_handles_and_publishes_inputs_b
     assert_eq!(health.count(wire::Outcome::Published), 360);
 }
 
-/// As above for a model with inertia, which swings, lands on the plate and leaves it.
-#[test]
-fn twin_loop_of_a_moving_model_allocates_only_the_transports_sample_handles() {
-    let stage = Stage::with_model("moving", moving::model_bytes());
+/// Allocations of an iteration, without the handle of a health, which is due by the clock.
+fn allocations_of_turn(twin: &mut Twin) -> u64 {
+    let healths = |twin: &Twin| twin.health().map(|health| health.seq).sum::<u64>();
+    let before = (COUNT.get(), healths(twin));
+    twin.turn(Duration::from_millis(100));
+    COUNT.get() - before.0 - (healths(twin) - before.1)
+}
+
+/// Settings of a twin on a loaded machine, which misses no deadline.
+fn patient() -> Settings {
+    let limits = Limits { max_age_ms: 60_000.0, deadline_ms: Some(50_000.0), ..Limits::default() };
+    Settings { limits, ..Settings::default() }
+}
+
+/// Bias of the gauge that the estimator is to find, MPa.
+const BIAS_MPA: f64 = 0.004;
+
+/// Place of the outer mass and force at each reading of a moving twin that swings, lands on the plate and leaves it. `seen` are those of a camera
+/// and a load cell, for a scene that estimates.
+fn moving_twin(label: &str, seen: Option<&[[f64; 4]]>) -> Vec<[f64; 4]> {
+    let stage = Stage::with_model(label, moving::model_bytes());
     let path = stage.whole_finger("kind = \"simulate\"");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let estimate = "[actuator.estimate]\npressure_bias_mpa = { prior = 0.0, sigma = 0.01 }\n[actuator.sigma]\npressure_mpa = 0.0005\n\
+        gap_mm = 0.01\nforce_n = 0.002\nmarker_mm = 0.2\nmodel_force_n = 0.002\nmodel_mm = 0.05\n[[actuator.marker]]\nname = \"outer\"\nnode = 2\n";
+    std::fs::write(&path, text + if seen.is_some() { estimate } else { "" }).unwrap();
     let scene = Scene::load(&path).unwrap();
     let bus = stage.bus();
     let loaded = load_scene(&scene, &path).unwrap();
     let (events, _reporter) = event_channel();
-    let settings =
-        Settings { limits: Limits { max_age_ms: 60_000.0, ..Limits::default() }, ..Settings::default() };
-    let mut twin = Twin::start(&bus, loaded, &settings, &events).unwrap();
+    let mut twin = Twin::start(&bus, loaded, &patient(), &events).unwrap();
     let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
     let fields = FieldReader::open(&bus, &Topic::field("finger", None).unwrap()).unwrap();
     let states = StateReader::open(&bus, &Topic::state("finger").unwrap()).unwrap();
+    let estimates = seen.map(|_| EstimateReader::open(&bus, &Topic::estimate("finger").unwrap()).unwrap());
     let begin_ns = now_ns() - 20_000_000_000;
-    let mut regimes = [0; 3];
-    let mut send_and_turn = |seq: u64| {
+    let (mut regimes, mut random, mut found) = ([0; 3], Rng::new(4), Vec::with_capacity(400));
+    let mut normal = || (0..12).map(|_| random.uniform()).sum::<f64>() - 6.0;
+    let mut allocations = [0; 2];
+    for seq in 1..=400_u64 {
         let pressure_mpa = if seq % 100 < 40 { 0.02 } else { 0.18 };
         // Every 150th reading comes after a gap that is held, every 200th after one that is not.
         let gaps_ns = seq / 150 * 400_000_000 + seq / 200 * 1_100_000_000;
         let t_sensor_ns = begin_ns + seq * 5_000_000 + gaps_ns;
-        let sample =
+        let mut sample =
             SensorSample { boot_id: 5, seq, t_sensor_ns, pressure_mpa, gap_mm: 20.0, ..Default::default() };
+        if let Some([x, y, z, force]) = seen.map(|seen| seen[seq as usize - 1]) {
+            sample.pressure_mpa += BIAS_MPA + 0.0005 * normal();
+            sample.measured_force_n = force + 0.002 * normal();
+            (sample.marker_values, sample.markers_mm[0]) =
+                (3, Marker { x: x + 0.2 * normal(), y: y + 0.2 * normal(), z: z + 0.2 * normal() });
+        }
         sensor.publish(sample).unwrap();
-        let before = COUNT.get();
-        twin.turn(Duration::from_millis(100));
-        let allocations = COUNT.get() - before;
-        regimes[states.newest().unwrap().unwrap().regime as usize] += 1;
-        drop(fields.newest().unwrap());
-        allocations
-    };
-    let warm_up: u64 = (1..=20).map(&mut send_and_turn).sum();
-    let steady: u64 = (21..=400).map(&mut send_and_turn).sum();
-    let samples = 380 * 2;
-    assert_eq!(steady, samples, "{steady} allocations for {samples} samples ({warm_up} while warming up)");
+        allocations[usize::from(seq > 20)] += allocations_of_turn(&mut twin);
+        let state = states.newest().unwrap().unwrap();
+        regimes[state.regime as usize] += 1;
+        let field = fields.newest().unwrap().unwrap();
+        let place = [field_id::X, field_id::Y, field_id::Z].map(|id| f64::from(field.field(id).unwrap()[2]));
+        found.push([place[0], place[1], place[2], state.contact_force_n]);
+        if let Some(estimates) = &estimates {
+            let estimate = estimates.newest().unwrap().unwrap();
+            assert_eq!(estimate.unknown_count, 3, "the bias, the load and its rate");
+            let off = (estimate.values[0] - BIAS_MPA).abs();
+            assert!(off < 4.0 * estimate.sigmas[0], "{seq}: {off} {}", estimate.sigmas[0]);
+            assert!(estimate.alarm == 0 || seq < 400, "{estimate:?}");
+            assert!(estimate.sigmas[0] < 0.005 || seq < 400, "{estimate:?}");
+        }
+    }
+    let samples = 380 * if seen.is_some() { 3 } else { 2 };
+    assert_eq!(allocations[1], samples, "{samples} samples, {} while warming up", allocations[0]);
     assert_eq!(twin.health().next().unwrap().count(wire::Outcome::Published), 400);
     let [free, contact] = [regime::FREE, regime::CONTACT].map(|number| regimes[number as usize]);
     assert!(free > 50 && contact > 50, "{free} free, {contact} in contact");
+    found
+}
+
+/// As above for a model with inertia; then with an estimator, which finds the bias of the gauge from the moving body and follows it.
+#[test]
+fn twin_loop_of_a_moving_model_allocates_only_the_transports_sample_handles() {
+    let truth = moving_twin("moving", None);
+    let found = moving_twin("estimating", Some(&truth));
+    let y = |rows: &[[f64; 4]]| rows.iter().map(|row| row[1]).collect::<Vec<f64>>();
+    let mut off: Vec<f64> = y(&found).iter().zip(y(&truth)).map(|(a, b)| (a - b).abs()).collect();
+    off.sort_by(f64::total_cmp);
+    // A few readings after a gap are contradicted before the motion is found again.
+    assert!(off[200] < 0.1 && off[390] < 1.0, "{off:?} mm");
 }
 
 /// The bridge's loop asks its sources: what several sensors have said becomes readings without an allocation.

@@ -14,7 +14,7 @@ use crate::identify;
 use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector};
 use crate::memory::{Pattern, widened};
 use crate::normal::chi_squared_quantile;
-use crate::outcome::Estimate;
+use crate::outcome::{Alarm, Estimate, Status};
 use crate::reading::{Linear, Prior, ReadingProblem, Side, difference};
 use crate::setup::{MAX_ROWS, Measurement, Model, Setup, SetupError};
 
@@ -51,6 +51,8 @@ pub struct Fit {
     pub outliers: usize,
     /// Readings left out because of a missing input or a prediction that is not finite.
     pub skipped: usize,
+    /// Alarm that most of the second half of a motion's readings have raised.
+    pub alarm: Option<Alarm>,
 }
 
 impl Fit {
@@ -60,7 +62,8 @@ impl Fit {
     }
 }
 
-/// Fits the unknowns of a setup to a recording. The filter's result is the start.
+/// Fits the unknowns of a setup to a recording. The filter's result is the start; with a motion, whose noise is not that of single readings, it
+/// is the fit.
 ///
 /// Cost: some ten to sixty evaluations of the model for each reading.
 ///
@@ -68,6 +71,9 @@ impl Fit {
 /// All errors in the setup.
 pub fn fit(setup: &Setup, readings: &[Measurement], model: &mut impl Model) -> Result<Fit, Vec<SetupError>> {
     let mut filter = Filter::new(setup.clone())?;
+    if setup.swing.is_some() {
+        return Ok(of_motion(&mut filter, readings, model));
+    }
     readings.iter().for_each(|reading| {
         filter.update(reading, model);
     });
@@ -77,6 +83,36 @@ pub fn fit(setup: &Setup, readings: &[Measurement], model: &mut impl Model) -> R
     }
     let mut batch = Batch::new(setup, readings);
     Ok(batch.minimise(start, model))
+}
+
+/// The filter's result after all readings of a motion.
+fn of_motion(filter: &mut Filter, readings: &[Measurement], model: &mut impl Model) -> Fit {
+    let (mut used, mut outliers, mut skipped, mut chi2) = (0, 0, 0, 0.0);
+    let (mut alarm, mut alarms) = (None, 0);
+    for (at, reading) in readings.iter().enumerate() {
+        let update = filter.update(reading, model);
+        let rows = filter.setup().rows.iter().zip(&reading.rows);
+        outliers +=
+            rows.filter(|(row, value)| value.is_finite() && update.rejected & (1 << row.block) != 0).count();
+        if update.status == Status::Used {
+            (used, chi2) = (used + update.used, chi2 + update.nis);
+        } else {
+            skipped += 1;
+        }
+        if update.alarm.is_some() && 2 * at >= readings.len() {
+            (alarm, alarms) = (update.alarm, alarms + 1);
+        }
+    }
+    Fit {
+        estimates: filter.estimates().collect(),
+        covariance: *filter.covariance(),
+        converged: used > 0,
+        chi2_per_dof: chi2 / used.max(1) as f64,
+        used,
+        outliers,
+        skipped,
+        alarm: alarm.filter(|_| 4 * alarms > readings.len()),
+    }
 }
 
 struct Batch<'a> {
@@ -189,6 +225,7 @@ impl<'a> Batch<'a> {
             used: sums.used,
             outliers: sums.outliers,
             skipped: self.skipped + sums.failed,
+            alarm: None,
         }
     }
 

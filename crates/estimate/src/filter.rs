@@ -1,14 +1,17 @@
 //! Iterated extended Kalman filter over readings.
 
+mod motion;
+
 use crate::identify::{self, Identifiability};
 use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector};
 use crate::memory::{CYCLES_S, Pattern, widened};
 use crate::normal::{chi_squared_quantile, truncated, upper_tail};
 use crate::outcome::{Alarm, Estimate, Status, Update};
-use crate::reading::{self, Prior, ReadingProblem, Side};
+use crate::reading::{Prior, ReadingProblem, Side};
 use crate::rewind::Rewind;
-use crate::search::{Asked, Explained, LastSeen, MAX_PREDICTIONS, Prospect};
-use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup, SetupError};
+use crate::search::{Asked, Explained, LastSeen, MAX_PREDICTIONS, Prospect, innovation};
+use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, PASTS, Setup, SetupError};
+use crate::swing::excluded_gap_mm;
 use crate::trend::Trend;
 use crate::watch::Watch;
 
@@ -49,7 +52,13 @@ pub struct Filter {
     /// Estimates from before a contact that is not detected yet.
     before: Rewind,
     /// Largest errors of the measured inputs by their past, at the last reading.
-    spread: [f64; MAX_INPUTS],
+    spread: [[f64; PASTS]; MAX_INPUTS],
+    /// Last reading of a motion.
+    last: Option<Measurement>,
+    /// The last reading that was used indicated contact.
+    in_contact: bool,
+    /// Consecutive readings that the motion did not explain completely.
+    unexplained: u32,
     /// Trend per input; `Some` for inputs that change steadily.
     trends: [Option<Trend>; MAX_INPUTS],
     watch: Watch,
@@ -70,7 +79,10 @@ impl Filter {
             identifiability: Identifiability::default(),
             seen: Some(Box::default()),
             before: Rewind::new(),
-            spread: [0.0; MAX_INPUTS],
+            spread: [[0.0; PASTS]; MAX_INPUTS],
+            last: None,
+            in_contact: false,
+            unexplained: 0,
             trends: [None; MAX_INPUTS],
             watch: Watch::default(),
             memory: Pattern::all(CYCLES_S),
@@ -108,6 +120,11 @@ impl Filter {
         })
     }
 
+    /// Covariance of the unknowns' errors, without memory of the plant.
+    pub(crate) fn covariance(&self) -> &Symmetric {
+        &self.covariance
+    }
+
     /// Correlation of two unknowns' errors.
     pub fn correlation(&self, a: usize, b: usize) -> f64 {
         self.covariance.correlation(a, b)
@@ -139,13 +156,16 @@ impl Filter {
         variance.max(0.0).sqrt()
     }
 
-    /// Returns the past of all memories to its prior: the next reading is that of another one.
+    /// Returns the past of all memories to its prior: the next reading is that of another one. A motion begins with it.
     pub fn forget_past(&mut self) {
+        self.last = None;
         for role in &self.setup.inputs {
-            let InputRole::Measured { past: Some(past), .. } = *role else { continue };
-            let unknown = &self.setup.unknowns[past];
-            self.mean[past] = unknown.prior;
-            self.covariance.replace(past, unknown.sigma * unknown.sigma);
+            let InputRole::Measured { pasts, .. } = *role else { continue };
+            for past in pasts.into_iter().flatten() {
+                let unknown = &self.setup.unknowns[past];
+                self.mean[past] = unknown.prior;
+                self.covariance.replace(past, unknown.sigma * unknown.sigma);
+            }
         }
     }
 
@@ -157,6 +177,15 @@ impl Filter {
         if let Err(status) = self.advance(measurement) {
             return self.unchanged(status, measurement);
         }
+        let mut measurement = *measurement;
+        self.carry(&mut measurement, model);
+        let update = self.explain(&measurement, model);
+        self.settle(&measurement, &update, model);
+        update
+    }
+
+    /// Takes a reading into account, to whose time the unknowns have been carried.
+    fn explain(&mut self, measurement: &Measurement, model: &mut impl Model) -> Update {
         let Some(mut prior) = self.prior() else { return self.unchanged(Status::NotConverged, measurement) };
         let mut seen = self.seen.take().unwrap_or_default();
         let mut asked = Asked { model, left: MAX_PREDICTIONS, seen: &mut seen };
@@ -281,6 +310,11 @@ impl Filter {
         let before = self.before.before_contact(explained.states[unknown])?;
         let now = (self.mean, self.covariance);
         (self.mean, self.covariance) = (before.mean, before.covariance);
+        // The motion is that of now.
+        for at in (0..self.setup.unknowns.len()).filter(|at| self.setup.is_moving(*at)) {
+            self.mean[at] = now.0[at];
+            self.covariance.replace(at, now.1.get(at, at));
+        }
         for (at, unknown) in self.setup.unknowns.iter().enumerate() {
             self.covariance.add_diagonal(at, unknown.drift_variance(measurement.t_s - before.t_s));
         }
@@ -447,7 +481,7 @@ impl Filter {
         let in_contact = side == Side::Contact || (side == Side::Any && explained.linear.in_contact);
         if side == Side::Free && rejected == 0 {
             self.gap_floor_mm =
-                self.gap_floor_mm.max(model.onset_gap_mm(&inputs).unwrap_or(f64::NEG_INFINITY));
+                self.gap_floor_mm.max(excluded_gap_mm(&self.setup, &self.covariance, &inputs, model));
             self.before.keep(measurement.t_s, &self.mean, &self.covariance, self.gap_floor_mm);
         } else if in_contact {
             self.gap_floor_mm = f64::NEG_INFINITY;
@@ -514,20 +548,4 @@ impl Filter {
             alarm: self.alarm,
         }
     }
-}
-
-/// Innovation squared over its covariance, linearised at the solution: `v^T R^-1 v - b^T A^-1 b` with the innovation
-/// `v = z - h(prior)`. The factor has the size of the states, not of the measurements.
-fn innovation(problem: &ReadingProblem<'_>, solution: &Explained) -> f64 {
-    let moved = reading::difference(&solution.states, &problem.prior.states);
-    let (mut sum, mut right) = (0.0, [0.0; MAX_STATES]);
-    for (i, weight) in problem.weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
-        let row = &solution.linear.jacobian[i];
-        let along: f64 = row.iter().zip(&moved).map(|(d, m)| d * m).sum();
-        let innovation = solution.linear.residual[i] + along;
-        sum += weight * innovation * innovation;
-        right.iter_mut().zip(row).for_each(|(right, d)| *right += weight * innovation * d);
-    }
-    let explained = solution.factor.solve(&right);
-    sum - right.iter().zip(&explained).map(|(a, b)| a * b).sum::<f64>()
 }

@@ -10,6 +10,7 @@
 //! | `batch.rs` | the fit of constants to a whole recording |
 //! | `identify.rs` | identifiability of the unknowns |
 //! | `watch.rs` | alarms: persistent contradictions |
+//! | `swing.rs` | motion between two readings |
 //! | `memory.rs` | play and lag of the plant: amplitude, and effect on the intervals |
 //! | `trend.rs` | measured input that changes steadily, from all its readings |
 //! | `rewind.rs` | estimates from before a contact that was detected late |
@@ -35,6 +36,7 @@ mod rewind;
 mod search;
 mod setup;
 mod structure;
+mod swing;
 mod trend;
 mod watch;
 
@@ -45,6 +47,7 @@ pub use outcome::{Alarm, Estimate, Status, Update};
 pub use plan::{ExpectedFit, choose, expected_fit, information};
 pub use search::MAX_PREDICTIONS;
 pub use setup::{
-    InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Predicted, Row, Setup, SetupError, Unknown,
+    Arrived, InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Moving, PASTS, Predicted, Row, Setup,
+    SetupError, Swing, Unknown,
 };
 pub use structure::{Series as ResidualSeries, Structure};

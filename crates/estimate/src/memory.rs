@@ -107,6 +107,11 @@ impl Pattern {
         &self.sensitivity
     }
 
+    /// Replaces the error of an unknown, which a motion has carried.
+    pub(crate) fn set(&mut self, unknown: usize, error: f64) {
+        self.sensitivity[unknown] = error;
+    }
+
     /// Adds the change of these errors by a reading.
     pub(crate) fn move_by(&mut self, step: &[f64]) {
         self.sensitivity.iter_mut().zip(step).for_each(|(s, step)| *s += step);

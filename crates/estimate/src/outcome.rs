@@ -1,6 +1,7 @@
 //! Outcome of a reading, estimates and alarms.
 
 use crate::setup::MAX_INPUTS;
+use thiserror::Error;
 
 /// Status of a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,14 +54,18 @@ pub struct Estimate {
 }
 
 /// Persistent contradiction.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum Alarm {
     /// Measured inputs (one bit each) that contradict the other sensors: the measured value is not the value in the actuator.
+    #[error("a measured input contradicts the other sensors")]
     Input(u32),
     /// Blocks of measured values (one bit each) that contradict the others and the model.
+    #[error("a sensor contradicts the others")]
     Sensor(u32),
     /// Identifiable unknowns (one bit each) more than 4 standard deviations from their priors.
+    #[error("an estimate is far from its prior")]
     Unknown(u32),
     /// The model does not explain the readings.
+    #[error("the model does not explain the readings")]
     NotExplained,
 }

@@ -9,7 +9,7 @@ use crate::identify;
 use crate::matrix::{MAX_STATES, Symmetric};
 use crate::outcome::Estimate;
 use crate::reading::{Prior, ReadingProblem, Side};
-use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup};
+use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, PASTS, Setup};
 
 /// Predicted result of a fit to a set of holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,7 +53,7 @@ pub fn information(
             InputRole::Given(_) => {}
             InputRole::Estimated(unknown) => prior.states[unknown] = inputs[input],
             InputRole::Measured { .. } => {
-                measurement.inputs[input] = inputs[input] + role.offset(0.0, &prior.states);
+                measurement.inputs[input] = inputs[input] + role.offset([0.0; PASTS], &prior.states);
             }
         }
     }

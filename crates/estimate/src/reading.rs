@@ -207,6 +207,13 @@ impl ReadingProblem<'_> {
             };
             let offsets = role.offsets(self.measurement.spread[input]);
             let states = offsets.map(|(unknown, by)| (unknown, -by)).chain([own]);
+            let by_input = self.measurement.load_by_input[input];
+            if let (true, Some(load)) = (by_input != 0.0, self.setup.load_input()) {
+                // Noise does not move the body.
+                for (i, _) in self.present() {
+                    out[i][own.0] -= by_input * seen.predicted[i].gradient[load];
+                }
+            }
             // Without contact the gap is infinite and has no effect.
             if self.side == Side::Free && self.setup.gap == Some(input) {
                 continue;

@@ -4,7 +4,7 @@
 //! side of the onset, continued along its tangent; usually one prediction there confirms it. Blocks are rejected by the residuals
 //! that a step would leave. The rejection starts again with each prediction.
 
-use crate::matrix::{Cholesky, Vector};
+use crate::matrix::{Cholesky, MAX_STATES, Vector};
 use crate::normal::chi_squared_quantile;
 use crate::reading::{Linear, ReadingProblem, Seen, Side, difference};
 use crate::setup::{MAX_ROWS, Model};
@@ -258,4 +258,20 @@ fn worst_block(
         }
     }
     worst
+}
+
+/// Innovation squared over its covariance, linearised at the solution: `v^T R^-1 v - b^T A^-1 b` with the innovation
+/// `v = z - h(prior)`. The factor has the size of the states, not of the measurements.
+pub(crate) fn innovation(problem: &ReadingProblem<'_>, solution: &Explained) -> f64 {
+    let moved = difference(&solution.states, &problem.prior.states);
+    let (mut sum, mut right) = (0.0, [0.0; MAX_STATES]);
+    for (i, weight) in problem.weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
+        let row = &solution.linear.jacobian[i];
+        let along: f64 = row.iter().zip(&moved).map(|(d, m)| d * m).sum();
+        let innovation = solution.linear.residual[i] + along;
+        sum += weight * innovation * innovation;
+        right.iter_mut().zip(row).for_each(|(right, d)| *right += weight * innovation * d);
+    }
+    let explained = solution.factor.solve(&right);
+    sum - right.iter().zip(&explained).map(|(a, b)| a * b).sum::<f64>()
 }

@@ -5,8 +5,13 @@ use thiserror::Error;
 
 /// Largest number of model inputs.
 pub const MAX_INPUTS: usize = 8;
+/// Pasts of a measured input: of line and play, of creep.
+pub const PASTS: usize = 2;
 /// Largest number of measured values that the model predicts: a force, three coordinates of eight markers, six observables.
 pub const MAX_ROWS: usize = 31;
+
+/// Standard deviation of a held unknown, as a fraction of its prior's.
+const HELD: f64 = 1e-3;
 
 /// Estimated quantity with its prior.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,7 +42,7 @@ pub enum InputRole {
     Given(f64),
     /// Estimated: position in the unknowns.
     Estimated(usize),
-    /// Measured: `measured = true + bias + past spread + noise`.
+    /// Measured: `measured = true + bias + sum of past spread + noise`.
     Measured {
         /// Standard deviation of the noise of one reading.
         sigma: f64,
@@ -46,25 +51,26 @@ pub enum InputRole {
         /// Standard deviation of the change of its rate in a second, if the value changes steadily: the output is then estimated
         /// from all readings. `None`: from each reading alone.
         rate_change: Option<f64>,
-        /// Position in the unknowns of the past of its memory, if it has one: -1 and 1 are the smallest and the largest past, 0 the one
-        /// that the measured value assumes.
-        past: Option<usize>,
+        /// Positions in the unknowns of the pasts of its memory, if it has one: that of line and play, that of creep; -1 and 1 are the
+        /// smallest and the largest past, 0 the one that the measured value assumes.
+        pasts: [Option<usize>; PASTS],
     },
 }
 
 impl InputRole {
-    /// Measured minus true value without noise, at a spread of the past.
-    pub(crate) fn offset(&self, spread: f64, states: &Vector) -> f64 {
+    /// Measured minus true value without noise, at spreads of the pasts.
+    pub(crate) fn offset(&self, spread: [f64; PASTS], states: &Vector) -> f64 {
         self.offsets(spread).map(|(unknown, by)| by * states[unknown]).sum()
     }
 
     /// Unknowns in the measured value, and its derivative with respect to each.
-    pub(crate) fn offsets(&self, spread: f64) -> impl Iterator<Item = (usize, f64)> + use<> {
-        let (bias, past) = match *self {
-            Self::Measured { bias, past, .. } => (bias, past),
-            _ => (None, None),
+    pub(crate) fn offsets(&self, spread: [f64; PASTS]) -> impl Iterator<Item = (usize, f64)> + use<> {
+        let (bias, pasts) = match *self {
+            Self::Measured { bias, pasts, .. } => (bias, pasts),
+            _ => (None, [None; PASTS]),
         };
-        bias.map(|bias| (bias, 1.0)).into_iter().chain(past.map(|past| (past, spread)))
+        let pasts = pasts.into_iter().zip(spread).filter_map(|(past, spread)| Some((past?, spread)));
+        bias.map(|bias| (bias, 1.0)).into_iter().chain(pasts)
     }
 }
 
@@ -90,6 +96,17 @@ impl Row {
     }
 }
 
+/// Motion of a body on the model: two unknowns that the model's step carries from reading to reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Swing {
+    /// Position of the inertial load in the unknowns; its prior is the load at rest.
+    pub load: usize,
+    /// Position of the velocity along the load's tangent, as a rate of the load.
+    pub rate: usize,
+    /// Standard deviation of the model's frequency, as a fraction of it.
+    pub frequency_error: f64,
+}
+
 /// Setup of an estimation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
@@ -103,6 +120,8 @@ pub struct Setup {
     pub gap: Option<usize>,
     /// Correlation time of the model's error (s). Readings within it do not average the error out.
     pub model_correlation_s: f64,
+    /// `None` for a model at equilibrium.
+    pub swing: Option<Swing>,
 }
 
 /// Error in a setup.
@@ -161,12 +180,13 @@ impl Setup {
                 InputRole::Estimated(at) => {
                     expect(known(&Some(*at)), place(), "an unknown that exists", at.to_string());
                 }
-                InputRole::Measured { sigma, bias, rate_change, past } => {
+                InputRole::Measured { sigma, bias, rate_change, pasts } => {
                     let change = rate_change.unwrap_or(1.0);
                     expect(positive(change), place(), "a change of its rate above 0", change.to_string());
                     expect(positive(*sigma), place(), "a sigma above 0", sigma.to_string());
                     expect(known(bias), place(), "an unknown that exists", format!("{bias:?}"));
-                    expect(known(past), place(), "an unknown that exists", format!("{past:?}"));
+                    let exist = pasts.iter().all(known);
+                    expect(exist, place(), "unknowns that exist", format!("{pasts:?}"));
                 }
             }
         }
@@ -179,6 +199,19 @@ impl Setup {
             let next = row.block == block || row.block == block + 1;
             expect(next, row.name.clone(), "blocks that count up from 0", row.block.to_string());
             block = row.block;
+        }
+        if let Some(swing) = self.swing {
+            let last = [swing.load, swing.rate]
+                == [self.unknowns.len().wrapping_sub(2), self.unknowns.len().wrapping_sub(1)];
+            let is_input = self.load_input().is_some() && last;
+            let error = swing.frequency_error;
+            expect(
+                is_input,
+                "swing".into(),
+                "an estimated load and its rate as the last unknowns",
+                format!("{swing:?}"),
+            );
+            expect(at_least_zero(error), "swing: frequency error".into(), "0 or more", error.to_string());
         }
         expect(
             self.gap.is_none_or(|gap| gap < self.inputs.len()),
@@ -199,18 +232,22 @@ impl Setup {
     /// Model inputs of a state (unknowns, then the noise of the measured inputs).
     pub(crate) fn inputs_at(&self, measurement: &Measurement, states: &Vector) -> [f64; MAX_INPUTS] {
         let mut out = [f64::NAN; MAX_INPUTS];
-        let mut noise = self.unknowns.len();
+        let (mut noise, mut by_noise) = (self.unknowns.len(), 0.0);
         for (input, role) in self.inputs.iter().enumerate() {
             out[input] = match *role {
                 InputRole::Given(value) => value,
                 InputRole::Estimated(unknown) => states[unknown],
                 role @ InputRole::Measured { .. } => {
                     noise += 1;
+                    by_noise += measurement.load_by_input[input] * states[noise - 1];
                     measurement.inputs[input]
                         - role.offset(measurement.spread[input], states)
                         - states[noise - 1]
                 }
             };
+        }
+        if let Some(load) = self.load_input() {
+            out[load] -= by_noise;
         }
         out
     }
@@ -257,6 +294,41 @@ impl Setup {
         self.measured_inputs().all(|(input, _)| measurement.inputs[input].is_finite())
     }
 
+    /// The same with the motion at rest: its unknowns, the last ones, are left out.
+    #[must_use]
+    pub fn at_rest(mut self) -> Self {
+        if let (Some(swing), Some(input)) = (self.swing, self.load_input()) {
+            self.inputs[input] = InputRole::Given(self.unknowns[swing.load].prior);
+            self.unknowns.truncate(swing.load.min(swing.rate));
+        }
+        self.swing = None;
+        self
+    }
+
+    /// The same with all unknowns but those of a motion at these values.
+    #[must_use]
+    pub fn held_at(mut self, values: &[f64]) -> Self {
+        let moving: Vec<bool> = (0..self.unknowns.len()).map(|at| self.is_moving(at)).collect();
+        for ((unknown, value), _) in
+            self.unknowns.iter_mut().zip(values).zip(moving).filter(|(_, is_moving)| !is_moving)
+        {
+            unknown.prior = value.clamp(unknown.range[0], unknown.range[1]);
+            unknown.sigma *= HELD;
+        }
+        self
+    }
+
+    /// True for an unknown that changes with the motion.
+    pub(crate) fn is_moving(&self, unknown: usize) -> bool {
+        self.swing.is_some_and(|swing| unknown == swing.load || unknown == swing.rate)
+    }
+
+    /// Position of the inertial load in the inputs.
+    pub(crate) fn load_input(&self) -> Option<usize> {
+        let load = self.swing?.load;
+        self.inputs.iter().position(|role| *role == InputRole::Estimated(load))
+    }
+
     /// Unknown of the gap, if it is estimated.
     pub(crate) fn gap_unknown(&self) -> Option<usize> {
         match self.inputs[self.gap?] {
@@ -273,8 +345,10 @@ pub struct Measurement {
     pub t_s: f64,
     /// Measured value per model input; NaN if absent.
     pub inputs: [f64; MAX_INPUTS],
-    /// Largest error of each of them by the past of its memory; 0 without memory.
-    pub spread: [f64; MAX_INPUTS],
+    /// Largest errors of each of them by the pasts of its memory; 0 without memory.
+    pub spread: [[f64; PASTS]; MAX_INPUTS],
+    /// Derivative of a swing's load with respect to each measured input at a fixed position of the body; the filter sets it.
+    pub(crate) load_by_input: [f64; MAX_INPUTS],
     /// Measured value per row of the setup; NaN if absent.
     pub rows: [f64; MAX_ROWS],
 }
@@ -282,7 +356,13 @@ pub struct Measurement {
 impl Measurement {
     /// Reading without any value.
     pub fn at(t_s: f64) -> Self {
-        Self { t_s, inputs: [f64::NAN; MAX_INPUTS], spread: [0.0; MAX_INPUTS], rows: [f64::NAN; MAX_ROWS] }
+        Self {
+            t_s,
+            inputs: [f64::NAN; MAX_INPUTS],
+            spread: [[0.0; PASTS]; MAX_INPUTS],
+            load_by_input: [0.0; MAX_INPUTS],
+            rows: [f64::NAN; MAX_ROWS],
+        }
     }
 }
 
@@ -293,6 +373,28 @@ pub struct Predicted {
     pub value: f64,
     /// Derivatives, per unit of the input.
     pub gradient: [f64; MAX_INPUTS],
+}
+
+/// Motion at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moving {
+    /// Time (s).
+    pub t_s: f64,
+    /// Inputs, with the moving load; an infinite gap where no obstacle is known.
+    pub inputs: [f64; MAX_INPUTS],
+    /// Velocity along the tangent of the load, as a rate of the load.
+    pub rate: f64,
+}
+
+/// Motion after a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arrived {
+    /// Inertial load.
+    pub load: f64,
+    /// Velocity along its tangent, as a rate of the load.
+    pub rate: f64,
+    /// The body landed or left within the step.
+    pub has_changed: bool,
 }
 
 /// Model as the estimator uses it.
@@ -314,4 +416,13 @@ pub trait Model {
     fn inside_contact_mm(&self, _inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
         None
     }
+
+    /// Motion from a state near the last one of [`Self::settle`] to a time with these inputs, whose load is that at rest or any. `None` if no
+    /// motion leads there: the body is at rest then.
+    fn step(&mut self, _from: &Moving, _t_s: f64, _inputs: &[f64; MAX_INPUTS]) -> Option<Arrived> {
+        None
+    }
+
+    /// Adopts the state at the end of the last [`Self::step`] as the one from which the next begins.
+    fn settle(&mut self, _at: &Moving, _in_contact: bool) {}
 }

@@ -194,9 +194,10 @@ impl Watch {
         let differs = self.directions.iter().any(Direction::differs);
         if suspects != 0 {
             // The accepted values tell which sensor is wrong only if they agree with model and priors themselves.
-            let mut away = estimates.zip(&setup.unknowns);
-            let is_told = away.all(|((estimate, unread), unknown)| {
-                (estimate.value - unknown.prior).abs() <= MAX_FROM_PRIOR_OF_WITNESSES * unread
+            let mut away = estimates.zip(&setup.unknowns).enumerate();
+            let is_told = away.all(|(at, ((estimate, unread), unknown))| {
+                let off = (estimate.value - unknown.prior).abs();
+                off <= MAX_FROM_PRIOR_OF_WITNESSES * unread || setup.is_moving(at)
             });
             return Some(if is_told && !differs && !may_be_memory {
                 Alarm::Sensor(suspects)
@@ -224,7 +225,7 @@ impl Watch {
         let mut unknowns = 0_u32;
         for (at, ((estimate, unread), unknown)) in estimates.zip(&setup.unknowns).enumerate() {
             let away = (estimate.value - unknown.prior).abs() > MAX_FROM_PRIOR * unread;
-            unknowns |= u32::from(estimate.identifiable && away) << at;
+            unknowns |= u32::from(estimate.identifiable && away && !setup.is_moving(at)) << at;
         }
         (unknowns != 0).then_some(Alarm::Unknown(unknowns))
     }

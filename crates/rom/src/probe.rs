@@ -8,6 +8,8 @@ use crate::contract::{self, Output};
 use crate::dense::Dense;
 use crate::evaluation::Evaluation;
 use crate::evaluator::Evaluator;
+use crate::inertia::data::InertiaModel;
+use crate::inertia::manifold::Amplitudes;
 use crate::inputs::{Inputs, MAX_INPUTS};
 use crate::model::{BlockKind, Model, ModelError, RegimeModel};
 use crate::regime::LastOnset;
@@ -203,6 +205,8 @@ pub struct Probes {
     evaluator: Evaluator,
     /// Per regime: mean and first coefficient of each coordinate of each point.
     regimes: Vec<(RegimeKind, Vec<(f64, usize)>)>,
+    /// Per regime of a model with inertia: shape of each linear mode at the points.
+    modes: Vec<(RegimeKind, Vec<Vec<[f64; 3]>>)>,
     inputs: usize,
 }
 
@@ -213,13 +217,25 @@ impl Probes {
     /// [`ModelError`] when a block is missing or the header contradicts itself.
     pub fn new(model: &Model, points: &[MeshPoint]) -> Result<Self, ModelError> {
         let (mut means, mut outputs) = (Vec::new(), Vec::new());
+        let inertia = model.record::<InertiaModel>(BlockKind::Inertia);
+        let inertia = inertia.map_err(|error| ModelError::Inconsistent(error.to_string()))?;
+        let inertia = inertia.as_ref().map_or(&[][..], |inertia| &inertia.regimes);
+        let mut modes: Vec<(RegimeKind, Vec<Vec<[f64; 3]>>)> =
+            inertia.iter().map(|of| (of.kind, vec![vec![[0.0; 3]; points.len()]; of.modes.len()])).collect();
         for regime in &model.header.regimes {
             // Axis by axis: groups with one kernel are consecutive.
             let (mut of_points, mut of_axes) = (vec![[0.0; 3]; points.len()], Vec::new());
             for axis in 0..3 {
-                for (point, mean) in points.iter().zip(&mut of_points) {
+                for (at, (point, mean)) in points.iter().zip(&mut of_points).enumerate() {
                     let (value, group, weights) = coordinate(model, regime, point, axis)?;
                     mean[usize::from(axis)] = value;
+                    let mut stored = inertia.iter().zip(&mut modes).find(|(of, _)| of.kind == regime.kind);
+                    for (mode, shape) in
+                        stored.iter_mut().flat_map(|(of, (_, shapes))| of.modes.iter().zip(shapes))
+                    {
+                        let own = &mode.coefficients[regime.groups[group].coefficients.clone()];
+                        shape[at][usize::from(axis)] = own.iter().zip(&weights).map(|(c, w)| c * w).sum();
+                    }
                     of_axes.push(Output { parts: vec![(group, weights)] });
                 }
             }
@@ -234,7 +250,7 @@ impl Probes {
             (regime.kind, means.iter().enumerate().flat_map(of_point).collect())
         };
         let regimes = model.header.regimes.iter().zip(&means).zip(&places).map(place).collect();
-        Ok(Self { evaluator: Evaluator::new(&header)?, regimes, inputs: header.inputs.len() })
+        Ok(Self { evaluator: Evaluator::new(&header)?, regimes, modes, inputs: header.inputs.len() })
     }
 
     /// Evaluation with capacity for any state.
@@ -282,6 +298,16 @@ impl Probes {
                 for (input, by) in gradient.iter_mut().enumerate().take(self.inputs) {
                     *by = evaluation.coefficient_gradient(input)[*at];
                 }
+            }
+        }
+    }
+
+    /// Adds linear modes with these amplitudes to the points of a regime.
+    pub fn add_modes(&self, regime: RegimeKind, amplitudes: &Amplitudes, out: &mut [ProbePosition]) {
+        let modes = self.modes.iter().find(|(kind, _)| *kind == regime);
+        for (mode, y) in modes.iter().flat_map(|(_, modes)| modes).zip(amplitudes) {
+            for (point, shape) in out.iter_mut().zip(mode) {
+                point.position_mm.iter_mut().zip(shape).for_each(|(x, by)| *x += y * by);
             }
         }
     }

@@ -1,20 +1,27 @@
 //! The estimator of an actuator: the scene's unknowns and sensors, the model's predictions of what they measure: the force, markers, observables.
 
+mod moving;
+mod observed;
+
+pub use moving::behind;
+
 use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, PRESSURE_BIAS, Sigmas};
 use crate::measured::MeasuredInputs;
 use estimate::{
-    Alarm, Filter, InputRole, MAX_INPUTS, Measurement, Predicted, Row, Setup, Status, Unknown, Update,
+    Alarm, Arrived, Filter, InputRole, MAX_INPUTS, Measurement, Moving, PASTS, Predicted, Row, Setup, Status,
+    Swing, Unknown, Update,
 };
+use moving::Body;
+use observed::Observed;
 use rom::evaluation::Evaluation;
-use rom::evaluator::Evaluator;
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
-use rom::memory::{Advance, Memory, MemorySpec};
 use rom::model::{Model, ModelError};
-use rom::observable::Observables;
 use rom::probe::{ProbePosition, Probes};
 use rom::regime::LastOnset;
-use rom::snapshots::{FieldKind, RegimeKind};
-use wire::layout::{MARKERS_MAX, Marker, PARAMETERS_MAX, estimate_alarm, estimate_status, set_slot};
+use rom::snapshots::RegimeKind;
+use wire::layout::{
+    MARKERS_MAX, Marker, PARAMETERS_MAX, UNKNOWNS_MAX, estimate_alarm, estimate_status, set_slot,
+};
 use wire::{Estimate, SensorSample};
 
 /// Standard deviations of a normal distribution within the model's half-widths, which hold for 90 % of the states.
@@ -47,22 +54,17 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
         Some(input) => inputs.get(input).map_or([-MAX_BIAS, MAX_BIAS], |input| input.range),
         None => [-MAX_BIAS, MAX_BIAS],
     };
-    // Inputs with memory whose past is unknown.
-    let remembering = match MemorySpec::of(model) {
-        Ok(found) => found.map_or_else(Vec::new, |spec| spec.inputs.iter().map(|of| of.input).collect()),
-        Err(error) => {
-            problems.push(format!("model: {error}"));
-            Vec::new()
-        }
-    };
-    let past = |input: usize| {
-        let at = remembering.iter().position(|other| *other == input);
-        at.map(|at| estimated.len() + at)
-    };
-    let pasts = remembering.iter().filter_map(|input| {
-        let name = format!("{}_past", inputs.get(*input)?.name);
-        Some(Unknown { name, prior: 0.0, sigma: 1.0, drift_per_sqrt_s: 0.0, range: [-1.0, 1.0] })
+    let remembering = moving::remembering(model).unwrap_or_else(|error| {
+        problems.push(error);
+        Vec::new()
     });
+    let swing = moving::swing(model).unwrap_or_else(|error| {
+        problems.push(error);
+        None
+    });
+    let past = |input: usize| moving::places(input, &remembering, estimated.len());
+    let pasts = moving::pasts(inputs, &remembering);
+    let load = estimated.len() + pasts.len();
     let unknowns = estimated.iter().filter_map(|name| {
         let unknown = spec.estimate.get(*name)?;
         Some(Unknown {
@@ -80,24 +82,34 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
              {{ sigma = ... }} here; found none"
         ));
     }
+    let load_input = swing.as_ref().map(|(input, ..)| *input);
+    if let Some(key) = load_input.and_then(|input| keys.get(input))
+        && (is_measured(key) || position(key).is_some())
+    {
+        problems.push(format!(
+            "{key}: expected a constant load at rest, because the estimation steps the moving load of this model; found it \
+             measured or under `estimate`"
+        ));
+    }
     let needs = model.header.needs();
     let role = |(input, key): (usize, &String)| match (input, position(key), spec.gap_mm) {
+        (input, ..) if load_input == Some(input) => InputRole::Estimated(load),
         (PRESSURE, ..) if !needs.pressure => InputRole::Given(0.0),
         (PRESSURE, ..) => InputRole::Measured {
             sigma: sigmas.pressure_mpa,
             bias: position(PRESSURE_BIAS),
             rate_change: spec.sigma.pressure_rate_mpa_per_s,
-            past: past(PRESSURE),
+            pasts: past(PRESSURE),
         },
         (_, Some(unknown), _) => InputRole::Estimated(unknown),
         (GAP, None, Gap::Fixed(gap_mm)) => InputRole::Given(gap_mm),
         (GAP, None, _) if !needs.gap => InputRole::Given(f64::INFINITY),
         (GAP, None, _) => {
-            InputRole::Measured { sigma: sigmas.gap_mm, bias: None, rate_change: None, past: past(GAP) }
+            InputRole::Measured { sigma: sigmas.gap_mm, bias: None, rate_change: None, pasts: past(GAP) }
         }
         _ if is_measured(key) => {
             let sigma = spec.named_sigma(key).unwrap_or(f64::NAN);
-            InputRole::Measured { sigma, bias: None, rate_change: None, past: past(input) }
+            InputRole::Measured { sigma, bias: None, rate_change: None, pasts: past(input) }
         }
         _ => InputRole::Given(inputs.get(input).and_then(|input| input.value).unwrap_or(f64::NAN)),
     };
@@ -105,13 +117,24 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
         problems.extend(found);
         None
     });
+    let swing_error = swing.as_ref().map(|(.., error)| *error);
+    let of_swing = swing.into_iter().flat_map(|(_, unknowns, _)| unknowns);
     let out = Setup {
-        unknowns: unknowns.chain(pasts).collect(),
+        unknowns: unknowns.chain(pasts).chain(of_swing).collect(),
         inputs: keys.iter().enumerate().map(role).collect(),
         rows: rows(spec, model, position("force_bias_n"), &sigmas, observed),
         gap: Some(GAP),
         model_correlation_s: spec.sigma.model_correlation_s,
+        swing: swing_error.map(|frequency_error| Swing { load, rate: load + 1, frequency_error }),
     };
+    if out.unknowns.len() > UNKNOWNS_MAX {
+        let names: Vec<&str> = out.unknowns.iter().map(|unknown| unknown.name.as_str()).collect();
+        problems.push(format!(
+            "estimate: expected at most {UNKNOWNS_MAX} unknowns with those of memory and motion, found {} ({})",
+            names.len(),
+            names.join(", ")
+        ));
+    }
     if let Err(errors) = out.check() {
         problems.extend(errors.iter().map(|error| format!("estimate: {error}")));
     }
@@ -162,76 +185,6 @@ fn rows(
     std::iter::once(force).chain(markers).chain(spec.observables.iter().enumerate().map(observable)).collect()
 }
 
-/// The measured observables of a scene with the whole coefficients that they are computed of.
-#[derive(Debug, Clone)]
-struct Observed {
-    evaluator: Evaluator,
-    evaluation: Evaluation,
-    observables: Observables,
-    /// Positions of the measured ones, in the order of the scene.
-    which: Vec<usize>,
-}
-
-impl Observed {
-    /// `None` if the scene measures no observable.
-    ///
-    /// # Errors
-    /// Observables that the model does not have.
-    fn new(spec: &ActuatorSpec, model: &Model) -> Result<Option<Self>, Vec<String>> {
-        if spec.observables.is_empty() {
-            return Ok(None);
-        }
-        let fail = |error: &dyn std::fmt::Display| vec![format!("model: {error}")];
-        let observables = Observables::of(model).map_err(|error| fail(&error))?;
-        let known: Vec<&str> = observables.names().collect();
-        let (mut which, mut problems) = (Vec::new(), Vec::new());
-        for name in spec.observables.keys() {
-            match known.iter().position(|known| known == name) {
-                Some(at) => which.push(at),
-                None => problems.push(format!(
-                    "observables.{name}: expected an observable of the model ({}), found no such quantity",
-                    known.join(", ")
-                )),
-            }
-        }
-        if !problems.is_empty() {
-            return Err(problems);
-        }
-        let mut evaluator = Evaluator::new(&model.header).map_err(|error: ModelError| fail(&error))?;
-        let fields = model.header.fields.iter().enumerate();
-        let coordinates = fields.filter(|(_, field)| matches!(field.spec.kind, FieldKind::Coordinate(_)));
-        evaluator.restrict(&coordinates.map(|(at, _)| at).collect::<Vec<_>>());
-        Ok(Some(Self { evaluation: evaluator.evaluation(), evaluator, observables, which }))
-    }
-
-    /// The largest half-width of one along the ranges of the inputs.
-    fn largest_halfwidth(&mut self, at: usize, model: &Model) -> f64 {
-        let inputs = &model.header.inputs;
-        let value = |spec: &InputSpec, part: f64| spec.range[0] + part * (spec.range[1] - spec.range[0]);
-        let state = |part: f64| {
-            let start = Inputs::new(f64::NAN, f64::INFINITY);
-            let ranged =
-                inputs.iter().enumerate().filter(|(_, spec)| spec.range.iter().all(|end| end.is_finite()));
-            ranged.fold(start, |state, (at, spec)| state.with(at, value(spec, part)))
-        };
-        let mut largest = 0.0_f64;
-        for part in [0.0, 0.25, 0.5, 0.75, 1.0] {
-            self.evaluator.evaluate(state(part), &mut self.evaluation);
-            let width = self.which.get(at).map(|at| self.observables.value(*at, &self.evaluation).halfwidth);
-            largest = largest.max(width.filter(|width| width.is_finite()).unwrap_or(0.0));
-        }
-        largest
-    }
-
-    /// Values and derivatives at the last evaluated state.
-    fn read(&self, out: &mut [Predicted]) {
-        for (to, at) in out.iter_mut().zip(&self.which) {
-            to.value = self.observables.value(*at, &self.evaluation).value;
-            to.gradient = self.observables.gradient(*at, &self.evaluation);
-        }
-    }
-}
-
 /// The model's predictions of what the sensors measure.
 #[derive(Debug, Clone)]
 pub struct SensorModel {
@@ -242,6 +195,7 @@ pub struct SensorModel {
     camera: CameraSpec,
     rotation: [[f64; 3]; 3],
     observed: Option<Observed>,
+    body: Option<Body>,
 }
 
 impl SensorModel {
@@ -270,12 +224,40 @@ impl SensorModel {
             camera: spec.camera,
             rotation: spec.camera.rotation(),
             observed: Observed::new(spec, model)?,
+            body: Body::new(model).map_err(|error| vec![error])?,
         })
     }
 
     /// False if the model was not trained on forces: a load cell then measures nothing that it explains.
     fn has_forces(&self) -> bool {
         !self.evaluation.flags.no_force
+    }
+
+    /// Inputs with those loads that follow the motion.
+    fn moving(&self, inputs: &[f64; MAX_INPUTS]) -> Inputs {
+        let inputs = Inputs::from(*inputs);
+        self.body.as_ref().map_or(inputs, |body| body.with_further_loads(inputs))
+    }
+
+    /// Force of the moving body in addition to that of the equilibrium at its load, N.
+    fn extra_n(&mut self) -> f64 {
+        let Self { body, probes, onset, evaluation, positions, .. } = self;
+        let Some(body) = body else { return 0.0 };
+        body.extra_n(|inputs| {
+            probes.evaluate_near(inputs, onset, evaluation, positions);
+            if evaluation.regime == RegimeKind::Contact { evaluation.contact_force_n } else { f64::NAN }
+        })
+    }
+
+    /// Adds the linear modes of the moving body.
+    fn add_modes(&mut self) {
+        let Some(body) = &self.body else { return };
+        if let Some(moved) = body.modes_of(self.evaluation.regime) {
+            self.probes.add_modes(moved.state.regime, &moved.state.amplitudes, &mut self.positions);
+        }
+        if let Some(observed) = &mut self.observed {
+            body.add_modes(&mut observed.evaluation);
+        }
     }
 
     /// Predicted sensor values at the last evaluated state.
@@ -306,29 +288,46 @@ impl SensorModel {
 
 impl estimate::Model for SensorModel {
     fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool {
-        let inputs = Inputs::from(*inputs);
+        let (extra_n, inputs) = (self.extra_n(), self.moving(inputs));
         self.probes.evaluate_near(inputs, &mut self.onset, &mut self.evaluation, &mut self.positions);
         if let Some(Observed { evaluator, evaluation, .. }) = &mut self.observed {
             evaluator.differentiate_near(inputs, &mut self.onset, evaluation);
         }
+        self.add_modes();
         self.read(out);
-        self.evaluation.regime == RegimeKind::Contact
+        let is_contact = self.evaluation.regime == RegimeKind::Contact;
+        if let Some(force) = out.first_mut().filter(|_| is_contact) {
+            force.value += extra_n;
+        }
+        is_contact
     }
 
     fn predict_free(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) {
-        self.probes.evaluate_free(Inputs::from(*inputs), &mut self.evaluation, &mut self.positions);
+        let inputs = self.moving(inputs);
+        self.probes.evaluate_free(inputs, &mut self.evaluation, &mut self.positions);
         if let Some(Observed { evaluator, evaluation, .. }) = &mut self.observed {
-            evaluator.differentiate_free(Inputs::from(*inputs), evaluation);
+            evaluator.differentiate_free(inputs, evaluation);
         }
+        self.add_modes();
         self.read(out);
     }
 
     fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
-        self.probes.closed_gap_mm(Inputs::from(*inputs), &mut self.evaluation)
+        self.probes.closed_gap_mm(self.moving(inputs), &mut self.evaluation)
     }
 
     fn inside_contact_mm(&self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
-        self.onset.inside_mm(&Inputs::from(*inputs))
+        self.onset.inside_mm(&self.moving(inputs))
+    }
+
+    fn step(&mut self, from: &Moving, t_s: f64, inputs: &[f64; MAX_INPUTS]) -> Option<Arrived> {
+        self.body.as_mut()?.step(from, t_s, inputs)
+    }
+
+    fn settle(&mut self, at: &Moving, in_contact: bool) {
+        if let Some(body) = &mut self.body {
+            body.settle(at, in_contact);
+        }
     }
 }
 
@@ -412,12 +411,12 @@ impl Estimator {
     }
 
     /// Takes a reading into account; allocates nothing.
-    /// `inputs`: the model's inputs in it, behind the memory; `spread`: their largest error by its past.
+    /// `inputs`: the model's inputs in it, behind the memory; `spread`: their largest errors by its pasts.
     pub(crate) fn update(
         &mut self,
         sample: &SensorSample,
         inputs: &Inputs,
-        spread: [f64; MAX_INPUTS],
+        spread: [[f64; PASTS]; MAX_INPUTS],
     ) -> Update {
         let new = self.used.new_in(sample);
         let mut measurement =
@@ -431,7 +430,12 @@ impl Estimator {
         update
     }
 
-    /// The memory has another past, which is unknown.
+    /// Evaluates the moving body that explains the last reading; `None` for a model at equilibrium.
+    pub(crate) fn evaluate_motion(&self, out: &mut Evaluation) -> Option<RegimeKind> {
+        self.sensors.body.as_ref()?.evaluate(out)
+    }
+
+    /// Memory and motion have another past, which is unknown.
     pub(crate) fn forget_past(&mut self) {
         self.filter.forget_past();
     }
@@ -502,29 +506,6 @@ pub fn measurement(
     let of_inputs = named.of(reading.input_count, &reading.input_names, &reading.inputs);
     let inputs = of_inputs.fold(operating, |inputs, measured| inputs.with(measured.input, measured.value));
     values.of(t_s, reading, *inputs.values(), &New::ALL)
-}
-
-/// Effect of an unknown past, in standard deviations of a reading, from which a reading after a gap is used again.
-const FADED_SIGMAS: f64 = 0.1;
-
-/// Puts the inputs of readings in the order of their times behind a model's memory. Readings whose past is that of a gap have no inputs
-/// until it has faded: only the past before the first reading is an unknown.
-pub fn behind(memory: &mut Memory, setup: &Setup, readings: &mut [Measurement]) {
-    let begin_s = readings.first().map_or(0.0, |reading| reading.t_s);
-    let mut is_after_gap = false;
-    for reading in readings {
-        let inputs = Inputs::from(reading.inputs);
-        let outcome = memory.advance((1e9 * (reading.t_s - begin_s)).round().max(0.0) as u64, &inputs);
-        reading.inputs = *memory.effective(&inputs).values();
-        reading.spread = memory.spread();
-        let is_open = |(input, sigma): (usize, f64)| {
-            reading.spread.get(input).is_some_and(|s| *s > FADED_SIGMAS * sigma)
-        };
-        is_after_gap = (is_after_gap || outcome == Advance::Gap) && setup.measured_inputs().any(is_open);
-        if is_after_gap || outcome == Advance::NotFinite {
-            reading.inputs = [f64::NAN; MAX_INPUTS];
-        }
-    }
 }
 
 impl New {

@@ -124,7 +124,7 @@ fn wrong_gap_is_not_explained() {
     setup.inputs[GAP] = InputRole::Given(TRUTH[0] + 4.0);
     setup.unknowns.remove(0);
     setup.inputs[PRESSURE] =
-        InputRole::Measured { sigma: 0.0005, bias: Some(0), rate_change: None, past: None };
+        InputRole::Measured { sigma: 0.0005, bias: Some(0), rate_change: None, pasts: [None; 2] };
     setup.inputs[2] = InputRole::Estimated(1);
     let onset_s = 100.0 * Finger::onset_mpa(TRUTH[0], TRUTH[1]);
     let (t_s, alarm) =

@@ -5,6 +5,7 @@ mod faults;
 mod memory;
 mod model;
 mod plan;
+mod swing;
 
 use estimate::{Filter, InputRole, Measurement, Status, fit};
 use model::{Finger, PRESSURE, Random, STIFFNESS, Truth, readings, run, setup, setup_with_middle, truth};
@@ -100,7 +101,7 @@ fn steadily_changing_pressure_has_half_the_noise() {
         let readings = readings(truth, &mut random);
         let mut with = setup(true);
         with.inputs[PRESSURE] =
-            InputRole::Measured { sigma: 0.0005, bias: Some(1), rate_change: Some(0.005), past: None };
+            InputRole::Measured { sigma: 0.0005, bias: Some(1), rate_change: Some(0.005), pasts: [None; 2] };
         let (of_each, by_each) = run(setup(true), &readings);
         let (of_all, by_all) = run(with, &readings);
         for (a, b) in of_each.estimates().zip(of_all.estimates()) {

@@ -214,8 +214,10 @@ fn remembering_rig() -> Setup {
     let mut setup = rig();
     let name = "pressure_past".into();
     setup.unknowns.push(Unknown { name, prior: 0.0, sigma: 1.0, drift_per_sqrt_s: 0.0, range: [-1.0, 1.0] });
-    let InputRole::Measured { past, .. } = &mut setup.inputs[PRESSURE] else { panic!("a measured pressure") };
-    *past = Some(3);
+    let InputRole::Measured { pasts, .. } = &mut setup.inputs[PRESSURE] else {
+        panic!("a measured pressure")
+    };
+    pasts[0] = Some(3);
     setup
 }
 
@@ -233,7 +235,7 @@ fn behind(plant: Plant, readings: &[Measurement]) -> Vec<Measurement> {
         let [acting, low, high] = states;
         let mut reading = *reading;
         reading.inputs[PRESSURE] = acting;
-        reading.spread[PRESSURE] = (high - acting).max(acting - low);
+        reading.spread[PRESSURE][0] = (high - acting).max(acting - low);
         reading
     };
     readings.iter().map(one).collect()

@@ -108,13 +108,14 @@ pub(crate) fn setup(markers: bool) -> Setup {
             unknown("stiffness_mpa", 0.8, 0.12, [0.4, 1.3]),
         ],
         inputs: vec![
-            InputRole::Measured { sigma: 0.0005, bias: Some(1), rate_change: None, past: None },
+            InputRole::Measured { sigma: 0.0005, bias: Some(1), rate_change: None, pasts: [None; 2] },
             InputRole::Estimated(0),
             InputRole::Estimated(2),
         ],
         rows,
         gap: Some(GAP),
         model_correlation_s: 0.0,
+        swing: None,
     }
 }
 

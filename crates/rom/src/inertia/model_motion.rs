@@ -4,7 +4,7 @@ use super::data::{InertiaModel, MotionWidths, RegimeInertia, StoredLoad, StoredM
 use super::manifold::{
     Amplitudes, Coordinates, InertialLoad, LinearMode, MAX_LOADS, Manifold, Place, PlateForce, Tangents, dot,
 };
-use super::stepper::{Motion, MotionSettings, Moved, ReadingError};
+use super::stepper::{Motion, MotionSettings, MotionState, Moved, PAST_FRACTION, ReadingError};
 use crate::clearance::OnsetSolver;
 use crate::contract::{self, Output};
 use crate::evaluation::Evaluation;
@@ -19,6 +19,9 @@ use crate::snapshots::RegimeKind;
 const HELD_AFTER_NS: u64 = 250_000_000;
 /// Time between two readings from which the motion restarts at rest, ns.
 const RESTART_AFTER_NS: u64 = 1_000_000_000;
+
+/// Standard deviations of a normal distribution within half-widths, which hold for 90 % of the states.
+const HALFWIDTH_SIGMAS: f64 = 1.645;
 
 /// One regime over coordinates.
 #[derive(Clone, Debug)]
@@ -259,6 +262,17 @@ impl ModelMotion {
         out: &mut Evaluation,
     ) -> Result<Moved, ReadingError> {
         let moved = self.motion.advance(t_ns, &self.evaluator.completed(inputs))?;
+        self.evaluate(&moved, out);
+        Ok(moved)
+    }
+
+    /// The motion without evaluation; it needs all inputs of the model.
+    pub fn stepper(&mut self) -> &mut Motion<ModelManifold> {
+        &mut self.motion
+    }
+
+    /// Evaluates a moving state. Allocates nothing.
+    pub fn evaluate(&self, moved: &Moved, out: &mut Evaluation) {
         let state = &moved.state;
         self.evaluator.evaluate_as(state.regime, state.inputs, out);
         // A motion that left the range between two readings is as uncertain as one that is outside at the reading.
@@ -270,10 +284,32 @@ impl ModelMotion {
         out.contact_force_n = if out.flags.no_force { f64::NAN } else { state.contact_force_n };
         let widths = self.widths.at(state.amplitudes_mm, out.halfwidths.coverage);
         out.halfwidths = out.halfwidths.with(&widths);
+        self.add_modes(state, out);
+    }
+
+    /// Adds the linear modes of a moving state to its coefficients.
+    pub fn add_modes(&self, state: &MotionState, out: &mut Evaluation) {
         let modes = self.modes.iter().find(|(kind, _)| *kind == state.regime);
         for (mode, y) in modes.iter().flat_map(|(_, modes)| modes).zip(&state.amplitudes) {
             out.coefficients.iter_mut().zip(mode).for_each(|(c, by)| *c += y * by);
         }
-        Ok(moved)
+    }
+
+    /// Positions of the inertial loads in the inputs.
+    pub fn load_inputs(&mut self) -> Vec<usize> {
+        self.motion.manifold().loads.iter().map(|load| load.input).collect()
+    }
+
+    /// Standard deviations before any reading of the first load (mm/s2) and of the velocity along its tangent (mm/s3): those of a swing that
+    /// an unknown past may have left; and of the frequency, as a fraction.
+    pub fn unknown_swing(&mut self) -> [f64; 3] {
+        let rest = self.evaluator.completed(Inputs::new(0.0, f64::INFINITY));
+        let manifold = self.motion.manifold();
+        let tangent = manifold.place(RegimeKind::Free, &rest).tangents[0];
+        let InertialLoad { unit, range: [low, high], .. } = &manifold.loads[0];
+        let rate = (dot(unit, &tangent).abs() / dot(&tangent, &tangent)).sqrt();
+        let load = PAST_FRACTION * (high - low);
+        // A swing's path is four amplitudes per period; an error of its phase is one of position.
+        [load, load * rate, 4.0 * self.widths.swing[0] / std::f64::consts::TAU / HALFWIDTH_SIGMAS]
     }
 }

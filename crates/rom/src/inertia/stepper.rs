@@ -7,6 +7,10 @@
 //! onset, amplitudes by projection of the position, momenta those of the velocity tested with the tangents of contact. **Leaving**: a
 //! step whose contact force is negative is repeated free, in the same way. Projection never adds kinetic energy.
 
+mod set;
+
+pub use set::{Kept, Reached};
+
 use super::manifold::{Amplitudes, Coordinates, Manifold, Tangents, dot};
 use super::momenta::{Instant, Space, Step, Stepped, UNKNOWNS, Unknowns, rest, solve, step, with_loads};
 use crate::inputs::Inputs;
@@ -22,7 +26,7 @@ const IMPACT_PERIODS: f64 = 3.0;
 /// Periods in which the path of an undamped swing is forgotten by a factor of e.
 const PATH_PERIODS: f64 = 32.0;
 /// Loads of a swing that an unknown past may have left, as fractions of their training ranges.
-const PAST_FRACTION: f64 = 0.25;
+pub(super) const PAST_FRACTION: f64 = 0.25;
 
 /// Constants of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]

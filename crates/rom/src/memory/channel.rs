@@ -51,6 +51,11 @@ impl Channel {
         self.input
     }
 
+    /// States of the creep terms.
+    pub(super) fn creeps(&self) -> &[f64; MAX_CREEPS] {
+        &self.creeps
+    }
+
     /// The input jumps.
     pub(super) fn jump(&mut self, of: &InputMemory, to: f64) {
         self.input = to;

@@ -53,6 +53,8 @@ pub struct Memory {
     spec: MemorySpec,
     /// State taken for true, and those from the smallest and the largest past, by input with memory.
     channels: Vec<[Channel; 3]>,
+    /// Largest error of each creep state by the past of the creep.
+    open_creeps: Vec<[f64; MAX_CREEPS]>,
     last_ns: Option<u64>,
 }
 
@@ -78,6 +80,12 @@ impl InputMemory {
     }
 }
 
+/// Largest distances of the creep states after the smallest and the largest past from those taken for true.
+fn farthest_creeps(channels: &[Channel; 3]) -> [f64; MAX_CREEPS] {
+    let [nominal, low, high] = channels.each_ref().map(Channel::creeps);
+    std::array::from_fn(|k| (high[k] - nominal[k]).max(nominal[k] - low[k]).max(0.0))
+}
+
 impl Memory {
     /// Memory without a past.
     ///
@@ -86,7 +94,8 @@ impl Memory {
     pub fn new(spec: MemorySpec) -> Result<Self, String> {
         spec.check(MAX_INPUTS)?;
         let rest = |of: &InputMemory| [Channel::at_rest(of, of.range[0], of.range[0]); 3];
-        Ok(Self { channels: spec.inputs.iter().map(rest).collect(), spec, last_ns: None })
+        let channels: Vec<[Channel; 3]> = spec.inputs.iter().map(rest).collect();
+        Ok(Self { open_creeps: vec![[0.0; MAX_CREEPS]; channels.len()], channels, spec, last_ns: None })
     }
 
     /// Memory of a model without a past; `None` for a static model.
@@ -124,12 +133,13 @@ impl Memory {
         if self.spec.inputs.iter().any(|of| !value(of).is_finite()) {
             return Advance::NotFinite;
         }
-        let both = self.spec.inputs.iter().zip(&mut self.channels);
+        let both = self.spec.inputs.iter().zip(&mut self.channels).zip(&mut self.open_creeps);
         let Some(last_ns) = self.last_ns else {
-            for (of, channels) in both {
+            for ((of, channels), open) in both {
                 let input = value(of);
                 let pasts = [input, of.range[0].min(input), of.range[1].max(input)];
                 *channels = pasts.map(|past| Channel::at_rest(of, past, input));
+                *open = farthest_creeps(channels);
             }
             self.last_ns = Some(t_ns);
             return Advance::Started;
@@ -140,7 +150,7 @@ impl Memory {
         self.last_ns = Some(t_ns);
         let dt_s = (t_ns - last_ns) as f64 * 1e-9;
         let is_gap = dt_s > self.spec.max_gap_s;
-        for (of, channels) in both {
+        for ((of, channels), open) in both {
             let input = value(of);
             if is_gap {
                 // What the input was meanwhile is unknown.
@@ -148,8 +158,12 @@ impl Memory {
                 channels[LOW].jump(of, of.range[0].min(held));
                 channels[HIGH].jump(of, of.range[1].max(held));
             }
-            for channel in channels {
+            for channel in channels.iter_mut() {
                 channel.advance(of, input, dt_s, self.spec.max_gap_s);
+            }
+            open.iter_mut().zip(&of.creep).for_each(|(open, creep)| *open *= (-dt_s / creep.time_s).exp());
+            if is_gap {
+                *open = farthest_creeps(channels);
             }
         }
         if is_gap { Advance::Gap } else { Advance::Advanced }
@@ -173,6 +187,20 @@ impl Memory {
             spread[of.input] = (high - nominal).max(nominal - low).max(0.0);
         }
         spread
+    }
+
+    /// [`Self::spread`] by its parts: past of line and play with what follows it, past of the creep alone. Without line and play all of it
+    /// is the first.
+    pub fn spreads(&self) -> [[f64; 2]; MAX_INPUTS] {
+        let mut spreads = self.spread().map(|all| [all, 0.0]);
+        for (of, open) in self.spec.inputs.iter().zip(&self.open_creeps).filter(|(of, _)| of.has_two_pasts())
+        {
+            let of_creep: f64 = of.creep.iter().zip(open).map(|(creep, open)| creep.weight * open).sum();
+            let [first, second] = &mut spreads[of.input];
+            *second = of_creep.min(*first);
+            *first -= *second;
+        }
+        spreads
     }
 
     /// Half-widths of the answers from an unknown past alone; see [`HalfWidths::with`].

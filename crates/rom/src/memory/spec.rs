@@ -54,6 +54,11 @@ impl InputMemory {
         self.line.is_some() || self.orifice.is_some()
     }
 
+    /// True if the past of the creep is another one than that of line and play.
+    pub fn has_two_pasts(&self) -> bool {
+        !self.creep.is_empty() && (self.has_lag() || !self.play.is_empty())
+    }
+
     fn check(&self, inputs: usize) -> Result<(), String> {
         let positive = |value: f64| value > 0.0 && value.is_finite();
         let require = |sound: bool, what: &str| if sound { Ok(()) } else { Err(what.to_owned()) };

@@ -377,7 +377,7 @@ impl ActuatorTwin {
                 }
                 let said = self.validator.inputs(&sample);
                 let at = past::inputs_behind(&mut self.parts.memory, &sample, said, check.restarted);
-                if at.is_new_past
+                if (at.is_new_past || check.restarted)
                     && let Some(estimation) = &mut self.estimation
                 {
                     estimation.estimator.forget_past();
@@ -415,17 +415,18 @@ impl ActuatorTwin {
 
     /// Step 3: force, gradients and half-widths of the reading. The coefficients wait for the fields unless states carry them.
     fn evaluate(&mut self, sample: &SensorSample, at: &Behind) -> Result<(), Outcome> {
-        let mut inputs = at.inputs;
+        let (mut inputs, mut moving) = (at.inputs, None);
         if let Some(Estimation { estimator, estimate, .. }) = &mut self.estimation {
             let update = estimator.update(sample, &inputs, at.spread);
             estimator.fill(&update, estimate);
             inputs = Inputs::from(update.inputs);
+            moving = estimator.evaluate_motion(&mut self.evaluation);
         }
-        if let Some(motion) = &mut self.parts.motion {
-            self.label = past::moved(motion, sample.t_sensor_ns, inputs, &mut self.evaluation)?;
-        } else {
-            self.label = self.parts.evaluator.state(inputs, &mut self.evaluation);
-        }
+        self.label = match (moving, &mut self.parts.motion) {
+            (Some(regime), _) => RegimeLabel { regime, held: false },
+            (None, Some(motion)) => past::moved(motion, sample.t_sensor_ns, inputs, &mut self.evaluation)?,
+            (None, None) => self.parts.evaluator.state(inputs, &mut self.evaluation),
+        };
         self.evaluation.halfwidths = self.evaluation.halfwidths.with(&at.half_widths);
         if let Some(Estimation { estimate, .. }) = &mut self.estimation {
             estimate.inputs = *self.evaluation.inputs.values();

@@ -14,8 +14,8 @@ use wire::{Outcome, SensorSample};
 pub(super) struct Behind {
     /// The model's inputs: those of the reading, behind the memory if the model has one.
     pub inputs: Inputs,
-    /// Largest error of each by an unknown past.
-    pub spread: [f64; MAX_INPUTS],
+    /// Largest errors of each by unknown pasts.
+    pub spread: [[f64; 2]; MAX_INPUTS],
     /// Half-widths from it.
     pub half_widths: HalfWidths,
     /// The past became unknown with this reading.
@@ -31,7 +31,7 @@ pub(super) fn inputs_behind(
 ) -> Behind {
     let Some(memory) = memory else {
         let half_widths = HalfWidths::default();
-        return Behind { inputs, spread: [0.0; MAX_INPUTS], half_widths, is_new_past: false };
+        return Behind { inputs, spread: [[0.0; 2]; MAX_INPUTS], half_widths, is_new_past: false };
     };
     if is_new_source {
         memory.restart();
@@ -39,7 +39,7 @@ pub(super) fn inputs_behind(
     let outcome = memory.advance(sample.t_sensor_ns, &inputs);
     Behind {
         inputs: memory.effective(&inputs),
-        spread: memory.spread(),
+        spread: memory.spreads(),
         half_widths: memory.half_widths(),
         is_new_past: matches!(outcome, Advance::Started | Advance::Gap),
     }

@@ -7,7 +7,7 @@ use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::unknowns::Unknowns;
 use crate::{files, memory_report, output};
 use anyhow::{Context, bail};
-use estimate::{Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
+use estimate::{Filter, Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
 use memory::Calibration;
 use rom::inputs::InputSpec;
 use runtime::config::Scene;
@@ -96,6 +96,11 @@ impl Args {
         check_recording(setup, &readings).map_err(configuration)?;
         let (calibration, found) = match &self.memory {
             None => (Calibration::of(unknowns, readings)?, None),
+            Some(_) if setup.swing.is_some() => {
+                return Err(usage(
+                    "--memory: expected a model without inertia, found one with it; identify the memory with the static model",
+                ));
+            }
             Some(_) if !memory::is_pressure_measured(setup) => {
                 return Err(usage("--memory: expected a model with a measured pressure, found none"));
             }
@@ -195,6 +200,9 @@ fn reasons(fit: &Fit, structures: &[(String, Structure)], driving: &str, max_rej
             "{} of {values} values contradict the fit (--max-rejected {max_rejected})",
             fit.outliers
         ));
+    }
+    if let Some(alarm) = fit.alarm {
+        reasons.push(format!("the alarm of the filter over the motion: {alarm}"));
     }
     for (name, found) in structures.iter().filter(|(_, found)| found.is_unexplained) {
         let mut shape = vec![format!("{:.3} of {:.3} RMS is no noise", found.systematic, found.rms)];
@@ -300,9 +308,15 @@ impl Curves {
         keys: &[String],
     ) -> Self {
         let mut predict = |unknowns: &[f64]| -> Vec<Vec<f64>> {
+            // A motion is that which explains the readings with these values.
+            let mut motion = setup.swing.and_then(|_| Filter::new(setup.clone().held_at(unknowns)).ok());
             let one = |reading: &Measurement| {
                 let mut rows = vec![Predicted::default(); setup.rows.len()];
-                sensors.predict(&setup.inputs(reading, unknowns), &mut rows);
+                let inputs = match &mut motion {
+                    Some(motion) => motion.update(reading, sensors).inputs,
+                    None => setup.inputs(reading, unknowns),
+                };
+                sensors.predict(&inputs, &mut rows);
                 let bias = |at: usize| setup.rows[at].bias.map_or(0.0, |bias| unknowns[bias]);
                 rows.iter().enumerate().map(|(at, row)| row.value + bias(at)).collect()
             };

@@ -88,6 +88,8 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         let scene = Scene::load(&self.scene).map_err(configuration)?;
         let mut of = Unknowns::load(&scene, &self.scene, self.actuator.as_deref())?;
+        // The plan is one of held states.
+        of.setup = of.setup.at_rest();
         let holds = self.candidates(&of)?;
         let plans = sensor_sets(&of).into_iter().map(|blocks| self.plan(&mut of, &holds, blocks));
         let plans: Vec<Plan> = plans.collect::<anyhow::Result<_>>()?;
