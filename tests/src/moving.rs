@@ -1,7 +1,9 @@
 //! A model with inertia of a body in closed form: two masses on a chain of springs; the pressure pushes the outer one onto a plate.
 
+use rom::inertia::data::InertiaModel;
 use rom::inputs::Parameter;
-use rom::model::BlockKind;
+use rom::memory::{InputMemory, MemorySpec, PronyTerm, Slopes, filter};
+use rom::model::{BlockKind, Model};
 use rom::snapshots::{
     Case, Database, FieldKind, FieldSpec, Footprint, NodeSet, RegimeKind, Split, Vibration,
 };
@@ -135,4 +137,28 @@ pub fn model_bytes() -> &'static [u8] {
         model.set_record(BlockKind::Inertia, &reduced.inertia).expect("a record");
         model.to_bytes().expect("the chain can be written")
     })
+}
+
+/// The same of a relaxing elastomer, whose pressure acts behind the load filter of its series.
+///
+/// # Panics
+/// If the model cannot be written.
+pub fn relaxing_bytes() -> Vec<u8> {
+    let mut model = Model::from_bytes(model_bytes()).expect("a model");
+    let mut inertia: InertiaModel =
+        model.record(BlockKind::Inertia).expect("a record").expect("a model with inertia");
+    inertia.prony = vec![PronyTerm { ratio: 0.25, time_s: 0.05 }];
+    let pressure = InputMemory {
+        input: 0,
+        range: PRESSURES_MPA,
+        line: None,
+        orifice: None,
+        play: Vec::new(),
+        creep: filter(&inertia.prony).expect("a series"),
+        slopes: Slopes::default(),
+    };
+    let memory = MemorySpec { inputs: vec![pressure], max_gap_s: 1.0 };
+    model.set_record(BlockKind::Inertia, &inertia).expect("a record");
+    model.set_record(BlockKind::Memory, &memory).expect("a record");
+    model.to_bytes().expect("a file")
 }

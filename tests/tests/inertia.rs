@@ -15,7 +15,11 @@ const GAP_MM: f64 = 20.0;
 
 /// Scene of the moving finger, its settings, and its twin.
 fn stage(label: &str) -> Stage {
-    let stage = Stage::with_model(label, moving::model_bytes());
+    stage_of(label, moving::model_bytes())
+}
+
+fn stage_of(label: &str, model: &[u8]) -> Stage {
+    let stage = Stage::with_model(label, model);
     stage.write(
         "finger.toml",
         "name = \"finger\"\n[[actuator]]\nname = \"finger\"\nmodel = \"beam.twin\"\nbacklog = 4\n[actuator.source]\nkind = \"simulate\"\n\
@@ -101,20 +105,41 @@ fn column(path: &Path, name: &str) -> Vec<f64> {
     lines.map(|line| line.split(',').nth(at).unwrap().parse().unwrap()).collect()
 }
 
-#[test]
-fn live_twin_swings_as_predict_and_begins_at_rest_after_gaps_and_restarts() {
-    let stage = stage("swing");
-    let pressures = pressures_mpa();
+/// y of the tip and contact force at pressures, by `softtwin predict`.
+fn predicted(stage: &Stage, pressures: &[f64]) -> [Vec<f64>; 2] {
     let rows = pressures.iter().enumerate().map(|(i, p)| format!("{},{p},{GAP_MM}\n", 5e-3 * i as f64));
     stage.write("trace.csv", &format!("t_s,pressure_mpa,gap_mm\n{}", rows.collect::<String>()));
     let line = "predict --model beam.twin --trace trace.csv --step-ms 5 --out series.csv";
-    let mut predict = Program::tool(&stage, &line.split(' ').collect::<Vec<_>>());
+    let mut predict = Program::tool(stage, &line.split(' ').collect::<Vec<_>>());
     let (status, said) = predict.end();
     assert!(status.success(), "{said:?}");
     let report: Value = serde_json::from_str(&said.join("\n")).unwrap();
     assert_eq!((report["moves"].as_bool(), report["restarts"].as_u64()), (Some(true), Some(0)), "{report}");
-    let [tip, force] = ["tip_y_mm", "contact_force_n"].map(|name| column(&stage.path("series.csv"), name));
+    ["tip_y_mm", "contact_force_n"].map(|name| column(&stage.path("series.csv"), name))
+}
 
+#[test]
+fn live_twin_of_a_relaxing_elastomer_moves_as_predict() {
+    let stage = stage_of("relaxing", &moving::relaxing_bytes());
+    let pressures = &pressures_mpa()[..100];
+    let [tip, force] = predicted(&stage, pressures);
+    let _twin = twin(&stage);
+    let bus = stage.bus();
+    let found = Readings::new(&bus).run(now_ns() - 30_000_000_000, pressures);
+    for (i, ((state, y), (tip_mm, force_n))) in found.iter().zip(tip.iter().zip(&force)).enumerate() {
+        assert_eq!(state.contact_force_n, *force_n, "{i}");
+        assert!((f64::from(y[2]) - tip_mm).abs() < 1e-5, "{i}: {} {tip_mm}", y[2]);
+    }
+    // 200 ms after the step the pressure that acts is still behind the measured one.
+    let late = pressures[59] - found[59].0.pressure_mpa;
+    assert!(late > 5e-5 && force.iter().any(|force| *force > 0.0), "{late}");
+}
+
+#[test]
+fn live_twin_swings_as_predict_and_begins_at_rest_after_gaps_and_restarts() {
+    let stage = stage("swing");
+    let pressures = pressures_mpa();
+    let [tip, force] = predicted(&stage, &pressures);
     let running = twin(&stage);
     let bus = stage.bus();
     let mut readings = Readings::new(&bus);

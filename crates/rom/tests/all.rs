@@ -1,9 +1,11 @@
 //! The reduced-order model: its answers, gradients, files. One program: linked once, and its tests run in parallel.
 
+mod branch;
 mod dense;
 mod footprint;
 mod goal;
 mod inertia;
+mod inertia_across;
 mod kernel;
 mod memory;
 mod model_file;

@@ -10,19 +10,19 @@ use rom::snapshots::RegimeKind;
 use std::f64::consts::TAU;
 
 /// Position of the load in the inputs.
-const LOAD: usize = 2;
+pub const LOAD: usize = 2;
 /// Load at rest, mm/s2.
 const REST: f64 = -9810.0;
 
-fn settings(step_ns: u64, damping_s: f64) -> MotionSettings {
+pub fn settings(step_ns: u64, damping_s: f64) -> MotionSettings {
     MotionSettings { step_ns, damping_s, held_after_ns: 100_000_000, restart_after_ns: 2_000_000_000 }
 }
 
-fn reading(pressure_mpa: f64, gap_mm: f64) -> Inputs {
+pub fn reading(pressure_mpa: f64, gap_mm: f64) -> Inputs {
     Inputs::new(pressure_mpa, gap_mm).with(LOAD, REST)
 }
 
-fn coordinates(values: &[f64]) -> Coordinates {
+pub fn coordinates(values: &[f64]) -> Coordinates {
     let mut all = Coordinates::default();
     all[..values.len()].copy_from_slice(values);
     all
@@ -33,15 +33,21 @@ fn load(unit: &[f64], range: [f64; 2]) -> Vec<InertialLoad> {
     vec![InertialLoad { input: LOAD, unit: coordinates(unit), range }]
 }
 
-fn along_one(tangent: &[f64]) -> Tangents {
+pub fn along_one(tangent: &[f64]) -> Tangents {
     let mut tangents = Tangents::default();
     tangents[0] = coordinates(tangent);
     tangents
 }
 
-/// Unit mass on a spring whose rest position the pressure moves.
+/// Force of a spring on an obstacle at the position 0, N.
+const PRELOAD_N: f64 = 100.0;
+
+/// Unit mass on a spring whose rest position the pressure moves, and a part without inertia that follows the pressure; both push an
+/// obstacle.
 struct Spring {
     rate_rad_s: f64,
+    /// Distance from an obstacle.
+    clearance_mm: f64,
     loads: Vec<InertialLoad>,
 }
 
@@ -49,7 +55,7 @@ impl Spring {
     fn new(hertz: f64) -> Self {
         let rate_rad_s = TAU * hertz;
         let range = [-1.0, 1.0].map(|side| REST + side * 20.0 * rate_rad_s.powi(2));
-        Self { rate_rad_s, loads: load(&[1.0], range) }
+        Self { rate_rad_s, clearance_mm: f64::INFINITY, loads: load(&[1.0], range) }
     }
 }
 
@@ -61,7 +67,22 @@ impl Manifold for Spring {
     fn place(&mut self, _: RegimeKind, inputs: &Inputs) -> Place {
         let compliance = self.rate_rad_s.powi(-2);
         let position = 1000.0 * inputs.pressure_mpa() + compliance * inputs.values()[LOAD];
-        Place { position: coordinates(&[position]), tangents: along_one(&[compliance]) }
+        Place {
+            position: coordinates(&[position, 500.0 * inputs.pressure_mpa()]),
+            tangents: along_one(&[compliance]),
+            by_pressure: coordinates(&[1000.0, 500.0]),
+        }
+    }
+
+    fn clearance_mm(&mut self, _: &Inputs, _: &Amplitudes) -> f64 {
+        self.clearance_mm
+    }
+
+    fn force(&mut self, inputs: &Inputs, _: &Amplitudes) -> PlateForce {
+        let Place { position: [first, second, ..], tangents, .. } = self.place(RegimeKind::Contact, inputs);
+        let mut by_load = [0.0; MAX_LOADS];
+        by_load[0] = 2.0 * tangents[0][0];
+        PlateForce { n: PRELOAD_N + 2.0 * first + 3.0 * second, by_load, ..PlateForce::default() }
     }
 }
 
@@ -123,6 +144,27 @@ fn relaxing_spring_follows_its_closed_form() {
     }
     // The jump takes one inner step, half of which the motion is late.
     assert!(worst < 0.05, "{worst}");
+}
+
+#[test]
+fn unresolved_part_follows_the_pressure_with_the_time_constant_of_the_damping() {
+    let (beta, h, rise_s) = (2e-3, 5e-4, 0.02);
+    let spring = || Spring { clearance_mm: -1.0, ..Spring::new(4.0) };
+    let (mut motion, mut place) = (Motion::new(spring(), settings(500_000, beta)), spring());
+    let mut at = |inputs: &Inputs| place.place(RegimeKind::Contact, inputs).position;
+    let mut last = at(&motion.advance(0, &reading(0.0, 1.0)).unwrap().state.inputs);
+    for i in 1..=80_u64 {
+        let t = i as f64 * h;
+        let state = motion.advance(i * 500_000, &reading(t.min(rise_s), 1.0)).unwrap().state;
+        let (now, shown) = (at(&state.inputs), at(&state.shown.0));
+        let late = |t: f64| if t > 0.0 { t - beta * (1.0 - (-t / beta).exp()) } else { 0.0 };
+        let exact = 500.0 * (late(t) - late(t - rise_s));
+        let off = [shown[0] - now[0], shown[1] - exact];
+        assert!(off.iter().all(|off| off.abs() < 1e-5), "{t}: {shown:?}, {exact}");
+        let force_n = PRELOAD_N + 2.0 * (now[0] + beta * (now[0] - last[0]) / h) + 3.0 * now[1];
+        assert!((state.contact_force_n - force_n).abs() < 1e-4, "{t}: {state:?}, expected {force_n} N");
+        last = now;
+    }
 }
 
 #[test]
@@ -200,76 +242,14 @@ impl Manifold for Hinge {
     fn place(&mut self, _: RegimeKind, inputs: &Inputs) -> Place {
         let load = inputs.values()[LOAD];
         let (sin, cos) = Self::angle(inputs.pressure_mpa(), load).sin_cos();
-        let by_load = LEVER_MM * cos / (TORSION + load * LEVER_MM * sin);
+        let stiffness = TORSION + load * LEVER_MM * sin;
+        let (by_load, by_pressure) = (LEVER_MM * cos / stiffness, -10.0 * TORSION / stiffness);
         Place {
             position: coordinates(&[LEVER_MM * cos, LEVER_MM * sin]),
             tangents: along_one(&[-LEVER_MM * sin * by_load, LEVER_MM * cos * by_load]),
+            by_pressure: coordinates(&[-LEVER_MM * sin * by_pressure, LEVER_MM * cos * by_pressure]),
         }
     }
-}
-
-/// Unit mass on a spring in a plane, softer along the second load, with stiffness `[[A, B], [B, C]]`; exact with two loads.
-struct Plane {
-    loads: Vec<InertialLoad>,
-}
-
-/// Stiffness, mJ/mm2, and place of the second load in the inputs.
-const PLANE: [f64; 3] = [900.0, 200.0, 400.0];
-const ACROSS: usize = LOAD + 1;
-
-impl Plane {
-    fn new() -> Self {
-        let range = [-40_000.0, 40_000.0];
-        let of = |input, unit: &[f64]| InertialLoad { input, unit: coordinates(unit), range };
-        Self { loads: vec![of(LOAD, &[1.0]), of(ACROSS, &[0.0, 1.0])] }
-    }
-}
-
-impl Manifold for Plane {
-    fn loads(&self) -> &[InertialLoad] {
-        &self.loads
-    }
-
-    fn place(&mut self, _: RegimeKind, inputs: &Inputs) -> Place {
-        let ([a, b, c], [_, _, first, second, ..]) = (PLANE, *inputs.values());
-        let inverse = [[c, -b], [-b, a]].map(|row| row.map(|v| v / (a * c - b * b)));
-        let x = inverse.map(|row| row[0] * first + row[1] * second);
-        let mut tangents = along_one(&inverse[0]);
-        tangents[1] = coordinates(&inverse[1]);
-        Place { position: coordinates(&[x[0] + 1000.0 * inputs.pressure_mpa(), x[1]]), tangents }
-    }
-}
-
-#[test]
-fn two_loads_swing_as_the_two_modes_of_a_plane() {
-    let mut motion = Motion::new(Plane::new(), settings(250_000, 0.0));
-    let at = |second: f64| reading(0.0, f64::INFINITY).with(LOAD, 0.0).with(ACROSS, second);
-    motion.advance(0, &at(0.0)).unwrap();
-    // The base is accelerated across from the first reading on: x'' + K (x - x_end) = 0.
-    motion.advance(1, &at(5000.0)).unwrap();
-    let [a, b, c] = PLANE;
-    let end = Plane::new().place(RegimeKind::Free, &at(5000.0)).position;
-    let spread = (0.25 * (a - c).powi(2) + b * b).sqrt();
-    let squares = [0.5 * (a + c) + spread, 0.5 * (a + c) - spread];
-    let length = (b * b + (squares[0] - a).powi(2)).sqrt();
-    let upper = [b / length, (squares[0] - a) / length];
-    let shapes = [upper, [-upper[1], upper[0]]];
-    let mut worst = 0.0_f64;
-    for i in 1..=500_u64 {
-        let moved = motion.advance(1 + i * 4_000_000, &at(5000.0)).unwrap();
-        assert!(moved.load_distance == 0.0 && !moved.at_rest, "{moved:?}");
-        let found = motion.manifold().place(RegimeKind::Free, &moved.state.inputs).position;
-        for axis in 0..2 {
-            let along = |shape: &[f64; 2]| end[0] * shape[0] + end[1] * shape[1];
-            let swings = shapes
-                .iter()
-                .zip(squares)
-                .map(|(shape, square)| // The jump of the load takes one inner step.
-                shape[axis] * along(shape) * (square.sqrt() * (i as f64 * 4e-3 - 0.5 * 250e-6)).cos());
-            worst = worst.max((found[axis] - (end[axis] - swings.sum::<f64>())).abs());
-        }
-    }
-    assert!(worst < 0.002 * end[1], "{worst} of {end:?}");
 }
 
 /// Pressure of a ramp of 20 ms.
@@ -394,10 +374,12 @@ impl Manifold for Pair {
             return Place {
                 position: coordinates(&[first, first - push / l]),
                 tangents: along_one(&[1.0 / k, 1.0 / k]),
+                by_pressure: coordinates(&[-PUSH / k, -PUSH / k - PUSH / l]),
             };
         }
         let first = (load - l * inputs.gap_mm()) / (k + l);
-        Place { position: coordinates(&[first, -inputs.gap_mm()]), tangents: along_one(&[1.0 / (k + l)]) }
+        let position = coordinates(&[first, -inputs.gap_mm()]);
+        Place { position, tangents: along_one(&[1.0 / (k + l)]), by_pressure: Coordinates::default() }
     }
 
     fn clearance_mm(&mut self, inputs: &Inputs, amplitudes: &Amplitudes) -> f64 {

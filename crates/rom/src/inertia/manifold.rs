@@ -49,6 +49,8 @@ pub struct Place {
     pub position: Coordinates,
     /// Derivatives of the position with respect to the loads.
     pub tangents: Tangents,
+    /// Derivative of the position with respect to the pressure, per MPa.
+    pub by_pressure: Coordinates,
 }
 
 /// Contact force of an equilibrium with linear modes, and its derivatives.
@@ -58,9 +60,8 @@ pub struct PlateForce {
     pub n: f64,
     /// Derivatives with respect to the loads, N per mm/s2.
     pub by_load: [f64; MAX_LOADS],
-    /// Derivatives with respect to pressure (N/MPa) and gap (N/mm) of the part that the body transmits, without what the pressure applies to
-    /// the place of contact itself.
-    pub by_operation: [f64; 2],
+    /// Derivative with respect to the gap, N/mm.
+    pub by_gap: f64,
     /// Derivatives with respect to the amplitudes, N per mm t^1/2.
     pub by_amplitude: Amplitudes,
 }

@@ -148,9 +148,15 @@ impl Manifold for ModelManifold {
     fn place(&mut self, kind: RegimeKind, inputs: &Inputs) -> Place {
         self.evaluator.differentiate_as(kind, *inputs, &mut self.scratch);
         let regime = self.regime(kind);
-        let mut place = Place { position: regime.mean, tangents: Tangents::default() };
+        let mut place = Place {
+            position: regime.mean,
+            tangents: Tangents::default(),
+            by_pressure: Coordinates::default(),
+        };
+        let slopes = self.scratch.coefficient_gradient(PRESSURE);
         for (coordinate, at) in &regime.outputs {
             place.position[*coordinate] += self.scratch.coefficients[*at];
+            place.by_pressure[*coordinate] += slopes[*at];
         }
         for (load, tangent) in self.loads.iter().zip(&mut place.tangents) {
             let slopes = self.scratch.coefficient_gradient(load.input);
@@ -182,10 +188,9 @@ impl Manifold for ModelManifold {
         let Some((n, gradient)) = found else { return PlateForce::default() };
         let by_amplitude = self.regime(RegimeKind::Contact).reactions_n;
         let n = n + by_amplitude.iter().zip(amplitudes).map(|(by, y)| by * y).sum::<f64>();
-        let by_operation = [gradient[PRESSURE], gradient[GAP]];
         let mut by_load = [0.0; MAX_LOADS];
         by_load.iter_mut().zip(&self.loads).for_each(|(by, load)| *by = gradient[load.input]);
-        PlateForce { n, by_load, by_operation, by_amplitude }
+        PlateForce { n, by_load, by_gap: gradient[GAP], by_amplitude }
     }
 }
 
@@ -274,7 +279,8 @@ impl ModelMotion {
     /// Evaluates a moving state. Allocates nothing.
     pub fn evaluate(&self, moved: &Moved, out: &mut Evaluation) {
         let state = &moved.state;
-        self.evaluator.evaluate_as(state.regime, state.inputs, out);
+        self.evaluator.evaluate_as(state.regime, state.shown.0, out);
+        out.inputs = state.inputs;
         // A motion that left the range between two readings is as uncertain as one that is outside at the reading.
         if moved.load_distance > out.domain_distance {
             out.domain_distance = moved.load_distance;
@@ -290,7 +296,7 @@ impl ModelMotion {
     /// Adds the linear modes of a moving state to its coefficients.
     pub fn add_modes(&self, state: &MotionState, out: &mut Evaluation) {
         let modes = self.modes.iter().find(|(kind, _)| *kind == state.regime);
-        for (mode, y) in modes.iter().flat_map(|(_, modes)| modes).zip(&state.amplitudes) {
+        for (mode, y) in modes.iter().flat_map(|(_, modes)| modes).zip(&state.shown.1) {
             out.coefficients.iter_mut().zip(mode).for_each(|(c, by)| *c += y * by);
         }
     }

@@ -16,7 +16,8 @@
 //! A relaxing elastomer resists with `u + sum_k r_k h_k`, `h_k' = u' - h_k / tau_k`, in place of `u` (`memory/prony.rs`).
 
 use super::manifold::{
-    Amplitudes, Coordinates, InertialLoad, LinearMode, MAX_LINEAR_MODES, MAX_LOADS, Manifold, Tangents, dot,
+    Amplitudes, Coordinates, InertialLoad, LinearMode, MAX_LINEAR_MODES, MAX_LOADS, Manifold, Place,
+    Tangents, dot,
 };
 use crate::inputs::Inputs;
 use crate::memory::{MAX_PRONY, PronyTerm};
@@ -31,6 +32,9 @@ const MAX_CHANGE: f64 = 0.25;
 /// Changes of the loads from which the last step is taken along the tangents, as fractions of the loads' ranges.
 const TANGENT_FRACTION: f64 = 1e-5;
 
+/// Factor on the diagonal of a least-squares problem over directions of motion: bounds the unknowns where two of them are alike.
+const RIDGE: f64 = 1.0 + 1e-8;
+
 /// Values over the unknowns: loads, then amplitudes; unused entries are 0.
 pub(super) type Unknowns = [f64; UNKNOWNS];
 /// Values over pairs of unknowns.
@@ -41,6 +45,8 @@ pub(super) type Matrix = [Unknowns; UNKNOWNS];
 pub(super) struct Instant {
     pub at: Unknowns,
     pub tangents: Tangents,
+    /// Derivative of the position with respect to the pressure, per MPa.
+    pub by_pressure: Coordinates,
     /// `J' K J`.
     pub elastic: Matrix,
     pub momenta: Unknowns,
@@ -52,10 +58,11 @@ pub(super) struct Instant {
 
 impl Instant {
     /// At rest under the loads of a place.
-    pub fn at_rest(at: Unknowns, space: &Space<'_>) -> Self {
+    pub fn at_rest(at: Unknowns, place: &Place, space: &Space<'_>) -> Self {
         let still = [0.0; UNKNOWNS];
-        let (tangents, elastic) = (*space.tangents, space.elastic());
-        Self { at, tangents, elastic, momenta: still, rates: still, relaxing: [still; _] }
+        let Place { tangents, by_pressure, .. } = *place;
+        let elastic = space.elastic();
+        Self { at, tangents, by_pressure, elastic, momenta: still, rates: still, relaxing: [still; _] }
     }
 
     /// Amplitudes of the linear modes behind `loads` loads.
@@ -117,6 +124,17 @@ impl Space<'_> {
     /// `J' v`.
     pub fn tested(&self, v: &Coordinates) -> Unknowns {
         self.each(|i| dot(self.direction(i), v))
+    }
+
+    /// Unknowns by which the body comes nearest to a displacement in the metric of the mass.
+    pub fn nearest(&self, v: &Coordinates) -> Unknowns {
+        let mut matrix = [[0.0; UNKNOWNS]; UNKNOWNS];
+        for (i, row) in matrix.iter_mut().enumerate().take(self.count()) {
+            *row = self.tested(self.direction(i));
+            row[i] *= RIDGE;
+        }
+        let mut along = self.tested(v);
+        solve(&mut matrix, &mut along, self.count()).map_or([0.0; _], |()| along)
     }
 
     /// `J' K J`.
@@ -211,7 +229,8 @@ pub(super) fn step(
             let momenta = space.momenta(h, damping_s, &elastic, &excess(&at), &velocity);
             let rates: Unknowns = std::array::from_fn(|i| (at[i] - now.at[i]) / h);
             let relaxing = relaxed(prony, h, now, &rates);
-            let instant = Instant { at, tangents: place.tangents, elastic, momenta, rates, relaxing };
+            let Place { tangents, by_pressure, .. } = place;
+            let instant = Instant { at, tangents, by_pressure, elastic, momenta, rates, relaxing };
             let position = std::array::from_fn(|i| position[i] + moved[i]);
             return Some(Stepped { instant, position, velocity });
         }

@@ -12,8 +12,8 @@ mod set;
 pub use set::{Kept, Reached};
 
 use super::manifold::{Amplitudes, Coordinates, Manifold, Tangents, dot};
-use super::momenta::{Instant, Space, Step, Stepped, UNKNOWNS, Unknowns, rest, solve, step, with_loads};
-use crate::inputs::Inputs;
+use super::momenta::{Instant, Space, Step, Stepped, Unknowns, rest, step, with_loads};
+use crate::inputs::{Inputs, PRESSURE};
 use crate::memory::{MAX_PRONY, PronyTerm};
 use crate::snapshots::RegimeKind;
 use thiserror::Error;
@@ -82,6 +82,9 @@ pub struct MotionState {
     pub inputs: Inputs,
     /// Amplitudes of the linear modes, mm t^1/2.
     pub amplitudes: Amplitudes,
+    /// Inputs and amplitudes at which the fields are: what loads and linear modes do not resolve follows the pressure with the time
+    /// constant of the damping.
+    pub shown: (Inputs, Amplitudes),
     /// Contact force, N; 0 when free, never negative.
     pub contact_force_n: f64,
     /// Kinetic energy, mJ.
@@ -100,6 +103,8 @@ struct Now {
     velocity: Coordinates,
     /// Inputs with the loads at rest.
     inputs: Inputs,
+    /// Pressure ahead of what follows it with the time constant of the damping, MPa.
+    ahead_mpa: f64,
     force_n: f64,
     /// Force of the relaxed elastomer, and its internal variables.
     relaxed_n: Relaxed,
@@ -239,7 +244,7 @@ impl<M: Manifold> Motion<M> {
         let regime = if is_free { RegimeKind::Free } else { RegimeKind::Contact };
         let place = self.manifold.place(regime, inputs);
         let at = rest(self.manifold.loads(), inputs);
-        let instant = Instant::at_rest(at, &self.space(regime, &place.tangents));
+        let instant = Instant::at_rest(at, &place, &self.space(regime, &place.tangents));
         let (position, velocity) = (place.position, Coordinates::default());
         let [force_n, _] = self.force_n(regime, inputs, &instant, [0.0; 2]);
         let relaxed_n = Relaxed { force_n, ..Relaxed::default() };
@@ -250,8 +255,9 @@ impl<M: Manifold> Motion<M> {
         let squares = swings.map(|(load, along)| (load.range[1] - load.range[0]).powi(2) * dot(along, along));
         let past = reach * squares.sum::<f64>().sqrt();
         let faded = [0.0, 0.0, past];
-        let now = Now { regime, instant, position, velocity, inputs: *inputs, force_n, relaxed_n, faded };
-        self.now = Some((now, Clock { begin_ns: t_ns, steps: 0, last_ns: t_ns, last: *inputs }));
+        let (inputs, ahead_mpa) = (*inputs, 0.0);
+        let now = Now { regime, instant, position, velocity, inputs, ahead_mpa, force_n, relaxed_n, faded };
+        self.now = Some((now, Clock { begin_ns: t_ns, steps: 0, last_ns: t_ns, last: inputs }));
         let state = self.state(&now);
         Moved { state, load_distance: self.outside(&now), held: false, at_rest: true }
     }
@@ -259,18 +265,23 @@ impl<M: Manifold> Motion<M> {
     fn state(&self, now: &Now) -> MotionState {
         let loads = self.manifold.loads();
         let mass = dot(&loads[0].unit, &loads[0].unit);
+        let of_pressure = self.space(now.regime, &now.instant.tangents).nearest(&now.instant.by_pressure);
+        let at = std::array::from_fn(|i| now.instant.at[i] + of_pressure[i] * now.ahead_mpa);
+        let shown = Instant { at, ..now.instant };
+        let late = now.inputs.with(PRESSURE, now.inputs.pressure_mpa() - now.ahead_mpa);
         MotionState {
             amplitudes_mm: now.faded.map(|length| if mass > 0.0 { length / mass.sqrt() } else { 0.0 }),
             regime: now.regime,
             inputs: with_loads(loads, &now.inputs, &now.instant.at),
             amplitudes: now.instant.amplitudes(loads.len()),
+            shown: (with_loads(loads, &late, &at), shown.amplitudes(loads.len())),
             contact_force_n: now.force_n.max(0.0),
             kinetic_mj: 0.5 * dot(&now.velocity, &now.velocity),
         }
     }
 
-    /// Contact force `F` of the relaxed elastomer, and the part of the damping, `beta dF/dt`, where pressure and gap change by `rates` per
-    /// second.
+    /// Contact force `F` of the relaxed elastomer, and the part of the damping: `beta dF/dt` along the motion of loads and linear modes and
+    /// with the gap; what they do not resolve follows late and adds none. Pressure and gap change by `rates` per second.
     fn force_n(
         &mut self,
         regime: RegimeKind,
@@ -284,9 +295,12 @@ impl<M: Manifold> Motion<M> {
         let loads = self.manifold.loads().len();
         let inputs = with_loads(self.manifold.loads(), inputs, &instant.at);
         let force = self.manifold.force(&inputs, &instant.amplitudes(loads));
-        let by = force.by_load[..loads].iter().chain(&force.by_amplitude).zip(instant.rates);
-        let by = by.chain(force.by_operation.iter().zip(rates));
-        [force.n, self.settings.damping_s * by.map(|(by, rate)| by * rate).sum::<f64>()]
+        let [by_time_mpa, by_time_mm] = rates;
+        let of_pressure = self.space(regime, &instant.tangents).nearest(&instant.by_pressure);
+        let moved = instant.rates.iter().zip(of_pressure).map(|(rate, by)| rate + by * by_time_mpa);
+        let by = force.by_load[..loads].iter().chain(&force.by_amplitude).zip(moved);
+        let along = by.map(|(by, rate)| by * rate).sum::<f64>();
+        [force.n, self.settings.damping_s * (along + force.by_gap * by_time_mm)]
     }
 
     /// Contact force after a step, and what the next one needs of it.
@@ -321,8 +335,15 @@ impl<M: Manifold> Motion<M> {
             RegimeKind::Contact => force_n < 0.0,
         };
         let faded = self.faded(now, &stepped, step_ns);
+        let late_mpa = damping_s * rates[0];
+        let kept = if damping_s > 0.0 { (-h / damping_s).exp() } else { 0.0 };
+        let ahead_mpa = late_mpa + kept * (now.ahead_mpa - late_mpa);
+        let moved = |regime, stepped: Stepped, (force_n, relaxed_n), faded| {
+            let Stepped { instant, position, velocity } = stepped;
+            Now { regime, instant, position, velocity, inputs: *next, ahead_mpa, force_n, relaxed_n, faded }
+        };
         if !leaves {
-            return Some(moved(now.regime, stepped, next, (force_n, relaxed_n), faded));
+            return Some(moved(now.regime, stepped, (force_n, relaxed_n), faded));
         }
         let regime = match now.regime {
             RegimeKind::Free => RegimeKind::Contact,
@@ -333,7 +354,7 @@ impl<M: Manifold> Motion<M> {
         let other = step(&mut self.manifold, &changed, &instant, &now.position, next)?;
         if regime == RegimeKind::Free && self.penetrates(next, &other.instant) {
             // Neither held nor away from the obstacle: it touches without force.
-            return Some(moved(now.regime, stepped, next, (0.0, relaxed_n), faded));
+            return Some(moved(now.regime, stepped, (0.0, relaxed_n), faded));
         }
         // The load of the onset is not that of the position: its change in this step is no rate.
         let arrived = Instant { rates: [0.0; _], ..other.instant };
@@ -349,7 +370,7 @@ impl<M: Manifold> Motion<M> {
             RegimeKind::Contact => [path, impact.hypot(dot(&lost, &lost).sqrt() / rate), past],
             RegimeKind::Free => faded,
         };
-        Some(moved(regime, Stepped { instant: arrived, ..other }, next, force_n, faded))
+        Some(moved(regime, Stepped { instant: arrived, ..other }, force_n, faded))
     }
 
     /// Circular frequency of the slowest linear mode of contact, or of the motion where it has none, rad/s.
@@ -389,18 +410,15 @@ impl<M: Manifold> Motion<M> {
         let off = std::array::from_fn(|i| now.position[i] - place.position[i]);
         let mut at: Unknowns = std::array::from_fn(|i| if i < loads { now.instant.at[i] } else { 0.0 });
         at[0] = onset;
-        let mut along = space.tested(&off);
-        if step.regime == RegimeKind::Free {
-            // Least squares over loads and amplitudes.
-            let mut matrix = [[0.0; UNKNOWNS]; UNKNOWNS];
-            for (i, row) in matrix.iter_mut().enumerate().take(space.count()) {
-                *row = space.tested(space.direction(i));
+        let along = match step.regime {
+            RegimeKind::Free => space.nearest(&off),
+            RegimeKind::Contact => {
+                // Where the tangents of contact are small, the loads are those of the onset.
+                let mut along = space.tested(&off);
+                along[..loads].fill(0.0);
+                along
             }
-            solve(&mut matrix, &mut along, space.count())?;
-        } else {
-            // Where the tangents of contact are small, the loads are those of the onset.
-            along[..loads].fill(0.0);
-        }
+        };
         at.iter_mut().zip(along).for_each(|(u, by)| *u += by);
         // The amplitudes are those of other modes; the loads relax on.
         let relaxing =
@@ -409,7 +427,7 @@ impl<M: Manifold> Motion<M> {
             step.prony.iter().zip(&relaxing).map(|(term, h): (_, &Unknowns)| term.ratio * h[i]).sum()
         };
         let excess = std::array::from_fn(|i| step.rest[0][i] - at[i] - acting(i));
-        let arrived = Instant::at_rest(at, &space);
+        let arrived = Instant::at_rest(at, &place, &space);
         let momenta = space.momenta(step.h, step.damping_s, &arrived.elastic, &excess, &now.velocity);
         Some(Instant { momenta, relaxing, ..arrived })
     }
@@ -425,15 +443,4 @@ impl<M: Manifold> Motion<M> {
         // A body that does not yield moves with no load.
         if size > 0.0 { (dot(unit, tangent) / size).abs().max(f64::MIN_POSITIVE) } else { f64::MAX }
     }
-}
-
-fn moved(
-    regime: RegimeKind,
-    stepped: Stepped,
-    inputs: &Inputs,
-    (force_n, relaxed_n): (f64, Relaxed),
-    faded: [f64; 3],
-) -> Now {
-    let Stepped { instant, position, velocity } = stepped;
-    Now { regime, instant, position, velocity, inputs: *inputs, force_n, relaxed_n, faded }
 }

@@ -1,7 +1,7 @@
 //! A model along motions of the finite elements: errors of the series, and those of the same model without inertia.
 
 use super::curves;
-use super::motion::Motion;
+use super::motion::{Motion, frequency_hz};
 use crate::files::refusal;
 use crate::motion::{Followed, Trace, follow_shape};
 use crate::output;
@@ -36,6 +36,8 @@ struct Errors {
     /// Values within the half-widths of the motion, %.
     coverage: [Option<f64>; SERIES - FIRST],
     outside_training_range: usize,
+    /// Frequencies of the swing after the last change of pressure, finite elements and model.
+    frequency_hz: Option<[f64; 2]>,
 }
 
 /// Compares, draws and prints.
@@ -57,9 +59,13 @@ pub fn run(model: &Model, folders: &[PathBuf], picture: Option<&Path>, as_json: 
         let outside_training_range = followed.outside;
         let (inertia, statics) = (errors(&truth, &followed.rows), errors(&truth, &still.rows));
         let coverage = coverage(&truth, &followed);
+        let both = frequency_hz(&truth).zip(frequency_hz(&followed.rows));
+        let frequency_hz = both.filter(|_| class != "landing").map(|(truth, model)| [truth, model]);
         let name = folder.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         let motion = Motion { name, truth, moving: followed.rows, still: still.rows };
-        Ok((Errors { series, class, inertia, statics, coverage, outside_training_range }, motion))
+        let errors =
+            Errors { series, class, inertia, statics, coverage, outside_training_range, frequency_hz };
+        Ok((errors, motion))
     };
     let (all, motions): (Vec<Errors>, Vec<Motion>) =
         folders.iter().map(compare).collect::<Result<Vec<_>>>()?.into_iter().unzip();
@@ -81,6 +87,10 @@ pub fn run(model: &Model, folders: &[PathBuf], picture: Option<&Path>, as_json: 
             let cell = |value: &Option<f64>| value.map_or(format!("{:>17}", "-"), |v| format!("{v:>17.2}"));
             let cells = values.iter().map(cell).collect::<String>();
             output!("{:<9}{name:<9}{cells}  {}", errors.class, errors.series.display())?;
+        }
+        if let Some([truth, model]) = errors.frequency_hz {
+            let off = 100.0 * (model / truth - 1.0);
+            output!("         frequency {model:.3} Hz, finite elements {truth:.3} Hz ({off:+.2} %)")?;
         }
         if errors.outside_training_range > 0 {
             output!("         {} instants are outside of the training range", errors.outside_training_range)?;
