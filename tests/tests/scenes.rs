@@ -41,6 +41,7 @@ fn blocks_of(loaded: &Loaded, kind: RegimeKind) -> usize {
         | BlockKind::Observables
         | BlockKind::HalfWidth { .. }
         | BlockKind::Inertia
+        | BlockKind::Difference
         | BlockKind::Memory => false,
     };
     loaded.read.iter().filter(|block| of(block.kind)).count()

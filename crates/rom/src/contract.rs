@@ -4,6 +4,7 @@
 //! that `x = m + sum_t (sum_k w_tk phi_k) g_t`: the inner sum is done once. An evaluation then costs `terms x coordinates`
 //! products instead of `terms x modes`, and only requested fields and stresses are computed.
 
+use crate::difference::FieldDifference;
 use crate::interpolant::Interpolant;
 use crate::model::{FarOnset, GroupModel, ModelHeader, RegimeModel};
 use crate::snapshots::RegimeKind;
@@ -38,7 +39,13 @@ pub(crate) fn contracted(header: &ModelHeader, outputs: &[Vec<Output>]) -> (Mode
 
 /// One regime; the group `kept` follows the outputs unchanged.
 fn of_regime(old: &RegimeModel, wanted: &[Output], kept: Option<usize>) -> (RegimeModel, Vec<usize>) {
-    let mut new = RegimeModel { groups: Vec::new(), local_halfwidths: None, far_onset: None, ..old.clone() };
+    let mut new = RegimeModel {
+        groups: Vec::new(),
+        local_halfwidths: None,
+        far_onset: None,
+        difference: None,
+        ..old.clone()
+    };
     let surrogate = |output: &Output| &old.groups[output.parts[0].0].surrogate;
     let (mut place, mut next, mut corrections) = (Vec::new(), 0, Vec::new());
     let alike = |a: &Output, b: &Output| {
@@ -61,7 +68,11 @@ fn of_regime(old: &RegimeModel, wanted: &[Output], kept: Option<usize>) -> (Regi
         };
         push(&mut new, next, nothing);
     }
-    new.far_onset = old.far_onset.as_ref().map(|far| corrected(old, far, &corrections));
+    new.far_onset = old.far_onset.as_ref().map(|far| FarOnset {
+        gap_mm: far.gap_mm.clone(),
+        corrections: summed(old, &far.corrections, &corrections),
+    });
+    new.difference = old.difference.as_ref().map(|of| differing(old, of, &corrections));
     (new, place)
 }
 
@@ -107,16 +118,28 @@ fn weighed(old: &RegimeModel, outputs: &[Output]) -> Interpolant {
     }
 }
 
-fn corrected(old: &RegimeModel, far: &FarOnset, outputs: &[&Output]) -> FarOnset {
-    let rows = far.corrections.chunks_exact(old.coefficient_count().max(1));
+/// The outputs' part of rows over all coefficients.
+fn summed(old: &RegimeModel, rows: &[f64], outputs: &[&Output]) -> Vec<f64> {
+    let rows = rows.chunks_exact(old.coefficient_count().max(1));
     let one = |row: &[f64], output: &Output| -> f64 {
         let part = |(group, weights): &(usize, Vec<f64>)| {
             dot(weights, &row[old.groups[*group].coefficients.clone()])
         };
         output.parts.iter().map(part).sum()
     };
-    let corrections = rows.flat_map(|row| outputs.iter().map(move |output| one(row, output))).collect();
-    FarOnset { gap_mm: far.gap_mm.clone(), corrections }
+    rows.flat_map(|row| outputs.iter().map(move |output| one(row, output))).collect()
+}
+
+/// The measured difference of the outputs.
+fn differing(old: &RegimeModel, of: &FieldDifference, outputs: &[&Output]) -> FieldDifference {
+    let count = old.coefficient_count();
+    let mut rows = vec![0.0; of.centres.len() * count];
+    let weights = of.weights.chunks_exact(of.coefficients.len().max(1));
+    for (row, weights) in rows.chunks_exact_mut(count.max(1)).zip(weights) {
+        of.coefficients.iter().zip(weights).for_each(|(at, w)| row[*at] += w);
+    }
+    let (coefficients, weights) = ((0..outputs.len()).collect(), summed(old, &rows, outputs));
+    FieldDifference { coefficients, weights, ..of.clone() }
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

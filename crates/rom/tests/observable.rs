@@ -4,8 +4,10 @@ use crate::synthetic::{self, State};
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inputs::Inputs;
-use rom::model::{BlockData, BlockKind, Model, ModelFileError};
+use rom::model::{BlockData, BlockKind, Model, ModelFileError, Selection};
+use rom::model_state::ModelState;
 use rom::observable::{Definition, ObservableKind, Observables, Place};
+use rom::probe::{MeshPoint, ProbePosition, Probes};
 use rom::rng::Rng;
 use rom::snapshots::{Database, FieldSpec, Split};
 use std::collections::BTreeMap;
@@ -213,11 +215,14 @@ fn measured_offset_is_learned_where_measured_and_zero_elsewhere() {
     };
     let names = ["bending_angle_deg".to_owned()];
     let found = train::measured::correct(&mut model, &names, &[run], &mut Vec::new()).expect("learns");
-    assert!(found[0].is_kept && found[0].rms > 5.0 && found[0].rms_left_out < 0.3, "{found:?}");
+    assert!(found.modes[0].is_kept || found.offsets[0].is_kept, "{found:?}");
+    assert!(found.offsets[0].rms > 5.0 && found.offsets[0].rms_left_out < 0.3, "{found:?}");
     let model = Model::from_bytes(&model.to_bytes().expect("encodes")).expect("loads");
     let observables = Observables::of(&model).expect("fits");
+    let rows = measured(200, &mut evaluation);
+    let evaluator = Evaluator::new(&model.header).expect("evaluator");
     let mut covered = 0;
-    for (pressure_mpa, value) in measured(200, &mut evaluation) {
+    for (pressure_mpa, value) in rows {
         evaluator.evaluate(Inputs::new(pressure_mpa, f64::INFINITY), &mut evaluation);
         let found = observables.value(at, &evaluation);
         assert!((found.offset - offset(pressure_mpa)).abs() < 0.4, "{found:?} {}", offset(pressure_mpa));
@@ -233,6 +238,83 @@ fn measured_offset_is_learned_where_measured_and_zero_elsewhere() {
     assert!((slope / by - 1.0).abs() < 1e-4, "{slope} {by}");
     let (far, _) = value(0.09);
     assert!(far.offset.abs() < 0.5 && far.halfwidth > 8.0, "nothing was measured there: {far:?}");
+}
+
+/// A beam that bends by 14 % more than its model, measured at three quantities over the lower third of the pressures.
+#[test]
+fn measured_markers_move_the_whole_field_where_measured_and_nowhere_else() {
+    let plain = trained();
+    let mut model = plain.clone();
+    let truth = |pressure_mpa: f64| circle(pressure_mpa * 8.0 / 7.0);
+    let mut rng = Rng::new(11);
+    let names = ["bending_angle_deg", "curvature_per_mm", "tip_y_mm"].map(str::to_owned);
+    let mut run = MeasuredStates { states: Vec::new(), outputs: vec![Vec::new(); 3] };
+    for step in 0..120 {
+        let pressure_mpa = 0.015 * (1.0 - (0.2 * f64::from(step)).cos());
+        let turned = angle(pressure_mpa * 8.0 / 7.0).max(1e-9);
+        let radius = LENGTH_MM / turned;
+        let mut noise = |width: f64| width * (rng.uniform() - 0.5);
+        run.states.push(Some(Inputs::new(pressure_mpa, f64::INFINITY)));
+        let values = [
+            turned.to_degrees() + noise(0.5),
+            1.0 / radius + noise(1e-4),
+            radius * (turned.cos() - 1.0) + noise(0.2),
+        ];
+        run.outputs.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
+    }
+    let found = train::measured::correct(&mut model, &names, &[run], &mut Vec::new()).expect("learns");
+    assert!(
+        found.modes[0].is_kept && found.modes[0].rms_left_out_mm < 0.2 * found.modes[0].rms_mm,
+        "{found:?}"
+    );
+    let bytes = model.to_bytes().expect("encodes");
+    let loaded = Model::from_bytes(&bytes).expect("loads");
+    assert_eq!((&loaded.header, loaded.to_bytes().expect("encodes")), (&model.header, bytes));
+    let coordinates = synthetic::mesh().len() * 3;
+    let fields = |model: &Model, pressure_mpa: f64| {
+        let mut state = ModelState::new(model, &Selection::default()).expect("a state");
+        state.update(Inputs::new(pressure_mpa, f64::INFINITY)).expect("answers");
+        state.fields()[..coordinates].to_vec()
+    };
+    // The truth has all fields of a node together, a state field after field.
+    let exact = |pressure_mpa: f64| -> Vec<f32> {
+        let all = truth(pressure_mpa);
+        (0..3).flat_map(|axis| all.chunks_exact(5).map(move |node| node[axis])).collect()
+    };
+    let rms = |a: &[f32], b: &[f32]| {
+        let square = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+        (square / a.len() as f64).sqrt()
+    };
+    for pressure_mpa in [0.008, 0.0173, 0.0261] {
+        let (before, after) = (fields(&plain, pressure_mpa), fields(&model, pressure_mpa));
+        let exact = exact(pressure_mpa);
+        let errors = [rms(&before, &exact), rms(&after, &exact)];
+        assert!(errors[1] < 0.6 * errors[0], "{pressure_mpa}: {errors:?}");
+    }
+    let far = rms(&fields(&plain, 0.09), &fields(&model, 0.09));
+    assert!(far < 0.02, "nothing was measured there: {far}");
+    // Points of the mesh are those of the field, with its derivatives.
+    let node = synthetic::mesh().len() as u32 - 1;
+    let probes = Probes::new(&model, &[MeshPoint::node(&model, node).expect("a node")]).expect("probes");
+    let (mut scratch, mut at) = (probes.evaluation(), [ProbePosition::default()]);
+    let mut place = |pressure_mpa: f64| {
+        probes.evaluate(Inputs::new(pressure_mpa, f64::INFINITY), &mut scratch, &mut at);
+        (at[0].position_mm[1], at[0].gradient[1][0])
+    };
+    let (y, slope) = place(0.02);
+    let by = (place(0.02 + 1e-6).0 - place(0.02 - 1e-6).0) / 2e-6;
+    let field = f64::from(fields(&model, 0.02)[synthetic::mesh().len() + node as usize]);
+    assert!((y - field).abs() < 1e-3 && (slope / by - 1.0).abs() < 1e-4, "{y} {field} {slope} {by}");
+    // The part of the half-width, and a difference of other lengths.
+    let evaluator = Evaluator::new(&model.header).expect("evaluator");
+    let mut evaluation = evaluator.evaluation();
+    let mut width = |pressure_mpa: f64| {
+        evaluator.evaluate(Inputs::new(pressure_mpa, f64::INFINITY), &mut evaluation);
+        evaluation.halfwidths.displacement_mm
+    };
+    assert!(width(0.02) < 0.5 * width(0.09), "{} {}", width(0.02), width(0.09));
+    model.header.regimes[0].difference.as_mut().expect("kept").weights.pop();
+    assert!(matches!(model.to_bytes(), Err(ModelFileError::Header(_))));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The card of a model: inputs, outputs, training range and accuracy, for catalogues and other machines (docs/card.schema.json).
 
 use crate::files;
+use rom::inputs::{InputAxis, InputMap, Point};
 use rom::model::{Model, RegimeModel};
 use rom::observable::{Correction, Observables};
 use serde_json::{Map, Value, json};
@@ -77,27 +78,54 @@ fn outputs(model: &Model) -> Vec<Value> {
         }
         one
     }));
-    all.extend(
-        model
-            .header
-            .fields
-            .iter()
-            .map(|field| json!({ "name": field.spec.name, "unit": field.spec.unit, "per": "node" })),
-    );
+    all.extend(model.header.fields.iter().enumerate().map(|(at, field)| {
+        let mut one = json!({ "name": field.spec.name, "unit": field.spec.unit, "per": "node" });
+        let offsets: Vec<Value> =
+            model.header.regimes.iter().filter_map(|regime| offset_of_field(model, regime, at)).collect();
+        if !offsets.is_empty() {
+            one["measured_offset"] = offsets.into();
+        }
+        one
+    }));
     all
 }
 
 /// Where an observable's measured offset was measured, and its largest size there.
 fn offset_of(model: &Model, correction: &Correction) -> Value {
-    let inputs = &model.header.inputs;
-    let axes = correction.inputs.axes.iter().enumerate().map(|(at, axis)| {
-        let values = correction.centres.iter().map(|centre| axis.min + centre[at] * (axis.max - axis.min));
-        let range = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
-        (inputs[axis.input].key(), json!(range))
-    });
     let sizes = correction.centres.iter().map(|centre| correction.at_scaled(centre).0.abs());
-    json!({ "regime": correction.regime.name(), "measured": axes.collect::<Map<_, _>>(),
+    json!({ "regime": correction.regime.name(), "measured": measured(model, &correction.inputs, &correction.centres),
         "largest": sizes.fold(0.0, f64::max), "half_width": correction.residual })
+}
+
+/// The same of a coordinate that the modes' measured difference moves: the largest at any node. The half-width is the displacement's.
+fn offset_of_field(model: &Model, regime: &RegimeModel, field: usize) -> Option<Value> {
+    let (difference, group) = (regime.difference.as_ref()?, regime.group_of(field)?);
+    let is_moved = difference.coefficients.iter().any(|at| group.coefficients.contains(at));
+    let modes = model.modes(regime.kind, field as u32).ok().filter(|_| is_moved)?;
+    let mut largest: f64 = 0.0;
+    for centre in &difference.centres {
+        let mut all = vec![0.0; regime.coefficient_count()];
+        difference.add(centre, &mut all, &mut Default::default());
+        let own = &all[group.coefficients.clone()];
+        for node in 0..modes.nodes() {
+            let moved: f64 = own.iter().enumerate().map(|(mode, a)| a * modes.value(mode, node)).sum();
+            largest = largest.max(moved.abs());
+        }
+    }
+    Some(
+        json!({ "regime": regime.kind.name(), "measured": measured(model, &regime.inputs, &difference.centres),
+        "largest": largest, "half_width": difference.residual_mm }),
+    )
+}
+
+/// Range of each input over the centres.
+fn measured(model: &Model, inputs: &InputMap, centres: &[Point]) -> Map<String, Value> {
+    let range = |(at, axis): (usize, &InputAxis)| {
+        let values = centres.iter().map(|centre| axis.min + centre[at] * (axis.max - axis.min));
+        let range = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
+        (model.header.inputs[axis.input].key(), json!(range))
+    };
+    inputs.axes.iter().enumerate().map(range).collect()
 }
 
 /// Training range of a regime and the coverage of its half-widths there.

@@ -211,6 +211,8 @@ impl ModelHeader {
                 "far onset: corrections are cut",
             )?;
         }
+        let sound = regime.difference.as_ref().is_none_or(|of| of.is_sound(regime.coefficient_count()));
+        require(sound, "the measured difference does not fit its regime")?;
         let local = regime.local_halfwidths.as_ref();
         require(local.is_none_or(|local| local.fits(dimensions)), "the local half-widths are cut")?;
         regime.interpolants().try_for_each(|fit| fit.check(dimensions, require))

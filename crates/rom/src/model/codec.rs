@@ -138,6 +138,7 @@ mod tests {
             halfwidths: HalfWidths { coverage: 0.9, displacement_mm: 0.1, stress_mpa: 0.2, force_n: 0.3 },
             local_halfwidths: None,
             far_onset: Some(FarOnset { gap_mm: vec![1.0, 2.0], corrections: vec![0.0, 0.5] }),
+            difference: None,
         };
         let spec = FieldSpec { name: "x".into(), unit: "mm".into(), kind: FieldKind::Coordinate(0) };
         let input =

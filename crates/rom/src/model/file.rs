@@ -18,8 +18,10 @@
 use super::codec;
 use super::header::{BlockData, BlockKind, Model, ModelHeader};
 use super::selection::{ModelError, Selection};
+use crate::difference::FieldDifference;
 use crate::halfwidths::HalfWidths;
 use crate::kernel::{Modes, Precision, Shape};
+use crate::snapshots::RegimeKind;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -176,7 +178,15 @@ impl Model {
     pub fn to_bytes(&self) -> Result<Vec<u8>, ModelFileError> {
         self.header.check().map_err(ModelFileError::Header)?;
         let (mut table, mut data) = (Vec::new(), Vec::new());
-        for (kind, block) in &self.blocks {
+        let regimes = self.header.regimes.iter();
+        let differences: Vec<(RegimeKind, &FieldDifference)> =
+            regimes.filter_map(|of| Some((of.kind, of.difference.as_ref()?))).collect();
+        let mut further = None;
+        if !differences.is_empty() {
+            let bytes = codec::encode(&differences).map_err(ModelFileError::Header)?;
+            further = Some((BlockKind::Difference, BlockData::Record(bytes)));
+        }
+        for (kind, block) in self.blocks.iter().chain(&further) {
             data.resize(data.len().next_multiple_of(ALIGN), 0);
             let (encoding, bytes) = block.encoded();
             table.push(BlockEntry {
@@ -297,7 +307,30 @@ impl<R: Read + Seek> ModelReader<R> {
             let needed = block.bytes.saturating_add(block.offset).saturating_add(data_start + TRAILER);
             fits(&format!("block {:?}", block.kind), needed, length)?;
         }
-        Ok(Self { reader, header, data_start })
+        let mut opened = Self { reader, header, data_start };
+        opened.read_differences()?;
+        Ok(opened)
+    }
+
+    /// Puts the measured differences into the header, so that every part of the file that is loaded has them.
+    fn read_differences(&mut self) -> Result<(), ModelFileError> {
+        let entry = self.header.blocks.iter().find(|block| block.kind == BlockKind::Difference);
+        let Some(entry) = entry.cloned() else { return Ok(()) };
+        let mut bytes = vec![0; entry.bytes as usize]; // within the file's length: checked by `open`
+        self.fill(&entry, &mut bytes)?;
+        let found: Vec<(RegimeKind, FieldDifference)> =
+            codec::decode(&bytes).map_err(ModelFileError::Header)?;
+        for (kind, difference) in found {
+            let mut regimes = self.header.model.regimes.iter_mut();
+            let regime = regimes.find(|regime| regime.kind == kind).ok_or_else(|| {
+                ModelFileError::Header(format!(
+                    "a measured difference of the {} regime, which the model does not have",
+                    kind.name()
+                ))
+            })?;
+            regime.difference = Some(difference);
+        }
+        self.header.model.check().map_err(ModelFileError::Header)
     }
 
     /// The model's header.
@@ -379,6 +412,8 @@ impl<R: Read + Seek> ModelReader<R> {
             | BlockKind::Observables
             | BlockKind::Inertia
             | BlockKind::Memory => true,
+            // In the header since the file was opened.
+            BlockKind::Difference => false,
         };
         let entries: Vec<BlockEntry> =
             self.header.blocks.iter().filter(|b| needed(&b.kind)).cloned().collect();

@@ -1,6 +1,7 @@
 //! Parts of a trained model.
 
 use super::selection::ModelError;
+use crate::difference::FieldDifference;
 use crate::halfwidths::{HalfWidths, LocalHalfWidths};
 use crate::hull::TrainingRange;
 use crate::inputs::{InputMap, InputSpec, Inputs};
@@ -64,6 +65,9 @@ pub struct RegimeModel {
     pub local_halfwidths: Option<LocalHalfWidths>,
     /// Correction beyond the last onset state of the training; `None` without such gaps.
     pub far_onset: Option<FarOnset>,
+    /// Measured difference; in the file a separate block ([`BlockKind::Difference`]).
+    #[serde(skip)]
+    pub difference: Option<FieldDifference>,
 }
 
 impl RegimeModel {
@@ -219,12 +223,14 @@ pub enum BlockKind {
     Inertia,
     /// Memory of the inputs ([`crate::memory::MemorySpec`]); absent in a static model.
     Memory,
+    /// Measured differences of the fields ([`FieldDifference`]), with their regimes; absent in a model of finite elements alone.
+    Difference,
 }
 
 impl BlockKind {
     /// True for values of any structure instead of numbers.
     pub const fn is_record(self) -> bool {
-        matches!(self, Self::Observables | Self::Inertia | Self::Memory)
+        matches!(self, Self::Observables | Self::Inertia | Self::Memory | Self::Difference)
     }
 }
 

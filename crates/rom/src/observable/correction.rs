@@ -9,8 +9,9 @@
 //! `q` is the 90 % quantile of the errors on parts of the recordings that were left out, `d` that of the difference itself, `h` the model's
 //! half-width: where nothing was measured, the offset is 0 and the model may be as far off as at the measured inputs.
 
+use crate::difference::terms;
 use crate::evaluation::Evaluation;
-use crate::inputs::{InputMap, Inputs, MAX_INPUTS, Point, square_distance};
+use crate::inputs::{InputMap, Inputs, MAX_INPUTS, Point};
 use crate::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
 
@@ -34,11 +35,6 @@ pub struct Correction {
 }
 
 impl Correction {
-    /// Values `g` of the centres at scaled inputs.
-    pub fn terms<'a>(centres: &'a [Point], length: f64, x: &'a Point) -> impl Iterator<Item = f64> + 'a {
-        centres.iter().map(move |c| (-0.5 * square_distance(c, x) / (length * length)).exp())
-    }
-
     /// True if the numbers can be evaluated.
     pub(super) fn is_sound(&self) -> bool {
         let finite = self.centres.as_flattened().iter().chain(&self.weights).all(|v| v.is_finite());
@@ -52,17 +48,17 @@ impl Correction {
 
     /// [`Self::at`] at scaled inputs.
     pub fn at_scaled(&self, x: &Point) -> (f64, f64) {
-        let terms = || Self::terms(&self.centres, self.length, x);
-        let offset = terms().zip(&self.weights).map(|(g, w)| g * w).sum();
-        (offset, terms().fold(0.0, f64::max))
+        let values = || terms(&self.centres, self.length, x);
+        let offset = values().zip(&self.weights).map(|(g, w)| g * w).sum();
+        (offset, values().fold(0.0, f64::max))
     }
 
     /// Derivatives of the offset with respect to each input.
     pub(super) fn gradient(&self, evaluation: &Evaluation) -> [f64; MAX_INPUTS] {
         let x = self.inputs.scale(&evaluation.inputs);
         let mut gradient = [0.0; MAX_INPUTS];
-        let terms = Self::terms(&self.centres, self.length, &x).zip(&self.weights).zip(&self.centres);
-        for ((g, w), centre) in terms {
+        let all = terms(&self.centres, self.length, &x).zip(&self.weights).zip(&self.centres);
+        for ((g, w), centre) in all {
             for (at, axis) in self.inputs.axes.iter().enumerate() {
                 let slope = g * w * (centre[at] - x[at]) / (self.length * self.length);
                 gradient[axis.input] += slope / (axis.max - axis.min);

@@ -14,7 +14,8 @@
 //! Angles count right-handed about `n` and lie between -180 and 180 degrees from one section to the next. Each coordinate is affine
 //! in the modal coefficients (Eq. 6 of the paper); those few rows are kept, so that no block of coordinates is needed. The half-width is
 //! `f sum_k |dq/dx_k|` times the displacement's. The factor `f` is the conformal quantile of the ratio of the observable's leave-one-out
-//! errors to that bound. A [`Correction`] adds a measured difference.
+//! errors to that bound. A [`Correction`] adds a measured difference; that of the modes ([`crate::difference`]) is part of the shape, and its
+//! part of the half-width has no factor.
 
 mod correction;
 mod definition;
@@ -47,7 +48,19 @@ pub struct Observed {
     pub value: f64,
     /// Half-width in the same unit.
     pub halfwidth: f64,
-    /// Part of the value that is a measured difference from the finite elements ([`Correction`]); 0 without one.
+    /// Part of the value that is a measured difference from the finite elements, of the modes (of volumes to first order) and of the
+    /// [`Correction`]; 0 without one.
+    pub offset: f64,
+}
+
+/// Value of an observable of the deformed shape.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OfShape {
+    /// In the unit at the end of its name.
+    pub value: f64,
+    /// `sum_k |dq/dx_k|`.
+    pub reach: f64,
+    /// Part of the value that comes from the modes' measured difference.
     pub offset: f64,
 }
 
@@ -275,30 +288,68 @@ impl Observables {
         &self.corrections
     }
 
-    /// Value of one of an evaluation with modal coefficients; NaN where the model was not trained in its regime. Allocates nothing.
-    pub fn value(&self, at: usize, evaluation: &Evaluation) -> Observed {
-        let Some((value, reach)) = self.of_shape(at, evaluation) else {
-            return Observed { value: f64::NAN, halfwidth: f64::NAN, offset: 0.0 };
-        };
-        let halfwidth = reach * evaluation.halfwidths.displacement_mm;
-        let Some(correction) = self.correction(at, evaluation.regime) else {
-            return Observed { value, halfwidth, offset: 0.0 };
-        };
-        let (offset, share) = correction.at(&evaluation.inputs);
-        Observed { value: value + offset, halfwidth: correction.halfwidth(share, halfwidth), offset }
+    /// Removes all measured differences.
+    pub fn clear_corrections(&mut self) {
+        self.corrections.clear();
     }
 
-    /// Value of the shape, and half-width per half-width of the displacement.
-    fn of_shape(&self, at: usize, evaluation: &Evaluation) -> Option<(f64, f64)> {
-        let factor = self.of_regime(evaluation.regime)?.factors.get(at)?;
+    /// Value of one of an evaluation with modal coefficients; NaN where the model was not trained in its regime. Allocates nothing.
+    pub fn value(&self, at: usize, evaluation: &Evaluation) -> Observed {
+        let factor = self.of_regime(evaluation.regime).and_then(|of| of.factors.get(at));
+        let Some((OfShape { value, reach, offset }, factor)) = self.of_shape(at, evaluation).zip(factor)
+        else {
+            return Observed { value: f64::NAN, halfwidth: f64::NAN, offset: 0.0 };
+        };
+        let (all_mm, own_mm) = (evaluation.halfwidths.displacement_mm, evaluation.difference_mm);
+        let halfwidth = if own_mm > 0.0 {
+            let of_model_mm = (all_mm * all_mm - own_mm * own_mm).max(0.0).sqrt();
+            reach * (factor * of_model_mm).hypot(own_mm)
+        } else {
+            factor * reach * all_mm
+        };
+        let Some(correction) = self.correction(at, evaluation.regime) else {
+            return Observed { value, halfwidth, offset };
+        };
+        let (further, share) = correction.at(&evaluation.inputs);
+        let halfwidth = correction.halfwidth(share, halfwidth);
+        Observed { value: value + further, halfwidth, offset: offset + further }
+    }
+
+    /// Value of the shape, without [`Correction`]s.
+    pub fn of_shape(&self, at: usize, evaluation: &Evaluation) -> Option<OfShape> {
+        let difference = evaluation.coefficient_difference();
         if let Some(form) = self.form(at, evaluation) {
-            return Some((form.value(&evaluation.coefficients, None), factor * form.area_mm2));
+            let value = form.value(&evaluation.coefficients, None);
+            let offset = match difference {
+                [] => 0.0,
+                along => form.value(&evaluation.coefficients, Some(along)),
+            };
+            return Some(OfShape { value, reach: form.area_mm2, offset });
         }
         let mut shape = Shape::new();
-        let item = self.shape(at, evaluation, &mut shape)?;
+        let item = self.shape(at, evaluation, &[], &mut shape)?;
         let (value, by) = item.measure(&shape);
         let reach: f64 = by.iter().take(shape.count).map(|by| norm(*by)).sum();
-        Some((item.beyond_rest(value), factor * reach))
+        let mut offset = 0.0;
+        if !difference.is_empty() {
+            self.shape(at, evaluation, difference, &mut shape)?;
+            let plain = item.measure(&shape).0;
+            let is_chord = item.kind == ObservableKind::ChordAngle;
+            offset = if is_chord { wrapped(value - plain) } else { value - plain };
+        }
+        Some(OfShape { value: item.beyond_rest(value), reach, offset })
+    }
+
+    /// Derivative of the shape's value along a direction of the coefficients; `None` where it has no value.
+    pub fn along(&self, at: usize, evaluation: &Evaluation, direction: &[f64]) -> Option<f64> {
+        if let Some(form) = self.form(at, evaluation) {
+            return Some(form.value(&evaluation.coefficients, Some(direction)));
+        }
+        let mut shape = Shape::new();
+        let item = self.shape(at, evaluation, &[], &mut shape)?;
+        let (_, by) = item.measure(&shape);
+        let rows = self.rows(item, evaluation.regime).iter().zip(by.as_flattened());
+        Some(rows.map(|(row, by)| by * row.change(direction)).sum())
     }
 
     /// Derivatives of one with respect to each input, of an evaluation with gradients. Allocates nothing.
@@ -318,7 +369,7 @@ impl Observables {
             return std::array::from_fn(by);
         }
         let mut shape = Shape::new();
-        let Some(item) = self.shape(at, evaluation, &mut shape) else { return [f64::NAN; MAX_INPUTS] };
+        let Some(item) = self.shape(at, evaluation, &[], &mut shape) else { return [f64::NAN; MAX_INPUTS] };
         let (_, by) = item.measure(&shape);
         let rows = self.rows(item, evaluation.regime).as_chunks::<3>().0;
         std::array::from_fn(|input| {
@@ -348,14 +399,16 @@ impl Observables {
         rows.and_then(|rows| rows.get(3 * first..3 * (first + count))).unwrap_or(&[])
     }
 
-    fn shape(&self, at: usize, evaluation: &Evaluation, shape: &mut Shape) -> Option<&Item> {
+    /// Deformed points, without a part of the coefficients unless it is empty.
+    fn shape(&self, at: usize, evaluation: &Evaluation, without: &[f64], shape: &mut Shape) -> Option<&Item> {
         let item = self.items.get(at)?;
         let rows = self.rows(item, evaluation.regime).as_chunks::<3>().0;
         if evaluation.coefficients.is_empty() || rows.is_empty() {
             return None;
         }
         for (to, axes) in shape.points.iter_mut().zip(rows) {
-            *to = [0, 1, 2].map(|axis| axes[axis].mean + axes[axis].change(&evaluation.coefficients));
+            let change = |row: &Row| row.change(&evaluation.coefficients) - row.change(without);
+            *to = [0, 1, 2].map(|axis| axes[axis].mean + change(&axes[axis]));
         }
         shape.count = rows.len();
         Some(item)

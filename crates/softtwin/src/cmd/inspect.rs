@@ -106,6 +106,8 @@ fn regime_json(header: &ModelHeader, regime: &RegimeModel) -> Value {
             .collect::<serde_json::Map<_, _>>(),
         "force": regime.force.as_ref().map(|f| json!(f.surrogate.kernel)),
         "half_widths": header.known_halfwidths(regime.halfwidths),
+        "measured_difference": regime.difference.as_ref().map(|of| json!({
+            "modes": of.coefficients.len(), "centres": of.centres.len(), "half_width_mm": of.residual_mm, "half_width_elsewhere_mm": of.difference_mm })),
     })
 }
 
@@ -165,6 +167,16 @@ fn text(model: &Model) -> anyhow::Result<()> {
         if let Some(force) = &regime.force {
             let fit = &force.surrogate;
             output!("  {:<12} {} centres, {}, {}", "force", fit.centre_count(), fit.kernel, fit.tail)?;
+        }
+        if let Some(of) = &regime.difference {
+            output!(
+                "  {:<12} {:>2} modes, {} centres, +- {:.3} mm where measured, {:.3} elsewhere",
+                "measured",
+                of.coefficients.len(),
+                of.centres.len(),
+                of.residual_mm,
+                of.difference_mm
+            )?;
         }
         let halfwidths = regime.halfwidths;
         if model.is_measured() {

@@ -8,7 +8,8 @@ use rom::memory::Memory;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 use train::measured::{
-    Difference, Learned, Measured, MeasuredError, MeasuredStates, Run, correct, learn, learn_with_memory,
+    Difference, Learned, Measured, MeasuredError, MeasuredStates, ModesDifference, Run, correct, learn,
+    learn_with_memory,
 };
 use train::memory::Identified;
 
@@ -26,7 +27,8 @@ Examples:
     softtwin learn run1.csv --log log.toml --model finger.twin --out mine.twin
 
 Without --model the model is measured, without mesh. With it, the outputs of the mapping are observables of the model or coordinates \
-of its node sets; their offsets are smooth over the inputs and 0 where nothing was measured. Exit code 65: the recording teaches nothing.";
+of its node sets; they move the leading modes of the field and get offsets for the rest, smooth over the inputs and 0 where nothing was
+measured. Exit code 65: the recording teaches nothing.";
 
 /// Learn a model from measured inputs and outputs, or what a finite-element model lacks.
 #[derive(clap::Args)]
@@ -41,7 +43,7 @@ pub struct Args {
     /// Identify memory of the inputs: line, play, creep (docs/memory.md).
     #[arg(long)]
     memory: bool,
-    /// Finite-element model whose observables and markers get measured offsets; default: measurements alone.
+    /// Finite-element model that gets the measured difference; default: measurements alone.
     #[arg(long, value_name = "FILE.twin", conflicts_with = "memory")]
     model: Option<PathBuf>,
     /// Model file to write.
@@ -127,7 +129,7 @@ impl Args {
         Ok(())
     }
 
-    /// Adds measured offsets to a finite-element model.
+    /// Adds the measured difference to a finite-element model.
     fn correct(&self, path: &Path, recordings: &[Recording], mut remarks: Vec<String>) -> anyhow::Result<()> {
         let mut model = files::model(path)?;
         if model.is_measured() {
@@ -165,12 +167,30 @@ impl Args {
                     "rms_left_out": of.rms_left_out, "largest_offset": of.largest_offset, "half_width": of.half_width,
                     "kept": of.is_kept})
             };
-            let offsets: Vec<Value> = found.iter().map(one).collect();
+            let of_modes = |of: &ModesDifference| {
+                json!({"regime": of.regime.name(), "modes": of.modes, "values": of.values, "rms_mm": of.rms_mm,
+                    "rms_left_out_mm": of.rms_left_out_mm, "share_mm": of.share_mm, "half_width_mm": of.half_width_mm,
+                    "kept": of.is_kept})
+            };
+            let offsets: Vec<Value> = found.offsets.iter().map(one).collect();
+            let modes: Vec<Value> = found.modes.iter().map(of_modes).collect();
             return output::json(
-                &json!({"source": "finite elements", "offsets": offsets, "remarks": remarks}),
+                &json!({"source": "finite elements", "modes": modes, "offsets": offsets, "remarks": remarks}),
             );
         }
-        output!("{}: finite elements with measured offsets", self.out.display())?;
+        output!("{}: finite elements with a measured difference", self.out.display())?;
+        for of in &found.modes {
+            output!(
+                "  {} modes of the {} regime: {} values, RMS {:.3} mm, {:.3} on left-out parts, changed by {:.3}{}",
+                of.modes,
+                of.regime.name(),
+                of.values,
+                of.rms_mm,
+                of.rms_left_out_mm,
+                of.share_mm,
+                if of.is_kept { "" } else { "  not kept" }
+            )?;
+        }
         output!(
             "  {:<20}{:>8}{:>8}{:>12}{:>14}{:>16}{:>12}",
             "output",
@@ -181,7 +201,7 @@ impl Args {
             "largest offset",
             "half-width"
         )?;
-        for of in &found {
+        for of in &found.offsets {
             output!(
                 "  {:<20}{:>8}{:>8}{:>12.4}{:>14.4}{:>16.4}{:>12.4}{}",
                 of.name,

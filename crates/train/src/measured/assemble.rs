@@ -39,6 +39,7 @@ impl Curve {
             },
             local_halfwidths: None,
             far_onset: None,
+            difference: None,
         };
         let output = |spec: &FieldSpec| OutputField { spec: spec.clone(), magnitude_of: None };
         let set = |(node, name): (usize, &String)| NodeSet { name: name.clone(), nodes: vec![node as u32] };

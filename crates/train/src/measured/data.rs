@@ -1,6 +1,25 @@
 //! Measured runs, and what is learned from them.
 
+use rom::inputs::Inputs;
 use rom::model::{Model, ModelFileError};
+
+/// Fewest states of a measured difference.
+pub(super) const MIN_STATES: usize = 12;
+/// Largest RMS on left-out segments, as a fraction of that without offset, at which an offset is kept.
+pub(super) const MOST_LEFT: f64 = 0.9;
+/// Lengths tried, per root of the number of inputs: short, so that nothing is added far from what was measured.
+pub(super) const LENGTHS: [f64; 3] = [0.05, 0.1, 0.2];
+/// Smoothings tried.
+pub(super) const SMOOTHINGS: [f64; 6] = [1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0];
+
+/// States of a run and the values measured there, by output; a row without all inputs has no state.
+#[derive(Clone, Debug, Default)]
+pub struct MeasuredStates {
+    /// Inputs of the model.
+    pub states: Vec<Option<Inputs>>,
+    /// Values by output, then row; NaN if missing.
+    pub outputs: Vec<Vec<f64>>,
+}
 
 /// Measured inputs and outputs of one or several runs.
 #[derive(Clone, Debug, Default)]

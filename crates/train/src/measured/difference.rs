@@ -1,39 +1,25 @@
-//! Measured differences of a finite-element model's observables and markers: [`Correction`]s by ridge regression.
+//! Measured differences of a finite-element model: of its leading modes (`modes.rs`), and of what they leave of observables and markers
+//! [`Correction`]s by ridge regression.
 //!
 //! ```text
 //! offset(x) = sum_k w_k exp(-|x - c_k|^2 / 2 l^2),     w = argmin mean_i (r_i - offset(x_i))^2 + lambda |w|^2
 //! ```
 //!
-//! `r` is measured minus predicted, `x` the inputs scaled as in the model, centres `c` the means of cells of the measured states. Segments of the
+//! `r` is measured minus predicted with the modes' difference, `x` the inputs scaled as in the model, centres `c` the means of cells of the measured states. Segments of the
 //! runs that are left out choose `l` and `lambda`, and decide whether there is an offset at all.
 
 use super::curve::{FOLDS, centres, fold, half_width, quantile};
-use super::data::{MeasuredError, mean};
+use super::data::{LENGTHS, MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, SMOOTHINGS, mean};
 use super::layout::coordinate;
+use super::modes::{self, ModesDifference};
 use rom::dense::Dense;
+use rom::difference::terms;
 use rom::evaluator::Evaluator;
 use rom::inputs::{Inputs, Point};
 use rom::model::{BlockKind, Model, ModelError, ModelFileError};
 use rom::observable::{Correction, Definition, MAX_OBSERVABLES, ObservableKind, Observables, Place};
 use rom::snapshots::RegimeKind;
 use std::collections::BTreeMap;
-
-/// Fewest states.
-const MIN_STATES: usize = 12;
-/// Largest RMS on left-out segments, as a fraction of that without offset, at which an offset is kept.
-const MOST_LEFT: f64 = 0.9;
-/// Lengths tried, per root of the number of inputs: short, so that nothing is added far from what was measured.
-const LENGTHS: [f64; 3] = [0.05, 0.1, 0.2];
-const SMOOTHINGS: [f64; 6] = [1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0];
-
-/// States of a run and the values measured there, by output; a row without all inputs has no state.
-#[derive(Clone, Debug, Default)]
-pub struct MeasuredStates {
-    /// Inputs of the model.
-    pub states: Vec<Option<Inputs>>,
-    /// Values by output, then row; NaN if missing.
-    pub outputs: Vec<Vec<f64>>,
-}
 
 /// Figures of one output in one regime.
 #[derive(Clone, Debug)]
@@ -44,9 +30,9 @@ pub struct Difference {
     pub regime: RegimeKind,
     /// States.
     pub states: usize,
-    /// RMS of measured minus predicted.
+    /// RMS of measured minus predicted by the finite elements.
     pub rms: f64,
-    /// RMS on segments that were left out, with the offset.
+    /// RMS on segments that were left out, with the modes' difference and the offset that are kept.
     pub rms_left_out: f64,
     /// Offset with the largest size at a measured state.
     pub largest_offset: f64,
@@ -56,17 +42,29 @@ pub struct Difference {
     pub is_kept: bool,
 }
 
+/// Measured differences of a model.
+#[derive(Clone, Debug)]
+pub struct Corrected {
+    /// Modes by regime.
+    pub modes: Vec<ModesDifference>,
+    /// Offsets by output and regime.
+    pub offsets: Vec<Difference>,
+}
+
 /// Rows of one output in one regime.
 #[derive(Default)]
 struct Rows {
     x: Vec<Point>,
+    /// Measured minus predicted by the finite elements.
+    of_elements: Vec<f64>,
+    /// Measured minus predicted with the modes' difference.
     r: Vec<f64>,
     fold: Vec<usize>,
     run: Vec<usize>,
 }
 
-/// Adds the measured differences of `outputs` to the model, whose coordinates must be loaded. Outputs are observables of the model or
-/// coordinates of its node sets, which become observables. Cost `O(states centres^2)`.
+/// Puts the measured differences of `outputs` into the model, whose coordinates must be loaded, in place of those that it has. Outputs are
+/// observables of the model or coordinates of its node sets, which become observables. Cost `O(states centres^2)`.
 ///
 /// # Errors
 /// [`MeasuredError`]; the model is then unchanged.
@@ -75,9 +73,26 @@ pub fn correct(
     outputs: &[String],
     runs: &[MeasuredStates],
     remarks: &mut Vec<String>,
-) -> Result<Vec<Difference>, MeasuredError> {
+) -> Result<Corrected, MeasuredError> {
+    let mut corrected = model.clone();
+    let found = correct_in_place(&mut corrected, outputs, runs, remarks)?;
+    *model = corrected;
+    Ok(found)
+}
+
+fn correct_in_place(
+    model: &mut Model,
+    outputs: &[String],
+    runs: &[MeasuredStates],
+    remarks: &mut Vec<String>,
+) -> Result<Corrected, MeasuredError> {
     let mut observables = Observables::of(model)?;
+    observables.clear_corrections();
+    model.header.regimes.iter_mut().for_each(|regime| regime.difference = None);
     let places = places(model, outputs, &mut observables, remarks)?;
+    let modes = modes::correct(model, &places, &observables, runs)?;
+    let optimism =
+        |kind: RegimeKind| modes.iter().find(|of| of.regime == kind && of.is_kept).map(|of| of.optimism);
     let mut found = Vec::new();
     let refused = |error: ModelError| ModelFileError::Header(error.to_string());
     let evaluator = Evaluator::new(&model.header).map_err(refused)?;
@@ -94,13 +109,14 @@ pub fn correct(
                 evaluator.evaluate(*inputs, &mut evaluation);
                 let Some(regime) = model.regime(evaluation.regime) else { continue };
                 let predicted = observables.value(at, &evaluation);
-                let rest = value - (predicted.value - predicted.offset);
+                let rest = value - predicted.value;
                 if by_regime.iter().all(|(kind, _)| *kind != regime.kind) {
                     by_regime.push((regime.kind, Rows::default()));
                 }
                 let own = by_regime.iter_mut().find(|(kind, _)| *kind == regime.kind);
                 let Some((_, rows)) = own.filter(|_| rest.is_finite()) else { continue };
                 rows.x.push(regime.inputs.scale(inputs));
+                rows.of_elements.push(rest + predicted.offset);
                 rows.r.push(rest);
                 rows.fold.push(fold(row, known.len()));
                 rows.run.push(number);
@@ -116,15 +132,16 @@ pub fn correct(
                 continue;
             }
             let Some(regime) = model.regime(kind) else { continue };
-            let (correction, report) =
-                rows.correction(kind, &regime.inputs, &outputs[output]).ok_or(MeasuredError::Singular)?;
-            if report.is_kept {
+            let (correction, report) = rows
+                .correction(kind, &regime.inputs, &outputs[output], optimism(kind))
+                .ok_or(MeasuredError::Singular)?;
+            if report.is_kept || optimism(kind).is_some() {
                 observables.correct(at, correction);
             }
             found.push(report);
         }
     }
-    if !found.iter().any(|report| report.is_kept) {
+    if !found.iter().any(|report| report.is_kept) && !modes.iter().any(|of| of.is_kept) {
         let reason = |report: &Difference| {
             format!("{}: RMS {:.3e}, {:.3e} on left-out parts", report.name, report.rms, report.rms_left_out)
         };
@@ -132,7 +149,7 @@ pub fn correct(
         return Err(MeasuredError::NoDifference { reasons: reasons.join("; ") });
     }
     model.set_record(BlockKind::Observables, &observables)?;
-    Ok(found)
+    Ok(Corrected { modes, offsets: found })
 }
 
 /// Output and observable of each output that the model has; markers become observables.
@@ -176,40 +193,46 @@ impl Rows {
         regime: RegimeKind,
         inputs: &rom::inputs::InputMap,
         name: &str,
+        of_modes: Option<f64>,
     ) -> Option<(Correction, Difference)> {
         let centres = centres(&self.x, inputs.dimensions());
         let mean_square = |errors: &[f64]| mean(errors.iter().map(|e| e * e));
         let mut best: Option<(f64, f64, f64, Vec<f64>)> = None;
         for length in LENGTHS.map(|length| length * (inputs.dimensions() as f64).sqrt()) {
-            let terms: Vec<Vec<f64>> =
-                self.x.iter().map(|x| Correction::terms(&centres, length, x).collect()).collect();
+            let rows: Vec<Vec<f64>> = self.x.iter().map(|x| terms(&centres, length, x).collect()).collect();
             for smoothing in SMOOTHINGS {
-                let Some(errors) = self.left_out(&terms, smoothing) else { continue };
+                let Some(errors) = self.left_out(&rows, smoothing) else { continue };
                 let square = mean_square(&errors);
                 if best.as_ref().is_none_or(|(least, ..)| square < *least) {
                     best = Some((square, length, smoothing, errors));
                 }
             }
         }
-        let (square, length, smoothing, errors) = best?;
-        let terms: Vec<Vec<f64>> =
-            self.x.iter().map(|x| Correction::terms(&centres, length, x).collect()).collect();
-        let weights = self.weights(&terms, smoothing, |_| true)?;
+        let (square, length, smoothing, mut errors) = best?;
+        let terms: Vec<Vec<f64>> = self.x.iter().map(|x| terms(&centres, length, x).collect()).collect();
+        let mut weights = self.weights(&terms, smoothing, |_| true)?;
+        let is_kept = square.sqrt() < MOST_LEFT * mean_square(&self.r).sqrt();
+        if let (false, Some(_)) = (is_kept, of_modes) {
+            // The modes' difference alone.
+            weights.fill(0.0);
+            errors.clone_from(&self.r);
+        }
+        // The modes' difference was fitted to all of these rows.
+        errors.iter_mut().for_each(|error| *error *= of_modes.unwrap_or(1.0));
         let offset = |row: &Vec<f64>| row.iter().zip(&weights).map(|(g, w)| g * w).sum::<f64>();
         let largest_offset =
             terms.iter().map(offset).fold(0.0, |most: f64, v| if v.abs() > most.abs() { v } else { most });
         let sizes = |errors: &[f64]| errors.iter().map(|e| e.abs()).collect();
         let residual = half_width(&self.run, sizes(&errors), &errors);
-        let rms = mean_square(&self.r).sqrt();
         let report = Difference {
             name: name.to_owned(),
             regime,
             states: self.r.len(),
-            rms,
-            rms_left_out: square.sqrt(),
+            rms: mean_square(&self.of_elements).sqrt(),
+            rms_left_out: mean_square(&errors).sqrt(),
             largest_offset,
             half_width: residual,
-            is_kept: square.sqrt() < MOST_LEFT * rms,
+            is_kept,
         };
         let (inputs, difference) = (inputs.clone(), quantile(sizes(&self.r)));
         Some((Correction { regime, inputs, length, centres, weights, residual, difference }, report))

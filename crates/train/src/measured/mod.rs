@@ -15,12 +15,14 @@ mod curve;
 mod data;
 mod difference;
 mod layout;
+mod modes;
 mod motion;
 mod past;
 
-pub use data::{Learned, Measured, MeasuredError, OutputReport, Run};
-pub use difference::{Difference, MeasuredStates, correct};
+pub use data::{Learned, Measured, MeasuredError, MeasuredStates, OutputReport, Run};
+pub use difference::{Corrected, Difference, correct};
 pub use layout::{MeasuredOutput, outputs, place};
+pub use modes::ModesDifference;
 pub use motion::select;
 pub use past::learn_with_memory;
 

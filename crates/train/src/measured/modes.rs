@@ -1,0 +1,307 @@
+//! Measured difference in the coefficients of the leading modes: [`FieldDifference`] by ridge regression, so that the whole field moves.
+//!
+//! ```text
+//! r_i = sum_j J_ij a_j(x_i) + rest,     a_j(x) = s_j sum_k u_kj g(|x - c_k|),     u = argmin mean_i rest_i^2 + lambda |u|^2
+//! ```
+//!
+//! `r` is measured minus predicted and `J` the derivative by the coefficients, both over the output's `sum |dq/dx|`: lengths in mm, whatever
+//! the unit. `s_j` is the standard deviation of the coefficient over the training states, the prior of the ridge. Angles are linearised
+//! again at the state found. Segments of the runs that are left out choose `l` and `lambda`, and decide whether there is a difference.
+
+use super::curve::{FOLDS, centres, fold, half_width, quantile};
+use super::data::{LENGTHS, MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, SMOOTHINGS, mean};
+use rom::dense::Dense;
+use rom::difference::{FieldDifference, terms};
+use rom::evaluator::Evaluator;
+use rom::inputs::Point;
+use rom::model::{Model, ModelFileError, RegimeModel};
+use rom::observable::Observables;
+use rom::snapshots::{FieldKind, RegimeKind};
+
+/// Most modes.
+const MODES: usize = 4;
+/// Linearisations.
+const ROUNDS: usize = 3;
+/// Most states of a regime; of more, one in several is used.
+const MAX_STATES: usize = 2000;
+/// Values of a centre below which it has no part in a row.
+const NEGLIGIBLE: f64 = 1e-9;
+
+/// Figures of the modes' difference in one regime.
+#[derive(Clone, Debug)]
+pub struct ModesDifference {
+    /// Regime.
+    pub regime: RegimeKind,
+    /// Modes.
+    pub modes: usize,
+    /// Measured values.
+    pub values: usize,
+    /// RMS of measured minus predicted over `sum |dq/dx|`, mm.
+    pub rms_mm: f64,
+    /// The same on segments that were left out, with the difference.
+    pub rms_left_out_mm: f64,
+    /// RMS of what the modes' difference changes at measured values, mm.
+    pub share_mm: f64,
+    /// Displacement's half-width at measured states that comes from the difference, mm.
+    pub half_width_mm: f64,
+    /// RMS on left-out segments over that on the rows that were fitted, at least 1.
+    pub(super) optimism: f64,
+    /// True if the model has it; false where it does not lower the error on left-out segments.
+    pub is_kept: bool,
+}
+
+/// A coefficient and its standard deviation over the training states.
+type Leading = Vec<(usize, f64)>;
+
+/// Measured values of one regime.
+#[derive(Default)]
+struct Rows {
+    x: Vec<Point>,
+    r: Vec<f64>,
+    by: Vec<[f64; MODES]>,
+    fold: Vec<usize>,
+    run: Vec<usize>,
+}
+
+/// Chosen on left-out segments.
+struct Choice {
+    length: f64,
+    smoothing: f64,
+    errors: Vec<f64>,
+}
+
+/// Sets the differences of the regimes in which they lower the error on left-out segments. `places`: output and observable.
+pub(super) fn correct(
+    model: &mut Model,
+    places: &[(usize, usize)],
+    observables: &Observables,
+    runs: &[MeasuredStates],
+) -> Result<Vec<ModesDifference>, MeasuredError> {
+    let mut found = Vec::new();
+    let kinds: Vec<RegimeKind> = model.header.regimes.iter().map(|regime| regime.kind).collect();
+    for kind in kinds {
+        let Some(leading) = model.regime(kind).map(|regime| leading(model, regime)) else { continue };
+        let first = rows(model, kind, &leading, places, observables, runs)?;
+        if leading.is_empty() || first.r.len() < MIN_STATES {
+            continue;
+        }
+        let dimensions = model.regime(kind).map_or(1, |regime| regime.inputs.dimensions());
+        let centres = centres(&first.x, dimensions);
+        let mut choice = first.choose(&centres, leading.len(), dimensions).ok_or(MeasuredError::Singular)?;
+        let rms = |errors: &[f64]| mean(errors.iter().map(|e| e * e)).sqrt();
+        let rms_mm = rms(&first.r);
+        let (mut last, mut changes) = (first, Vec::new());
+        for round in 0..ROUNDS {
+            if round > 0 {
+                last = rows(model, kind, &leading, places, observables, runs)?;
+            }
+            let terms = last.terms(&centres, choice.length);
+            let systems = last.systems(&terms, centres.len(), leading.len());
+            choice.errors = last
+                .left_out(&terms, &systems, leading.len(), choice.smoothing)
+                .ok_or(MeasuredError::Singular)?;
+            let u = weights(&systems, None, choice.smoothing).ok_or(MeasuredError::Singular)?;
+            changes = (0..last.r.len()).map(|at| last.change(at, &terms[at], &u, leading.len())).collect();
+            let sizes: Vec<f64> = choice.errors.iter().map(|e| e.abs()).collect();
+            let scale = leading.iter().map(|(_, deviation)| *deviation).cycle();
+            let difference = FieldDifference {
+                length: choice.length,
+                centres: centres.clone(),
+                coefficients: leading.iter().map(|(at, _)| *at).collect(),
+                weights: u.iter().zip(scale).map(|(u, s)| u * s).collect(),
+                residual_mm: half_width(&last.run, sizes, &choice.errors),
+                difference_mm: quantile(last.r.iter().map(|r| r.abs()).collect()),
+            };
+            set(model, kind, Some(difference));
+        }
+        let rms_left_out_mm = rms(&choice.errors);
+        let is_kept = rms_left_out_mm < MOST_LEFT * rms_mm;
+        let rest: Vec<f64> = last.r.iter().zip(&changes).map(|(r, change)| r - change).collect();
+        let own = model.regime(kind).and_then(|regime| regime.difference.as_ref());
+        found.push(ModesDifference {
+            regime: kind,
+            modes: leading.len(),
+            values: last.r.len(),
+            rms_mm,
+            rms_left_out_mm,
+            share_mm: rms(&changes),
+            half_width_mm: own.map_or(f64::NAN, |of| of.residual_mm),
+            optimism: (rms_left_out_mm / rms(&rest)).max(1.0),
+            is_kept,
+        });
+        if !is_kept {
+            set(model, kind, None);
+        }
+    }
+    Ok(found)
+}
+
+fn set(model: &mut Model, kind: RegimeKind, difference: Option<FieldDifference>) {
+    let own = model.header.regimes.iter_mut().find(|regime| regime.kind == kind);
+    own.into_iter().for_each(|regime| regime.difference.clone_from(&difference));
+}
+
+/// The modes of the coordinates with the largest variance over the training states.
+fn leading(model: &Model, regime: &RegimeModel) -> Leading {
+    let is_coordinate = |field: &usize| {
+        let spec = model.header.fields.get(*field).map(|field| field.spec.kind);
+        matches!(spec, Some(FieldKind::Coordinate(_)))
+    };
+    let groups = regime.groups.iter().filter(|group| group.fields.iter().any(is_coordinate));
+    let mut all: Leading = groups
+        .flat_map(|group| {
+            let states = group.surrogate.centre_count().max(1) as f64;
+            let deviations = group.singular_values.iter().map(move |s| s / states.sqrt());
+            group.coefficients.clone().zip(deviations)
+        })
+        .filter(|(_, deviation)| *deviation > 0.0)
+        .collect();
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
+    all.truncate(MODES);
+    all
+}
+
+/// Measured values of a regime around the model with its present difference; `r` is that without it, to first order.
+fn rows(
+    model: &Model,
+    kind: RegimeKind,
+    leading: &Leading,
+    places: &[(usize, usize)],
+    observables: &Observables,
+    runs: &[MeasuredStates],
+) -> Result<Rows, MeasuredError> {
+    let refused = |error: rom::model::ModelError| ModelFileError::Header(error.to_string());
+    let evaluator = Evaluator::new(&model.header).map_err(refused)?;
+    let mut evaluation = evaluator.evaluation();
+    let mut found = Rows::default();
+    let Some(regime) = model.regime(kind) else { return Ok(found) };
+    let step = runs.iter().map(|run| run.states.len()).sum::<usize>().div_ceil(MAX_STATES).max(1);
+    let directions: Vec<Vec<f64>> = leading
+        .iter()
+        .map(|(at, deviation)| {
+            let mut direction = vec![0.0; regime.coefficient_count()];
+            direction[*at] = *deviation;
+            direction
+        })
+        .collect();
+    for (number, run) in runs.iter().enumerate() {
+        for row in (0..run.states.len()).step_by(step) {
+            let Some(inputs) = run.states[row] else { continue };
+            evaluator.evaluate(inputs, &mut evaluation);
+            if evaluation.regime != kind {
+                continue;
+            }
+            for (output, at) in places {
+                let value = run.outputs[*output][row];
+                let Some(shape) = observables.of_shape(*at, &evaluation) else { continue };
+                let along = |direction: &[f64]| {
+                    observables.along(*at, &evaluation, direction).map_or(0.0, |change| change / shape.reach)
+                };
+                let present = match evaluation.coefficient_difference() {
+                    [] => 0.0,
+                    difference => along(difference),
+                };
+                let r = (value - shape.value) / shape.reach + present;
+                if !r.is_finite() {
+                    continue;
+                }
+                let mut by = [0.0; MODES];
+                by.iter_mut().zip(&directions).for_each(|(by, direction)| *by = along(direction));
+                found.x.push(regime.inputs.scale(&inputs));
+                found.r.push(r);
+                found.by.push(by);
+                found.fold.push(fold(row, run.states.len()));
+                found.run.push(number);
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// Matrix, right side and number of rows of a part of the values.
+type System = (Vec<f64>, Vec<f64>, f64);
+
+impl Rows {
+    /// Centres with a part in each row.
+    fn terms(&self, centres: &[Point], length: f64) -> Vec<Vec<(usize, f64)>> {
+        let own =
+            |x: &Point| terms(centres, length, x).enumerate().filter(|(_, g)| *g > NEGLIGIBLE).collect();
+        self.x.iter().map(own).collect()
+    }
+
+    /// Normal equations by fold, with the ridge's scale in the number of rows.
+    fn systems(&self, terms: &[Vec<(usize, f64)>], centres: usize, modes: usize) -> Vec<System> {
+        let n = centres * modes;
+        let mut systems = vec![(vec![0.0; n * n], vec![0.0; n], 0.0); FOLDS];
+        for (at, own) in terms.iter().enumerate() {
+            let (matrix, right, weight) = &mut systems[self.fold[at]];
+            let by = &self.by[at][..modes];
+            *weight += by.iter().map(|b| b * b).sum::<f64>();
+            for ((k, g), (i, b)) in own.iter().flat_map(|k| by.iter().enumerate().map(move |i| (*k, i))) {
+                let value = g * b;
+                right[k * modes + i] += value * self.r[at];
+                let row = &mut matrix[(k * modes + i) * n..][..n];
+                for (l, h) in own {
+                    row[l * modes..][..modes].iter_mut().zip(by).for_each(|(to, c)| *to += value * h * c);
+                }
+            }
+        }
+        systems
+    }
+
+    /// Change of a value by these weights.
+    fn change(&self, at: usize, terms: &[(usize, f64)], u: &[f64], modes: usize) -> f64 {
+        let of = |(k, g): &(usize, f64)| {
+            g * u[k * modes..][..modes].iter().zip(&self.by[at]).map(|(u, by)| u * by).sum::<f64>()
+        };
+        terms.iter().map(of).sum()
+    }
+
+    fn left_out(
+        &self,
+        terms: &[Vec<(usize, f64)>],
+        systems: &[System],
+        modes: usize,
+        smoothing: f64,
+    ) -> Option<Vec<f64>> {
+        let mut errors = self.r.clone();
+        for part in 0..FOLDS {
+            let u = weights(systems, Some(part), smoothing)?;
+            for at in (0..errors.len()).filter(|at| self.fold[*at] == part) {
+                errors[at] -= self.change(at, &terms[at], &u, modes);
+            }
+        }
+        Some(errors)
+    }
+
+    fn choose(&self, centres: &[Point], modes: usize, dimensions: usize) -> Option<Choice> {
+        let mut best: Option<(f64, Choice)> = None;
+        for length in LENGTHS.map(|length| length * (dimensions as f64).sqrt()) {
+            let terms = self.terms(centres, length);
+            let systems = self.systems(&terms, centres.len(), modes);
+            for smoothing in SMOOTHINGS {
+                let Some(errors) = self.left_out(&terms, &systems, modes, smoothing) else { continue };
+                let square = mean(errors.iter().map(|e| e * e));
+                if best.as_ref().is_none_or(|(least, _)| square < *least) {
+                    best = Some((square, Choice { length, smoothing, errors }));
+                }
+            }
+        }
+        best.map(|(_, choice)| choice)
+    }
+}
+
+/// Weights from all parts but one.
+fn weights(systems: &[System], without: Option<usize>, smoothing: f64) -> Option<Vec<f64>> {
+    let mut right = vec![0.0; systems.first()?.1.len()];
+    let used = || systems.iter().enumerate().filter(|(part, _)| Some(*part) != without).map(|(_, of)| of);
+    used().for_each(|of| right.iter_mut().zip(&of.1).for_each(|(to, own)| *to += own));
+    let n = right.len();
+    let ridge = smoothing * used().map(|of| of.2).sum::<f64>().max(f64::MIN_POSITIVE);
+    let entry = |i: usize, j: usize| {
+        let sum: f64 = used().map(|of| of.0[i * n + j]).sum();
+        if i == j { sum + ridge } else { sum }
+    };
+    Dense::from_fn(n, entry).solve(&mut right, 1)?;
+    Some(right)
+}
