@@ -4,14 +4,14 @@
 #   scripts/check.sh view --screenshots DIR      instead: pictures in five sizes, light and dark, in every mode [--only MODE]
 #   scripts/check.sh view --film FILE.webp       instead: the README's moving picture, docs/images/view.webp
 #   scripts/check.sh view --rate                 instead: frames per second that the browser draws
-#   scripts/check.sh actuators                   three new actuators, each from `softtwin new` to a running twin
+#   scripts/check.sh actuators                   three new actuators, each from `softtwin new` to a running twin; a mesh of a CAD file
 #   scripts/check.sh exports                     every export read by meshio and numpy and compared with `softtwin predict`
 #   scripts/check.sh calculix [--finer-mm 3 1.5] a finger solved by `softtwin simulate` and by CalculiX
 #   scripts/check.sh batch                       config/batch: a small list of cases as a SLURM array and by Snakemake on two cores
 #   scripts/check.sh clients [pytest arguments]  the Python client against running twins
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run with a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
-#   scripts/check.sh prepare                     only the Python packages of exports, batch, clients and gateway
+#   scripts/check.sh prepare                     the Python packages of actuators, exports, batch, clients and gateway
 #   scripts/check.sh gateway [test arguments]    the network gateway: tests, a Zenoh client against a running twin
 #   scripts/check.sh ros2-peer                   the gateway's topics and services by hiroz, an independent implementation of ROS 2
 #   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation
@@ -62,6 +62,8 @@ clients_python() {
 
 batch_python() { python batch 'snakemake<10'; }
 
+gmsh_python() { python gmsh "gmsh==4.15.2" numpy; }
+
 gateway_python() { python gateway "eclipse-zenoh==1.10.2" numpy pytest rosbags; }
 
 prepare() {
@@ -69,6 +71,7 @@ prepare() {
     batch_python
     clients_python
     gateway_python
+    gmsh_python
 }
 
 view() {
@@ -83,6 +86,9 @@ actuators() {
     build
     # shellcheck disable=SC2046
     cargo test --locked --workspace $(network) --test own_actuator -- "$@"
+    gmsh_python # the mesh of a CAD file, with the real package
+    # shellcheck disable=SC2046
+    SOFTTWIN_GMSH_PYTHON=$PWD/$python cargo test --locked --workspace $(network) -p softtwin --test all -- step::
 }
 
 exports() {

@@ -10,6 +10,9 @@ import sys
 import gmsh
 import numpy as np
 
+# Growth of the element size per distance from a thin wall.
+GROWTH = 0.4
+
 
 def import_parts(path):
     """Bonded solids of the file: names of its parts, each with its volumes."""
@@ -101,20 +104,18 @@ def solid_behind(point):
 
 
 def refine(size, through):
-    """Elements of at most `size`, at thin walls of the thickness over `through`, at least 10 % of the size."""
+    """Elements of at most `size`; at thin walls, of the thickness over `through`, at least 10 % of the size, growing away from them."""
     gmsh.option.setNumber("Mesh.MeshSizeMax", size)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 12)
     gmsh.model.mesh.generate(2)
     middle, wall = thicknesses()
-    wanted = np.clip(wall / through, 0.1 * size, size)
     gmsh.model.mesh.clear()
-    view = gmsh.view.add("size")
-    gmsh.view.addListData(view, "SP", len(middle), np.column_stack([middle, wanted]).ravel())
-    if (wanted < size).any():
-        field = gmsh.model.mesh.field.add("PostView")
-        gmsh.model.mesh.field.setNumber(field, "ViewTag", view)
-        gmsh.model.mesh.field.setNumber(field, "UseClosest", 1)
-        gmsh.model.mesh.field.setAsBackgroundMesh(field)
+    wanted = np.maximum(wall / through, 0.1 * size)
+    thin = wanted < size
+    if thin.any():
+        places, wanted = middle[thin], wanted[thin]
+        growing = lambda x: float((wanted + GROWTH * np.linalg.norm(places - x, axis=1)).min())
+        gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, own: min(own, growing((x, y, z))))
     return float(wall.min()) if np.isfinite(wall.min()) else None
 
 

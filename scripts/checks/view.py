@@ -305,6 +305,27 @@ def what_if_has_a_slider_for_every_input_and_numbers_show_the_parameters(stage, 
 
 
 @check
+def cavities_have_their_colours_and_a_legend_with_their_pressures(stage, program):
+    cases, database, model = (f"{stage.folder.name}/{name}" for name in ("cases.csv", "two", "two.twin"))
+    rows = "".join(f"s{a}{b},free,train,{a},,{b}\n" for a in (0, 0.03) for b in (0, 0.03))
+    pathlib.Path(cases).write_text(f"case,regime,split,pressure_mpa,gap_mm,pressure_mpa.lower\n{rows}")
+    made = stage.run("softtwin", "simulate", "--actuator", "models/shapes/two-chambers/actuator.toml", "--cases", cases, "--out", database, seconds=300)
+    assert made.returncode == stage.run("softtwin", "train", "--database", database, "--out", model).returncode == 0, made.stderr
+    view, url = stage.view("--model", model)
+    page = Page(program, url)
+    wait(lambda: page.run("softtwin.state.models.size > 0"), "the model")
+    page.click("whatif-toggle")
+    page.slide("input-pressure", 0.02)
+    page.choose("field", "cavities")
+    legend = lambda: page.run("[...document.querySelectorAll('.cavity')].map((entry) => entry.textContent.trim()).join('|')")
+    wait(lambda: legend() == "cavity 20.0 kPa|cavity.lower 0.0 kPa", "the legend")
+    assert page.run("(([upper, lower]) => Math.min(...upper) > Math.min(...lower) + 4)(softtwin.chosen().cavities.map(({ walls }) => walls.positions.filter((_, k) => k % 3 === 1)))")
+    assert not page.browser.complaints(), page.browser.complaints()
+    page.browser.close()
+    stage.end(view)
+
+
+@check
 def the_pictures_of_a_comparison_and_the_curves_of_a_measured_model_are_on_a_page(stage, program):
     folder = pathlib.Path(stage.folder.name)
     rows = [(0.1 * k, 30 - 30 * math.cos(0.2 * k)) for k in range(300)]

@@ -1,9 +1,10 @@
 //! `softtwin-studies hardware`: the finite elements against a measured bending block.
 //!
 //! Elastomer and pressure scale together without weight, so one calibrated constant `s` (stiffness over that of the tests) turns the
-//! computed angle `a(p)` into `a(p / s)`; the interval of the fit is that of `s`.
+//! computed angle `a(p)` into `a(p / s)`; the interval of the fit is that of `s`. That of the mounting has one path per variation: the weight
+//! in three directions, and the length between clamp and first chamber; the largest deviations of both kinds are added in squares.
 
-use fem::actuator::Actuator;
+use fem::actuator::{Actuator, Setting};
 use fem::material::MaterialFile;
 use fem::{PathSettings, Problem, Solver};
 use softtwin::failure::usage;
@@ -26,6 +27,12 @@ const ALL_MPA: f64 = 0.0451;
 const WINDOW_MPA: f64 = 0.0001;
 /// Pressures of the table (MPa).
 const TABLE_MPA: [f64; 10] = [0.014, 0.018, 0.022, 0.026, 0.030, 0.032, 0.034, 0.036, 0.040, 0.045];
+/// Weight along each of these directions (mm/s2), and change of the length between clamp and first chamber (mm): not stated.
+const WEIGHTS_MM_S2: [[f64; 3]; 3] = [[0.0, -9810.0, 0.0], [0.0, 9810.0, 0.0], [9810.0, 0.0, 0.0]];
+const CLAMP_MM: [f64; 2] = [-1.0, 1.0];
+/// Gaps between tip and load cell at rest (mm), not stated; largest pressure of a computed force (MPa).
+const CLEARANCES_MM: [f64; 3] = [0.1, 1.0, 3.0];
+const FORCE_MPA: f64 = 0.0341;
 /// Range and steps of the calibrated constant.
 const SCALES: [f64; 2] = [0.6, 1.6];
 const SCALE_STEPS: usize = 2000;
@@ -34,7 +41,7 @@ const SCALE_STEPS: usize = 2000;
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Folder with `c5_w7_angle.csv`: pressure (MPa), angle (degrees).
+    /// Folder with `c5_w7_angle.csv`: pressure (MPa), angle (degrees); `c5_w7_force.csv`: time (s), force (N), pressure (MPa).
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
     /// Laws fitted to the batch's tests.
@@ -75,20 +82,24 @@ impl Args {
         let measured = measured(&self.data.join("c5_w7_angle.csv"))?;
         let range = measured.iter().map(|point| point.1).fold(0.0, f64::max);
         output!("measured: {} readings, {range:.1} degrees at the end", measured.len())?;
+        let forces = forces(&self.data.join("c5_w7_force.csv"))?;
         let mut series = vec![series("measured", 0, Mark::Dots, &measured)];
         for (place, file) in self.material.iter().enumerate() {
             let material = MaterialFile::read(file).map_err(refusal)?;
-            let (curve, ended) = self.path(&self.actuator, &material)?;
+            let block = actuator(&self.actuator, &material)?;
+            let (curve, ended) = self.path(&block)?;
+            let mounting = self.mounting(&block)?;
             let limit = curve.iter().map(|point| point.0).fold(0.0, f64::max);
             output!("\n{}: {}", file.display(), material.summary())?;
             output!("largest pressure {:.2} kPa; the path ends {ended}", 1e3 * limit)?;
             let best = calibrated(&curve, &measured, BELOW_MPA);
             output!(
-                "{:>6} {:>9} {:>9} {:>19} {:>9}",
+                "{:>6} {:>9} {:>9} {:>19} {:>19} {:>9}",
                 "kPa",
                 "measured",
                 "computed",
-                "interval",
+                "interval of fit",
+                "of mounting",
                 "calibrated"
             )?;
             for mpa in TABLE_MPA {
@@ -98,10 +109,11 @@ impl Args {
                 };
                 let interval = [1.0 + self.interval, 1.0 - self.interval].map(cell);
                 output!(
-                    "{:>6.1} {truth:>9.2} {:>9} {:>19} {:>9}",
+                    "{:>6.1} {truth:>9.2} {:>9} {:>19} {:>19} {:>9}",
                     1e3 * mpa,
                     cell(1.0),
                     interval.join(" to "),
+                    mounted(&curve, &mounting, mpa),
                     cell(best)
                 )?;
             }
@@ -122,12 +134,13 @@ impl Args {
                 });
                 output!("{label} (stiffness x {scale:.3}): {}", errors.join(", "))?;
             }
+            self.blocked(&block, &forces)?;
             let name = file.file_stem().map_or(String::new(), |name| name.to_string_lossy().into_owned());
             series.push(self::series(&name, 2 * place + 1, Mark::Line, &curve));
             let scaled: Curve = curve.iter().map(|(mpa, angle)| (best * mpa, *angle)).collect();
             series.push(self::series(&format!("{name}, calibrated"), 2 * place + 2, Mark::Line, &scaled));
             for sister in &self.sister {
-                let (curve, ended) = self.path(sister, &material)?;
+                let (curve, ended) = self.path(&actuator(sister, &material)?)?;
                 output!("{}: the path ends {ended}", sister.display())?;
                 output!("{:>6} {:>9} {:>19} {:>9}", "kPa", "computed", "interval", "calibrated")?;
                 for mpa in TABLE_MPA {
@@ -151,12 +164,8 @@ impl Args {
     }
 
     /// Angle along the path of rising volume, 0 at [`ZERO_MPA`], and where it ends.
-    fn path(&self, file: &Path, material: &MaterialFile) -> anyhow::Result<(Curve, String)> {
-        let mut actuator = Actuator::read(file).map_err(refusal)?;
-        let bulk_mpa = actuator.elastomer.bulk_mpa;
-        actuator.elastomer = fem::material::Elastomer { bulk_mpa, ..material.elastomer };
-        let mesh = actuator.grid_mesh(self.size_mm, 1).map_err(|list| usage(format!("{list:?}")))?;
-        let problem = Arc::new(Problem::new(mesh, actuator.problem_config())?);
+    fn path(&self, actuator: &Actuator) -> anyhow::Result<(Curve, String)> {
+        let problem = self.problem(actuator)?;
         let shape = actuator.shape().ok_or_else(|| usage("--actuator: expected an actuator of boxes"))?;
         let place = |x: f64| nearest(&problem.mesh().nodes_mm, [x, 0.0, 0.0]);
         let (start, tip) = (place(0.0), place(shape.base.length_mm));
@@ -177,6 +186,87 @@ impl Args {
         let why = path.ended.map_or_else(|| "at the wanted volume".into(), |reason| reason.to_string());
         Ok((curve, format!("at {:.2} kPa, {:.1} degrees: {why}", 1e3 * last.0, last.1)))
     }
+
+    fn problem(&self, actuator: &Actuator) -> anyhow::Result<Arc<Problem>> {
+        let mesh = actuator.grid_mesh(self.size_mm, 1).map_err(|list| usage(format!("{list:?}")))?;
+        Ok(Arc::new(Problem::new(mesh, actuator.problem_config())?))
+    }
+
+    /// Paths of other weights, and of other lengths at the clamp.
+    fn mounting(&self, block: &Actuator) -> anyhow::Result<[Vec<Curve>; 2]> {
+        let path = |settings: &[Setting]| -> anyhow::Result<Curve> {
+            let varied = block.with(settings).map_err(|list| usage(format!("{list:?}")))?;
+            Ok(self.path(&varied)?.0)
+        };
+        let weight = |g: [f64; 3]| [0, 1, 2].map(|k| (format!("loads.gravity_mm_s2.{k}"), g[k]));
+        let clamp = |change_mm: f64| -> anyhow::Result<Vec<Setting>> {
+            let names = ["chambers.first_mm", "body.length_mm", "base.length_mm"];
+            let value = |name: &str| block.quantity(name).map_err(|error| usage(error.to_string()));
+            names.into_iter().map(|name| Ok((name.to_owned(), value(name)? + change_mm))).collect()
+        };
+        Ok([
+            WEIGHTS_MM_S2.into_iter().map(|g| path(&weight(g))).collect::<anyhow::Result<_>>()?,
+            CLAMP_MM.into_iter().map(|change_mm| path(&clamp(change_mm)?)).collect::<anyhow::Result<_>>()?,
+        ])
+    }
+
+    /// Prints the force on a plate below the tip at the pressures of the measured plateaus, for each clearance.
+    fn blocked(&self, block: &Actuator, measured: &[(f64, f64)]) -> anyhow::Result<()> {
+        let mut solver = Solver::new(self.problem(block)?)?;
+        let (rest, _) = solver.gravity_equilibrium(block.loads.gravity_mm_s2)?;
+        let mut states = CLEARANCES_MM.map(|gap_mm| (gap_mm, rest.clone()));
+        output!("blocked force (N), computed at gaps of {CLEARANCES_MM:?} mm")?;
+        for (mpa, truth) in measured.iter().filter(|plateau| plateau.0 <= FORCE_MPA) {
+            let mut row = format!("{:>6.1} {truth:>9.3}", 1e3 * mpa);
+            for (gap_mm, state) in &mut states {
+                (*state, _) = solver.solve_to(state, &block.load(*mpa, Some(*gap_mm)))?;
+                row += &format!(" {:>9.3}", solver.output(state).contact_force_n);
+            }
+            output!("{row}")?;
+        }
+        Ok(())
+    }
+}
+
+/// The actuator with the material's law and its bulk modulus unchanged.
+fn actuator(file: &Path, material: &MaterialFile) -> anyhow::Result<Actuator> {
+    let mut actuator = Actuator::read(file).map_err(refusal)?;
+    let bulk_mpa = actuator.elastomer.bulk_mpa;
+    actuator.elastomer = fem::material::Elastomer { bulk_mpa, ..material.elastomer };
+    Ok(actuator)
+}
+
+/// Interval of the angle at a pressure from the mounting.
+fn mounted(curve: &Curve, kinds: &[Vec<Curve>; 2], mpa: f64) -> String {
+    let Some(middle) = angle(curve, mpa) else { return cell(None) };
+    let deviation = |paths: &Vec<Curve>| {
+        let angles =
+            paths.iter().map(|path| angle(path, mpa).map_or(f64::NAN, |angle| (angle - middle).abs()));
+        angles.fold(0.0, |largest: f64, off| if off.is_nan() { off } else { largest.max(off) })
+    };
+    let half = kinds.iter().map(|paths| deviation(paths).powi(2)).sum::<f64>().sqrt();
+    let end = |at: f64| cell(at.is_finite().then_some(at));
+    format!("{} to {}", end(middle - half), end(middle + half))
+}
+
+/// Pressure (MPa) and mean force (N) of each plateau minus the mean force between the plateaus; rising.
+fn forces(path: &Path) -> anyhow::Result<Vec<(f64, f64)>> {
+    let text = formats::file::read_text(path, formats::file::MAX_TEXT_BYTES).map_err(refusal)?;
+    let row = |line: &str| -> Option<(f64, f64)> {
+        let mut cells = line.split(',').skip(1).map(|cell| cell.trim().parse::<f64>().ok());
+        let force_n = cells.next()??;
+        Some((cells.next()??, force_n))
+    };
+    let mut rows: Vec<(f64, f64)> = text.lines().filter_map(row).collect();
+    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let groups = rows.chunk_by(|a, b| a.0 == b.0);
+    let means: Vec<(f64, f64)> = groups
+        .map(|group| (group[0].0, group.iter().map(|row| row.1).sum::<f64>() / group.len() as f64))
+        .collect();
+    let Some((zero, plateaus)) = means.split_first().filter(|(zero, _)| zero.0 == 0.0) else {
+        anyhow::bail!("{}: expected rows of time, force, pressure, some at pressure 0", path.display())
+    };
+    Ok(plateaus.iter().map(|(mpa, force_n)| (*mpa, force_n - zero.1)).collect())
 }
 
 fn series(name: &str, colour: usize, mark: Mark, curve: &Curve) -> Series {

@@ -146,6 +146,10 @@ pub struct Load {
     /// Injected volume: that of the cavity minus that of the undeformed one (mm3). If given, the pressure is a result.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub injected_mm3: Option<f64>,
+    /// Volume of the supply that the cavity is connected to (mm3). If given, `injected_mm3` is that of gas at atmospheric pressure, added
+    /// to cavity and supply; see [`crate::gas`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dead_mm3: Option<f64>,
     /// Obstacle below the base.
     pub obstacle: Obstacle,
     /// Gravitational acceleration (mm/s2).

@@ -10,6 +10,7 @@ mod dynamics;
 mod element;
 mod energy;
 mod family;
+pub mod gas;
 mod linear;
 mod mass;
 pub mod material;

@@ -14,6 +14,7 @@ use crate::config::Load;
 use crate::element::membrane::{self, Plane};
 use crate::element::tet10::Invalid;
 use crate::family::VariantError;
+use crate::gas::ATMOSPHERE_MPA;
 use crate::linear::LinearError;
 use crate::output::{MAX_RESIDUAL, balance};
 use crate::problem::Problem;
@@ -146,6 +147,8 @@ const TURNING_WITHIN_MM: f64 = 0.1;
 pub(crate) enum Closure {
     /// The cavity has that volume (mm3).
     Volume(f64),
+    /// Cavity and supply have that amount of gas ([`crate::gas`]).
+    Gas { amount_mm3: f64, dead_mm3: f64 },
     /// Corrections are normal to a direction of the unknowns.
     Normal(Vec<f64>),
 }
@@ -400,11 +403,21 @@ impl Newton {
         self.increment.cavity_mpa = 0.0;
         if let Some(closure) = self.closure.clone() {
             let [by, gradient] = self.by_pressure(state);
-            let (row, wanted) = match &closure {
-                Closure::Volume(target_mm3) => (&gradient, target_mm3 - self.system.cavity_volumes_mm3[0]),
-                Closure::Normal(direction) => (direction, 0.0),
+            let volume_mm3 = self.system.cavity_volumes_mm3[0];
+            let (row, wanted, by_pressure) = match &closure {
+                Closure::Volume(target_mm3) => (&gradient, target_mm3 - volume_mm3, 0.0),
+                Closure::Gas { amount_mm3, dead_mm3 } => {
+                    let absolute_mpa = state.load.pressure_mpa + ATMOSPHERE_MPA;
+                    let space_mm3 = volume_mm3 + dead_mm3;
+                    (
+                        &gradient,
+                        ATMOSPHERE_MPA * amount_mm3 / absolute_mpa - space_mm3,
+                        space_mm3 / absolute_mpa,
+                    )
+                }
+                Closure::Normal(direction) => (direction, 0.0, 0.0),
             };
-            let cavity_mpa = (wanted - product(row, &self.rhs)) / product(row, &by);
+            let cavity_mpa = (wanted - product(row, &self.rhs)) / (product(row, &by) + by_pressure);
             if !cavity_mpa.is_finite() {
                 return Err(LinearError::Singular.into());
             }

@@ -134,6 +134,8 @@ const HALVINGS: usize = 60;
 const SEARCH_STEPS: usize = 16;
 const BEYOND_STEPS: usize = 24;
 const SEARCH_STEP: f64 = 0.25;
+/// States solved near the one behind a limit that has its pressure.
+const REFINEMENTS: usize = 2;
 
 /// Direction of the path at an equilibrium, with the length of a step per MPa.
 struct Tangent {
@@ -199,6 +201,13 @@ impl Solver {
             notify(&last);
             path.points.push(last);
         }
+        for k in 0..limits(&path.points).len() {
+            if let Some(limit) = limits(&path.points).get(k).filter(|limit| limit.next_injected_mm3.is_some())
+            {
+                let is_behind = limit.kind == LimitKind::PressureMaximum;
+                self.refine(&mut path.points, (limit.after, is_behind), limit.pressure_mpa, &mut effort);
+            }
+        }
         path.report.factorisations += effort.factorisations;
         path.report.seconds = began.elapsed().as_secs_f64();
         Ok(path)
@@ -243,13 +252,39 @@ impl Solver {
             .into_iter()
             .find(|limit| matches!(limit.kind, LimitKind::PressureMaximum | LimitKind::PressureMinimum))?;
         let Limit { pressure_mpa, injected_mm3, after, .. } = limit;
-        let mut beyond = path.points[after + 1..].windows(2);
         Some(NewtonError::Limit {
             pressure_mpa,
             injected_mm3,
-            next_injected_mm3: beyond.find_map(|pair| crossing(pair, pressure_mpa)),
+            next_injected_mm3: self.refine(&mut path.points, (after, true), pressure_mpa, effort),
             searched_mm3: path.points.last().map_or(injected_mm3, |point| point.injected_mm3),
         })
+    }
+
+    /// Adds states where the cubics of a path have the pressure of a limit again: behind the point `after`, or before it. Returns the
+    /// injected volume of the first one that is stable.
+    fn refine(
+        &mut self,
+        points: &mut Vec<PathPoint>,
+        (mut after, is_behind): (usize, bool),
+        pressure_mpa: f64,
+        effort: &mut Effort,
+    ) -> Option<f64> {
+        let found = |points: &[PathPoint], after: usize| {
+            let at = |at: usize| Some((at, crossing(points.get(at..at + 2)?, pressure_mpa)?));
+            if is_behind { (after + 1..points.len()).find_map(at) } else { (0..after).rev().find_map(at) }
+        };
+        for _ in 0..REFINEMENTS {
+            let (at, injected_mm3) = found(points, after)?;
+            let state = points[at].state.clone();
+            let up = (injected_mm3 - points[at].injected_mm3).signum();
+            let load = Load { injected_mm3: Some(injected_mm3), ..state.load };
+            let Ok((state, report)) = self.solve_to(&state, &load) else { break };
+            effort.factorisations += report.factorisations;
+            let Ok((point, _)) = self.first(&state, up, effort) else { break };
+            points.insert(at + 1, point);
+            after += usize::from(!is_behind);
+        }
+        found(points, after).map(|(_, injected_mm3)| injected_mm3)
     }
 
     /// Steps along a path until a point has passed its end, which is returned and not recorded. A path that ends before says why.

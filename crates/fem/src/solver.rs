@@ -9,6 +9,7 @@ use crate::algebra::{Vec3, norm, sub};
 use crate::config::{Load, pressures_mpa};
 use crate::contact::obstacle::Obstacle;
 use crate::family::VariantError;
+use crate::gas::amount_mm3;
 use crate::linear::LinearError;
 use crate::newton::{Closure, Effort, Newton, NewtonError};
 use crate::output::{self, MAX_RESIDUAL, Output};
@@ -334,6 +335,9 @@ impl Solver {
             return Err(SolveError::ForeignState { found, expected });
         }
         let invalid = |name, found, expected| Err(SolveError::Load { name, found, expected });
+        if let Some(dead_mm3) = load.dead_mm3.filter(|dead_mm3| !(dead_mm3.is_finite() && *dead_mm3 >= 0.0)) {
+            return invalid("dead_mm3", dead_mm3, "a finite number, 0 or more");
+        }
         if let Some(injected_mm3) = load.injected_mm3 {
             if !injected_mm3.is_finite() {
                 return invalid("volume_mm3", injected_mm3, "a finite number");
@@ -402,9 +406,26 @@ impl Solver {
 
     /// Sets the equation of the pressure for these loads, which it returns.
     fn targeted(&mut self, load: Load) -> Load {
-        let volume_mm3 = |injected_mm3| self.problem.undeformed_volume_mm3() + injected_mm3;
-        self.newton.closure = load.injected_mm3.map(volume_mm3).map(Closure::Volume);
+        let closure = |injected_mm3| {
+            let volume_mm3 = self.problem.undeformed_volume_mm3() + injected_mm3;
+            load.dead_mm3.map_or(Closure::Volume(volume_mm3), |dead_mm3| Closure::Gas {
+                amount_mm3: volume_mm3 + dead_mm3,
+                dead_mm3,
+            })
+        };
+        self.newton.closure = load.injected_mm3.map(closure);
         load
+    }
+
+    /// Volume, or gas, that is given in these loads, at a state (mm3).
+    fn driven_mm3(&self, state: &State, load: &Load) -> f64 {
+        let injected_mm3 = self.injected_mm3(state);
+        let undeformed_mm3 = self.problem.undeformed_volume_mm3();
+        load.dead_mm3.map_or(injected_mm3, |dead_mm3| {
+            amount_mm3(state.load.pressure_mpa, undeformed_mm3 + injected_mm3, dead_mm3)
+                - undeformed_mm3
+                - dead_mm3
+        })
     }
 
     /// Volume of the cavity minus that of the undeformed one (mm3).
@@ -424,7 +445,7 @@ impl Solver {
     ) -> Result<(State, Report), SolveError> {
         let began = Instant::now();
         let mut state = from.clone();
-        state.load.injected_mm3 = to.injected_mm3.map(|_| self.injected_mm3(from));
+        state.load.injected_mm3 = to.injected_mm3.map(|_| self.driven_mm3(from, to));
         let begin = state.load;
         let mut report = Report::default();
         let (mut done, mut step) = (0.0_f64, first_step);
@@ -527,6 +548,7 @@ fn between(from: &Load, to: &Load, fraction: f64) -> Load {
     Load {
         pressure_mpa: mix(from.pressure_mpa, to.pressure_mpa),
         injected_mm3: from.injected_mm3.zip(to.injected_mm3).map(|(a, b)| mix(a, b)),
+        dead_mm3: to.dead_mm3,
         obstacle,
         gravity_mm_s2: std::array::from_fn(|i| mix(from.gravity_mm_s2[i], to.gravity_mm_s2[i])),
         cavities_change_mpa: std::array::from_fn(|i| {

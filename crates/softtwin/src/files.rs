@@ -51,6 +51,14 @@ pub fn family(path: &Path) -> anyhow::Result<Family> {
     Ok(Family { actuator, problem })
 }
 
+/// The same on another mesh of the actuator.
+pub fn family_on(path: &Path, mesh: &Path) -> anyhow::Result<Family> {
+    let mut actuator = Actuator::read(path).map_err(refusal)?;
+    (actuator.mesh.file, actuator.mesh.nodes) = (std::path::absolute(mesh)?, 0);
+    let problem = Problem::new(actuator.read_mesh(path).map_err(refusal)?, actuator.problem_config());
+    Ok(Family { problem: Arc::new(problem.map_err(configuration)?), actuator })
+}
+
 /// Invalid content is a configuration error; an I/O error is not.
 pub fn refusal(error: FormatError) -> anyhow::Error {
     match error {

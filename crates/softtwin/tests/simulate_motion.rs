@@ -20,8 +20,7 @@ fn killed_motion_continues_with_the_same_series() {
     };
     let whole = place.run(&line("whole")).json();
     let series = place.read("whole/series.csv");
-    let heading =
-        "t_s,pressure_mpa,gap_mm,lowest_y_mm,tip_x_mm,tip_y_mm,contact_force_n,max_stress_mpa,tip_z_mm";
+    let heading = "t_s,pressure_mpa,gap_mm,lowest_y_mm,tip_x_mm,tip_y_mm,contact_force_n,max_stress_mpa,tip_z_mm,volume_mm3";
     assert_eq!(series.lines().next(), Some(heading));
     assert_eq!((whole["instants"].as_u64(), series.lines().count()), (Some(61), 62));
     assert_eq!(place.read("whole/energy.csv").lines().count(), 62);
@@ -66,6 +65,8 @@ fn invalid_traces_and_constants_of_motion_are_refused() {
     let plain = "t_s,pressure_mpa\n0,0.02\n0.1,0.02\n";
     refused("t_s,pressure_mpa\n0,0.02\n-0.1,0.02\n", "", 78, "after the row before");
     refused("t_s,pressure_mpa\n0,0.02\n0.1,20\n", "", 78, "0 to 10 MPa");
+    // No equilibrium to begin from: the message names the limit of pressure.
+    refused("t_s,pressure_mpa\n0,9\n0.1,9\n", "", 1, "the start of the motion");
     refused("t_s,pressure\n0,0.02\n0.1,0.02\n", "", 78, "pressure_mpa");
     refused(plain, "--step-ms -1", 2, "0.001 to 100");
     refused(plain, "--step-ms 100", 78, "lowest frequency");

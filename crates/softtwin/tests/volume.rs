@@ -33,6 +33,15 @@ fn list_of_volumes_gives_the_states_of_the_pressures_found() {
     let given = format!("simulate --actuator a.toml --pressure-mpa {}", pressures[3]);
     let volume = place.run(&given).json()["volume_mm3"].as_f64().unwrap();
     assert!((volume - 900.0).abs() < 1.0e-3, "{volume}");
+    // Gas in cavity and supply: Boyle's law gives the state of the volume found.
+    let gas = place.run("simulate --actuator a.toml --gas-mg 2 --dead-volume-mm3 5000").json();
+    let [mpa, injected, cavity] =
+        ["pressure_mpa", "volume_mm3", "cavity_volume_mm3"].map(|key| gas[key].as_f64().unwrap());
+    let (air_j, space) = (2.0 * 287.05e-6 * 293.15, 0.101325 * (cavity - injected + 5000.0));
+    assert!(((mpa + 0.101325) * (cavity + 5000.0) / (space + 1e3 * air_j) - 1.0).abs() < 1e-6, "{gas}");
+    let given = place.run(&format!("simulate --actuator a.toml --volume-mm3 {injected}")).json();
+    assert!((given["pressure_mpa"].as_f64().unwrap() / mpa - 1.0).abs() < 1e-5, "{gas} {given}");
+    place.run("simulate --actuator a.toml --gas-mg 2").refused(2, "--dead-volume-mm3");
     // What was solved is found again.
     let again = place.run("simulate --actuator a.toml --cases cases.csv --out db --json").json();
     assert_eq!(again["reused"].as_u64(), Some(5), "{again}");
@@ -57,7 +66,7 @@ fn path_through_a_limit_of_pressure_is_a_table_and_a_picture() {
     assert!(place.at("path/path.png").exists());
     // A model over the volume has the pressure among its fields, behind the limit too.
     let row = |split: &str, volume: i32| format!("{split}{volume},free,{split},{volume},\n");
-    let train: String = (0..12).map(|k| row("train", 450 * k)).collect();
+    let train: String = (0..13).map(|k| row("train", 450 * k)).collect();
     let check: String = [700, 2900, 4600].map(|volume| row("check", volume)).concat();
     place.put("cases.csv", &format!("case,regime,split,volume_mm3,gap_mm\n{train}{check}"));
     place.run("simulate --actuator a.toml --cases cases.csv --out db --json").json();
@@ -67,7 +76,7 @@ fn path_through_a_limit_of_pressure_is_a_table_and_a_picture() {
         table.lines().nth(line).unwrap().split(',').nth(at).unwrap().parse().unwrap()
     };
     let solved = place.read("db/cases.csv");
-    for (line, volume) in [(13, 700), (14, 2900), (15, 4600)] {
+    for (line, volume) in [(14, 700), (15, 2900), (16, 4600)] {
         let answer =
             place.run(&format!("predict --model m.twin --set volume_mm3={volume} --out s.csv")).json();
         let predicted = cell(&place.read("s.csv"), 1, "pressure_mpa");
@@ -81,6 +90,28 @@ fn path_through_a_limit_of_pressure_is_a_table_and_a_picture() {
         let along = cell(&place.read("series.csv"), 1, "pressure_mpa");
         assert!((along / predicted - 1.0).abs() < 1.0e-6, "{along} {predicted}");
     }
+    // Along a trace of pressures the volume is the result; beyond the limit there is no state in this model.
+    let mpa = 0.5 * limit_mpa;
+    place.put("t.csv", &format!("t_s,pressure_mpa\n0,{mpa}\n1,{}\n", 1.1 * limit_mpa));
+    let report = place.run("predict --model m.twin --trace t.csv --step-ms 1000 --out series.csv").json();
+    assert_eq!(
+        (&report["limits_passed"], &report["outside_training_range"]),
+        (&1.into(), &1.into()),
+        "{report}"
+    );
+    let volume = cell(&place.read("series.csv"), 1, "volume_mm3");
+    let answer = place.run(&format!("predict --model m.twin --set volume_mm3={volume}")).json();
+    assert!((answer["pressure_mpa"].as_f64().unwrap() / mpa - 1.0).abs() < 1.0e-5, "{answer}");
+    assert_eq!(cell(&place.read("series.csv"), 1, "pressure_mpa"), mpa);
+    assert!(
+        (cell(&place.read("series.csv"), 2, "volume_mm3") / limits[0]["volume_mm3"].as_f64().unwrap() - 1.0)
+            .abs()
+            < 0.05
+    );
+    place.put("t.csv", "t_s,gap_mm\n0,\n1,\n");
+    place
+        .run("predict --model m.twin --trace t.csv --out series.csv")
+        .refused(78, "`volume_mm3` or `pressure_mpa`");
     // The same limit at given pressure, named.
     let beyond = format!("simulate --actuator a.toml --pressure-mpa {}", 1.2 * limit_mpa);
     place.run(&beyond).refused(1, &format!("limit of {limit_mpa:.6}"));

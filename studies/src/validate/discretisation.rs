@@ -5,8 +5,8 @@
 use super::book::Book;
 use fem::{Load, Locator, Output, Problem, Report, Solver, State};
 use serde::Serialize;
-use softtwin::failure::{configuration, usage};
-use softtwin::files::{self, refusal};
+use softtwin::failure::usage;
+use softtwin::files;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -75,11 +75,8 @@ pub fn run(path: &Path, finer: &Path, book: &mut Book) -> anyhow::Result<()> {
             finer.display()
         )));
     }
-    let (mut actuator, problem) = files::actuator(path)?;
-    (actuator.mesh.file, actuator.mesh.nodes) = (std::path::absolute(finer)?, 0);
-    let mesh = actuator.read_mesh(path).map_err(refusal)?;
-    let fine = Problem::new(mesh, actuator.problem_config()).map_err(configuration)?;
-    let (mut coarse, mut fine) = (Body::new(problem)?, Body::new(Arc::new(fine))?);
+    let (actuator, problem) = files::actuator(path)?;
+    let (mut coarse, mut fine) = (Body::new(problem)?, Body::new(files::family_on(path, finer)?.problem)?);
     let [a, b] = [coarse.sizes(), fine.sizes()];
     book.remark(&format!(
         "\nwhole actuator, {} nodes and {} elements against {} and {}: {:.2} times in each direction",

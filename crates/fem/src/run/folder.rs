@@ -11,7 +11,7 @@ use formats::database::{self, Input, Manifest};
 use formats::packed::{self, Snapshots, Stored};
 use formats::table::to_text;
 use formats::{Diagnostic, FormatError, file, npy, vtu};
-use rom::snapshots::{FieldKind, FieldSpec};
+use rom::snapshots::{FieldKind, FieldSpec, NodeSet};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -66,6 +66,7 @@ pub fn write(
     );
     let manifest = Manifest::new(&family.actuator.name, mesh.nodes_mm.len(), &fields(cases));
     let mut manifest = Manifest { mesh: Some("mesh.vtu".into()), solver: Some(solver), ..manifest };
+    manifest.node_set = cavities(family);
     if by_volume(cases) {
         manifest.pressure_as_result(Input { name: VOLUME.into(), unit: "mm3".into(), nominal: Some(0.0) });
     }
@@ -85,6 +86,21 @@ pub fn write(
         manifest.sensitivity_fields = Some(derivatives::FIELDS.map(str::to_owned).to_vec());
     }
     manifest.write(&dir.join(DESCRIPTION))
+}
+
+/// Nodes of each cavity, by its name, if there are several.
+fn cavities(family: &Family) -> Vec<NodeSet> {
+    let mesh = family.problem.mesh();
+    let further = family.actuator.pressure_mpa.keys().zip(&mesh.cavities);
+    let further = further.map(|(name, walls)| (format!("cavity.{name}"), walls));
+    let all = std::iter::once(("cavity".to_owned(), &mesh.cavity)).chain(further);
+    let set = |(name, walls): (String, &Vec<[u32; 6]>)| {
+        let mut nodes = walls.as_flattened().to_vec();
+        nodes.sort_unstable();
+        nodes.dedup();
+        NodeSet { name, nodes }
+    };
+    if mesh.cavities.is_empty() { Vec::new() } else { all.map(set).collect() }
 }
 
 /// Writes the derivatives of all states, each row rounded to a fraction of its largest value, and the table of their cases and

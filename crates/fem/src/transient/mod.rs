@@ -314,6 +314,7 @@ impl Transient {
             contact_force_n: motion.contact_force_n,
             max_stress_mpa: self.von_mises_mpa().into_iter().fold(0.0, f64::max),
             tip_z_mm: tip[2],
+            volume_mm3: motion.cavity_volumes_mm3[0] - problem.undeformed_volume_mm3(),
             energy,
         })
     }

@@ -77,6 +77,8 @@ pub struct Figures {
     pub max_stress_mpa: f64,
     /// z of the tip (mm).
     pub tip_z_mm: f64,
+    /// Volume of the cavity minus that of the undeformed one (mm3).
+    pub volume_mm3: f64,
     /// Energies since the start.
     pub energy: Energy,
 }

@@ -2,6 +2,7 @@
 
 use super::motion::{Energy, Figures, StepSettings};
 use super::trace::{Trace, TraceRow};
+use crate::cases::VOLUME;
 use crate::dynamics::Dynamics;
 use crate::problem::Problem;
 use crate::run::fingerprint;
@@ -11,10 +12,12 @@ use formats::{FormatError, file};
 use std::path::Path;
 
 /// First bytes of a checkpoint.
-const MAGIC: [u8; 8] = *b"STWNDYN3";
+const MAGIC: [u8; 8] = *b"STWNDYN4";
 const HASH: usize = 32;
+/// Leading numbers of a record that are in the series.
+const SERIES: usize = SERIES_COLUMNS.len() + 1;
 /// Numbers of a record.
-const NUMBERS: usize = 14;
+const NUMBERS: usize = 15;
 
 /// Columns of the table of energies.
 const ENERGY_COLUMNS: [&str; 7] =
@@ -54,8 +57,16 @@ impl Record {
 
     /// Numbers in the order of the columns; the gap, NaN without an obstacle, is a separate number.
     fn numbers<'a>(&'a mut self, gap_mm: &'a mut f64) -> [&'a mut f64; NUMBERS] {
-        let Figures { lowest_y_mm, tip_x_mm, tip_y_mm, contact_force_n, max_stress_mpa, tip_z_mm, energy } =
-            &mut self.figures;
+        let Figures {
+            lowest_y_mm,
+            tip_x_mm,
+            tip_y_mm,
+            contact_force_n,
+            max_stress_mpa,
+            tip_z_mm,
+            volume_mm3,
+            energy,
+        } = &mut self.figures;
         let Energy { external_mj, kinetic_mj, strain_mj, damping_mj, viscous_mj } = energy;
         [
             &mut self.t_s,
@@ -67,6 +78,7 @@ impl Record {
             contact_force_n,
             max_stress_mpa,
             tip_z_mm,
+            volume_mm3,
             external_mj,
             kinetic_mj,
             strain_mj,
@@ -81,11 +93,11 @@ impl Record {
 pub fn series_csv(records: &[Record], trace: &Trace) -> String {
     let cell = |value: &f64| if value.is_nan() { String::new() } else { value.to_string() };
     let columns: Vec<&str> =
-        SERIES_COLUMNS.into_iter().chain(trace.further().map(|(_, name)| name)).collect();
+        SERIES_COLUMNS.into_iter().chain([VOLUME]).chain(trace.further().map(|(_, name)| name)).collect();
     let row = |record: &Record| {
         let inputs = trace.inputs_at(record.t_s);
         let further = trace.further().map(|(at, _)| &inputs[at]);
-        record.values()[..SERIES_COLUMNS.len()].iter().chain(further).map(cell).collect::<Vec<_>>()
+        record.values()[..SERIES].iter().chain(further).map(cell).collect::<Vec<_>>()
     };
     to_text(&columns, records.iter().map(row))
 }
@@ -96,7 +108,7 @@ pub fn energy_csv(records: &[Record]) -> String {
     let row = |record: &Record| {
         let energy = record.figures.energy;
         let values = record.values();
-        [&values[..1], &values[SERIES_COLUMNS.len()..], &[energy.numerical_mj()]].concat()
+        [&values[..1], &values[SERIES..], &[energy.numerical_mj()]].concat()
     };
     to_text(&ENERGY_COLUMNS, records.iter().map(row))
 }

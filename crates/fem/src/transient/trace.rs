@@ -1,7 +1,7 @@
 //! Traces: inputs over time, `t_s,pressure_mpa` with further inputs.
 
 use crate::actuator::{Actuator, Setting};
-use crate::cases::MAX_MM;
+use crate::cases::{MAX_MM, VOLUME};
 use crate::config::{Load, MAX_CAVITIES, MAX_MPA};
 use formats::table::Table;
 use formats::trace::{self, Cell};
@@ -72,7 +72,7 @@ impl Trace {
     fn of_table(table: &Table, actuator: &Actuator) -> Result<Self, Vec<Diagnostic>> {
         table.columns(["pressure_mpa"])?;
         let mut diagnostics = Vec::new();
-        let is_quantity = |name: &&String| !trace::SERIES_COLUMNS.contains(&name.as_str());
+        let is_quantity = |name: &&String| *name != VOLUME && !trace::SERIES_COLUMNS.contains(&name.as_str());
         for name in table.header().iter().filter(is_quantity) {
             collect(actuator.quantity(name), &mut diagnostics);
         }
@@ -100,7 +100,7 @@ impl Trace {
                 cavities_change_mpa: cavities.map(|at| at.map_or(0.0, |at| values[at] - first[at])),
             }
         };
-        let changing = [pressure, gap].into_iter().chain(gravity).flatten().collect::<Vec<_>>();
+        let changing = [pressure, gap, at(VOLUME)].into_iter().chain(gravity).flatten().collect::<Vec<_>>();
         let first = read.rows.iter().take(1).flat_map(|(_, values)| read.names.iter().zip(values));
         let constant = first.enumerate().filter(|(at, _)| !changing.contains(at));
         let settings = constant.map(|(_, (name, value))| (name.clone(), *value)).collect();
@@ -131,7 +131,7 @@ impl Trace {
     /// Positions and names of the inputs that the columns of a series do not have.
     pub(super) fn further(&self) -> impl Iterator<Item = (usize, &str)> {
         let named = self.inputs.names.iter().map(String::as_str).enumerate();
-        named.filter(|(_, name)| !trace::SERIES_COLUMNS.contains(name))
+        named.filter(|(_, name)| *name != VOLUME && !trace::SERIES_COLUMNS.contains(name))
     }
 
     /// All inputs at a time (s).
@@ -185,7 +185,7 @@ fn refused(Cell { name, value, first }: Cell<'_>) -> Option<&'static str> {
         "gap_mm" if !first.is_none_or(same) => {
             Some("a gap in every row or in none: an obstacle neither appears nor vanishes")
         }
-        "pressure_mpa" | "gap_mm" => None,
+        "pressure_mpa" | "gap_mm" | VOLUME => None,
         name if GRAVITY.contains(&name)
             || name.starts_with(CAVITY)
             || first.is_none_or(|first| first == value) =>

@@ -54,7 +54,9 @@ pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
         obstacle: manifest.obstacle.unwrap_or(obstacle.footprint()),
         ..Database::default()
     };
-    arrays::complete(database, mesh.as_deref())
+    let mut database = arrays::complete(database, mesh.as_deref())?;
+    database.node_sets.extend(manifest.node_set);
+    Ok(database)
 }
 
 /// Reads the derivative of the undeformed mesh with respect to each parameter.

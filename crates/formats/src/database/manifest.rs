@@ -3,7 +3,7 @@
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use rom::inputs::{MAX_INPUTS, PARAMETERS, Parameter};
-use rom::snapshots::{FieldKind, FieldSpec, Footprint};
+use rom::snapshots::{FieldKind, FieldSpec, Footprint, NodeSet};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -57,6 +57,9 @@ pub struct Manifest {
     /// Further columns of the case table, for other tools.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub extra: Vec<Extra>,
+    /// Named node sets, in addition to `bottom` and `surface`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub node_set: Vec<NodeSet>,
 }
 
 /// Field of the snapshots.
@@ -152,6 +155,7 @@ impl Manifest {
             sensitivities: None,
             sensitivity_fields: None,
             extra: vec![],
+            node_set: vec![],
         }
     }
 
@@ -229,6 +233,19 @@ impl Manifest {
                     name.clone(),
                 );
             }
+        }
+        for (i, set) in self.node_set.iter().enumerate() {
+            let place = format!("[[node_set]] {}", i + 1);
+            let others = self.node_set[..i].iter().map(|other| other.name.as_str());
+            let is_new = others.chain(["bottom", "surface"]).all(|other| other != set.name);
+            check(is_new, place.clone(), "a name used once, other than bottom and surface", set.name.clone());
+            let beyond = set.nodes.iter().find(|node| **node as usize >= self.nodes);
+            check(
+                beyond.is_none(),
+                place,
+                "nodes of the mesh",
+                beyond.map_or_else(String::new, u32::to_string),
+            );
         }
         for (i, field) in self.field.iter().enumerate() {
             let twice = self.field[..i].iter().any(|other| other.name == field.name);

@@ -59,6 +59,10 @@ impl Cad {
         let (Some(step), Some(out)) = (&self.step, out) else {
             return Err(usage("--out: expected a file name with the ending .msh for the mesh of --step"));
         };
+        if let Some(folder) = out.parent() {
+            std::fs::create_dir_all(folder)
+                .with_context(|| format!("{}: the folder cannot be made", folder.display()))?;
+        }
         let options = json!({"step": step, "out": out, "size_mm": size_mm, "through": self.through, "faces": self.face});
         let program = self.python.display();
         let run = Command::new(&self.python).args(["-c", SCRIPT, &options.to_string()]).output();

@@ -252,7 +252,7 @@ fn print(report: &Value, cases: &[Case], outcome: &Outcome, out: &Path) -> anyho
         outcome.failed.len()
     )?;
     output!(
-        "{} load steps, {} factorisations (one a Newton iteration), {} steps cut{}",
+        "{} load steps, {} factorisations, {} steps cut{}",
         report["steps"],
         report["factorisations"],
         report["cuts"],

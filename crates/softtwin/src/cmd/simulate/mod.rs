@@ -12,6 +12,7 @@ use crate::files;
 use crate::options::{ActuatorFile, setting};
 use fem::actuator::Setting;
 use fem::cases::MAX_MM3;
+use fem::gas::MM3_PER_MG;
 use fem::transient::StepSettings;
 use single::Driven;
 use std::path::PathBuf;
@@ -59,11 +60,17 @@ pub struct Args {
     #[command(flatten)]
     geometry: ActuatorFile,
     /// Cavity pressure in MPa, at least 0.
-    #[arg(long, value_name = "MPA", allow_negative_numbers = true, required_unless_present_any = ["cases", "trace", "volume_mm3"], value_parser = crate::range::pressure_mpa, help_heading = "State")]
+    #[arg(long, value_name = "MPA", allow_negative_numbers = true, required_unless_present_any = ["cases", "trace", "volume_mm3", "gas_mg"], value_parser = crate::range::pressure_mpa, help_heading = "State")]
     pressure_mpa: Option<f64>,
     /// Injected volume in mm3 in place of the pressure, which is then a result: that of the cavity minus that of the undeformed one.
     #[arg(long, value_name = "MM3", allow_negative_numbers = true, conflicts_with_all = ["pressure_mpa", "cases", "trace"], value_parser = crate::range::number(0.0, MAX_MM3), help_heading = "State")]
     volume_mm3: Option<f64>,
+    /// Air added to the cavity and its supply in mg, at 20 degrees Celsius, in place of the pressure, which is then a result.
+    #[arg(long, value_name = "MG", allow_negative_numbers = true, requires = "dead_volume_mm3", conflicts_with_all = ["pressure_mpa", "volume_mm3", "cases", "trace"], value_parser = crate::range::number(0.0, MAX_MM3 / MM3_PER_MG), help_heading = "State")]
+    gas_mg: Option<f64>,
+    /// Volume of the supply connected to the cavity: tube, syringe, tank (mm3).
+    #[arg(long, value_name = "MM3", allow_negative_numbers = true, requires = "gas_mg", value_parser = crate::range::number(0.0, MAX_MM3), help_heading = "State")]
+    dead_volume_mm3: Option<f64>,
     /// Follow the equilibrium path from rest to --volume-mm3 through limits of pressure and volume: a table with the stability of each
     /// state, then the limits and the next stable state beyond each. --out is a folder for path.csv and path.png.
     #[arg(long, requires = "volume_mm3", help_heading = "State")]
@@ -78,6 +85,10 @@ pub struct Args {
     /// Steps from rest to the pressure or volume; each is printed (1 to 100000). Default: 1; 40 with --path.
     #[arg(long, value_name = "N", conflicts_with_all = ["cases", "trace"], value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "State")]
     steps: Option<u32>,
+    /// Coarser mesh of the same body: the first state is solved on it, and is the start on the actuator's own mesh. For meshes of more than
+    /// about 50,000 nodes.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["cases", "trace", "path"], help_heading = "State")]
+    coarse_mesh: Option<PathBuf>,
     /// List of cases: case,regime,split,pressure_mpa,gap_mm.
     #[arg(long, value_name = "FILE.csv", conflicts_with = "pressure_mpa", requires = "out")]
     cases: Option<PathBuf>,
@@ -126,7 +137,8 @@ impl Args {
             let target = path::Target { volume_mm3, gap_mm: self.gap_mm, points, settings: self.set };
             return path::run(&family, &target, self.out.as_deref(), self.json);
         }
-        let driven = self.pressure_mpa.map(Driven::Pressure).or(self.volume_mm3.map(Driven::Volume));
+        let gas = self.gas_mg.zip(self.dead_volume_mm3).map(|(mg, dead_mm3)| Driven::Gas(mg, dead_mm3));
+        let driven = self.pressure_mpa.map(Driven::Pressure).or(self.volume_mm3.map(Driven::Volume)).or(gas);
         match (&self.cases, driven, &self.out) {
             (Some(cases), _, Some(out)) => {
                 let (threads, sensitivities) = (self.threads, self.sensitivities);
@@ -136,9 +148,12 @@ impl Args {
             (_, Some(driven), out) => {
                 let (gap_mm, steps, node_sets) = (self.gap_mm, self.steps.unwrap_or(1), self.json);
                 let target = single::Target { driven, gap_mm, steps, node_sets, settings: self.set };
-                single::run(&family, &target, out.as_deref())
+                let coarse = self.coarse_mesh.map(|mesh| files::family_on(&self.geometry.actuator, &mesh));
+                single::run(&family, coarse.transpose()?.as_ref(), &target, out.as_deref())
             }
-            _ => Err(usage("expected --pressure-mpa or --volume-mm3, or --cases or --trace with --out")),
+            _ => Err(usage(
+                "expected --pressure-mpa, --volume-mm3 or --gas-mg, or --cases or --trace with --out",
+            )),
         }
     }
 }

@@ -6,7 +6,8 @@ use crate::output;
 use crate::progress::Doing;
 use anyhow::Context;
 use fem::actuator::{Actuator, Setting, mesh_quality};
-use fem::{Family, Load, Output, Problem, Report, SolveError, Solver};
+use fem::gas::MM3_PER_MG;
+use fem::{Family, Load, Output, Problem, Report, SolveError, Solver, State};
 use formats::export::{Label, Moment, Series, StateFormat};
 use formats::vtu::Cells;
 use rom::snapshots::FieldSpec;
@@ -21,6 +22,8 @@ pub enum Driven {
     Pressure(f64),
     /// Injected volume (mm3).
     Volume(f64),
+    /// Gas added to the cavity and a supply (mg), and the volume of the supply (mm3).
+    Gas(f64, f64),
 }
 
 impl Driven {
@@ -31,6 +34,11 @@ impl Driven {
             Self::Volume(volume_mm3) => {
                 Load { injected_mm3: Some(fraction * volume_mm3), ..actuator.load(0.0, gap_mm) }
             }
+            Self::Gas(mg, dead_mm3) => Load {
+                injected_mm3: Some(fraction * mg * MM3_PER_MG),
+                dead_mm3: Some(dead_mm3),
+                ..actuator.load(0.0, gap_mm)
+            },
         }
     }
 }
@@ -49,8 +57,14 @@ pub struct Target {
     pub settings: Vec<Setting>,
 }
 
-/// Solves step by step, prints a JSON line a step and writes the last state.
-pub fn run(family: &Family, target: &Target, out: Option<&Path>) -> anyhow::Result<()> {
+/// Solves step by step, prints a JSON line a step and writes the last state. The first step starts from its state on the coarse mesh, if
+/// there is one, otherwise from rest.
+pub fn run(
+    family: &Family,
+    coarse: Option<&Family>,
+    target: &Target,
+    out: Option<&Path>,
+) -> anyhow::Result<()> {
     if let Some(out) = out {
         StateFormat::of(out).map_err(usage)?; // before the work, not after it
     }
@@ -59,14 +73,23 @@ pub fn run(family: &Family, target: &Target, out: Option<&Path>) -> anyhow::Resu
     let actuator = family.actuator_of(&variant).map_err(configuration)?;
     let quality =
         (!target.settings.is_empty()).then(|| mesh_quality(problem.mesh(), &problem.mesh().nodes_mm));
-    let mut solver = Solver::new(Arc::clone(&problem))?;
     let doing = Doing::default();
     let _heartbeat = doing.heartbeat();
-    doing.begin("solving under gravity");
-    let (mut state, mut work) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
+    let load =
+        |step: u32| target.driven.load(&actuator, target.gap_mm, f64::from(step) / f64::from(target.steps));
+    let mut solver = Solver::new(Arc::clone(&problem))?;
+    let (mut state, mut work) = match coarse {
+        Some(coarse) => {
+            doing.begin("solving on the coarse mesh");
+            begun(coarse, target, &load(1), &solver)?
+        }
+        None => {
+            doing.begin("solving under gravity");
+            solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?
+        }
+    };
     for step in 1..=target.steps {
-        let fraction = f64::from(step) / f64::from(target.steps);
-        let load = target.driven.load(&actuator, target.gap_mm, fraction);
+        let load = load(step);
         doing.begin(format!("solving step {step} of {}", target.steps));
         let (next, report) = solver.solve_to(&state, &load).map_err(sorted)?;
         state = next;
@@ -96,6 +119,19 @@ pub fn run(family: &Family, target: &Target, out: Option<&Path>) -> anyhow::Resu
         }
     }
     Ok(())
+}
+
+/// The state at a load on the coarse mesh, interpolated to the mesh of `fine`.
+fn begun(coarse: &Family, target: &Target, load: &Load, fine: &Solver) -> anyhow::Result<(State, Report)> {
+    let variant = coarse.variant(&target.settings).map_err(configuration)?;
+    let problem = coarse.problem_of(&variant).map_err(configuration)?;
+    let mut solver = Solver::new(Arc::clone(&problem))?;
+    let (rest, to_rest) = solver.gravity_equilibrium(load.gravity_mm_s2)?;
+    let (state, work) = solver.solve_to(&rest, load).map_err(sorted)?;
+    let start = fine.transferred(&problem, &state).ok_or_else(|| {
+        usage("--coarse-mesh: expected a mesh of the same body; the actuator's own reaches beyond it")
+    })?;
+    Ok((start, to_rest.and(&work)))
 }
 
 /// A load that the solver does not take is the user's mistake; a state it cannot reach is not.
