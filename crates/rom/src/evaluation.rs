@@ -15,6 +15,10 @@ pub struct Flags {
     pub force_clamped: bool,
     /// The model was not trained on contact forces: force, gradient and half-width are NaN.
     pub no_force: bool,
+    /// The pressure has passed a limit ([`crate::branch`]).
+    pub snapped: bool,
+    /// The past does not determine the branch ([`crate::branch`]).
+    pub branch_unknown: bool,
 }
 
 /// The model's answer at one state. Reused between calls: [`crate::evaluator::Evaluator::evaluation`] sizes it.
@@ -43,6 +47,10 @@ pub struct Evaluation {
     pub flags: Flags,
     /// Derivatives of the coefficients, one row per input; empty unless requested.
     pub(crate) gradients: [Vec<f64>; MAX_INPUTS],
+    /// Part of each coefficient that is a measured difference ([`crate::difference`]); empty without one.
+    pub(crate) difference: Vec<f64>,
+    /// Part of the displacement's half-width that comes from it, mm; 0 without one.
+    pub(crate) difference_mm: f64,
     pub(crate) scratch: Scratch,
 }
 
@@ -61,6 +69,8 @@ impl Evaluation {
             halfwidths: HalfWidths::default(),
             flags: Flags::default(),
             gradients: std::array::from_fn(|_| Vec::with_capacity(coefficients)),
+            difference: Vec::with_capacity(coefficients),
+            difference_mm: 0.0,
             scratch,
         }
     }
@@ -72,6 +82,11 @@ impl Evaluation {
     /// If `input` is not below [`MAX_INPUTS`].
     pub fn coefficient_gradient(&self, input: usize) -> &[f64] {
         &self.gradients[input]
+    }
+
+    /// Part of each coefficient that is a measured difference from the finite elements; empty without one.
+    pub fn coefficient_difference(&self) -> &[f64] {
+        &self.difference
     }
 
     /// dF/dP in N/MPa.

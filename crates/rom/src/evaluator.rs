@@ -2,7 +2,6 @@
 
 use crate::clearance::OnsetSolver;
 use crate::evaluation::{Evaluation, Flags};
-use crate::halfwidths::HalfWidths;
 use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, Needs, PARAMETERS, PRESSURE, Point};
 use crate::interpolant::Interpolant;
@@ -238,23 +237,28 @@ impl Evaluator {
         let placed = self.place_with_force(inputs, out);
         // After it: an onset that depends on parameters is solved in this memory.
         out.coefficients.clear();
+        out.difference.clear();
         out.gradients.iter_mut().for_each(Vec::clear);
         if let Some((part, x)) = placed {
-            out.halfwidths = self.halfwidths(part, &x);
+            self.halfwidths(part, &x, out);
         }
     }
 
     /// Half-widths at a state over scaled inputs; NaN for a quantity that the model does not have.
-    fn halfwidths(&self, part: &RegimePart, x: &Point) -> HalfWidths {
+    fn halfwidths(&self, part: &RegimePart, x: &Point, out: &mut Evaluation) {
         let local = part.model.local_halfwidths.as_ref();
         let mut found = local.map_or(part.model.halfwidths, |local| local.at(x));
+        out.difference_mm = part.model.difference.as_ref().map_or(0.0, |of| of.half_width_mm(x));
+        if out.difference_mm > 0.0 {
+            found.displacement_mm = found.displacement_mm.hypot(out.difference_mm);
+        }
         if self.no_force {
             found.force_n = f64::NAN;
         }
         if self.no_stress {
             found.stress_mpa = f64::NAN;
         }
-        found
+        out.halfwidths = found;
     }
 
     /// Adds the coefficients to the result of [`Self::state`].
@@ -350,7 +354,7 @@ impl Evaluator {
         if let Some(part) = part {
             let x = part.model.inputs.scale(&inputs);
             force(part, &at, &x, out);
-            out.halfwidths = self.halfwidths(part, &x);
+            self.halfwidths(part, &x, out);
         }
         self.coefficients(out, false);
     }
@@ -448,6 +452,12 @@ fn coefficients(part: &RegimePart, x: &Point, out: &mut Evaluation, gradient: bo
     for (sums, range) in &part.groups {
         let rows = gradient.then(|| out.gradients.each_mut().map(|row| &mut row[range.clone()]));
         sums.evaluate(x, &mut out.scratch, &mut out.coefficients[range.clone()], rows);
+    }
+    out.difference.clear();
+    if let Some(difference) = &part.model.difference {
+        out.difference.resize(part.coefficient_count, 0.0); // within the capacity reserved
+        difference.add(x, &mut out.difference, &mut out.gradients);
+        out.coefficients.iter_mut().zip(&out.difference).for_each(|(a, by)| *a += by);
     }
     // From scaled axes to the model's inputs: positions only grow, so the last axis moves first.
     for (at, row) in out.gradients.iter_mut().enumerate() {

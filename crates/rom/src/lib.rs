@@ -11,6 +11,7 @@
 //! P_c(gap)                                  regime.rs          onset pressure, read off the free model
 //! P_c(gap, parameters)                      clearance.rs       the same, solved from the free model
 //! P -> line -> play -> creep                memory           inputs over time, where a model has memory
+//! P -> V                                    branch.rs        volume on the present branch, for a model over volumes
 //! F = (P - P_c(gap)) h(P, gap)              evaluator.rs       contact force, 0 on the onset exactly
 //! y = mean + Phi a                          reconstructor.rs   fields, straight into the caller's memory
 //! ```
@@ -32,9 +33,11 @@
 
 #![deny(unsafe_code)] // the reconstruction kernel alone may allow it
 
+pub mod branch;
 pub mod clearance;
 mod contract;
 pub mod dense;
+pub mod difference;
 pub mod evaluation;
 pub mod evaluator;
 pub mod goal;

@@ -1,5 +1,6 @@
 //! A model along readings: its inputs behind the memory, its motion, its evaluation there.
 
+use crate::branch::Follower;
 use crate::evaluation::Evaluation;
 use crate::evaluator::Evaluator;
 use crate::inertia::model_motion::ModelMotion;
@@ -11,11 +12,13 @@ use crate::model::{Model, ModelError, ModelFileError};
 /// Effect of an unknown past, as a fraction of an input's range, below which it has faded.
 const FADED: f64 = 1e-4;
 
-/// Static model, model with memory of its inputs, with inertia, or with both. A clone is the state at an instant.
+/// Static model, model with memory of its inputs, with inertia, or with both; a model over volumes also follows a pressure
+/// ([`crate::branch`]). A clone is the state at an instant.
 #[derive(Clone, Debug)]
 pub struct Moving {
     evaluator: Evaluator,
     memory: Option<Memory>,
+    follower: Option<Follower>,
     motion: Option<Box<ModelMotion>>,
 }
 
@@ -39,6 +42,7 @@ impl Moving {
         Ok(Self {
             evaluator: Evaluator::new(&model.header)?,
             memory: Memory::of(model)?,
+            follower: Follower::of(model)?,
             motion: ModelMotion::new(model)?.map(Box::new),
         })
     }
@@ -50,6 +54,7 @@ impl Moving {
         if let Some(memory) = &mut self.memory {
             memory.hold_never();
         }
+        self.follower.iter_mut().for_each(Follower::hold_never);
         self
     }
 
@@ -94,16 +99,21 @@ impl Moving {
     /// Forgets: the next reading begins at equilibrium.
     pub fn reset(&mut self) {
         self.memory.iter_mut().for_each(Memory::restart);
+        self.follower.iter_mut().for_each(Follower::restart);
         self.motion.iter_mut().for_each(|motion| motion.reset());
     }
 
     /// Moves to a reading and evaluates: the inputs of the evaluation are those behind the memory, with the inertial load. A static model
-    /// follows at once. Allocates nothing.
+    /// follows at once. A model over volumes takes the volume of a reading, or follows its pressure. Allocates nothing.
     ///
     /// # Errors
     /// [`ReadingError`]; nothing changed.
     pub fn step(&mut self, t_ns: u64, inputs: Inputs, out: &mut Evaluation) -> Result<Stepped, ReadingError> {
         let mut stepped = Stepped::default();
+        let mut follower = self.follower.as_mut().filter(|follower| follower.is_for(&inputs));
+        if follower.is_some() && !inputs.pressure_mpa().is_finite() {
+            return Err(ReadingError::NotFinite { found_ns: t_ns });
+        }
         let (mut behind, mut of_past) = (inputs, None);
         if let Some(memory) = &mut self.memory {
             match memory.advance(t_ns, &inputs) {
@@ -118,6 +128,7 @@ impl Moving {
             }
             (behind, of_past) = (memory.effective(&inputs), Some(memory.half_widths()));
         }
+        let followed = follower.as_mut().map(|follower| follower.advance(t_ns, &mut behind));
         match &mut self.motion {
             Some(motion) => {
                 let moved = motion.advance(t_ns, behind, out)?;
@@ -127,6 +138,7 @@ impl Moving {
             }
             None => self.evaluator.evaluate(behind, out),
         }
+        followed.iter().for_each(|followed| followed.describe(out));
         if let Some(of_past) = of_past {
             out.halfwidths = out.halfwidths.with(&of_past);
         }

@@ -329,13 +329,24 @@ pub(crate) fn coordinate(
     let is_axis = |kind: FieldKind| kind == FieldKind::Coordinate(axis);
     let missing = |block: String, found: usize| ModelError::MissingBlock { block, expected: nodes, found };
     let field = model.header.fields.iter().position(|field| is_axis(field.spec.kind));
-    let field = field.ok_or_else(|| missing(format!("coordinate {axis}"), 0))?;
+    field_at(model, regime, point, field.ok_or_else(|| missing(format!("coordinate {axis}"), 0))?)
+}
+
+/// [`coordinate`] of any field that is interpolated.
+pub(crate) fn field_at(
+    model: &Model,
+    regime: &RegimeModel,
+    point: &MeshPoint,
+    field: usize,
+) -> Result<(f64, usize, Vec<f64>), ModelError> {
+    let nodes = model.header.node_count;
+    let missing = |block: String, found: usize| ModelError::MissingBlock { block, expected: nodes, found };
     let group = regime.groups.iter().position(|group| group.fields.contains(&field));
-    let group = group.ok_or_else(|| missing(format!("coordinate {axis}"), 0))?;
+    let group = group.ok_or_else(|| missing(format!("group of field {field}"), 0))?;
     let (kind, field) = (regime.kind, field as u32);
     let mean = model.f32_block(BlockKind::Mean { regime: kind, field }).unwrap_or(&[]);
     if mean.len() != nodes {
-        return Err(missing(format!("mean of coordinate {axis}"), mean.len()));
+        return Err(missing(format!("mean of field {field}"), mean.len()));
     }
     let modes = model.modes(kind, field)?;
     let weighted = |value: &dyn Fn(usize) -> f64| -> f64 {

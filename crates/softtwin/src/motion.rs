@@ -6,15 +6,16 @@ use anyhow::Result;
 use formats::table::Table;
 use formats::trace::SERIES;
 use formats::{Diagnostic, FormatError, trace};
+use rom::branch::{Follower, VOLUME, pressure_field, volume_input};
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
-use rom::inputs::{GAP, Inputs};
-use rom::model::{Model, ModelHeader, Selection};
+use rom::inputs::{GAP, Inputs, PRESSURE};
+use rom::model::{Model, Selection};
 use rom::moving::Moving;
 use rom::probe::model_tip;
 use rom::reconstructor::{BasisOptions, Reconstructor};
-use rom::snapshots::{FieldKind, FieldSpec};
+use rom::snapshots::FieldKind;
 use std::path::Path;
 use std::time::Instant;
 use train::measured::MeasuredOutput;
@@ -40,7 +41,7 @@ impl Trace {
         let mut places = Vec::new();
         for name in &read.names {
             let found = known.iter().position(|input| input.key() == *name);
-            if found.is_none() && !trace::SERIES_COLUMNS.contains(&name.as_str()) {
+            if found.is_none() && name != VOLUME && !trace::SERIES_COLUMNS.contains(&name.as_str()) {
                 diagnostics.push(Diagnostic::new("header", "inputs of the model", format!("`{name}`")));
             }
             places.push(found);
@@ -50,6 +51,17 @@ impl Trace {
             if !places.contains(&Some(at)) {
                 let expected = format!("a column `{}`", input.key());
                 diagnostics.push(Diagnostic::new("header", expected, "none of that name"));
+            }
+        }
+        if volume_input(&model.header).is_some_and(|volume| !places.contains(&Some(volume))) {
+            let follows = Follower::of(model)?.is_some();
+            if !(follows && places.contains(&Some(PRESSURE))) {
+                let or = if follows { " or `pressure_mpa`" } else { "" };
+                diagnostics.push(Diagnostic::new(
+                    "header",
+                    format!("a column `{VOLUME}`{or}"),
+                    "none of that name",
+                ));
             }
         }
         if !diagnostics.is_empty() {
@@ -119,6 +131,10 @@ pub struct Followed<Row> {
     pub load_outside: usize,
     /// Restarts at rest because the motion could not be continued.
     pub restarts: usize,
+    /// Injected volume at each instant, mm3; empty if it is no input of the model.
+    pub volumes_mm3: Vec<f64>,
+    /// Times at which the pressure passed a limit and the state left a branch or came back to the first.
+    pub snaps: usize,
     /// Time of all states without their fields, s.
     pub state_s: f64,
     /// The model moves with inertia.
@@ -140,9 +156,12 @@ fn follow<Row>(
         outside: 0,
         load_outside: 0,
         restarts: 0,
+        volumes_mm3: Vec::new(),
+        snaps: 0,
         state_s: 0.0,
         moves: moving.has_inertia(),
     };
+    let (volume, mut has_snapped) = (volume_input(&model.header), false);
     for (t_ns, inputs) in trace.instants(step_ns) {
         let began = Instant::now();
         let stepped = moving.step(t_ns, inputs, &mut evaluation)?;
@@ -150,6 +169,9 @@ fn follow<Row>(
         followed.load_outside += usize::from(stepped.load_distance > 0.0);
         followed.restarts += usize::from(stepped.at_rest && !followed.rows.is_empty());
         followed.outside += usize::from(evaluation.domain != DomainStatus::Inside);
+        followed.volumes_mm3.extend(volume.map(|at| evaluation.inputs.values()[at]));
+        followed.snaps += usize::from(evaluation.flags.snapped != has_snapped);
+        has_snapped = evaluation.flags.snapped;
         let widths = evaluation.halfwidths;
         followed.half_widths.push([widths.displacement_mm, widths.force_n, widths.stress_mpa]);
         followed.rows.push(row(trace.begin_s + 1e-9 * t_ns as f64, &inputs, &evaluation, &moving)?);
@@ -162,13 +184,6 @@ fn reconstructor(model: &Model) -> Result<Reconstructor> {
     Ok(Reconstructor::with_options(model, &Selection::default(), options)?)
 }
 
-/// Position of the field with the pressure, of a model whose pressure is a result (inputs of volume).
-pub fn pressure_field(header: &ModelHeader) -> Option<usize> {
-    let is_pressure =
-        |spec: &FieldSpec| spec.kind == FieldKind::Other && spec.name == "pressure" && spec.unit == "MPa";
-    header.fields.iter().position(|field| is_pressure(&field.spec)).filter(|_| !header.needs().pressure)
-}
-
 /// Follows a trace with a model of an actuator's shape: values of [`trace::SERIES_COLUMNS`].
 ///
 /// # Errors
@@ -177,6 +192,8 @@ pub fn follow_shape(model: &Model, trace: &Trace, step_ns: u64) -> Result<Follow
     let reconstructor = reconstructor(model)?;
     let places = Places::new(model, reconstructor.rows())?;
     let pressure = pressure_field(&model.header);
+    let follows =
+        |inputs: &Inputs| volume_input(&model.header).is_some_and(|at| inputs.values()[at].is_nan());
     let mut fields = vec![0.0; reconstructor.entries()];
     follow(model, trace, step_ns, |t_s, inputs, evaluation, _| {
         let peaks = reconstructor.reconstruct_into(evaluation, &mut fields)?;
@@ -186,7 +203,7 @@ pub fn follow_shape(model: &Model, trace: &Trace, step_ns: u64) -> Result<Follow
         let lowest = values(y).iter().copied().fold(f32::INFINITY, f32::min);
         Ok([
             t_s,
-            pressure.map_or(inputs.pressure_mpa(), tip),
+            pressure.filter(|_| !follows(inputs)).map_or(inputs.pressure_mpa(), tip),
             inputs.values()[GAP],
             f64::from(lowest),
             tip(x),

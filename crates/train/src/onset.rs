@@ -18,6 +18,8 @@ const STEPS: usize = 240;
 const COARSE_STEPS: usize = 12;
 /// Distance from the lowest node in some state within which a node may be the lowest in another, mm.
 const NEAR_MM: f64 = 0.05;
+/// Way down below which a way up counts as lifting, as a fraction of it.
+const LIFTING: f64 = 0.5;
 /// Largest number of nodes of the solver.
 const MAX_NODES: usize = 512;
 
@@ -40,15 +42,26 @@ pub(crate) fn derive(
     };
     let max_mpa = sorted.max_pressure_mpa;
     let (mut gaps, mut pressures): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+    let mut highest = f64::NEG_INFINITY;
     for step in 0..=STEPS {
         let pressure = max_mpa * step as f64 / STEPS as f64;
         let heights = Heights::new(plan, free, coordinates, &obstacle, &at(pressure, &nominal));
         let lowest = heights.lowest();
+        highest = highest.max(lowest);
         // Only a new lowest point closes a gap that was open before: the table stays monotone.
         if lowest.is_finite() && gaps.last().is_none_or(|deepest| -lowest > deepest + 1e-9) {
             gaps.push(-lowest);
             pressures.push(pressure);
         }
+    }
+    if let (Some(at_rest), Some(deepest)) = (gaps.first(), gaps.last())
+        && deepest - at_rest < LIFTING * (highest + at_rest)
+    {
+        return Err(TrainError::Onset(format!(
+            "expected a `pressure_mpa` that moves the actuator towards the obstacle, found one that lifts it by {:.3} mm; give the \
+             surface of the cavity that lowers it the name `cavity`",
+            highest + at_rest
+        )));
     }
     if gaps.len() < 2 {
         return Err(TrainError::Onset(format!(

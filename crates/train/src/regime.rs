@@ -117,6 +117,7 @@ impl Part {
             halfwidths: self.halfwidths,
             local_halfwidths: self.local_halfwidths.clone(),
             far_onset: self.far_onset.clone(),
+            difference: None,
         }
     }
 

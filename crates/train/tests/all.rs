@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod calibration;
+mod cavities;
 mod database;
 mod inertia;
 mod measured;

@@ -53,7 +53,7 @@ pub struct Memory {
     spec: MemorySpec,
     /// State taken for true, and those from the smallest and the largest past, by input with memory.
     channels: Vec<[Channel; 3]>,
-    /// Largest error of each creep state by the past of the creep.
+    /// Largest error of each creep state from an unknown past.
     open_creeps: Vec<[f64; MAX_CREEPS]>,
     last_ns: Option<u64>,
 }

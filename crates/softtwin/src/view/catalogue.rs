@@ -21,6 +21,9 @@ use wire::layout::field_id;
 /// Name of the predicted actuator on the browser.
 const PREDICTION: &str = "what if";
 
+/// Name of the first cavity; the others are `cavity.NAME`, with the pressure `pressure_mpa.NAME`.
+const CAVITY: &str = "cavity";
+
 /// All loaded models, and the positions of actuators and blocks in the scene.
 pub struct Catalogue {
     models: Vec<Known>,
@@ -103,12 +106,23 @@ struct Prediction {
     fields: Vec<&'static str>,
 }
 
-/// Header of a mesh message: behind it `3 x nodes` coordinates, `3 x facets` node numbers, `nodes` node names.
+/// Header of a mesh message: behind it `3 x nodes` coordinates, `3 x facets` node numbers, `nodes` node names, then `3 x facets` node numbers
+/// of each cavity.
 #[derive(Serialize)]
 struct MeshHead {
     kind: &'static str,
     model: usize,
     nodes: usize,
+    facets: usize,
+    cavities: Vec<CavityHead>,
+}
+
+/// One of several cavities.
+#[derive(Serialize)]
+struct CavityHead {
+    name: String,
+    /// Key of its pressure in the inputs.
+    input: String,
     facets: usize,
 }
 
@@ -250,13 +264,15 @@ impl Known {
         let facets = loaded.facets();
         let visible_facets =
             undeformed.as_ref().map_or_else(Vec::new, |nodes| visible_facets(nodes, &facets));
-        let mut visible: Vec<u32> = visible_facets.as_flattened().to_vec();
+        let cavities = cavities(&header.node_sets, &facets, header.node_count);
+        let walls = cavities.iter().flat_map(|(_, walls)| walls.as_flattened());
+        let mut visible: Vec<u32> = visible_facets.as_flattened().iter().chain(walls).copied().collect();
         visible.sort_unstable();
         visible.dedup();
         let corners = corners(header.node_count, &visible, &visible_facets);
         let mesh_message = undeformed
             .filter(|_| !visible.is_empty())
-            .map(|nodes| mesh_message(id, &nodes, &visible, &corners));
+            .map(|nodes| mesh_message(id, &nodes, &visible, &corners, &cavities));
         let nodes = if visible.is_empty() { Nodes::All } else { Nodes::List(visible.clone()) };
         Ok(Self {
             card: Card {
@@ -299,10 +315,45 @@ fn corners(node_count: usize, visible: &[u32], facets: &[[u32; 3]]) -> Vec<u32> 
     facets.as_flattened().iter().map(|node| place[*node as usize]).collect()
 }
 
-fn mesh_message(id: usize, nodes: &[[f32; 3]], visible: &[u32], corners: &[u32]) -> Vec<u8> {
+/// Walls of each of several cavities: facets whose nodes are all in the node set with its name.
+fn cavities<'a>(
+    node_sets: &'a [rom::snapshots::NodeSet],
+    facets: &[[u32; 3]],
+    node_count: usize,
+) -> Vec<(&'a str, Vec<[u32; 3]>)> {
+    let named = node_sets.iter().filter(|set| set.name == CAVITY || set.name.starts_with("cavity."));
+    let walls = |set: &'a rom::snapshots::NodeSet| {
+        let mut is_in = vec![false; node_count];
+        set.nodes.iter().for_each(|node| is_in[*node as usize] = true);
+        let inside = |facet: &&[u32; 3]| facet.iter().all(|node| is_in[*node as usize]);
+        (set.name.as_str(), facets.iter().filter(inside).copied().collect())
+    };
+    named.map(walls).collect()
+}
+
+fn mesh_message(
+    id: usize,
+    nodes: &[[f32; 3]],
+    visible: &[u32],
+    facets: &[u32],
+    cavities: &[(&str, Vec<[u32; 3]>)],
+) -> Vec<u8> {
     let coordinates = bits(visible.iter().flat_map(|node| nodes[*node as usize]));
-    let head = MeshHead { kind: "mesh", model: id, nodes: visible.len(), facets: corners.len() / 3 };
-    encode(&head, &[&coordinates, corners, visible])
+    let walls: Vec<u32> =
+        cavities.iter().flat_map(|(_, walls)| corners(nodes.len(), visible, walls)).collect();
+    let cavities = cavities.iter().map(|(name, walls)| CavityHead {
+        name: (*name).into(),
+        input: name.replacen(CAVITY, "pressure_mpa", 1),
+        facets: walls.len(),
+    });
+    let head = MeshHead {
+        kind: "mesh",
+        model: id,
+        nodes: visible.len(),
+        facets: facets.len() / 3,
+        cavities: cavities.collect(),
+    };
+    encode(&head, &[&coordinates, facets, visible, &walls])
 }
 
 impl Prediction {

@@ -4,10 +4,10 @@ mod trace;
 
 use super::export::{Body, prediction};
 use crate::failure::usage;
-use crate::motion::pressure_field;
 use crate::{files, output};
 use anyhow::Context;
 use formats::export::StateFormat;
+use rom::branch::pressure_field;
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
 use rom::inputs::{Inputs, MAX_INPUTS};

@@ -6,6 +6,7 @@ use crate::output;
 use anyhow::Result;
 use formats::table::to_text;
 use formats::trace::SERIES_COLUMNS;
+use rom::branch::VOLUME;
 use rom::model::Model;
 use serde_json::json;
 use std::path::Path;
@@ -19,7 +20,10 @@ pub fn run(model: &Model, trace: &Path, out: &Path, step_ms: f64) -> Result<()> 
         let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
         return write(&trace, &columns, &followed, out);
     }
-    write(&trace, &SERIES_COLUMNS, &follow_shape(model, &trace, step_ns)?, out)
+    let followed = follow_shape(model, &trace, step_ns)?;
+    let has_volume = !followed.volumes_mm3.is_empty();
+    let columns: Vec<&str> = SERIES_COLUMNS.into_iter().chain(has_volume.then_some(VOLUME)).collect();
+    write(&trace, &columns, &followed, out)
 }
 
 fn write<Row: AsRef<[f64]>>(
@@ -29,7 +33,11 @@ fn write<Row: AsRef<[f64]>>(
     out: &Path,
 ) -> Result<()> {
     let cell = |value: &f64| if value.is_finite() { value.to_string() } else { String::new() };
-    let rows = followed.rows.iter().map(|row| row.as_ref().iter().map(cell).collect::<Vec<_>>());
+    let row = |(at, row): (usize, &Row)| {
+        let volume_mm3 = followed.volumes_mm3.get(at).filter(|_| columns.contains(&VOLUME));
+        row.as_ref().iter().chain(volume_mm3).map(cell).collect::<Vec<_>>()
+    };
+    let rows = followed.rows.iter().enumerate().map(row);
     save(out, to_text(columns, rows).as_bytes())?;
     output::json(&json!({
         "rows": followed.rows.len(),
@@ -38,6 +46,7 @@ fn write<Row: AsRef<[f64]>>(
         "outside_training_range": followed.outside,
         "load_outside_range": followed.load_outside,
         "restarts": followed.restarts,
+        "limits_passed": followed.snaps,
         "state_us_per_ms": 1e3 * followed.state_s / trace.length_s(),
     }))
 }

@@ -37,8 +37,11 @@ export class Actuator {
     }
     const values = QUANTITIES[quantity].values(frame) ?? new Float32Array(x.length).fill(NaN);
     this.body.deform(x, y, z, values);
-    this.values = values;
-    this.largest = largest(values);
+    this.cavities = quantity === "cavities" ? this.body.cavities ?? [] : [];
+    const none = new Float32Array(x.length).fill(NaN);
+    for (const { walls } of this.cavities) walls.deform(x, y, z, none);
+    this.values = this.body.values; // without those of cavities
+    this.largest = largest(this.values);
   }
 
   // Old data: nothing has come for a while, or its flags say so.

@@ -63,11 +63,19 @@ function hello({ models, pictures, places, plates, blocks }) {
   whatIf.useModel(models[0] ?? null);
 }
 
-function addMesh({ model, nodes, facets }, buffer, start) {
+function addMesh({ model, nodes, facets, cavities }, buffer, start) {
   const undeformed = new Float32Array(buffer, start, 3 * nodes);
   const corners = new Uint32Array(buffer, start + 12 * nodes, 3 * facets);
   const ids = new Uint32Array(buffer, start + 12 * (nodes + facets), nodes);
-  state.meshes.set(model, new Mesh(undeformed, corners, ids));
+  const mesh = new Mesh(undeformed, corners, ids);
+  let at = start + 16 * nodes + 12 * facets;
+  mesh.cavities = cavities.map(({ name, input, facets }, k) => {
+    const walls = new Mesh(undeformed, new Uint32Array(buffer, at, 3 * facets), ids);
+    at += 12 * facets;
+    return { name, input, colour: COLOURS[k % COLOURS.length], walls };
+  });
+  state.meshes.set(model, mesh);
+  scale.offerCavities(cavities.length > 0);
 }
 
 // Another recording: its actuators, and all their states for the charts.

@@ -17,6 +17,7 @@ export class Mesh {
   copy() {
     const copy = Object.assign(Object.create(Mesh.prototype), this, { version: 0 });
     for (const name of ["positions", "normals", "values"]) copy[name] = this[name].slice();
+    copy.cavities = this.cavities?.map((cavity) => ({ ...cavity, walls: cavity.walls.copy() }));
     return copy;
   }
 

@@ -4,6 +4,7 @@ export const QUANTITIES = {
   von_mises: { unit: "MPa", values: (frame) => frame.fields.von_mises },
   displacement: { unit: "mm", values: (frame) => frame.fields.displacement },
   stress_halfwidth: { unit: "%", values: (frame) => share(frame.von_mises_halfwidth_mpa, frame.fields.von_mises) },
+  cavities: { unit: "", values: () => undefined },
   displacement_halfwidth: { unit: "%", values: (frame) => share(frame.displacement_halfwidth_mm, frame.fields.displacement) },
 };
 
@@ -59,6 +60,8 @@ export class Scale {
   follow(bodies) {
     this.largest = Math.max(...bodies.map((body) => body.largest).filter(Number.isFinite));
     const { unit } = QUANTITIES[this.quantity];
+    for (const name of ["bar", "ticks", "follow"]) this.element[name].hidden = this.quantity === "cavities";
+    if (this.quantity === "cavities") { this.showCavities(bodies); return; }
     this.element.largest.textContent = Number.isFinite(this.largest) ? `largest of the outer skin ${this.largest.toPrecision(3)} ${unit}` : "no value to colour by";
     if (this.mode === "fixed") return;
     const tops = bodies.map(({ values, largest }) => (this.mode === "peak" || !values ? largest : quantile(values, 0.99)));
@@ -70,6 +73,24 @@ export class Scale {
       this.range = [0, target];
       this.show();
     }
+  }
+
+  // Models with several cavities can be coloured by them.
+  offerCavities(has) {
+    if (has) this.element.field.querySelector("[value=cavities]").hidden = false;
+  }
+
+  // The legend: name, colour and pressure of each cavity.
+  showCavities(bodies) {
+    this.element.largest.replaceChildren(...bodies.flatMap(({ name, shown, cavities }) => cavities.map((cavity) => {
+      const entry = Object.assign(document.createElement("span"), { className: "cavity" });
+      const dot = Object.assign(document.createElement("span"), { className: "dot" });
+      dot.style.background = cavity.colour;
+      const at = shown?.input_names?.indexOf(cavity.input) ?? -1;
+      const mpa = at < 0 ? null : shown.inputs[at];
+      entry.append(dot, `${bodies.length > 1 ? `${name} ` : ""}${cavity.name}${Number.isFinite(mpa) ? ` ${(1000 * mpa).toFixed(1)} kPa` : ""} `);
+      return entry;
+    })));
   }
 
   show() {

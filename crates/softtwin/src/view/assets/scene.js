@@ -97,6 +97,9 @@ export class Scene {
     if (!camera.moved && this.fitted !== this.size()) this.fit(); // a size that came and went between two frames
     painter.begin(camera);
     for (const { body, place } of actuators) if (body) painter.drawBody(body, place, { range, lit, lines });
+    for (const { cavities = [], place } of actuators) {
+      for (const { walls, colour } of cavities) painter.drawBody(walls, place, { range, lit, lines: false, plain: rgb(colour), through: true });
+    }
     for (const { mesh } of blocks) painter.drawBody(mesh, HERE, { range, lit: true, lines: false, plain: plate });
     for (const { actuator, low, high } of this.plates()) {
       const place = { offset: [low[0], low[1] - PLATE_MM, low[2]], scale: [high[0] - low[0], PLATE_MM - 0.1, high[2] - low[2]] };
