@@ -2,6 +2,8 @@
 
 use control::inverse::Model;
 use control::twin_model::{Tip, TwinModel, read_model};
+use rom::memory::{InputMemory, Line, MemorySpec, Slopes};
+use rom::model::BlockKind;
 use serde_json::Value;
 use std::ffi::CStr;
 use std::fs::File;
@@ -16,7 +18,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tests::wait::wait_state;
 use tests::{PATIENCE, Program, Stage};
-use wire::layout::{MARKERS_MAX, Marker, pack_name, unpack_name, valve_interlock, valve_reason};
+use wire::layout::{MARKERS_MAX, Marker, flags, pack_name, unpack_name, valve_interlock, valve_reason};
 use wire::{
     Bus, SensorSample, SensorWriter, Setpoint, SetpointReader, SetpointWriter, StateReader, Target,
     TargetWriter, Topic, Valve, ValveReader, now_ns,
@@ -194,8 +196,7 @@ fn second_owner_is_refused_and_operator_overrides() {
     assert!(said.join("\n").contains("softtwin/finger/valve: override"), "{said:?}");
 }
 
-/// A finger of the design model behind a lag of 80 ms, with gap sensor, load cell and a marker at the tip in a camera's frame that is
-/// turned by 90 degrees about z. Another program's setpoints move it.
+/// Sensors on an actuator behind a lag of 80 ms, which another program's setpoints move.
 struct Finger {
     stop: Arc<AtomicBool>,
     thread: JoinHandle<f64>,
@@ -215,15 +216,14 @@ fn softer_finger(axis: usize) -> TwinModel {
 }
 
 impl Finger {
-    /// Its marker is `off_mm` above the place in the scene.
-    fn start(stage: &Stage, off_mm: f64) -> Self {
-        let (domain, stop) = (stage.domain(), Arc::new(AtomicBool::new(false)));
+    /// Publishes what `sense` makes of the pressure, MPa.
+    fn start(stage: &Stage, mut sense: impl FnMut(f64) -> SensorSample + Send + 'static) -> Self {
+        let (stop, domain) = (Arc::new(AtomicBool::new(false)), stage.domain());
         let stopped = stop.clone();
         let thread = std::thread::spawn(move || {
             let bus = Bus::open(&domain).unwrap();
             let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
             let setpoints = SetpointReader::attach(&bus, &Topic::setpoint("finger").unwrap()).unwrap();
-            let (mut along, mut model) = (softer_finger(0), softer_finger(1));
             let (mut seq, mut last_ns) = (0, now_ns());
             let (mut wanted_mpa, mut most_mpa, mut pressure_mpa) = (0.0_f64, 0.0_f64, 0.0_f64);
             while !stopped.load(Ordering::Relaxed) {
@@ -236,19 +236,29 @@ impl Finger {
                 pressure_mpa += (wanted_mpa - pressure_mpa)
                     * (1.0 - (-1e-9 * (t_sensor_ns - last_ns) as f64 / 0.08).exp());
                 (last_ns, seq) = (t_sensor_ns, seq + 1);
-                let truth = model.at(pressure_mpa, GAP_MM);
-                let mut markers_mm = [Marker::ABSENT; MARKERS_MAX];
-                let tip_x_mm = along.at(pressure_mpa, GAP_MM).observable;
-                let (x, y) = (truth.observable + off_mm - CAMERA_MM[1], CAMERA_MM[0] - tip_x_mm);
-                markers_mm[0] = Marker { x, y, z: 0.0 };
-                let (gap_mm, measured_force_n) = (GAP_MM, truth.force_n);
-                let of_state = SensorSample { boot_id: 5, seq, t_sensor_ns, ..SensorSample::default() };
-                let reading = SensorSample { pressure_mpa, gap_mm, measured_force_n, ..of_state };
-                sensor.publish(SensorSample { marker_values: 3, markers_mm, ..reading }).unwrap();
+                let sensed = sense(pressure_mpa);
+                sensor
+                    .publish(SensorSample { boot_id: 5, seq, t_sensor_ns, pressure_mpa, ..sensed })
+                    .unwrap();
             }
             most_mpa
         });
         Self { stop, thread }
+    }
+
+    /// The design model's finger with gap sensor, load cell and a marker at the tip, `off_mm` above the model's, in a camera's frame that is
+    /// turned by 90 degrees about z.
+    fn with_marker(stage: &Stage, off_mm: f64) -> Self {
+        let (mut along, mut model) = (softer_finger(0), softer_finger(1));
+        Self::start(stage, move |pressure_mpa| {
+            let truth = model.at(pressure_mpa, GAP_MM);
+            let mut markers_mm = [Marker::ABSENT; MARKERS_MAX];
+            let tip_x_mm = along.at(pressure_mpa, GAP_MM).observable;
+            let (x, y) = (truth.observable + off_mm - CAMERA_MM[1], CAMERA_MM[0] - tip_x_mm);
+            markers_mm[0] = Marker { x, y, z: 0.0 };
+            let (gap_mm, measured_force_n) = (GAP_MM, truth.force_n);
+            SensorSample { gap_mm, measured_force_n, marker_values: 3, markers_mm, ..SensorSample::default() }
+        })
     }
 
     /// The highest setpoint, MPa.
@@ -282,8 +292,8 @@ fn scene_holds_for_the_controller() {
     let model_only = scene_with("model.toml", false).display().to_string();
     let twin = Program::twin(&stage, Path::new(&scene));
     let hold = |target: &[&str], off_mm: f64| -> (Option<Value>, f64) {
-        let finger = Finger::start(&stage, off_mm);
-        let program = [&["hold", "--json", "--seconds", "2"], target].concat();
+        let finger = Finger::with_marker(&stage, off_mm);
+        let program = [&["hold", "--json", "--seconds", "1.6"], target].concat();
         let (status, said) = Program::tool(&stage, &program).ended();
         let report = status.success().then(|| serde_json::from_str(said.last().unwrap()).unwrap());
         (report, finger.end())
@@ -316,6 +326,50 @@ fn scene_holds_for_the_controller() {
     let far_n = truth.at(0.08, GAP_MM).force_n.to_string();
     assert_eq!(hold(&["--scene", &scene, "--force-n", &far_n], 0.0), (None, 0.0));
     drop(twin);
+}
+
+/// An angle is held by its sensor, which shows 8 % less than a whole model with a line; the twin raises its flag on the difference.
+#[test]
+fn angle_is_held_by_its_sensor_with_a_model_that_has_memory() {
+    const SHOWN: f64 = 0.92;
+    let stage = Stage::new("angle");
+    let name = "bending_angle_deg";
+    let mut model = read_model(&repository().join("models/pneunet/pneunet.twin")).unwrap();
+    let mut statics = TwinModel::of_observable(&model, name).unwrap();
+    let line = Line { fill_s: 0.1, empty_s: 0.2 };
+    let (range, slopes) = (model.header.inputs[0].range, Slopes::default());
+    let of =
+        InputMemory { input: 0, range, line: Some(line), orifice: None, play: vec![], creep: vec![], slopes };
+    model.set_record(BlockKind::Memory, &MemorySpec { inputs: vec![of], max_gap_s: 1.0 }).unwrap();
+    std::fs::write(stage.path("finger.twin"), model.to_bytes().unwrap()).unwrap();
+    let scene = stage.write(
+        "angle.toml",
+        &format!(
+            "name = \"angle\"\n[[actuator]]\nname = \"finger\"\nmodel = \"finger.twin\"\n\
+             [actuator.observables.{name}]\nsigma = 0.05\n[actuator.control]\nhold = \"{name}\"\n"
+        ),
+    );
+    let _twin = Program::twin(&stage, &scene);
+    let (mut behind_mpa, mut last_ns) = (0.0, now_ns());
+    let finger = Finger::start(&stage, move |pressure_mpa| {
+        let dt_s = 1e-9 * (now_ns() - last_ns) as f64;
+        last_ns = now_ns();
+        let time_s = if pressure_mpa > behind_mpa { line.fill_s } else { line.empty_s };
+        behind_mpa += (pressure_mpa - behind_mpa) * (1.0 - (-dt_s / time_s).exp());
+        let mut sample = SensorSample { gap_mm: 80.0, ..SensorSample::default() };
+        assert!(sample.add_input(name, SHOWN * statics.at(behind_mpa, 80.0).observable));
+        sample
+    });
+    let states = StateReader::attach(&stage.bus(), &Topic::state("finger").unwrap()).unwrap();
+    let scene = scene.display().to_string();
+    let program = ["hold", "--json", "--seconds", "2.5", "--scene", &scene, "--angle-deg", "40"];
+    let (status, said) = Program::tool(&stage, &program).ended();
+    assert!(status.success(), "{said:?}");
+    let report: Value = serde_json::from_str(said.last().unwrap()).unwrap();
+    assert_eq!(report["measured_by"], format!("sensor of {name}"), "{report}");
+    assert!(report["final_error"].as_f64().is_some_and(|deg| deg.abs() < 0.4), "{report}");
+    wait_state(&states, "the flag", |state| state.flags & flags::OBSERVABLE_MISMATCH != 0);
+    finger.end();
 }
 
 /// A target of the bus moves what is held; one out of reach, not finite or of a second owner changes nothing.
@@ -364,6 +418,35 @@ fn target_moves_without_letting_go() {
         serde_json::from_str(said.iter().rfind(|line| line.contains("setpoints")).unwrap()).unwrap();
     println!("reading to written: {} us", report["reading_to_written_us"]);
     assert!(report["reading_to_written_us"]["p50"].is_f64(), "{report}");
+    tripped_limit_stays_until_its_release(&stage, &rig, &bus);
+}
+
+/// A force beyond the limit closes the valve; no new setpoint and no new controller opens it until the operator's release.
+fn tripped_limit_stays_until_its_release(stage: &Stage, rig: &Rig, bus: &Bus) {
+    let reader = valves(bus);
+    let drive =
+        |mpa: &str| Program::shell(stage, &format!("exec softtwin setpoint finger --pressure-mpa {mpa}"));
+    let is_tripped = |valve: &Valve| valve.valve_interlock & valve_interlock::FORCE != 0;
+    let mut owner = drive("0.085");
+    let tripped = wait_valve(&reader, "the limit", is_tripped);
+    assert_eq!(tripped.pressure_mpa, 0.0, "{tripped:?}");
+    let states = StateReader::open(bus, &Topic::state("finger").unwrap()).unwrap();
+    wait_state(&states, "no force", |state| state.measured_force_n < 0.05);
+    owner.kill();
+    owner = drive("0.01");
+    let refused = |valve: &Valve| valve.valve_reason == valve_reason::INTERLOCK && valve.wanted_mpa == 0.01;
+    let stays = wait_valve(&reader, "a small setpoint", refused);
+    assert!(is_tripped(&stays) && stays.pressure_mpa == 0.0, "{stays:?}");
+    owner.kill();
+    let (status, said) = controller(stage, rig).ended();
+    assert!(!status.success() && said.join("\n").contains("setpoint finger --release"), "{said:?}");
+    owner = drive("0.01");
+    wait_valve(&reader, "a small setpoint", refused);
+    let (status, said) = Program::tool(stage, &["setpoint", "finger", "--release"]).ended();
+    assert!(status.success(), "{said:?}");
+    let opened = |valve: &Valve| valve.valve_reason == valve_reason::FOLLOWING && valve.pressure_mpa == 0.01;
+    assert!(!is_tripped(&wait_valve(&reader, "the release", opened)));
+    owner.kill();
 }
 
 /// A regulator on a serial line: a pseudo-terminal behind a name, as a device behind `/dev/ttyUSB0`. It answers each line with

@@ -106,7 +106,10 @@ fn documents_of(folder: &Path) -> Vec<(PathBuf, String)> {
 }
 
 fn documents() -> Vec<(PathBuf, String)> {
-    ["", "docs", "docs/clients", "docs/report"].iter().flat_map(|at| documents_of(&root().join(at))).collect()
+    let shapes = std::fs::read_dir(root().join("models/shapes")).expect("shapes");
+    let shapes = shapes.map(|entry| entry.expect("an entry").path()).filter(|path| path.is_dir());
+    let folders = ["", "docs", "docs/clients", "docs/report"].map(|at| root().join(at));
+    folders.into_iter().chain(shapes).flat_map(|folder| documents_of(&folder)).collect()
 }
 
 /// Anchors of a document's headings, as GitHub makes them.

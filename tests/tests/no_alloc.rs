@@ -103,7 +103,7 @@ fn twin_loop_allocates_only_the_transports_sample_handles_and_publishes_inputs_b
     assert_eq!(health.count(wire::Outcome::Published), 360);
 }
 
-/// Allocations of an iteration, without the handle of a health, which is due by the clock.
+/// Allocations of one iteration, without the handle of a health, which is due by the clock.
 fn allocations_of_turn(twin: &mut Twin) -> u64 {
     let healths = |twin: &Twin| twin.health().map(|health| health.seq).sum::<u64>();
     let before = (COUNT.get(), healths(twin));

@@ -1,6 +1,7 @@
 //! Multi-process tests, each in its own shared-memory domain. All are one program, which is linked once and runs them in parallel.
 
 mod architecture;
+mod branch;
 mod clients;
 mod control;
 mod daemons;

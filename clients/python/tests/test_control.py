@@ -23,22 +23,27 @@ def compiled(folder):
     return folder / "control"
 
 
-def test_setpoints_are_those_of_c(tmp_path):
+@pytest.mark.parametrize("held, law", [("force_n", "inverse"), ("force_n", "predictive"), ("bending_angle_deg", "predictive")])
+def test_setpoints_are_those_of_c(tmp_path, held, law):
     model = softtwin.Model(MODEL)
-    control = softtwin.Control(model, "force_n", SCENE)
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE.read_text().replace('law = "inverse"', f'law = "{law}"'))
+    control = softtwin.Control(model, held, scene)
+    first, second = (0.3, 0.2) if held == "force_n" else (30.0, 20.0)
     pressure_mpa, setpoints, lines = 0.01, [], []
     for k in range(1, 201):
-        force_n = float(0.9 * model.predict(pressure_mpa, 30.0, fields=False).contact_force_n)
-        measured = math.nan if k % 50 < 3 else force_n
-        row = (5_000_000 * k, 0.3 if k < 120 else 0.2, pressure_mpa, 30.0, measured)
+        state = model.predict(pressure_mpa, 30.0, fields=False)
+        sensed = 0.9 * float(state.contact_force_n if held == "force_n" else state.observables[held])
+        measured = math.nan if k % 50 < 3 else sensed
+        row = (5_000_000 * k, first if k < 120 else second, pressure_mpa, 30.0, measured)
         cycle = control.step(*row)
         assert cycle.fault is None
         setpoints.append(cycle.setpoint_mpa)
         lines.append(" ".join(map(repr, row)))
         pressure_mpa += 0.06 * (cycle.setpoint_mpa - pressure_mpa)
-    assert max(setpoints) > 0.03
+    assert max(setpoints) > 0.02
     done = subprocess.run(
-        [compiled(tmp_path / "lib"), MODEL, SCENE, "force_n"], input="\n".join(lines), capture_output=True, text=True, check=True
+        [compiled(tmp_path / "lib"), MODEL, scene, held], input="\n".join(lines), capture_output=True, text=True, check=True
     )
     assert [float(line.split()[0]) for line in done.stdout.splitlines()] == setpoints
 

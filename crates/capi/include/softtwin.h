@@ -150,7 +150,8 @@ void softtwin_bus_close(softtwin_bus *bus);
 const char *softtwin_regime_name(uint32_t regime);
 
 /** Opens a reader of softtwin/<name>/<kind>, a topic that must exist; `node_set` null: all nodes. The functions below it
- *  read one kind of topic each and check the payload's type at compile time; they are to be preferred. */
+ *  read one kind of topic each and check the payload's type at compile time; they are to be preferred. The kind of a further cavity's valve
+ *  is "valve/<cavity>", of its setpoints "setpoint/<cavity>". */
 softtwin_status softtwin_reader_open(softtwin_bus *bus, const char *name, const char *kind, const char *node_set,
                                      softtwin_reader **out);
 /** As softtwin_reader_open for a topic that may come into being later: a controller may start before its twin. `wakes` 0: samples do
@@ -257,7 +258,7 @@ void softtwin_motion_reset(softtwin_motion *motion);
 void softtwin_motion_close(softtwin_motion *motion);
 
 /** Makes a controller of the quantity `held`: "force_n" (N), "tip_y_mm" (height of the scene's marker, or of the model's tip), "pressure_mpa",
- *  or an observable of the model. `scene` is a scene's file, of which control, valve, sigma.force_n, markers and given inputs of `actuator`
+ *  "angle_deg" (its only observable in degrees, or control.hold) or an observable of the model. `scene` is a scene's file, of which control, valve, sigma.force_n, markers and given inputs of `actuator`
  *  (null: the first) count; null: defaults. The model may be closed afterwards. The law: docs/control.md. */
 softtwin_status softtwin_control_open(const softtwin_model *model, const char *scene, const char *actuator, const char *held,
                                       softtwin_control **out);

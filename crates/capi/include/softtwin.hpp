@@ -91,8 +91,9 @@ inline Writer open_writer(const Bus &bus, const std::string &name, const char *k
 /// A reader of a topic whose payload is copied.
 template <typename Payload> class PayloadReader {
 public:
-    PayloadReader(const Bus &bus, const std::string &name)
-        : reader_(detail::open_reader(bus, name, detail::Kind<Payload>::name, nullptr)) {}
+    /// `cavity`: of setpoints and valves that of `pressure_mpa.<cavity>`.
+    PayloadReader(const Bus &bus, const std::string &name, const std::string &cavity = "")
+        : reader_(detail::open_reader(bus, name, (detail::Kind<Payload>::name + (cavity.empty() ? "" : "/" + cavity)).c_str(), nullptr)) {}
     /// The oldest waiting sample; waits for one at most `timeout`. Nothing: the time is over.
     std::optional<Payload> next(std::chrono::milliseconds timeout) { return read(0, timeout); }
     /// As next, with the newest waiting sample.

@@ -30,6 +30,9 @@
 #define SOFTTWIN_FLAG_REGIME_HELD 1024u /* The regime is still contact although the pressure is just below the onset (hysteresis). */
 #define SOFTTWIN_FLAG_MARKER_MISMATCH 2048u /* A marker has differed from its predicted position by more than the displacement's half-width for longer than configured. */
 #define SOFTTWIN_FLAG_ESTIMATE_ALARM 4096u /* The estimate has an alarm: model and estimated quantities do not explain the readings. */
+#define SOFTTWIN_FLAG_OBSERVABLE_MISMATCH 8192u /* A measured observable has differed from its predicted value by more than its half-width for longer than configured. */
+#define SOFTTWIN_FLAG_SNAPPED 16384u /* The pressure has passed a limit: the state is on a branch behind it, or, outside the training range, in one that the model does not have. */
+#define SOFTTWIN_FLAG_BRANCH_UNKNOWN 32768u /* The readings so far do not tell on which branch the state is: the first one that has the pressure is taken. */
 #define SOFTTWIN_VALUE_PRESSURE 1u /* Pressure. */
 #define SOFTTWIN_VALUE_GAP 2u /* Gap. */
 #define SOFTTWIN_VALUE_FORCE 4u /* Measured force. */
@@ -115,6 +118,7 @@
 #define SOFTTWIN_VALVE_INTERLOCK_FORCE_MISMATCH 32u /* The measured force contradicts the predicted one. */
 #define SOFTTWIN_VALVE_INTERLOCK_MARKER_MISMATCH 64u /* A marker contradicts its predicted position. */
 #define SOFTTWIN_VALVE_INTERLOCK_ESTIMATE_ALARM 128u /* The estimate has an alarm. */
+#define SOFTTWIN_VALVE_INTERLOCK_OBSERVABLE_MISMATCH 256u /* A measured observable contradicts its predicted value. */
 #define SOFTTWIN_VALVE_LIMIT_RANGE 1u /* The value that is wanted lies outside the range. */
 #define SOFTTWIN_VALVE_LIMIT_RATE 2u /* The value moves towards the wanted one at the greatest rate. */
 #define SOFTTWIN_QUERY_WHATIF 1u /* Pressure and gap are given, state and force are asked for. */

@@ -75,7 +75,7 @@ impl From<Cycle> for softtwin_control_cycle {
     }
 }
 
-/// Makes a controller of the quantity `held`: `force_n`, `tip_y_mm`, `pressure_mpa`, or an observable of the model. `scene` is a scene's
+/// Makes a controller of the quantity `held`: `force_n`, `tip_y_mm`, `pressure_mpa`, `angle_deg`, or an observable of the model. `scene` is a scene's
 /// file (null: defaults), `actuator` one in it (null: the first). The model may be closed afterwards.
 ///
 /// # Safety

@@ -1,14 +1,14 @@
 //! Writers: readings in place of a bridge, pressure commands, setpoints of a valve's owner, targets of its controller.
 
 use crate::bus::softtwin_bus;
-use crate::ffi::{Failure, argument, call, handle, name, take, write_handle};
+use crate::ffi::{argument, call, handle, name, take, text, write_handle};
 use crate::reader::topic;
 use crate::status::softtwin_status;
 use std::ffi::c_char;
 use wire::layout::{PARAMETERS_MAX, TARGET_VALUES_MAX, pack_name, target_kind};
 use wire::{
-    Command, CommandWriter, SensorSample, SensorWriter, Setpoint, SetpointWriter, Target, TargetWriter,
-    TopicKind, boot_id, now_ns,
+    Bus, Command, CommandWriter, SensorSample, SensorWriter, Setpoint, SetpointWriter, Target, TargetWriter,
+    Topic, TopicKind, WireError, boot_id, now_ns,
 };
 
 /// Longest name of an owner or an input, bytes.
@@ -30,14 +30,34 @@ enum Port {
     Target(TargetWriter, [u8; 32]),
 }
 
-/// Checks an owner's name.
-fn check_owner(owner: &str) -> Result<(), Failure> {
-    if !(1..=NAME_BYTES).contains(&owner.len()) || owner.contains(char::is_control) {
-        return Err(argument(&format!(
-            "expected an owner's name of 1 to {NAME_BYTES} bytes, found {owner:?}"
-        )));
-    }
-    Ok(())
+/// Becomes the writer of a topic with an owner, or of its part for a cavity.
+///
+/// # Safety
+/// As of the functions that pass their arguments on.
+unsafe fn open_owned(
+    bus: *mut softtwin_bus,
+    [actuator, cavity, owner]: [*const c_char; 3],
+    kind: &str,
+    create: impl Fn(&Bus, &Topic, &str) -> Result<Port, WireError>,
+    out: *mut *mut softtwin_writer,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: by the caller's promise.
+        let (bus, actuator, owner) = unsafe { (handle(bus)?, name(actuator)?, name(owner)?) };
+        if !(1..=NAME_BYTES).contains(&owner.len()) || owner.contains(char::is_control) {
+            return Err(argument(&format!(
+                "expected an owner's name of 1 to {NAME_BYTES} bytes, found {owner:?}"
+            )));
+        }
+        // SAFETY: by the caller's promise.
+        let topic = match unsafe { text(cavity)? } {
+            Some(cavity) => topic(actuator, kind)?.of_cavity(Some(cavity))?,
+            None => topic(actuator, kind)?,
+        };
+        let port = create(&bus.bus, &topic, owner)?;
+        // SAFETY: by the caller's promise.
+        unsafe { write_handle(out, softtwin_writer { port, boot_id: boot_id(), seq: 0 }) }
+    })
 }
 
 /// Becomes the writer of `softtwin/<name>/<kind>`; kind: `sensor` or `command`.
@@ -84,18 +104,11 @@ pub unsafe extern "C" fn softtwin_writer_open_setpoint(
     owner: *const c_char,
     out: *mut *mut softtwin_writer,
 ) -> softtwin_status {
-    call(|| {
-        // SAFETY: by the caller's promise.
-        let (bus, actuator, owner) = unsafe { (handle(bus)?, name(actuator)?, name(owner)?) };
-        check_owner(owner)?;
-        // SAFETY: by the caller's promise.
-        let cavity = if cavity.is_null() { None } else { Some(unsafe { name(cavity)? }) };
-        let topic = topic(actuator, "setpoint")?.of_cavity(cavity)?;
-        let port = SetpointWriter::create_named(&bus.bus, &topic, owner)?;
-        let port = Port::Setpoint(port, pack_name(owner));
-        // SAFETY: by the caller's promise.
-        unsafe { write_handle(out, softtwin_writer { port, boot_id: boot_id(), seq: 0 }) }
-    })
+    let create = |bus: &Bus, topic: &Topic, owner: &str| {
+        Ok(Port::Setpoint(SetpointWriter::create_named(bus, topic, owner)?, pack_name(owner)))
+    };
+    // SAFETY: the caller's promise is passed on.
+    unsafe { open_owned(bus, [actuator, cavity, owner], "setpoint", create, out) }
 }
 
 /// Sends one setpoint: the gauge pressure wanted, MPa (NaN: none, the valve takes its safe value), for how long it counts, ms, and the
@@ -137,15 +150,11 @@ pub unsafe extern "C" fn softtwin_writer_open_target(
     owner: *const c_char,
     out: *mut *mut softtwin_writer,
 ) -> softtwin_status {
-    call(|| {
-        // SAFETY: by the caller's promise.
-        let (bus, actuator, owner) = unsafe { (handle(bus)?, name(actuator)?, name(owner)?) };
-        check_owner(owner)?;
-        let port = TargetWriter::create_named(&bus.bus, &topic(actuator, "target")?, owner)?;
-        let port = Port::Target(port, pack_name(owner));
-        // SAFETY: by the caller's promise.
-        unsafe { write_handle(out, softtwin_writer { port, boot_id: boot_id(), seq: 0 }) }
-    })
+    let create = |bus: &Bus, topic: &Topic, owner: &str| {
+        Ok(Port::Target(TargetWriter::create_named(bus, topic, owner)?, pack_name(owner)))
+    };
+    // SAFETY: the caller's promise is passed on.
+    unsafe { open_owned(bus, [actuator, std::ptr::null(), owner], "target", create, out) }
 }
 
 /// Sends one target, in the unit of the held quantity: a step, a ramp or a series by `kind`; `rate_per_s` of a ramp, `interval_s` of a

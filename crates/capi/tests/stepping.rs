@@ -12,9 +12,13 @@ use std::io::Write;
 use std::mem::MaybeUninit;
 use std::process::{Command, Stdio};
 use std::ptr::{null, null_mut};
-use tests::Stage;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use tests::wait::wait_for;
+use tests::{Program, Stage};
 use wire::layout::target_kind;
-use wire::{TargetReader, Topic};
+use wire::{Bus, SensorSample, SensorWriter, Setpoint, SetpointReader, TargetReader, Topic, now_ns};
 
 const OK: softtwin_status = softtwin_status::SOFTTWIN_OK;
 const ARGUMENT: softtwin_status = softtwin_status::SOFTTWIN_ARGUMENT;
@@ -24,8 +28,8 @@ const SCENE: &str = "name = \"s\"\n[[actuator]]\nname = \"beam\"\nmodel = \"beam
      [actuator.valve]\nrange_mpa = [0.0, 0.075]\nrate_mpa_per_s = 0.5\n";
 
 /// Readings and what the law in Rust answers, on a plant with lag whose force is 10 % less than the model's.
-fn series(model: &Model, column: &str) -> Vec<(u64, f64, Reading, Cycle)> {
-    let mut stepping = Stepping::open(model, Some(SCENE), None, column).unwrap();
+fn series(model: &Model, scene: &str, column: &str) -> Vec<(u64, f64, Reading, Cycle)> {
+    let mut stepping = Stepping::open(model, Some(scene), None, column).unwrap();
     let (quantity, mut body) = TwinModel::of_column(model, column, None).unwrap();
     let target = quantity.of(&body.at(0.06, GAP_MM), 0.06).0;
     let mut pressure_mpa = 0.01;
@@ -90,11 +94,15 @@ impl Opened {
 #[test]
 fn setpoints_in_c_are_those_of_the_law_in_rust() {
     let stage = Stage::new("capicontrol");
-    stage.write("beam.toml", SCENE);
     let model = Model::from_bytes(tests::stage::model_bytes()).unwrap();
+    let predictive = SCENE.replace("swing_hz", "law = \"predictive\"\nswing_hz");
     let program = compile(&stage, "cc", "-std=c11", "control.c").unwrap();
-    for column in ["force_n", "tip_y_mm", "pressure_mpa"] {
-        let expected = series(&model, column);
+    let laws = [SCENE; 3].into_iter().chain([predictive.as_str(); 2]);
+    for (column, scene) in
+        ["force_n", "tip_y_mm", "pressure_mpa", "force_n", "tip_y_mm"].into_iter().zip(laws)
+    {
+        stage.write("beam.toml", scene);
+        let expected = series(&model, scene, column);
         let moved = expected.iter().map(|(.., cycle)| cycle.pressure_mpa).fold(0.0, f64::max);
         assert!(moved > 0.03, "{column}: {moved} MPa");
         let held = CString::new(column).unwrap();
@@ -207,9 +215,66 @@ fn targets_of_c_arrive_and_wrong_ones_are_not_sent() {
         assert!(kind != target_kind::RAMP || found.rate_per_s == rate_per_s);
         assert!(kind != target_kind::SERIES || found.interval_s == interval_s);
     }
+    hold_follows_the_target(&stage, send);
+    setpoint_of_a_cavity_is_read(bus);
     // SAFETY: both are live and closed once.
     unsafe {
         softtwin_writer_close(writer);
         softtwin_bus_close(bus);
     }
+}
+
+/// A running `softtwin hold` takes a step of C, and refuses one out of reach.
+fn hold_follows_the_target(stage: &Stage, send: impl Fn(u32, &[f64], f64, f64) -> softtwin_status) {
+    let (bus, finger) = (stage.bus(), "finger");
+    let scene =
+        stage.write("finger.toml", "name = \"s\"\n[[actuator]]\nname = \"finger\"\nmodel = \"beam.twin\"\n");
+    let _twin = Program::twin(stage, &scene);
+    let stop = Arc::new(AtomicBool::new(false));
+    let (stopped, domain) = (stop.clone(), stage.domain());
+    let gauge = std::thread::spawn(move || {
+        let mut sensor =
+            SensorWriter::create(&Bus::open(&domain).unwrap(), &Topic::sensor(finger).unwrap()).unwrap();
+        let mut seq = 0;
+        while !stopped.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_millis(5)); // pace of the readings
+            seq += 1;
+            let reading = SensorSample { boot_id: 3, seq, t_sensor_ns: now_ns(), ..SensorSample::default() };
+            sensor.publish(SensorSample { pressure_mpa: 0.03, gap_mm: GAP_MM, ..reading }).unwrap();
+        }
+    });
+    let setpoints = SetpointReader::attach(&bus, &Topic::setpoint(finger).unwrap()).unwrap();
+    let path = scene.display().to_string();
+    let mut holds = Program::tool(stage, &["hold", "--json", "--scene", &path, "--pressure-mpa", "0.03"]);
+    let reaches = |mpa: f64| {
+        wait_for(&setpoints, "the setpoint", |setpoints| {
+            setpoints.newest().unwrap().filter(|setpoint| (setpoint.pressure_mpa - mpa).abs() < 3e-4)
+        });
+    };
+    reaches(0.03);
+    assert_eq!(send(target_kind::STEP, &[9.0], 0.0, 0.0), OK);
+    holds.wait_for("of `planner` refused: 9 MPa cannot be held");
+    assert_eq!(send(target_kind::STEP, &[0.032], 0.0, 0.0), OK);
+    reaches(0.032);
+    let (status, said) = holds.stop();
+    assert!(status.success() && said.join("\n").contains("\"target\":0.032"), "{said:?}");
+    stop.store(true, Ordering::Relaxed);
+    gauge.join().unwrap();
+}
+
+/// Writer and reader of a further cavity's setpoints.
+fn setpoint_of_a_cavity_is_read(bus: *mut softtwin_bus) {
+    let (mut writer, mut reader, mut found) = (null_mut(), null_mut(), Setpoint::default());
+    let (name, cavity, owner) = (c"finger".as_ptr(), c"left".as_ptr(), c"planner".as_ptr());
+    // SAFETY: handles are live until they are closed; the place has the size that is given.
+    unsafe {
+        assert_eq!(softtwin_writer_open_setpoint(bus, name, cavity, owner, &mut writer), OK);
+        assert_eq!(softtwin_reader_open(bus, name, c"setpoint/left".as_ptr(), null(), &mut reader), OK);
+        assert_eq!(softtwin_writer_send_setpoint(writer, 0.02, 50, 7), OK);
+        let place = (&raw mut found).cast();
+        assert_eq!(softtwin_reader_read(reader, 1, 1000, place, size_of::<Setpoint>()), OK);
+        softtwin_reader_close(reader);
+        softtwin_writer_close(writer);
+    }
+    assert_eq!((found.pressure_mpa, found.t_sensor_ns, found.valid_for_ns), (0.02, 7, 50_000_000));
 }

@@ -206,6 +206,7 @@ impl<M: Model> Controller<M> {
     /// Begins, or begins again, where the actuator is: the next command continues from the pressure that is read. To be called
     /// while the valve does not follow (override, interlock, another owner); what was learned of the valve is kept.
     pub fn start(&mut self, reading: Reading) {
+        let reading = self.used(reading);
         let [low, high] = self.limits.range_mpa;
         let pressure_mpa = reading.pressure_mpa;
         self.is_started = pressure_mpa.is_finite() && reading.gap_mm.is_finite();
@@ -231,7 +232,7 @@ impl<M: Model> Controller<M> {
     /// The command for targets by the time ahead in s, `dt_s` after the last cycle. A reading that is not finite changes nothing, and the last
     /// command stands.
     pub fn update(&mut self, targets: &dyn Fn(f64) -> Target, reading: Reading, dt_s: f64) -> Cycle {
-        let target = targets(self.settings.lead_s());
+        let (target, reading) = (targets(self.settings.lead_s()), self.used(reading));
         let inputs = [reading.pressure_mpa, reading.gap_mm, target.value, target.rate, dt_s];
         if self.fault.is_some() || inputs.iter().any(|value| !value.is_finite()) || dt_s < 0.0 {
             return self.cycle(target.value, f64::NAN, Limited::default());
@@ -266,6 +267,12 @@ impl<M: Model> Controller<M> {
         self.is_fallback = self.planner.is_some() && planned_mpa.is_none();
         self.command(planned_mpa.unwrap_or(inverted_mpa), dt_s, &mut limited);
         self.cycle(wanted.value, followed, limited)
+    }
+
+    /// A reading as the settings take it.
+    fn used(&self, reading: Reading) -> Reading {
+        let measured = if self.settings.is_measured { reading.measured } else { f64::NAN };
+        Reading { measured, ..reading }
     }
 
     fn cycle(&self, target: f64, followed: f64, limited: Limited) -> Cycle {

@@ -1,7 +1,6 @@
 //! Settings of a controller: `[actuator.control]` of a scene.
 
 use crate::twin_model::TwinModelError;
-use rom::inputs::PRESSURE;
 use rom::memory::{Line, MemorySpec, Play};
 use rom::model::Model;
 use serde::{Deserialize, Serialize};
@@ -40,7 +39,9 @@ pub struct Settings {
     pub horizon_s: f64,
     /// Marker whose height is the tip's; needed where the scene has several.
     pub marker: Option<String>,
-    /// Whether load cell or marker correct the model.
+    /// Further cavity whose valve is driven, `left` of `pressure_mpa.left`; default: the valve of `pressure_mpa`.
+    pub cavity: Option<String>,
+    /// Whether the sensor of the quantity corrects the model.
     pub is_measured: bool,
     /// Time constants of valve, line and cavity together, s.
     pub line: Line,
@@ -81,6 +82,7 @@ impl Default for Settings {
             law: LawKind::Inverse,
             horizon_s: 1.0,
             marker: None,
+            cavity: None,
             is_measured: true,
             line: Line { fill_s: 0.08, empty_s: 0.08 },
             play: Vec::new(),
@@ -107,13 +109,13 @@ impl Settings {
         Self { swing_hz, swing_damping, approach_s, correction_s, ..self }
     }
 
-    /// Line and play of a model with memory replace those of the settings; true if it has any.
+    /// Line and play of a model with memory of the driven pressure replace those of the settings; true if it has any.
     ///
     /// # Errors
     /// A description that contradicts itself, or an orifice, which no law inverts.
-    pub fn take_memory(&mut self, model: &Model) -> Result<bool, TwinModelError> {
-        let of_pressure = MemorySpec::of(model)?
-            .and_then(|memory| memory.inputs.into_iter().find(|of| of.input == PRESSURE));
+    pub(crate) fn take_memory(&mut self, model: &Model, driven: usize) -> Result<bool, TwinModelError> {
+        let of_pressure =
+            MemorySpec::of(model)?.and_then(|memory| memory.inputs.into_iter().find(|of| of.input == driven));
         let Some(of_pressure) = of_pressure else { return Ok(false) };
         if of_pressure.orifice.is_some() {
             return Err(TwinModelError::Orifice);

@@ -17,6 +17,8 @@ pub struct TwinModel {
     evaluation: Evaluation,
     /// Inputs other than pressure and gap; NaN: the model's default.
     inputs: Inputs,
+    /// The pressure along which it is evaluated, among the inputs.
+    driven: usize,
     /// Positions of the inputs that the model has.
     taken: Vec<usize>,
     range_mpa: [f64; 2],
@@ -170,14 +172,30 @@ impl TwinModel {
         let range_mpa = model.header.inputs[PRESSURE].range;
         let inputs = Inputs::new(f64::NAN, f64::NAN);
         let taken = model.header.taken_inputs().map(|(at, _)| at).collect();
-        let mut new = Self { held, evaluation, inputs, taken, range_mpa, observable_grows: false };
-        let [first, last] = range_mpa.map(|pressure_mpa| new.at(pressure_mpa, OUT_OF_REACH_MM).observable);
-        new.observable_grows = last > first;
-        new
+        let driven = PRESSURE;
+        Self { held, evaluation, inputs, driven, taken, range_mpa, observable_grows: false }.with_direction()
+    }
+
+    fn with_direction(mut self) -> Self {
+        let [first, last] =
+            self.range_mpa.map(|pressure_mpa| self.at(pressure_mpa, OUT_OF_REACH_MM).observable);
+        self.observable_grows = last > first;
+        self
+    }
+
+    /// Evaluates along the pressure of another cavity, at position `input` of the model's inputs. The others have their lowest value until
+    /// [`Self::set_inputs`].
+    pub(crate) fn driven_by(mut self, input: usize, model: &rom::model::Model) -> Self {
+        if input == self.driven {
+            return self;
+        }
+        self.inputs = self.inputs.with(PRESSURE, self.range_mpa[0]);
+        (self.driven, self.range_mpa) = (input, model.header.inputs[input].range);
+        self.with_direction()
     }
 
     /// Sets the inputs for the evaluations that follow from those of a state: the inputs that the model has, in its order; NaN: the
-    /// default. Pressure and gap are those of each evaluation.
+    /// default. The driven pressure and the gap are those of each evaluation.
     pub fn set_inputs(&mut self, values: &[f64]) {
         for (at, value) in self.taken.iter().zip(values) {
             self.inputs = self.inputs.with(*at, *value);
@@ -187,28 +205,28 @@ impl TwinModel {
 
 impl Model for TwinModel {
     fn at(&mut self, pressure_mpa: f64, gap_mm: f64) -> Point {
-        let inputs = self.inputs.with(PRESSURE, pressure_mpa).with(GAP, gap_mm);
+        let inputs = self.inputs.with(self.driven, pressure_mpa).with(GAP, gap_mm);
         let (observable, observable_by_pressure) = match &mut self.held {
             Held::Point { probes, position, axis } => {
                 probes.evaluate(inputs, &mut self.evaluation, position.as_mut_slice());
                 let [point] = position.as_ref();
-                (point.position_mm[*axis], point.gradient[*axis][PRESSURE])
+                (point.position_mm[*axis], point.gradient[*axis][self.driven])
             }
             Held::Observable { evaluator, observables, at } => {
                 evaluator.differentiate(inputs, &mut self.evaluation);
                 let by = observables.gradient(*at, &self.evaluation);
-                (observables.value(*at, &self.evaluation).value, by[PRESSURE])
+                (observables.value(*at, &self.evaluation).value, by[self.driven])
             }
         };
         Point {
             force_n: self.evaluation.contact_force_n,
-            force_by_pressure: self.evaluation.force_by_pressure_n_per_mpa(),
+            force_by_pressure: self.evaluation.force_gradient[self.driven],
             observable,
             observable_by_pressure,
             onset_mpa: match (self.evaluation.onset_pressure_mpa, self.evaluation.regime) {
-                (Some(onset_mpa), _) => onset_mpa,
-                (None, RegimeKind::Contact) => 0.0,
-                (None, RegimeKind::Free) => f64::INFINITY,
+                (Some(onset_mpa), _) if self.driven == PRESSURE => onset_mpa,
+                (_, RegimeKind::Contact) => 0.0,
+                (_, RegimeKind::Free) => f64::INFINITY,
             },
         }
     }

@@ -26,7 +26,7 @@ pub(crate) struct Carried {
     by: [Vector; 2],
     /// Process noise: variance of the load, covariance, variance of the rate.
     noise: [f64; 3],
-    /// Response to a change of the first measured input throughout the step, by which its value acts.
+    /// Response to a change of the first measured input over all of the step, by which its value acts.
     drive: [f64; 2],
     /// Derivative of the load with respect to each measured input of the reading alone.
     pub(crate) by_reading: [f64; MAX_INPUTS],

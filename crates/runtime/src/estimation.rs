@@ -13,6 +13,7 @@ use estimate::{
 };
 use moving::Body;
 use observed::Observed;
+pub(crate) use observed::measured_observables;
 use rom::evaluation::Evaluation;
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
 use rom::model::{Model, ModelError};
@@ -513,6 +514,13 @@ impl New {
         Self { force: true, markers: [true; MARKERS_MAX], named: [true; PARAMETERS_MAX] };
 }
 
+/// A name as readings carry it.
+pub fn packed(name: &str) -> [u8; 32] {
+    let mut packed = [0; 32];
+    set_slot(&mut packed, 0, name);
+    packed
+}
+
 /// Values of a reading in the order of the rows of [`setup`]: the force, x, y, z of each marker, the observables.
 #[derive(Debug, Clone)]
 pub struct SensorValues {
@@ -524,12 +532,10 @@ pub struct SensorValues {
 impl SensorValues {
     /// Those of a scene's actuator.
     pub fn new(spec: &ActuatorSpec) -> Self {
-        let packed = |name: &String| {
-            let mut packed = [0; 32];
-            set_slot(&mut packed, 0, name);
-            packed
-        };
-        Self { markers: spec.markers.len(), observables: spec.observables.keys().map(packed).collect() }
+        Self {
+            markers: spec.markers.len(),
+            observables: spec.observables.keys().map(|name| packed(name)).collect(),
+        }
     }
 
     fn of(&self, t_s: f64, reading: &SensorSample, inputs: [f64; MAX_INPUTS], new: &New) -> Measurement {
@@ -540,11 +546,10 @@ impl SensorValues {
             if is_new && at < reading.marker_values as usize / 3 { *marker } else { Marker::ABSENT }
         });
         let coordinates = markers.take(self.markers).flat_map(|marker| [marker.x, marker.y, marker.z]);
-        let names = reading.input_names.as_chunks::<32>().0;
-        let named = || names.iter().zip(&reading.inputs).zip(new.named).take(reading.input_count as usize);
         let observable = |name: &[u8; 32]| {
-            let found = named().find(|((known, _), is_new)| *known == name && *is_new);
-            found.map_or(f64::NAN, |((_, value), _)| *value)
+            let found =
+                reading.input(name).filter(|(at, _)| new.named.get(*at).is_some_and(|is_new| *is_new));
+            found.map_or(f64::NAN, |(_, value)| value)
         };
         let all = std::iter::once(force_n).chain(coordinates).chain(self.observables.iter().map(observable));
         out.rows.iter_mut().zip(all).for_each(|(to, from)| *to = from);

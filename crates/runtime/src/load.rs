@@ -1,8 +1,9 @@
 //! From scene to memory: which regimes, fields and nodes are needed, and nothing else.
 
 use crate::config::{self, ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Scene};
-use crate::estimation::{Estimator, SensorModel};
+use crate::estimation::{Estimator, SensorModel, measured_observables};
 use crate::file;
+use rom::branch::{self, Follower};
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inertia::model_motion::ModelMotion;
@@ -49,8 +50,12 @@ pub struct Loaded {
     pub estimator: Option<Estimator>,
     /// Predictions of the markers, if the scene has some.
     pub markers: Option<SensorModel>,
+    /// Positions of the measured observables among the model's.
+    pub observed: Vec<usize>,
     /// Memory of the inputs; `None` for a static model.
     pub memory: Option<Memory>,
+    /// Volume of a measured pressure, for a model over volumes in a scene without a volume.
+    pub follower: Option<Follower>,
     /// Regimes that can occur.
     pub regimes: Vec<RegimeKind>,
     /// Blocks read from the model file.
@@ -123,7 +128,17 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     for (name, _) in spec.measured_inputs() {
         header.parameter(name).map_err(|error| at(format!("inputs: {error}")))?;
     }
-    if !spec.sensors.is_empty() && header.needs().pressure && !spec.has_sensor_of("pressure_mpa") {
+    let has_volume = spec.inputs.contains_key(branch::VOLUME) || spec.estimate.contains_key(branch::VOLUME);
+    let follows = !has_volume && branch::volume_input(&header).is_some();
+    if follows && (!spec.estimate.is_empty() || header.taken_inputs().count() > 1) {
+        return Err(at(format!(
+            "expected `{}` in [actuator.inputs] (the pressure determines it only where it is the model's only input and nothing is \
+             estimated), found none",
+            branch::VOLUME
+        )));
+    }
+    if !spec.sensors.is_empty() && (header.needs().pressure || follows) && !spec.has_sensor_of("pressure_mpa")
+    {
         return Err(vec![
             "sensors: expected a sensor with pressure_mpa, an input of the model; found none".into(),
         ]);
@@ -137,6 +152,10 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     let selections = selections(spec, &header, &mut reader)?;
     let mut needed = needed_blocks(&header, &regimes, &selections);
     needed.push(BlockKind::Memory);
+    if follows {
+        let pressure = Selection { fields: Some(vec!["pressure".into()]), nodes: Nodes::All };
+        needed.extend(needed_blocks(&header, &regimes, &[pressure]));
+    }
     if !spec.markers.is_empty() {
         let coordinates =
             header.fields.iter().filter(|field| matches!(field.spec.kind, FieldKind::Coordinate(_)));
@@ -170,9 +189,11 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         let observed = coordinates.map(|(at, _)| at).filter(|_| description.observables.count() > 0);
         evaluator.restrict(&read.iter().filter_map(field).chain(observed).collect::<Vec<_>>());
     }
+    let observed = measured_observables(spec, &description.observables)?;
     let motion = ModelMotion::new(&model).map_err(|error| at(error.to_string()))?;
     let outputs = outputs(spec, &model, selections)?;
     let estimator = Estimator::new(spec, &model)?;
+    let follower = if follows { Follower::of(&model).map_err(|error| at(error.to_string()))? } else { None };
     let markers = (!spec.markers.is_empty()).then(|| SensorModel::new(spec, &model)).transpose()?;
     Ok(Loaded {
         spec: spec.clone(),
@@ -183,7 +204,9 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         outputs,
         estimator,
         markers,
+        observed,
         memory: Memory::of(&model).map_err(|error| at(error.to_string()))?,
+        follower,
         regimes,
         read,
         file_block_bytes,

@@ -2,6 +2,7 @@
 
 use crate::config::{ActuatorSpec, Gap, PRESSURE_BIAS, StateSpec};
 use crate::load::{Description, LoadedOutput};
+use rom::branch::VOLUME;
 use rom::evaluation::Evaluation;
 use rom::evaluator::{Evaluator, RegimeLabel};
 use rom::hull::DomainStatus;
@@ -139,7 +140,8 @@ pub(crate) fn input_source_of(spec: &ActuatorSpec, at: usize, input: &InputSpec)
     match (is_estimated, is_given) {
         (true, _) => input_source::ESTIMATED,
         (false, true) => input_source::GIVEN,
-        (false, false) if at < PARAMETERS || from.is_some() => input_source::MEASURED,
+        // A volume without an entry follows the measured pressure.
+        (false, false) if at < PARAMETERS || from.is_some() || key == VOLUME => input_source::MEASURED,
         (false, false) => input_source::NOMINAL,
     }
 }
@@ -237,6 +239,8 @@ fn flags_of(evaluation: &Evaluation) -> u32 {
         (flags::OUTSIDE_DOMAIN, evaluation.domain == DomainStatus::Outside),
         (flags::COEFFICIENTS_CUT, evaluation.coefficients.len() > COEFFICIENTS_MAX),
         (flags::FORCE_CLAMPED, evaluation.flags.force_clamped),
+        (flags::SNAPPED, evaluation.flags.snapped),
+        (flags::BRANCH_UNKNOWN, evaluation.flags.branch_unknown),
     ];
     bits.iter().filter(|(_, set)| *set).map(|(bit, _)| bit).sum()
 }

@@ -85,6 +85,23 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
     assert_eq!(errors[0]["class"], "free");
     assert!(errors[0]["inertia"][2].as_f64().unwrap() < 0.01, "{errors}");
     assert!(errors[0]["statics"][2].as_f64().unwrap() > 1.0, "{errors}");
+    // Pressures above the model are answered and counted; a motion that cannot be continued begins at rest. A hole of 3 s is a straight line.
+    save("above.csv", "t_s,pressure_mpa\n0,0.01\n0.0005,0.3\n0.02,0.3\n");
+    save("hole.csv", "t_s,pressure_mpa\n0,0.01\n3,0.02\n3.1,0.02\n");
+    let predict = |name: &str| -> Value {
+        let line = format!("predict --model moves.twin --trace {name}.csv --out {name}-out.csv --step-ms 10");
+        serde_json::from_str(&succeed(&line)).unwrap()
+    };
+    let above = predict("above");
+    assert!(above["outside_training_range"].as_u64().unwrap() > 0, "{above}");
+    let hole = predict("hole");
+    assert_eq!(
+        (hole["restarts"].as_u64(), hole["outside_training_range"].as_u64()),
+        (Some(0), Some(0)),
+        "{hole}"
+    );
+    let after = tip("hole-out.csv");
+    assert!(((after[after.len() - 1] - still[end]) / way).abs() < 0.01, "{after:?}");
     save("back.csv", "t_s,pressure_mpa\n0,0.01\n0.1,0.02\n0.05,0.02\n");
     save("unknown.csv", "t_s,pressure_mpa,valve\n0,0.01,1\n0.1,0.02,1\n");
     for bad in ["back.csv", "unknown.csv"] {

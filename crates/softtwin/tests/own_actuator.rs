@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 use tests::process::binary;
 use tests::wait::wait_until;
 use tests::{Program, Stage};
-use wire::{SensorSample, SensorWriter, Topic, now_ns};
+use wire::layout::unpack_name;
+use wire::{SensorSample, SensorWriter, Topic, ValveReader, now_ns};
 
 /// A build takes about a minute of processor time, and other tests run beside it.
 const DEADLINE: Duration = Duration::from_secs(1800);
@@ -91,24 +92,53 @@ fn new_short_wide_actuator_runs() {
     make_and_run("wide", "--chambers 3 --length-mm 50 --width-mm 48 --silicone elastosil-m4601");
 }
 
-/// A copy of a folder of `models/shapes`.
-fn shape(stage: &Stage, name: &str) {
+/// Runs the commands of a README of `models/shapes`, from the folder to the view of the live twin. Returns what each has printed, and the
+/// newest state.
+fn from_folder_to_live_twin(stage: &Stage, name: &str) -> (Vec<(String, String)>, Value) {
     let from = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/shapes")).join(name);
     let to = stage.path(name);
     std::fs::create_dir(&to).expect("a new folder");
-    for file in ["actuator.toml", "mesh.msh"] {
-        std::fs::copy(from.join(file), to.join(file)).expect("copied");
+    for file in std::fs::read_dir(&from).expect("a folder").map(|entry| entry.expect("an entry").path()) {
+        if file.is_file() {
+            std::fs::copy(&file, to.join(file.file_name().expect("a file"))).expect("copied");
+        }
     }
+    let text = std::fs::read_to_string(from.join("README.md")).expect("a README");
+    let block = text.split("```sh\n").nth(1).and_then(|rest| rest.split("```").next()).expect("commands");
+    let (mut said, mut running) = (Vec::new(), Vec::new());
+    for line in block.lines().skip_while(|line| line.starts_with("cp ")) {
+        match line.split_once(' ').expect("a command") {
+            ("softtwind", rest) => {
+                let mut program = Program::daemon(stage, &rest.split_whitespace().collect::<Vec<_>>());
+                program.wait_for("ready:");
+                running.push(program);
+            }
+            ("softtwin", rest) if rest.starts_with("view ") => {
+                let mut program =
+                    Program::tool(stage, &rest.split_whitespace().chain(["--port", "0"]).collect::<Vec<_>>());
+                program.wait_for("http://");
+                running.push(program);
+            }
+            ("softtwin", rest) => said.push((rest.to_owned(), done(stage, rest))),
+            (other, _) => panic!("{other}: not a program of ours"),
+        }
+    }
+    let topic = format!("softtwin/{name}/state");
+    let (status, lines) = Program::tool(stage, &["echo", &topic, "--once", "--json"]).end();
+    assert!(status.success(), "{lines:?}");
+    (said, serde_json::from_str(&lines[0]).expect("JSON"))
+}
+
+/// Output of the first command that begins so.
+fn said_by<'a>(said: &'a [(String, String)], command: &str) -> &'a str {
+    said.iter().find(|(line, _)| line.starts_with(command)).map(|(_, out)| out.as_str()).expect("run")
 }
 
 #[test]
 fn two_opposite_chambers_of_a_mesh_file_bend_either_way_in_the_twin() {
     let stage = Stage::new("opposite");
-    shape(&stage, "two-chambers");
-    let built: Value =
-        serde_json::from_str(&done(&stage, "build two-chambers --quick --json")).expect("JSON");
-    println!("{built:#}");
-    let largest = 0.7 * built["pressure_mpa"].as_f64().expect("a pressure");
+    from_folder_to_live_twin(&stage, "two-chambers");
+    let largest = 0.035;
     let tip_y = |upper: f64, lower: f64| -> f64 {
         let model = "predict --model two-chambers/two-chambers.twin --json";
         let line = format!("{model} --pressure-mpa {upper} --set pressure_mpa.lower={lower}");
@@ -195,7 +225,7 @@ fn every_cavity_has_its_valve(stage: &Stage, largest_mpa: f64) {
     let upper = setpoint("", inside[0]);
     written(0, inside[0]);
     written(1, 0.0);
-    let _lower = setpoint("--cavity lower", inside[1]);
+    let mut lower = setpoint("--cavity lower", inside[1]);
     written(1, inside[1]);
     publish(inside[0], 3.0 * largest_mpa);
     written(0, 0.0);
@@ -208,16 +238,91 @@ fn every_cavity_has_its_valve(stage: &Stage, largest_mpa: f64) {
     written(1, inside[1]);
     let (code, said, error) = run(stage, "setpoint two --cavity middle --pressure-mpa 0.0");
     assert!(code != Some(0) && error.contains("[actuator.valves.middle]"), "{said}{error}");
+    lower.kill();
+    further_cavity_is_held(stage, &text("\"measured\""), &mut publish, &written, inside);
+}
+
+/// `softtwin hold` drives the cavity that `control.cavity` names, the other one keeps its reading; force and unknown cavities are refused.
+fn further_cavity_is_held(
+    stage: &Stage,
+    text: &str,
+    publish: &mut dyn FnMut(f64, f64),
+    written: &dyn Fn(u32, f64),
+    [upper_mpa, lower_mpa]: [f64; 2],
+) {
+    let scene = |cavity: &str| {
+        stage.write("held.toml", &format!("{text}[actuator.control]\ncavity = \"{cavity}\"\n"))
+    };
+    let path = scene("middle").display().to_string();
+    let (code, said, error) = run(stage, &format!("hold --scene {path} --pressure-mpa 0.001"));
+    assert!(code == Some(78) && error.contains("control.cavity") && error.contains("lower"), "{said}{error}");
+    let path = scene("lower").display().to_string();
+    let (code, said, error) = run(stage, &format!("hold --simulate --scene {path} --force-n 0.1"));
+    assert!(code == Some(2) && error.contains("control.cavity"), "{said}{error}");
+    let line = format!("hold --simulate --json --seconds 1 --scene {path} --tip-y-mm");
+    let (_, said, error) = run(stage, &format!("{line} 900"));
+    let reach = error.split_once("limit give ").and_then(|(_, rest)| rest.split_once(" mm;")).expect(&said).0;
+    let (low, high) = reach.split_once(" to ").expect(reach);
+    let middle = 0.5 * (low.parse::<f64>().expect(low) + high.parse::<f64>().expect(high));
+    done(stage, &format!("{line} {middle}"));
+    let main = stage.write("main.toml", text).display().to_string();
+    let (code, said, error) = run(stage, &format!("hold --simulate --scene {main} --tip-y-mm {middle}"));
+    assert!(code == Some(2) && error.contains("cannot be held"), "the other bends down: {said}{error}");
+
+    let mut holds = Program::shell(
+        stage,
+        &format!("exec softtwin hold --scene {path} --owner test --pressure-mpa {lower_mpa:?}"),
+    );
+    let bus = stage.bus();
+    let topic = Topic::valve("two").expect("a name").of_cavity(Some("lower")).expect("a name");
+    let valves = ValveReader::open(&bus, &topic).expect("a valve");
+    wait_until("a setpoint of the controller", || {
+        publish(upper_mpa, lower_mpa);
+        let valve = valves.newest().expect("open")?;
+        (unpack_name(&valve.owner) == "test" && (valve.pressure_mpa - lower_mpa).abs() < 0.2 * lower_mpa)
+            .then_some(())
+    });
+    written(0, 0.0);
+    holds.kill();
 }
 
 #[test]
 fn silicone_on_a_stiff_skeleton_of_a_mesh_file_is_built() {
     let stage = Stage::new("skeleton");
-    shape(&stage, "skeleton");
-    let parts = done(&stage, "mesh --actuator skeleton/actuator.toml");
+    let (said, _) = from_folder_to_live_twin(&stage, "skeleton");
+    let parts = said_by(&said, "mesh");
     assert!(parts.contains("materials.skeleton") && parts.contains("held (support.fixed)"), "{parts}");
-    let built: Value = serde_json::from_str(&done(&stage, "build skeleton --quick --json")).expect("JSON");
-    assert!(built["failed"] == 0 && built["displacement_mm"].as_f64().is_some_and(|mm| mm > 2.0), "{built}");
+    let answer: Value = serde_json::from_str(said_by(&said, "predict")).expect("JSON");
+    assert!(answer["in_domain"] == true && answer["max_displacement_mm"].as_f64() > Some(2.0), "{answer}");
+}
+
+#[test]
+fn bellows_past_their_limit_follow_the_pressure_on_two_branches() {
+    let stage = Stage::new("bellows");
+    let (said, state) = from_folder_to_live_twin(&stage, "bellows");
+    let report: Value = serde_json::from_str(said_by(&said, "predict")).expect("JSON");
+    assert_eq!(
+        (&report["limits_passed"], &report["outside_training_range"]),
+        (&2.into(), &0.into()),
+        "{report}"
+    );
+    let series = std::fs::read_to_string(stage.path("bellows/series.csv")).expect("just made");
+    let rows: Vec<Vec<f64>> = series.lines().skip(1).map(numbers).collect();
+    // At 58.5 kPa, between the limits, before and after: time, pressure, ... volume.
+    let at = |row: &&Vec<f64>, begin: f64| row[0] > begin && (row[1] - 0.0585).abs() < 3e-5;
+    let volumes = [0.0, 5.0].map(|begin| rows.iter().find(|row| at(row, begin)).expect("passed")[9]);
+    assert!(
+        (volumes[0] / 6000.0 - 1.0).abs() < 0.1 && (volumes[1] / 86000.0 - 1.0).abs() < 0.1,
+        "{volumes:?}"
+    );
+    let sample = &state["sample"];
+    assert!(sample["pressure_mpa"].is_number() && sample["inputs"][0].is_number(), "{sample}");
+    assert_eq!([&sample["input_names"][0], &sample["input_sources"][0]], ["volume_mm3", "measured"]);
+}
+
+/// Numbers of a line; NaN for an empty cell.
+fn numbers(line: &str) -> Vec<f64> {
+    line.split(',').map(|cell| cell.parse().unwrap_or(f64::NAN)).collect()
 }
 
 /// Checkpoints that are whole.

@@ -66,12 +66,26 @@ fn write(name: &str, event: &Event) {
             );
         }
         EventKind::MarkerMismatch => tracing::info!("{name}: markers and predicted positions agree again"),
+        EventKind::ObservableMismatch if event.value != 0 => {
+            tracing::warn!(
+                "{name}: MEASURED OBSERVABLE DIFFERS from its predicted value: a wrong gap, a sensor that slipped, its zero?"
+            );
+        }
+        EventKind::ObservableMismatch => {
+            tracing::info!("{name}: measured observables and predicted values agree again");
+        }
         EventKind::EstimateAlarm if event.value != 0 => {
             tracing::warn!(
                 "{name}: ESTIMATE ALARM: model and estimated quantities do not explain the readings; softtwin/{name}/estimate names the suspects"
             );
         }
         EventKind::EstimateAlarm => tracing::info!("{name}: the estimate explains the readings again"),
+        EventKind::Snapped if event.value != 0 => {
+            tracing::warn!("{name}: the pressure has passed a limit: the state is behind it");
+        }
+        EventKind::Snapped => {
+            tracing::info!("{name}: the pressure has passed a limit: the state is on the first branch again")
+        }
         EventKind::ReceiveFailed => {
             tracing::error!(
                 "{name}: reading the sensor topic failed {} times; see `softtwin doctor`",

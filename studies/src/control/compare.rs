@@ -32,13 +32,14 @@ pub struct Case {
 }
 
 /// Targets of the force, N, and of the tip, mm, each held for [`HOLD_S`].
-const TARGETS_N: [f64; 7] = [0.1, 0.5, 0.1, 0.3, 0.4, 0.2, 0.5];
+pub const TARGETS_N: [f64; 7] = [0.1, 0.5, 0.1, 0.3, 0.4, 0.2, 0.5];
 const TARGETS_MM: [f64; 4] = [-50.0, -60.0, -55.0, -60.0];
-const HOLD_S: f64 = 5.0;
+/// Duration of each, s.
+pub const HOLD_S: f64 = 5.0;
 /// Sine of the tip: mean and amplitude, mm, frequency, Hz.
 const SINE: [f64; 3] = [-60.0, 3.0, 0.5];
 /// Control cycles per second.
-const RATE_HZ: f64 = 200.0;
+pub const RATE_HZ: f64 = 200.0;
 /// Gains of the PI for the force (MPa/N) and the tip (MPa/mm): the best of a grid on the first plant.
 const PI_GAINS: [[f64; 2]; 2] = [[0.04, 0.12], [-4e-4, -1.2e-3]];
 /// Gains of the PI of the inverse: the best of a grid on the first plant.

@@ -1,6 +1,7 @@
 //! `softtwin-studies control`: the controller and other laws on plants of a second mesh; time of a control cycle.
 
 mod compare;
+mod estimated;
 mod laws;
 mod table;
 mod timing;
@@ -57,12 +58,13 @@ impl Args {
         if let Some(out) = &self.out {
             draw(&runs).save(out)?;
         }
+        let estimated = estimated::measure(&bench)?;
         let times = timing::measure(&bench)?;
         if self.json {
-            return output::json(&json!({ "rows": rows, "cycle": times }));
+            return output::json(&json!({ "rows": rows, "without_load_cell": estimated, "cycle": times }));
         }
         let lines: String = rows.iter().map(Row::text).collect();
-        output!("{}{lines}{}", Row::HEAD, timing::text(&times))?;
+        output!("{}{lines}\n{}\n{}", Row::HEAD, estimated::text(&estimated), timing::text(&times))?;
         Ok(())
     }
 }

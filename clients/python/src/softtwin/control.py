@@ -36,9 +36,9 @@ class Cycle:
 
 
 class Control:
-    """The controller of one quantity: `force_n`, `tip_y_mm`, `pressure_mpa`, or an observable of the model; for one thread.
+    """The controller of one quantity: `force_n`, `tip_y_mm`, `pressure_mpa`, `angle_deg`, or an observable of the model; for one thread.
 
-    Of a scene's file it takes control, valve, sigma.force_n, markers and given inputs of the actuator (by default the first one); without
+    Of a scene's file it takes control, the driven valve, sigma.force_n, markers and given inputs of the actuator (by default the first one); without
     one the defaults hold. Steps are bit-identical to those of the law in Rust and C.
     """
 

@@ -122,6 +122,9 @@ FLAGS: Dict[int, str] = {
     1024: "regime-held",
     2048: "marker-mismatch",
     4096: "estimate-alarm",
+    8192: "observable-mismatch",
+    16384: "snapped",
+    32768: "branch-unknown",
 }
 """Flags by bit."""
 
@@ -151,6 +154,7 @@ VALVE_INTERLOCKS: Dict[int, str] = {
     32: "force-mismatch",
     64: "marker-mismatch",
     128: "estimate-alarm",
+    256: "observable-mismatch",
 }
 """Interlocks of a valve, by bit."""
 

@@ -290,20 +290,20 @@ fn follow(
 #[test]
 fn swing_of_unknown_beginning_tells_stiffness_bias_and_gap() {
     let (mut random, mut counts) = (Random(77), Counts::default());
-    let mut identified = [0; 3];
+    let mut found = [0; 3];
     for _ in 0..100 {
         let truth = draw(&mut random);
         let readings = readings(&truth, 4.0, &mut random);
         let filter = follow(&rig(), &truth, &readings, &mut counts, 3.5);
-        for (identified, estimate) in identified.iter_mut().zip(filter.estimates()) {
-            *identified += usize::from(estimate.identifiable);
+        for (found, estimate) in found.iter_mut().zip(filter.estimates()) {
+            *found += usize::from(estimate.identifiable);
         }
     }
     let share = |part: usize, all: usize| part as f64 / all as f64;
     assert!((0.90..=0.98).contains(&share(counts.covered, counts.values)), "{counts:?}");
     assert!((0.92..=0.98).contains(&share(counts.consistent, counts.readings)), "{counts:?}");
     assert!(counts.silent.is_empty() && counts.alarms <= 5, "{counts:?}");
-    assert!(identified.iter().all(|identified| *identified >= 90), "{identified:?}");
+    assert!(found.iter().all(|found| *found >= 90), "{found:?}");
 }
 
 /// A body that never touches: the swing alone tells the stiffness.

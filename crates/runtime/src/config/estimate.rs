@@ -1,7 +1,6 @@
 //! Estimated quantities of an actuator, and the noise of its sensors.
 
-use rom::model::Model;
-use rom::probe::{MeshPoint, PointError};
+use control::held::{FORCE_SIGMA_N, MarkerSpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use wire::layout::{MARKERS_MAX, Marker};
@@ -64,36 +63,11 @@ impl Default for SigmaSpec {
             pressure_mpa: 0.0005,
             pressure_rate_mpa_per_s: None,
             gap_mm: 0.2,
-            force_n: 0.005,
+            force_n: FORCE_SIGMA_N,
             marker_mm: 0.2,
             model_force_n: None,
             model_mm: None,
             model_correlation_s: 10.0,
-        }
-    }
-}
-
-/// A marker that a camera follows: a node or a point of the undeformed mesh.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MarkerSpec {
-    /// Name, for messages.
-    pub name: String,
-    /// Node number, from 0.
-    pub node: Option<u32>,
-    /// Undeformed place in the actuator's frame, mm.
-    pub at_mm: Option<[f64; 3]>,
-}
-
-impl MarkerSpec {
-    /// Its point on a model's mesh.
-    ///
-    /// # Errors
-    /// [`PointError`]: no such node, or a point off the mesh.
-    pub fn point(&self, model: &Model) -> Result<MeshPoint, PointError> {
-        match (self.node, self.at_mm) {
-            (Some(node), _) => MeshPoint::node(model, node),
-            (None, at_mm) => MeshPoint::at(model, at_mm.unwrap_or([f64::NAN; 3])),
         }
     }
 }

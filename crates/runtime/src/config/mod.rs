@@ -9,10 +9,9 @@ mod paths;
 mod scene;
 mod settings;
 
+pub use control::held::MarkerSpec;
 pub use error::{ConfigError, collect, read};
-pub use estimate::{
-    BIASES, CameraSpec, EstimateSpec, MarkerSpec, ObservedSpec, ObservedSpecs, SigmaSpec, UnknownSpec,
-};
+pub use estimate::{BIASES, CameraSpec, EstimateSpec, ObservedSpec, ObservedSpecs, SigmaSpec, UnknownSpec};
 pub(crate) use estimate::{PRESSURE_BIAS, Sigmas};
 pub use grasp::{BlockSpec, GraspSpec, PlaceSpec};
 pub use input::{InputFrom, InputSpecs, Measured, WithinSpec};

@@ -1,11 +1,12 @@
 //! Scenes: what is there, and what is wanted of it. The twin loads and computes exactly that.
 
 use super::error::{ConfigError, read};
-use super::estimate::{self, CameraSpec, EstimateSpec, MarkerSpec, ObservedSpecs, SigmaSpec, Sigmas};
+use super::estimate::{self, CameraSpec, EstimateSpec, ObservedSpecs, SigmaSpec, Sigmas};
 use super::grasp::{BlockSpec, GraspSpec, PlaceSpec, plate_problems};
 use super::input::{self, InputSpecs, Measured, WithinSpec};
 use crate::source::{Devices, InputNames, PaceSpec, Sensors, Source, SourceSpec, open_sensors, value_mut};
 use crate::valve::{self, ValveSpec};
+use control::held::{Description, MarkerSpec, Sigma, ValveLimits};
 use rom::kernel::Precision;
 use rom::reconstructor::BasisOptions;
 use rom::snapshots::Footprint;
@@ -358,6 +359,23 @@ impl ActuatorSpec {
         inputs.with_observables(self.observables.keys().map(String::as_str))
     }
 
+    /// The part of it that concerns its controller.
+    pub fn controlled(&self) -> Description {
+        let valve = |valve: &ValveSpec| {
+            let ValveSpec { range_mpa, rate_mpa_per_s, force_max_n, .. } = *valve;
+            ValveLimits { range_mpa, rate_mpa_per_s, force_max_n }
+        };
+        Description {
+            name: self.name.clone(),
+            control: self.control.clone(),
+            valve: self.valve.as_ref().map(valve),
+            valves: self.valves.iter().map(|(name, of)| (name.clone(), valve(of))).collect(),
+            sigma: Sigma { force_n: self.force_sigma_n() },
+            inputs: self.given_inputs().map(|(name, value)| (name.to_owned(), value.into())).collect(),
+            markers: self.markers.clone(),
+        }
+    }
+
     /// Whether one of its sensors has a value of this name.
     pub(crate) fn has_sensor_of(&self, name: &str) -> bool {
         self.sensors.values().flat_map(|sensor| sensor.values()).any(|(value, _)| value == name)
@@ -462,6 +480,13 @@ impl ActuatorSpec {
             }
         }
         problems.extend(self.control.problems(&format!("{place}.control")));
+        if let Some(cavity) = self.control.cavity.as_ref().filter(|name| !self.valves.contains_key(*name)) {
+            let known: Vec<&str> = self.valves.keys().map(String::as_str).collect();
+            problems.push(format!(
+                "{place}.control.cavity: expected a cavity with a valve, [actuator.valves.NAME] ({}), found `{cavity}`",
+                if known.is_empty() { "none".into() } else { known.join(", ") }
+            ));
+        }
         estimate::problems(
             place,
             &self.estimate,

@@ -19,6 +19,25 @@ pub(super) struct Observed {
     which: Vec<usize>,
 }
 
+/// Positions of a scene's measured observables among those of its model.
+///
+/// # Errors
+/// Observables that the model does not have.
+pub(crate) fn measured_observables(spec: &ActuatorSpec, of: &Observables) -> Result<Vec<usize>, Vec<String>> {
+    let known: Vec<&str> = of.names().collect();
+    let (mut which, mut problems) = (Vec::new(), Vec::new());
+    for name in spec.observables.keys() {
+        match known.iter().position(|known| known == name) {
+            Some(at) => which.push(at),
+            None => problems.push(format!(
+                "observables.{name}: expected an observable of the model ({}), found no such quantity",
+                known.join(", ")
+            )),
+        }
+    }
+    if problems.is_empty() { Ok(which) } else { Err(problems) }
+}
+
 impl Observed {
     /// `None` if the scene measures no observable.
     ///
@@ -30,20 +49,7 @@ impl Observed {
         }
         let fail = |error: &dyn std::fmt::Display| vec![format!("model: {error}")];
         let observables = Observables::of(model).map_err(|error| fail(&error))?;
-        let known: Vec<&str> = observables.names().collect();
-        let (mut which, mut problems) = (Vec::new(), Vec::new());
-        for name in spec.observables.keys() {
-            match known.iter().position(|known| known == name) {
-                Some(at) => which.push(at),
-                None => problems.push(format!(
-                    "observables.{name}: expected an observable of the model ({}), found no such quantity",
-                    known.join(", ")
-                )),
-            }
-        }
-        if !problems.is_empty() {
-            return Err(problems);
-        }
+        let which = measured_observables(spec, &observables)?;
         let mut evaluator = Evaluator::new(&model.header).map_err(|error: ModelError| fail(&error))?;
         let fields = model.header.fields.iter().enumerate();
         let coordinates = fields.filter(|(_, field)| matches!(field.spec.kind, FieldKind::Coordinate(_)));

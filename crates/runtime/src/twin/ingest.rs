@@ -24,7 +24,9 @@ pub(super) struct Needed {
 impl Needed {
     pub(super) fn of(loaded: &Loaded) -> Self {
         let measured = MeasuredInputs::new(&loaded.spec, loaded.evaluator.inputs());
-        Self { gap: gap_of(&loaded.spec), depends: loaded.evaluator.needs(), measured }
+        let mut depends = loaded.evaluator.needs();
+        depends.pressure |= loaded.follower.is_some();
+        Self { gap: gap_of(&loaded.spec), depends, measured }
     }
 }
 

@@ -6,7 +6,7 @@
 //! | --- | --- |
 //! | 1. poll: take it from the sensor topic | `mod.rs` |
 //! | 2. ingest: validate it; advance the memory; a good one waits for its answer | `ingest.rs`, `past.rs` |
-//! | 3. evaluate: coefficients, force, gradients, half-widths with the residual's contribution; fill the state | `mod.rs`, `residual.rs`, `markers.rs`, `../publish.rs` |
+//! | 3. evaluate: coefficients, force, gradients, half-widths with the residual's contribution; fill the state | `mod.rs`, `residual.rs`, `markers.rs`, `observed.rs`, `../publish.rs` |
 //! | 4. reconstruct: write each field into a sample on loan | `../publish.rs` |
 //! | 5. publish: send state and fields | `mod.rs`, `../publish.rs` |
 //! | 6. record the outcome: count it once, after its outputs | `record.rs` |
@@ -17,6 +17,8 @@
 mod deadline;
 mod ingest;
 mod markers;
+mod observed;
+mod parts;
 mod past;
 mod record;
 mod residual;
@@ -26,27 +28,26 @@ pub use deadline::Deadline;
 pub use record::{Event, EventKind, EventSender, event_channel};
 pub use swap::{Retired, SwapError};
 
-use crate::config::{Limits, OutsideDomain, Settings, StateSpec, ms_to_ns};
+use crate::config::{Limits, OutsideDomain, Settings, ms_to_ns};
 use crate::estimation::{Estimator, HALFWIDTH_SIGMAS};
-use crate::load::{Description, Loaded};
-use crate::publish::{self, Contents, FieldError, FieldOutput};
-use ingest::{Needed, Validator};
-use markers::Markers;
+use crate::load::Loaded;
+use crate::publish::{self, FieldError, FieldOutput};
+use ingest::Validator;
+use parts::Parts;
 use past::Behind;
 use record::Record;
-use residual::{Judged, Residual, Watch};
+use residual::{Residual, Watch};
 use rom::evaluation::Evaluation;
-use rom::evaluator::{HysteresisEvaluator, RegimeLabel};
+use rom::evaluator::RegimeLabel;
 use rom::hull::DomainStatus;
 use rom::inertia::model_motion::ModelMotion;
 use rom::inputs::Inputs;
-use rom::memory::Memory;
 use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use swap::Running;
-use wire::layout::{INPUTS_MAX, LAYOUT_VERSION, estimate_alarm, flags, pack_name};
+use wire::layout::{LAYOUT_VERSION, estimate_alarm, flags, pack_name};
 use wire::{
     Bus, Estimate, EstimateWriter, Health, HealthWriter, Outcome, SensorReader, SensorSample, State,
     StateWriter, Topic, WakeSet, Wakeable, WireError, boot_id, now_ns,
@@ -112,7 +113,7 @@ impl Twin {
             let due_ns = self.actuators.iter().map(ActuatorTwin::next_due_ns).min().unwrap_or(u64::MAX);
             let timeout = Duration::from_nanos(due_ns.saturating_sub(now_ns())).min(max_wait);
             if self.wait.wait(timeout).is_err() {
-                self.actuators.iter_mut().for_each(ActuatorTwin::wait_failed);
+                self.actuators.iter_mut().for_each(|of| of.record.failed(EventKind::WaitFailed));
                 std::thread::sleep(max_wait); // a failing wait must not become a busy loop
             }
         }
@@ -183,57 +184,6 @@ struct Estimation {
     estimator: Estimator,
     writer: EstimateWriter,
     estimate: Estimate,
-}
-
-/// Everything of scene and model that a start and a reload set in the same way.
-#[derive(Debug)]
-struct Parts {
-    model_hash: [u8; 16],
-    evaluator: HysteresisEvaluator,
-    /// Motion of a model with inertia, which answers instead of the evaluator.
-    motion: Option<ModelMotion>,
-    description: Description,
-    needed: Needed,
-    contents: Contents,
-    /// Source of the value of each input of the payloads.
-    input_sources: [u8; INPUTS_MAX],
-    backlog: usize,
-    wanted: StateSpec,
-    /// Standard deviation of the load cell, N.
-    force_sigma_n: f64,
-    /// `None` if the scene has no markers.
-    markers: Option<Markers>,
-    /// Memory of the inputs; `None` for a static model.
-    memory: Option<Memory>,
-}
-
-impl Parts {
-    /// Parts of a loaded actuator whose outputs and estimator have been taken.
-    fn new(mut loaded: Loaded) -> Self {
-        let markers = loaded.markers.take().map(|model| Markers::new(model, &loaded.spec));
-        let contents = Contents::new(&loaded.evaluator);
-        Self {
-            model_hash: loaded.model_hash,
-            needed: Needed::of(&loaded),
-            contents,
-            input_sources: contents.sources(&loaded.spec, loaded.evaluator.inputs()),
-            backlog: loaded.spec.backlog,
-            wanted: loaded.spec.state,
-            force_sigma_n: loaded.spec.force_sigma_n(),
-            markers,
-            description: loaded.description,
-            memory: loaded.memory,
-            evaluator: HysteresisEvaluator::new(loaded.evaluator),
-            motion: loaded.motion,
-        }
-    }
-
-    /// Writes model and inputs into the state and the health.
-    fn describe(&self, state: &mut State, health: &mut Health) {
-        (state.model_hash, health.model_hash) = (self.model_hash, self.model_hash);
-        (state.input_count, state.input_names) = (self.contents.count, self.contents.names);
-        state.input_sources = self.input_sources;
-    }
 }
 
 impl ActuatorTwin {
@@ -320,11 +270,7 @@ impl ActuatorTwin {
         }
         self.evaluation = loaded.evaluation();
         self.force_watch.restart();
-        let old = std::mem::replace(&mut self.parts, Parts::new(loaded));
-        retired.evaluators.push(old.evaluator);
-        retired.motions.extend(old.motion);
-        retired.markers.extend(old.markers);
-        retired.memories.extend(old.memory);
+        retired.parts.push(std::mem::replace(&mut self.parts, Parts::new(loaded)));
         self.validator.set_needed(self.parts.needed.clone());
         self.waiting.reserve(self.parts.backlog.saturating_sub(self.waiting.len()));
         self.parts.describe(&mut self.state, &mut self.record.health);
@@ -376,7 +322,7 @@ impl ActuatorTwin {
                     self.record.record_outcome(Outcome::DroppedSuperseded);
                 }
                 let said = self.validator.inputs(&sample);
-                let at = past::inputs_behind(&mut self.parts.memory, &sample, said, check.restarted);
+                let at = self.parts.past.behind(&sample, said, check.restarted);
                 if (at.is_new_past || check.restarted)
                     && let Some(estimation) = &mut self.estimation
                 {
@@ -427,6 +373,7 @@ impl ActuatorTwin {
             (None, Some(motion)) => past::moved(motion, sample.t_sensor_ns, inputs, &mut self.evaluation)?,
             (None, None) => self.parts.evaluator.state(inputs, &mut self.evaluation),
         };
+        at.followed.iter().for_each(|followed| followed.describe(&mut self.evaluation));
         self.evaluation.halfwidths = self.evaluation.halfwidths.with(&at.half_widths);
         if let Some(Estimation { estimate, .. }) = &mut self.estimation {
             estimate.inputs = *self.evaluation.inputs.values();
@@ -496,15 +443,17 @@ impl ActuatorTwin {
         };
         let after_s = 1e-3 * self.limits.mismatch_ms;
         let force = self.force_watch.update(residual, after_s);
-        let markers = self.parts.markers.as_mut();
-        let markers =
-            markers.map_or(Judged::default(), |markers| markers.update(sample, evaluation, after_s));
+        let markers = self.parts.markers.as_mut().map(|of| of.update(sample, evaluation, after_s));
+        let markers = markers.unwrap_or_default();
+        let of = &self.parts.description.observables;
+        let observed = self.parts.observed.update(sample, evaluation, of, after_s);
         let halfwidths = &mut evaluation.halfwidths;
         halfwidths.force_n = halfwidths.force_n.hypot(force.contribution);
         halfwidths.displacement_mm = halfwidths.displacement_mm.hypot(markers.contribution);
         let (regime_before, flags_before) = (state.regime, self.record.health.flags);
         let Parts { contents, description, wanted, .. } = &self.parts;
         publish::fill_state(state, evaluation, contents, description, *wanted);
+        self.parts.observed.widen(&mut state.observable_halfwidths);
         publish::fill_label(state, self.label);
         state.outcome = Outcome::Published.code();
         state.sensor_boot_id = sample.boot_id;
@@ -517,6 +466,7 @@ impl ActuatorTwin {
             (flags::FORCE_MEASURED, sample.measured_force_n.is_finite()),
             (flags::FORCE_MISMATCH, force.mismatch),
             (flags::MARKER_MISMATCH, markers.mismatch),
+            (flags::OBSERVABLE_MISMATCH, observed),
             (flags::ESTIMATE_ALARM, has_alarm),
             (flags::LATE, late),
         ] {
@@ -586,11 +536,6 @@ impl ActuatorTwin {
             self.record.failed(EventKind::SendFailed);
         }
         self.next_deadline_ns = now + self.deadline.ns();
-    }
-
-    /// The wait for readings failed.
-    fn wait_failed(&mut self) {
-        self.record.failed(EventKind::WaitFailed);
     }
 
     /// The counters so far.

@@ -1,5 +1,6 @@
 //! States that a model carries from reading to reading: inputs behind its memory, its motion.
 
+use rom::branch::{Followed, Follower};
 use rom::evaluation::Evaluation;
 use rom::evaluator::RegimeLabel;
 use rom::halfwidths::HalfWidths;
@@ -20,10 +21,34 @@ pub(super) struct Behind {
     pub half_widths: HalfWidths,
     /// The past became unknown with this reading.
     pub is_new_past: bool,
+    /// Branch that a pressure without volume is on.
+    pub followed: Option<Followed>,
 }
 
-/// Inputs behind the memory at a reading. Without memory the inputs themselves.
-pub(super) fn inputs_behind(
+/// States that inputs carry from reading to reading.
+#[derive(Debug)]
+pub(super) struct Past {
+    /// Memory of the inputs; `None` for a static model.
+    pub memory: Option<Memory>,
+    /// Volume of a pressure, for a model over volumes.
+    pub follower: Option<Follower>,
+}
+
+impl Past {
+    /// Inputs behind the memory at a reading, with the volume on the present branch. Without memory the inputs themselves.
+    pub fn behind(&mut self, sample: &SensorSample, inputs: Inputs, is_new_source: bool) -> Behind {
+        let mut behind = behind_memory(&mut self.memory, sample, inputs, is_new_source);
+        if let Some(follower) = &mut self.follower {
+            if is_new_source {
+                follower.restart();
+            }
+            behind.followed = Some(follower.advance(sample.t_sensor_ns, &mut behind.inputs));
+        }
+        behind
+    }
+}
+
+fn behind_memory(
     memory: &mut Option<Memory>,
     sample: &SensorSample,
     inputs: Inputs,
@@ -31,7 +56,13 @@ pub(super) fn inputs_behind(
 ) -> Behind {
     let Some(memory) = memory else {
         let half_widths = HalfWidths::default();
-        return Behind { inputs, spread: [[0.0; 2]; MAX_INPUTS], half_widths, is_new_past: false };
+        return Behind {
+            inputs,
+            spread: [[0.0; 2]; MAX_INPUTS],
+            half_widths,
+            is_new_past: false,
+            followed: None,
+        };
     };
     if is_new_source {
         memory.restart();
@@ -42,6 +73,7 @@ pub(super) fn inputs_behind(
         spread: memory.spreads(),
         half_widths: memory.half_widths(),
         is_new_past: matches!(outcome, Advance::Started | Advance::Gap),
+        followed: None,
     }
 }
 

@@ -123,7 +123,9 @@ impl Record {
         let alarms = [
             (flags::FORCE_MISMATCH, EventKind::ForceMismatch),
             (flags::MARKER_MISMATCH, EventKind::MarkerMismatch),
+            (flags::OBSERVABLE_MISMATCH, EventKind::ObservableMismatch),
             (flags::ESTIMATE_ALARM, EventKind::EstimateAlarm),
+            (flags::SNAPPED, EventKind::Snapped),
         ];
         for (bit, kind) in alarms.into_iter().filter(|(bit, _)| (before ^ now) & bit != 0) {
             self.event(kind, u64::from(now & bit != 0));
@@ -192,8 +194,12 @@ pub enum EventKind {
     ForceMismatch,
     /// A marker contradicts its predicted position, or all agree again; value as of the force.
     MarkerMismatch,
+    /// A measured observable contradicts its predicted value (1), or agrees again (0).
+    ObservableMismatch,
     /// The estimate has an alarm (1), or none any more (0).
     EstimateAlarm,
+    /// The pressure passed a limit and the state is behind it (1), or on the first branch again (0).
+    Snapped,
     /// Readings could not be received; value: failures of this kind so far, as for all that follow.
     ReceiveFailed,
     /// A state, field or health could not be sent.

@@ -1,13 +1,10 @@
 //! Another model, or another scene, between two readings. Topics, sequence numbers and counters continue; readers see a new
 //! model hash and nothing else.
 
-use super::markers::Markers;
+use super::parts::Parts;
 use crate::estimation::Estimator;
 use crate::load::Loaded;
 use crate::publish::shape;
-use rom::evaluator::HysteresisEvaluator;
-use rom::inertia::model_motion::ModelMotion;
-use rom::memory::Memory;
 use rom::reconstructor::Reconstructor;
 
 /// Why a running twin cannot continue with what was loaded. It continues with what it has.
@@ -39,18 +36,12 @@ pub enum SwapError {
 /// Parts that a swap removed from the loop. Dropping them frees tens of megabytes, which takes too long between two readings.
 #[derive(Debug, Default)]
 pub struct Retired {
-    /// Evaluators.
-    pub(super) evaluators: Vec<HysteresisEvaluator>,
-    /// Motions.
-    pub(super) motions: Vec<ModelMotion>,
+    /// Evaluators, motions, predictions of markers, memories.
+    pub(super) parts: Vec<Parts>,
     /// Reconstructors, with their bases.
     pub(super) reconstructors: Vec<Reconstructor>,
     /// Estimators.
     pub(super) estimators: Vec<Estimator>,
-    /// Predictions of markers.
-    pub(super) markers: Vec<Markers>,
-    /// Memories of inputs.
-    pub(super) memories: Vec<Memory>,
 }
 
 /// Properties that readers of a running actuator depend on.

@@ -141,6 +141,7 @@ impl Governor {
             | bit(self.needs_force && !state.measured_force_n.is_finite(), valve_interlock::NO_FORCE)
             | bit(contradicts(flags::FORCE_MISMATCH), valve_interlock::FORCE_MISMATCH)
             | bit(contradicts(flags::MARKER_MISMATCH), valve_interlock::MARKER_MISMATCH)
+            | bit(contradicts(flags::OBSERVABLE_MISMATCH), valve_interlock::OBSERVABLE_MISMATCH)
             | bit(contradicts(flags::ESTIMATE_ALARM), valve_interlock::ESTIMATE_ALARM)
     }
 

@@ -35,7 +35,7 @@ pub struct ValveSpec {
     /// Closes when the state has no measured force.
     #[serde(default)]
     pub needs_force: bool,
-    /// Closes when the measured force or a marker contradicts the predicted one.
+    /// Closes when the measured force, a marker or an observable contradicts the predicted one, or the estimate has an alarm.
     #[serde(default)]
     pub stop_on_mismatch: bool,
     /// A Modbus device.

@@ -56,6 +56,7 @@ fn cause_of_a_closed_valve_is_named() {
     for (flags, interlock) in [
         (flags::FORCE_MISMATCH, valve_interlock::FORCE_MISMATCH),
         (flags::MARKER_MISMATCH, valve_interlock::MARKER_MISMATCH),
+        (flags::OBSERVABLE_MISMATCH, valve_interlock::OBSERVABLE_MISMATCH),
         (flags::ESTIMATE_ALARM, valve_interlock::ESTIMATE_ALARM),
     ] {
         let contradicts = State { flags, ..fresh(0.1) };

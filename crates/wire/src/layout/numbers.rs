@@ -32,6 +32,12 @@ codes! {
         MARKER_MISMATCH = 1 << 11, "marker-mismatch";
         /// The estimate has an alarm: model and estimated quantities do not explain the readings.
         ESTIMATE_ALARM = 1 << 12, "estimate-alarm";
+        /// A measured observable has differed from its predicted value by more than its half-width for longer than configured.
+        OBSERVABLE_MISMATCH = 1 << 13, "observable-mismatch";
+        /// The pressure has passed a limit: the state is on a branch behind it, or, outside the training range, in one that the model does not have.
+        SNAPPED = 1 << 14, "snapped";
+        /// The readings so far do not tell on which branch the state is: the first one that has the pressure is taken.
+        BRANCH_UNKNOWN = 1 << 15, "branch-unknown";
     }
     /// The names of the set bits.
     pub fn names(flags: u32) -> impl Iterator<Item = &'static str> {
@@ -263,6 +269,8 @@ codes! {
         MARKER_MISMATCH = 1 << 6, "marker-mismatch";
         /// The estimate has an alarm.
         ESTIMATE_ALARM = 1 << 7, "estimate-alarm";
+        /// A measured observable contradicts its predicted value.
+        OBSERVABLE_MISMATCH = 1 << 8, "observable-mismatch";
     }
     /// The names of the set bits.
     pub fn names(bits: u32) -> impl Iterator<Item = &'static str> {

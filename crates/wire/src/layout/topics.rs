@@ -104,6 +104,13 @@ impl SensorSample {
         values.enumerate().map(|(at, value)| (slot(&self.input_names, at), *value))
     }
 
+    /// Position and value of the input with this packed name.
+    pub fn input(&self, name: &[u8; 32]) -> Option<(usize, f64)> {
+        let names = self.input_names.as_chunks::<32>().0.iter().take(self.input_count as usize);
+        let mut found = names.zip(&self.inputs).enumerate();
+        found.find(|(_, (known, _))| *known == name).map(|(at, (_, value))| (at, *value))
+    }
+
     /// Adds a named input; false when there are as many as fit already. Of a name of more than 31 bytes the end is kept.
     pub fn add_input(&mut self, name: &str, value: f64) -> bool {
         let at = self.input_count as usize;

@@ -2,12 +2,13 @@
 
 use super::args::Args;
 use super::goal::Goal;
-use super::held::Held;
+use super::held::refuse_out_of_reach;
 use super::owner::Owner;
-use super::sensors::Sensors;
+use super::sensors::{Sensors, driven_mpa};
 use crate::live::Latencies;
 use crate::output;
 use anyhow::{Context, bail, ensure};
+use control::held::Held;
 use control::inverse::{Model, Quantity};
 use control::law::{Controller, Cycle, Reading};
 use control::stepping::LONGEST_S;
@@ -38,14 +39,15 @@ pub(super) fn run(args: &Args, spec: &ActuatorSpec, held: Held, goal: Option<Goa
     let states = StateReader::open(&bus, &Topic::state(&spec.name)?)?;
     let mut wake = WakeSet::new([&states as &dyn Wakeable]);
     let first = first(&states, &mut wake)?;
-    let mut model = held.model(spec)?;
+    let mut model = held.model()?;
     model.set_inputs(&first.inputs);
     let gap_mm = state_gap_mm(&first, args.gap_mm, &held).context(
         "the gap is unknown: the twin's states have none; give it to the scene (gap_mm), or --gap-mm",
     )?;
-    let present = held.quantity.of(&model.at(first.pressure_mpa, gap_mm), first.pressure_mpa).0;
+    let pressure_mpa = driven_mpa(&first, &held);
+    let present = held.quantity.of(&model.at(pressure_mpa, gap_mm), pressure_mpa).0;
     let goal = goal.unwrap_or_else(|| Goal::step(present));
-    held.refuse_out_of_reach(&mut model, goal.values(), gap_mm)?;
+    refuse_out_of_reach(&held, &mut model, goal.values(), gap_mm)?;
     let mut held_loop = Loop::new(&bus, args, spec, held, model, goal)?;
     let ended = held_loop.run(&states, &mut wake);
     let released = held_loop.owner.send(f64::NAN, 0);
@@ -61,6 +63,7 @@ pub(super) fn run(args: &Args, spec: &ActuatorSpec, held: Held, goal: Option<Goa
 /// State of the loop.
 struct Loop<'a> {
     args: &'a Args,
+    actuator: &'a str,
     held: Held,
     controller: Controller<TwinModel>,
     sensors: Sensors,
@@ -90,21 +93,32 @@ impl<'a> Loop<'a> {
     fn new(
         bus: &Bus,
         args: &'a Args,
-        spec: &ActuatorSpec,
+        spec: &'a ActuatorSpec,
         held: Held,
         model: TwinModel,
         goal: Goal,
     ) -> anyhow::Result<Self> {
+        let cavity = held.settings.cavity.as_deref();
         Ok(Self {
             args,
+            actuator: &spec.name,
             controller: Controller::new(model, held.quantity, held.settings.clone(), held.limits),
             targets: TargetReader::attach_as(bus, &Topic::target(&spec.name)?, Waking::Never)?,
             goal,
-            reach: (held.model(spec)?, OUT_OF_REACH_MM),
+            reach: (held.model()?, OUT_OF_REACH_MM),
             sensors: Sensors::open(bus, spec, &held)?,
+            valves: ValveReader::attach_as(
+                bus,
+                &Topic::valve(&spec.name)?.of_cavity(cavity)?,
+                Waking::Never,
+            )?,
+            owner: Owner::new(
+                bus,
+                &Topic::setpoint(&spec.name)?.of_cavity(cavity)?,
+                &args.owner,
+                args.valid_ms,
+            )?,
             held,
-            valves: ValveReader::attach_as(bus, &Topic::valve(&spec.name)?, Waking::Never)?,
-            owner: Owner::new(bus, &spec.name, &args.owner, args.valid_ms)?,
             valve: None,
             last_ns: None,
             last_seq: 0,
@@ -156,7 +170,7 @@ impl<'a> Loop<'a> {
         ensure!(
             status.valve_interlock & valve_interlock::FORCE == 0,
             "the valve has closed: the force was beyond its limit; find out why, then release it with `softtwin setpoint {} --release`",
-            self.args.actuator.as_deref().unwrap_or("ACTUATOR")
+            self.actuator
         );
         Ok(())
     }
@@ -167,7 +181,7 @@ impl<'a> Loop<'a> {
             state.flags & flags::ESTIMATE_ALARM == 0
                 || self.measured.last().is_some_and(|value| value.is_finite()),
             "estimate-alarm: the twin does not explain its readings, and no sensor measures the quantity; `softtwin echo {}` names the suspects",
-            Topic::estimate(self.args.actuator.as_deref().unwrap_or("ACTUATOR"))?
+            Topic::estimate(self.actuator)?
         );
         Ok(())
     }
@@ -188,11 +202,10 @@ impl<'a> Loop<'a> {
         };
         let seen = self.sensors.measured(state);
         let status = self.valve.unwrap_or_default();
-        let is_used = self.held.settings.is_measured;
         let reading = Reading {
             pressure_mpa: self.sensors.pressure_mpa(state),
             gap_mm,
-            measured: if is_used { seen } else { f64::NAN },
+            measured: seen,
             written_mpa: if status.valve_limit == 0 { f64::NAN } else { status.pressure_mpa },
         };
         self.controller.model_mut().set_inputs(&state.inputs);
@@ -225,7 +238,7 @@ impl<'a> Loop<'a> {
         let present = self.goal.at(since_s).value;
         let (model, gap_mm) = &mut self.reach;
         let taken = Goal::of_sample(&sample, since_s, present).and_then(|goal| {
-            let reach = self.held.refuse_out_of_reach(model, goal.values(), *gap_mm);
+            let reach = refuse_out_of_reach(&self.held, model, goal.values(), *gap_mm);
             reach.map(|()| goal).map_err(|error| error.to_string())
         });
         match taken {
@@ -306,3 +319,7 @@ fn last_quarter(values: &[f64]) -> Option<f64> {
     let tail = values.get(values.len() * 3 / 4..).unwrap_or_default();
     (!tail.is_empty()).then(|| tail.iter().sum::<f64>() / tail.len() as f64)
 }
+
+#[cfg(test)]
+#[path = "../../../tests/unit/cmd_hold_live.rs"]
+mod tests;

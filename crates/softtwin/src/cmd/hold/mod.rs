@@ -15,7 +15,6 @@ use crate::failure::{configuration, usage};
 use anyhow::Context;
 use args::TargetArgs;
 use goal::Goal;
-use held::Held;
 use runtime::config::{ActuatorSpec, Scene};
 
 impl TargetArgs {
@@ -45,7 +44,7 @@ impl Args {
             Some((column, goal)) => (column, Some(goal)),
             None => (held::column(&spec.control.hold), None),
         };
-        let held = Held::new(spec, column)?;
+        let held = held::of_column(spec, column)?;
         match (self.simulate, goal) {
             (false, goal) => live::run(&self, spec, held, goal),
             (true, Some(goal)) => simulate::run(&self, spec, held, &goal),

@@ -12,8 +12,8 @@ pub(super) struct Owner {
 }
 
 impl Owner {
-    pub(super) fn new(bus: &Bus, actuator: &str, name: &str, valid_ms: f64) -> anyhow::Result<Self> {
-        let writer = SetpointWriter::create_named(bus, &Topic::setpoint(actuator)?, name)?;
+    pub(super) fn new(bus: &Bus, topic: &Topic, name: &str, valid_ms: f64) -> anyhow::Result<Self> {
+        let writer = SetpointWriter::create_named(bus, topic, name)?;
         let valid_for_ns = (valid_ms * 1e6) as u64;
         Ok(Self { writer, boot_id: boot_id(), seq: 0, valid_for_ns, name: pack_name(name) })
     }

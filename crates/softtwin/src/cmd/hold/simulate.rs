@@ -2,9 +2,10 @@
 
 use super::args::Args;
 use super::goal::Goal;
-use super::held::Held;
+use super::held::refuse_out_of_reach;
 use crate::output;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use control::held::Held;
 use control::inverse::{Model, Quantity};
 use control::law::Controller;
 use control::plant::{Plant, PlantSpec};
@@ -41,10 +42,10 @@ pub(super) fn run(args: &Args, spec: &ActuatorSpec, held: Held, goal: &Goal) -> 
         Quantity::Force => args.gap_mm.unwrap_or(within_mm),
         _ => args.gap_mm.unwrap_or(OUT_OF_REACH_MM),
     };
-    held.refuse_out_of_reach(&mut held.model(spec)?, goal.values(), gap_mm)?;
+    refuse_out_of_reach(&held, &mut held.model()?, goal.values(), gap_mm)?;
     let (mut rows, mut nominal) = (Vec::new(), Vec::new());
     for (name, factors) in CHANGES {
-        let (moments, steps) = simulated(args, spec, &held, goal, gap_mm, factors)?;
+        let (moments, steps) = simulated(args, &held, goal, gap_mm, factors)?;
         rows.push((name, row(&held, &moments, &steps)));
         if nominal.is_empty() {
             nominal = moments;
@@ -90,15 +91,14 @@ pub(super) fn plant(held: &Held, gap_mm: f64, [stiffness, lag, play]: [f64; 3]) 
 /// Cycles and steps: a series unchanged; a value from rest, then half-way back to rest, and up again.
 fn simulated(
     args: &Args,
-    spec: &ActuatorSpec,
     held: &Held,
     goal: &Goal,
     gap_mm: f64,
     factors: [f64; 3],
 ) -> anyhow::Result<(Vec<Moment>, Vec<StepFigures>)> {
     let quantity = held.quantity;
-    let controller = Controller::new(held.model(spec)?, quantity, held.settings.clone(), held.limits);
-    let mut body = held.model(spec)?;
+    let controller = Controller::new(held.model()?, quantity, held.settings.clone(), held.limits);
+    let mut body = held.model()?;
     let rest = quantity.of(&body.at(held.limits.range_mpa[0], gap_mm), held.limits.range_mpa[0]).0;
     let trial =
         Trial { quantity, is_measured: held.settings.is_measured, gap_error_mm: 0.0, rate_hz: RATE_HZ };

@@ -105,7 +105,7 @@ impl Gain<'_> {
         let held_out = format!("{} states never trained on", self.after.held_out_cases);
         for (name, before, after) in [
             ("leave-one-out", self.before.leave_one_out, self.after.leave_one_out),
-            ("added states (held out before)", self.before.added, self.after.added),
+            ("added states (tested before)", self.before.added, self.after.added),
             (held_out.as_str(), self.before.held_out, self.after.held_out),
         ] {
             let (Some(b), Some(a)) = (before, after) else { continue };

@@ -1,6 +1,6 @@
 //! The experiment: steps up and down at three pressures, then a slow ramp up and down.
 
-use super::super::held::Held;
+use control::held::Held;
 use control::inverse::{Model, Quantity, inverse};
 use control::settings::TARGET_FRACTION;
 use control::twin_model::TwinModel;

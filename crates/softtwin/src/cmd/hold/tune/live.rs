@@ -1,12 +1,12 @@
 //! The experiment on the valve.
 
-use super::super::held::Held;
 use super::super::live::{NOT_A_READING, SILENCE, WAITS, first, state_gap_mm};
 use super::super::owner::Owner;
 use super::super::sensors::Sensors;
 use super::experiment::Experiment;
 use super::identify::Row;
 use anyhow::{Context, bail, ensure};
+use control::held::Held;
 use runtime::config::ActuatorSpec;
 use std::sync::atomic::Ordering;
 use wire::layout::valve_reason;
@@ -32,14 +32,15 @@ pub(super) fn run(
     let gap_mm = state_gap_mm(&begin, given_gap_mm, held).context(
         "the gap is unknown: the twin's states have none; give it to the scene (gap_mm), or --gap-mm",
     )?;
-    let mut model = held.model(spec)?;
+    let mut model = held.model()?;
     model.set_inputs(&begin.inputs);
     let experiment = Experiment::of(held, &mut model, gap_mm);
     consent(&experiment)?;
     let stop = runtime::service::stop_flag().context("cannot listen for signals")?;
-    let valves = ValveReader::attach_as(bus, &Topic::valve(&spec.name)?, Waking::Never)?;
+    let cavity = held.settings.cavity.as_deref();
+    let valves = ValveReader::attach_as(bus, &Topic::valve(&spec.name)?.of_cavity(cavity)?, Waking::Never)?;
     let mut sensors = Sensors::open(bus, spec, held)?;
-    let mut owner = Owner::new(bus, &spec.name, OWNER, VALID_MS)?;
+    let mut owner = Owner::new(bus, &Topic::setpoint(&spec.name)?.of_cavity(cavity)?, OWNER, VALID_MS)?;
     let mut rows = Vec::new();
     let mut drive = || -> anyhow::Result<()> {
         let (mut begin_ns, mut time_s) = (None, 0.0);

@@ -5,12 +5,13 @@ mod identify;
 mod live;
 mod scene;
 
-use super::held::{self, Held};
+use super::held;
 use super::simulate;
 use crate::failure::{configuration, usage};
 use crate::live::DomainArgs;
 use crate::output;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use control::held::Held;
 use control::inverse::{Model, Quantity};
 use control::law::{Controller, Target};
 use control::plant::Plant;
@@ -18,7 +19,7 @@ use control::trial::{Loop, Trial, step_figures};
 use control::twin_model::OUT_OF_REACH_MM;
 use experiment::Experiment;
 use identify::{Found, Row};
-use runtime::config::{ActuatorSpec, Scene};
+use runtime::config::Scene;
 use serde_json::{Value, json};
 use std::io::{BufRead, IsTerminal};
 use std::path::PathBuf;
@@ -76,14 +77,14 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         let scene = Scene::load(&self.scene).map_err(configuration)?;
         let (at, spec) = super::actuator(&scene, self.actuator.as_deref())?;
-        let held = Held::new(spec, held::column(&spec.control.hold))?;
+        let held = held::of_column(spec, held::column(&spec.control.hold))?;
         let (rows, experiment, gap_mm) = if self.simulate {
-            self.simulated(spec, &held)?
+            self.simulated(&held)?
         } else {
             live::run(&self.domain.join()?, self.gap_mm, spec, &held, |experiment| self.consent(experiment))?
         };
         let found = identify::found(&rows, &experiment, &held.settings, held.quantity);
-        let predicted = predicted(spec, &held, &found, &experiment, gap_mm)?;
+        let predicted = predicted(&held, &found, &experiment, gap_mm)?;
         if let Some(out) = &self.out {
             picture(&held, &rows).save(out)?;
         }
@@ -98,11 +99,11 @@ impl Args {
         if self.json { output::json(&report) } else { Ok(output!("{}", text(&report))?) }
     }
 
-    fn simulated(&self, spec: &ActuatorSpec, held: &Held) -> anyhow::Result<(Vec<Row>, Experiment, f64)> {
+    fn simulated(&self, held: &Held) -> anyhow::Result<(Vec<Row>, Experiment, f64)> {
         let gap_mm =
             self.gap_mm.unwrap_or(if held.quantity == Quantity::Force { GAP_MM } else { OUT_OF_REACH_MM });
-        let experiment = Experiment::of(held, &mut held.model(spec)?, gap_mm);
-        let mut plant = Plant::new(simulate::plant(held, gap_mm, [1.0; 3]), held.model(spec)?);
+        let experiment = Experiment::of(held, &mut held.model()?, gap_mm);
+        let mut plant = Plant::new(simulate::plant(held, gap_mm, [1.0; 3]), held.model()?);
         let count = (experiment.end_s() * RATE_HZ) as usize;
         let row = |at: usize| {
             let (time_s, command_mpa) = (at as f64 / RATE_HZ, experiment.at(at as f64 / RATE_HZ));
@@ -131,21 +132,15 @@ impl Args {
 }
 
 /// Steps up and down with the settings, on the plant that they describe.
-fn predicted(
-    spec: &ActuatorSpec,
-    held: &Held,
-    found: &Found,
-    experiment: &Experiment,
-    gap_mm: f64,
-) -> anyhow::Result<Value> {
+fn predicted(held: &Held, found: &Found, experiment: &Experiment, gap_mm: f64) -> anyhow::Result<Value> {
     let (quantity, [low, high]) = (held.quantity, experiment.range_mpa());
-    let mut body = held.model(spec)?;
+    let mut body = held.model()?;
     let targets = PREDICTED.map(|share| {
         let pressure_mpa = low + share * (high - low);
         quantity.of(&body.at(pressure_mpa, gap_mm), pressure_mpa).0
     });
     let held = held.with(found.settings.clone());
-    let controller = Controller::new(held.model(spec)?, quantity, held.settings.clone(), held.limits);
+    let controller = Controller::new(held.model()?, quantity, held.settings.clone(), held.limits);
     let trial =
         Trial { quantity, is_measured: held.settings.is_measured, gap_error_mm: 0.0, rate_hz: RATE_HZ };
     let mut under_way =

@@ -1,0 +1,65 @@
+//! Everything of scene and model that a start and a reload set in the same way.
+
+use super::ingest::Needed;
+use super::markers::Markers;
+use super::observed::MeasuredObservables;
+use super::past::Past;
+use crate::config::StateSpec;
+use crate::load::{Description, Loaded};
+use crate::publish::Contents;
+use rom::evaluator::HysteresisEvaluator;
+use rom::inertia::model_motion::ModelMotion;
+use wire::layout::INPUTS_MAX;
+use wire::{Health, State};
+
+/// Parts of one actuator.
+#[derive(Debug)]
+pub(super) struct Parts {
+    pub model_hash: [u8; 16],
+    pub evaluator: HysteresisEvaluator,
+    /// Motion of a model with inertia, which answers instead of the evaluator.
+    pub motion: Option<ModelMotion>,
+    pub description: Description,
+    pub needed: Needed,
+    pub contents: Contents,
+    /// Source of the value of each input of the payloads.
+    pub input_sources: [u8; INPUTS_MAX],
+    pub backlog: usize,
+    pub wanted: StateSpec,
+    /// Standard deviation of the load cell, N.
+    pub force_sigma_n: f64,
+    /// `None` if the scene has no markers.
+    pub markers: Option<Markers>,
+    pub observed: MeasuredObservables,
+    pub past: Past,
+}
+
+impl Parts {
+    /// Parts of a loaded actuator whose outputs and estimator have been taken.
+    pub fn new(mut loaded: Loaded) -> Self {
+        let markers = loaded.markers.take().map(|model| Markers::new(model, &loaded.spec));
+        let contents = Contents::new(&loaded.evaluator);
+        Self {
+            model_hash: loaded.model_hash,
+            needed: Needed::of(&loaded),
+            contents,
+            input_sources: contents.sources(&loaded.spec, loaded.evaluator.inputs()),
+            backlog: loaded.spec.backlog,
+            wanted: loaded.spec.state,
+            force_sigma_n: loaded.spec.force_sigma_n(),
+            markers,
+            observed: MeasuredObservables::new(&loaded.spec, &loaded.observed),
+            description: loaded.description,
+            past: Past { memory: loaded.memory, follower: loaded.follower },
+            evaluator: HysteresisEvaluator::new(loaded.evaluator),
+            motion: loaded.motion,
+        }
+    }
+
+    /// Writes model and inputs into the state and the health.
+    pub fn describe(&self, state: &mut State, health: &mut Health) {
+        (state.model_hash, health.model_hash) = (self.model_hash, self.model_hash);
+        (state.input_count, state.input_names) = (self.contents.count, self.contents.names);
+        state.input_sources = self.input_sources;
+    }
+}
