@@ -219,7 +219,7 @@ def test_a_valve_has_one_owner(stage, converter, with_control):
     left = softtwin.SetpointPublisher("finger", owner="driver", bus=stage.bus, cavity="left")
     found = softtwin.subscribe("softtwin/finger/setpoint/left", timeout_s=WAIT_S, bus=stage.bus)
     left.send(0.01, valid_for_s=0.05)
-    assert next(found).pressure_mpa == 0.01
+    assert next(iter(found)).pressure_mpa == 0.01
 
 
 def test_the_owner_of_another_language_is_named(stage, converter):
