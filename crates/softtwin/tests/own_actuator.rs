@@ -225,7 +225,7 @@ fn every_cavity_has_its_valve(stage: &Stage, largest_mpa: f64) {
     let upper = setpoint("", inside[0]);
     written(0, inside[0]);
     written(1, 0.0);
-    let mut lower = setpoint("--cavity lower", inside[1]);
+    let lower = setpoint("--cavity lower", inside[1]);
     written(1, inside[1]);
     publish(inside[0], 3.0 * largest_mpa);
     written(0, 0.0);
@@ -269,7 +269,7 @@ fn further_cavity_is_held(
     let (code, said, error) = run(stage, &format!("hold --simulate --scene {main} --tip-y-mm {middle}"));
     assert!(code == Some(2) && error.contains("cannot be held"), "the other bends down: {said}{error}");
 
-    let mut holds = Program::shell(
+    let holds = Program::shell(
         stage,
         &format!("exec softtwin hold --scene {path} --owner test --pressure-mpa {lower_mpa:?}"),
     );
