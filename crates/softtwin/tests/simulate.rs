@@ -535,3 +535,22 @@ fn lists_are_sampled_reproducibly_and_can_be_simulated() {
         place.run(wrong).refused(2, part);
     }
 }
+
+#[test]
+fn a_coarse_mesh_of_the_same_body_is_a_start_only() {
+    let place = Place::new();
+    place.run("mesh --actuator a.toml --size-mm 5 --out fine.vtu --json").json();
+    let text = place.read("a.toml");
+    let fine = text.replace("\"mesh.vtu\"", "\"fine.vtu\"");
+    assert_ne!(fine, text);
+    place.put("fine.toml", &fine);
+    let line = "simulate --actuator fine.toml --pressure-mpa 0.1 --json";
+    let (alone, started) =
+        (place.run(line).json(), place.run(&format!("{line} --coarse-mesh mesh.vtu")).json());
+    let of = |report: &serde_json::Value, key: &str| report[key].as_f64().unwrap();
+    for key in ["max_displacement_mm", "max_von_mises_mpa", "volume_mm3"] {
+        let (a, b) = (of(&alone, key), of(&started, key));
+        assert!((a / b - 1.0).abs() < 1e-6, "{key}: {a} {b}");
+    }
+    place.run(&format!("{line} --coarse-mesh nowhere.vtu")).refused(1, "nowhere.vtu");
+}
