@@ -547,7 +547,7 @@ fn a_coarse_mesh_of_the_same_body_is_a_start_only() {
     let line = "simulate --actuator fine.toml --pressure-mpa 0.1 --json";
     let (alone, started) =
         (place.run(line).json(), place.run(&format!("{line} --coarse-mesh mesh.vtu")).json());
-    let of = |report: &serde_json::Value, key: &str| report[key].as_f64().unwrap();
+    let of = |report: &Value, key: &str| report[key].as_f64().unwrap();
     for key in ["max_displacement_mm", "max_von_mises_mpa", "volume_mm3"] {
         let (a, b) = (of(&alone, key), of(&started, key));
         assert!((a / b - 1.0).abs() < 1e-6, "{key}: {a} {b}");
