@@ -75,13 +75,8 @@ impl Trace {
     /// Values at a time (s), linear between the rows, those of the first and last row outside.
     #[must_use]
     pub fn at(&self, t_s: f64) -> Vec<f64> {
-        let after = self.rows.partition_point(|(row_s, _)| *row_s <= t_s);
-        if after == 0 || after == self.rows.len() {
-            return self.rows[after.saturating_sub(1)].1.clone();
-        }
-        let [(from_s, from), (to_s, to)] = [&self.rows[after - 1], &self.rows[after]];
-        let part = (t_s - from_s) / (to_s - from_s);
-        from.iter().zip(to).map(|(a, b)| if a == b { *a } else { a + part * (b - a) }).collect()
+        let ([from, to], part) = around(&self.rows, |(row_s, _)| *row_s, t_s);
+        from.1.iter().zip(&to.1).map(|(a, b)| if a == b { *a } else { a + part * (b - a) }).collect()
     }
 
     /// Position of an input.
@@ -89,6 +84,20 @@ impl Trace {
     pub fn position(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|known| known == name)
     }
+}
+
+/// The rows before and after a time (s), and its part of the way between them; the first or last row twice outside.
+///
+/// # Panics
+/// Without rows.
+pub fn around<Row>(rows: &[Row], time_s: impl Fn(&Row) -> f64, t_s: f64) -> ([&Row; 2], f64) {
+    let after = rows.partition_point(|row| time_s(row) <= t_s);
+    if after == 0 || after == rows.len() {
+        let end = &rows[after.saturating_sub(1)];
+        return ([end; 2], 0.0);
+    }
+    let [from, to] = [&rows[after - 1], &rows[after]];
+    ([from, to], (t_s - time_s(from)) / (time_s(to) - time_s(from)))
 }
 
 fn read_row(

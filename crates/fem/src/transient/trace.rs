@@ -110,12 +110,7 @@ impl Trace {
     /// Inputs at a time (s), linear between the rows, those of the first and last row outside.
     #[must_use]
     pub fn at(&self, t_s: f64) -> TraceRow {
-        let after = self.rows.partition_point(|row| row.t_s <= t_s);
-        if after == 0 || after == self.rows.len() {
-            return TraceRow { t_s, ..self.rows[after.saturating_sub(1)] };
-        }
-        let [a, b] = [self.rows[after - 1], self.rows[after]];
-        let w = (t_s - a.t_s) / (b.t_s - a.t_s);
+        let ([a, b], w) = trace::around(&self.rows, |row| row.t_s, t_s);
         let mix = |a: f64, b: f64| a + w * (b - a);
         TraceRow {
             t_s,

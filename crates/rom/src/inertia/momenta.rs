@@ -64,11 +64,11 @@ impl Instant {
         let elastic = space.elastic();
         Self { at, tangents, by_pressure, elastic, momenta: still, rates: still, relaxing: [still; _] }
     }
+}
 
-    /// Amplitudes of the linear modes behind `loads` loads.
-    pub fn amplitudes(&self, loads: usize) -> Amplitudes {
-        std::array::from_fn(|k| self.at[loads + k])
-    }
+/// Amplitudes of the linear modes behind `loads` loads.
+pub(super) fn amplitudes(at: &Unknowns, loads: usize) -> Amplitudes {
+    std::array::from_fn(|k| at[loads + k])
 }
 
 /// A step: regime, length in seconds, loads at rest at both ends.

@@ -12,7 +12,7 @@ mod set;
 pub use set::{Kept, Reached};
 
 use super::manifold::{Amplitudes, Coordinates, Manifold, Tangents, dot};
-use super::momenta::{Instant, Space, Step, Stepped, Unknowns, rest, step, with_loads};
+use super::momenta::{Instant, Space, Step, Stepped, Unknowns, amplitudes, rest, step, with_loads};
 use crate::inputs::{Inputs, PRESSURE};
 use crate::memory::{MAX_PRONY, PronyTerm};
 use crate::snapshots::RegimeKind;
@@ -267,14 +267,13 @@ impl<M: Manifold> Motion<M> {
         let mass = dot(&loads[0].unit, &loads[0].unit);
         let of_pressure = self.space(now.regime, &now.instant.tangents).nearest(&now.instant.by_pressure);
         let at = std::array::from_fn(|i| now.instant.at[i] + of_pressure[i] * now.ahead_mpa);
-        let shown = Instant { at, ..now.instant };
         let late = now.inputs.with(PRESSURE, now.inputs.pressure_mpa() - now.ahead_mpa);
         MotionState {
             amplitudes_mm: now.faded.map(|length| if mass > 0.0 { length / mass.sqrt() } else { 0.0 }),
             regime: now.regime,
             inputs: with_loads(loads, &now.inputs, &now.instant.at),
-            amplitudes: now.instant.amplitudes(loads.len()),
-            shown: (with_loads(loads, &late, &at), shown.amplitudes(loads.len())),
+            amplitudes: amplitudes(&now.instant.at, loads.len()),
+            shown: (with_loads(loads, &late, &at), amplitudes(&at, loads.len())),
             contact_force_n: now.force_n.max(0.0),
             kinetic_mj: 0.5 * dot(&now.velocity, &now.velocity),
         }
@@ -294,7 +293,7 @@ impl<M: Manifold> Motion<M> {
         }
         let loads = self.manifold.loads().len();
         let inputs = with_loads(self.manifold.loads(), inputs, &instant.at);
-        let force = self.manifold.force(&inputs, &instant.amplitudes(loads));
+        let force = self.manifold.force(&inputs, &amplitudes(&instant.at, loads));
         let [by_time_mpa, by_time_mm] = rates;
         let of_pressure = self.space(regime, &instant.tangents).nearest(&instant.by_pressure);
         let moved = instant.rates.iter().zip(of_pressure).map(|(rate, by)| rate + by * by_time_mpa);
@@ -396,7 +395,7 @@ impl<M: Manifold> Motion<M> {
     fn penetrates(&mut self, inputs: &Inputs, instant: &Instant) -> bool {
         let loads = self.manifold.loads().len();
         let reached = with_loads(self.manifold.loads(), inputs, &instant.at);
-        self.manifold.clearance_mm(&reached, &instant.amplitudes(loads)) < 0.0
+        self.manifold.clearance_mm(&reached, &amplitudes(&instant.at, loads)) < 0.0
     }
 
     /// The present instant in another regime: loads and amplitudes at the onset nearest to the position, momenta of the velocity tested
