@@ -7,14 +7,13 @@ use crate::config::MAX_MPA;
 use formats::database::{REGIMES, SPLITS};
 use formats::table::{Row, Table, to_text};
 use formats::{Diagnostic, FormatError, collect};
+pub(crate) use rom::branch::VOLUME;
 use rom::snapshots::RegimeKind;
 use std::collections::HashMap;
 use std::path::Path;
 
 /// Columns of a list; other columns, as in a table of results, are ignored.
 pub(crate) const COLUMNS: [&str; 5] = ["case", "regime", "split", "pressure_mpa", "gap_mm"];
-/// Column in place of the pressure: volume of the cavity minus that of the undeformed one.
-pub(crate) const VOLUME: &str = "volume_mm3";
 /// Largest injected volume: a litre.
 pub const MAX_MM3: f64 = 1.0e6;
 pub(crate) const MAX_MM: f64 = 10_000.0;

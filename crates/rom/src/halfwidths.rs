@@ -12,6 +12,9 @@ use crate::kernel::around::Around;
 use crate::unseen::{self, SMOOTHING, Unseen, quantile};
 use serde::{Deserialize, Serialize};
 
+/// Standard deviations of a normal distribution within half-widths, which hold for 90 % of the states.
+pub const HALFWIDTH_SIGMAS: f64 = 1.645;
+
 /// Conformal half-widths: bounds of the largest error over nodes, with the nominal coverage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HalfWidths {

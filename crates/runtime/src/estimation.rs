@@ -15,6 +15,7 @@ use moving::Body;
 use observed::Observed;
 pub(crate) use observed::measured_observables;
 use rom::evaluation::Evaluation;
+use rom::halfwidths::HALFWIDTH_SIGMAS;
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
 use rom::model::{Model, ModelError};
 use rom::probe::{ProbePosition, Probes};
@@ -25,8 +26,6 @@ use wire::layout::{
 };
 use wire::{Estimate, SensorSample};
 
-/// Standard deviations of a normal distribution within the model's half-widths, which hold for 90 % of the states.
-pub(crate) const HALFWIDTH_SIGMAS: f64 = 1.645;
 /// Most that a bias may be, far beyond what any sensor has.
 const MAX_BIAS: f64 = 1e3;
 

@@ -9,6 +9,7 @@ use crate::clearance::OnsetSolver;
 use crate::contract::{self, Output};
 use crate::evaluation::Evaluation;
 use crate::evaluator::Evaluator;
+use crate::halfwidths::HALFWIDTH_SIGMAS;
 use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, Inputs, PRESSURE};
 use crate::model::{BlockKind, Model, ModelError, ModelHeader};
@@ -19,9 +20,6 @@ use crate::snapshots::RegimeKind;
 const HELD_AFTER_NS: u64 = 250_000_000;
 /// Time between two readings from which the motion restarts at rest, ns.
 const RESTART_AFTER_NS: u64 = 1_000_000_000;
-
-/// Standard deviations of a normal distribution within half-widths, which hold for 90 % of the states.
-const HALFWIDTH_SIGMAS: f64 = 1.645;
 
 /// One regime over coordinates.
 #[derive(Clone, Debug)]

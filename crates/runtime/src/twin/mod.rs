@@ -29,7 +29,7 @@ pub use record::{Event, EventKind, EventSender, event_channel};
 pub use swap::{Retired, SwapError};
 
 use crate::config::{Limits, OutsideDomain, Settings, ms_to_ns};
-use crate::estimation::{Estimator, HALFWIDTH_SIGMAS};
+use crate::estimation::Estimator;
 use crate::load::Loaded;
 use crate::publish::{self, FieldError, FieldOutput};
 use ingest::Validator;
@@ -39,6 +39,7 @@ use record::Record;
 use residual::{Residual, Watch};
 use rom::evaluation::Evaluation;
 use rom::evaluator::RegimeLabel;
+use rom::halfwidths::HALFWIDTH_SIGMAS;
 use rom::hull::DomainStatus;
 use rom::inertia::model_motion::ModelMotion;
 use rom::inputs::Inputs;

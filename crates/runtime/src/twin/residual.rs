@@ -12,12 +12,11 @@
 //! The larger one of two `T` counts: one follows a residual that changes, the other remembers it. The published half-width is the root
 //! of the sum of the squares of this contribution and the model's half-width.
 
+use rom::halfwidths::HALFWIDTH_SIGMAS;
 use std::time::Duration;
 
 /// Time constants of the contribution, s.
 const SEEN_S: [f64; 2] = [0.25, 2.0];
-/// Normal quantile of the nominal coverage of half-widths, 90 %.
-const NOMINAL_Z: f64 = 1.645;
 /// Standard deviations of a mean or a reading that are chance.
 const CHANCE: f64 = 2.0;
 /// Standard deviations of a single reading that are chance, and of a steady mean that raises the alarm.
@@ -103,7 +102,7 @@ impl Sums {
         let noise = sigma * sigma * (1.0 + CHANCE * (2.0 / count).sqrt());
         let scatter = (self.variance() - noise).max(0.0);
         let beyond = ((mean * mean - CHANCE * CHANCE * of_mean).max(0.0) + scatter).sqrt();
-        let bound = mean.abs() + (NOMINAL_Z * scatter.sqrt()).hypot(RARE * of_mean.sqrt());
+        let bound = mean.abs() + (HALFWIDTH_SIGMAS * scatter.sqrt()).hypot(RARE * of_mean.sqrt());
         bound.min(GROWTH * beyond)
     }
 }

@@ -21,6 +21,7 @@ pub use slopes::slopes;
 use crate::measured::Run;
 use blocks::Limits;
 use map::Terms;
+use rom::halfwidths::HALFWIDTH_SIGMAS;
 use rom::memory::MemorySpec;
 use search::{Candidate, Problem};
 
@@ -31,8 +32,6 @@ pub const PARTS: usize = 4;
 /// Gap of a recording: a multiple of the median interval, at least some time.
 const GAP_INTERVALS: f64 = 20.0;
 const SHORTEST_GAP_S: f64 = 1.0;
-/// Standard normal quantile of two-sided 90 % intervals.
-const Z90: f64 = 1.645;
 /// Ratio of the ends of an interval from which a constant is not identified.
 const WIDE: f64 = 4.0;
 
@@ -198,7 +197,7 @@ fn constant(
     let mean = kept.without.iter().map(|own| own[at]).sum::<f64>() / count;
     let jackknife: f64 = kept.without.iter().map(|own| (own[at] - mean) * (own[at] - mean)).sum();
     let jackknife = ((count - 1.0) / count * jackknife).sqrt();
-    let half = Z90 * deviations.get(at).copied().unwrap_or(f64::INFINITY).max(jackknife);
+    let half = HALFWIDTH_SIGMAS * deviations.get(at).copied().unwrap_or(f64::INFINITY).max(jackknife);
     let [low, high] = limits.of(block)[which];
     let ends = [(value - half).max(low), (value + half).min(high)];
     let plain = |v: f64| if block.is_log(which) { v.exp() } else { v };
