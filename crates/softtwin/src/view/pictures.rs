@@ -31,7 +31,7 @@ fn path(at: usize) -> String {
 }
 
 fn page(pictures: &[Picture]) -> String {
-    let head = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>softtwin pictures</title>\
+    let head = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><link rel=\"icon\" href=\"data:,\"><title>softtwin pictures</title>\
                 <body style=\"font-family: sans-serif\"><a href=\"/\">live view</a>";
     let one = |(at, picture): (usize, &Picture)| {
         let title = picture.title.replace('&', "&amp;").replace('<', "&lt;");
