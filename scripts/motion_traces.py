@@ -1,5 +1,5 @@
-"""Random pressure traces of the short finger of docs/memory.md: steps of 20 ms to 1 s, sweeps of 0.2 to 6 Hz, random walks; free, in
-contact and landing.
+"""Pressure traces of the short finger of docs/memory.md: random steps of 20 ms to 1 s, sweeps of 0.2 to 6 Hz and walks, free, in contact and
+landing; a sine of 4 Hz that lands and leaves.
 
     python3 scripts/motion_traces.py OUT [SEED]
 """
@@ -63,6 +63,11 @@ def main():
             lines = [f"{t_s:.4f},{p:.6f}{gap}" for t_s, p in kind(rng, low, high)]
             header = "t_s,pressure_mpa" + (",gap_mm" if gaps else "")
             (out / f"{name}-{kind.__name__}.csv").write_text("\n".join([header, *lines]) + "\n")
+    (low, high), gaps = CLASSES["landing"]
+    middle, amplitude = 0.5 * (low + high), 0.5 * (high - low)
+    instants = [k * INTERVAL_S for k in range(101)]
+    lines = [f"{t_s:.4f},{middle + amplitude * math.sin(math.tau * 4.0 * t_s):.6f},{sum(gaps) / 2:.3f}" for t_s in instants]
+    (out / "landing-sine.csv").write_text("\n".join(["t_s,pressure_mpa,gap_mm", *lines]) + "\n")
 
 
 if __name__ == "__main__":

@@ -58,5 +58,8 @@ def test_refusals_and_faults():
     assert faults[-1] == "no-response" and math.isnan(control.step(10**9, 0.05, 0.0).setpoint_mpa)
     control.release()
     assert control.step(10**9 + 5_000_000, 0.05, 0.0).fault is None
+    for of_each_step in ("pressure_mpa", "gap_mm"):
+        with pytest.raises(ValueError, match="driven pressure"):
+            control.inputs(**{of_each_step: 0.01})
     with pytest.raises(ValueError, match="expected an observable"):
         softtwin.Control(softtwin.Model(MODEL), "warmth")

@@ -262,8 +262,8 @@ void softtwin_motion_close(softtwin_motion *motion);
  *  (null: the first) count; null: defaults. The model may be closed afterwards. The law: docs/control.md. */
 softtwin_status softtwin_control_open(const softtwin_model *model, const char *scene, const char *actuator, const char *held,
                                       softtwin_control **out);
-/** Sets the model's inputs for the cycles that follow, in the order of softtwin_model_predict; NaN: the model's value. Pressure and gap are
- *  ignored: those of the readings count. */
+/** Sets the model's inputs for the cycles that follow, in the order of softtwin_model_predict; NaN: the model's value, and for
+ *  gap and driven pressure, which are those of the readings. */
 softtwin_status softtwin_control_inputs(softtwin_control *control, const double *inputs, size_t count);
 /** One control cycle at `t_ns`, later than the last one (at most 0.1 s of it counts). `rate_per_s`: known change of the target, 0 of a step.
  *  Allocates nothing. SOFTTWIN_ARGUMENT for a time that is not later and for pressure, gap or target that are not finite: nothing has

@@ -6,7 +6,7 @@ use crate::status::softtwin_status;
 use control::law::{Cycle, Limited, Reading, Target};
 use control::monitor::Fault;
 use control::stepping::Stepping;
-use rom::inputs::MAX_INPUTS;
+use rom::inputs::{GAP, MAX_INPUTS};
 use std::ffi::c_char;
 use std::path::Path;
 
@@ -110,8 +110,8 @@ pub unsafe extern "C" fn softtwin_control_open(
     })
 }
 
-/// Sets the model's inputs for the cycles that follow: as in `softtwin_model_predict`; pressure and gap are ignored, those of the readings
-/// count.
+/// Sets the model's inputs for the cycles that follow: as in `softtwin_model_predict`; NaN for gap and driven pressure, which are those of the
+/// readings.
 ///
 /// # Safety
 /// `control` is live and used by one thread; `inputs` points to `count` numbers.
@@ -129,13 +129,18 @@ pub unsafe extern "C" fn softtwin_control_inputs(
         }
         // SAFETY: not null, and `count` numbers by the caller's promise.
         let inputs = unsafe { std::slice::from_raw_parts(inputs, count) };
-        if inputs.iter().any(|value| value.is_infinite()) {
-            return Err(argument("expected finite inputs, or NaN for the model's value"));
+        let model = control.stepping.controller_mut().model_mut();
+        let of_readings =
+            [model.driven(), GAP].into_iter().any(|at| inputs.get(at).is_some_and(|value| !value.is_nan()));
+        if of_readings || inputs.iter().any(|value| value.is_infinite()) {
+            return Err(argument(
+                "expected finite inputs, NaN for the model's value, and NaN for the gap and the driven pressure, which are those of each step",
+            ));
         }
         let mut values = [f64::NAN; MAX_INPUTS];
         let taken = control.taken.iter().map(|at| inputs.get(*at).copied().unwrap_or(f64::NAN));
         values.iter_mut().zip(taken).for_each(|(to, value)| *to = value);
-        control.stepping.controller_mut().model_mut().set_inputs(&values);
+        model.set_inputs(&values);
         Ok(())
     })
 }

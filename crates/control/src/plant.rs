@@ -72,8 +72,8 @@ impl Default for PlantSpec {
     }
 }
 
-/// Force and observable of a body at rest, by pressure in MPa, gap in mm and relative stiffness. A body `k` times as stiff has the shape of
-/// `p / k` and `k` times its force, its weight and the plate's give aside.
+/// Force and observable of a body at rest, by pressure in MPa, gap in mm and relative stiffness. A model whose silicone and sheet are `k`
+/// times as stiff has the shape of `p / k` and `k` times its force, its weight and the plate's give aside.
 pub trait Body {
     /// Contact force, N, and observable.
     fn answer(&mut self, pressure_mpa: f64, gap_mm: f64, stiffness: f64) -> [f64; 2];

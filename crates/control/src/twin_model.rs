@@ -194,10 +194,16 @@ impl TwinModel {
         self.with_direction()
     }
 
+    /// The pressure along which it is evaluated, among the model's inputs.
+    pub fn driven(&self) -> usize {
+        self.driven
+    }
+
     /// Sets the inputs for the evaluations that follow from those of a state: the inputs that the model has, in its order; NaN: the
-    /// default. The driven pressure and the gap are those of each evaluation.
+    /// default; of another cavity's `pressure_mpa` the value before. The driven pressure and the gap are those of each evaluation.
     pub fn set_inputs(&mut self, values: &[f64]) {
-        for (at, value) in self.taken.iter().zip(values) {
+        let of_state = self.taken.iter().zip(values);
+        for (at, value) in of_state.filter(|(at, value)| **at != PRESSURE || !value.is_nan()) {
             self.inputs = self.inputs.with(*at, *value);
         }
     }

@@ -145,6 +145,9 @@ impl OnsetSolver {
         scratch: &mut Evaluation,
     ) -> OnsetAt {
         let gap_mm = inputs.gap_mm();
+        if gap_mm == f64::INFINITY {
+            return OnsetAt { onset: Onset::Never, pressure_mpa: gap_mm, gradient: [0.0; MAX_INPUTS] };
+        }
         let mut depth = |p: f64| self.depth(&inputs.with(PRESSURE, p), scratch);
         if let Some((other, false)) = table
             && let Some(found) = self.near(other.pressure_and_slope(gap_mm).0, gap_mm, &mut depth)

@@ -300,9 +300,7 @@ impl Evaluator {
     pub fn differentiate_near(&self, inputs: Inputs, last: &mut LastOnset, out: &mut Evaluation) {
         let inputs = self.complete_inputs(inputs);
         out.scratch.reserve(&self.scratch);
-        let near = self.solver.as_ref().and_then(|solver| solver.onset_near(&inputs, last, out));
-        let at = near.unwrap_or_else(|| self.onset_at(&inputs, out));
-        last.0 = Some((inputs, at));
+        let at = self.onset_near(inputs, last, out);
         self.differentiate_at(inputs, at, out);
     }
 
@@ -335,18 +333,22 @@ impl Evaluator {
     ) -> Option<(f64, [f64; MAX_INPUTS])> {
         let inputs = inputs.or(&self.values);
         out.scratch.reserve(&self.scratch);
-        let near = self.solver.as_ref().and_then(|solver| solver.onset_near(&inputs, last, out));
-        let at = near.unwrap_or_else(|| self.onset_at(&inputs, out));
-        last.0 = Some((inputs, at));
+        let at = self.onset_near(inputs, last, out);
         let part = self.parts.iter().find(|part| part.model.kind == RegimeKind::Contact)?;
         signed_force(part, &at, &part.model.inputs.scale(&inputs), inputs, out)
     }
 
-    /// [`Self::evaluate`] in a given regime, whatever the onset.
-    pub(crate) fn evaluate_as(&self, kind: RegimeKind, inputs: Inputs, out: &mut Evaluation) {
+    /// [`Self::evaluate`] in a given regime, whatever the onset, which is sought near that of the last call.
+    pub(crate) fn evaluate_as(
+        &self,
+        kind: RegimeKind,
+        inputs: Inputs,
+        last: &mut LastOnset,
+        out: &mut Evaluation,
+    ) {
         let inputs = self.complete_inputs(inputs);
         out.scratch.reserve(&self.scratch);
-        let found = self.onset_at(&inputs, out);
+        let found = self.onset_near(inputs, last, out);
         let onset = if kind == RegimeKind::Contact { Onset::Always } else { Onset::Never };
         let at = OnsetAt { onset, ..found };
         let part = self.place_at(inputs, &at, out);
@@ -357,6 +359,14 @@ impl Evaluator {
             self.halfwidths(part, &x, out);
         }
         self.coefficients(out, false);
+    }
+
+    /// Onset at a state, sought near the last one.
+    fn onset_near(&self, inputs: Inputs, last: &mut LastOnset, out: &mut Evaluation) -> OnsetAt {
+        let near = self.solver.as_ref().and_then(|solver| solver.onset_near(&inputs, last, out));
+        let at = near.unwrap_or_else(|| self.onset_at(&inputs, out));
+        last.0 = Some((inputs, at));
+        at
     }
 
     fn coefficients(&self, out: &mut Evaluation, gradient: bool) {

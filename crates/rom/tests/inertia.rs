@@ -147,6 +147,24 @@ fn relaxing_spring_follows_its_closed_form() {
 }
 
 #[test]
+fn stress_of_a_relaxing_elastomer_is_that_of_the_whole_load() {
+    // P = P^ + r h, h' = P^' - h / tau, under a ramp of P^ that ends: h = tau P^' (1 - exp(-t / tau)).
+    let term = PronyTerm { ratio: 0.5, time_s: 0.05 };
+    let mut motion = Motion::new(Spring::new(4.0), settings(500_000, 0.0)).relaxing(&[term]);
+    let (rate, end_s) = (0.25, 0.02);
+    motion.advance(0, &reading(0.0, f64::INFINITY)).unwrap();
+    for i in 1..=40_u64 {
+        let t = i as f64 * 2e-3;
+        let state =
+            motion.advance(i * 2_000_000, &reading(rate * t.min(end_s), f64::INFINITY)).unwrap().state;
+        let risen = term.time_s * rate * (1.0 - (-t.min(end_s) / term.time_s).exp());
+        let borne = risen * (-(t - end_s).max(0.0) / term.time_s).exp();
+        let whole_mpa = rate * t.min(end_s) + term.ratio * borne;
+        assert!((state.stressed.pressure_mpa() - whole_mpa).abs() < 1e-12, "{t}: {state:?}");
+    }
+}
+
+#[test]
 fn unresolved_part_follows_the_pressure_with_the_time_constant_of_the_damping() {
     let (beta, h, rise_s) = (2e-3, 5e-4, 0.02);
     let spring = || Spring { clearance_mm: -1.0, ..Spring::new(4.0) };

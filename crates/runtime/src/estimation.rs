@@ -431,8 +431,8 @@ impl Estimator {
     }
 
     /// Evaluates the moving body that explains the last reading; `None` for a model at equilibrium.
-    pub(crate) fn evaluate_motion(&self, out: &mut Evaluation) -> Option<RegimeKind> {
-        self.sensors.body.as_ref()?.evaluate(out)
+    pub(crate) fn evaluate_motion(&mut self, out: &mut Evaluation) -> Option<RegimeKind> {
+        self.sensors.body.as_mut()?.evaluate(out)
     }
 
     /// Memory and motion have another past, which is unknown.

@@ -176,6 +176,7 @@ fn recordings_that_teach_nothing_are_refused() {
     let still: String = (0..100).map(|row| format!("{row},5,1,{},2,3\n", row % 3)).collect();
     std::fs::write(folder.join("run1.csv"), format!("t_s,p,idle,x,y,angle\n{still}")).unwrap();
     assert_eq!(run(folder, &LEARN).status.code(), Some(65));
+    assert_eq!(run(folder, &[&LEARN[..], &["--memory"]].concat()).status.code(), Some(65));
     std::fs::write(folder.join("run1.csv"), "t_s,p,idle,x,y,angle\n0,1,1,1,1,1\n1,2,1,2,2,2\n").unwrap();
     assert_eq!(run(folder, &LEARN).status.code(), Some(65));
     std::fs::write(folder.join("run1.csv"), "nothing\n").unwrap();

@@ -3,9 +3,10 @@
 use super::compare::{Bench, Case, HOLD_S, RATE_HZ, TARGETS_N, cases, changed, known};
 use crate::plant::Truth;
 use anyhow::{Context, anyhow};
+use control::inverse::Model as _;
 use control::inverse::Quantity;
 use control::law::{Controller, Reading, Target};
-use control::plant::Plant;
+use control::plant::{Body, Plant};
 use control::settings::{Limits, Settings};
 use control::twin_model::{Tip, TwinModel};
 use estimate::{Filter, Measurement};
@@ -18,6 +19,36 @@ use serde::Serialize;
 
 /// A model with the stiffness among its inputs.
 const MODEL: &str = "models/pneunet-design/pneunet-design.twin";
+/// The model itself as the body, of another stiffness: what is left is the estimation's error.
+struct Family {
+    model: TwinModel,
+    /// Inputs of a state, with the stiffness at `at`.
+    inputs: Vec<f64>,
+    at: usize,
+    nominal_mpa: f64,
+}
+
+impl Family {
+    fn new(model: &rom::model::Model) -> anyhow::Result<Self> {
+        let parameter = model.header.parameter(STIFFNESS)?;
+        let nominal_mpa = model.header.inputs[parameter].value.context("a nominal stiffness")?;
+        let taken: Vec<usize> = model.header.taken_inputs().map(|(at, _)| at).collect();
+        let at = taken.iter().position(|at| *at == parameter).context("a position")?;
+        let inputs = vec![f64::NAN; taken.len()];
+        Ok(Self { model: TwinModel::new(model, Tip::REFERENCE)?, inputs, at, nominal_mpa })
+    }
+}
+
+impl Body for Family {
+    fn answer(&mut self, pressure_mpa: f64, gap_mm: f64, stiffness: f64) -> [f64; 2] {
+        self.inputs[self.at] = stiffness * self.nominal_mpa;
+        self.model.set_inputs(&self.inputs);
+        let point = self.model.at(pressure_mpa, gap_mm);
+        [point.force_n, point.observable]
+    }
+}
+
+const STIFFNESS: &str = "elastomer.law.mu_mpa";
 /// Row of the marker's height: force, x, y, z.
 const HEIGHT: usize = 2;
 /// Steps after which stiffness and gap count as estimated.
@@ -37,6 +68,8 @@ const VARIANTS: [(&str, [bool; 3]); 5] = [
 pub struct Row {
     /// Plant.
     pub plant: &'static str,
+    /// Its body: another mesh, or the model itself.
+    pub body: &'static str,
     /// Estimated quantities.
     pub estimated: &'static str,
     /// Largest error at the end of the steps relative to the target, after the first two.
@@ -52,24 +85,27 @@ pub fn measure(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for case in cases() {
         for (estimated, unknowns) in VARIANTS {
-            let (error, found) = run(bench, &case, unknowns)?;
             let truth = [case.spec.stiffness, case.spec.true_gap_mm];
-            rows.push(Row { plant: case.name, estimated, error, found, truth });
+            let mut add = |body, (error, found)| {
+                rows.push(Row { plant: case.name, body, estimated, error, found, truth });
+            };
+            add("another mesh", run(&case, unknowns, |_| Ok(Truth::Table(bench.table.clone())))?);
+            add("the model", run(&case, unknowns, Family::new)?);
         }
     }
     Ok(rows)
 }
 
 /// Largest relative error, then stiffness and gap at the end.
-fn run(
-    bench: &Bench,
+fn run<B: Body>(
     case: &Case,
     [of_gap, of_stiffness, of_bias]: [bool; 3],
+    body: impl FnOnce(&rom::model::Model) -> anyhow::Result<B>,
 ) -> anyhow::Result<(f64, [f64; 2])> {
     let spec = changed(&case.spec, [1.0; 3]);
     let shown_mm = spec.true_gap_mm + case.gap_error_mm;
     let mut model = softtwin::files::model(MODEL.as_ref())?;
-    let stiffness = model.header.parameter("elastomer.law.mu_mpa")?;
+    let stiffness = model.header.parameter(STIFFNESS)?;
     let nominal_mpa = model.header.inputs[stiffness].value.context("a nominal stiffness")?;
     let of = InputMemory {
         input: PRESSURE,
@@ -104,7 +140,7 @@ fn run(
     let settings = Settings { is_measured: false, ..known(&spec) };
     let held = TwinModel::new(&model, Tip::REFERENCE)?;
     let mut law = Controller::new(held, Quantity::Force, settings, Limits::default());
-    let mut plant = Plant::new(spec, Truth::Table(bench.table.clone()));
+    let mut plant = Plant::new(spec, body(&model)?);
     let (mut found, mut worst, mut cycle) = ([nominal_mpa, shown_mm], 0.0_f64, 0_u64);
     for (at, target) in TARGETS_N.iter().enumerate() {
         let count = (HOLD_S * RATE_HZ) as usize;
@@ -152,10 +188,12 @@ fn run(
 /// As a table.
 pub fn text(rows: &[Row]) -> String {
     let line = |row: &Row| {
-        let Row { plant, estimated, error, found: [k, gap_mm], truth: [true_k, true_gap_mm] } = row;
+        let Row { plant, body, estimated, error, found: [k, gap_mm], truth: [true_k, true_gap_mm] } = row;
         let error = 100.0 * error;
-        format!("| {plant} | {estimated} | {error:.1} | {k:.3} ({true_k}) | {gap_mm:.1} ({true_gap_mm}) |\n")
+        format!(
+            "| {plant} | {body} | {estimated} | {error:.1} | {k:.3} ({true_k}) | {gap_mm:.1} ({true_gap_mm}) |\n"
+        )
     };
-    let head = "| plant, no load cell | estimated by a marker | error at the end, % of the target | stiffness (true) | gap, mm |\n| --- | --- | --- | --- | --- |\n";
+    let head = "| plant, no load cell | its body | estimated by a marker | error at the end, % of the target | stiffness (true) | gap, mm |\n| --- | --- | --- | --- | --- | --- |\n";
     rows.iter().fold(head.to_owned(), |text, row| text + &line(row))
 }

@@ -22,7 +22,7 @@ Examples:
     softtwin mesh --actuator second.toml --size-mm 9            (second.toml: models/pneunet/actuator.toml with mesh.file =
                                                                  \"second.vtu\" and mesh.nodes = 0)
     softtwin simulate --actuator second.toml --cases studies/data/plant_cases.csv --out target/plant
-    softtwin-studies control --database target/plant --out studies/data/plant.csv";
+    softtwin-studies control --database 1=target/plant --database 0.9=target/softer --out studies/data/plant.csv       (0.9: another mu_mpa)";
 
 const NOTES: &str = "\
 The plants' body is studies/data/plant.csv; the controller's model is --model, its settings are the plants' line, play, delay and swing as known. \
@@ -35,9 +35,9 @@ pub struct Args {
     /// The controller's model.
     #[arg(long, value_name = "FILE.twin", default_value = "models/pneunet/pneunet.twin")]
     model: PathBuf,
-    /// Make the plants' table of this database of a second mesh instead.
-    #[arg(long, value_name = "DIR", requires = "out")]
-    database: Option<PathBuf>,
+    /// Make the plants' table of these databases of a second mesh instead, each with its relative shear modulus.
+    #[arg(long, value_name = "STIFFNESS=DIR", requires = "out")]
+    database: Vec<String>,
     /// The picture (.svg, .png), or with --database the table.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -49,8 +49,8 @@ pub struct Args {
 impl Args {
     /// Measures and prints.
     pub fn run(self) -> anyhow::Result<()> {
-        if let (Some(database), Some(out)) = (&self.database, &self.out) {
-            return table::write(database, out);
+        if let (false, Some(out)) = (self.database.is_empty(), &self.out) {
+            return table::write(&self.database, out);
         }
         let model = softtwin::files::model(&self.model)?;
         let bench = Bench { model, table: PlantTable::shipped().map_err(configuration)? };

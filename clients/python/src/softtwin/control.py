@@ -100,9 +100,11 @@ class Control:
         library().softtwin_control_release(self._handle)
 
     def inputs(self, **inputs: float) -> None:
-        """Sets parameters of the model by name for the cycles that follow; one that is left out has the model's value."""
+        """Sets inputs of the model by name for the cycles that follow; one that is left out has the model's value, `pressure_mpa` beside a driven
+        cavity the one before, at first its lowest.
+
+        Raises `ValueError` for the gap and the driven pressure, which are those of each step.
+        """
         given = {self._model._name(name): value for name, value in inputs.items()}
-        if {"pressure_mpa", "gap_mm"} & given.keys():
-            raise TypeError("inputs: expected parameters; pressure and gap are those of each step")
         values = [given.get(name, math.nan) for name in self._model._position]
         check(library().softtwin_control_inputs(self._handle, (ctypes.c_double * len(values))(*values), len(values)))

@@ -12,9 +12,10 @@ use crate::evaluator::Evaluator;
 use crate::halfwidths::HALFWIDTH_SIGMAS;
 use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, Inputs, PRESSURE};
-use crate::model::{BlockKind, Model, ModelError, ModelHeader};
+use crate::model::{BlockKind, Model, ModelError, ModelHeader, RegimeModel};
 use crate::regime::LastOnset;
-use crate::snapshots::RegimeKind;
+use crate::snapshots::{FieldKind, RegimeKind};
+use std::ops::Range;
 
 /// Time between two readings up to which inputs are straight lines, ns.
 const HELD_AFTER_NS: u64 = 250_000_000;
@@ -192,6 +193,16 @@ impl Manifold for ModelManifold {
     }
 }
 
+/// Coefficients of groups that hold the stress alone, by regime.
+fn stress(header: &ModelHeader) -> Vec<(RegimeKind, Vec<Range<usize>>)> {
+    let is_stress = |field: &usize| header.fields[*field].spec.kind == FieldKind::Stress;
+    let of = |regime: &RegimeModel| {
+        let groups = regime.groups.iter().filter(|group| group.fields.iter().all(is_stress));
+        (regime.kind, groups.map(|group| group.coefficients.clone()).collect())
+    };
+    header.regimes.iter().map(of).collect()
+}
+
 /// A moving model: steps by the time of its readings.
 #[derive(Clone, Debug)]
 pub struct ModelMotion {
@@ -199,6 +210,10 @@ pub struct ModelMotion {
     evaluator: Evaluator,
     /// Coefficients of the linear modes, by regime.
     modes: Vec<(RegimeKind, Vec<Vec<f64>>)>,
+    /// Onsets of the evaluation, and of that of the stress.
+    last: [LastOnset; 2],
+    /// Coefficients of the stress alone, by regime, and their evaluation, if the elastomer relaxes.
+    stress: Option<(Vec<(RegimeKind, Vec<Range<usize>>)>, Evaluation)>,
     widths: MotionWidths,
 }
 
@@ -219,10 +234,14 @@ impl ModelMotion {
             restart_after_ns: RESTART_AFTER_NS,
         };
         let of = |r: &RegimeInertia| (r.kind, r.modes.iter().map(|mode| mode.coefficients.clone()).collect());
+        let evaluator = Evaluator::new(&model.header)?;
+        let relaxes = !inertia.prony.is_empty();
         Ok(Some(Self {
             motion: Motion::new(manifold, settings).relaxing(&inertia.prony),
-            evaluator: Evaluator::new(&model.header)?,
+            stress: relaxes.then(|| (stress(&model.header), evaluator.evaluation())),
+            evaluator,
             modes: inertia.regimes.iter().map(of).collect(),
+            last: Default::default(),
             widths: inertia.widths,
         }))
     }
@@ -275,9 +294,20 @@ impl ModelMotion {
     }
 
     /// Evaluates a moving state. Allocates nothing.
-    pub fn evaluate(&self, moved: &Moved, out: &mut Evaluation) {
+    pub fn evaluate(&mut self, moved: &Moved, out: &mut Evaluation) {
         let state = &moved.state;
-        self.evaluator.evaluate_as(state.regime, state.shown.0, out);
+        if moved.at_rest {
+            self.last = Default::default();
+        }
+        let [last, last_stressed] = &mut self.last;
+        self.evaluator.evaluate_as(state.regime, state.shown.0, last, out);
+        if let Some((stress, stressed)) = &mut self.stress {
+            self.evaluator.evaluate_as(state.regime, state.stressed, last_stressed, stressed);
+            let of_regime = stress.iter().filter(|(kind, _)| *kind == state.regime);
+            for range in of_regime.flat_map(|(_, ranges)| ranges) {
+                out.coefficients[range.clone()].copy_from_slice(&stressed.coefficients[range.clone()]);
+            }
+        }
         out.inputs = state.inputs;
         // A motion that left the range between two readings is as uncertain as one that is outside at the reading.
         if moved.load_distance > out.domain_distance {

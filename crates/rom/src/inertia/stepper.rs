@@ -85,6 +85,8 @@ pub struct MotionState {
     /// Inputs and amplitudes at which the fields are: what loads and linear modes do not resolve follows the pressure with the time
     /// constant of the damping.
     pub shown: (Inputs, Amplitudes),
+    /// Inputs whose equilibrium has the stress: those of `shown` with the part of the loads that a relaxing elastomer bears on top.
+    pub stressed: Inputs,
     /// Contact force, N; 0 when free, never negative.
     pub contact_force_n: f64,
     /// Kinetic energy, mJ.
@@ -105,6 +107,8 @@ struct Now {
     inputs: Inputs,
     /// Pressure ahead of what follows it with the time constant of the damping, MPa.
     ahead_mpa: f64,
+    /// Internal variables of the relaxation under the pressure, MPa.
+    relaxing_mpa: [f64; MAX_PRONY],
     force_n: f64,
     /// Force of the relaxed elastomer, and its internal variables.
     relaxed_n: Relaxed,
@@ -255,8 +259,19 @@ impl<M: Manifold> Motion<M> {
         let squares = swings.map(|(load, along)| (load.range[1] - load.range[0]).powi(2) * dot(along, along));
         let past = reach * squares.sum::<f64>().sqrt();
         let faded = [0.0, 0.0, past];
-        let (inputs, ahead_mpa) = (*inputs, 0.0);
-        let now = Now { regime, instant, position, velocity, inputs, ahead_mpa, force_n, relaxed_n, faded };
+        let (inputs, ahead_mpa, relaxing_mpa) = (*inputs, 0.0, [0.0; _]);
+        let now = Now {
+            regime,
+            instant,
+            position,
+            velocity,
+            inputs,
+            ahead_mpa,
+            relaxing_mpa,
+            force_n,
+            relaxed_n,
+            faded,
+        };
         self.now = Some((now, Clock { begin_ns: t_ns, steps: 0, last_ns: t_ns, last: inputs }));
         let state = self.state(&now);
         Moved { state, load_distance: self.outside(&now), held: false, at_rest: true }
@@ -267,8 +282,15 @@ impl<M: Manifold> Motion<M> {
         let mass = dot(&loads[0].unit, &loads[0].unit);
         let of_pressure = self.space(now.regime, &now.instant.tangents).nearest(&now.instant.by_pressure);
         let at = std::array::from_fn(|i| now.instant.at[i] + of_pressure[i] * now.ahead_mpa);
-        let late = now.inputs.with(PRESSURE, now.inputs.pressure_mpa() - now.ahead_mpa);
+        let late_mpa = now.inputs.pressure_mpa() - now.ahead_mpa;
+        let late = now.inputs.with(PRESSURE, late_mpa);
+        let borne = |of: &dyn Fn(usize) -> f64| -> f64 {
+            self.prony[..self.terms].iter().enumerate().map(|(k, term)| term.ratio * of(k)).sum()
+        };
+        let stressed = std::array::from_fn(|i| at[i] + borne(&|k| now.instant.relaxing[k][i]));
+        let stressed_mpa = late_mpa + borne(&|k| now.relaxing_mpa[k]);
         MotionState {
+            stressed: with_loads(loads, &late.with(PRESSURE, stressed_mpa), &stressed),
             amplitudes_mm: now.faded.map(|length| if mass > 0.0 { length / mass.sqrt() } else { 0.0 }),
             regime: now.regime,
             inputs: with_loads(loads, &now.inputs, &now.instant.at),
@@ -337,9 +359,25 @@ impl<M: Manifold> Motion<M> {
         let late_mpa = damping_s * rates[0];
         let kept = if damping_s > 0.0 { (-h / damping_s).exp() } else { 0.0 };
         let ahead_mpa = late_mpa + kept * (now.ahead_mpa - late_mpa);
+        let mut relaxing_mpa = now.relaxing_mpa;
+        for (term, state) in prony[..terms].iter().zip(&mut relaxing_mpa) {
+            let (e, a) = term.within(h);
+            *state = e * *state + a * h * rates[0];
+        }
         let moved = |regime, stepped: Stepped, (force_n, relaxed_n), faded| {
             let Stepped { instant, position, velocity } = stepped;
-            Now { regime, instant, position, velocity, inputs: *next, ahead_mpa, force_n, relaxed_n, faded }
+            Now {
+                regime,
+                instant,
+                position,
+                velocity,
+                inputs: *next,
+                ahead_mpa,
+                relaxing_mpa,
+                force_n,
+                relaxed_n,
+                faded,
+            }
         };
         if !leaves {
             return Some(moved(now.regime, stepped, (force_n, relaxed_n), faded));

@@ -135,7 +135,7 @@ impl Body {
     }
 
     /// Evaluates the motion at the last reading. `None` before the first.
-    pub(super) fn evaluate(&self, out: &mut Evaluation) -> Option<RegimeKind> {
+    pub(super) fn evaluate(&mut self, out: &mut Evaluation) -> Option<RegimeKind> {
         let moved = self.moved.as_ref()?;
         self.motion.evaluate(moved, out);
         Some(moved.state.regime)

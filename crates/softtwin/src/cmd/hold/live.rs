@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
-use wire::layout::{flags, unpack_name, valve_interlock, valve_reason};
+use wire::layout::{Outcome, flags, unpack_name, valve_interlock, valve_reason};
 use wire::{
     Bus, State, StateReader, TargetReader, Topic, Valve, ValveReader, Wake, WakeSet, Wakeable, Waking, now_ns,
 };
@@ -75,10 +75,12 @@ struct Loop<'a> {
     owner: Owner,
     valve: Option<Valve>,
     last_ns: Option<u64>,
-    /// Number of the last reading, and how many states came and were not used.
+    /// The last reading that was answered, and how many had no setpoint of their own.
     last_seq: u64,
     missed: u64,
     cycle: Cycle,
+    /// The last state had a gap and its reading.
+    is_answered: bool,
     /// From readings to setpoints, and to what the device confirmed.
     latencies: Latencies,
     written: Latencies,
@@ -124,6 +126,7 @@ impl<'a> Loop<'a> {
             last_seq: 0,
             missed: 0,
             cycle: Cycle::default(),
+            is_answered: false,
             latencies: Latencies::new()?,
             written: Latencies::new()?,
             written_seq: 0,
@@ -137,13 +140,15 @@ impl<'a> Loop<'a> {
     fn run(&mut self, states: &StateReader, wake: &mut WakeSet) -> anyhow::Result<()> {
         let stop = runtime::service::stop_flag().context("cannot listen for signals")?;
         let (begin, seconds) = (Instant::now(), self.args.seconds(&self.goal));
+        let mut waiting = None;
         while begin.elapsed().as_secs_f64() < seconds && !stop.load(Ordering::Relaxed) {
-            let Some(state) = states.newest()? else {
+            let Some(state) = waiting.take().map_or_else(|| states.next(), |state| Ok(Some(state)))? else {
                 if wake.wait(SILENCE)? == Wake::Timeout {
                     bail!("the twin has been silent for {} s", SILENCE.as_secs());
                 }
                 continue;
             };
+            waiting = states.next()?;
             if state.flags & NOT_A_READING != 0 {
                 // The setpoint expires.
                 ensure!(state.age_ns <= SILENCE.as_nanos() as u64, "no reading for {} s", SILENCE.as_secs());
@@ -152,6 +157,10 @@ impl<'a> Loop<'a> {
             self.refuse_tripped()?;
             self.refuse_alarm(&state)?;
             self.answer(&state, begin.elapsed().as_secs_f64())?;
+            // Each state has its control cycle; the valve gets the command of the newest one.
+            if waiting.is_none() {
+                self.send(&state)?;
+            }
         }
         Ok(())
     }
@@ -190,14 +199,11 @@ impl<'a> Loop<'a> {
     fn answer(&mut self, state: &State, since_s: f64) -> anyhow::Result<()> {
         let elapsed_ns = self.last_ns.map_or(0, |before| state.t_sensor_ns.saturating_sub(before));
         self.last_ns = Some(state.t_sensor_ns);
-        if self.last_seq > 0 {
-            // Of a new run of the bridge none is counted.
-            self.missed += state.sensor_seq.saturating_sub(self.last_seq + 1);
-        }
-        self.last_seq = state.sensor_seq;
         let has_reading = self.sensors.take(state)?;
         // Without a gap or the reading behind the state the setpoint expires.
-        let Some(gap_mm) = state_gap_mm(state, self.args.gap_mm, &self.held).filter(|_| has_reading) else {
+        let gap_mm = state_gap_mm(state, self.args.gap_mm, &self.held).filter(|_| has_reading);
+        self.is_answered = gap_mm.is_some();
+        let Some(gap_mm) = gap_mm else {
             return Ok(());
         };
         let seen = self.sensors.measured(state);
@@ -222,13 +228,25 @@ impl<'a> Loop<'a> {
         if let Some(fault) = self.cycle.fault {
             bail!("{}: {}", fault.name(), fault.advice());
         }
-        self.owner.send(self.cycle.pressure_mpa, state.t_sensor_ns)?;
-        self.latencies.record_ns(now_ns().saturating_sub(state.t_sensor_ns));
         self.is_rate_limited = self.cycle.limited.by_rate;
         if seen.is_finite() {
             self.measured.push(seen);
         }
         self.predicted.push(self.cycle.followed);
+        Ok(())
+    }
+
+    /// The command of the last cycle as a setpoint; without a cycle for this state the setpoint expires.
+    fn send(&mut self, state: &State) -> anyhow::Result<()> {
+        if self.is_answered {
+            if self.last_seq > 0 {
+                // Of a new run of the bridge none is counted.
+                self.missed += state.sensor_seq.saturating_sub(self.last_seq + 1);
+            }
+            self.last_seq = state.sensor_seq;
+            self.owner.send(self.cycle.pressure_mpa, state.t_sensor_ns)?;
+            self.latencies.record_ns(now_ns().saturating_sub(state.t_sensor_ns));
+        }
         Ok(())
     }
 
@@ -294,15 +312,20 @@ fn text(report: &Value) -> String {
 /// The first state with a reading: its gap and inputs decide what is in reach.
 pub(super) fn first(states: &StateReader, wake: &mut WakeSet) -> anyhow::Result<State> {
     let end = Instant::now() + FIRST;
+    let mut outcome = None;
     loop {
-        if let Some(state) = states.newest()?.filter(|state| state.flags & NOT_A_READING == 0) {
-            return Ok(state);
+        if let Some(state) = states.newest()? {
+            if state.flags & NOT_A_READING == 0 {
+                return Ok(state);
+            }
+            outcome = Outcome::from_code(state.outcome);
         }
         let left = end.saturating_duration_since(Instant::now());
         ensure!(
             !left.is_zero(),
-            "the twin has had no good reading for {} s: start the bridge, or look at `softtwin top`",
-            FIRST.as_secs()
+            "the twin has had no good reading for {} s; the last one: {}",
+            FIRST.as_secs(),
+            outcome.map_or("none, start the bridge".into(), |outcome| outcome.to_string())
         );
         wake.wait(left)?;
     }
