@@ -193,14 +193,24 @@ impl Manifold for ModelManifold {
     }
 }
 
-/// Coefficients of groups that hold the stress alone, by regime.
-fn stress(header: &ModelHeader) -> Vec<(RegimeKind, Vec<Range<usize>>)> {
-    let is_stress = |field: &usize| header.fields[*field].spec.kind == FieldKind::Stress;
-    let of = |regime: &RegimeModel| {
-        let groups = regime.groups.iter().filter(|group| group.fields.iter().all(is_stress));
-        (regime.kind, groups.map(|group| group.coefficients.clone()).collect())
-    };
-    header.regimes.iter().map(of).collect()
+/// Evaluation of the stress under all of the load that a relaxing elastomer bears.
+#[derive(Clone, Debug)]
+struct Stress {
+    /// Coefficients of groups that hold the stress alone, by regime.
+    ranges: Vec<(RegimeKind, Vec<Range<usize>>)>,
+    last: LastOnset,
+    evaluation: Evaluation,
+}
+
+impl Stress {
+    fn new(header: &ModelHeader, evaluation: Evaluation) -> Self {
+        let is_stress = |field: &usize| header.fields[*field].spec.kind == FieldKind::Stress;
+        let of = |regime: &RegimeModel| {
+            let groups = regime.groups.iter().filter(|group| group.fields.iter().all(is_stress));
+            (regime.kind, groups.map(|group| group.coefficients.clone()).collect())
+        };
+        Self { ranges: header.regimes.iter().map(of).collect(), last: LastOnset::default(), evaluation }
+    }
 }
 
 /// A moving model: steps by the time of its readings.
@@ -210,10 +220,10 @@ pub struct ModelMotion {
     evaluator: Evaluator,
     /// Coefficients of the linear modes, by regime.
     modes: Vec<(RegimeKind, Vec<Vec<f64>>)>,
-    /// Onsets of the evaluation, and of that of the stress.
-    last: [LastOnset; 2],
-    /// Coefficients of the stress alone, by regime, and their evaluation, if the elastomer relaxes.
-    stress: Option<(Vec<(RegimeKind, Vec<Range<usize>>)>, Evaluation)>,
+    /// Onset of the evaluation.
+    last: LastOnset,
+    /// If the elastomer relaxes.
+    stress: Option<Stress>,
     widths: MotionWidths,
 }
 
@@ -238,10 +248,10 @@ impl ModelMotion {
         let relaxes = !inertia.prony.is_empty();
         Ok(Some(Self {
             motion: Motion::new(manifold, settings).relaxing(&inertia.prony),
-            stress: relaxes.then(|| (stress(&model.header), evaluator.evaluation())),
+            stress: relaxes.then(|| Stress::new(&model.header, evaluator.evaluation())),
             evaluator,
             modes: inertia.regimes.iter().map(of).collect(),
-            last: Default::default(),
+            last: LastOnset::default(),
             widths: inertia.widths,
         }))
     }
@@ -297,15 +307,17 @@ impl ModelMotion {
     pub fn evaluate(&mut self, moved: &Moved, out: &mut Evaluation) {
         let state = &moved.state;
         if moved.at_rest {
-            self.last = Default::default();
+            self.last = LastOnset::default();
         }
-        let [last, last_stressed] = &mut self.last;
-        self.evaluator.evaluate_as(state.regime, state.shown.0, last, out);
-        if let Some((stress, stressed)) = &mut self.stress {
-            self.evaluator.evaluate_as(state.regime, state.stressed, last_stressed, stressed);
-            let of_regime = stress.iter().filter(|(kind, _)| *kind == state.regime);
+        self.evaluator.evaluate_as(state.regime, state.shown.0, &mut self.last, out);
+        if let Some(Stress { ranges, last, evaluation }) = &mut self.stress {
+            if moved.at_rest {
+                *last = LastOnset::default();
+            }
+            self.evaluator.evaluate_as(state.regime, state.stressed, last, evaluation);
+            let of_regime = ranges.iter().filter(|(kind, _)| *kind == state.regime);
             for range in of_regime.flat_map(|(_, ranges)| ranges) {
-                out.coefficients[range.clone()].copy_from_slice(&stressed.coefficients[range.clone()]);
+                out.coefficients[range.clone()].copy_from_slice(&evaluation.coefficients[range.clone()]);
             }
         }
         out.inputs = state.inputs;

@@ -18,10 +18,21 @@ pub struct Motion {
 const PRESSURE: usize = 1;
 const TIP_Y: usize = 5;
 
-/// Frequency of the tip's swing after the last change of the pressure, Hz, by its extrema, refined by parabolas. `None` with fewer than two.
+/// Smallest swing, as a fraction of the range of the tip's height.
+const LEAST_SWING: f64 = 0.01;
+
+/// Frequency of the tip's swing after the last change of the pressure, Hz, by its extrema, refined by parabolas. `None` with fewer than two, or
+/// where it hardly swings.
 pub fn frequency_hz(rows: &[[f64; SERIES]]) -> Option<f64> {
     let last = rows.last()?[PRESSURE];
     let begin = rows.iter().rposition(|row| row[PRESSURE] != last).map_or(0, |at| at + 1);
+    let span = |rows: &[[f64; SERIES]]| {
+        let heights = rows.iter().map(|row| row[TIP_Y]);
+        heights.clone().fold(f64::NEG_INFINITY, f64::max) - heights.fold(f64::INFINITY, f64::min)
+    };
+    if span(&rows[begin..]) < LEAST_SWING * span(rows) {
+        return None;
+    }
     let mut extrema = Vec::new();
     for three in rows[begin..].windows(3) {
         let [before, after] = [three[1][TIP_Y] - three[0][TIP_Y], three[2][TIP_Y] - three[1][TIP_Y]];
