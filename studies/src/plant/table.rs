@@ -123,7 +123,7 @@ impl PlantTable {
             a + (b - a) * share
         };
         let onset_mpa = between(&|body| body.onset_mpa(body.nearest_mm(gap_mm)));
-        // Beyond every free state of a body it is infinite, and the mean of two such is no number, which nothing exceeds.
+        // Beyond every free state of a body it is infinite, and the mean of two such is NaN, which nothing exceeds.
         let touches = pressure_mpa > onset_mpa;
         if gap_mm == f64::INFINITY || !touches {
             return (0.0, between(&|body| along(&body.free, pressure_mpa, 1)));

@@ -75,7 +75,7 @@ struct Loop<'a> {
     owner: Owner,
     valve: Option<Valve>,
     last_ns: Option<u64>,
-    /// The last reading that was answered, and how many had no setpoint of their own.
+    /// The last reading that was answered, and how many had no own setpoint.
     last_seq: u64,
     missed: u64,
     cycle: Cycle,
