@@ -46,3 +46,44 @@ softtwin train --database "$across/database" --inertia "$folder/q/actuator.toml"
 printf 't_s,pressure_mpa,loads.gravity_mm_s2.2\n0,0.02,0\n0.02,0.02,5000\n0.3,0.02,5000\n0.32,0.035,0\n0.6,0.035,0\n' >"$across/base.csv"
 softtwin simulate --actuator "$folder/q/actuator.toml" --trace "$across/base.csv" --out "$across/motion"
 softtwin evaluate --model "$across.twin" --traces "$across/motion"
+
+# Stiffness from a swing: motions of a softer finger, found by a model whose inputs include the stiffness.
+soft=$folder/soft
+mkdir -p "$soft"
+cp -r "$folder/q/." "$soft/"
+sed -i 's/^mu_mpa = 0.2$/mu_mpa = 0.18/' "$soft/actuator.toml"
+softtwin sample --kind sequence --n 110 --regime free --pressure-mpa 0 0.04 --actuator "$folder/q/actuator.toml" \
+    --parameter loads.gravity_mm_s2.1=-60000:40000 --parameter elastomer.law.mu_mpa=0.15:0.26 --out "$soft/cases.csv"
+softtwin simulate --actuator "$folder/q/actuator.toml" --cases "$soft/cases.csv" --out "$soft/database"
+softtwin train --database "$soft/database" --inertia "$folder/q/actuator.toml" --out "$soft/soft.twin"
+printf 't_s,pressure_mpa\n0,0.015\n0.02,0.03\n0.2,0.03\n0.22,0.015\n0.4,0.015\n0.42,0.03\n0.6,0.03\n' >"$soft/both.csv"
+softtwin simulate --actuator "$soft/actuator.toml" --trace "$soft/both.csv" --out "$soft/motion"
+cat >"$soft/log.toml" <<'END'
+time = { column = "t_s", unit = "s" }
+input = [{ name = "pressure_mpa", column = "pressure_mpa", unit = "MPa" }]
+output = [
+    { name = "marker1_x_mm", column = "tip_x_mm", unit = "mm" },
+    { name = "marker1_y_mm", column = "tip_y_mm", unit = "mm" },
+]
+END
+cat >"$soft/scene.toml" <<'END'
+name = "soft"
+[[actuator]]
+name = "finger"
+model = "soft.twin"
+[actuator.estimate]
+"elastomer.law.mu_mpa" = { prior = 0.2, sigma = 0.03 }
+pressure_bias_mpa = { prior = 0.0, sigma = 0.002 }
+[actuator.sigma]
+pressure_mpa = 2e-5
+marker_mm = 0.05
+model_mm = 0.02
+model_correlation_s = 0.03
+[[actuator.marker]]
+name = "tip"
+at_mm = [48.0, 2.6, 8.0]
+[actuator.source]
+kind = "replay"
+trace = "both.csv"
+END
+softtwin calibrate --scene "$soft/scene.toml" --recording "$soft/motion/series.csv" --log "$soft/log.toml"

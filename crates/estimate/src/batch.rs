@@ -330,7 +330,8 @@ impl<'a> Batch<'a> {
             let (of_reading, _) = self.equations(at, &solved, &solved.robust);
             for (pattern, to_right) in patterns.iter().zip(&mut rights) {
                 let none = [0.0; MAX_STATES];
-                let right = solved.linear.right_of(&solved.robust, count, pattern.difference(), &none);
+                let unit = solved.linear.of_memory(count, pattern.difference(), &none);
+                let right = solved.linear.right_of(&solved.robust, &unit);
                 eliminate(&of_reading, &right, count, &mut matrix, to_right);
             }
         }
@@ -342,9 +343,11 @@ impl<'a> Batch<'a> {
             let (of_reading, right) = self.equations(at, &solved, &solved.alone);
             let Some(step) = noise_step(&of_reading, &right, count) else { continue };
             for (pattern, difference) in patterns.iter_mut().zip(differences) {
-                let right = solved.linear.right_of(&solved.alone, count, *difference, pattern.sensitivity());
+                let unit = solved.linear.of_memory(count, *difference, pattern.sensitivity());
+                let right = solved.linear.right_of(&solved.alone, &unit);
                 if let Some(of_unit) = noise_step(&of_reading, &right, count) {
-                    pattern.compare(solved.states[count] + step[0], of_unit[0], sigma);
+                    let [noise, of_unit] = [solved.states[count] + step[0], of_unit[0]].map(|e| e / sigma);
+                    pattern.compare(noise * of_unit, of_unit * of_unit);
                 }
             }
         }

@@ -502,7 +502,7 @@ impl Filter {
     }
 
     /// Takes a used reading into account: its noise with the weights of a single reading, the errors of the unknowns with those of the
-    /// gain.
+    /// gain. The load of a motion takes up the noise; there the residuals tell of the amplitude.
     fn learn_memory(
         &mut self,
         weights: &[f64; MAX_ROWS],
@@ -513,12 +513,22 @@ impl Filter {
         let (count, linear) = (self.setup.unknowns.len(), &explained.linear);
         let Some((_, sigma)) = self.setup.measured_inputs().next() else { return };
         for pattern in &mut self.memory {
-            let right =
-                |weights| linear.right_of(weights, count, pattern.difference(), pattern.sensitivity());
-            let of_unit = explained.factor.solve(&right(weights))[count];
-            let step = gain.solve(&right(lasting));
+            let unit = linear.of_memory(count, pattern.difference(), pattern.sensitivity());
+            let right = linear.right_of(lasting, &unit);
+            let step = gain.solve(&right);
+            if self.setup.swing.is_some() {
+                let product = |a: &[f64; MAX_ROWS]| -> f64 {
+                    let rows = a.iter().zip(&unit).zip(lasting).filter(|(_, w)| **w > 0.0);
+                    rows.map(|((a, unit), w)| w * a * unit).sum()
+                };
+                let taken_up: f64 = step.iter().zip(&right).map(|(step, right)| step * right).sum();
+                pattern.compare(product(&linear.residual), (product(&unit) - taken_up).max(0.0));
+            } else {
+                let of_unit = explained.factor.solve(&linear.right_of(weights, &unit))[count];
+                let [noise, of_unit] = [explained.states[count], of_unit].map(|e| e / sigma);
+                pattern.compare(noise * of_unit, of_unit * of_unit);
+            }
             pattern.move_by(&step[..count]);
-            pattern.compare(explained.states[count], of_unit, sigma);
         }
     }
 

@@ -10,6 +10,9 @@
 //! I = sum e_d^2 / sigma^2,    a = (sum e e_d / sigma^2) / (1 + I),    variance of an unknown += S^2 (a^2 + 1 / (1 + I))
 //! ```
 //!
+//! In a motion, whose load takes up the noise, `I` and `a` are those of the residuals: `I = sum r_d^T W r_d - r_d^T W J A^-1 J^T W r_d`, with
+//! `r_d = J_e d - J_x S` and the score `sum r^T W r_d`.
+//!
 //! Until the input has reversed, memory is not distinguishable from a bias: `I` stays small, and the bias keeps a wide interval.
 
 use crate::matrix::{MAX_STATES, Vector};
@@ -117,11 +120,11 @@ impl Pattern {
         self.sensitivity.iter_mut().zip(step).for_each(|(s, step)| *s += step);
     }
 
-    /// Adds the estimated noise of the input in a reading, and that of amplitude 1.
-    pub(crate) fn compare(&mut self, noise: f64, of_unit: f64, sigma: f64) {
+    /// Adds what a reading tells of the amplitude.
+    pub(crate) fn compare(&mut self, score: f64, information: f64) {
         let weight = (-std::mem::take(&mut self.passed_s) / self.cycles_s).exp();
-        self.information = weight * self.information + of_unit * of_unit / (sigma * sigma);
-        self.score = weight * self.score + noise * of_unit / (sigma * sigma);
+        self.information = weight * self.information + information;
+        self.score = weight * self.score + score;
     }
 
     /// Amplitude.

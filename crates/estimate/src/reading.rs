@@ -53,19 +53,20 @@ pub(crate) struct Linear {
 }
 
 impl Linear {
-    /// `J^T W (J_e d - J_x S)`: right-hand side of the normal equations for a difference `d` of the first measured input from the value
-    /// that acts, with errors `S` of the `count` unknowns.
-    pub(crate) fn right_of(
-        &self,
-        weights: &[f64; MAX_ROWS],
-        count: usize,
-        difference: f64,
-        errors: &Vector,
-    ) -> Vector {
-        let mut right = [0.0; MAX_STATES];
-        for (row, weight) in self.jacobian.iter().zip(weights).filter(|(_, weight)| **weight > 0.0) {
+    /// `r_d = J_e d - J_x S`: residuals by a difference `d` of the first measured input from the value that acts, with errors `S` of the
+    /// `count` unknowns.
+    pub(crate) fn of_memory(&self, count: usize, difference: f64, errors: &Vector) -> [f64; MAX_ROWS] {
+        self.jacobian.map(|row| {
             let of_unknowns: f64 = row[..count].iter().zip(errors).map(|(d, s)| d * s).sum();
-            let residual = row[count] * difference - of_unknowns;
+            row[count] * difference - of_unknowns
+        })
+    }
+
+    /// `J^T W r`: right-hand side of the normal equations for residuals.
+    pub(crate) fn right_of(&self, weights: &[f64; MAX_ROWS], residuals: &[f64; MAX_ROWS]) -> Vector {
+        let mut right = [0.0; MAX_STATES];
+        let rows = self.jacobian.iter().zip(residuals).zip(weights);
+        for ((row, residual), weight) in rows.filter(|(_, weight)| **weight > 0.0) {
             right.iter_mut().zip(row).for_each(|(right, d)| *right += weight * residual * d);
         }
         right
