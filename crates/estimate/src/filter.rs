@@ -502,7 +502,7 @@ impl Filter {
     }
 
     /// Takes a used reading into account: its noise with the weights of a single reading, the errors of the unknowns with those of the
-    /// gain. The load of a motion takes up the noise; there the residuals tell of the amplitude.
+    /// gain. The load of a motion takes up the noise; there the amplitude follows from the residuals.
     fn learn_memory(
         &mut self,
         weights: &[f64; MAX_ROWS],

@@ -120,7 +120,7 @@ impl Pattern {
         self.sensitivity.iter_mut().zip(step).for_each(|(s, step)| *s += step);
     }
 
-    /// Adds what a reading tells of the amplitude.
+    /// Adds the score and the information of a reading about the amplitude.
     pub(crate) fn compare(&mut self, score: f64, information: f64) {
         let weight = (-std::mem::take(&mut self.passed_s) / self.cycles_s).exp();
         self.information = weight * self.information + information;
