@@ -34,6 +34,7 @@ fn lines_with_labels_are_rows() {
     same("Booting...\nt:0,p:1.5\nt:0.5,p:2.5\nt:1,p:-3\n", &named);
     same("t: 0\tp: 1.5\nt: 0.5\tp: 2.5\nt: 1\tp: -3\n", &named);
     same("t=0 p=1.5\nt=0.5 p=2.5\nt=1 p=-3\n", &named);
+    same("Booting v1.2\n0 s, p: 1.5 kPa\n0.5 s, p: 2.5 kPa\n1 s, p: -3 kPa\n", &["[s]", "p [kPa]"]);
     same("{\"t\": 0, \"p\": 1.5}\n{\"t\": 0.5, \"p\": 2.5}\n{\"t\": 1, \"p\": -3}\n", &named);
     let clocks =
         |heading: &str| format!("{heading}00:00:00.000 -> 1.5\n00:00:00.500 -> 2.5\n00:00:01.000 -> -3\n");

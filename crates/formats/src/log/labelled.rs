@@ -1,4 +1,4 @@
-//! Lines of serial monitors and of JSON as rows: `t:20,p:1.5`, `{"t": 20, "p": 1.5}`, `10:12:13.1 -> 1.5,2`.
+//! Lines of serial monitors and of JSON as rows: `t:20,p:1.5`, `20 ms, P = 1.5 kPa`, `{"t": 20, "p": 1.5}`, `10:12:13.1 -> 1.5,2`.
 
 use super::cell::is_content;
 
@@ -18,8 +18,9 @@ pub(super) struct Labelled {
 /// The lines as rows; `None` unless most of the first lines have the same labels.
 pub(super) fn rows(lines: &[(usize, &str)]) -> Option<Labelled> {
     let content = || lines.iter().filter(|(_, line)| is_content(line));
-    let probe: Vec<Option<(Vec<&str>, String)>> = content().take(PROBE).map(|(_, line)| row(line)).collect();
-    let votes = |labels: &[&str]| probe.iter().flatten().filter(|(own, _)| own == labels).count();
+    let probe: Vec<Option<(Vec<String>, String)>> =
+        content().take(PROBE).map(|(_, line)| row(line)).collect();
+    let votes = |labels: &[String]| probe.iter().flatten().filter(|(own, _)| own == labels).count();
     let (labels, _) = probe.iter().flatten().max_by_key(|(own, _)| votes(own))?;
     if 2 * votes(labels) <= probe.len() {
         return None;
@@ -31,22 +32,23 @@ pub(super) fn rows(lines: &[(usize, &str)]) -> Option<Labelled> {
         (*number, values.or_else(headings).unwrap_or_else(|| (*line).to_owned()))
     };
     let lines = lines.iter().map(one).collect();
-    Some(Labelled { labels: labels.iter().map(|label| (*label).to_owned()).collect(), lines })
+    Some(Labelled { labels: labels.clone(), lines })
 }
 
 /// Labels and values of a line; `None` if it has neither labels nor a clock with an arrow.
-fn row(line: &str) -> Option<(Vec<&str>, String)> {
+fn row(line: &str) -> Option<(Vec<String>, String)> {
     let (clock, rest) = line.split_once(ARROW).map_or((None, line), |(clock, rest)| (Some(clock), rest));
     let cells = cells(rest);
-    let labelled: Option<Vec<(&str, &str)>> = cells.iter().map(|cell| label(cell)).collect();
-    let is_number = |cell: &&str| cell.trim().replace(',', ".").parse::<f64>().is_ok();
+    let labelled: Option<Vec<(String, &str)>> = cells.iter().map(|cell| label(cell)).collect();
     let pairs = match (labelled, clock) {
         (Some(pairs), _) => pairs,
-        (None, Some(_)) if cells.iter().any(is_number) => cells.into_iter().map(|cell| ("", cell)).collect(),
+        (None, Some(_)) if cells.iter().any(|cell| is_number(cell)) => {
+            cells.into_iter().map(|cell| (String::new(), cell)).collect()
+        }
         _ => return None,
     };
-    let all = clock.map(|clock| ("time", clock)).into_iter().chain(pairs);
-    let (labels, values): (Vec<&str>, Vec<&str>) = all.unzip();
+    let all = clock.map(|clock| ("time".to_owned(), clock)).into_iter().chain(pairs);
+    let (labels, values): (Vec<String>, Vec<&str>) = all.unzip();
     Some((labels, values.join("\t")))
 }
 
@@ -59,9 +61,19 @@ fn cells(rest: &str) -> Vec<&str> {
     }
 }
 
-/// Name and value of `name:value` or `name=value`.
-fn label(cell: &str) -> Option<(&str, &str)> {
-    let (name, value) = cell.split_once([':', '='])?;
+/// Name and value of `name:value` or `name=value`; a unit behind the value goes to the name, and may be all of it.
+fn label(cell: &str) -> Option<(String, &str)> {
+    let (name, value) = cell.split_once([':', '=']).unwrap_or(("", cell));
     let [name, value] = [name, value].map(|text| text.trim().trim_matches('"'));
-    (name.starts_with(char::is_alphabetic) && !value.is_empty()).then_some((name, value))
+    let (value, unit) = value.split_once(char::is_whitespace).unwrap_or((value, ""));
+    let unit = unit.trim();
+    let is_named =
+        name.starts_with(char::is_alphabetic) || (name.is_empty() && !unit.is_empty() && is_number(value));
+    let is_unit = unit.is_empty() || (is_number(value) && !unit.contains(char::is_whitespace));
+    let name = if unit.is_empty() { name.to_owned() } else { format!("{name} [{unit}]").trim().to_owned() };
+    (is_named && is_unit && !value.is_empty()).then_some((name, value))
+}
+
+fn is_number(cell: &str) -> bool {
+    cell.trim().replace(',', ".").parse::<f64>().is_ok()
 }

@@ -94,7 +94,7 @@ pub enum MeasuredError {
     Still,
     /// No output moves.
     #[error(
-        "no output moves beyond its noise: the recording teaches nothing; check the output columns of the mapping"
+        "no output moves beyond its noise, or the mapping has none: the recording teaches nothing; check `[[output]]` of the mapping"
     )]
     NoOutput,
     /// The outputs do not follow the inputs.
