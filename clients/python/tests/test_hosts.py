@@ -38,6 +38,7 @@ def test_signals_reach_their_handlers_during_a_query(stage, number, expected):
     child = subprocess.Popen([sys.executable, "-c", ASKS], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=stage.environment())
     assert child.stdout.readline() == "asking\n"
     twin.send_signal(signal.SIGSTOP)
+    os.waitid(os.P_PID, twin.pid, os.WSTOPPED)  # all threads
     child.stdin.write("\n")
     child.stdin.flush()
     assert child.stdout.readline() == "asks\n"
