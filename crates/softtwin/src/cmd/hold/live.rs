@@ -27,6 +27,8 @@ use wire::{
 pub(super) const SILENCE: Duration = Duration::from_secs(1);
 /// Longest wait for the first state with a reading.
 const FIRST: Duration = Duration::from_secs(10);
+/// Most states that are answered before the newest is taken.
+const MOST_IN_A_ROW: u32 = 16;
 /// Substituted readings are not used.
 pub(super) const NOT_A_READING: u32 = flags::NO_DATA | flags::STALE | flags::HELD;
 /// Reasons for which the valve does not follow, and the controller waits.
@@ -140,7 +142,7 @@ impl<'a> Loop<'a> {
     fn run(&mut self, states: &StateReader, wake: &mut WakeSet) -> anyhow::Result<()> {
         let stop = runtime::service::stop_flag().context("cannot listen for signals")?;
         let (begin, seconds) = (Instant::now(), self.args.seconds(&self.goal));
-        let mut waiting = None;
+        let (mut waiting, mut in_a_row) = (None, 0);
         while begin.elapsed().as_secs_f64() < seconds && !stop.load(Ordering::Relaxed) {
             let Some(state) = waiting.take().map_or_else(|| states.next(), |state| Ok(Some(state)))? else {
                 if wake.wait(SILENCE)? == Wake::Timeout {
@@ -157,9 +159,13 @@ impl<'a> Loop<'a> {
             self.refuse_tripped()?;
             self.refuse_alarm(&state)?;
             self.answer(&state, begin.elapsed().as_secs_f64())?;
-            // Each state has its control cycle; the valve gets the command of the newest one.
-            if waiting.is_none() {
+            // Each state has its control cycle, and the valve gets the command of the newest one. A loop slower than its states leaves
+            // some out.
+            in_a_row += 1;
+            if waiting.is_none() || in_a_row == MOST_IN_A_ROW {
                 self.send(&state)?;
+                in_a_row = 0;
+                waiting = states.newest()?.or(waiting);
             }
         }
         Ok(())
