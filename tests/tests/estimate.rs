@@ -21,7 +21,7 @@ use tests::{Program, Stage};
 use wire::layout::{estimate_alarm, estimate_status, flags, input_source};
 use wire::{EstimateReader, StateReader, Topic};
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+pub(crate) const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// A slow inflation over a plate at a gap, read by a gauge with a bias, a load cell and a camera at the tip: a table.
 fn recording(gap_mm: f64, bias_mpa: f64) -> String {
@@ -29,7 +29,7 @@ fn recording(gap_mm: f64, bias_mpa: f64) -> String {
 }
 
 /// Times and pressures of ten seconds: an inflation, then part of a deflation, without which play is not distinguishable from a bias.
-fn inflation() -> Vec<(f64, f64)> {
+pub(crate) fn inflation() -> Vec<(f64, f64)> {
     let pressure = |k: u32| f64::from(k.min(600 - k)) * 0.095 / 300.0;
     (0..400).map(|k| (f64::from(k) * 0.025, pressure(k))).collect()
 }
@@ -41,7 +41,7 @@ fn readings(states: &[(f64, f64)], [gap_mm, bias_mpa, zero_n]: [f64; 3], with_ma
     table(&model, states, [gap_mm, bias_mpa, zero_n], with_markers)
 }
 
-fn committed(name: &str) -> Model {
+pub(crate) fn committed(name: &str) -> Model {
     let bytes = std::fs::read(format!("{ROOT}/models/{name}/{name}.twin")).expect("a committed model");
     Model::from_bytes(&bytes).expect("a model")
 }

@@ -17,6 +17,7 @@ mod inertia;
 mod kills;
 mod live;
 mod memory;
+mod observed;
 mod parameters;
 mod paths;
 mod queries;
