@@ -23,6 +23,9 @@ int main(int argc, char **argv) {
     check(softtwin_state_reader_newest(states, 5000, &state), "state");
     printf("state %llu: %s, %.4f N at %.5f MPa\n", (unsigned long long)state.seq, softtwin_regime_name(state.regime),
            state.contact_force_n, state.pressure_mpa);
+    for (uint32_t at = 0; at < state.observable_count; at++)
+        printf("%.32s: %.3f +- %.3f, measured difference %.3f\n", (const char *)&state.observable_names[32 * at],
+               state.observables[at], state.observable_halfwidths[at], state.observable_offsets[at]);
     softtwin_state_reader_close(states);
 
     softtwin_field_reader *fields = NULL;

@@ -1,15 +1,15 @@
 //! Measured difference of an observable from the finite elements, smooth over the inputs.
 //!
 //! ```text
-//! offset(x)     = sum_k w_k g(|x - c_k|)      g(d) = exp(-d^2 / 2 l^2), x scaled as in the model
-//! share(x)      = max_k g(|x - c_k|)          1 at a measured state, 0 far from all of them
+//! offset(x)     = sum_k w_k g(|x - c_k|)      g and R: crate::difference
+//! share(x)      = max_k g(|x - c_k|)          1 at a measured state, 0 farther than R from all of them
 //! half-width    = share q + (1 - share) sqrt(h^2 + d^2)
 //! ```
 //!
 //! `q` is the 90 % quantile of the errors on parts of the recordings that were left out, `d` that of the difference itself, `h` the model's
 //! half-width: where nothing was measured, the offset is 0 and the model may be as far off as at the measured inputs.
 
-use crate::difference::terms;
+use crate::difference::{terms, with_slopes};
 use crate::evaluation::Evaluation;
 use crate::inputs::{InputMap, Inputs, MAX_INPUTS, Point};
 use crate::snapshots::RegimeKind;
@@ -22,8 +22,8 @@ pub struct Correction {
     pub regime: RegimeKind,
     /// Inputs of the regime.
     pub inputs: InputMap,
-    /// Length `l` over scaled inputs.
-    pub length: f64,
+    /// Distance `R` over scaled inputs from which on the offset is 0.
+    pub reach: f64,
     /// Centres `c`.
     pub centres: Vec<Point>,
     /// Weights `w`, in the observable's unit.
@@ -38,7 +38,7 @@ impl Correction {
     /// True if the numbers can be evaluated.
     pub(super) fn is_sound(&self) -> bool {
         let finite = self.centres.as_flattened().iter().chain(&self.weights).all(|v| v.is_finite());
-        finite && self.centres.len() == self.weights.len() && self.length > 0.0
+        finite && self.centres.len() == self.weights.len() && self.reach > 0.0
     }
 
     /// Offset and share at a state. Allocates nothing.
@@ -48,7 +48,7 @@ impl Correction {
 
     /// [`Self::at`] at scaled inputs.
     pub fn at_scaled(&self, x: &Point) -> (f64, f64) {
-        let values = || terms(&self.centres, self.length, x);
+        let values = || terms(&self.centres, self.reach, x);
         let offset = values().zip(&self.weights).map(|(g, w)| g * w).sum();
         (offset, values().fold(0.0, f64::max))
     }
@@ -57,10 +57,10 @@ impl Correction {
     pub(super) fn gradient(&self, evaluation: &Evaluation) -> [f64; MAX_INPUTS] {
         let x = self.inputs.scale(&evaluation.inputs);
         let mut gradient = [0.0; MAX_INPUTS];
-        let all = terms(&self.centres, self.length, &x).zip(&self.weights).zip(&self.centres);
-        for ((g, w), centre) in all {
+        let all = with_slopes(&self.centres, self.reach, &x).zip(&self.weights).zip(&self.centres);
+        for (((_, slope), w), centre) in all {
             for (at, axis) in self.inputs.axes.iter().enumerate() {
-                let slope = g * w * (centre[at] - x[at]) / (self.length * self.length);
+                let slope = slope * w * (centre[at] - x[at]);
                 gradient[axis.input] += slope / (axis.max - axis.min);
             }
         }

@@ -7,8 +7,8 @@ use rom::model::{Model, ModelFileError};
 pub(super) const MIN_STATES: usize = 12;
 /// Largest RMS on left-out segments, as a fraction of that without offset, at which an offset is kept.
 pub(super) const MOST_LEFT: f64 = 0.9;
-/// Lengths tried, per root of the number of inputs: short, so that nothing is added far from what was measured.
-pub(super) const LENGTHS: [f64; 3] = [0.05, 0.1, 0.2];
+/// Distances tried from which on nothing is added, per root of the number of inputs.
+pub(super) const REACHES: [f64; 3] = [0.2, 0.4, 0.8];
 /// Smoothings tried.
 pub(super) const SMOOTHINGS: [f64; 6] = [1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0];
 

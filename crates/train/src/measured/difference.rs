@@ -2,14 +2,14 @@
 //! [`Correction`]s by ridge regression.
 //!
 //! ```text
-//! offset(x) = sum_k w_k exp(-|x - c_k|^2 / 2 l^2),     w = argmin mean_i (r_i - offset(x_i))^2 + lambda |w|^2
+//! offset(x) = sum_k w_k g(|x - c_k|),     w = argmin mean_i (r_i - offset(x_i))^2 + lambda |w|^2
 //! ```
 //!
 //! `r` is measured minus predicted with the modes' difference, `x` the inputs scaled as in the model, centres `c` the means of cells of the measured states. Segments of the
-//! runs that are left out choose `l` and `lambda`, and decide whether there is an offset at all.
+//! runs that are left out choose `R` and `lambda`, and decide whether there is an offset at all.
 
 use super::curve::{FOLDS, centres, fold, half_width, quantile};
-use super::data::{LENGTHS, MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, SMOOTHINGS, mean};
+use super::data::{MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS, mean};
 use super::layout::coordinate;
 use super::modes::{self, ModesDifference};
 use rom::dense::Dense;
@@ -198,18 +198,18 @@ impl Rows {
         let centres = centres(&self.x, inputs.dimensions());
         let mean_square = |errors: &[f64]| mean(errors.iter().map(|e| e * e));
         let mut best: Option<(f64, f64, f64, Vec<f64>)> = None;
-        for length in LENGTHS.map(|length| length * (inputs.dimensions() as f64).sqrt()) {
-            let rows: Vec<Vec<f64>> = self.x.iter().map(|x| terms(&centres, length, x).collect()).collect();
+        for reach in REACHES.map(|reach| reach * (inputs.dimensions() as f64).sqrt()) {
+            let rows: Vec<Vec<f64>> = self.x.iter().map(|x| terms(&centres, reach, x).collect()).collect();
             for smoothing in SMOOTHINGS {
                 let Some(errors) = self.left_out(&rows, smoothing) else { continue };
                 let square = mean_square(&errors);
                 if best.as_ref().is_none_or(|(least, ..)| square < *least) {
-                    best = Some((square, length, smoothing, errors));
+                    best = Some((square, reach, smoothing, errors));
                 }
             }
         }
-        let (square, length, smoothing, mut errors) = best?;
-        let terms: Vec<Vec<f64>> = self.x.iter().map(|x| terms(&centres, length, x).collect()).collect();
+        let (square, reach, smoothing, mut errors) = best?;
+        let terms: Vec<Vec<f64>> = self.x.iter().map(|x| terms(&centres, reach, x).collect()).collect();
         let mut weights = self.weights(&terms, smoothing, |_| true)?;
         let is_kept = square.sqrt() < MOST_LEFT * mean_square(&self.r).sqrt();
         if let (false, Some(_)) = (is_kept, of_modes) {
@@ -235,7 +235,7 @@ impl Rows {
             is_kept,
         };
         let (inputs, difference) = (inputs.clone(), quantile(sizes(&self.r)));
-        Some((Correction { regime, inputs, length, centres, weights, residual, difference }, report))
+        Some((Correction { regime, inputs, reach, centres, weights, residual, difference }, report))
     }
 
     fn left_out(&self, terms: &[Vec<f64>], smoothing: f64) -> Option<Vec<f64>> {

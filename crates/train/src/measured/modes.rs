@@ -6,10 +6,10 @@
 //!
 //! `r` is measured minus predicted and `J` the derivative by the coefficients, both over the output's `sum |dq/dx|`: lengths in mm, whatever
 //! the unit. `s_j` is the standard deviation of the coefficient over the training states, the prior of the ridge. Angles are linearised
-//! again at the state found. Segments of the runs that are left out choose `l` and `lambda`, and decide whether there is a difference.
+//! again at the state found. Segments of the runs that are left out choose `R` and `lambda`, and decide whether there is a difference.
 
 use super::curve::{FOLDS, centres, fold, half_width, quantile};
-use super::data::{LENGTHS, MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, SMOOTHINGS, mean};
+use super::data::{MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS, mean};
 use rom::dense::Dense;
 use rom::difference::{FieldDifference, terms};
 use rom::evaluator::Evaluator;
@@ -24,8 +24,6 @@ const MODES: usize = 4;
 const ROUNDS: usize = 3;
 /// Most states of a regime; of more, one in several is used.
 const MAX_STATES: usize = 2000;
-/// Values of a centre below which it has no part in a row.
-const NEGLIGIBLE: f64 = 1e-9;
 
 /// Figures of the modes' difference in one regime.
 #[derive(Clone, Debug)]
@@ -65,7 +63,7 @@ struct Rows {
 
 /// Chosen on left-out segments.
 struct Choice {
-    length: f64,
+    reach: f64,
     smoothing: f64,
     errors: Vec<f64>,
 }
@@ -95,7 +93,7 @@ pub(super) fn correct(
             if round > 0 {
                 last = rows(model, kind, &leading, places, observables, runs)?;
             }
-            let terms = last.terms(&centres, choice.length);
+            let terms = last.terms(&centres, choice.reach);
             let systems = last.systems(&terms, centres.len(), leading.len());
             choice.errors = last
                 .left_out(&terms, &systems, leading.len(), choice.smoothing)
@@ -105,7 +103,7 @@ pub(super) fn correct(
             let sizes: Vec<f64> = choice.errors.iter().map(|e| e.abs()).collect();
             let scale = leading.iter().map(|(_, deviation)| *deviation).cycle();
             let difference = FieldDifference {
-                length: choice.length,
+                reach: choice.reach,
                 centres: centres.clone(),
                 coefficients: leading.iter().map(|(at, _)| *at).collect(),
                 weights: u.iter().zip(scale).map(|(u, s)| u * s).collect(),
@@ -223,9 +221,8 @@ type System = (Vec<f64>, Vec<f64>, f64);
 
 impl Rows {
     /// Centres with a part in each row.
-    fn terms(&self, centres: &[Point], length: f64) -> Vec<Vec<(usize, f64)>> {
-        let own =
-            |x: &Point| terms(centres, length, x).enumerate().filter(|(_, g)| *g > NEGLIGIBLE).collect();
+    fn terms(&self, centres: &[Point], reach: f64) -> Vec<Vec<(usize, f64)>> {
+        let own = |x: &Point| terms(centres, reach, x).enumerate().filter(|(_, g)| *g > 0.0).collect();
         self.x.iter().map(own).collect()
     }
 
@@ -276,14 +273,14 @@ impl Rows {
 
     fn choose(&self, centres: &[Point], modes: usize, dimensions: usize) -> Option<Choice> {
         let mut best: Option<(f64, Choice)> = None;
-        for length in LENGTHS.map(|length| length * (dimensions as f64).sqrt()) {
-            let terms = self.terms(centres, length);
+        for reach in REACHES.map(|reach| reach * (dimensions as f64).sqrt()) {
+            let terms = self.terms(centres, reach);
             let systems = self.systems(&terms, centres.len(), modes);
             for smoothing in SMOOTHINGS {
                 let Some(errors) = self.left_out(&terms, &systems, modes, smoothing) else { continue };
                 let square = mean(errors.iter().map(|e| e * e));
                 if best.as_ref().is_none_or(|(least, _)| square < *least) {
-                    best = Some((square, Choice { length, smoothing, errors }));
+                    best = Some((square, Choice { reach, smoothing, errors }));
                 }
             }
         }
