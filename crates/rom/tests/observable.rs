@@ -289,7 +289,7 @@ fn measured_markers_move_the_whole_field_where_measured_and_nowhere_else() {
         let (before, after) = (fields(&plain, pressure_mpa), fields(&model, pressure_mpa));
         let exact = exact(pressure_mpa);
         let errors = [rms(&before, &exact), rms(&after, &exact)];
-        assert!(errors[1] < 0.6 * errors[0], "{pressure_mpa}: {errors:?}");
+        assert!(errors[1] < 0.65 * errors[0], "{pressure_mpa}: {errors:?}");
     }
     assert_eq!(fields(&plain, 0.118), fields(&model, 0.118), "nothing was measured there");
     // Points of the mesh are those of the field, with its derivatives.

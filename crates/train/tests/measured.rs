@@ -102,3 +102,96 @@ fn missing_values_leave_out_their_rows_and_too_many_inputs_are_refused() {
     data.inputs = (0..8).map(|at| format!("p{at}_mpa")).collect();
     assert!(matches!(learn("arm", &data), Err(MeasuredError::Many { expected: 6, found: 8 })));
 }
+
+/// 30 s of three swings of an input, of which the outputs see a lag of 0.3 s.
+fn dynamic(rng: &mut Rng) -> Measured {
+    let swings: Vec<[f64; 2]> =
+        (0..3).map(|_| [0.2 + 1.7 * rng.uniform(), std::f64::consts::TAU * rng.uniform()]).collect();
+    let mut run = Run { inputs: vec![Vec::new()], outputs: vec![Vec::new(); 2], ..Run::default() };
+    let (mut behind, step_s) = (f64::NAN, 0.1);
+    for row in 0..300 {
+        let t_s = step_s * f64::from(row);
+        let sum: f64 = swings.iter().map(|[rate, phase]| (rate * t_s + phase).sin()).sum();
+        let input = (0.5 + 0.2 * sum).clamp(0.0, 1.0);
+        behind = if row == 0 { input } else { input + (behind - input) * f64::exp(-step_s / 0.3) };
+        let clean = truth(behind, 0.5);
+        run.time_s.push(t_s);
+        run.inputs[0].push(0.1 * input);
+        run.outputs[0].push(clean[0] + 0.5 * (rng.uniform() - 0.5));
+        run.outputs[1].push(clean[1] + 0.5 * (rng.uniform() - 0.5));
+    }
+    let outputs = vec!["tip_x_mm".into(), "tip_y_mm".into()];
+    Measured { inputs: vec!["pressure_mpa".into()], outputs, runs: vec![run] }
+}
+
+/// Prints the values of another run within the half-widths.
+#[test]
+fn half_widths_of_short_dynamic_runs_hold_on_another_run() {
+    let mut rng = Rng::new(21);
+    let mut shares = Vec::new();
+    for _ in 0..6 {
+        let learned = learn("arm", &dynamic(&mut rng)).unwrap();
+        let other = &dynamic(&mut rng).runs[0];
+        let mut state = ModelState::new(&learned.model, &Selection::default()).unwrap();
+        let mut inside = [0.0; 2];
+        for row in 0..300 {
+            state.update(Inputs::new(other.inputs[0][row], f64::INFINITY)).unwrap();
+            for (k, output) in outputs(&learned.model).iter().enumerate() {
+                let error = f64::from(state.fields()[output.field]) - other.outputs[k][row];
+                inside[k] += f64::from(u8::from(error.abs() <= output.half_width)) / 300.0;
+            }
+        }
+        shares.extend(inside);
+    }
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+    println!("within the half-widths: {mean:.3} of all, by run and output {shares:.2?}");
+    assert!((0.85..=0.97).contains(&mean), "{shares:?}");
+}
+
+/// 20 markers that move by three shapes, and their values without noise by row.
+fn many(seed: u64, rows: usize) -> (Measured, Vec<Vec<f64>>) {
+    let data = bench(seed, 8 * rows, 0.0);
+    let take = |column: &Vec<f64>| -> Vec<f64> { column.iter().step_by(8).copied().collect() };
+    let of = &data.runs[0];
+    let (mut rng, inputs) = (Rng::new(seed + 10), of.inputs[..2].iter().map(take).collect::<Vec<_>>());
+    let clean = |row: usize, k: usize| {
+        let [a, b] = [10.0 * inputs[0][row], 10.0 * inputs[1][row]];
+        let s = 0.3 * k as f64;
+        50.0 + 15.0 * s.sin() * a + 12.0 * (1.7 * s).cos() * (1.5 * b).sin() + 8.0 * (0.6 * s).cos() * a * b
+    };
+    let clean: Vec<Vec<f64>> = (0..rows).map(|row| (0..60).map(|k| clean(row, k)).collect()).collect();
+    let mut noisy = |k: usize| clean.iter().map(|row| row[k] + 2.0 * (rng.uniform() - 0.5)).collect();
+    let outputs = (0..60).map(&mut noisy).collect();
+    let name = |k: usize| format!("m{}_{}_mm", k / 3, ["x", "y", "z"][k % 3]);
+    let data = Measured {
+        inputs: data.inputs[..2].to_vec(),
+        outputs: (0..60).map(name).collect(),
+        runs: vec![Run { time_s: take(&of.time_s), inputs, outputs }],
+    };
+    (data, clean)
+}
+
+#[test]
+fn many_outputs_share_their_modes_below_the_noise_with_fewer_numbers_and_half_widths_that_hold() {
+    let learned = learn("arm", &many(3, 300).0).unwrap();
+    assert_eq!(learned.modes, 3, "{}", learned.kernel);
+    let group = &learned.model.header.regimes[0].groups[0];
+    let terms = (group.surrogate.weights.len() + group.surrogate.tail_weights.len()) / 3;
+    assert!(3 * (terms + 60) + 60 < 60 * terms / 5, "{terms} terms");
+    let (other, clean) = many(4, 200);
+    let of = &other.runs[0];
+    let mut state = ModelState::new(&learned.model, &Selection::default()).unwrap();
+    let (mut square, mut inside) = (0.0, [0.0; 60]);
+    for (row, clean) in clean.iter().enumerate() {
+        state.update(Inputs::new(of.inputs[0][row], f64::INFINITY).with(2, of.inputs[1][row])).unwrap();
+        for output in outputs(&learned.model) {
+            let k = other.outputs.iter().position(|name| *name == output.name).unwrap();
+            let found = f64::from(state.fields()[20 * output.field + output.node]);
+            square += (found - clean[k]).powi(2) / 12_000.0;
+            inside[k] += f64::from(u8::from((found - of.outputs[k][row]).abs() <= output.half_width)) / 200.0;
+        }
+    }
+    let (noise, mean) = (2.0 / 12.0_f64.sqrt(), inside.iter().sum::<f64>() / 60.0);
+    assert!(square.sqrt() < 0.3 * noise, "{} of noise {noise}", square.sqrt());
+    assert!((0.85..=0.97).contains(&mean) && inside.iter().all(|share| *share > 0.8), "{inside:?}");
+}

@@ -90,11 +90,13 @@ impl Args {
             return output::json(&as_json(&learned, found.as_ref(), &remarks));
         }
         output!(
-            "{}: measured, {} rows, inputs {}; {}",
+            "{}: measured, {} rows, inputs {}; {}; {} modes of {} outputs",
             self.out.display(),
             learned.rows,
             learned.inputs.join(", "),
-            learned.kernel
+            learned.kernel,
+            learned.modes,
+            learned.outputs.len()
         )?;
         output!(
             "  {:<20}{:>12}{:>12}{:>14}{:>14}{:>20}",
@@ -229,6 +231,6 @@ fn as_json(learned: &Learned, found: Option<&Identified>, remarks: &[String]) ->
             (report.name.clone(), value)
         })
         .collect();
-    json!({"source": "measured", "rows": learned.rows, "inputs": learned.inputs, "outputs": outputs, "kernel": learned.kernel,
+    json!({"source": "measured", "rows": learned.rows, "inputs": learned.inputs, "outputs": outputs, "kernel": learned.kernel, "modes": learned.modes,
         "memory": found.map(memory_report::as_json), "turns": learned.turns, "error_share": learned.error_share, "remarks": remarks})
 }

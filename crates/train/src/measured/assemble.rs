@@ -1,12 +1,11 @@
-//! A fitted curve as a model: markers are nodes, every output a coefficient with a unit mode.
+//! A fitted curve as a model: markers are nodes, the modes of the outputs one group over all fields.
 
-use super::curve::{Curve, quantile};
-use super::data::{COVERAGE, Measured, OutputReport};
+use super::curve::{Curve, OutputModes};
+use super::data::{COVERAGE, Measured, MeasuredError, OutputReport};
 use super::layout::Layout;
 use rom::halfwidths::HalfWidths;
 use rom::hull::TrainingRange;
 use rom::inputs::Point;
-use rom::interpolant::Interpolant;
 use rom::kernel::{Modes, Precision};
 use rom::model::{BlockData, BlockKind, GroupModel, Model, ModelHeader, OutputField, RegimeModel};
 use rom::snapshots::{Database, FieldKind, FieldSpec, NodeSet, RegimeKind};
@@ -16,19 +15,29 @@ impl Curve {
         &self,
         actuator: &str,
         data: &Measured,
-        surrogate: Interpolant,
+        modes: OutputModes,
         errors: &[Vec<f64>],
         reports: &[OutputReport],
-    ) -> Model {
+    ) -> Result<Model, MeasuredError> {
         let names: Vec<&str> = reports.iter().map(|report| report.name.as_str()).collect();
         let layout = Layout::of(&names);
-        let (groups, mut blocks) = groups(&layout, &surrogate, reports);
-        blocks.extend(undeformed(&layout, &surrogate));
+        let mut blocks = self.fields(&layout, &modes, reports)?;
+        blocks.extend(self.undeformed(&layout, &modes));
+        let count = modes.shapes.len();
+        let group = GroupModel {
+            name: "outputs".into(),
+            fields: (0..layout.fields.len()).collect(),
+            coefficients: 0..count,
+            surrogate: modes.surrogate,
+            singular_values: modes.singular_values,
+            // The modes were chosen by their errors: all of them count.
+            leave_one_out: (0..=count).map(|k| if k < count { f64::MAX } else { 0.0 }).collect(),
+        };
         let dimensions = self.map.dimensions();
         let regime = RegimeModel {
             kind: RegimeKind::Free,
             inputs: self.map.clone(),
-            groups,
+            groups: vec![group],
             force: None,
             domain: TrainingRange::of_points(self.map.operating(), dimensions, &self.range_points()),
             halfwidths: HalfWidths {
@@ -55,7 +64,7 @@ impl Curve {
             database_hash: hash(data),
             clearance: None,
         };
-        Model { header, blocks }
+        Ok(Model { header, blocks })
     }
 
     /// Half-width of the distance of the worst marker; NaN without markers.
@@ -67,16 +76,51 @@ impl Curve {
         };
         let sizes: Vec<Vec<f64>> =
             (0..layout.nodes.len()).map(|node| errors.iter().map(|e| distance(e, node)).collect()).collect();
-        let worst = (0..errors.len()).map(|row| sizes.iter().map(|of| of[row]).fold(0.0, f64::max)).collect();
+        let worst: Vec<f64> =
+            (0..errors.len()).map(|row| sizes.iter().map(|of| of[row]).fold(0.0, f64::max)).collect();
         if sizes.is_empty() {
             return f64::NAN;
         }
-        // The bound of a further run's mean error, along the axis where it is largest.
-        let shift = coordinates().flat_map(|(_, places)| places.iter().flatten()).map(|output| {
-            let own: Vec<f64> = errors.iter().map(|e| e[*output]).collect();
-            self.half_width(vec![0.0], &own)
-        });
-        quantile(worst) + shift.fold(0.0, f64::max)
+        let outputs = coordinates().flat_map(|(_, places)| places.iter().flatten());
+        self.half_width_of_worst(worst, outputs.map(|output| errors.iter().map(|e| e[*output]).collect()))
+    }
+
+    /// Mean, modes and half-widths of each field. A scalar is the same at all nodes.
+    fn fields(
+        &self,
+        layout: &Layout,
+        modes: &OutputModes,
+        reports: &[OutputReport],
+    ) -> Result<Blocks, MeasuredError> {
+        let (nodes, regime) = (layout.node_count(), RegimeKind::Free);
+        let mut blocks = Vec::new();
+        for (field, (_, places)) in layout.fields.iter().enumerate() {
+            let by_node = |of: &dyn Fn(usize) -> f64| -> BlockData {
+                BlockData::F32(places.iter().map(|place| place.map_or(0.0, of) as f32).collect())
+            };
+            let shape =
+                |mode: usize, node: usize| places[node].map_or(0.0, |output| modes.shapes[mode][output]);
+            let shapes = Modes::new(Precision::F32, nodes, modes.shapes.len(), shape)
+                .map_err(|_| MeasuredError::Singular)?;
+            let field = field as u32;
+            blocks.push((BlockKind::Mean { regime, field }, by_node(&|output| self.means[output])));
+            blocks.push((BlockKind::Modes { regime, field }, BlockData::Modes(shapes)));
+            blocks.push((BlockKind::HalfWidth { field }, by_node(&|output| reports[output].half_width)));
+        }
+        Ok(blocks)
+    }
+
+    /// Positions of the markers at the smallest inputs; 0 where there are none.
+    fn undeformed(&self, layout: &Layout, modes: &OutputModes) -> Blocks {
+        let rest = modes.values(&Point::default());
+        let along = |axis: u8| {
+            let found = layout.fields.iter().find(|(spec, _)| spec.kind == FieldKind::Coordinate(axis));
+            let place = |node: usize| found.and_then(|(_, places)| places[node]);
+            let at = |node: usize| place(node).map_or(0.0, |output| self.means[output] + rest[output]);
+            let values = (0..layout.node_count()).map(|node| at(node) as f32).collect();
+            (BlockKind::Undeformed(axis), BlockData::F32(values))
+        };
+        (0..3).map(along).collect()
     }
 
     /// Centres and the rows at the ends of the inputs: neighbours are a cell apart, while rows follow a path.
@@ -90,59 +134,6 @@ impl Curve {
 }
 
 type Blocks = Vec<(BlockKind, BlockData)>;
-
-/// Groups with unit modes: the coefficients are the outputs. A scalar is the same at all nodes.
-fn groups(layout: &Layout, surrogate: &Interpolant, reports: &[OutputReport]) -> (Vec<GroupModel>, Blocks) {
-    let (nodes, regime) = (layout.node_count(), RegimeKind::Free);
-    let (mut groups, mut blocks, mut start) = (Vec::new(), Vec::new(), 0);
-    for (field, (spec, places)) in layout.fields.iter().enumerate() {
-        let is_scalar = !matches!(spec.kind, FieldKind::Coordinate(_));
-        let count = if is_scalar { 1 } else { nodes };
-        let pick = |weights: &[f64]| -> Vec<f64> {
-            let row = |row: &[f64]| -> Vec<f64> {
-                places[..count].iter().map(|place| place.map_or(0.0, |output| row[output])).collect()
-            };
-            weights.chunks_exact(surrogate.outputs).flat_map(row).collect()
-        };
-        let own = Interpolant {
-            weights: pick(&surrogate.weights),
-            tail_weights: pick(&surrogate.tail_weights),
-            outputs: count,
-            ..surrogate.clone()
-        };
-        groups.push(GroupModel {
-            name: spec.name.clone(),
-            fields: vec![field],
-            coefficients: start..start + count,
-            surrogate: own,
-            singular_values: vec![1.0; count],
-            // All modes count: without one an output is missing.
-            leave_one_out: (0..=count).map(|k| if k < count { f64::MAX } else { 0.0 }).collect(),
-        });
-        start += count;
-        let shape = |mode: usize, node: usize| if is_scalar || mode == node { 1.0 } else { 0.0 };
-        let width = |place: &Option<usize>| place.map_or(0.0, |output| reports[output].half_width as f32);
-        // Unit modes fit every number format.
-        let Ok(modes) = Modes::new(Precision::F32, nodes, count, shape) else { continue };
-        let field = field as u32;
-        blocks.push((BlockKind::Mean { regime, field }, BlockData::F32(vec![0.0; nodes])));
-        blocks.push((BlockKind::Modes { regime, field }, BlockData::Modes(modes)));
-        blocks.push((BlockKind::HalfWidth { field }, BlockData::F32(places.iter().map(width).collect())));
-    }
-    (groups, blocks)
-}
-
-/// Positions of the markers at the smallest inputs; 0 where there are none.
-fn undeformed(layout: &Layout, surrogate: &Interpolant) -> Blocks {
-    let rest = surrogate.values_at(&Point::default());
-    let along = |axis: u8| {
-        let found = layout.fields.iter().find(|(spec, _)| spec.kind == FieldKind::Coordinate(axis));
-        let at = |node: usize| found.and_then(|(_, places)| places[node]).map_or(0.0, |output| rest[output]);
-        let values = (0..layout.node_count()).map(|node| at(node) as f32).collect();
-        (BlockKind::Undeformed(axis), BlockData::F32(values))
-    };
-    (0..3).map(along).collect()
-}
 
 /// blake3 of the measured values.
 fn hash(data: &Measured) -> [u8; 32] {

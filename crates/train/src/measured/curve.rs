@@ -1,8 +1,9 @@
-//! The map from inputs to outputs by least squares, chosen on left-out segments.
+//! The map from inputs to outputs by least squares, chosen on left-out segments, and the modes of the outputs.
 
-use super::data::{COVERAGE, MAX_ROWS, MIN_ROWS, Measured, MeasuredError, OutputReport, mean, range_of};
+use super::data::{COVERAGE, MAX_ROWS, MIN_ROWS, Measured, MeasuredError, OutputReport, Run, mean, range_of};
 use super::layout::{PRESSURE_NAME, unit_of};
 use super::motion::noise_of;
+use crate::pod::decompose;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use rom::inputs::{InputMap, InputSpec, Inputs, PARAMETERS, PRESSURE, Parameter, Point, square_distance};
@@ -12,9 +13,11 @@ use std::collections::BTreeMap;
 use std::fmt::{self, Display};
 
 const MAX_CENTRES: usize = 48;
-/// Segments of a run, and the parts they are dealt to.
-const SEGMENTS: usize = 20;
+/// Most segments of a run, and the parts they are dealt to.
+pub(super) const SEGMENTS: usize = 20;
 pub(super) const FOLDS: usize = 5;
+/// Smallest error of an output in which modes are measured, as a fraction of its range.
+const LEAST_ERROR: f64 = 1e-9;
 /// Smallest change of the inputs' mean, or of a predicted value, that counts as rising or falling, as a fraction of its range.
 const LEAST_TURN: f64 = 0.05;
 /// Quantile of the standard normal distribution at the nominal coverage.
@@ -45,19 +48,40 @@ pub(super) struct Curve {
     pub map: InputMap,
     pub specs: Vec<InputSpec>,
     pub x: Vec<Point>,
-    pub y: Vec<Vec<f64>>,
+    /// Outputs without their means.
+    y: Vec<Vec<f64>>,
+    pub means: Vec<f64>,
     fold: Vec<usize>,
     /// Number of the run.
     run: Vec<usize>,
+    /// Changes between rising and falling of the mean scaled input.
+    pub turns: usize,
     pub centres: Vec<Point>,
 }
 
 /// One row of a run.
 struct Row {
     run: usize,
-    fold: usize,
     inputs: Vec<f64>,
     outputs: Vec<f64>,
+}
+
+/// Modes of the outputs: an output is its mean plus the sum of shapes times coefficients.
+pub(super) struct OutputModes {
+    /// Inputs to coefficients.
+    pub surrogate: Interpolant,
+    /// By mode, then output.
+    pub shapes: Vec<Vec<f64>>,
+    pub singular_values: Vec<f64>,
+}
+
+impl OutputModes {
+    /// Outputs without their means.
+    pub(super) fn values(&self, x: &Point) -> Vec<f64> {
+        let coefficients = self.surrogate.values_at(x);
+        let sum = |k: usize| self.shapes.iter().zip(&coefficients).map(|(shape, a)| a * shape[k]).sum();
+        (0..self.shapes[0].len()).map(sum).collect()
+    }
 }
 
 impl Curve {
@@ -91,12 +115,27 @@ impl Curve {
             pressure.map(|_| PRESSURE).into_iter().chain(PARAMETERS..PARAMETERS + parameters.len()).collect();
         let map = InputMap::of_states(&states, &varying);
         let x: Vec<Point> = states.iter().map(|state| map.scale(state)).collect();
+        let run: Vec<usize> = rows.iter().map(|row| row.run).collect();
+        let sum: Vec<f64> = x.iter().map(|x| x.iter().sum()).collect();
+        let ways = directions(&run, &sum);
+        let (mut fold_of, mut all_turns) = (Vec::new(), 0);
+        for of_run in run.chunk_by(|a, b| a == b) {
+            let count = of_run.len();
+            let turns = turns(&ways[fold_of.len()..][..count]);
+            fold_of.extend((0..count).map(|row| fold(row, count, turns.clamp(FOLDS, SEGMENTS))));
+            all_turns += turns;
+        }
+        let means: Vec<f64> =
+            (0..data.outputs.len()).map(|k| mean(rows.iter().map(|row| row.outputs[k]))).collect();
+        let centred = |row: Row| row.outputs.iter().zip(&means).map(|(y, mean)| y - mean).collect();
         Ok(Self {
             centres: centres(&x, map.dimensions()),
             specs: InputSpec::ranged(InputSpec::without_range(&declared), [&map].into_iter()),
-            fold: rows.iter().map(|row| row.fold).collect(),
-            run: rows.iter().map(|row| row.run).collect(),
-            y: rows.into_iter().map(|row| row.outputs).collect(),
+            y: rows.into_iter().map(centred).collect(),
+            means,
+            fold: fold_of,
+            run,
+            turns: all_turns,
             map,
             x,
         })
@@ -174,49 +213,69 @@ impl Curve {
         })
     }
 
-    /// Changes between rising and falling of the mean scaled input.
-    pub(super) fn turns(&self) -> usize {
-        let sum: Vec<f64> = self.x.iter().map(|x| x.iter().sum()).collect();
-        let ways = self.directions(&sum);
-        let mut moving = ways.iter().zip(&self.run).filter(|(way, _)| **way != 0);
-        let Some(mut last) = moving.next() else { return 0 };
-        let mut turns = 0;
-        for next in moving {
-            turns += usize::from(next.0 != last.0 && next.1 == last.1);
-            last = next;
-        }
-        turns
-    }
-
-    /// Direction of a value at each row: 1 rising, -1 falling, 0 not known.
-    fn directions(&self, values: &[f64]) -> Vec<i8> {
-        let least = LEAST_TURN * range_of(values.iter().copied());
-        let (mut directions, mut way, mut extreme) = (Vec::with_capacity(values.len()), 0_i8, values[0]);
-        for (at, value) in values.iter().enumerate() {
-            if at > 0 && self.run[at] != self.run[at - 1] {
-                (way, extreme) = (0, *value);
-            }
-            let ahead = value - extreme;
-            let sign = i8::from(ahead > 0.0) - i8::from(ahead < 0.0);
-            if sign == way || ahead.abs() > least {
-                (way, extreme) = (sign, *value);
-            }
-            directions.push(way);
-        }
-        directions
+    /// Modes of the fitted values that are larger than those of noise, each output over its RMS error on left-out segments, and the errors
+    /// there with them.
+    pub(super) fn modes(
+        &self,
+        fitted: &Interpolant,
+        errors: &[Vec<f64>],
+    ) -> Option<(OutputModes, Vec<Vec<f64>>)> {
+        let outputs = self.means.len();
+        let unit = |k: usize| {
+            let rms = mean(errors.iter().map(|e| e[k] * e[k])).sqrt();
+            rms.max(LEAST_ERROR * range_of(self.column(k))).max(f64::MIN_POSITIVE)
+        };
+        let units: Vec<f64> = (0..outputs).map(unit).collect();
+        let values: Vec<Vec<f64>> = self.x.iter().map(|x| fitted.values_at(x)).collect();
+        let scaled = Mat::from_fn(outputs, values.len(), |k, row| values[row][k] / units[k]);
+        let pod = decompose(scaled.as_ref()).ok().filter(|pod| pod.rank > 0)?;
+        let along = |mode: usize, values: &mut dyn Iterator<Item = f64>| -> f64 {
+            values.zip(&units).enumerate().map(|(k, (v, unit))| v / unit * pod.u[(k, mode)]).sum()
+        };
+        // Largest singular value of white noise of unit size behind a fit of so many terms (Marchenko and Pastur).
+        let terms = (fitted.weights.len() + fitted.tail_weights.len()) / outputs;
+        let of_noise = (outputs as f64).sqrt() + (terms.min(values.len()) as f64).sqrt();
+        let beyond = pod.singular_values[..pod.rank].iter().take_while(|size| **size > of_noise).count();
+        let kept = 0..beyond.max(1);
+        let project = |weights: &[f64]| -> Vec<f64> {
+            let rows = weights.chunks_exact(outputs);
+            rows.flat_map(|row| kept.clone().map(|mode| along(mode, &mut row.iter().copied()))).collect()
+        };
+        let modes = OutputModes {
+            surrogate: Interpolant {
+                weights: project(&fitted.weights),
+                tail_weights: project(&fitted.tail_weights),
+                outputs: kept.len(),
+                ..fitted.clone()
+            },
+            shapes: kept
+                .clone()
+                .map(|mode| units.iter().enumerate().map(|(k, unit)| unit * pod.u[(k, mode)]).collect())
+                .collect(),
+            singular_values: pod.singular_values[kept.clone()].to_vec(),
+        };
+        let with_modes = |(y, e): (&Vec<f64>, &Vec<f64>)| -> Vec<f64> {
+            let predicted = || y.iter().zip(e).map(|(y, e)| y - e);
+            let coefficients: Vec<f64> = kept.clone().map(|mode| along(mode, &mut predicted())).collect();
+            let value =
+                |k: usize| -> f64 { modes.shapes.iter().zip(&coefficients).map(|(s, a)| s[k] * a).sum() };
+            y.iter().enumerate().map(|(k, y)| y - value(k)).collect()
+        };
+        let errors = self.y.iter().zip(errors).map(with_modes).collect();
+        Some((modes, errors))
     }
 
     pub(super) fn report(
         &self,
         name: &str,
         k: usize,
-        surrogate: &Interpolant,
+        predicted: &[Vec<f64>],
         errors: &[Vec<f64>],
     ) -> OutputReport {
         let own: Vec<f64> = errors.iter().map(|e| e[k]).collect();
         let (range, centre) = (range_of(self.column(k)), mean(self.column(k)));
         let square = mean(own.iter().map(|e| e * e));
-        let predicted: Vec<f64> = self.x.iter().map(|x| surrogate.values_at(x)[k]).collect();
+        let predicted: Vec<f64> = predicted.iter().map(|row| row[k]).collect();
         let values: Vec<f64> = self.column(k).collect();
         let rows: Vec<(usize, f64)> = self.run.iter().copied().zip(values.iter().copied()).collect();
         let noise = |run: &[(usize, f64)]| noise_of(&run.iter().map(|row| row.1).collect::<Vec<_>>()).powi(2);
@@ -225,15 +284,15 @@ impl Curve {
             range,
             noise: mean(rows.chunk_by(|a, b| a.0 == b.0).map(noise)).sqrt(),
             rms: square.sqrt(),
-            half_width: self.half_width(own.iter().map(|e| e.abs()).collect(), &own),
+            half_width: half_width(&self.run, &own),
             loop_share: self.loop_size(&values, &predicted) / range,
             explained: 1.0 - square / mean(self.column(k).map(|y| (y - centre).powi(2))),
         }
     }
 
-    /// [`half_width`] of these rows.
-    pub(super) fn half_width(&self, sizes: Vec<f64>, errors: &[f64]) -> f64 {
-        half_width(&self.run, sizes, errors)
+    /// Half-width of the sizes of the worst outputs, of which `errors` has all.
+    pub(super) fn half_width_of_worst(&self, sizes: Vec<f64>, errors: impl Iterator<Item = Vec<f64>>) -> f64 {
+        quantile(sizes) + errors.map(|own| shift(&self.run, &own)).fold(0.0, f64::max)
     }
 
     /// Mean difference of the values on rising and falling at equal predicted values.
@@ -241,7 +300,7 @@ impl Curve {
         let low = predicted.iter().copied().fold(f64::INFINITY, f64::min);
         let width = range_of(predicted.iter().copied()) / LOOP_CELLS as f64;
         let mut cells = vec![[(0.0_f64, 0.0_f64); 2]; LOOP_CELLS];
-        let ways = self.directions(predicted);
+        let ways = directions(&self.run, predicted);
         for ((value, p), way) in values.iter().zip(predicted).zip(ways).filter(|(_, way)| *way != 0) {
             let cell = (((p - low) / width) as usize).min(LOOP_CELLS - 1);
             let (sum, count) = &mut cells[cell][usize::from(way > 0)];
@@ -254,23 +313,39 @@ impl Curve {
     }
 }
 
-fn rows(data: &Measured) -> Vec<Row> {
-    let mut rows = Vec::new();
-    for (number, run) in data.runs.iter().enumerate() {
-        let at = |columns: &[Vec<f64>], row: usize| -> Vec<f64> { columns.iter().map(|c| c[row]).collect() };
-        let whole: Vec<(Vec<f64>, Vec<f64>)> = (0..run.time_s.len())
-            .map(|row| (at(&run.inputs, row), at(&run.outputs, row)))
-            .filter(|(inputs, outputs)| inputs.iter().chain(outputs).all(|v| v.is_finite()))
-            .collect();
-        let count = whole.len();
-        rows.extend(whole.into_iter().enumerate().map(|(at, (inputs, outputs))| Row {
-            run: number,
-            fold: fold(at, count),
-            inputs,
-            outputs,
-        }));
+/// Changes between rising and falling.
+fn turns(ways: &[i8]) -> usize {
+    let moving: Vec<i8> = ways.iter().copied().filter(|way| *way != 0).collect();
+    moving.windows(2).filter(|pair| pair[0] != pair[1]).count()
+}
+
+/// Direction of a value at each row: 1 rising, -1 falling, 0 not known.
+fn directions(run: &[usize], values: &[f64]) -> Vec<i8> {
+    let least = LEAST_TURN * range_of(values.iter().copied());
+    let (mut directions, mut way, mut extreme) = (Vec::with_capacity(values.len()), 0_i8, values[0]);
+    for (at, value) in values.iter().enumerate() {
+        if at > 0 && run[at] != run[at - 1] {
+            (way, extreme) = (0, *value);
+        }
+        let ahead = value - extreme;
+        let sign = i8::from(ahead > 0.0) - i8::from(ahead < 0.0);
+        if sign == way || ahead.abs() > least {
+            (way, extreme) = (sign, *value);
+        }
+        directions.push(way);
     }
-    rows
+    directions
+}
+
+/// Rows without missing values.
+fn rows(data: &Measured) -> Vec<Row> {
+    let at = |columns: &[Vec<f64>], row: usize| -> Vec<f64> { columns.iter().map(|c| c[row]).collect() };
+    let of_run = |(run, of): (usize, &Run)| {
+        let row = |row: usize| Row { run, inputs: at(&of.inputs, row), outputs: at(&of.outputs, row) };
+        let is_whole = |row: &Row| row.inputs.iter().chain(&row.outputs).all(|v| v.is_finite());
+        (0..of.time_s.len()).map(row).filter(is_whole).collect::<Vec<Row>>()
+    };
+    data.runs.iter().enumerate().flat_map(of_run).collect()
 }
 
 fn median(values: impl Iterator<Item = f64>) -> f64 {
@@ -285,21 +360,25 @@ pub(super) fn quantile(mut values: Vec<f64>) -> f64 {
     values.get(at.clamp(1, values.len().max(1)) - 1).copied().unwrap_or(f64::NAN)
 }
 
-/// Quantile of the errors' `sizes` plus the bound of a further run's mean error. `run`: number of the run by row.
-pub(super) fn half_width(run: &[usize], sizes: Vec<f64>, errors: &[f64]) -> f64 {
+/// Bound of a further run's mean error, from the means of the runs or of the halves of a single one. `run`: number of the run by row.
+fn shift(run: &[usize], errors: &[f64]) -> f64 {
     let runs = run.iter().max().map_or(1, |last| last + 1);
-    let count = runs.max(2);
     let block = |at: usize| if runs > 1 { run[at] } else { 2 * at / errors.len() };
     let of_block = |of: usize| mean((0..errors.len()).filter(|at| block(*at) == of).map(|at| errors[at]));
-    let means: Vec<f64> = (0..count).map(of_block).filter(|v| v.is_finite()).collect();
+    let means: Vec<f64> = (0..runs.max(2)).map(of_block).filter(|v| v.is_finite()).collect();
     let (n, centre) = (means.len() as f64, mean(means.iter().copied()));
     let variance = means.iter().map(|m| (m - centre).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    quantile(sizes) + NORMAL_QUANTILE * (variance * (1.0 + 1.0 / n)).sqrt()
+    NORMAL_QUANTILE * (variance * (1.0 + 1.0 / n)).sqrt()
+}
+
+/// Half-width from errors on left-out segments: their quantile plus the bound of a further run's mean error.
+pub(super) fn half_width(run: &[usize], errors: &[f64]) -> f64 {
+    quantile(errors.iter().map(|e| e.abs()).collect()) + shift(run, errors)
 }
 
 /// Fold of a row of a run of `count` rows: settled states are segments of one row.
-pub(super) fn fold(row: usize, count: usize) -> usize {
-    row * SEGMENTS.min(count) / count % FOLDS
+pub(super) fn fold(row: usize, count: usize, segments: usize) -> usize {
+    row * segments.min(count) / count % FOLDS
 }
 
 /// Means of the rows in cells of a grid, as fine as [`MAX_CENTRES`] allows.

@@ -75,6 +75,8 @@ pub struct Learned {
     pub remarks: Vec<String>,
     /// Kernel, tail and smoothing.
     pub kernel: String,
+    /// Modes of the outputs.
+    pub modes: usize,
     /// Changes between rising and falling inputs.
     pub turns: usize,
     /// Rows of the fit.

@@ -8,7 +8,7 @@
 //! `r` is measured minus predicted with the modes' difference, `x` the inputs scaled as in the model, centres `c` the means of cells of the measured states. Segments of the
 //! runs that are left out choose `R` and `lambda`, and decide whether there is an offset at all.
 
-use super::curve::{FOLDS, centres, fold, half_width, quantile};
+use super::curve::{FOLDS, SEGMENTS, centres, fold, half_width, quantile};
 use super::data::{MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS, mean};
 use super::layout::coordinate;
 use super::modes::{self, ModesDifference};
@@ -118,7 +118,7 @@ fn correct_in_place(
                 rows.x.push(regime.inputs.scale(inputs));
                 rows.of_elements.push(rest + predicted.offset);
                 rows.r.push(rest);
-                rows.fold.push(fold(row, known.len()));
+                rows.fold.push(fold(row, known.len(), SEGMENTS));
                 rows.run.push(number);
             }
         }
@@ -222,8 +222,7 @@ impl Rows {
         let offset = |row: &Vec<f64>| row.iter().zip(&weights).map(|(g, w)| g * w).sum::<f64>();
         let largest_offset =
             terms.iter().map(offset).fold(0.0, |most: f64, v| if v.abs() > most.abs() { v } else { most });
-        let sizes = |errors: &[f64]| errors.iter().map(|e| e.abs()).collect();
-        let residual = half_width(&self.run, sizes(&errors), &errors);
+        let residual = half_width(&self.run, &errors);
         let report = Difference {
             name: name.to_owned(),
             regime,
@@ -234,7 +233,7 @@ impl Rows {
             half_width: residual,
             is_kept,
         };
-        let (inputs, difference) = (inputs.clone(), quantile(sizes(&self.r)));
+        let (inputs, difference) = (inputs.clone(), quantile(self.r.iter().map(|r| r.abs()).collect()));
         Some((Correction { regime, inputs, reach, centres, weights, residual, difference }, report))
     }
 

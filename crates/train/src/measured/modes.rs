@@ -8,7 +8,7 @@
 //! the unit. `s_j` is the standard deviation of the coefficient over the training states, the prior of the ridge. Angles are linearised
 //! again at the state found. Segments of the runs that are left out choose `R` and `lambda`, and decide whether there is a difference.
 
-use super::curve::{FOLDS, centres, fold, half_width, quantile};
+use super::curve::{FOLDS, SEGMENTS, centres, fold, half_width, quantile};
 use super::data::{MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS, mean};
 use rom::dense::Dense;
 use rom::difference::{FieldDifference, terms};
@@ -100,14 +100,13 @@ pub(super) fn correct(
                 .ok_or(MeasuredError::Singular)?;
             let u = weights(&systems, None, choice.smoothing).ok_or(MeasuredError::Singular)?;
             changes = (0..last.r.len()).map(|at| last.change(at, &terms[at], &u, leading.len())).collect();
-            let sizes: Vec<f64> = choice.errors.iter().map(|e| e.abs()).collect();
             let scale = leading.iter().map(|(_, deviation)| *deviation).cycle();
             let difference = FieldDifference {
                 reach: choice.reach,
                 centres: centres.clone(),
                 coefficients: leading.iter().map(|(at, _)| *at).collect(),
                 weights: u.iter().zip(scale).map(|(u, s)| u * s).collect(),
-                residual_mm: half_width(&last.run, sizes, &choice.errors),
+                residual_mm: half_width(&last.run, &choice.errors),
                 difference_mm: quantile(last.r.iter().map(|r| r.abs()).collect()),
             };
             set(model, kind, Some(difference));
@@ -208,7 +207,7 @@ fn rows(
                 found.x.push(regime.inputs.scale(&inputs));
                 found.r.push(r);
                 found.by.push(by);
-                found.fold.push(fold(row, run.states.len()));
+                found.fold.push(fold(row, run.states.len(), SEGMENTS));
                 found.run.push(number);
             }
         }
