@@ -70,7 +70,7 @@ struct Row {
 pub(super) struct OutputModes {
     /// Inputs to coefficients.
     pub surrogate: Interpolant,
-    /// By mode, then output.
+    /// Values by mode, then output.
     pub shapes: Vec<Vec<f64>>,
     pub singular_values: Vec<f64>,
 }
@@ -232,7 +232,7 @@ impl Curve {
         let along = |mode: usize, values: &mut dyn Iterator<Item = f64>| -> f64 {
             values.zip(&units).enumerate().map(|(k, (v, unit))| v / unit * pod.u[(k, mode)]).sum()
         };
-        // Largest singular value of white noise of unit size behind a fit of so many terms (Marchenko and Pastur).
+        // Largest singular value of white noise of unit size behind a fit with this number of terms (Marchenko and Pastur).
         let terms = (fitted.weights.len() + fitted.tail_weights.len()) / outputs;
         let of_noise = (outputs as f64).sqrt() + (terms.min(values.len()) as f64).sqrt();
         let beyond = pod.singular_values[..pod.rank].iter().take_while(|size| **size > of_noise).count();
