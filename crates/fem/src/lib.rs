@@ -11,6 +11,7 @@ mod element;
 mod energy;
 mod family;
 pub mod gas;
+mod krylov;
 mod linear;
 mod mass;
 pub mod material;

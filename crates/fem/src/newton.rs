@@ -72,6 +72,16 @@ pub enum NewtonError {
         /// Injected volume up to which the path was followed (mm3).
         searched_mm3: f64,
     },
+    /// The equilibrium loses its stability on the way, at a rising pressure.
+    #[error(
+        "the equilibrium becomes unstable at {pressure_mpa:.6} MPa, an injected volume of {injected_mm3:.1} mm3: the body swings to another one"
+    )]
+    Unstable {
+        /// Pressure (MPa).
+        pressure_mpa: f64,
+        /// Injected volume (mm3).
+        injected_mm3: f64,
+    },
     /// The contact with the obstacle opened within a step, and the body swung away.
     #[error("the contact with the obstacle opened, and the body moved by {moved_mm:.1} mm in one step")]
     ContactOpened {
@@ -130,16 +140,25 @@ impl From<InvalidState> for NewtonError {
 /// Work spent on one load.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Effort {
-    /// Factorisations of the tangent, one per iteration.
+    /// Factorisations of the tangent.
     pub(crate) factorisations: usize,
 }
 
 /// Halvings of a correction that leads to an invalid state.
 const MAX_HALVINGS: usize = 5;
 
+/// Corrections longer than the longest step after which an iteration is given up.
+const MAX_LONG: usize = 4;
+
 /// Last correction (mm) above which the slots' normals are fixed. Far from equilibrium walls overlap too much, and the rotation
 /// of that force misleads the iteration. Close to it the exact tangent converges quadratically.
-const TURNING_WITHIN_MM: f64 = 0.1;
+pub(crate) const TURNING_WITHIN_MM: f64 = 0.1;
+
+/// Last correction (mm) up to which the next one is solved with the last factor, in few linear iterations.
+const NEAR_MM: f64 = 0.02;
+
+/// Relative residual of a solution with an older factor: the iteration converges as with a new one.
+const LINEAR_TOLERANCE: f64 = 1.0e-9;
 
 /// Equation that determines the cavity pressure if it is an unknown. With `g = dV/du` and `y = K^-1 g` the corrections are
 /// `du = K^-1 R + dp y`, where `dp` satisfies the linearised equation.
@@ -241,7 +260,7 @@ impl Newton {
         effort: &mut Effort,
     ) -> Result<f64, NewtonError> {
         self.predict(state, load)?;
-        self.solve(state, effort)?;
+        self.solve(state, None, effort)?;
         let fraction = (self.problem.config.newton.step_length_mm / self.increment.largest_mm()).min(1.0);
         self.update(state, fraction);
         self.last_mm = self.increment.largest_mm();
@@ -261,13 +280,21 @@ impl Newton {
         effort: &mut Effort,
     ) -> Result<(), NewtonError> {
         let settings = self.problem.config.newton;
-        for _ in 0..settings.max_iterations {
+        let mut long = 0;
+        for iteration in 1..=settings.max_iterations {
             self.assemble(state, load)?;
             if self.last_mm > TURNING_WITHIN_MM {
                 self.system.turning.clear();
             }
-            self.solve(state, effort)?;
+            // With a closure two right-hand sides are solved: a new factor is cheaper.
+            let is_near = self.last_mm <= NEAR_MM && self.closure.is_none();
+            let tolerance = is_near.then_some(LINEAR_TOLERANCE);
+            self.solve(state, tolerance, effort)?;
             let correction = self.increment.largest_mm();
+            long += usize::from(correction > settings.step_length_mm);
+            if long == MAX_LONG {
+                return Err(NewtonError::Stalled { iterations: iteration, correction_mm: correction });
+            }
             self.update(state, (settings.displacement_cap_mm / correction).min(1.0));
             // The next correction shrinks at least by the same factor.
             let next = correction * (correction / self.last_mm).min(1.0);
@@ -389,17 +416,21 @@ impl Newton {
         Ok(())
     }
 
-    /// Factorises the assembled tangent and solves for the displacement correction.
-    fn solve(&mut self, state: &State, effort: &mut Effort) -> Result<(), NewtonError> {
+    /// Solves for the displacement correction with the assembled tangent, as [`Tangent::solve_assembled`].
+    fn solve(
+        &mut self,
+        state: &State,
+        tolerance: Option<f64>,
+        effort: &mut Effort,
+    ) -> Result<(), NewtonError> {
         let problem = Arc::clone(&self.problem);
-        self.tangent.factorise(&problem, &self.system)?;
-        effort.factorisations += 1;
         for (r, free) in self.system.condensed.iter().zip(problem.free.iter()) {
             if *free != CONSTRAINED {
                 self.rhs[3 * *free as usize..][..3].copy_from_slice(r);
             }
         }
-        self.tangent.solve(&mut self.rhs);
+        let factorised = self.tangent.solve_assembled(&problem, &self.system, &mut self.rhs, tolerance)?;
+        effort.factorisations += usize::from(factorised);
         self.increment.cavity_mpa = 0.0;
         if let Some(closure) = self.closure.clone() {
             let [by, gradient] = self.by_pressure(state);
@@ -425,8 +456,8 @@ impl Newton {
             self.increment.cavity_mpa = cavity_mpa;
         }
         self.increment.displacement = spread(&problem, &self.rhs, 1.0);
-        let (correction_mm, definite) = (self.increment.largest_mm(), self.tangent.positive_definite());
-        tracing::debug!(correction_mm, definite, "Newton iteration");
+        let correction_mm = self.increment.largest_mm();
+        tracing::debug!(correction_mm, factorised, "Newton iteration");
         Ok(())
     }
 

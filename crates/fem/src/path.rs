@@ -8,6 +8,7 @@
 
 use crate::algebra::{norm, sub};
 use crate::config::Load;
+use crate::contact::obstacle::Obstacle;
 use crate::newton::{Closure, Effort, NewtonError, product};
 use crate::solver::{NotConverged, Report, SolveError, Solver};
 use crate::state::State;
@@ -215,7 +216,7 @@ impl Solver {
 
     /// First limit of pressure on the way from a state to another pressure: looked for along the path, beginning with a part of the
     /// step that failed, until that pressure is passed. Behind a limit the path is followed until its pressure is reached again by a
-    /// stable state, at most [`BEYOND_STEPS`].
+    /// stable state, at most [`BEYOND_STEPS`]; with an obstacle it is not. The loss of stability before a limit ends the search too.
     pub(crate) fn limit_before(
         &mut self,
         from: &State,
@@ -231,9 +232,14 @@ impl Solver {
             |point: &PathPoint, _: &Tangent| if point.sense == up { 0.5 * longest } else { longest };
         let passed = |points: &[PathPoint], next: &PathPoint| {
             let Some(turn) = points.iter().position(|point| point.sense != up) else {
-                let before = next.sense == up;
-                return before && ((next.pressure_mpa() - to_mpa) * up > 0.0 || points.len() > SEARCH_STEPS);
+                let at_end = (next.pressure_mpa() - to_mpa) * up > 0.0 || points.len() > SEARCH_STEPS;
+                let loses =
+                    points.last().is_some_and(|last| next.negative_eigenvalues > last.negative_eigenvalues);
+                return next.sense == up && (at_end || loses);
             };
+            if next.state.load.obstacle != Obstacle::None {
+                return true;
+            }
             let limit_mpa = points.iter().map(|point| up * point.pressure_mpa()).fold(f64::MIN, f64::max);
             let again = next.is_stable_at_pressure() && up * next.pressure_mpa() >= limit_mpa;
             again || points.len() - turn > BEYOND_STEPS
@@ -248,10 +254,11 @@ impl Solver {
         let mut path = Path::default();
         let last = self.walk((point, tangent), walk, &mut path, effort);
         path.points.extend(last);
-        let limit = limits(&path.points)
-            .into_iter()
-            .find(|limit| matches!(limit.kind, LimitKind::PressureMaximum | LimitKind::PressureMinimum))?;
+        let limit = limits(&path.points).into_iter().find(|limit| limit.kind != LimitKind::Volume)?;
         let Limit { pressure_mpa, injected_mm3, after, .. } = limit;
+        if limit.kind == LimitKind::Bifurcation {
+            return Some(NewtonError::Unstable { pressure_mpa, injected_mm3 });
+        }
         Some(NewtonError::Limit {
             pressure_mpa,
             injected_mm3,

@@ -74,6 +74,7 @@ fn advice(reason: &NewtonError) -> &'static str {
             "Lower the pressure to stay before it; `softtwin simulate --path --volume-mm3 V` with several times that volume follows the \
              branch beyond it"
         }
+        NewtonError::Unstable { .. } => "Lower the pressure to stay before it, or take another gap",
         NewtonError::PathTooLong { .. } => "Give a smaller volume",
         NewtonError::Body(_) => "Start from a state whose measures are nearer",
         NewtonError::Linear(_) => "Check the supports; past a limit point no neighbouring equilibrium exists",
@@ -150,7 +151,7 @@ const GRAVITY_STEPS: u32 = 3;
 /// Largest number of factorisations of a step after which the next one may grow.
 const EASY_STEP: usize = 9;
 
-/// Failed steps after which a limit of the pressure is looked for.
+/// Failed steps, one after the other, after which a limit of the pressure is looked for; fewer if the next would be too short.
 const SEARCH_AFTER: usize = 2;
 
 /// Largest displacement of a step's corrections, in step lengths. Beyond it the equilibrium is on another branch, which no slow
@@ -366,20 +367,23 @@ impl Solver {
         }
     }
 
-    /// One step of at most `length` of the path; `state` becomes the equilibrium at the returned fraction.
+    /// One step of at most `length` of the path, which becomes the length tried; `state` becomes the equilibrium at the returned
+    /// fraction.
     fn step(
         &mut self,
         state: &mut State,
         (from, to): (&Load, &Load),
-        (done, length): (f64, f64),
+        (done, length): (f64, &mut f64),
         path: &dyn Bodies,
         effort: &mut Effort,
     ) -> Result<f64, NewtonError> {
-        let aim = (done + length).min(1.0);
+        let aim = (done + *length).min(1.0);
+        *length = aim - done;
         self.set_problem(path.at(aim)?);
         let target = self.targeted(between(from, to, aim));
         let taken = self.newton.start(state, &target, effort)?;
         let reached = if taken < 1.0 { done + taken * (aim - done) } else { aim };
+        *length = reached - done;
         if reached < aim {
             self.set_problem(path.at(reached)?);
         }
@@ -449,10 +453,11 @@ impl Solver {
         let begin = state.load;
         let mut report = Report::default();
         let (mut done, mut step) = (0.0_f64, first_step);
+        let (mut failures, mut has_searched) = (0, to.injected_mm3.is_some());
         loop {
             let mut trial = state.clone();
             let mut effort = Effort::default();
-            let outcome = self.step(&mut trial, (&begin, to), (done, step), path, &mut effort);
+            let outcome = self.step(&mut trial, (&begin, to), (done, &mut step), path, &mut effort);
             report.factorisations += effort.factorisations;
             report.seconds = began.elapsed().as_secs_f64();
             let shortest = self.problem.config.newton.smallest_step;
@@ -482,18 +487,19 @@ impl Solver {
                     };
                     state = trial;
                     done = reached;
+                    failures = 0;
                     report.steps += 1;
                 }
                 Err(reason) => {
                     report.cuts += 1;
-                    let failed = step;
+                    failures += 1;
                     step *= 0.5;
-                    if report.cuts == SEARCH_AFTER && to.injected_mm3.is_none() {
-                        let goal_mpa = between(&begin, to, (done + 2.0 * failed).min(1.0)).pressure_mpa;
+                    if !has_searched && (failures == SEARCH_AFTER || step < shortest) {
+                        has_searched = true;
                         self.set_problem(path.at(done).map_err(SolveError::Body)?);
                         let mut effort = Effort::default();
-                        let limit = (goal_mpa != state.load.pressure_mpa)
-                            .then(|| self.limit_before(&state, goal_mpa, &mut effort))
+                        let limit = (to.pressure_mpa != state.load.pressure_mpa)
+                            .then(|| self.limit_before(&state, to.pressure_mpa, &mut effort))
                             .flatten();
                         report.factorisations += effort.factorisations;
                         if let Some(reason) = limit {

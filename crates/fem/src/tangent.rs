@@ -5,12 +5,16 @@
 //! for one more solve per column.
 
 use crate::algebra::Vec3;
+use crate::krylov;
 use crate::linear::{Factor, LinearError};
 use crate::problem::Problem;
 use crate::sparse::CONSTRAINED;
 use crate::system::System;
 use faer::Mat;
 use faer::linalg::solvers::{PartialPivLu, Solve};
+
+/// Iterations with an older factor, after which a new one costs less.
+const LINEAR_ITERATIONS: usize = 14;
 
 /// Entries of a sparse column: unknown and value.
 type Column = Vec<(usize, f64)>;
@@ -66,6 +70,35 @@ impl Tangent {
         Ok(())
     }
 
+    /// Solves in place with the tangent that `system` assembled: to the relative residual `tolerance` with the last factor as
+    /// preconditioner; without a tolerance, or if that takes too long, with a new factor. Returns true if it factorised.
+    ///
+    /// # Errors
+    /// [`LinearError`].
+    pub(crate) fn solve_assembled(
+        &mut self,
+        problem: &Problem,
+        system: &System,
+        side: &mut Vec<f64>,
+        tolerance: Option<f64>,
+    ) -> Result<bool, LinearError> {
+        if let Some(tolerance) = tolerance {
+            let apply = |v: &[f64]| {
+                let mut out = problem.pattern.multiply(&system.tangent, v);
+                add_turning(problem, system, v, &mut out);
+                out
+            };
+            let limits = (tolerance, LINEAR_ITERATIONS);
+            if let Some(solution) = krylov::solve(side, limits, apply, |v| self.solve(v)) {
+                *side = solution;
+                return Ok(false);
+            }
+        }
+        self.factorise(problem, system)?;
+        self.solve(side);
+        Ok(true)
+    }
+
     /// Solves in place for any number of right-hand sides, one behind the other.
     pub(crate) fn solve(&mut self, sides: &mut [f64]) {
         self.factor.solve(sides);
@@ -97,7 +130,7 @@ impl Tangent {
 }
 
 /// Adds the part of `K v` from the rotation of the slots' normals that `system` assembled.
-pub(crate) fn add_turning(problem: &Problem, system: &System, v: &[f64], out: &mut [f64]) {
+fn add_turning(problem: &Problem, system: &System, v: &[f64], out: &mut [f64]) {
     for (slot, k) in system.turning.iter().flat_map(|slot| [0, 1].map(|k| (slot, k))) {
         let turn = product(&column(problem, &slot.turn, k), v);
         column(problem, &slot.force, k).into_iter().for_each(|(i, force)| out[i] += force * turn);

@@ -20,9 +20,8 @@ fn family_with(channel_mm: &str) -> Family {
 
 fn tight(text: &str) -> Family {
     let mut text = text.to_owned();
-    for (key, value) in
-        [("correction_tolerance_mm", "1e-11"), ("force_tolerance_n", "1e-11"), ("max_iterations", "30")]
-    {
+    let tight = [("correction_tolerance_mm", "1e-11"), ("force_tolerance_n", "1e-11")];
+    for (key, value) in tight.into_iter().chain([("max_iterations", "30"), ("smallest_step", "0.01")]) {
         text = actuators::with(&text, "newton", key, value);
     }
     let actuator = Actuator::parse(&text).unwrap();

@@ -294,6 +294,11 @@ fn silicone_on_a_stiff_skeleton_of_a_mesh_file_is_built() {
     assert!(parts.contains("materials.skeleton") && parts.contains("held (support.fixed)"), "{parts}");
     let answer: Value = serde_json::from_str(said_by(&said, "predict")).expect("JSON");
     assert!(answer["in_domain"] == true && answer["max_displacement_mm"].as_f64() > Some(2.0), "{answer}");
+    // The strip is a part of the mesh.
+    let model: Value =
+        serde_json::from_str(&done(&stage, "inspect skeleton/skeleton.twin --json")).expect("JSON");
+    let nodes = model["node_sets"]["material.skeleton"].as_u64().expect("the nodes of the strip");
+    assert!(nodes > 100 && 2 * nodes < model["node_count"].as_u64().expect("all nodes"), "{model}");
 }
 
 #[test]

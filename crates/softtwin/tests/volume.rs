@@ -1,6 +1,7 @@
 //! The injected volume in place of the pressure: single states, lists, the database, and the path through a limit.
 
 use crate::simulate::Place;
+use serde_json::Value;
 
 const LIST: &str = "case,regime,split,volume_mm3,gap_mm
 v0,free,train,0,
@@ -33,14 +34,20 @@ fn list_of_volumes_gives_the_states_of_the_pressures_found() {
     let given = format!("simulate --actuator a.toml --pressure-mpa {}", pressures[3]);
     let volume = place.run(&given).json()["volume_mm3"].as_f64().unwrap();
     assert!((volume - 900.0).abs() < 1.0e-3, "{volume}");
-    // Gas in cavity and supply: Boyle's law gives the state of the volume found.
-    let gas = place.run("simulate --actuator a.toml --gas-mg 2 --dead-volume-mm3 5000").json();
-    let [mpa, injected, cavity] =
-        ["pressure_mpa", "volume_mm3", "cavity_volume_mm3"].map(|key| gas[key].as_f64().unwrap());
-    let (air_j, space) = (2.0 * 287.05e-6 * 293.15, 0.101325 * (cavity - injected + 5000.0));
-    assert!(((mpa + 0.101325) * (cavity + 5000.0) / (space + 1e3 * air_j) - 1.0).abs() < 1e-6, "{gas}");
+    // Masses of gas in cavity and supply: Boyle's law gives the state of the volume found.
+    let path = place.run("simulate --actuator a.toml --gas-mg 2 --dead-volume-mm3 5000 --steps 2").lines();
+    let of = |gas: &Value| {
+        ["gas_mg", "pressure_mpa", "volume_mm3", "cavity_volume_mm3"].map(|key| gas[key].as_f64().unwrap())
+    };
+    for (gas, expected_mg) in path.iter().zip([1.0, 2.0]) {
+        let [mg, mpa, injected, cavity] = of(gas);
+        let (air_j, space) = (mg * 287.05e-6 * 293.15, 0.101325 * (cavity - injected + 5000.0));
+        assert!(((mpa + 0.101325) * (cavity + 5000.0) / (space + 1e3 * air_j) - 1.0).abs() < 1e-6, "{gas}");
+        assert!((mg - expected_mg).abs() < 1e-9, "{gas}");
+    }
+    let [_, mpa, injected, _] = of(&path[1]);
     let given = place.run(&format!("simulate --actuator a.toml --volume-mm3 {injected}")).json();
-    assert!((given["pressure_mpa"].as_f64().unwrap() / mpa - 1.0).abs() < 1e-5, "{gas} {given}");
+    assert!((given["pressure_mpa"].as_f64().unwrap() / mpa - 1.0).abs() < 1e-5, "{path:?} {given}");
     place.run("simulate --actuator a.toml --gas-mg 2").refused(2, "--dead-volume-mm3");
     // What was solved is found again.
     let again = place.run("simulate --actuator a.toml --cases cases.csv --out db --json").json();

@@ -66,7 +66,7 @@ pub fn write(
     );
     let manifest = Manifest::new(&family.actuator.name, mesh.nodes_mm.len(), &fields(cases));
     let mut manifest = Manifest { mesh: Some("mesh.vtu".into()), solver: Some(solver), ..manifest };
-    manifest.node_set = cavities(family);
+    manifest.node_set = parts(family);
     if by_volume(cases) {
         manifest.pressure_as_result(Input { name: VOLUME.into(), unit: "mm3".into(), nominal: Some(0.0) });
     }
@@ -88,19 +88,22 @@ pub fn write(
     manifest.write(&dir.join(DESCRIPTION))
 }
 
-/// Nodes of each cavity, by its name, if there are several.
-fn cavities(family: &Family) -> Vec<NodeSet> {
-    let mesh = family.problem.mesh();
-    let further = family.actuator.pressure_mpa.keys().zip(&mesh.cavities);
-    let further = further.map(|(name, walls)| (format!("cavity.{name}"), walls));
-    let all = std::iter::once(("cavity".to_owned(), &mesh.cavity)).chain(further);
-    let set = |(name, walls): (String, &Vec<[u32; 6]>)| {
-        let mut nodes = walls.as_flattened().to_vec();
+/// Nodes of each cavity, if there are several, and of the volumes of each material but the elastomer, by their names.
+fn parts(family: &Family) -> Vec<NodeSet> {
+    let (mesh, actuator) = (family.problem.mesh(), &family.actuator);
+    let further = actuator.pressure_mpa.keys().zip(&mesh.cavities);
+    let further = further.map(|(name, walls)| (format!("cavity.{name}"), walls.as_flattened().to_vec()));
+    let first = (!mesh.cavities.is_empty()).then(|| ("cavity".into(), mesh.cavity.as_flattened().to_vec()));
+    let materials = actuator.materials.keys().zip(1..).map(|(name, material): (_, u16)| {
+        let tets = mesh.tets.iter().zip(&mesh.tet_material).filter(|(_, of)| **of == material);
+        (format!("material.{name}"), tets.flat_map(|(tet, _)| *tet).collect())
+    });
+    let set = |(name, mut nodes): (String, Vec<u32>)| {
         nodes.sort_unstable();
         nodes.dedup();
         NodeSet { name, nodes }
     };
-    if mesh.cavities.is_empty() { Vec::new() } else { all.map(set).collect() }
+    first.into_iter().chain(further).chain(materials).map(set).collect()
 }
 
 /// Writes the derivatives of all states, each row rounded to a fraction of its largest value, and the table of their cases and

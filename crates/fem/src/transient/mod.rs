@@ -1,6 +1,5 @@
 //! Motion in time: inertia, stiffness-proportional damping, viscoelasticity, contact.
 
-mod krylov;
 mod motion;
 mod record;
 mod relaxation;

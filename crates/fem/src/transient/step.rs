@@ -3,15 +3,14 @@
 //! `M a_1 = (1 + alpha) f_1 - alpha f_0 + beta / h (b_1 - b(x_0))`, with the force `f` of stresses, loads and contacts, and its
 //! part `b` without contacts, `b(x_0)` at the loads of the step's end: the damping of a rotation is zero.
 
+use super::Transient;
 use super::motion::{Motion, largest};
-use super::{Transient, krylov};
 use crate::algebra::{Vec3, add, axpy, dot, norm, scale, sub};
 use crate::config::{Load, pressures_mpa};
 use crate::mass::{gather, product, scatter};
-use crate::newton::NewtonError;
+use crate::newton::{NewtonError, TURNING_WITHIN_MM};
 use crate::output::MAX_RESIDUAL;
 use crate::sparse::CONSTRAINED;
-use crate::tangent::add_turning;
 use std::sync::Arc;
 
 /// Numerical dissipation: 0 for none, -1/3 for the most. Second order in the step; the ratio of damping to critical damping at a
@@ -26,10 +25,6 @@ const MAX_ITERATIONS: usize = 20;
 /// Relative residual of the linear equation when it is solved with an older factor: at 1e-3, which the stiff directions alone
 /// reach, the soft ones are wrong by a whole correction.
 const LINEAR_TOLERANCE: f64 = 1.0e-5;
-/// Iterations of that solution, after which a factorisation costs less.
-const LINEAR_ITERATIONS: usize = 14;
-/// Last correction (mm) above which the slots' normals are fixed.
-const TURNING_WITHIN_MM: f64 = 0.1;
 /// Reference force of a body without reactions (N).
 const MIN_REACTION_N: f64 = 1.0e-3;
 
@@ -124,30 +119,16 @@ impl Transient {
         Err(NewtonError::Stalled { iterations: MAX_ITERATIONS, correction_mm: last_mm })
     }
 
-    /// Solves with the assembled tangent and the mass of a step: with the present factor as preconditioner, or with a new one.
-    fn solve(&mut self, side: Vec<f64>, h: f64) -> Result<Vec<f64>, NewtonError> {
-        let (problem, inertia) = (&self.problem, 1.0 / (BETA * h * h));
-        let system = &mut self.newton.system;
-        system.tangent.iter_mut().zip(&self.mass.values).for_each(|(k, m)| *k += inertia * m);
-        let tangent = &mut self.newton.tangent;
-        if self.has_factor {
-            let apply = |v: &[f64]| {
-                let mut out = problem.pattern.multiply(&system.tangent, v);
-                add_turning(problem, system, v, &mut out);
-                out
-            };
-            let limits = (LINEAR_TOLERANCE, LINEAR_ITERATIONS);
-            if let Some(solution) = krylov::solve(&side, limits, apply, |v| tangent.solve(v)) {
-                return Ok(solution);
-            }
-        }
-        self.has_factor = false;
-        tangent.factorise(problem, system)?;
+    /// Solves with the assembled tangent and the mass of a step.
+    fn solve(&mut self, mut side: Vec<f64>, h: f64) -> Result<Vec<f64>, NewtonError> {
+        let (newton, inertia) = (&mut self.newton, 1.0 / (BETA * h * h));
+        newton.system.tangent.iter_mut().zip(&self.mass.values).for_each(|(k, m)| *k += inertia * m);
+        let tolerance = std::mem::take(&mut self.has_factor).then_some(LINEAR_TOLERANCE);
+        let factorised =
+            newton.tangent.solve_assembled(&self.problem, &newton.system, &mut side, tolerance)?;
         self.has_factor = true;
-        self.motion.work.factorisations += 1;
-        let mut solution = side;
-        tangent.solve(&mut solution);
-        Ok(solution)
+        self.motion.work.factorisations += usize::from(factorised);
+        Ok(side)
     }
 
     /// Assembles forces, and the tangent without mass, of an iterate.

@@ -21,7 +21,7 @@ use wire::layout::field_id;
 /// Name of the predicted actuator on the browser.
 const PREDICTION: &str = "what if";
 
-/// Name of the first cavity; the others are `cavity.NAME`, with the pressure `pressure_mpa.NAME`.
+/// Name of the first cavity; the others are `cavity.NAME`, with the pressure `pressure_mpa.NAME`. Volumes are `material.NAME`.
 const CAVITY: &str = "cavity";
 
 /// All loaded models, and the positions of actuators and blocks in the scene.
@@ -107,7 +107,7 @@ struct Prediction {
 }
 
 /// Header of a mesh message: behind it `3 x nodes` coordinates, `3 x facets` node numbers, `nodes` node names, then `3 x facets` node numbers
-/// of each cavity.
+/// of each cavity and material.
 #[derive(Serialize)]
 struct MeshHead {
     kind: &'static str,
@@ -117,11 +117,11 @@ struct MeshHead {
     cavities: Vec<CavityHead>,
 }
 
-/// One of several cavities.
+/// One of several cavities or materials.
 #[derive(Serialize)]
 struct CavityHead {
     name: String,
-    /// Key of its pressure in the inputs.
+    /// Key of its pressure in the inputs; no input has that of a material.
     input: String,
     facets: usize,
 }
@@ -315,13 +315,15 @@ fn corners(node_count: usize, visible: &[u32], facets: &[[u32; 3]]) -> Vec<u32> 
     facets.as_flattened().iter().map(|node| place[*node as usize]).collect()
 }
 
-/// Walls of each of several cavities: facets whose nodes are all in the node set with its name.
+/// Walls of each of several cavities, surface of each material: facets whose nodes are all in the node set with its name.
 fn cavities<'a>(
     node_sets: &'a [rom::snapshots::NodeSet],
     facets: &[[u32; 3]],
     node_count: usize,
 ) -> Vec<(&'a str, Vec<[u32; 3]>)> {
-    let named = node_sets.iter().filter(|set| set.name == CAVITY || set.name.starts_with("cavity."));
+    let named = node_sets.iter().filter(|set| {
+        set.name == CAVITY || ["cavity.", "material."].iter().any(|part| set.name.starts_with(part))
+    });
     let walls = |set: &'a rom::snapshots::NodeSet| {
         let mut is_in = vec![false; node_count];
         set.nodes.iter().for_each(|node| is_in[*node as usize] = true);

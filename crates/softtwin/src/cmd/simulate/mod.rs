@@ -82,13 +82,13 @@ pub struct Args {
     /// moves the existing mesh. A list of cases has a column for each parameter; this sets the others.
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, help_heading = "State")]
     set: Vec<Setting>,
-    /// Steps from rest to the pressure or volume; each is printed (1 to 100000). Default: 1; 40 with --path.
+    /// Steps from rest to the pressure, volume or gas; each is printed (1 to 100000). Default: 1; 40 with --path.
     #[arg(long, value_name = "N", conflicts_with_all = ["cases", "trace"], value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "State")]
     steps: Option<u32>,
-    /// Coarser mesh of the same body: the first state is solved on it, and is the start on the actuator's own mesh. For meshes of more than
-    /// about 50,000 nodes.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["cases", "trace", "path"], help_heading = "State")]
-    coarse_mesh: Option<PathBuf>,
+    /// Coarser meshes of the same body, the coarsest first: the first state is solved on each from that of the one before, and is the
+    /// start on the actuator's own mesh. For meshes of more than about 50,000 nodes.
+    #[arg(long, value_name = "FILE,FILE,...", value_delimiter = ',', conflicts_with_all = ["cases", "trace", "path"], help_heading = "State")]
+    coarse_mesh: Vec<PathBuf>,
     /// List of cases: case,regime,split,pressure_mpa,gap_mm.
     #[arg(long, value_name = "FILE.csv", conflicts_with = "pressure_mpa", requires = "out")]
     cases: Option<PathBuf>,
@@ -148,8 +148,9 @@ impl Args {
             (_, Some(driven), out) => {
                 let (gap_mm, steps, node_sets) = (self.gap_mm, self.steps.unwrap_or(1), self.json);
                 let target = single::Target { driven, gap_mm, steps, node_sets, settings: self.set };
-                let coarse = self.coarse_mesh.map(|mesh| files::family_on(&self.geometry.actuator, &mesh));
-                single::run(&family, coarse.transpose()?.as_ref(), &target, out.as_deref())
+                let coarse =
+                    self.coarse_mesh.iter().map(|mesh| files::family_on(&self.geometry.actuator, mesh));
+                single::run(&family, &coarse.collect::<anyhow::Result<Vec<_>>>()?, &target, out.as_deref())
             }
             _ => Err(usage(
                 "expected --pressure-mpa, --volume-mm3 or --gas-mg, or --cases or --trace with --out",

@@ -57,14 +57,9 @@ pub struct Target {
     pub settings: Vec<Setting>,
 }
 
-/// Solves step by step, prints a JSON line a step and writes the last state. The first step starts from its state on the coarse mesh, if
-/// there is one, otherwise from rest.
-pub fn run(
-    family: &Family,
-    coarse: Option<&Family>,
-    target: &Target,
-    out: Option<&Path>,
-) -> anyhow::Result<()> {
+/// Solves step by step, prints a JSON line a step and writes the last state. The first step starts from its state on the last of the
+/// coarse meshes, if there are any, otherwise from rest.
+pub fn run(family: &Family, coarse: &[Family], target: &Target, out: Option<&Path>) -> anyhow::Result<()> {
     if let Some(out) = out {
         StateFormat::of(out).map_err(usage)?; // before the work, not after it
     }
@@ -78,15 +73,11 @@ pub fn run(
     let load =
         |step: u32| target.driven.load(&actuator, target.gap_mm, f64::from(step) / f64::from(target.steps));
     let mut solver = Solver::new(Arc::clone(&problem))?;
-    let (mut state, mut work) = match coarse {
-        Some(coarse) => {
-            doing.begin("solving on the coarse mesh");
-            begun(coarse, target, &load(1), &solver)?
-        }
-        None => {
-            doing.begin("solving under gravity");
-            solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?
-        }
+    doing.begin("solving under gravity");
+    let (mut state, mut work) = if coarse.is_empty() {
+        solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?
+    } else {
+        begun(coarse, target, &load(1), &solver, &doing)?
     };
     for step in 1..=target.steps {
         let load = load(step);
@@ -97,6 +88,9 @@ pub fn run(
         let output = solver.output(&state);
         let mut described = line(&output, solver.clearance_mm(&state), &state.load, &work);
         described["volume_mm3"] = json!(solver.injected_mm3(&state));
+        if let (Some(added_mm3), Some(_)) = (load.injected_mm3, load.dead_mm3) {
+            described["gas_mg"] = json!(added_mm3 / MM3_PER_MG);
+        }
         let stretches = problem.stretches(&state);
         described["largest_stretch"] = json!(stretches.largest);
         described["beyond_law_percent"] = json!(100.0 * stretches.beyond);
@@ -121,17 +115,36 @@ pub fn run(
     Ok(())
 }
 
-/// The state at a load on the coarse mesh, interpolated to the mesh of `fine`.
-fn begun(coarse: &Family, target: &Target, load: &Load, fine: &Solver) -> anyhow::Result<(State, Report)> {
-    let variant = coarse.variant(&target.settings).map_err(configuration)?;
-    let problem = coarse.problem_of(&variant).map_err(configuration)?;
-    let mut solver = Solver::new(Arc::clone(&problem))?;
-    let (rest, to_rest) = solver.gravity_equilibrium(load.gravity_mm_s2)?;
-    let (state, work) = solver.solve_to(&rest, load).map_err(sorted)?;
-    let start = fine.transferred(&problem, &state).ok_or_else(|| {
-        usage("--coarse-mesh: expected a mesh of the same body; the actuator's own reaches beyond it")
-    })?;
-    Ok((start, to_rest.and(&work)))
+/// The state at a load on the coarse meshes, one after the other, interpolated to the mesh of `fine`.
+fn begun(
+    coarse: &[Family],
+    target: &Target,
+    load: &Load,
+    fine: &Solver,
+    doing: &Doing,
+) -> anyhow::Result<(State, Report)> {
+    let mut before: Option<(Arc<Problem>, State)> = None;
+    let mut work = Report::default();
+    let onto = |solver: &Solver, (problem, state): &(Arc<Problem>, State)| {
+        solver.transferred(problem, state).ok_or_else(|| {
+            usage("--coarse-mesh: expected meshes of the same body; the next one reaches beyond one of them")
+        })
+    };
+    for (k, family) in coarse.iter().enumerate() {
+        doing.begin(format!("solving on coarse mesh {} of {}", k + 1, coarse.len()));
+        let variant = family.variant(&target.settings).map_err(configuration)?;
+        let problem = family.problem_of(&variant).map_err(configuration)?;
+        let mut solver = Solver::new(Arc::clone(&problem))?;
+        let (start, to_start) = match &before {
+            Some(before) => (onto(&solver, before)?, Report::default()),
+            None => solver.gravity_equilibrium(load.gravity_mm_s2)?,
+        };
+        let (state, report) = solver.solve_to(&start, load).map_err(sorted)?;
+        work = work.and(&to_start).and(&report);
+        before = Some((problem, state));
+    }
+    let last = before.ok_or_else(|| usage("--coarse-mesh: expected a mesh"))?;
+    Ok((onto(fine, &last)?, work))
 }
 
 /// A load that the solver does not take is the user's mistake; a state it cannot reach is not.

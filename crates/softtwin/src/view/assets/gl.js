@@ -86,13 +86,14 @@ export class Painter {
       gl.depthMask(false);
       draw(gl.TRIANGLES, "corners");
       gl.depthMask(true);
-      gl.depthFunc(gl.LESS);
+      gl.depthFunc(gl.LEQUAL); // a material lies in the skin
       gl.uniform4f(body.at.flat_colour, 0, 0, 0, 0);
     }
     gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.polygonOffset(1, 1);
     draw(gl.TRIANGLES, "corners");
     gl.disable(gl.POLYGON_OFFSET_FILL);
+    gl.depthFunc(gl.LESS);
     if (lines) {
       gl.uniform4f(body.at.flat_colour, 0, 0, 0, 0.22);
       draw(gl.LINES, "edges");

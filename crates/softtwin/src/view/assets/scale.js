@@ -75,12 +75,12 @@ export class Scale {
     }
   }
 
-  // Models with several cavities can be coloured by them.
+  // Models with several cavities or materials can be coloured by them.
   offerCavities(has) {
     if (has) this.element.field.querySelector("[value=cavities]").hidden = false;
   }
 
-  // The legend: name, colour and pressure of each cavity.
+  // The legend: name, colour and pressure of each cavity, name and colour of each material.
   showCavities(bodies) {
     this.element.largest.replaceChildren(...bodies.flatMap(({ name, shown, cavities }) => cavities.map((cavity) => {
       const entry = Object.assign(document.createElement("span"), { className: "cavity" });

@@ -5,7 +5,7 @@ use crate::mass::product;
 /// Solves `A x = side` with the right preconditioner `B^-1` to a relative residual of `tolerance`, in at most `most` iterations.
 ///
 /// Returns the solution; `None` if the residual is still larger.
-pub(super) fn solve(
+pub(crate) fn solve(
     side: &[f64],
     (tolerance, most): (f64, usize),
     mut apply: impl FnMut(&[f64]) -> Vec<f64>,
