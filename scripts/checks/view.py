@@ -4,7 +4,6 @@ import json
 import math
 import os
 import pathlib
-import shutil
 import signal
 import subprocess
 import sys
@@ -307,13 +306,10 @@ def what_if_has_a_slider_for_every_input_and_numbers_show_the_parameters(stage, 
 
 @check
 def cavities_and_materials_have_their_colours_and_a_legend_with_pressures(stage, program):
-    cases, database, model = (f"{stage.folder.name}/{name}" for name in ("cases.csv", "two", "two.twin"))
-    rows = "".join(f"s{a}{b},free,train,{a},,{b}\n" for a in (0, 0.03) for b in (0, 0.03))
-    pathlib.Path(cases).write_text(f"case,regime,split,pressure_mpa,gap_mm,pressure_mpa.lower\n{rows}")
-    part = shutil.copytree("models/shapes/two-chambers", f"{stage.folder.name}/part") + "/actuator.toml"
-    elastomer = pathlib.Path(part).read_text().split("[elastomer]")[1].split("[pressure_mpa]")[0]
-    with open(part, "a") as file:
-        file.write("\n[materials.silicone]" + elastomer.replace("[elastomer", "[materials.silicone"))
+    cases, database, model, part = (pathlib.Path(stage.folder.name) / name for name in ("cases.csv", "two", "two.twin", "part.toml"))
+    cases.write_text("case,regime,split,pressure_mpa,gap_mm,pressure_mpa.lower\n" + "".join(f"s{a}{b},free,train,{a},,{b}\n" for a in (0, 0.03) for b in (0, 0.03)))
+    text = pathlib.Path("models/shapes/two-chambers/actuator.toml").read_text().replace('"mesh.msh"', f'"{os.getcwd()}/models/shapes/two-chambers/mesh.msh"')
+    part.write_text(text + "[materials.silicone]" + text.split("[elastomer]")[1].split("[pressure_mpa]")[0].replace("[elastomer", "[materials.silicone"))
     made = stage.run("softtwin", "simulate", "--actuator", part, "--cases", cases, "--out", database, seconds=300)
     assert made.returncode == stage.run("softtwin", "train", "--database", database, "--out", model).returncode == 0, made.stderr
     view, url = stage.view("--model", model)
@@ -322,8 +318,8 @@ def cavities_and_materials_have_their_colours_and_a_legend_with_pressures(stage,
     page.click("whatif-toggle")
     page.slide("input-pressure", 0.02)
     page.choose("field", "cavities")
-    legend = lambda: page.run("[...document.querySelectorAll('.cavity')].map((entry) => entry.textContent.trim()).join('|')")
-    wait(lambda: legend() == "cavity 20.0 kPa|cavity.lower 0.0 kPa|material.silicone", "the legend")
+    legend = "[...document.querySelectorAll('.cavity')].map((entry) => entry.textContent.trim()).join('|')"
+    wait(lambda: page.run(legend) == "cavity 20.0 kPa|cavity.lower 0.0 kPa|material.silicone", "the legend")
     assert page.run("(([upper, lower]) => Math.min(...upper) > Math.min(...lower) + 4)(softtwin.chosen().cavities.map(({ walls }) => walls.positions.filter((_, k) => k % 3 === 1)))")
     assert not page.browser.complaints(), page.browser.complaints()
     page.browser.close()
@@ -592,8 +588,7 @@ def main():
     for function in CHECKS:
         if options.only not in function.__name__:
             continue
-        started = time.monotonic()
-        stage = Stage(options.programs)
+        started, stage = time.monotonic(), Stage(options.programs)
         try:
             function(stage, program)
         finally:
