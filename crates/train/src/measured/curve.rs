@@ -78,8 +78,11 @@ pub(super) struct OutputModes {
 impl OutputModes {
     /// Outputs without their means.
     pub(super) fn values(&self, x: &Point) -> Vec<f64> {
-        let coefficients = self.surrogate.values_at(x);
-        let sum = |k: usize| self.shapes.iter().zip(&coefficients).map(|(shape, a)| a * shape[k]).sum();
+        self.outputs(&self.surrogate.values_at(x))
+    }
+
+    fn outputs(&self, coefficients: &[f64]) -> Vec<f64> {
+        let sum = |k: usize| self.shapes.iter().zip(coefficients).map(|(shape, a)| a * shape[k]).sum();
         (0..self.shapes[0].len()).map(sum).collect()
     }
 }
@@ -229,37 +232,29 @@ impl Curve {
         let values: Vec<Vec<f64>> = self.x.iter().map(|x| fitted.values_at(x)).collect();
         let scaled = Mat::from_fn(outputs, values.len(), |k, row| values[row][k] / units[k]);
         let pod = decompose(scaled.as_ref()).ok().filter(|pod| pod.rank > 0)?;
-        let along = |mode: usize, values: &mut dyn Iterator<Item = f64>| -> f64 {
-            values.zip(&units).enumerate().map(|(k, (v, unit))| v / unit * pod.u[(k, mode)]).sum()
-        };
         // Largest singular value of white noise of unit size behind a fit with this number of terms (Marchenko and Pastur).
         let terms = (fitted.weights.len() + fitted.tail_weights.len()) / outputs;
         let of_noise = (outputs as f64).sqrt() + (terms.min(values.len()) as f64).sqrt();
         let beyond = pod.singular_values[..pod.rank].iter().take_while(|size| **size > of_noise).count();
-        let kept = 0..beyond.max(1);
-        let project = |weights: &[f64]| -> Vec<f64> {
-            let rows = weights.chunks_exact(outputs);
-            rows.flat_map(|row| kept.clone().map(|mode| along(mode, &mut row.iter().copied()))).collect()
+        let kept = beyond.max(1);
+        let project = |row: &[f64]| -> Vec<f64> {
+            let along = |mode: usize| (0..outputs).map(|k| row[k] / units[k] * pod.u[(k, mode)]).sum();
+            (0..kept).map(along).collect()
         };
+        let shape = |mode: usize| (0..outputs).map(|k| units[k] * pod.u[(k, mode)]).collect();
         let modes = OutputModes {
             surrogate: Interpolant {
-                weights: project(&fitted.weights),
-                tail_weights: project(&fitted.tail_weights),
-                outputs: kept.len(),
+                weights: fitted.weights.chunks_exact(outputs).flat_map(project).collect(),
+                tail_weights: fitted.tail_weights.chunks_exact(outputs).flat_map(project).collect(),
+                outputs: kept,
                 ..fitted.clone()
             },
-            shapes: kept
-                .clone()
-                .map(|mode| units.iter().enumerate().map(|(k, unit)| unit * pod.u[(k, mode)]).collect())
-                .collect(),
-            singular_values: pod.singular_values[kept.clone()].to_vec(),
+            shapes: (0..kept).map(shape).collect(),
+            singular_values: pod.singular_values[..kept].to_vec(),
         };
         let with_modes = |(y, e): (&Vec<f64>, &Vec<f64>)| -> Vec<f64> {
-            let predicted = || y.iter().zip(e).map(|(y, e)| y - e);
-            let coefficients: Vec<f64> = kept.clone().map(|mode| along(mode, &mut predicted())).collect();
-            let value =
-                |k: usize| -> f64 { modes.shapes.iter().zip(&coefficients).map(|(s, a)| s[k] * a).sum() };
-            y.iter().enumerate().map(|(k, y)| y - value(k)).collect()
+            let predicted: Vec<f64> = y.iter().zip(e).map(|(y, e)| y - e).collect();
+            y.iter().zip(modes.outputs(&project(&predicted))).map(|(y, value)| y - value).collect()
         };
         let errors = self.y.iter().zip(errors).map(with_modes).collect();
         Some((modes, errors))
