@@ -228,8 +228,10 @@ impl Solver {
         // The pressure is to move towards the goal: the sense of the volume is that of the path.
         point.sense = up;
         let longest = self.problem().config().newton.step_length_mm;
-        let longest_mm =
-            |point: &PathPoint, _: &Tangent| if point.sense == up { 0.5 * longest } else { longest };
+        let has_obstacle = from.load.obstacle != Obstacle::None;
+        let longest_mm = |point: &PathPoint, _: &Tangent| {
+            if point.sense == up && !has_obstacle { 0.5 * longest } else { longest }
+        };
         let passed = |points: &[PathPoint], next: &PathPoint| {
             let Some(turn) = points.iter().position(|point| point.sense != up) else {
                 let at_end = (next.pressure_mpa() - to_mpa) * up > 0.0 || points.len() > SEARCH_STEPS;
@@ -237,7 +239,7 @@ impl Solver {
                     points.last().is_some_and(|last| next.negative_eigenvalues > last.negative_eigenvalues);
                 return next.sense == up && (at_end || loses);
             };
-            if next.state.load.obstacle != Obstacle::None {
+            if has_obstacle {
                 return true;
             }
             let limit_mpa = points.iter().map(|point| up * point.pressure_mpa()).fold(f64::MIN, f64::max);
