@@ -146,7 +146,7 @@ impl OnsetSolver {
     ) -> OnsetAt {
         let gap_mm = inputs.gap_mm();
         if gap_mm == f64::INFINITY {
-            return OnsetAt { onset: Onset::Never, pressure_mpa: gap_mm, gradient: [0.0; MAX_INPUTS] };
+            return OnsetAt::NEVER;
         }
         let mut depth = |p: f64| self.depth(&inputs.with(PRESSURE, p), scratch);
         if let Some((other, false)) = table

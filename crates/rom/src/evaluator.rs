@@ -292,8 +292,7 @@ impl Evaluator {
 
     /// [`Self::differentiate`] where nothing is there to touch, whatever the gap: no onset is searched for.
     pub fn differentiate_free(&self, inputs: Inputs, out: &mut Evaluation) {
-        let never = OnsetAt { onset: Onset::Never, pressure_mpa: f64::INFINITY, gradient: [0.0; MAX_INPUTS] };
-        self.differentiate_at(self.complete_inputs(inputs), never, out);
+        self.differentiate_at(self.complete_inputs(inputs), OnsetAt::NEVER, out);
     }
 
     /// [`Self::differentiate`] near the state of the last one: the onset's pressure is that of the search to some 1e-4 mm of gap.

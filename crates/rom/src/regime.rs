@@ -68,6 +68,9 @@ impl OnsetAt {
     /// No onset was found: the regime is free, and the distance to its training range is infinite.
     pub(crate) const UNKNOWN: Self =
         Self { onset: Onset::Never, pressure_mpa: f64::NAN, gradient: [0.0; MAX_INPUTS] };
+    /// Nothing is there to touch.
+    pub(crate) const NEVER: Self =
+        Self { onset: Onset::Never, pressure_mpa: f64::INFINITY, gradient: [0.0; MAX_INPUTS] };
 }
 
 /// The onset found last, where a search at a state near it begins ([`crate::probe::Probes::evaluate_near`]).

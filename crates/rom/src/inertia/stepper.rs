@@ -284,11 +284,8 @@ impl<M: Manifold> Motion<M> {
         let at = std::array::from_fn(|i| now.instant.at[i] + of_pressure[i] * now.ahead_mpa);
         let late_mpa = now.inputs.pressure_mpa() - now.ahead_mpa;
         let late = now.inputs.with(PRESSURE, late_mpa);
-        let borne = |of: &dyn Fn(usize) -> f64| -> f64 {
-            self.prony[..self.terms].iter().enumerate().map(|(k, term)| term.ratio * of(k)).sum()
-        };
-        let stressed = std::array::from_fn(|i| at[i] + borne(&|k| now.instant.relaxing[k][i]));
-        let stressed_mpa = late_mpa + borne(&|k| now.relaxing_mpa[k]);
+        let stressed = std::array::from_fn(|i| at[i] + self.borne(&now.instant.relaxing.map(|h| h[i])));
+        let stressed_mpa = late_mpa + self.borne(&now.relaxing_mpa);
         MotionState {
             stressed: with_loads(loads, &late.with(PRESSURE, stressed_mpa), &stressed),
             amplitudes_mm: now.faded.map(|length| if mass > 0.0 { length / mass.sqrt() } else { 0.0 }),
@@ -326,14 +323,23 @@ impl<M: Manifold> Motion<M> {
 
     /// Contact force after a step, and what the next one needs of it.
     fn relaxed_n(&self, now: &Now, [force_n, damping_n]: [f64; 2], h: f64) -> (f64, Relaxed) {
-        let mut next = Relaxed { force_n, ..now.relaxed_n };
-        let mut sum = force_n + damping_n;
-        for (term, state) in self.prony[..self.terms].iter().zip(&mut next.internal_n) {
+        let internal_n = self.relaxed(&now.relaxed_n.internal_n, force_n - now.relaxed_n.force_n, h);
+        (force_n + damping_n + self.borne(&internal_n), Relaxed { force_n, internal_n })
+    }
+
+    /// Internal variables of the relaxation of a quantity that changes within a step.
+    fn relaxed(&self, internal: &[f64; MAX_PRONY], change: f64, h: f64) -> [f64; MAX_PRONY] {
+        let mut next = *internal;
+        for (term, state) in self.prony[..self.terms].iter().zip(&mut next) {
             let (e, a) = term.within(h);
-            *state = e * *state + a * (force_n - now.relaxed_n.force_n);
-            sum += term.ratio * *state;
+            *state = e * *state + a * change;
         }
-        (sum, next)
+        next
+    }
+
+    /// Part of a quantity that the relaxing elastomer bears, `sum r_k h_k`.
+    fn borne(&self, internal: &[f64; MAX_PRONY]) -> f64 {
+        self.prony[..self.terms].iter().zip(internal).map(|(term, h)| term.ratio * h).sum()
     }
 
     /// One step with its change of regime, if any.
@@ -359,11 +365,8 @@ impl<M: Manifold> Motion<M> {
         let late_mpa = damping_s * rates[0];
         let kept = if damping_s > 0.0 { (-h / damping_s).exp() } else { 0.0 };
         let ahead_mpa = late_mpa + kept * (now.ahead_mpa - late_mpa);
-        let mut relaxing_mpa = now.relaxing_mpa;
-        for (term, state) in prony[..terms].iter().zip(&mut relaxing_mpa) {
-            let (e, a) = term.within(h);
-            *state = e * *state + a * h * rates[0];
-        }
+        let relaxing_mpa =
+            self.relaxed(&now.relaxing_mpa, next.pressure_mpa() - now.inputs.pressure_mpa(), h);
         let moved = |regime, stepped: Stepped, (force_n, relaxed_n), faded| {
             let Stepped { instant, position, velocity } = stepped;
             Now {
@@ -460,9 +463,7 @@ impl<M: Manifold> Motion<M> {
         // The amplitudes are those of other modes; the loads relax on.
         let relaxing =
             now.instant.relaxing.map(|h| std::array::from_fn(|i| if i < loads { h[i] } else { 0.0 }));
-        let acting = |i: usize| -> f64 {
-            step.prony.iter().zip(&relaxing).map(|(term, h): (_, &Unknowns)| term.ratio * h[i]).sum()
-        };
+        let acting = |i: usize| self.borne(&relaxing.map(|h: Unknowns| h[i]));
         let excess = std::array::from_fn(|i| step.rest[0][i] - at[i] - acting(i));
         let arrived = Instant::at_rest(at, &place, &space);
         let momenta = space.momenta(step.h, step.damping_s, &arrived.elastic, &excess, &now.velocity);

@@ -119,9 +119,8 @@ impl<M: Manifold> Motion<M> {
         let force_n = match regime {
             RegimeKind::Free => 0.0,
             RegimeKind::Contact => {
-                let relaxing = self.prony[..self.terms].iter().zip(&now.relaxed_n.internal_n);
-                let relaxing: f64 = relaxing.map(|(term, internal)| term.ratio * internal).sum();
-                self.force_n(regime, inputs, &instant, [0.0; 2]).iter().sum::<f64>() + relaxing
+                let relaxing_n = self.borne(&now.relaxed_n.internal_n);
+                self.force_n(regime, inputs, &instant, [0.0; 2]).iter().sum::<f64>() + relaxing_n
             }
         };
         let now = Now { regime, instant, position, velocity, inputs: *inputs, force_n, ..now };

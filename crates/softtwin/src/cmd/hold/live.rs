@@ -81,8 +81,6 @@ struct Loop<'a> {
     last_seq: u64,
     missed: u64,
     cycle: Cycle,
-    /// The last state had a gap and its reading.
-    is_answered: bool,
     /// From readings to setpoints, and to what the device confirmed.
     latencies: Latencies,
     written: Latencies,
@@ -128,7 +126,6 @@ impl<'a> Loop<'a> {
             last_seq: 0,
             missed: 0,
             cycle: Cycle::default(),
-            is_answered: false,
             latencies: Latencies::new()?,
             written: Latencies::new()?,
             written_seq: 0,
@@ -158,12 +155,14 @@ impl<'a> Loop<'a> {
             }
             self.refuse_tripped()?;
             self.refuse_alarm(&state)?;
-            self.answer(&state, begin.elapsed().as_secs_f64())?;
+            let is_answered = self.answer(&state, begin.elapsed().as_secs_f64())?;
             // Each state has its control cycle, and the valve gets the command of the newest one. A loop slower than its states leaves
             // some out.
             in_a_row += 1;
             if waiting.is_none() || in_a_row == MOST_IN_A_ROW {
-                self.send(&state)?;
+                if is_answered {
+                    self.send(&state)?;
+                }
                 in_a_row = 0;
                 waiting = states.newest()?.or(waiting);
             }
@@ -201,16 +200,13 @@ impl<'a> Loop<'a> {
         Ok(())
     }
 
-    /// One control cycle.
-    fn answer(&mut self, state: &State, since_s: f64) -> anyhow::Result<()> {
+    /// One control cycle; false without the gap or the reading behind the state: the setpoint expires.
+    fn answer(&mut self, state: &State, since_s: f64) -> anyhow::Result<bool> {
         let elapsed_ns = self.last_ns.map_or(0, |before| state.t_sensor_ns.saturating_sub(before));
         self.last_ns = Some(state.t_sensor_ns);
         let has_reading = self.sensors.take(state)?;
-        // Without a gap or the reading behind the state the setpoint expires.
-        let gap_mm = state_gap_mm(state, self.args.gap_mm, &self.held).filter(|_| has_reading);
-        self.is_answered = gap_mm.is_some();
-        let Some(gap_mm) = gap_mm else {
-            return Ok(());
+        let Some(gap_mm) = state_gap_mm(state, self.args.gap_mm, &self.held).filter(|_| has_reading) else {
+            return Ok(false);
         };
         let seen = self.sensors.measured(state);
         let status = self.valve.unwrap_or_default();
@@ -239,20 +235,18 @@ impl<'a> Loop<'a> {
             self.measured.push(seen);
         }
         self.predicted.push(self.cycle.followed);
-        Ok(())
+        Ok(true)
     }
 
-    /// The command of the last cycle as a setpoint; without a cycle for this state the setpoint expires.
+    /// The command of the cycle of this state as a setpoint.
     fn send(&mut self, state: &State) -> anyhow::Result<()> {
-        if self.is_answered {
-            if self.last_seq > 0 {
-                // Of a new run of the bridge none is counted.
-                self.missed += state.sensor_seq.saturating_sub(self.last_seq + 1);
-            }
-            self.last_seq = state.sensor_seq;
-            self.owner.send(self.cycle.pressure_mpa, state.t_sensor_ns)?;
-            self.latencies.record_ns(now_ns().saturating_sub(state.t_sensor_ns));
+        if self.last_seq > 0 {
+            // Of a new run of the bridge none is counted.
+            self.missed += state.sensor_seq.saturating_sub(self.last_seq + 1);
         }
+        self.last_seq = state.sensor_seq;
+        self.owner.send(self.cycle.pressure_mpa, state.t_sensor_ns)?;
+        self.latencies.record_ns(now_ns().saturating_sub(state.t_sensor_ns));
         Ok(())
     }
 
