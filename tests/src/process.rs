@@ -2,6 +2,7 @@
 
 use crate::{PATIENCE, Stage};
 use std::io::{BufRead, BufReader, Read};
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -102,7 +103,15 @@ impl Program {
         bridge
     }
 
+    /// With umask 022: iceoryx2 narrows that of this process for a moment, in other threads, while a listener is bound.
     fn start(stage: &Stage, command: &mut Command) -> Self {
+        // SAFETY: umask is a system call alone, allowed between fork and exec.
+        unsafe {
+            command.pre_exec(|| {
+                libc::umask(0o022);
+                Ok(())
+            });
+        }
         let mut child = command
             .current_dir(stage.folder.path())
             .env("SOFTTWIN_DOMAIN", &stage.domain_name)

@@ -43,18 +43,32 @@ const RIGHTS: [&str; 6] = [
 /// A stage whose domain the group `READERS` shares, where `PUBLISHERS` publish and `DRIVERS` drive valves.
 fn shared(label: &str) -> Stage {
     let stage = Stage::new(label);
-    let open =
-        |path: &Path, mode| std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
-    open(stage.folder.path(), 0o755);
+    set_mode(stage.folder.path(), 0o755);
     for (name, group, mode) in
         [("", READERS, 0o3770), ("control", DRIVERS, 0o2771), ("publish", PUBLISHERS, 0o2771)]
     {
-        let folder = stage.root().join(name);
-        std::fs::create_dir(&folder).unwrap();
-        chown(&folder, Some(SERVICE), Some(group)).unwrap();
-        open(&folder, mode);
+        make_folder(&stage.root().join(name), SERVICE, group, mode);
     }
     stage
+}
+
+/// A stage whose domain is private to a user.
+fn private(label: &str, user: u32) -> Stage {
+    let stage = Stage::new(label);
+    set_mode(stage.folder.path(), 0o755);
+    make_folder(&stage.root(), user, OTHERS, 0o755);
+    stage
+}
+
+/// With its mode whatever the umask is at this moment: other tests bind listeners in other threads.
+fn make_folder(path: &Path, user: u32, group: u32, mode: u32) {
+    std::fs::create_dir(path).unwrap();
+    chown(path, Some(user), Some(group)).unwrap();
+    set_mode(path, mode);
+}
+
+fn set_mode(path: &Path, mode: u32) {
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
 }
 
 fn as_user(user: u32, groups: &[u32], line: &str) -> String {
@@ -268,8 +282,7 @@ fn group_members_read_and_only_drivers_drive() {
     std::fs::rename(&control, stage.root().join("moved")).unwrap();
     let line = in_role(&stage, MEMBER, &[READERS], "drive").wait_for("SAID");
     assert!(line.contains("refused"), "{line}");
-    std::fs::create_dir(&control).unwrap();
-    chown(&control, Some(MEMBER), Some(READERS)).unwrap();
+    make_folder(&control, MEMBER, READERS, 0o755);
     let line = in_role(&stage, MEMBER, &[READERS], "drive").wait_for("SAID");
     assert!(line.contains("refused") && line.contains(&format!("user {MEMBER}")), "{line}");
 
@@ -292,10 +305,10 @@ fn group_members_read_and_only_drivers_drive() {
 /// A daemon of the service's user; all its files are readable.
 fn daemon(stage: &Stage, role: &str, groups: &[u32]) -> Program {
     let scene = stage.finger(STEADY).display().to_string();
-    // Opening a shared-memory domain narrows this process's umask for a moment; other tests do so in other threads.
+    // Made while other tests may bind listeners, which narrows the umask.
     for file in std::fs::read_dir(stage.folder.path()).unwrap().map(|entry| entry.unwrap().path()) {
         if file.is_file() {
-            std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o644)).unwrap();
+            set_mode(&file, 0o644);
         }
     }
     let line = as_user(SERVICE, groups, &format!("softtwind {role} --scene {scene}"));
@@ -448,10 +461,7 @@ fn another_user_is_refused_at_the_door_of_a_private_domain() {
     if !has_other_users() {
         return skipped(Missing::SecondUser);
     }
-    let stage = Stage::new("door");
-    std::fs::set_permissions(stage.folder.path(), std::fs::Permissions::from_mode(0o755)).unwrap();
-    std::fs::create_dir(stage.root()).unwrap();
-    chown(stage.root(), Some(SERVICE), Some(OTHERS)).unwrap();
+    let stage = private("door", SERVICE);
     let (twin, bridge) = (daemon(&stage, "twin", &[OTHERS]), daemon(&stage, "bridge", &[OTHERS]));
     let files = stage.everything();
     for line in ["softtwin echo softtwin/finger/state --once", "softtwin list", "softtwin top --once"] {
@@ -487,10 +497,7 @@ fn counter_of_nodes_belongs_to_the_domain() {
     assert!(in_role(&stage, MEMBER, &[READERS], "open").wait_for("SAID").contains("opened"));
     assert_eq!(mode(&counter(&stage)), 0o660);
 
-    let stage = Stage::new("counter");
-    std::fs::set_permissions(stage.folder.path(), std::fs::Permissions::from_mode(0o755)).unwrap();
-    std::fs::create_dir(stage.root()).unwrap();
-    chown(stage.root(), Some(OWN), Some(OTHERS)).unwrap();
+    let stage = private("counter", OWN);
     let open = || in_role(&stage, OWN, &[OTHERS], "open").wait_for("SAID");
     assert!(open().contains("opened"));
     let path = counter(&stage);
@@ -500,7 +507,7 @@ fn counter_of_nodes_belongs_to_the_domain() {
     assert!(open().contains("opened"), "a damaged counter is made again");
     std::fs::remove_file(&path).unwrap();
     std::fs::write(&path, [0; 16]).unwrap();
-    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o666)).unwrap();
+    set_mode(&path, 0o666);
     chown(&path, Some(STRANGER), Some(OTHERS)).unwrap();
     let said = open();
     assert!(
@@ -517,10 +524,7 @@ fn strangers_writer_lock_is_removed_by_root_and_named_to_others() {
         return skipped(Missing::SecondUser);
     }
     for user in [0, SERVICE] {
-        let stage = Stage::new("lock");
-        std::fs::set_permissions(stage.folder.path(), std::fs::Permissions::from_mode(0o755)).unwrap();
-        std::fs::create_dir(stage.root()).unwrap();
-        chown(stage.root(), Some(user), Some(OTHERS)).unwrap();
+        let stage = private("lock", user);
         let mut publisher = in_role(&stage, user, &[OTHERS], "publish-on");
         publisher.wait_for("SAID publishes");
         let is_lock = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "writer");
@@ -529,7 +533,7 @@ fn strangers_writer_lock_is_removed_by_root_and_named_to_others() {
         for mode in [0o600, 0o666] {
             let _gone_after_a_refusal_of_root = std::fs::remove_file(&lock);
             std::fs::write(&lock, "1 stranger").unwrap();
-            std::fs::set_permissions(&lock, std::fs::Permissions::from_mode(mode)).unwrap();
+            set_mode(&lock, mode);
             chown(&lock, Some(STRANGER), Some(OTHERS)).unwrap();
             let said = in_role(&stage, user, &[OTHERS], "publish").wait_for("SAID");
             let names =

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::{Duration, SystemTime};
 use wire::layout::{field_id, flags, pack_name, unpack_name};
 use wire::{
@@ -315,4 +316,34 @@ fn topic_names_are_checked_and_read_back() {
     assert_eq!(Topic::parse("other/finger/state"), None);
     assert_eq!(unpack_name(&pack_name("finger")), "finger");
     assert_eq!(flags::names(flags::STALE | flags::NO_DATA).collect::<Vec<_>>(), ["stale", "no-data"]);
+}
+
+/// iceoryx2 sets the process's umask while it binds a listener. In a separate process, in which no other test binds one.
+#[test]
+fn readers_opened_by_several_threads_leave_the_umask() {
+    const OWN_PROCESS: &str = "SOFTTWIN_TEST_UMASK";
+    if std::env::var(OWN_PROCESS).is_err() {
+        let mut own = Command::new(std::env::current_exe().unwrap());
+        own.args(["--exact", "ports::readers_opened_by_several_threads_leave_the_umask"]);
+        assert!(own.env(OWN_PROCESS, "1").status().unwrap().success());
+        return;
+    }
+    let umask = || {
+        let status = fs::read_to_string("/proc/self/status").unwrap();
+        status.lines().find(|line| line.starts_with("Umask:")).unwrap().to_owned()
+    };
+    let before = umask();
+    std::thread::scope(|scope| {
+        for _ in 0..8 {
+            scope.spawn(|| {
+                let bus = bus();
+                let topic = Topic::state("finger").unwrap();
+                let _writer = StateWriter::create(&bus, &topic).unwrap();
+                for _ in 0..100 {
+                    StateReader::open(&bus, &topic).unwrap();
+                }
+            });
+        }
+    });
+    assert_eq!(umask(), before);
 }

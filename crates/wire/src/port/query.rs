@@ -315,7 +315,7 @@ fn open_failed(name: &str, error: OpenError) -> Refusal {
 
 fn waker(bus: &Bus, events: &service::Events, name: &str) -> Result<Waker, WireError> {
     let listener = service::retry(bus, name, || {
-        events.listener_builder().create().map_err(|error| match error {
+        service::bind(events).map_err(|error| match error {
             ListenerCreateError::ExceedsMaxSupportedListeners => Refusal::Full(too_many_clients(name)),
             other => Refusal::Passing(format!("{other:?}")),
         })

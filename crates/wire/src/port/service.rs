@@ -5,7 +5,7 @@ use crate::bus::Bus;
 use crate::sys::Ipc;
 use crate::wake::{Waker, Waking};
 use crate::{KeyExpr, Topic, TopicInfo, TopicKind, WireError, layout, qos};
-use iceoryx2::port::listener::Listener;
+use iceoryx2::port::listener::{Listener, ListenerCreateError};
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::prelude::*;
@@ -15,6 +15,7 @@ use iceoryx2::service::builder::publish_subscribe::{
 };
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 use std::fmt::Debug;
+use std::sync::{Mutex, PoisonError};
 
 /// Whether a missing topic is made or reported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -281,13 +282,20 @@ pub(crate) fn notifier(
     })
 }
 
+/// The listener of an event service. iceoryx2 sets the process's umask while it binds a listener's socket: of two threads at a time,
+/// one would restore the other's, and all later files and folders of the process would be without their owner's rights.
+pub(crate) fn bind(events: &Events) -> Result<Listener<Ipc>, ListenerCreateError> {
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    let _held = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    events.listener_builder().create()
+}
+
 /// The port that a topic's reader is woken by.
 fn listener(bus: &Bus, topic: &Topic) -> Result<Listener<Ipc>, WireError> {
-    use iceoryx2::port::listener::ListenerCreateError as Error;
     let service = events(bus, topic)?;
     retry(bus, topic.name(), || {
-        service.listener_builder().create().map_err(|error| match error {
-            Error::ExceedsMaxSupportedListeners => Refusal::Full(too_many_readers(topic)),
+        bind(&service).map_err(|error| match error {
+            ListenerCreateError::ExceedsMaxSupportedListeners => Refusal::Full(too_many_readers(topic)),
             other => Refusal::Passing(format!("{other:?}")),
         })
     })
