@@ -10,7 +10,7 @@ use softtwin::{files, output, range};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use train::config::{ModeChoice, TrainConfig};
-use train::evaluate::{DEFAULT_FLOOR, Summary, evaluate};
+use train::evaluate::{Summary, evaluate};
 use train::train;
 
 const EXAMPLES: &str = "\
@@ -79,7 +79,7 @@ impl<'a> Unseen<'a> {
     fn inside(model: &Model, database: &'a Database) -> anyhow::Result<Self> {
         let contact = |i: &usize| database.cases[*i].regime == RegimeKind::Contact;
         let cases: Vec<usize> = database.of_split(Split::Check).filter(contact).collect();
-        let report = evaluate(model, database, &cases, DEFAULT_FLOOR)?;
+        let report = evaluate(model, database, &cases)?;
         let inside = cases.iter().zip(&report.cases).filter(|(_, case)| case.domain == DomainStatus::Inside);
         Ok(Self { database, cases: inside.map(|(i, _)| *i).collect() })
     }
@@ -115,7 +115,7 @@ pub fn curve(
             notify(&format!("states against error: {states} states, {name} derivatives"));
             let model =
                 train(part, &config, &mut |_| {}).with_context(|| format!("{states} states, {name}"))?.0;
-            let report = evaluate(&model, unseen.database, &unseen.cases, DEFAULT_FLOOR)?;
+            let report = evaluate(&model, unseen.database, &unseen.cases)?;
             if let Some(summary) = report.regimes.first() {
                 points.push(Point { states, with_derivatives, errors: errors(summary) });
             }

@@ -7,8 +7,8 @@ use crate::status::softtwin_status;
 use std::ffi::c_char;
 use wire::layout::{PARAMETERS_MAX, TARGET_VALUES_MAX, pack_name, target_kind};
 use wire::{
-    Bus, Command, CommandWriter, SensorSample, SensorWriter, Setpoint, SetpointWriter, Target, TargetWriter,
-    Topic, TopicKind, WireError, boot_id, now_ns,
+    Command, CommandWriter, SensorSample, SensorWriter, Setpoint, SetpointWriter, Target, TargetWriter,
+    TopicKind, boot_id, now_ns,
 };
 
 /// Longest name of an owner or an input, bytes.
@@ -38,7 +38,6 @@ unsafe fn open_owned(
     bus: *mut softtwin_bus,
     [actuator, cavity, owner]: [*const c_char; 3],
     kind: &str,
-    create: impl Fn(&Bus, &Topic, &str) -> Result<Port, WireError>,
     out: *mut *mut softtwin_writer,
 ) -> softtwin_status {
     call(|| {
@@ -54,7 +53,12 @@ unsafe fn open_owned(
             Some(cavity) => topic(actuator, kind)?.of_cavity(Some(cavity))?,
             None => topic(actuator, kind)?,
         };
-        let port = create(&bus.bus, &topic, owner)?;
+        let port = match topic.kind() {
+            TopicKind::Setpoint => {
+                Port::Setpoint(SetpointWriter::create_named(&bus.bus, &topic, owner)?, pack_name(owner))
+            }
+            _ => Port::Target(TargetWriter::create_named(&bus.bus, &topic, owner)?, pack_name(owner)),
+        };
         // SAFETY: by the caller's promise.
         unsafe { write_handle(out, softtwin_writer { port, boot_id: boot_id(), seq: 0 }) }
     })
@@ -104,11 +108,8 @@ pub unsafe extern "C" fn softtwin_writer_open_setpoint(
     owner: *const c_char,
     out: *mut *mut softtwin_writer,
 ) -> softtwin_status {
-    let create = |bus: &Bus, topic: &Topic, owner: &str| {
-        Ok(Port::Setpoint(SetpointWriter::create_named(bus, topic, owner)?, pack_name(owner)))
-    };
     // SAFETY: the caller's promise is passed on.
-    unsafe { open_owned(bus, [actuator, cavity, owner], "setpoint", create, out) }
+    unsafe { open_owned(bus, [actuator, cavity, owner], "setpoint", out) }
 }
 
 /// Sends one setpoint: the gauge pressure wanted, MPa (NaN: none, the valve takes its safe value), for how long it counts, ms, and the
@@ -150,11 +151,8 @@ pub unsafe extern "C" fn softtwin_writer_open_target(
     owner: *const c_char,
     out: *mut *mut softtwin_writer,
 ) -> softtwin_status {
-    let create = |bus: &Bus, topic: &Topic, owner: &str| {
-        Ok(Port::Target(TargetWriter::create_named(bus, topic, owner)?, pack_name(owner)))
-    };
     // SAFETY: the caller's promise is passed on.
-    unsafe { open_owned(bus, [actuator, std::ptr::null(), owner], "target", create, out) }
+    unsafe { open_owned(bus, [actuator, std::ptr::null(), owner], "target", out) }
 }
 
 /// Sends one target, in the unit of the held quantity: a step, a ramp or a series by `kind`; `rate_per_s` of a ramp, `interval_s` of a

@@ -196,9 +196,6 @@ pub struct Held {
 
 impl Held {
     /// The quantity of a target's column (`angle_deg`: the model's observable in degrees) by the model at the given inputs.
-    ///
-    /// # Errors
-    /// [`HeldError`].
     pub fn new(of: &Description, mut model: Model, column: &str) -> Result<Self, HeldError> {
         let number = |value: &toml::Value| value.as_float().or(value.as_integer().map(|whole| whole as f64));
         let given = of.inputs.iter().filter_map(|(name, value)| Some((name.as_str(), number(value)?)));

@@ -17,31 +17,19 @@ pub struct Stepping {
 
 /// Why a reading was refused; nothing has changed, and the setpoint before expires.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum StepError {
     /// A time that is not later.
     #[error("expected a time later than the last reading's, {last_ns} ns, found {found_ns} ns")]
-    NotLater {
-        /// Time of the last reading.
-        last_ns: u64,
-        /// Time of this one.
-        found_ns: u64,
-    },
+    NotLater { last_ns: u64, found_ns: u64 },
     /// A value that has to be a number.
     #[error("{name}: expected a number, found {found}")]
-    NotFinite {
-        /// Name of the value.
-        name: &'static str,
-        /// The value.
-        found: f64,
-    },
+    NotFinite { name: &'static str, found: f64 },
 }
 
 impl Stepping {
     /// A controller of what `column` names (`force_n`, `tip_y_mm`, `pressure_mpa`, `angle_deg`, an observable of the model). Of the scene's text it
     /// takes `control`, the driven valve, `sigma.force_n`, markers and given inputs of the actuator (default: the first one); without a scene the defaults hold.
-    ///
-    /// # Errors
-    /// [`HeldError`].
     pub fn open(
         model: &Model,
         scene: Option<&str>,

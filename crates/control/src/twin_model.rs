@@ -56,15 +56,11 @@ pub const OUT_OF_REACH_MM: f64 = 1e4;
 
 /// Why a model cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum TwinModelError {
     /// The file.
     #[error("{path}: {cause}")]
-    File {
-        /// The file.
-        path: String,
-        /// Reason.
-        cause: String,
-    },
+    File { path: String, cause: String },
     /// The model.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -81,12 +77,7 @@ pub enum TwinModelError {
     Orifice,
     /// An observable that the model does not have.
     #[error("expected an observable of the model ({}), found `{found}`", if .known.is_empty() { "it has none".into() } else { .known.join(", ") })]
-    NoObservable {
-        /// The name.
-        found: String,
-        /// Names there are.
-        known: Vec<String>,
-    },
+    NoObservable { found: String, known: Vec<String> },
 }
 
 /// Reads a model file.

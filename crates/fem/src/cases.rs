@@ -181,7 +181,6 @@ fn repeated(cases: &[Case]) -> Vec<Diagnostic> {
 }
 
 /// The list in the format of [`parse`].
-#[must_use]
 pub fn to_csv(cases: &[Case]) -> String {
     to_text(&columns(cases), cases.iter().map(Case::cells))
 }

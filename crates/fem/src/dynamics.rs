@@ -41,7 +41,6 @@ const MAX_BETA_S: f64 = 1.0;
 
 impl Dynamics {
     /// Terms as ratio `w_i / (1 - sum w)` of the long-term stiffness, and time (s).
-    #[must_use]
     pub fn ratios(&self) -> Vec<(f64, f64)> {
         let rest = 1.0 - self.prony.iter().map(|term| term.weight).sum::<f64>();
         self.prony.iter().map(|term| (term.weight / rest, term.time_s)).collect()

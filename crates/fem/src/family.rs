@@ -24,7 +24,6 @@ pub struct Variant(Vec<Setting>);
 
 impl Variant {
     /// The differing quantities.
-    #[must_use]
     pub fn settings(&self) -> &[Setting] {
         &self.0
     }
@@ -83,7 +82,6 @@ impl Family {
     }
 
     /// Variant at a fraction of the path from one to another.
-    #[must_use]
     pub fn between(&self, from: &Variant, to: &Variant, fraction: f64) -> Variant {
         if fraction >= 1.0 || from == to {
             return to.clone();
@@ -99,14 +97,12 @@ impl Family {
     }
 
     /// A variant's value of a quantity; NaN for an unknown name.
-    #[must_use]
     pub fn value(&self, variant: &Variant, name: &str) -> f64 {
         let own = variant.0.iter().find(|(key, _)| key == name).map(|(_, value)| *value);
         own.or_else(|| self.actuator.quantity(name).ok()).unwrap_or(f64::NAN)
     }
 
     /// The variant with one quantity changed by `step`.
-    #[must_use]
     pub fn stepped(&self, variant: &Variant, name: &str, step: f64) -> Variant {
         let mut settings = variant.0.clone();
         settings.retain(|(key, _)| key != name);
@@ -116,7 +112,6 @@ impl Family {
     }
 
     /// Mark of a variant's checkpoints; `None` for the nominal actuator.
-    #[must_use]
     pub fn mark(&self, variant: &Variant) -> Option<[u8; 32]> {
         if variant.0.is_empty() {
             return None;

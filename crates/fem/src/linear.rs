@@ -18,13 +18,11 @@ use crate::sparse::SymmetricBlocks;
 
 /// Error of the linear solver.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum LinearError {
     /// The ordering or the factor did not fit in memory.
     #[error("the sparse factor of {unknowns} unknowns does not fit in memory; use a coarser mesh")]
-    Memory {
-        /// Number of unknowns.
-        unknowns: usize,
-    },
+    Memory { unknowns: usize },
     /// A pivot vanished: the tangent is singular.
     #[error(
         "the stiffness matrix is singular: a part of the mesh is not held, or the state is at a limit point"

@@ -25,35 +25,20 @@ use crate::tangent::Tangent;
 
 /// Error of the iteration at one load.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum NewtonError {
     /// The corrections did not become small.
     #[error("no equilibrium after {iterations} iterations, last correction {correction_mm:.3e} mm")]
-    Stalled {
-        /// Iterations spent.
-        iterations: usize,
-        /// Largest nodal correction of the last iteration (mm).
-        correction_mm: f64,
-    },
+    Stalled { iterations: usize, correction_mm: f64 },
     /// The path would take too many steps.
     #[error("a step of the largest allowed length covers {fraction:.1e} of the path only")]
-    StepTooShort {
-        /// Fraction of the path that the step covered.
-        fraction: f64,
-    },
+    StepTooShort { fraction: f64 },
     /// The iteration ended at an equilibrium far from its start: another branch, such as a finger folded over.
     #[error("the body jumped by {moved_mm:.1} mm in one step, at most {allowed_mm:.1} mm are expected")]
-    Jumped {
-        /// Largest nodal displacement of the step (mm).
-        moved_mm: f64,
-        /// Largest step along a branch (mm).
-        allowed_mm: f64,
-    },
+    Jumped { moved_mm: f64, allowed_mm: f64 },
     /// The path winds on without reaching its volume.
     #[error("the volume was not reached within {points} points")]
-    PathTooLong {
-        /// Points of the path.
-        points: usize,
-    },
+    PathTooLong { points: usize },
     /// The pressure has a limit on the way.
     #[error(
         "the pressure has a limit of {pressure_mpa:.6} MPa at an injected volume of {injected_mm3:.1} mm3; beyond it {}",
@@ -63,39 +48,26 @@ pub enum NewtonError {
         )
     )]
     Limit {
-        /// Pressure (MPa).
         pressure_mpa: f64,
-        /// Injected volume (mm3).
         injected_mm3: f64,
         /// Injected volume of the next state on the path that is stable at that pressure (mm3).
         next_injected_mm3: Option<f64>,
-        /// Injected volume up to which the path was followed (mm3).
         searched_mm3: f64,
     },
     /// The equilibrium loses its stability on the way, at a rising pressure.
     #[error(
         "the equilibrium becomes unstable at {pressure_mpa:.6} MPa, an injected volume of {injected_mm3:.1} mm3: the body swings to another one"
     )]
-    Unstable {
-        /// Pressure (MPa).
-        pressure_mpa: f64,
-        /// Injected volume (mm3).
-        injected_mm3: f64,
-    },
+    Unstable { pressure_mpa: f64, injected_mm3: f64 },
     /// The contact with the obstacle opened within a step, and the body swung away.
     #[error("the contact with the obstacle opened, and the body moved by {moved_mm:.1} mm in one step")]
-    ContactOpened {
-        /// Largest nodal displacement of the step (mm).
-        moved_mm: f64,
-    },
+    ContactOpened { moved_mm: f64 },
     /// The state is outside the limits of the elastomer.
     #[error("element {element}{}: {what}", at_mm.map_or_else(String::new, |[x, y, z]| format!(" at ({x:.1}, {y:.1}, {z:.1}) mm")))]
     MaterialLimit {
-        /// The element.
         element: usize,
         /// Its undeformed middle, where the mesh is known.
         at_mm: Option<Vec3>,
-        /// Violated limit.
         what: String,
     },
     /// The linear solver failed.
@@ -250,9 +222,6 @@ impl Newton {
     /// Starts a step towards `load`: predicts its correction, shortens it to the largest length, applies it.
     ///
     /// Returns the fraction of the step taken: the prediction is linear in the load, so a shorter step costs nothing.
-    ///
-    /// # Errors
-    /// [`NewtonError`].
     pub(crate) fn start(
         &mut self,
         state: &mut State,
@@ -270,9 +239,6 @@ impl Newton {
     /// Brings `state`, started towards `load`, into equilibrium with it; `state` is undefined on errors.
     ///
     /// `effort` counts the work also on errors. With a closure the pressure of `state` changes, otherwise it is that of `load`.
-    ///
-    /// # Errors
-    /// [`NewtonError`].
     pub(crate) fn iterate(
         &mut self,
         state: &mut State,
@@ -403,9 +369,6 @@ impl Newton {
     }
 
     /// Starts a step along a direction of the unknowns from an equilibrium: `state` moves by `cavity_mpa` times `by` (mm per MPa).
-    ///
-    /// # Errors
-    /// [`NewtonError`].
     pub(crate) fn push(&mut self, state: &mut State, by: &[f64], cavity_mpa: f64) -> Result<(), NewtonError> {
         let problem = Arc::clone(&self.problem);
         self.system.assemble(&problem, state, &state.load, Ahead::default(), false)?;

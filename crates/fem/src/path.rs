@@ -202,9 +202,11 @@ impl Solver {
             notify(&last);
             path.points.push(last);
         }
-        for k in 0..limits(&path.points).len() {
-            if let Some(limit) = limits(&path.points).get(k).filter(|limit| limit.next_injected_mm3.is_some())
-            {
+        // Refining moves the points behind: the next limit is looked for among them.
+        let mut done = 0;
+        while let Some(limit) = limits(&path.points).into_iter().nth(done) {
+            done += 1;
+            if limit.next_injected_mm3.is_some() {
                 let is_behind = limit.kind == LimitKind::PressureMaximum;
                 self.refine(&mut path.points, (limit.after, is_behind), limit.pressure_mpa, &mut effort);
             }

@@ -20,6 +20,7 @@ use formats::mesh_file::{Tet10, Tri6};
 
 /// Error in mesh or materials.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum ProblemError {
     /// A material constant is out of range.
     #[error(transparent)]
@@ -28,44 +29,18 @@ pub enum ProblemError {
     #[error(
         "element {element} at {at_mm:?} mm is inverted: Jacobian {jacobian_mm3:.3e} mm3, expected above 0; repair the mesh"
     )]
-    Inverted {
-        /// Index of the element.
-        element: usize,
-        /// Its first corner (mm).
-        at_mm: Vec3,
-        /// Jacobian determinant (mm3).
-        jacobian_mm3: f64,
-    },
+    Inverted { element: usize, at_mm: Vec3, jacobian_mm3: f64 },
     /// A list names a node, element or material that does not exist.
     #[error("{what} {index} names {found}, but there are only {count}; the mesh is inconsistent")]
-    OutOfRange {
-        /// The list.
-        what: &'static str,
-        /// Position in the list.
-        index: usize,
-        /// The index found.
-        found: usize,
-        /// Number of targets.
-        count: usize,
-    },
+    OutOfRange { what: &'static str, index: usize, found: usize, count: usize },
     /// A node belongs to no element.
     #[error("node {node} at {at_mm:?} mm belongs to no element; remove it from the mesh")]
-    Unconnected {
-        /// Index of the node.
-        node: usize,
-        /// Its position (mm).
-        at_mm: Vec3,
-    },
+    Unconnected { node: usize, at_mm: Vec3 },
     /// A named surface has a triangle that is not a face on the boundary of the solid.
     #[error(
         "{surface}: triangle {triangle} is not a boundary face of the tetrahedra; check the surface's name and mesh"
     )]
-    NotOnBoundary {
-        /// Name of the surface.
-        surface: &'static str,
-        /// Position of the triangle.
-        triangle: usize,
-    },
+    NotOnBoundary { surface: &'static str, triangle: usize },
     /// The cavity has a hole, so that its volume is undefined.
     #[error("the cavity is open at the edge between nodes {0} and {1}; name all walls of the cavity")]
     OpenCavity(u32, u32),
@@ -168,9 +143,6 @@ impl Problem {
     /// Checks mesh and materials, precomputes geometry, pattern and ordering.
     ///
     /// Cost: about 0.5 s for 25,000 nodes.
-    ///
-    /// # Errors
-    /// [`ProblemError`].
     pub fn new(mesh: Mesh, config: ProblemConfig) -> Result<Self, ProblemError> {
         check_config(&mesh, &config)?;
         check_indices(&mesh, &config)?;
@@ -274,31 +246,26 @@ impl Problem {
     }
 
     /// The mesh.
-    #[must_use]
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
     }
 
     /// The configuration.
-    #[must_use]
     pub fn config(&self) -> &ProblemConfig {
         &self.config
     }
 
     /// Scalar unknowns, stored stiffness entries and entries of the factor.
-    #[must_use]
     pub fn sizes(&self) -> (usize, usize, usize) {
         (self.pattern.unknowns(), self.pattern.stored(), self.analysis.factor_entries())
     }
 
     /// The elastomer of element `e`.
-    #[must_use]
     pub(crate) fn elastomer(&self, e: usize) -> &Elastomer {
         elastomer(&self.mesh, &self.config, e)
     }
 
     /// Volume of the undeformed cavity (mm3).
-    #[must_use]
     pub fn undeformed_volume_mm3(&self) -> f64 {
         self.cavity_volume(&self.mesh.nodes_mm, None)
     }
@@ -322,7 +289,6 @@ impl Problem {
     }
 
     /// Deformed positions (mm) of displacements `u`.
-    #[must_use]
     pub(crate) fn positions(&self, u: &[Vec3]) -> Vec<Vec3> {
         self.mesh.nodes_mm.iter().zip(u).map(|(x, u)| add(*x, *u)).collect()
     }

@@ -28,7 +28,6 @@ struct Element {
 
 impl StressRecovery {
     /// Selects these nodes, each below the mesh's number of nodes; all nodes if the list is empty. Cost: `O(elements)`.
-    #[must_use]
     pub fn new(problem: Arc<Problem>, nodes: Option<&[u32]>) -> Self {
         let count = problem.mesh().nodes_mm.len();
         let all: Vec<u32> = (0..count as u32).collect();
@@ -56,7 +55,6 @@ impl StressRecovery {
     }
 
     /// Nodes with required positions, in ascending order: those of all elements at the selected nodes.
-    #[must_use]
     pub fn needed(&self) -> &[u32] {
         &self.needed
     }

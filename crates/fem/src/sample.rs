@@ -13,7 +13,6 @@ const EXCHANGES_PER_POINT: usize = 200;
 /// A Latin hypercube of `n` points: every one of `n` equal slices of every dimension holds exactly one point, at its
 /// middle. Space-filling: the smallest distance between two points (in the unit box) is made large, first by choosing
 /// among random hypercubes, then by exchanging coordinates (maximin, Morris and Mitchell 1995). `O(n^2)` per exchange.
-#[must_use]
 pub fn latin_hypercube(n: usize, bounds: &Bounds, seed: u64) -> Vec<Vec<f64>> {
     let mut rng = Rng::new(seed);
     let random = |rng: &mut Rng| -> Vec<Vec<f64>> {
@@ -43,7 +42,6 @@ pub fn latin_hypercube(n: usize, bounds: &Bounds, seed: u64) -> Vec<Vec<f64>> {
 ///
 /// The additive recurrence with the powers of the generalised golden ratio `phi^(d+1) = phi + 1` (Roberts 2018), from a
 /// random first point. `O(n)`.
-#[must_use]
 pub fn sequence(n: usize, bounds: &Bounds, seed: u64) -> Vec<Vec<f64>> {
     let mut ratio = 2.0_f64;
     for _ in 0..64 {
@@ -74,7 +72,6 @@ fn scaled(unit: &[f64], bounds: &Bounds) -> Vec<f64> {
 
 /// A full grid with `counts[d]` points in dimension `d`, both bounds included (the middle when there is one point);
 /// the last dimension runs fastest.
-#[must_use]
 pub fn grid(counts: &[usize], bounds: &Bounds) -> Vec<Vec<f64>> {
     let mut points = vec![Vec::new()];
     for (count, [low, high]) in counts.iter().zip(bounds) {
@@ -93,7 +90,6 @@ pub fn grid(counts: &[usize], bounds: &Bounds) -> Vec<Vec<f64>> {
 /// `clearances` are free states as (pressure in MPa, distance at which an obstacle just clears them in mm), in any
 /// order. While pressure rises the actuator bends away from its base, so the onset pressure of a gap is where the
 /// clearance first reaches it. Empty when fewer than two states are given or none of the gaps is reached.
-#[must_use]
 pub fn onset(n: usize, clearances: &[(f64, f64)], gaps: [f64; 2]) -> Vec<Vec<f64>> {
     let mut table = clearances.to_vec();
     table.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -122,7 +118,6 @@ pub struct InfillError {
 /// One after another: the candidate with the largest `(error of the nearest sample) x (distance to it)`, as in
 /// cross-validation Voronoi sampling. A chosen candidate then counts as a sample with its neighbour's error, so that the next one is
 /// elsewhere. `O(n x candidates x samples)`.
-#[must_use]
 pub fn infill(n: usize, samples: &[InfillError], candidates: &[[f64; 2]]) -> Vec<usize> {
     let mut samples = samples.to_vec();
     let mut chosen = Vec::new();
@@ -144,7 +139,6 @@ pub fn infill(n: usize, samples: &[InfillError], candidates: &[[f64; 2]]) -> Vec
 }
 
 /// Lowest pressure (MPa) at which the clearance reaches `gap` (mm); `table` as the clearances of [`onset`], by rising pressure.
-#[must_use]
 pub fn onset_pressure_mpa(table: &[(f64, f64)], gap: f64) -> Option<f64> {
     let pair = table.windows(2).find(|w| w[0].1 <= gap && gap <= w[1].1)?;
     let [(p0, c0), (p1, c1)] = [pair[0], pair[1]];

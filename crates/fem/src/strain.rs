@@ -16,7 +16,6 @@ pub struct Stretches {
 
 impl Problem {
     /// Stretches of a state at the Gauss points.
-    #[must_use]
     pub fn stretches(&self, state: &State) -> Stretches {
         let (mut largest, mut beyond, mut volume) = (3.0_f64, 0.0, 0.0);
         for (e, (tet, geometry)) in self.mesh().tets.iter().zip(&self.tets).enumerate() {

@@ -105,9 +105,6 @@ impl System {
     }
 
     /// Assembles all but the contacts, at deformed positions `x` of `state`.
-    ///
-    /// # Errors
-    /// [`InvalidState`].
     pub(crate) fn assemble_body(
         &mut self,
         problem: &Problem,

@@ -44,9 +44,6 @@ impl Tangent {
     }
 
     /// Factorises the tangent that `system` assembled.
-    ///
-    /// # Errors
-    /// [`LinearError`].
     pub(crate) fn factorise(&mut self, problem: &Problem, system: &System) -> Result<(), LinearError> {
         self.factor.factorise(&problem.pattern, &system.tangent)?;
         let pairs = || system.turning.iter().flat_map(|slot| [0, 1].map(|k| (slot, k)));
@@ -72,9 +69,6 @@ impl Tangent {
 
     /// Solves in place with the tangent that `system` assembled: to the relative residual `tolerance` with the last factor as
     /// preconditioner; without a tolerance, or if that takes too long, with a new factor. Returns true if it factorised.
-    ///
-    /// # Errors
-    /// [`LinearError`].
     pub(crate) fn solve_assembled(
         &mut self,
         problem: &Problem,

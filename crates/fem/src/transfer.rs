@@ -36,13 +36,11 @@ pub struct Place {
 
 impl Place {
     /// Value of a nodal field at the point, quadratic in the element.
-    #[must_use]
     pub fn value(&self, field: &[f64]) -> f64 {
         self.nodes.iter().zip(self.weights).map(|(n, weight)| weight * field[*n as usize]).sum()
     }
 
     /// Value of a nodal vector field at the point.
-    #[must_use]
     pub fn vector(&self, field: &[[f64; 3]]) -> [f64; 3] {
         let mut sum = [0.0; 3];
         self.nodes
@@ -55,7 +53,6 @@ impl Place {
 
 impl<'a> Locator<'a> {
     /// Sorts the elements into cells. Cost `O(elements)`.
-    #[must_use]
     pub fn new(problem: &'a Problem) -> Self {
         let mesh = &problem.mesh;
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
@@ -97,7 +94,6 @@ impl<'a> Locator<'a> {
     }
 
     /// Element that contains a point, or the nearest of those around it; `None` if no element is near.
-    #[must_use]
     pub fn place(&self, x: [f64; 3]) -> Option<Place> {
         let [i, j, k] = self.cell(x);
         let around = |at: usize, count: usize| at.saturating_sub(1)..=(at + 1).min(count - 1);
@@ -138,7 +134,6 @@ fn barycentric(corners: [Vec3; 4], x: Vec3) -> [f64; 4] {
 /// element around each middle. It is not an equilibrium of `to`, but near one if both are meshes of one body.
 ///
 /// `None` if a node of `to` is near no element of `from`.
-#[must_use]
 pub(crate) fn transferred(from: &Problem, state: &State, to: &Problem) -> Option<State> {
     let locator = Locator::new(from);
     let displacement = |x: &Vec3| Some(locator.place(*x)?.vector(&state.displacement_mm));

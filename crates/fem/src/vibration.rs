@@ -28,6 +28,7 @@ pub struct Vibration {
 
 /// Why a state has no vibrations.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum VibrationError {
     /// The state is invalid.
     #[error(transparent)]
@@ -39,10 +40,7 @@ pub enum VibrationError {
     #[error(
         "the state at {pressure_mpa} MPa is not stable: its tangent is not positive definite; choose a lower pressure"
     )]
-    Unstable {
-        /// Its pressure.
-        pressure_mpa: f64,
-    },
+    Unstable { pressure_mpa: f64 },
     /// The body has no mass, or the small eigenproblem failed.
     #[error("no vibrations were found: expected a density above 0 and more unknowns than vibrations")]
     None,
@@ -56,19 +54,16 @@ pub struct BodyMass {
 
 impl BodyMass {
     /// Assembles the mass.
-    #[must_use]
     pub fn new(problem: Arc<Problem>) -> Self {
         Self { mass: Mass::new(&problem), problem }
     }
 
     /// `M v` at the nodes (t mm) of a vector that is 0 at held nodes.
-    #[must_use]
     pub fn times(&self, nodal: &[Vec3]) -> Vec<Vec3> {
         scatter(&self.problem, &self.mass.times(&self.problem, &gather(&self.problem, nodal)))
     }
 
     /// Force of a unit acceleration on each node (t), as in the static states.
-    #[must_use]
     pub fn node_mass_t(&self) -> &[f64] {
         &self.problem.node_mass_t
     }
@@ -77,9 +72,6 @@ impl BodyMass {
 impl Solver {
     /// The `count` slowest vibrations about a solved state, by increasing frequency, undamped and without friction. By Lanczos' method;
     /// cost: one factorisation and `4 count + 12` solves.
-    ///
-    /// # Errors
-    /// [`VibrationError`].
     pub fn vibrations(&mut self, state: &State, count: usize) -> Result<Vec<Vibration>, VibrationError> {
         let problem = Arc::clone(self.problem());
         let mass = Mass::new(&problem);

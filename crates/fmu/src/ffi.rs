@@ -109,21 +109,6 @@ pub extern "C" fn fmi3GetVersion() -> *const c_char {
     c"3.0".as_ptr()
 }
 
-/// Has no effect: errors are always logged, and nothing else is.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SetDebugLogging(
-    handle: *mut Handle,
-    _on: bool,
-    _count: usize,
-    _categories: *const *const c_char,
-) -> Status {
-    // SAFETY: by the importer's promise.
-    unsafe { call(handle, |_| Ok(())) }
-}
-
 /// Creates an instance for model exchange; it has no continuous states and no events.
 ///
 /// # Safety
@@ -178,68 +163,6 @@ pub unsafe extern "C" fn fmi3FreeInstance(handle: *mut Handle) {
     }
 }
 
-/// Begins the initialization at a time, s.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3EnterInitializationMode(
-    handle: *mut Handle,
-    _tolerance_defined: bool,
-    _tolerance: f64,
-    start_s: f64,
-    _stop_defined: bool,
-    _stop_s: f64,
-) -> Status {
-    // SAFETY: by the importer's promise.
-    unsafe { call(handle, |instance| instance.move_to(start_s)) }
-}
-
-/// Changes of mode, without effect for a model without states.
-macro_rules! modes {
-    ($($name:ident),*) => { $(
-        /// Change of mode, without effect for a model without states.
-        ///
-        /// # Safety
-        /// As specified by FMI.
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name(handle: *mut Handle) -> Status {
-            // SAFETY: by the importer's promise.
-            unsafe { call(handle, |_| Ok(())) }
-        }
-    )* };
-}
-modes!(
-    fmi3ExitInitializationMode,
-    fmi3EnterEventMode,
-    fmi3EnterStepMode,
-    fmi3EnterContinuousTimeMode,
-    fmi3EnterConfigurationMode,
-    fmi3ExitConfigurationMode,
-    fmi3EvaluateDiscreteStates,
-    fmi3Terminate
-);
-
-/// Restores the state after instantiation.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3Reset(handle: *mut Handle) -> Status {
-    // SAFETY: by the importer's promise.
-    unsafe { call(handle, |instance| instance.reset()) }
-}
-
-/// Sets the time, s.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SetTime(handle: *mut Handle, time_s: f64) -> Status {
-    // SAFETY: by the importer's promise.
-    unsafe { call(handle, |instance| instance.move_to(time_s)) }
-}
-
 /// Reads or writes `count` values at value references.
 ///
 /// # Safety
@@ -263,73 +186,9 @@ unsafe fn each<T>(
     Ok(())
 }
 
-/// Reads inputs and outputs.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetFloat64(
-    handle: *mut Handle,
-    references: *const u32,
-    count: usize,
-    values: *mut f64,
-    value_count: usize,
-) -> Status {
-    // SAFETY: by the importer's promise.
-    unsafe {
-        call(handle, |instance| {
-            let get = |reference, value: &mut f64| instance.float(reference).map(|found| *value = found);
-            each((references, count), (values, value_count), get)
-        })
-    }
-}
-
-/// Sets inputs. NaN is refused with fmi3Error, and the old value is kept.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SetFloat64(
-    handle: *mut Handle,
-    references: *const u32,
-    count: usize,
-    values: *const f64,
-    value_count: usize,
-) -> Status {
-    // SAFETY: by the importer's promise; the values are only read.
-    unsafe {
-        call(handle, |instance| {
-            each((references, count), (values.cast_mut().cast::<Given>(), value_count), |reference, value| {
-                instance.set(reference, value.0)
-            })
-        })
-    }
-}
-
 /// Read-only value.
 #[repr(transparent)]
 struct Given(f64);
-
-/// Reads domain status and regime.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetInt32(
-    handle: *mut Handle,
-    references: *const u32,
-    count: usize,
-    values: *mut i32,
-    value_count: usize,
-) -> Status {
-    // SAFETY: by the importer's promise.
-    unsafe {
-        call(handle, |instance| {
-            let get = |reference, value: &mut i32| instance.integer(reference).map(|found| *value = found);
-            each((references, count), (values, value_count), get)
-        })
-    }
-}
 
 /// Writes a value unless `place` is null.
 ///
@@ -342,175 +201,137 @@ unsafe fn put<T>(place: *mut T, value: T) {
     }
 }
 
-/// Reports neither discrete states nor events.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3UpdateDiscreteStates(
-    handle: *mut Handle,
-    needs_update: *mut bool,
-    terminate: *mut bool,
-    nominals_changed: *mut bool,
-    values_changed: *mut bool,
-    next_event_defined: *mut bool,
-    _next_event_s: *mut f64,
-) -> Status {
-    // SAFETY: by the importer's promise.
-    unsafe {
-        for place in [needs_update, terminate, nominals_changed, values_changed, next_event_defined] {
-            put(place, false);
-        }
-        call(handle, |_| Ok(()))
-    }
+/// Arrays of states and events are empty.
+fn empty(count: usize) -> Result<(), String> {
+    if count == 0 { Ok(()) } else { Err(format!("expected no values, found {count}")) }
 }
 
-/// Reports neither an event nor an end.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3CompletedIntegratorStep(
-    handle: *mut Handle,
-    _no_set_prior: bool,
-    enter_event_mode: *mut bool,
-    terminate: *mut bool,
-) -> Status {
-    // SAFETY: by the importer's promise.
-    unsafe {
-        put(enter_event_mode, false);
-        put(terminate, false);
-        call(handle, |_| Ok(()))
-    }
-}
-
-/// Number of continuous states: 0.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetNumberOfContinuousStates(handle: *mut Handle, count: *mut usize) -> Status {
-    // SAFETY: by the importer's promise.
-    unsafe {
-        put(count, 0);
-        call(handle, |_| Ok(()))
-    }
-}
-
-/// Number of event indicators: 0.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetNumberOfEventIndicators(handle: *mut Handle, count: *mut usize) -> Status {
-    // SAFETY: by the importer's promise.
-    unsafe {
-        put(count, 0);
-        call(handle, |_| Ok(()))
-    }
-}
-
-/// Functions with arrays of states and events, which are empty.
-macro_rules! empty_arrays {
-    ($($name:ident($type:ty)),*) => { $(
-        /// Array that is empty for a model without states and events.
+/// Defines functions of an instance: name, arguments behind the handle, what they do with the instance.
+macro_rules! functions {
+    ($($(#[doc = $doc:literal])+ $name:ident($($argument:tt: $type:ty),*) $body:expr;)+) => { $(
+        $(#[doc = $doc])+
         ///
         /// # Safety
         /// As specified by FMI.
         #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name(handle: *mut Handle, _values: $type, count: usize) -> Status {
-            let expected = if count == 0 { Ok(()) } else { Err(format!("expected no values, found {count}")) };
-            // SAFETY: by the importer's promise.
-            unsafe { call(handle, |_| expected) }
+        #[allow(clippy::too_many_arguments)] // FMI's signatures
+        pub unsafe extern "C" fn $name(handle: *mut Handle, $($argument: $type),*) -> Status {
+            // SAFETY: by the importer's promise; pointers to values that are set are only read. A state came out of `Box::into_raw`
+            // in `fmi3GetFMUState`.
+            unsafe { call(handle, $body) }
         }
-    )* };
+    )+ };
 }
-empty_arrays!(
-    fmi3GetContinuousStates(*mut f64),
-    fmi3SetContinuousStates(*const f64),
-    fmi3GetContinuousStateDerivatives(*mut f64),
-    fmi3GetNominalsOfContinuousStates(*mut f64),
-    fmi3GetEventIndicators(*mut f64)
-);
 
-/// Makes a step of constant inputs, s. Outputs of a static model follow from the inputs without delay.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-#[allow(clippy::too_many_arguments)] // FMI's signature
-pub unsafe extern "C" fn fmi3DoStep(
-    handle: *mut Handle,
-    current_s: f64,
-    step_s: f64,
-    _no_set_prior: bool,
-    event_needed: *mut bool,
-    terminate: *mut bool,
-    early_return: *mut bool,
-    last_s: *mut f64,
-) -> Status {
-    // SAFETY: by the importer's promise.
-    unsafe {
+functions! {
+    /// Has no effect: errors are always logged, and nothing else is.
+    fmi3SetDebugLogging(_: bool, _: usize, _: *const *const c_char) |_| Ok(());
+    /// Begins the initialization at a time, s.
+    fmi3EnterInitializationMode(_: bool, _: f64, start_s: f64, _: bool, _: f64) |instance| instance.move_to(start_s);
+    /// No effect: the model has no modes.
+    fmi3ExitInitializationMode() |_| Ok(());
+    /// No effect: the model has no modes.
+    fmi3EnterEventMode() |_| Ok(());
+    /// No effect: the model has no modes.
+    fmi3EnterStepMode() |_| Ok(());
+    /// No effect: the model has no modes.
+    fmi3EnterContinuousTimeMode() |_| Ok(());
+    /// No effect: the model has no modes.
+    fmi3EnterConfigurationMode() |_| Ok(());
+    /// No effect: the model has no modes.
+    fmi3ExitConfigurationMode() |_| Ok(());
+    /// No effect: the model has no discrete states.
+    fmi3EvaluateDiscreteStates() |_| Ok(());
+    /// No effect: the model has no modes.
+    fmi3Terminate() |_| Ok(());
+    /// Restores the state after instantiation.
+    fmi3Reset() |instance| instance.reset();
+    /// Sets the time, s.
+    fmi3SetTime(time_s: f64) |instance| instance.move_to(time_s);
+    /// Reads inputs and outputs.
+    fmi3GetFloat64(references: *const u32, count: usize, values: *mut f64, value_count: usize) |instance| {
+        let get = |reference, value: &mut f64| instance.float(reference).map(|found| *value = found);
+        each((references, count), (values, value_count), get)
+    };
+    /// Sets inputs. NaN is refused with fmi3Error, and the old value is kept.
+    fmi3SetFloat64(references: *const u32, count: usize, values: *const f64, value_count: usize) |instance| {
+        let set = |reference, value: &mut Given| instance.set(reference, value.0);
+        each((references, count), (values.cast_mut().cast(), value_count), set)
+    };
+    /// Reads domain status and regime.
+    fmi3GetInt32(references: *const u32, count: usize, values: *mut i32, value_count: usize) |instance| {
+        let get = |reference, value: &mut i32| instance.integer(reference).map(|found| *value = found);
+        each((references, count), (values, value_count), get)
+    };
+    /// Reports neither discrete states nor events.
+    fmi3UpdateDiscreteStates(
+        needs_update: *mut bool, terminate: *mut bool, nominals_changed: *mut bool, values_changed: *mut bool,
+        next_event_defined: *mut bool, _: *mut f64
+    ) |_| {
+        for place in [needs_update, terminate, nominals_changed, values_changed, next_event_defined] {
+            put(place, false);
+        }
+        Ok(())
+    };
+    /// Reports neither an event nor an end.
+    fmi3CompletedIntegratorStep(_: bool, enter_event_mode: *mut bool, terminate: *mut bool) |_| {
+        put(enter_event_mode, false);
+        put(terminate, false);
+        Ok(())
+    };
+    /// Number of continuous states: 0.
+    fmi3GetNumberOfContinuousStates(count: *mut usize) |_| {
+        put(count, 0);
+        Ok(())
+    };
+    /// Number of event indicators: 0.
+    fmi3GetNumberOfEventIndicators(count: *mut usize) |_| {
+        put(count, 0);
+        Ok(())
+    };
+    /// Empty array: the model has no continuous states.
+    fmi3GetContinuousStates(_: *mut f64, count: usize) |_| empty(count);
+    /// Empty array: the model has no continuous states.
+    fmi3SetContinuousStates(_: *const f64, count: usize) |_| empty(count);
+    /// Empty array: the model has no continuous states.
+    fmi3GetContinuousStateDerivatives(_: *mut f64, count: usize) |_| empty(count);
+    /// Empty array: the model has no continuous states.
+    fmi3GetNominalsOfContinuousStates(_: *mut f64, count: usize) |_| empty(count);
+    /// Empty array: the model has no events.
+    fmi3GetEventIndicators(_: *mut f64, count: usize) |_| empty(count);
+    /// Makes a step of constant inputs, s. Outputs of a static model follow from the inputs without delay.
+    fmi3DoStep(
+        current_s: f64, step_s: f64, _: bool, event_needed: *mut bool, terminate: *mut bool, early_return: *mut bool,
+        last_s: *mut f64
+    ) |instance| {
         for place in [event_needed, terminate, early_return] {
             put(place, false);
         }
-        call(handle, |instance| {
-            instance.step(current_s, step_s)?;
-            put(last_s, current_s + step_s);
-            Ok(())
-        })
-    }
-}
-
-/// Saves the state: inputs, time, memory and motion. A null state is created, another one is overwritten.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetFMUState(handle: *mut Handle, state: *mut *mut Now) -> Status {
-    // SAFETY: by the importer's promise.
-    unsafe {
-        call(handle, |instance| {
-            let place = state.as_mut().ok_or("the place for the state is null")?;
-            match place.as_mut() {
-                Some(saved) => *saved = instance.saved(),
-                None => *place = Box::into_raw(Box::new(instance.saved())),
-            }
-            Ok(())
-        })
-    }
-}
-
-/// Returns to a saved state of the same instance.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SetFMUState(handle: *mut Handle, state: *mut Now) -> Status {
-    // SAFETY: by the importer's promise.
-    unsafe {
-        call(handle, |instance| {
-            instance.restore(state.as_ref().ok_or("the state is null")?);
-            Ok(())
-        })
-    }
-}
-
-/// Frees a saved state; its place becomes null.
-///
-/// # Safety
-/// As specified by FMI.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3FreeFMUState(handle: *mut Handle, state: *mut *mut Now) -> Status {
-    // SAFETY: by the importer's promise; a state came out of `Box::into_raw` in `fmi3GetFMUState`.
-    unsafe {
-        call(handle, |_| {
-            let place = state.as_mut().ok_or("the place of the state is null")?;
-            let state = std::mem::replace(place, std::ptr::null_mut());
-            if !state.is_null() {
-                drop(Box::from_raw(state));
-            }
-            Ok(())
-        })
-    }
+        instance.step(current_s, step_s)?;
+        put(last_s, current_s + step_s);
+        Ok(())
+    };
+    /// Saves the state: inputs, time, memory and motion. A null state is created, another one is overwritten.
+    fmi3GetFMUState(state: *mut *mut Now) |instance| {
+        let place = state.as_mut().ok_or("the place for the state is null")?;
+        match place.as_mut() {
+            Some(saved) => *saved = instance.saved(),
+            None => *place = Box::into_raw(Box::new(instance.saved())),
+        }
+        Ok(())
+    };
+    /// Returns to a saved state of the same instance.
+    fmi3SetFMUState(state: *mut Now) |instance| {
+        instance.restore(state.as_ref().ok_or("the state is null")?);
+        Ok(())
+    };
+    /// Frees a saved state; its place becomes null.
+    fmi3FreeFMUState(state: *mut *mut Now) |_| {
+        let place = state.as_mut().ok_or("the place of the state is null")?;
+        let state = std::mem::replace(place, std::ptr::null_mut());
+        if !state.is_null() {
+            drop(Box::from_raw(state));
+        }
+        Ok(())
+    };
 }

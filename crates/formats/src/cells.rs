@@ -17,7 +17,6 @@ pub struct Block {
 
 impl Block {
     /// Number of cells.
-    #[must_use]
     pub fn count(&self) -> usize {
         self.nodes.len() / self.nodes_per_cell.max(1)
     }
@@ -72,7 +71,6 @@ pub const KINDS: [Kind; 12] = [
 
 impl Kind {
     /// Kind by VTK's number.
-    #[must_use]
     pub fn of(number: usize) -> Option<Self> {
         KINDS.into_iter().find(|kind| usize::from(kind.number) == number)
     }
@@ -138,7 +136,6 @@ fn facets(nodes: usize) -> &'static [[usize; 3]] {
 ///
 /// # Panics
 /// When a cell names a node beyond `points`.
-#[must_use]
 pub fn surface(points: &[[f64; 3]], blocks: &[Block]) -> Vec<[u32; 3]> {
     let known = |block: &&Block| Kind::of(block.kind.into()).is_some();
     let solid = |block: &&Block| Kind::of(block.kind.into()).is_some_and(|kind| kind.is_solid);

@@ -33,21 +33,19 @@ impl Display for Diagnostic {
 
 /// Error of a file.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum FormatError {
     /// I/O error.
     #[error("cannot {action} {path}")]
     Io {
         /// `read`, `write`, `list`.
         action: &'static str,
-        /// The file.
         path: PathBuf,
-        /// Its reason.
         source: io::Error,
     },
     /// The content is wrong: everything that could be found in one pass.
     #[error("{path}: {}", list(.diagnostics))]
     Content {
-        /// The file.
         path: PathBuf,
         /// Errors in file order; never empty.
         diagnostics: Vec<Diagnostic>,

@@ -97,30 +97,22 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
 }
 
 /// Copies a file.
-///
-/// # Errors
-/// I/O error.
 pub fn copy(from: &Path, to: &Path) -> Result<(), FormatError> {
     fs::copy(from, to).map(drop).map_err(|error| FormatError::write(to, error))
 }
 
 /// Creates a folder with its parents.
-///
-/// # Errors
-/// I/O error.
 pub fn create_folder(path: &Path) -> Result<(), FormatError> {
     fs::create_dir_all(path).map_err(|error| FormatError::write(path, error))
 }
 
 /// True if `name` is a file name without folders.
-#[must_use]
 pub fn is_plain_name(name: &str) -> bool {
     let mut parts = Path::new(name).components();
     matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
 }
 
 /// A path for a printed command, quoted where a shell would split or change it.
-#[must_use]
 pub fn quoted(path: &Path) -> String {
     let text = path.display().to_string();
     let plain = |c: char| c.is_alphanumeric() || "_./:=+,@%-".contains(c);

@@ -68,7 +68,6 @@ impl Table {
     }
 
     /// Names of the columns.
-    #[must_use]
     pub fn header(&self) -> &[String] {
         &self.header
     }
@@ -108,7 +107,6 @@ pub struct Row<'a> {
 
 impl<'a> Row<'a> {
     /// `line 7`, counted from 1.
-    #[must_use]
     pub fn place(&self) -> String {
         format!("line {}", self.line)
     }
@@ -127,13 +125,11 @@ impl<'a> Row<'a> {
     }
 
     /// Cell; empty if the row is too short.
-    #[must_use]
     pub fn text(&self, column: usize) -> &'a str {
         self.record.get(column).unwrap_or("")
     }
 
     /// Error in a cell.
-    #[must_use]
     pub fn diagnostic(&self, column: usize, expected: &str) -> Diagnostic {
         let name = self.header.get(column).map_or("", String::as_str);
         let place = format!("{}, column {name}", self.place());
@@ -205,7 +201,6 @@ impl<W: Write> TableWriter<W> {
 }
 
 /// Whole table as a string; with an empty header the rows alone.
-#[must_use]
 pub fn to_text<T: Display>(
     header: &[&str],
     rows: impl IntoIterator<Item = impl IntoIterator<Item = T>>,

@@ -73,14 +73,12 @@ impl Trace {
     }
 
     /// Values at a time (s), linear between the rows, those of the first and last row outside.
-    #[must_use]
     pub fn at(&self, t_s: f64) -> Vec<f64> {
         let ([from, to], part) = around(&self.rows, |(row_s, _)| *row_s, t_s);
         from.1.iter().zip(&to.1).map(|(a, b)| if a == b { *a } else { a + part * (b - a) }).collect()
     }
 
     /// Position of an input.
-    #[must_use]
     pub fn position(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|known| known == name)
     }

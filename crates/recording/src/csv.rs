@@ -15,18 +15,14 @@ use crate::{Item, Message, ReadError, ReadItems};
 
 /// Error of an export.
 #[derive(Debug, Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum ExportError {
     /// The recording.
     #[error(transparent)]
     Read(#[from] ReadError),
     /// A table.
     #[error("cannot write {}: {source}", path.display())]
-    Write {
-        /// The table.
-        path: PathBuf,
-        /// The I/O error.
-        source: io::Error,
-    },
+    Write { path: PathBuf, source: io::Error },
 }
 
 /// Result of an export.

@@ -23,41 +23,28 @@ const READ_BYTES: usize = 1 << 16;
 
 /// Why a file cannot be read as a recording at all.
 #[derive(Debug, Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum ReadError {
     /// The system refused to read.
     #[error("cannot read the recording: {0}")]
     Io(#[from] io::Error),
     /// Not an MCAP file.
     #[error("expected an MCAP recording (it starts with 89 4d 43 41 50 30 0d 0a), found {found}")]
-    NotMcap {
-        /// The first bytes of the file.
-        found: String,
-    },
+    NotMcap { found: String },
     /// A recording of another version.
     #[error(
         "expected a recording of layout {LAYOUT_VERSION}, found {found}; record again with `softtwin record` of this version"
     )]
-    Layout {
-        /// The recording's layout.
-        found: String,
-    },
+    Layout { found: String },
     /// A compression that is not supported.
     #[error(
         "expected chunks compressed with lz4, zstd or not at all, found {found}; rewrite the file with `mcap compress \
          --compression lz4 IN -o OUT`"
     )]
-    Compression {
-        /// Its name in the file.
-        found: String,
-    },
+    Compression { found: String },
     /// In a file of a series.
     #[error("{}: {source}", path.display())]
-    InFile {
-        /// The file.
-        path: PathBuf,
-        /// The error.
-        source: Box<ReadError>,
-    },
+    InFile { path: PathBuf, source: Box<ReadError> },
 }
 
 /// How a recording ended; known when [`Reader::next_item`] has returned `None`.

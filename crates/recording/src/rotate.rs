@@ -95,9 +95,6 @@ impl RotatingWriter {
     }
 
     /// Adds one message, in a new file when the current one is full.
-    ///
-    /// # Errors
-    /// [`WriteError`].
     pub fn message(
         &mut self,
         channel: &Channel,
@@ -119,9 +116,6 @@ impl RotatingWriter {
     }
 
     /// Adds metadata to this file and to every later one, so that each file can be read alone.
-    ///
-    /// # Errors
-    /// [`WriteError`].
     pub fn metadata(&mut self, name: &str, entries: &BTreeMap<String, String>) -> Result<(), WriteError> {
         self.writer.as_mut().ok_or(WriteError::Ended)?.metadata(name, entries)?;
         self.metadata.insert(name.to_owned(), entries.clone());
@@ -142,9 +136,6 @@ impl RotatingWriter {
     }
 
     /// Ends the current file and begins the next one, where there are several and it holds a message; otherwise a flush.
-    ///
-    /// # Errors
-    /// [`WriteError`].
     pub fn begin_new_file(&mut self) -> Result<(), WriteError> {
         if !self.options.rotates() || self.started_ns.is_none() {
             return self.flush();
@@ -162,9 +153,6 @@ impl RotatingWriter {
     }
 
     /// Closes the last file.
-    ///
-    /// # Errors
-    /// [`WriteError`].
     pub fn finish(mut self) -> Result<RotateSummary, WriteError> {
         self.close()?;
         let files = self.files.lock();

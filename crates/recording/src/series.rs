@@ -59,9 +59,6 @@ impl Series {
     }
 
     /// All recordings of a folder by name.
-    ///
-    /// # Errors
-    /// I/O errors.
     pub fn all_in(folder: &Path) -> io::Result<Vec<Self>> {
         let mut found: BTreeMap<String, Vec<(u64, PathBuf)>> = BTreeMap::new();
         for path in fs::read_dir(folder)?.flatten().map(|entry| entry.path()) {
@@ -115,9 +112,6 @@ fn split<'a>(name: &'a str, suffix: &str) -> Option<(&'a str, u64)> {
 /// Where items of a recording come from.
 pub trait ReadItems {
     /// The next message or metadata; `None` at the end.
-    ///
-    /// # Errors
-    /// [`ReadError`].
     fn next_item(&mut self) -> Result<Option<Item>, ReadError>;
 }
 

@@ -7,15 +7,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// Bytes are appended to it; it can be cut back to a known length and forced to disk.
 pub trait Store: Write {
     /// Cuts the store to `len` bytes and continues writing there.
-    ///
-    /// # Errors
-    /// I/O errors.
     fn cut_to(&mut self, len: u64) -> io::Result<()>;
 
     /// Forces what was written onto the medium.
-    ///
-    /// # Errors
-    /// I/O errors.
     fn sync(&mut self) -> io::Result<()>;
 }
 

@@ -33,40 +33,23 @@ pub struct ChannelId(u16);
 
 /// Error that ends a file.
 #[derive(Debug, Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum WriteError {
     /// The disk refused. The file was cut back to its last whole chunk and stays readable.
     #[error(
         "recording stopped: {source}; the file is readable up to its last whole chunk ({kept_messages} messages kept, \
          {lost_messages} not written). Free space, or record with --keep, --keep-mb or --free-mb, then start again"
     )]
-    Store {
-        /// The system's error.
-        source: io::Error,
-        /// Messages safely in the file.
-        kept_messages: u64,
-        /// Messages of the chunk that could not be written.
-        lost_messages: u64,
-    },
+    Store { source: io::Error, kept_messages: u64, lost_messages: u64 },
     /// The first file exists already.
     #[error("{} is there already, and a recording never overwrites: name another file, or remove it", path.display())]
-    Exists {
-        /// The file.
-        path: PathBuf,
-    },
+    Exists { path: PathBuf },
     /// The first file cannot be created.
     #[error("cannot make {}: {cause}; its folder must exist, be writable and have room", path.display())]
-    Create {
-        /// The file.
-        path: PathBuf,
-        /// The system's error.
-        cause: io::Error,
-    },
+    Create { path: PathBuf, cause: io::Error },
     /// The file was removed.
     #[error("{} was deleted while it was being recorded; what it held is lost. Start again with another file", path.display())]
-    Deleted {
-        /// The file.
-        path: PathBuf,
-    },
+    Deleted { path: PathBuf },
     /// An earlier write failed; the file accepts no more messages.
     #[error("the recording already ended with a failed write; open a new file")]
     Ended,
@@ -164,9 +147,6 @@ impl<S: Store> Writer<S> {
     }
 
     /// Adds a named table of strings (model hash, versions) and writes it at once.
-    ///
-    /// # Errors
-    /// [`WriteError`].
     pub fn metadata(&mut self, name: &str, entries: &BTreeMap<String, String>) -> Result<(), WriteError> {
         self.close_chunk()?;
         self.mcap.write_metadata(&Metadata { name: name.to_owned(), metadata: entries.clone() })?;
@@ -174,9 +154,6 @@ impl<S: Store> Writer<S> {
     }
 
     /// Closes the open chunk and forces everything onto the medium: what was written before this survives a crash.
-    ///
-    /// # Errors
-    /// [`WriteError`].
     pub fn flush(&mut self) -> Result<(), WriteError> {
         self.close_chunk()?;
         self.store.sync().map_err(|source| self.fail(source))

@@ -51,45 +51,24 @@ pub struct MeshPoint {
 
 /// Why a point has no position.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum PointError {
     /// The node does not exist.
     #[error("node {found}: the mesh has {count} nodes, numbered from 0")]
-    NoNode {
-        /// The number given.
-        found: u32,
-        /// Nodes of the mesh.
-        count: usize,
-    },
+    NoNode { found: u32, count: usize },
     /// The point is not on the mesh.
     #[error(
         "[{:.2}, {:.2}, {:.2}] mm is {distance_mm:.2} mm from the nearest node, at [{:.2}, {:.2}, {:.2}] mm; expected a point of \
          the undeformed mesh",
         at_mm[0], at_mm[1], at_mm[2], nearest_mm[0], nearest_mm[1], nearest_mm[2]
     )]
-    OffMesh {
-        /// The point given (mm).
-        at_mm: [f64; 3],
-        /// The nearest node (mm).
-        nearest_mm: [f64; 3],
-        /// Its distance (mm).
-        distance_mm: f64,
-    },
+    OffMesh { at_mm: [f64; 3], nearest_mm: [f64; 3], distance_mm: f64 },
     /// The nodes around the point do not span it.
     #[error("the nodes around [{:.2}, {:.2}, {:.2}] mm give {found_mm:.4} mm away from it; name a node instead", at_mm[0], at_mm[1], at_mm[2])]
-    NotSpanned {
-        /// The point given (mm).
-        at_mm: [f64; 3],
-        /// Distance of the weighted mean (mm).
-        found_mm: f64,
-    },
+    NotSpanned { at_mm: [f64; 3], found_mm: f64 },
     /// The node set does not exist.
     #[error("the model has no node set {found:?}; it has {}", .known.join(", "))]
-    NoSet {
-        /// The name given.
-        found: String,
-        /// Names there are.
-        known: Vec<String>,
-    },
+    NoSet { found: String, known: Vec<String> },
     /// The model file has no undeformed mesh.
     #[error("the model has no undeformed coordinates; name a node instead of a point")]
     NoMesh,

@@ -58,23 +58,14 @@ pub struct Peaks {
 /// Slices that do not fit the basis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum ReconstructError {
     /// Fewer coefficients than the modes refer to.
     #[error("found {found} coefficients; this basis needs at least {expected}")]
-    Coefficients {
-        /// Length given.
-        found: usize,
-        /// Least length.
-        expected: usize,
-    },
+    Coefficients { found: usize, expected: usize },
     /// An output of another length.
     #[error("the output holds {found} values; this basis writes {expected}")]
-    Output {
-        /// Length given.
-        found: usize,
-        /// Length needed.
-        expected: usize,
-    },
+    Output { found: usize, expected: usize },
 }
 
 /// Modes, means and rest shape of the published fields over a node set, ready for the kernel.

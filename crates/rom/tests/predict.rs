@@ -201,7 +201,7 @@ fn nan_inputs_are_flagged_without_panic() {
 fn test_states_are_predicted() {
     let database = synthetic::plate();
     let cases: Vec<usize> = database.of_split(Split::Test).collect();
-    let report = train::evaluate::evaluate(model(), &database, &cases, 0.01).expect("evaluates");
+    let report = train::evaluate::evaluate(model(), &database, &cases).expect("evaluates");
     assert_eq!(report.cases.len(), 3);
     for case in &report.cases {
         for field in &case.fields {

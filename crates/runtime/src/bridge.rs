@@ -60,26 +60,17 @@ pub struct Bridge {
 
 /// Why a bridge cannot start, or cannot go on.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum BridgeError {
     /// The topics.
     #[error(transparent)]
     Wire(#[from] WireError),
     /// The system refuses a thread for a sensor.
     #[error("no thread for the sensor of `{actuator}`: {cause}")]
-    Sensor {
-        /// The actuator.
-        actuator: String,
-        /// The system's message.
-        cause: std::io::Error,
-    },
+    Sensor { actuator: String, cause: std::io::Error },
     /// A source failed while the bridge ran.
     #[error("the source of `{actuator}` failed: {cause}; start the bridge again and report this")]
-    Source {
-        /// The actuator.
-        actuator: String,
-        /// Cause.
-        cause: String,
-    },
+    Source { actuator: String, cause: String },
 }
 
 impl Bridge {

@@ -22,6 +22,7 @@ pub mod load;
 pub mod machine;
 pub mod measured;
 pub mod metrics;
+mod problems;
 pub mod process;
 pub mod publish;
 pub mod query;

@@ -15,9 +15,6 @@ pub struct Space {
 }
 
 /// Space in the file system of `path`.
-///
-/// # Errors
-/// I/O errors.
 pub fn space(path: &Path) -> io::Result<Space> {
     let found = file_system(path)?;
     let bytes = |blocks: u64| blocks.saturating_mul(found.f_frsize as u64);
@@ -25,9 +22,6 @@ pub fn space(path: &Path) -> io::Result<Space> {
 }
 
 /// Whether the files of `path` live in memory, where opening or removing one waits for no disk.
-///
-/// # Errors
-/// I/O errors.
 pub fn is_in_memory(path: &Path) -> io::Result<bool> {
     let kind = file_system(path)?.f_type;
     Ok(kind == libc::TMPFS_MAGIC || kind == RAMFS_MAGIC)

@@ -3,9 +3,6 @@
 use std::process::Child;
 
 /// Sends a signal to a child process, for example SIGTERM, which asks it to end; does nothing when it has ended already.
-///
-/// # Errors
-/// Operating-system error.
 pub fn signal(child: &mut Child, signal: i32) -> std::io::Result<()> {
     if child.try_wait()?.is_some() {
         return Ok(());

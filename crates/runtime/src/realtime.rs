@@ -109,9 +109,6 @@ pub fn pin(cores: &[usize]) -> std::io::Result<()> {
 }
 
 /// The cores that the calling thread may run on.
-///
-/// # Errors
-/// Operating-system error.
 pub fn cores() -> std::io::Result<Vec<usize>> {
     // SAFETY: the set lives across the call, which fills it; CPU_ISSET takes numbers below 1024 only.
     unsafe {

@@ -92,9 +92,6 @@ impl Daemon {
     }
 
     /// True if it has ended.
-    ///
-    /// # Errors
-    /// I/O errors.
     pub fn ended(&mut self) -> std::io::Result<bool> {
         if self.status.is_none() {
             self.status = self.child.try_wait()?;
@@ -120,17 +117,11 @@ impl Daemon {
     }
 
     /// Sends a signal, unless it has ended.
-    ///
-    /// # Errors
-    /// I/O errors.
     pub fn signal(&mut self, signal: i32) -> std::io::Result<()> {
         runtime::process::signal(&mut self.child, signal)
     }
 
     /// Ends it with SIGKILL and waits for its end.
-    ///
-    /// # Errors
-    /// I/O errors.
     pub fn kill(&mut self) -> std::io::Result<()> {
         self.child.kill()?;
         self.status = Some(self.child.wait()?);

@@ -27,23 +27,16 @@ pub struct UnseenState {
 
 /// Why half-widths could not be set.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum CalibrationError {
     /// No regime has enough states.
     #[error(
         "expected at least {MIN_STATES} states inside the training range of a regime, found {found} at most; measure on more states"
     )]
-    TooFew {
-        /// States of the regime that has most.
-        found: usize,
-    },
+    TooFew { found: usize },
     /// An error is negative or not finite.
     #[error("state {state}: expected errors of 0 or more, found {found}")]
-    NoError {
-        /// Position in the list.
-        state: usize,
-        /// The value.
-        found: f64,
-    },
+    NoError { state: usize, found: f64 },
 }
 
 /// Sets the half-widths of every regime with at least [`MIN_STATES`] states; the others stay unchanged. The data sheet

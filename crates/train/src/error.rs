@@ -6,6 +6,7 @@ use thiserror::Error;
 
 /// Why a model could not be trained.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum TrainError {
     /// The database has problems; all of them.
     #[error("the database cannot be trained on:\n  {}", .0.join("\n  "))]
@@ -15,24 +16,10 @@ pub enum TrainError {
     Config(Vec<String>),
     /// The decomposition of a group failed.
     #[error("POD of group {group}, regime {regime}: {source}")]
-    Pod {
-        /// Group.
-        group: String,
-        /// Regime.
-        regime: String,
-        /// Cause.
-        source: PodError,
-    },
+    Pod { group: String, regime: String, source: PodError },
     /// No candidate kernel could be fitted.
     #[error("no kernel could be fitted to {what}, regime {regime}; the last refusal: {source}")]
-    Fit {
-        /// Group or force.
-        what: String,
-        /// Regime.
-        regime: String,
-        /// Cause.
-        source: FitError,
-    },
+    Fit { what: String, regime: String, source: FitError },
     /// Both regimes have cases, but the onset pressure between them cannot be derived.
     #[error(
         "the onset pressure cannot be derived: {0}; add coordinate fields, or train one regime by leaving the other's cases out"

@@ -16,10 +16,11 @@ use serde::Serialize;
 use thiserror::Error;
 
 /// Floor of Eq. (16), as a fraction of a field's largest value.
-pub const DEFAULT_FLOOR: f64 = 0.01;
+pub const FLOOR: f64 = 0.01;
 
 /// Why a model could not be evaluated on a database.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum EvaluateError {
     /// The model cannot predict.
     #[error(transparent)]
@@ -28,12 +29,7 @@ pub enum EvaluateError {
     #[error(
         "the model has {expected}, the database {found}; evaluate on a database of the same actuator and mesh"
     )]
-    Mismatch {
-        /// Model's fields and nodes.
-        expected: String,
-        /// Database's.
-        found: String,
-    },
+    Mismatch { expected: String, found: String },
 }
 
 /// Errors of one field in one case.
@@ -164,12 +160,7 @@ pub struct FieldSummary {
 ///
 /// # Errors
 /// [`EvaluateError`] when model and database do not belong together.
-pub fn evaluate(
-    model: &Model,
-    database: &Database,
-    cases: &[usize],
-    floor: f64,
-) -> Result<Report, EvaluateError> {
+pub fn evaluate(model: &Model, database: &Database, cases: &[usize]) -> Result<Report, EvaluateError> {
     let names = |fields: Vec<&str>, nodes: usize| format!("fields {} over {nodes} nodes", fields.join(", "));
     let expected =
         names(model.header.fields.iter().map(|f| f.spec.name.as_str()).collect(), model.header.node_count);
@@ -185,22 +176,15 @@ pub fn evaluate(
         return Err(EvaluateError::Mismatch { expected: names(further), found: names(own) });
     }
     let mut state = ModelState::new(model, &Selection::default())?;
-    let cases: Vec<CaseReport> =
-        cases.iter().map(|&i| one_case(model, database, &mut state, i, floor)).collect();
+    let cases: Vec<CaseReport> = cases.iter().map(|&i| one_case(model, database, &mut state, i)).collect();
     let regimes = [RegimeKind::Free, RegimeKind::Contact]
         .into_iter()
         .filter_map(|kind| summary(database, kind, cases.iter().filter(|c| c.sampled == kind).collect()))
         .collect();
-    Ok(Report { floor, cases, regimes })
+    Ok(Report { floor: FLOOR, cases, regimes })
 }
 
-fn one_case(
-    model: &Model,
-    database: &Database,
-    state: &mut ModelState,
-    index: usize,
-    floor: f64,
-) -> CaseReport {
+fn one_case(model: &Model, database: &Database, state: &mut ModelState, index: usize) -> CaseReport {
     let case = &database.cases[index];
     let nodes = database.node_count;
     let reconstructed = state.update(case.inputs());
@@ -217,7 +201,7 @@ fn one_case(
             // As the reconstruction does: otherwise its clamp would pass for an error of interpolation.
             best.iter_mut().flatten().for_each(|value| *value = value.max(0.0));
         }
-        let errors = field_errors(&spec.name, &truth, prediction, best.as_deref(), floor);
+        let errors = field_errors(&spec.name, &truth, prediction, best.as_deref());
         match spec.kind {
             FieldKind::Coordinate(_) => {
                 let pairs = truth.iter().zip(prediction);
@@ -275,18 +259,12 @@ fn best_approximation(model: &Model, regime: &RegimeModel, field: usize, truth: 
     Some(best)
 }
 
-fn field_errors(
-    name: &str,
-    truth: &[f64],
-    prediction: &[f32],
-    best: Option<&[f64]>,
-    floor: f64,
-) -> FieldErrors {
+fn field_errors(name: &str, truth: &[f64], prediction: &[f32], best: Option<&[f64]>) -> FieldErrors {
     let largest = truth.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let errors: Vec<f64> = truth.iter().zip(prediction).map(|(t, p)| (f64::from(*p) - t).abs()).collect();
     let (worst_node, max) =
         errors.iter().enumerate().fold((0, 0.0), |w, (i, e)| if *e > w.1 { (i, *e) } else { w });
-    let least = (floor * largest).max(f64::MIN_POSITIVE);
+    let least = (FLOOR * largest).max(f64::MIN_POSITIVE);
     let mut relative: Vec<f64> = errors.iter().zip(truth).map(|(e, t)| e / t.abs().max(least)).collect();
     let [relative_mean, relative_p95, relative_max] = spread(&mut relative);
     let farthest = |a: &dyn Fn(usize) -> f64| (0..truth.len()).map(|i| a(i).abs()).fold(0.0, f64::max);

@@ -24,62 +24,32 @@ const MAX_RESIDUAL: f64 = 1e-9;
 
 /// Why an interpolant could not be fitted.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum FitError {
     /// No sample at all.
     #[error("no samples to interpolate; at least 1 is needed")]
     Empty,
     /// Two samples at the same inputs: the system is singular.
     #[error("samples {first} and {second} have the same inputs; merge them or smooth")]
-    Coincident {
-        /// Index of the first.
-        first: usize,
-        /// Index of the second.
-        second: usize,
-    },
+    Coincident { first: usize, second: usize },
     /// The samples do not determine the tail (too few, or collinear).
     #[error("{samples} samples do not determine a {tail} over {dimensions} inputs (too few, or collinear)")]
-    TailUndetermined {
-        /// Samples.
-        samples: usize,
-        /// Tail asked for.
-        tail: &'static str,
-        /// Inputs.
-        dimensions: usize,
-    },
+    TailUndetermined { samples: usize, tail: &'static str, dimensions: usize },
     /// Without one sample the others do not determine the tail: its leave-one-out error is unknown.
     #[error(
         "sample {sample} of {samples} alone determines a term of the {tail} over {dimensions} inputs, so that its leave-one-out \
          error is unknown; add samples or take a lower tail"
     )]
-    TailRestsOn {
-        /// Index of the sample.
-        sample: usize,
-        /// Samples.
-        samples: usize,
-        /// Tail asked for.
-        tail: &'static str,
-        /// Inputs.
-        dimensions: usize,
-    },
+    TailRestsOn { sample: usize, samples: usize, tail: &'static str, dimensions: usize },
     /// Derivatives were to be fitted with a kernel that has no second ones.
     #[error("{kernel} takes no derivatives: its second ones do not exist everywhere")]
-    NoDerivatives {
-        /// Kernel.
-        kernel: &'static str,
-    },
+    NoDerivatives { kernel: &'static str },
     /// The factorisation did not solve the system.
     #[error(
         "{kernel}: relative residual {residual:.1e}, expected at most {MAX_RESIDUAL:.0e} (condition {condition:.1e}); \
              choose another kernel or smooth"
     )]
-    Residual {
-        /// Kernel.
-        kernel: &'static str,
-        /// Residual found.
-        residual: f64,
-        /// Condition number.
-        condition: f64,
-    },
+    Residual { kernel: &'static str, residual: f64, condition: f64 },
 }
 
 /// Samples to interpolate: scaled inputs and `inputs.len() x outputs` values.

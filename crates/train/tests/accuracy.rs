@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 use train::config::TrainConfig;
 use train::datasheet::{Candidate, DataSheet};
-use train::evaluate::{CaseReport, DEFAULT_FLOOR, Report, evaluate, spread};
+use train::evaluate::{CaseReport, Report, evaluate, spread};
 use train::train;
 
 /// Below this pressure the actuator's own weight bends it more than the pressure does.
@@ -52,7 +52,7 @@ fn plate() -> &'static Plate {
 
 fn test_report(model: &Model, database: &Database) -> Report {
     let cases: Vec<usize> = database.of_split(Split::Test).collect();
-    evaluate(model, database, &cases, DEFAULT_FLOOR).expect("evaluates")
+    evaluate(model, database, &cases).expect("evaluates")
 }
 
 fn mse(report: &Report, kind: RegimeKind) -> f64 {
@@ -209,7 +209,7 @@ fn fields_and_force_are_continuous_at_the_onset() {
 fn training_cases_are_reproduced_to_the_truncation_error() {
     let plate = plate();
     let cases: Vec<usize> = plate.database.of_split(Split::Train).collect();
-    let report = evaluate(&plate.model, &plate.database, &cases, DEFAULT_FLOOR).expect("evaluates");
+    let report = evaluate(&plate.model, &plate.database, &cases).expect("evaluates");
     // Kept modes are interpolated through the sample; those that a reconstruction leaves out by default and steps of i16 remain.
     let mut missed = [0.0_f64; 3];
     for case in &report.cases {
@@ -311,7 +311,7 @@ fn coverage_is_nominal_on_held_out_cases() {
         let mut database = whole.clone();
         held.iter().for_each(|&i| database.cases[i].split = Split::Check);
         let (model, _) = train(&database, &config, &mut |_| {}).expect("trains");
-        for case in evaluate(&model, &database, &held, DEFAULT_FLOOR).expect("evaluates").cases {
+        for case in evaluate(&model, &database, &held).expect("evaluates").cases {
             held_out += 1;
             let within = [Some(case.covered.displacement), case.covered.stress, case.covered.force];
             covered.iter_mut().zip(within).for_each(|(n, c)| *n += usize::from(c == Some(true)));
@@ -328,7 +328,7 @@ fn coverage_is_nominal_on_held_out_cases() {
 fn states_outside_the_training_range_are_flagged() {
     let plate = plate();
     let cases: Vec<usize> = plate.database.of_split(Split::Check).collect();
-    let report = evaluate(&plate.model, &plate.database, &cases, DEFAULT_FLOOR).expect("evaluates");
+    let report = evaluate(&plate.model, &plate.database, &cases).expect("evaluates");
     for case in &report.cases {
         println!(
             "check case {}: {:?} by {:.3}, force {:.4} N",

@@ -84,9 +84,6 @@ impl Domain {
 
     /// Removes the counter segment that outlives the last program, for a shared-memory domain of one run (a test, a
     /// demonstration) after the end of all its programs. Returns the number of removed files.
-    ///
-    /// # Errors
-    /// I/O errors.
     pub fn remove_leftovers(&self) -> std::io::Result<usize> {
         let places = self.places().map_err(std::io::Error::other)?;
         let counters = places.counter_segments();

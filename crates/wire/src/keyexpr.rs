@@ -5,105 +5,65 @@
 //! reaches them. `#`, `?` and a bare `$` are not allowed.
 
 use std::fmt;
-use std::str::FromStr;
 
 /// Longest accepted key expression in bytes; the transport's service names end there too.
 pub const MAX_LEN: usize = 255;
 
 /// Error in a key expression.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum KeyExprError {
     /// Nothing between the quotes.
     #[error("a key expression is empty; expected for example `softtwin/*/state`")]
     Empty,
     /// Longer than `MAX_LEN`.
     #[error("a key expression has {found} bytes; expected at most {MAX_LEN}")]
-    TooLong {
-        /// Bytes found.
-        found: usize,
-    },
+    TooLong { found: usize },
     /// A leading, trailing or doubled slash.
     #[error("`{text}` has an empty chunk at byte {at}; remove the leading, trailing or doubled `/`")]
-    EmptyChunk {
-        /// The text as given.
-        text: String,
-        /// Byte offset of the empty chunk.
-        at: usize,
-    },
+    EmptyChunk { text: String, at: usize },
     /// `#`, `?`, or `$` not followed by `*`.
     #[error(
         "`{text}` has `{found}` at byte {at}; `#`, `?` and a bare `$` are reserved (use `*`, `**` or `$*`)"
     )]
-    Reserved {
-        /// The text as given.
-        text: String,
-        /// Byte offset of the character.
-        at: usize,
-        /// The character.
-        found: char,
-    },
+    Reserved { text: String, at: usize, found: char },
     /// A `*` that is neither a whole chunk nor part of `$*`.
     #[error("`{text}` has a `*` inside the chunk `{chunk}`; inside a chunk the wildcard is written `$*`")]
-    StarInChunk {
-        /// The text as given.
-        text: String,
-        /// The chunk.
-        chunk: String,
-    },
+    StarInChunk { text: String, chunk: String },
 }
 
-/// A key expression in canonical form.
-///
-/// Canonical means that two expressions that differ only in spelling are equal: `**/**` is `**`, `**/*` is `*/**`,
-/// `$*$*` is `$*`, and a chunk that is only `$*` is `*`.
-#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+/// A valid key expression.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct KeyExpr(String);
 
 impl KeyExpr {
-    /// Parses and brings to canonical form. Cost: linear in the length.
+    /// Parses. Cost: linear in the length.
     ///
     /// # Errors
     /// [`KeyExprError`] says what is wrong and at which byte.
     pub fn new(text: &str) -> Result<Self, KeyExprError> {
         validate(text)?;
-        Ok(Self(canonical(text)))
+        Ok(Self(text.to_owned()))
     }
 
-    /// The canonical text.
+    /// The expression as given.
     pub fn as_str(&self) -> &str {
         &self.0
     }
 
-    /// Whether any wildcard is left in it: a plain key names exactly one topic.
-    pub fn is_wild(&self) -> bool {
-        self.0.contains('*')
-    }
-
-    /// Whether some key is matched by both expressions. Against a plain key this is "does it match".
+    /// Whether the topic name `key` is matched.
     ///
-    /// Cost: at most (chunks of self) x (chunks of other) chunk comparisons, no recursion on the input.
-    pub fn intersects(&self, other: &KeyExpr) -> bool {
-        let left: Vec<&str> = self.0.split('/').collect();
-        let right: Vec<&str> = other.0.split('/').collect();
-        chunks_intersect(&left, &right)
-    }
-
-    /// Whether the plain topic name `key` is matched.
+    /// Cost: at most (chunks of self) x (chunks of key) chunk comparisons, no recursion on the input.
     pub fn matches(&self, key: &str) -> bool {
-        KeyExpr::new(key).is_ok_and(|key| self.intersects(&key))
+        let (chunks, names): (Vec<&str>, Vec<&str>) = (self.0.split('/').collect(), key.split('/').collect());
+        let (is_any, is_verbatim) = (|chunk: &&str| *chunk == "**", |name: &&str| name.starts_with('@'));
+        validate(key).is_ok() && gives(&chunks, &names, is_any, |a, b| chunk_matches(a, b), is_verbatim)
     }
 }
 
 impl fmt::Display for KeyExpr {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0)
-    }
-}
-
-impl FromStr for KeyExpr {
-    type Err = KeyExprError;
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        Self::new(text)
     }
 }
 
@@ -143,84 +103,37 @@ fn validate_chunk(text: &str, chunk: &str, at: usize) -> Result<(), KeyExprError
     Ok(())
 }
 
-/// Assumes a valid text.
-fn canonical(text: &str) -> String {
-    let mut out: Vec<String> = Vec::new();
-    // A `**` is written after all `*` that follow it, which gives `*/**`.
-    let mut pending_double = false;
-    for chunk in text.split('/') {
-        let mut chunk = chunk.to_owned();
-        while chunk.contains("$*$*") {
-            chunk = chunk.replace("$*$*", "$*");
-        }
-        match chunk.as_str() {
-            "**" => pending_double = true,
-            "*" | "$*" => out.push("*".into()),
-            _ => {
-                if std::mem::take(&mut pending_double) {
-                    out.push("**".into());
-                }
-                out.push(chunk);
-            }
-        }
+/// Whether a chunk other than `**` matches that of a name. No wildcard reaches a verbatim chunk, which begins with `@`.
+fn chunk_matches(chunk: &str, name: &str) -> bool {
+    if chunk.starts_with('@') || name.starts_with('@') {
+        return chunk == name;
     }
-    if pending_double {
-        out.push("**".into());
-    }
-    out.join("/")
+    let bytes = chunk.replace("$*", "*").into_bytes();
+    gives(&bytes, name.as_bytes(), |byte| *byte == b'*', |a, b| a == b, |_| false)
 }
 
-/// Row-by-row table over prefixes: `row[j]` = the first i chunks of `left` and the first j of `right` can match.
-fn chunks_intersect(left: &[&str], right: &[&str]) -> bool {
-    match_table(left, right, |l| *l == "**", |l, r| chunk_intersects(l, r), |c| c.starts_with('@'))
-}
-
-/// Whether two single chunks (neither `**`) share a string.
-fn chunk_intersects(left: &str, right: &str) -> bool {
-    if left == right {
-        return true;
-    }
-    // Verbatim chunks are reached by no wildcard.
-    if left.starts_with('@') || right.starts_with('@') {
-        return false;
-    }
-    if left == "*" || right == "*" {
-        return true;
-    }
-    let tokens = |chunk: &str| -> Vec<u8> { chunk.replace("$*", "*").into_bytes() };
-    match_table(&tokens(left), &tokens(right), |b| *b == b'*', |l, r| l == r, |_| false)
-}
-
-/// The language intersection of two sequences in which `is_any` elements stand for any run of elements that are not
-/// `barred`. The same table serves chunks (`**`) and bytes (`$*`).
-fn match_table<T>(
-    left: &[T],
-    right: &[T],
+/// Whether a pattern, whose `is_any` parts stand for any run of elements that are not `is_barred`, gives `text`. The same table
+/// serves chunks (`**`) and bytes (`*`).
+fn gives<T>(
+    pattern: &[T],
+    text: &[T],
     is_any: impl Fn(&T) -> bool,
     equal: impl Fn(&T, &T) -> bool,
-    barred: impl Fn(&T) -> bool,
+    is_barred: impl Fn(&T) -> bool,
 ) -> bool {
-    // `previous` is the row before the current element of `left`; the first row is the empty prefix of `left`.
-    let mut previous = vec![true];
-    for r in right {
-        let reach = previous.last().copied().unwrap_or(false) && is_any(r);
-        previous.push(reach);
-    }
-    for l in left {
-        let mut row = vec![previous.first().copied().unwrap_or(false) && is_any(l)];
-        for (j, r) in right.iter().enumerate() {
-            let above = previous.get(j + 1).copied().unwrap_or(false); // l matched against nothing of right[..=j]
-            let beside = row.get(j).copied().unwrap_or(false); // r matched against nothing
-            let diagonal = previous.get(j).copied().unwrap_or(false);
-            let hit = match (is_any(l), is_any(r)) {
-                (true, true) => above || beside,
-                (true, false) => above || (beside && !barred(r)),
-                (false, true) => beside || (above && !barred(l)),
-                (false, false) => diagonal && equal(l, r),
+    // Whether the parts so far give the first 0, 1, ... elements.
+    let mut given: Vec<bool> = (0..=text.len()).map(|count| count == 0).collect();
+    for part in pattern {
+        let (mut shorter_before, mut shorter) = (false, false);
+        for (count, given) in given.iter_mut().enumerate() {
+            let before = *given;
+            *given = match (count.checked_sub(1).and_then(|last| text.get(last)), is_any(part)) {
+                (None, is_any) => before && is_any,
+                (Some(element), true) => before || shorter && !is_barred(element),
+                (Some(element), false) => shorter_before && equal(part, element),
             };
-            row.push(hit);
+            (shorter_before, shorter) = (before, *given);
         }
-        previous = row;
     }
-    previous.last().copied().unwrap_or(false)
+    given.last() == Some(&true)
 }

@@ -17,6 +17,7 @@ pub struct Selector {
 
 /// Error in a selector.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum SelectorError {
     /// The part before `?`.
     #[error("{0}")]
@@ -25,39 +26,23 @@ pub enum SelectorError {
     #[error(
         "`{found}` asks nothing: expected softtwin/<actuator>/whatif, .../pressure or .../gap, with parameters after `?`"
     )]
-    NoQuestion {
-        /// The key as given.
-        found: String,
-    },
+    NoQuestion { found: String },
     /// A parameter without a name, or too many parameters.
     #[error(
         "`{found}`: expected name=value with one of the names pressure_mpa, gap_mm, force_n, force_halfwidth_n, field, or the \
          name of a parameter of the model (at most {PARAMETERS_MAX} of them)"
     )]
-    Parameter {
-        /// The parameter as given.
-        found: String,
-    },
+    Parameter { found: String },
     /// A value that is no finite number.
     #[error("{name}={found}: expected a finite number")]
-    Value {
-        /// The parameter.
-        name: String,
-        /// Its value as given.
-        found: String,
-    },
+    Value { name: String, found: String },
     /// A parameter given twice.
     #[error("{name} is given twice")]
-    Twice {
-        /// The parameter.
-        name: String,
-    },
+    Twice { name: String },
     /// A parameter that the kind of question needs.
     #[error("a question for `{kind}` needs {missing}{}", taken_for_parameters(.parameters))]
     Missing {
-        /// The kind.
         kind: &'static str,
-        /// The parameters that are missing.
         missing: String,
         /// The names given that are taken for parameters of the model: one may be a misspelling of a missing one.
         parameters: Vec<String>,
@@ -66,10 +51,7 @@ pub enum SelectorError {
     #[error(
         "field={found}: expected the name of a node set, 1 to {MAX_NAME_LEN} letters, digits, `_` or `-`"
     )]
-    NodeSet {
-        /// The name as given.
-        found: String,
-    },
+    NodeSet { found: String },
 }
 
 impl Selector {

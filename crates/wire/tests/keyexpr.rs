@@ -44,8 +44,9 @@ fn spelling_does_not_matter() {
         ("a/$*$*", "a/*"),
         ("**/$*/a", "*/**/a"),
     ] {
-        assert_eq!(key(given).as_str(), canonical, "{given}");
-        assert_eq!(key(canonical), key(given));
+        for name in ["a", "a/b", "a/bc", "a/bac", "b/a", "b/c/a", "a/b/c", "a/b/c/b", "a/@b", "a/@b/b"] {
+            assert_eq!(key(given).matches(name), key(canonical).matches(name), "{given} against {name}");
+        }
     }
 }
 
@@ -100,20 +101,6 @@ fn chunk_oracle(chunk: &str, text: &str) -> bool {
 
 const CHUNKS: [&str; 7] = ["a", "b", "aa", "ab", "ba", "bb", "@a"];
 
-fn all_keys() -> Vec<Vec<&'static str>> {
-    let mut keys: Vec<Vec<&str>> = vec![vec![]];
-    let mut last = keys.clone();
-    for _ in 0..4 {
-        last = last
-            .iter()
-            .flat_map(|key| CHUNKS.iter().map(move |chunk| [key.as_slice(), &[*chunk]].concat()))
-            .collect();
-        keys.extend(last.clone());
-    }
-    keys.retain(|key| !key.is_empty());
-    keys
-}
-
 fn expression() -> impl Strategy<Value = String> {
     let chunk =
         prop::sample::select(vec!["a", "b", "ab", "@a", "*", "**", "$*a", "a$*", "b$*", "$*b", "$*", "a$*b"]);
@@ -134,45 +121,30 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
-    fn intersection_is_that_of_the_brute_force_oracle(left in expression(), right in expression()) {
-        let (l, r): (Vec<&str>, Vec<&str>) = (left.split('/').collect(), right.split('/').collect());
-        let witness = all_keys().into_iter().find(|key| oracle(&l, key) && oracle(&r, key));
-        let found = key(&left).intersects(&key(&right));
-        prop_assert_eq!(found, witness.is_some(), "{} and {}: witness {:?}", left, right, witness);
-        prop_assert_eq!(found, key(&right).intersects(&key(&left)), "not symmetric");
-    }
-
-    #[test]
-    fn canonical_form_matches_the_same_keys(text in expression(), choice in prop::collection::vec(0..7usize, 1..=4)) {
+    fn matches_what_the_brute_force_oracle_matches(text in expression(), choice in prop::collection::vec(0..7usize, 1..=4)) {
         let name: Vec<&str> = choice.iter().map(|index| CHUNKS[*index]).collect();
         let chunks: Vec<&str> = text.split('/').collect();
         prop_assert_eq!(key(&text).matches(&name.join("/")), oracle(&chunks, &name));
-        prop_assert_eq!(key(key(&text).as_str()), key(&text), "canonical form is not a fixed point");
     }
 
-    /// Zenoh's implementation accepts the same strings, with the same canonical forms and intersections.
+    /// Zenoh's implementation accepts the same strings and matches the same names.
     #[test]
-    fn zenoh_agrees(left in near_expression(), right in near_expression()) {
-        let ours = KeyExpr::new(&left);
-        // Zenoh 1.10.2 panics when it brings `a$*$*b` to canonical form; our own form of it must be one for Zenoh, too.
-        if !left.contains("$*$*") {
-            let zenohs = OwnedKeyExpr::autocanonize(left.clone());
-            prop_assert_eq!(ours.is_ok(), zenohs.is_ok(), "{}: {:?} and {:?}", left, ours, zenohs);
-            prop_assert_eq!(ours.as_ref().ok().map(KeyExpr::as_str), zenohs.as_ref().ok().map(|key| key.as_str()));
-        }
-        if let (Ok(l), Ok(r)) = (ours, KeyExpr::new(&right)) {
-            let zenohs = |key: &KeyExpr| OwnedKeyExpr::new(key.as_str()).expect("canonical");
-            prop_assert_eq!(l.intersects(&r), zenohs(&l).intersects(&zenohs(&r)), "{} and {}", l, r);
-            if !r.is_wild() {
-                prop_assert_eq!(l.matches(r.as_str()), zenohs(&l).includes(&zenohs(&r)), "{} over {}", l, r);
-            }
+    fn zenoh_agrees(text in near_expression(), choice in prop::collection::vec(0..7usize, 1..=4)) {
+        // Zenoh 1.10.2 panics when it brings `a$*$*b` to canonical form.
+        prop_assume!(!text.contains("$*$*"));
+        let name = choice.iter().map(|index| CHUNKS[*index]).collect::<Vec<_>>().join("/");
+        let (ours, zenohs) = (KeyExpr::new(&text), OwnedKeyExpr::autocanonize(text.clone()));
+        prop_assert_eq!(ours.is_ok(), zenohs.is_ok(), "{}: {:?} and {:?}", text, ours, zenohs);
+        if let (Ok(ours), Ok(zenohs)) = (ours, zenohs) {
+            let plain = OwnedKeyExpr::new(name.as_str()).expect("plain");
+            prop_assert_eq!(ours.matches(&name), zenohs.includes(&plain), "{} over {}", text, name);
         }
     }
 
     #[test]
     fn any_text_is_answered_without_panic(text in ".{0,300}") {
         if let Ok(expression) = KeyExpr::new(&text) {
-            prop_assert!(expression.intersects(&expression));
+            prop_assert!(expression.matches(&text) || text.contains('*'), "{}", text);
         }
     }
 }

@@ -6,6 +6,7 @@ mod unscented;
 
 use crate::stats::median;
 use estimate::{MAX_INPUTS, Measurement, Model as _, Predicted, Setup, Status};
+use rom::halfwidths::HALFWIDTH_SIGMAS;
 use runtime::config::Scene;
 use runtime::estimation::SensorModel;
 use serde_json::{Value, json};
@@ -66,8 +67,6 @@ pub struct Args {
 /// Names of the sets of sensors, and whether load cell and markers are in them.
 const SENSORS: [(&str, [bool; 2]); 3] =
     [("force_and_markers", [true, true]), ("markers", [false, true]), ("force", [true, false])];
-/// Half a 90 % band in standard deviations.
-const BAND: f64 = 1.645;
 /// A gap off by less counts as converged, mm.
 const CONVERGED_MM: f64 = 0.5;
 
@@ -226,7 +225,7 @@ fn summary(names: &[&str], outcomes: &[Outcome]) -> Value {
     json!({
         "median_error": medians(names, &errors),
         "median_force_error_n": median(outcomes.iter().map(|outcome| outcome.force_n.abs())),
-        "coverage_of_90_percent_bands": share(&|(off, sigma, _)| off.abs() <= BAND * sigma),
+        "coverage_of_90_percent_bands": share(&|(off, sigma, _)| off.abs() <= HALFWIDTH_SIGMAS * sigma),
         "beyond_3_sigma": share(&|(off, sigma, _)| off.abs() > 3.0 * sigma),
         "identifiable_and_beyond_3_sigma": share(&|(off, sigma, known)| *known && off.abs() > 3.0 * sigma),
         "identifiable_truths": identifiable,

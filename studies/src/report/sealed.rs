@@ -66,7 +66,7 @@ mod tests {
     use super::*;
     use crate::synthetic::{database, training_states};
     use rom::snapshots::Split;
-    use train::evaluate::{DEFAULT_FLOOR, evaluate};
+    use train::evaluate::evaluate;
 
     #[test]
     fn table_returns_the_measured_errors_and_another_models_is_refused() {
@@ -78,7 +78,7 @@ mod tests {
         let trained = |states: &_| train::train(states, &train::config::TrainConfig::default(), &mut |_| ());
         let (model, _) = trained(&database).expect("a model");
         let cases: Vec<usize> = database.of_split(Split::Check).collect();
-        let report = evaluate(&model, &database, &cases, DEFAULT_FLOOR).expect("fits");
+        let report = evaluate(&model, &database, &cases).expect("fits");
         let folder = tempfile::tempdir().expect("a folder");
         let table = folder.path().join("sealed.csv");
         unseen_errors::write(&table, &model, &report.cases).expect("writable");

@@ -7,7 +7,7 @@ use rom::snapshots::{Database, RegimeKind, Split};
 use std::path::{Path, PathBuf};
 use train::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail, TrainConfig};
 use train::datasheet::DataSheet;
-use train::evaluate::{DEFAULT_FLOOR, Report, evaluate};
+use train::evaluate::{Report, evaluate};
 
 /// Both regimes, in the order of the paper.
 pub const REGIMES: [RegimeKind; 2] = [RegimeKind::Free, RegimeKind::Contact];
@@ -47,7 +47,7 @@ impl Study {
     }
 
     pub fn evaluate(&self, model: &Model, cases: &[usize]) -> anyhow::Result<Report> {
-        Ok(evaluate(model, &self.database, cases, DEFAULT_FLOOR)?)
+        Ok(evaluate(model, &self.database, cases)?)
     }
 
     /// Held-out cases inside our model's training range.
@@ -91,7 +91,7 @@ pub fn train(database: &Database, config: &TrainConfig) -> anyhow::Result<Model>
 pub fn test_mse(model: &Model, database: &Database, regime: RegimeKind) -> anyhow::Result<f64> {
     let wanted = |i: &usize| database.cases[*i].regime == regime;
     let cases: Vec<usize> = database.of_split(Split::Test).filter(wanted).collect();
-    let report = evaluate(model, database, &cases, DEFAULT_FLOOR)?;
+    let report = evaluate(model, database, &cases)?;
     Ok(report.cases.iter().map(|c| c.mse).sum::<f64>() / cases.len() as f64)
 }
 

@@ -125,7 +125,6 @@ pub struct Chambers {
 
 impl Chambers {
     /// x of the begin and the end of a cavity (mm).
-    #[must_use]
     pub fn along_mm(&self, i: usize) -> [f64; 2] {
         if self.lengths_mm.is_empty() {
             let start = self.first_mm + i as f64 * self.pitch_mm;
@@ -137,26 +136,22 @@ impl Chambers {
     }
 
     /// y of the top of a cavity (mm).
-    #[must_use]
     pub fn cavity_top_mm(&self, i: usize) -> f64 {
         self.tops_mm.get(i).copied().unwrap_or(self.top_mm)
     }
 
     /// Lowest and highest top of a cavity (mm).
-    #[must_use]
     pub fn tops_range_mm(&self) -> [f64; 2] {
         let tops = (0..self.count).map(|i| self.cavity_top_mm(i));
         tops.fold([f64::INFINITY, 0.0], |[low, high], top| [top.min(low), top.max(high)])
     }
 
     /// x of the end of the last cavity (mm).
-    #[must_use]
     pub fn end_mm(&self) -> f64 {
         self.along_mm(self.count.saturating_sub(1))[1]
     }
 
     /// Distance between neighbouring cavities (mm).
-    #[must_use]
     pub fn wall_mm(&self) -> f64 {
         self.pitch_mm - self.length_mm
     }
@@ -341,7 +336,6 @@ pub struct Shape<'a> {
 
 impl Actuator {
     /// The boxes; `None` if the mesh file has the shape.
-    #[must_use]
     pub fn shape(&self) -> Option<Shape<'_>> {
         Some(Shape {
             base: self.base.as_ref()?,
@@ -355,7 +349,6 @@ impl Actuator {
     }
 
     /// Configuration of the solver.
-    #[must_use]
     pub fn problem_config(&self) -> ProblemConfig {
         let obstacle = self.obstacle.as_ref();
         let footprint = obstacle.map_or(Footprint::PLATE, |o| Footprint { x_mm: o.x_mm, z_mm: o.z_mm });
@@ -378,7 +371,6 @@ impl Actuator {
     }
 
     /// Loads of a state; without a gap there is no obstacle.
-    #[must_use]
     pub fn load(&self, pressure_mpa: f64, gap_mm: Option<f64>) -> Load {
         let obstacle = match (gap_mm, self.obstacle_kind()) {
             (None, _) => Obstacle::None,
@@ -389,13 +381,11 @@ impl Actuator {
     }
 
     /// Kind of obstacle in the names of the database's regimes.
-    #[must_use]
     pub fn obstacle_kind(&self) -> ObstacleKind {
         self.obstacle.as_ref().map_or(ObstacleKind::Plate, |obstacle| obstacle.kind.class())
     }
 
     /// Smallest wall of a chamber (mm); `None` without boxes.
-    #[must_use]
     pub fn thinnest_wall_mm(&self) -> Option<f64> {
         self.shape().map(|shape| shape.thinnest_wall_mm())
     }
@@ -403,19 +393,16 @@ impl Actuator {
 
 impl Shape<'_> {
     /// y of the base's top above its underside (mm).
-    #[must_use]
     pub fn base_top_mm(&self) -> f64 {
         self.base.lower_mm + self.base.upper_mm
     }
 
     /// y of the base's underside in the mesh (mm): the lowest point of the actuator is at 0, that of a second row too.
-    #[must_use]
     pub fn base_mm(&self) -> f64 {
         self.chambers.opposite.as_ref().map_or(0.0, |_| self.body.top_mm - self.base_top_mm())
     }
 
     /// Largest distance from the held face along x (mm).
-    #[must_use]
     pub fn free_mm(&self) -> f64 {
         match self.fixed {
             Fixed::BodyStart => self.base.length_mm - self.body.start_mm,
@@ -427,7 +414,6 @@ impl Shape<'_> {
     }
 
     /// Thickness of the thinnest wall of a chamber: towards a slot or the next one, outwards, at the top (mm).
-    #[must_use]
     pub fn thinnest_wall_mm(&self) -> f64 {
         let (body, chambers) = (self.body, self.chambers);
         let (end, between) = (chambers.end_mm(), chambers.wall_mm());
@@ -447,7 +433,6 @@ impl Shape<'_> {
     }
 
     /// y of the cavities' floor above the base's underside (mm).
-    #[must_use]
     pub fn cavity_floor_mm(&self) -> f64 {
         self.base_top_mm() - self.body.pocket_mm
     }

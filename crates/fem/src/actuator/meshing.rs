@@ -17,7 +17,6 @@ const FIXED: &str = "fixed";
 
 impl Actuator {
     /// Path of the mesh file of an actuator file.
-    #[must_use]
     pub fn mesh_path(&self, actuator_path: &Path) -> PathBuf {
         named_in(actuator_path, &self.mesh.file)
     }

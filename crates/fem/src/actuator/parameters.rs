@@ -14,7 +14,6 @@ const FIXED: [&str; 3] = ["layout", "mesh.", "chambers.count"];
 
 impl Actuator {
     /// Names and values of all quantities that can be set, in the file's order.
-    #[must_use]
     pub fn quantities(&self) -> Vec<Setting> {
         let mut found = Vec::new();
         // A value of plain numbers, words and lists always has a form in TOML.
@@ -76,7 +75,6 @@ impl Actuator {
 }
 
 /// Unit of a quantity, from the end of its name; empty for a dimensionless one.
-#[must_use]
 pub fn unit(name: &str) -> &'static str {
     let units = [
         ("_t_per_mm3", "t/mm3"),

@@ -17,7 +17,6 @@ const CONVERGED_RAD: f64 = 1e-6;
 impl Actuator {
     /// Estimated tip displacement (mm) across the base under gravity along y, with elastomers `factor` times as stiff. `None`
     /// without boxes, with a second row, or held elsewhere than at the start.
-    #[must_use]
     pub fn sag_estimate_mm(&self, factor: f64) -> Option<f64> {
         let shape = self.shape()?;
         let is_beam =

@@ -71,7 +71,6 @@ pub fn moved_nodes(mesh: &Mesh, from: &Actuator, to: &Actuator) -> Result<Vec<Ve
 }
 
 /// Smallest and mean quality of the elements at these nodes: 1 for a regular tetrahedron, 0 for a flat one.
-#[must_use]
 pub fn mesh_quality(mesh: &Mesh, nodes_mm: &[Vec3]) -> (f64, f64) {
     let all = mesh.tets.iter().map(|tet| quality(nodes_mm, tet));
     let (least, sum) = all.fold((f64::INFINITY, 0.0), |(least, sum), q| (q.min(least), sum + q));

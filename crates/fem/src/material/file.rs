@@ -60,7 +60,6 @@ impl MaterialFile {
     }
 
     /// Source and range in one line.
-    #[must_use]
     pub fn summary(&self) -> String {
         let law = self.elastomer.law.name();
         let range = self

@@ -20,13 +20,11 @@ pub struct Test {
 
 impl Test {
     /// Largest magnitude of the stress, MPa.
-    #[must_use]
     pub fn largest_mpa(&self) -> f64 {
         self.points.iter().map(|p| p[1].abs()).fold(0.0, f64::max)
     }
 
     /// RMS and largest difference between a law and the test, MPa; infinite beyond the law's limit.
-    #[must_use]
     pub fn error_mpa(&self, law: &Hyperelastic) -> [f64; 2] {
         let off = |p: &[f64; 2]| {
             law.nominal_stress_mpa(self.deformation, p[0]).map_or(f64::INFINITY, |s| (s - p[1]).abs())
@@ -95,7 +93,6 @@ pub struct Fitted {
 }
 
 /// Fits families; a three-term law that needs no third term is left out.
-#[must_use]
 pub fn fit_all(families: &[Family], tests: &[Test]) -> Vec<Fitted> {
     let mut all: Vec<Fitted> = families.iter().filter_map(|family| fit(*family, tests)).collect();
     let terms = |fitted: &Fitted| fitted.law.constants().len();
@@ -105,7 +102,6 @@ pub fn fit_all(families: &[Family], tests: &[Test]) -> Vec<Fitted> {
 }
 
 /// Fits a family; `None` if no constants are stable over the tests' first invariants.
-#[must_use]
 pub fn fit(family: Family, tests: &[Test]) -> Option<Fitted> {
     let thinned: Vec<Test> = tests.iter().map(Test::thinned).collect();
     let reach = reach(tests);
@@ -127,7 +123,6 @@ const EQUAL: f64 = 0.001;
 impl Fitted {
     /// The better one: by the error over parts left out; among equals (10 %, or 0.1 % of the largest stress) the law that is stable
     /// everywhere, then the one with fewer constants.
-    #[must_use]
     pub fn best(mut fitted: Vec<Self>) -> Option<Self> {
         let least = fitted.iter().map(|f| f.held_out_error).min_by(f64::total_cmp)?;
         fitted.retain(|f| f.held_out_error <= (1.1 * least).max(least + EQUAL));
@@ -139,7 +134,6 @@ impl Fitted {
 }
 
 /// Smallest and largest stretch of a bar whose first invariant the tests reach; the smallest is 1 unless a bar was compressed.
-#[must_use]
 pub fn stretch_range(tests: &[Test]) -> [f64; 2] {
     let low = tests.iter().filter(|test| test.deformation == Deformation::Uniaxial);
     let low = low.flat_map(|test| &test.points).map(|p| p[0]).fold(1.0, f64::min);

@@ -127,7 +127,6 @@ impl Hyperelastic {
     }
 
     /// Name of the law.
-    #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
             Self::Gent { .. } => "Gent",
@@ -155,7 +154,6 @@ impl Hyperelastic {
     }
 
     /// Initial shear modulus (MPa).
-    #[must_use]
     pub fn shear_modulus_mpa(&self) -> f64 {
         match *self {
             Self::Gent { mu_mpa, .. } | Self::NeoHookean { mu_mpa } => mu_mpa,
@@ -180,7 +178,6 @@ impl Hyperelastic {
     }
 
     /// Constants by the names of the file.
-    #[must_use]
     pub fn constants(&self) -> Vec<(&'static str, f64)> {
         match *self {
             Self::Gent { mu_mpa, jm } => vec![("mu_mpa", mu_mpa), ("jm", jm)],

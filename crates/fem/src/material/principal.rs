@@ -78,7 +78,6 @@ impl Hyperelastic {
 
     /// Stretch of a bar in tension whose first invariant is the smallest at which some deformation is unstable (Drucker), up to a
     /// stretch of 15; `None` if there is none.
-    #[must_use]
     pub fn stable_to(&self) -> Option<f64> {
         if self.is_always_stable() {
             return None;

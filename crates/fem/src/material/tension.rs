@@ -49,7 +49,6 @@ impl Deformation {
 
 impl Hyperelastic {
     /// Nominal stress (MPa) at a stretch; `None` beyond the law's limit.
-    #[must_use]
     pub fn nominal_stress_mpa(&self, deformation: Deformation, stretch: f64) -> Option<f64> {
         let t = self.principal(deformation.squared(stretch))?.t;
         Some((t[0] - t[2]) / stretch)

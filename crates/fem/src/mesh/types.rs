@@ -45,7 +45,6 @@ pub struct Mesh {
 
 impl Mesh {
     /// Node that is farthest from the middle of the held nodes, and its distance (mm).
-    #[must_use]
     pub fn tip(&self) -> ([f64; 3], f64) {
         let held = self.fixed_nodes.iter().map(|n| self.nodes_mm[*n as usize]);
         let sum = held.fold([0.0; 3], |sum: [f64; 3], x| [0, 1, 2].map(|k| sum[k] + x[k]));

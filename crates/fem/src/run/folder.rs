@@ -40,9 +40,6 @@ type Indexed = [(usize, Arc<Solved>)];
 /// Writes the folder: `cases.csv`, `volumes.csv`, `residuals.csv`, `snapshots.npy`, `mesh.vtu`, with derivatives
 /// `sensitivities.pack` and `sensitivities.csv`, and, last, `database.toml`. `solved` holds the index of each state in
 /// `cases`; `derivatives` returns those of a case, if the database contains them.
-///
-/// # Errors
-/// The operating system's.
 pub fn write(
     dir: &Path,
     family: &Family,

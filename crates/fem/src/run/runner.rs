@@ -49,6 +49,7 @@ pub struct Outcome {
 
 /// Error that ends a run.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum RunError {
     /// A checkpoint could not be written.
     #[error(transparent)]
@@ -61,20 +62,10 @@ pub enum RunError {
     Memory(#[from] LinearError),
     /// A case has invalid parameters.
     #[error("case {case}: {reason}")]
-    Variant {
-        /// The case.
-        case: String,
-        /// Reason.
-        reason: VariantError,
-    },
+    Variant { case: String, reason: VariantError },
     /// A state's derivatives could not be computed.
     #[error("derivatives of case {case}: {reason}")]
-    Derivatives {
-        /// The case.
-        case: String,
-        /// Reason.
-        reason: Box<DerivativeError>,
-    },
+    Derivatives { case: String, reason: Box<DerivativeError> },
 }
 
 /// Solves a list of cases of one actuator and its variants.
@@ -154,7 +145,6 @@ impl Run<'_> {
     }
 
     /// Derivatives of a solved case, in the order of its inputs; empty if they are undefined, `None` if they were not computed.
-    #[must_use]
     pub fn derivatives(&self, case: &Case) -> Option<Vec<super::Derivative>> {
         let variant = self.family.variant(&case.settings).ok()?;
         let load = self.load(case, &variant).ok()?;
@@ -348,7 +338,6 @@ fn describe(solver: &mut Solver, state: State, report: Report) -> Solved {
 }
 
 /// Fingerprint of a problem: blake3 of the formulation's version, the mesh and the configuration.
-#[must_use]
 pub fn fingerprint(problem: &Problem) -> [u8; 32] {
     let mesh = problem.mesh();
     let mut hasher = blake3::Hasher::new();

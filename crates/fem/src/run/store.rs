@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 /// First bytes of a checkpoint.
 const MAGIC: [u8; 8] = *b"STWNFEM2";
 const HASH: usize = 32;
+/// Numbers before the arrays: loads, results, report.
+const HEAD: usize = 5 + 3 + 6;
 
 /// Solved state with the values for the database.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,7 +59,6 @@ impl Store {
     }
 
     /// Checkpoints in the same folder of the variant with that mark.
-    #[must_use]
     pub(crate) fn marked(&self, mark: Option<[u8; HASH]>) -> Self {
         let Some(mark) = mark else { return self.clone() };
         let problem = *blake3::hash(&[self.problem, mark].concat()).as_bytes();
@@ -80,15 +81,11 @@ impl Store {
     }
 
     /// Writes a state atomically.
-    ///
-    /// # Errors
-    /// The operating system's.
     pub fn save(&self, solved: &Solved) -> Result<(), FormatError> {
         file::replace(&self.path(&solved.state.load), &self.encode(solved))
     }
 
     /// Stored state with these loads. A damaged file counts as absent.
-    #[must_use]
     pub fn load(&self, load: &Load, sizes: Sizes) -> Option<Solved> {
         let bytes = file::read_bytes(&self.path(load), file::MAX_DATA_BYTES).ok()?;
         self.decode(&bytes, load, sizes).ok()
@@ -96,7 +93,11 @@ impl Store {
 
     fn encode(&self, solved: &Solved) -> Vec<u8> {
         let state = &solved.state;
-        let mut values = Head::of(solved).values().to_vec();
+        let Report { factorisations, steps, cuts, residual_n, residual, seconds } = solved.report;
+        let mut values = load_values(&state.load).to_vec();
+        values.extend([solved.contact_force_n, solved.cavity_volume_mm3, solved.clearance_mm]);
+        values.extend([factorisations, steps, cuts].map(|n| n as f64));
+        values.extend([residual_n, residual, seconds]);
         values.extend(state.displacement_mm.as_flattened());
         values.extend(&state.element_pressure_mpa);
         values.extend(state.sheet_resultants_n_per_mm.as_flattened().as_flattened());
@@ -119,18 +120,24 @@ impl Store {
             .strip_prefix(&MAGIC)
             .and_then(|rest| rest.strip_prefix(&self.problem))
             .ok_or_else(|| wrong("another problem"))?;
-        let counts = [Head::LEN, sizes.nodes * 3, sizes.tets, sizes.sheet * 9];
+        let counts = [HEAD, sizes.nodes * 3, sizes.tets, sizes.sheet * 9];
         let doubles = counts.iter().sum::<usize>() * 8;
         if content.len() != doubles + sizes.nodes * 4 {
             return Err(wrong("another length"));
         }
         let (head, stress) = content.split_at(doubles);
         let values: Vec<f64> = head.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
-        let (head, rest) = values.split_first_chunk().ok_or_else(|| wrong("another length"))?;
-        let head = Head::from_values(head);
-        let pressure_mpa = head.load[0];
-        let of_head = Load { pressure_mpa, ..*load };
-        if head.load != load_values(&of_head) || given_values(&of_head) != given_values(load) {
+        let (head, rest) = values.split_at(HEAD);
+        let (&loads, head) = head.split_first_chunk().ok_or_else(|| wrong("another length"))?;
+        let &[contact_force_n, cavity_volume_mm3, clearance_mm, ref report @ ..] = head else {
+            return Err(wrong("another length"));
+        };
+        let &[factorisations, steps, cuts, residual_n, residual, seconds] = report else {
+            return Err(wrong("another length"));
+        };
+        let [factorisations, steps, cuts] = [factorisations, steps, cuts].map(|n| n as usize);
+        let of_head = Load { pressure_mpa: loads[0], ..*load };
+        if loads != load_values(&of_head) || given_values(&of_head) != given_values(load) {
             return Err(wrong("other loads"));
         }
         let (displacement, rest) = rest.split_at(counts[1]);
@@ -143,86 +150,11 @@ impl Store {
                 load: of_head,
             },
             von_mises_mpa: stress.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect(),
-            contact_force_n: head.contact_force_n,
-            cavity_volume_mm3: head.cavity_volume_mm3,
-            clearance_mm: head.clearance_mm,
-            report: head.report,
-        })
-    }
-}
-
-/// Numbers of a checkpoint before its arrays.
-struct Head {
-    load: [f64; 5],
-    contact_force_n: f64,
-    cavity_volume_mm3: f64,
-    clearance_mm: f64,
-    report: Report,
-}
-
-impl Head {
-    const LEN: usize = 14;
-
-    fn of(solved: &Solved) -> Self {
-        Self {
-            load: load_values(&solved.state.load),
-            contact_force_n: solved.contact_force_n,
-            cavity_volume_mm3: solved.cavity_volume_mm3,
-            clearance_mm: solved.clearance_mm,
-            report: solved.report,
-        }
-    }
-
-    /// The numbers in the order of the file.
-    fn values(&self) -> [f64; Self::LEN] {
-        let [pressure, gap, x, y, z] = self.load;
-        let Report { factorisations, steps, cuts, residual_n, residual, seconds } = self.report;
-        let [factorisations, steps, cuts] = [factorisations, steps, cuts].map(|n| n as f64);
-        let (force, volume, clearance) = (self.contact_force_n, self.cavity_volume_mm3, self.clearance_mm);
-        [
-            pressure,
-            gap,
-            x,
-            y,
-            z,
-            force,
-            volume,
-            clearance,
-            factorisations,
-            steps,
-            cuts,
-            residual_n,
-            residual,
-            seconds,
-        ]
-    }
-
-    /// Inverse of [`Self::values`].
-    fn from_values(values: &[f64; Self::LEN]) -> Self {
-        let [
-            pressure,
-            gap,
-            x,
-            y,
-            z,
-            force,
-            volume,
-            clearance,
-            factorisations,
-            steps,
-            cuts,
-            residual_n,
-            residual,
-            seconds,
-        ] = *values;
-        let [factorisations, steps, cuts] = [factorisations, steps, cuts].map(|n| n as usize);
-        Self {
-            load: [pressure, gap, x, y, z],
-            contact_force_n: force,
-            cavity_volume_mm3: volume,
-            clearance_mm: clearance,
+            contact_force_n,
+            cavity_volume_mm3,
+            clearance_mm,
             report: Report { factorisations, steps, cuts, residual_n, residual, seconds },
-        }
+        })
     }
 }
 

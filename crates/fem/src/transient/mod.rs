@@ -31,44 +31,24 @@ use thiserror::Error;
 
 /// Error of a transient.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum TransientError {
     /// The body has no mass.
     #[error("elastomer.density_t_per_mm3 = {0}, expected above 0: a motion needs a mass")]
     Density(f64),
     /// A step length or tolerance is out of range.
     #[error("{name} = {found}, expected {expected}")]
-    Setting {
-        /// Name of the setting.
-        name: &'static str,
-        /// Value found.
-        found: f64,
-        /// Accepted values.
-        expected: &'static str,
-    },
+    Setting { name: &'static str, found: f64, expected: &'static str },
     /// The steps are too long for the actuator.
     #[error(
         "the lowest frequency at the start is {frequency_hz:.4} Hz: expected steps of at most {longest_s:.3e} s ({STEPS_PER_PERIOD} in a period), found {found_s} s; shorten the steps"
     )]
-    Unresolved {
-        /// Lowest frequency (Hz).
-        frequency_hz: f64,
-        /// Longest step that resolves it (s).
-        longest_s: f64,
-        /// Largest step (s).
-        found_s: f64,
-    },
+    Unresolved { frequency_hz: f64, longest_s: f64, found_s: f64 },
     /// No step length leads to an equilibrium of motion.
     #[error(
         "no equilibrium of motion after t = {t_s} s with steps down to {step_s:.1e} s: {reason}. Lower the pressure or its rate there"
     )]
-    NotConverged {
-        /// Time reached (s).
-        t_s: f64,
-        /// Shortest step tried (s).
-        step_s: f64,
-        /// Why it failed.
-        reason: NewtonError,
-    },
+    NotConverged { t_s: f64, step_s: f64, reason: NewtonError },
     /// The start is outside the limits of the elastomer.
     #[error("the start: {0}")]
     Start(NewtonError),
@@ -126,9 +106,6 @@ pub struct Transient {
 
 impl Transient {
     /// Motion that starts at rest in the static equilibrium `state` at time `t_s`, relaxed.
-    ///
-    /// # Errors
-    /// [`TransientError`].
     pub fn from_equilibrium(
         problem: Arc<Problem>,
         dynamics: &Dynamics,
@@ -168,9 +145,6 @@ impl Transient {
     }
 
     /// Motion that starts from `state` with nodal velocities (mm/s), out of equilibrium.
-    ///
-    /// # Errors
-    /// [`TransientError`].
     pub fn released(
         problem: Arc<Problem>,
         dynamics: &Dynamics,
@@ -193,25 +167,21 @@ impl Transient {
     }
 
     /// Time reached (s).
-    #[must_use]
     pub fn t_s(&self) -> f64 {
         self.motion.t_s
     }
 
     /// Work spent.
-    #[must_use]
     pub fn work(&self) -> Work {
         self.motion.work
     }
 
     /// Displacements (mm) and loads.
-    #[must_use]
     pub fn state(&self) -> &State {
         &self.motion.state
     }
 
     /// Nodal velocities (mm/s).
-    #[must_use]
     pub fn velocity_mm_s(&self) -> Vec<[f64; 3]> {
         scatter(&self.problem, &self.motion.velocity)
     }
@@ -324,7 +294,6 @@ impl Transient {
     }
 
     /// Fields of the present instant; the force out of balance is the inertial one.
-    #[must_use]
     pub fn output(&mut self) -> Output {
         let von_mises_mpa = self.von_mises_mpa();
         self.newton.system.overstress = None;
@@ -333,7 +302,6 @@ impl Transient {
     }
 
     /// Numbers from which [`Transient::restore`] continues with the same result as this one.
-    #[must_use]
     pub fn checkpoint(&mut self) -> Vec<f64> {
         // The factor is not stored.
         self.has_factor = false;
@@ -342,7 +310,6 @@ impl Transient {
 
     /// Continues from a checkpoint of the same problem and settings, at the loads of its time; false, and an undefined motion, if it
     /// has another number of values.
-    #[must_use]
     pub fn restore(&mut self, values: &[f64], load_at: &dyn Fn(f64) -> Load) -> bool {
         self.has_factor = false;
         let restored = self.motion.restore(values).is_some();

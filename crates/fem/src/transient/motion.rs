@@ -24,7 +24,6 @@ pub struct Energy {
 
 impl Energy {
     /// Difference to the external work (mJ).
-    #[must_use]
     pub fn numerical_mj(&self) -> f64 {
         self.external_mj - self.kinetic_mj - self.strain_mj - self.damping_mj - self.viscous_mj
     }

@@ -38,7 +38,6 @@ pub struct Record {
 
 impl Record {
     /// Record of an instant.
-    #[must_use]
     pub fn new(inputs: &TraceRow, figures: Figures) -> Self {
         let TraceRow { t_s, pressure_mpa, gap_mm, .. } = *inputs;
         Self { t_s, pressure_mpa, gap_mm, figures }
@@ -89,7 +88,6 @@ impl Record {
 }
 
 /// Series as a table, with further inputs of its trace; `gap_mm` is empty without an obstacle.
-#[must_use]
 pub fn series_csv(records: &[Record], trace: &Trace) -> String {
     let cell = |value: &f64| if value.is_nan() { String::new() } else { value.to_string() };
     let columns: Vec<&str> =
@@ -103,7 +101,6 @@ pub fn series_csv(records: &[Record], trace: &Trace) -> String {
 }
 
 /// Energies as a table.
-#[must_use]
 pub fn energy_csv(records: &[Record]) -> String {
     let row = |record: &Record| {
         let energy = record.figures.energy;
@@ -139,7 +136,6 @@ impl Checkpoint {
     }
 
     /// The checkpoint of that run; `None` without one, and for a damaged one or one of another run.
-    #[must_use]
     pub fn load(path: &Path, run: &[u8; HASH]) -> Option<Self> {
         let bytes = file::read_bytes(path, file::MAX_DATA_BYTES).ok()?;
         let (body, hash) = bytes.split_last_chunk::<HASH>()?;
@@ -157,7 +153,6 @@ impl Checkpoint {
 }
 
 /// Mark of a run: problem, constants of motion, step control, trace and instants. A checkpoint continues no other run.
-#[must_use]
 pub fn run_mark(
     problem: &Problem,
     dynamics: &Dynamics,

@@ -46,9 +46,6 @@ fn add(factor: f64, tensors: &[PointTensors], sum: &mut [PointTensors]) {
 
 impl Relaxation {
     /// Relaxed body at displacements `u`; `None` without a series.
-    ///
-    /// # Errors
-    /// [`InvalidState`].
     pub(super) fn relaxed(
         problem: &Problem,
         dynamics: &Dynamics,
@@ -75,9 +72,6 @@ impl Relaxation {
     }
 
     /// The internal variables after a step to displacements `u`.
-    ///
-    /// # Errors
-    /// [`InvalidState`].
     pub(super) fn after(&self, problem: &Problem, step_s: f64, u: &[Vec3]) -> Result<Self, InvalidState> {
         let stress_mpa = stresses(problem, u)?;
         let mut after = self.clone();

@@ -58,9 +58,6 @@ struct Imbalance {
 impl Transient {
     /// One step of length `h` to `load`; the motion is untouched. The iteration starts with the increment of the last
     /// step, or without one if that fails.
-    ///
-    /// # Errors
-    /// [`NewtonError`].
     pub(super) fn attempt(&mut self, h: f64, load: &Load) -> Result<Trial, NewtonError> {
         self.iterate(h, load, true).or_else(|_| {
             self.has_factor = false;

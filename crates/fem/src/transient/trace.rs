@@ -35,15 +35,26 @@ pub struct TraceRow {
     pub cavities_change_mpa: [f64; MAX_CAVITIES],
 }
 
-/// Inputs over time, linear between the rows.
+/// Inputs over time, linear between the rows, those of the first and last row outside.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trace {
-    /// Rows in the order of time; at least two.
-    pub rows: Vec<TraceRow>,
     /// Quantities of the actuator that have their own column, constant in time.
     pub settings: Vec<Setting>,
     /// All columns of inputs.
     inputs: trace::Trace,
+    /// Columns of a row.
+    columns: Columns,
+    /// Gravity of an actuator without columns of it (mm/s2).
+    gravity_mm_s2: [f64; 3],
+}
+
+/// Positions of a row's values among the inputs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Columns {
+    pressure: Option<usize>,
+    gap: Option<usize>,
+    gravity: [Option<usize>; 3],
+    cavities: [Option<usize>; MAX_CAVITIES],
 }
 
 impl Trace {
@@ -79,48 +90,45 @@ impl Trace {
         if !diagnostics.is_empty() {
             return Err(diagnostics);
         }
-        let read = trace::Trace::of_table(table, &refused)?;
-        let at = |name: &str| read.position(name);
-        let (pressure, gap) = (at("pressure_mpa"), at("gap_mm"));
-        let gravity = GRAVITY.map(at);
+        let inputs = trace::Trace::of_table(table, &refused)?;
+        let at = |name: &str| inputs.position(name);
         let mut cavities = [None; MAX_CAVITIES];
         for (cavity, name) in cavities.iter_mut().zip(actuator.pressure_mpa.keys()) {
             *cavity = at(&format!("{CAVITY}{name}"));
         }
-        let first = read.rows.first().map(|(_, values)| values.as_slice()).unwrap_or_default();
-        let row = |(t_s, values): &(f64, Vec<f64>)| {
-            let of = |at: Option<usize>| at.map(|at| values[at]);
-            TraceRow {
-                t_s: *t_s,
-                pressure_mpa: of(pressure).unwrap_or_default(),
-                gap_mm: of(gap).filter(|gap| gap.is_finite()),
-                gravity_mm_s2: std::array::from_fn(|axis| {
-                    of(gravity[axis]).unwrap_or(actuator.loads.gravity_mm_s2[axis])
-                }),
-                cavities_change_mpa: cavities.map(|at| at.map_or(0.0, |at| values[at] - first[at])),
-            }
-        };
+        let (pressure, gap, gravity) = (at("pressure_mpa"), at("gap_mm"), GRAVITY.map(at));
         let changing = [pressure, gap, at(VOLUME)].into_iter().chain(gravity).flatten().collect::<Vec<_>>();
-        let first = read.rows.iter().take(1).flat_map(|(_, values)| read.names.iter().zip(values));
+        let first = inputs.rows.iter().take(1).flat_map(|(_, values)| inputs.names.iter().zip(values));
         let constant = first.enumerate().filter(|(at, _)| !changing.contains(at));
         let settings = constant.map(|(_, (name, value))| (name.clone(), *value)).collect();
-        Ok(Self { rows: read.rows.iter().map(row).collect(), settings, inputs: read })
+        let columns = Columns { pressure, gap, gravity, cavities };
+        Ok(Self { settings, inputs, columns, gravity_mm_s2: actuator.loads.gravity_mm_s2 })
     }
 
-    /// Inputs at a time (s), linear between the rows, those of the first and last row outside.
-    #[must_use]
+    /// Inputs at a time (s).
     pub fn at(&self, t_s: f64) -> TraceRow {
-        let ([a, b], w) = trace::around(&self.rows, |row| row.t_s, t_s);
-        let mix = |a: f64, b: f64| a + w * (b - a);
+        let Columns { pressure, gap, gravity, cavities } = self.columns;
+        let values = self.inputs.at(t_s);
+        let first = &self.inputs.rows[0].1;
+        let of = |at: Option<usize>| at.map(|at| values[at]);
         TraceRow {
             t_s,
-            pressure_mpa: mix(a.pressure_mpa, b.pressure_mpa),
-            gap_mm: a.gap_mm.zip(b.gap_mm).map(|(a, b)| mix(a, b)),
-            gravity_mm_s2: std::array::from_fn(|i| mix(a.gravity_mm_s2[i], b.gravity_mm_s2[i])),
-            cavities_change_mpa: std::array::from_fn(|i| {
-                mix(a.cavities_change_mpa[i], b.cavities_change_mpa[i])
-            }),
+            pressure_mpa: of(pressure).unwrap_or_default(),
+            gap_mm: of(gap).filter(|gap| gap.is_finite()),
+            gravity_mm_s2: std::array::from_fn(|i| of(gravity[i]).unwrap_or(self.gravity_mm_s2[i])),
+            cavities_change_mpa: cavities.map(|at| at.map_or(0.0, |at| values[at] - first[at])),
         }
+    }
+
+    /// Times of the rows (s), at least two.
+    fn times_s(&self) -> impl Iterator<Item = f64> {
+        self.inputs.rows.iter().map(|(t_s, _)| *t_s)
+    }
+
+    /// Times of the first and last row (s).
+    pub fn ends_s(&self) -> [f64; 2] {
+        let rows = &self.inputs.rows;
+        [rows[0].0, rows[rows.len() - 1].0]
     }
 
     /// Positions and names of the inputs that the columns of a series do not have.
@@ -135,7 +143,6 @@ impl Trace {
     }
 
     /// Loads of an actuator at a time (s).
-    #[must_use]
     pub fn load(&self, actuator: &Actuator, t_s: f64) -> Load {
         let row = self.at(t_s);
         let TraceRow { gravity_mm_s2, cavities_change_mpa, .. } = row;
@@ -143,10 +150,8 @@ impl Trace {
     }
 
     /// Times of a series: those of the rows and of `further`, and between them equal parts of at most `largest_s`.
-    #[must_use]
     pub fn instants(&self, further: &[f64], largest_s: f64) -> Vec<f64> {
-        let mut fixed: Vec<f64> =
-            self.rows.iter().map(|row| row.t_s).chain(further.iter().copied()).collect();
+        let mut fixed: Vec<f64> = self.times_s().chain(further.iter().copied()).collect();
         fixed.sort_by(f64::total_cmp);
         fixed.dedup_by(|b, a| *b - *a < MIN_INTERVAL_S);
         let mut instants = Vec::new();
@@ -160,9 +165,8 @@ impl Trace {
     }
 
     /// Begins (s) and lengths (s) of the intervals without a row that are longer than 1 s.
-    #[must_use]
     pub fn long_intervals(&self) -> Vec<(f64, f64)> {
-        let intervals = self.rows.windows(2).map(|pair| (pair[0].t_s, pair[1].t_s - pair[0].t_s));
+        let intervals = self.times_s().zip(self.times_s().skip(1)).map(|(from, to)| (from, to - from));
         intervals.filter(|(_, length)| *length > LONG_S).collect()
     }
 }

@@ -83,9 +83,6 @@ pub fn obstacle_kinds(dir: &Path) -> Result<Vec<ObstacleKind>, FormatError> {
 }
 
 /// Writes a database folder; `cells` of the undeformed mesh make the mesh file. Existing files are replaced.
-///
-/// # Errors
-/// I/O error.
 pub fn write(dir: &Path, database: &Database, cells: vtu::Cells<'_>) -> Result<(), FormatError> {
     file::create_folder(dir)?;
     let mut manifest = Manifest::new(&database.actuator, database.node_count, &database.fields);

@@ -123,9 +123,6 @@ impl Manifest {
     }
 
     /// Writes the file, with a comment that describes it.
-    ///
-    /// # Errors
-    /// I/O error.
     pub fn write(&self, path: &Path) -> Result<(), FormatError> {
         let body = toml::to_string(self).map_err(|e| FormatError::write(path, std::io::Error::other(e)))?;
         let text = format!(
@@ -135,7 +132,6 @@ impl Manifest {
     }
 
     /// Description of a database with the usual file names, without a mesh.
-    #[must_use]
     pub fn new(actuator: &str, nodes: usize, fields: &[FieldSpec]) -> Self {
         Self {
             layout: LAYOUT,
@@ -172,9 +168,6 @@ impl Manifest {
     }
 
     /// Copies this description from its file to another, with other names of files; comments are kept.
-    ///
-    /// # Errors
-    /// I/O error.
     pub fn copy_with_names(&self, from: &Path, to: &Path, names: &[(&str, &str)]) -> Result<(), FormatError> {
         let text = file::read_text(from, file::MAX_TEXT_BYTES)?;
         let renamed = |text: String, (old, new): &(&str, &str)| {

@@ -65,7 +65,6 @@ pub struct Assembly {
 
 impl Assembly {
     /// Creates an empty database.
-    #[must_use]
     pub fn new(wanted: Wanted) -> Self {
         Self {
             wanted,
@@ -83,19 +82,16 @@ impl Assembly {
     }
 
     /// Number of nodes of a state.
-    #[must_use]
     pub fn nodes(&self) -> usize {
         self.used.len()
     }
 
     /// Parts of the mesh that no state has all values of.
-    #[must_use]
     pub fn parts_left_out(&self) -> &[String] {
         &self.left_out
     }
 
     /// True if the undeformed nodes differ between simulations: a length is an input.
-    #[must_use]
     pub fn shape_varies(&self) -> bool {
         self.shape_varies
     }

@@ -24,7 +24,6 @@ pub enum Cells<'a> {
 
 impl Cells<'_> {
     /// True without cells.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.parts().iter().all(|part| part.2.is_empty())
     }

@@ -45,8 +45,8 @@ pub(super) type Matrix = [Unknowns; UNKNOWNS];
 pub(super) struct Instant {
     pub at: Unknowns,
     pub tangents: Tangents,
-    /// Derivative of the position with respect to the pressure, per MPa.
-    pub by_pressure: Coordinates,
+    /// Unknowns by which the body comes nearest to the derivative of its position with respect to the pressure, per MPa.
+    pub of_pressure: Unknowns,
     /// `J' K J`.
     pub elastic: Matrix,
     pub momenta: Unknowns,
@@ -60,9 +60,9 @@ impl Instant {
     /// At rest under the loads of a place.
     pub fn at_rest(at: Unknowns, place: &Place, space: &Space<'_>) -> Self {
         let still = [0.0; UNKNOWNS];
-        let Place { tangents, by_pressure, .. } = *place;
-        let elastic = space.elastic();
-        Self { at, tangents, by_pressure, elastic, momenta: still, rates: still, relaxing: [still; _] }
+        let (tangents, elastic) = (place.tangents, space.elastic());
+        let of_pressure = space.nearest(&place.by_pressure);
+        Self { at, tangents, of_pressure, elastic, momenta: still, rates: still, relaxing: [still; _] }
     }
 }
 
@@ -229,8 +229,8 @@ pub(super) fn step(
             let momenta = space.momenta(h, damping_s, &elastic, &excess(&at), &velocity);
             let rates: Unknowns = std::array::from_fn(|i| (at[i] - now.at[i]) / h);
             let relaxing = relaxed(prony, h, now, &rates);
-            let Place { tangents, by_pressure, .. } = place;
-            let instant = Instant { at, tangents, by_pressure, elastic, momenta, rates, relaxing };
+            let (tangents, of_pressure) = (place.tangents, space.nearest(&place.by_pressure));
+            let instant = Instant { at, tangents, of_pressure, elastic, momenta, rates, relaxing };
             let position = std::array::from_fn(|i| position[i] + moved[i]);
             return Some(Stepped { instant, position, velocity });
         }

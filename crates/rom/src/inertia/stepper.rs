@@ -43,21 +43,14 @@ pub struct MotionSettings {
 
 /// Why a reading was not used. The motion is unchanged.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum ReadingError {
     /// Time is not later than that of the last reading.
     #[error("a reading at {found_ns} ns is not later than the last one, at {last_ns} ns")]
-    NotLater {
-        /// Its time.
-        found_ns: u64,
-        /// Time of the last reading.
-        last_ns: u64,
-    },
+    NotLater { found_ns: u64, last_ns: u64 },
     /// An input that the model needs is not finite.
     #[error("a reading at {found_ns} ns has no finite pressure or load at rest")]
-    NotFinite {
-        /// Its time.
-        found_ns: u64,
-    },
+    NotFinite { found_ns: u64 },
 }
 
 /// Outcome of a reading.
@@ -280,8 +273,8 @@ impl<M: Manifold> Motion<M> {
     fn state(&self, now: &Now) -> MotionState {
         let loads = self.manifold.loads();
         let mass = dot(&loads[0].unit, &loads[0].unit);
-        let of_pressure = self.space(now.regime, &now.instant.tangents).nearest(&now.instant.by_pressure);
-        let at = std::array::from_fn(|i| now.instant.at[i] + of_pressure[i] * now.ahead_mpa);
+        let Instant { at, of_pressure, .. } = now.instant;
+        let at = std::array::from_fn(|i| at[i] + of_pressure[i] * now.ahead_mpa);
         let late_mpa = now.inputs.pressure_mpa() - now.ahead_mpa;
         let late = now.inputs.with(PRESSURE, late_mpa);
         let stressed = std::array::from_fn(|i| at[i] + self.borne(&now.instant.relaxing.map(|h| h[i])));
@@ -314,8 +307,7 @@ impl<M: Manifold> Motion<M> {
         let inputs = with_loads(self.manifold.loads(), inputs, &instant.at);
         let force = self.manifold.force(&inputs, &amplitudes(&instant.at, loads));
         let [by_time_mpa, by_time_mm] = rates;
-        let of_pressure = self.space(regime, &instant.tangents).nearest(&instant.by_pressure);
-        let moved = instant.rates.iter().zip(of_pressure).map(|(rate, by)| rate + by * by_time_mpa);
+        let moved = instant.rates.iter().zip(&instant.of_pressure).map(|(rate, by)| rate + by * by_time_mpa);
         let by = force.by_load[..loads].iter().chain(&force.by_amplitude).zip(moved);
         let along = by.map(|(by, rate)| by * rate).sum::<f64>();
         [force.n, self.settings.damping_s * (along + force.by_gap * by_time_mm)]

@@ -105,76 +105,37 @@ impl<'a> Spec<'a> {
 /// Why a basis cannot be built.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum BasisError {
     /// No node, or more than the kernel can number.
     #[error("the node set has {found} nodes; expected 1 to {}", i32::MAX)]
-    NodeCount {
-        /// Nodes asked for.
-        found: usize,
-    },
+    NodeCount { found: usize },
     /// A node index beyond the model.
     #[error("node {node} is not in the model, which has nodes 0 to {last}; correct the node set", last = .node_count - 1)]
-    NodeIndex {
-        /// The index asked for.
-        node: u32,
-        /// Nodes in the model.
-        node_count: usize,
-    },
+    NodeIndex { node: u32, node_count: usize },
     /// Nothing to publish.
     #[error("no field is published; ask for at least one")]
     NothingPublished,
     /// A slice of the wrong length.
     #[error("field {field}: {what} has {found} values; expected {expected}")]
-    Length {
-        /// Index of the field.
-        field: usize,
-        /// Slice.
-        what: &'static str,
-        /// Its length.
-        found: usize,
-        /// The length that fits.
-        expected: usize,
-    },
+    Length { field: usize, what: &'static str, found: usize, expected: usize },
     /// A magnitude that refers to something other than an affine field, or a second magnitude.
     #[error(
         "field {field}: a magnitude needs three different affine fields, and a basis takes one magnitude"
     )]
-    Magnitude {
-        /// Index of the field.
-        field: usize,
-    },
+    Magnitude { field: usize },
     /// Two fields whose maximum would be reported under one name.
     #[error("field {field} is the second of role {role:?}; expected one")]
-    DuplicateRole {
-        /// Index of the second field.
-        field: usize,
-        /// The role both claim.
-        role: Role,
-    },
+    DuplicateRole { field: usize, role: Role },
     /// Too many rows for the stack.
     #[error("the fields need {found} modes and shifts; expected at most {}", super::MAX_ROWS)]
-    Rows {
-        /// Sum over the fields.
-        found: usize,
-    },
+    Rows { found: usize },
     /// NaN or infinity, or a value beyond f32.
     #[error("field {field}, node {node}: {value} cannot be stored as f32; the model is damaged")]
-    NotFinite {
-        /// Index of the field.
-        field: usize,
-        /// Node in the model.
-        node: usize,
-        /// The value found.
-        value: f64,
-    },
+    NotFinite { field: usize, node: usize, value: f64 },
     /// An instruction set this processor does not have.
     #[error("this processor has no {isa}; let the kernel choose (it would take {detected})")]
-    IsaMissing {
-        /// Requested options.
-        isa: super::Isa,
-        /// Default choice.
-        detected: super::Isa,
-    },
+    IsaMissing { isa: super::Isa, detected: super::Isa },
 }
 
 /// One affine field inside a tile: the rows it reads, in this order, and the use of the result.

@@ -45,41 +45,22 @@ fn kind(found: &[u8]) -> &'static str {
 
 /// Why a model file was refused.
 #[derive(Debug, Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum ModelFileError {
     /// Not one of ours.
     #[error("not a model file: expected it to begin with {:?}, found {:?}{}", MAGIC.escape_ascii().to_string(), found.escape_ascii().to_string(), kind(found))]
-    Foreign {
-        /// First bytes.
-        found: Vec<u8>,
-    },
+    Foreign { found: Vec<u8> },
     /// Another version of the layout.
     #[error(
         "the model file has version {found}, expected {VERSION}; train the model again: `softtwin train`"
     )]
-    Version {
-        /// Version in the file.
-        found: u32,
-    },
+    Version { found: u32 },
     /// Shorter than it says.
     #[error("the model file is truncated: {what} needs {expected} bytes, found {found}; copy it again")]
-    Truncated {
-        /// Part of the file.
-        what: String,
-        /// Bytes needed.
-        expected: u64,
-        /// Bytes there are.
-        found: u64,
-    },
+    Truncated { what: String, expected: u64, found: u64 },
     /// A checksum does not match.
     #[error("the model file is damaged: {what} has blake3 {found}, expected {expected}; copy it again")]
-    Damaged {
-        /// Part of the file.
-        what: String,
-        /// Checksum in the file.
-        expected: String,
-        /// Checksum of the content.
-        found: String,
-    },
+    Damaged { what: String, expected: String, found: String },
     /// The header cannot be understood although its checksum matches, or contradicts itself.
     #[error("the model file's header is not valid: {0}")]
     Header(String),
@@ -216,9 +197,6 @@ impl Model {
     }
 
     /// The whole model from bytes, every checksum verified.
-    ///
-    /// # Errors
-    /// [`ModelFileError`].
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelFileError> {
         let mut reader = ModelReader::open(std::io::Cursor::new(bytes))?;
         let body = &bytes[..bytes.len() - TRAILER as usize]; // `open` saw that the trailer fits
@@ -266,9 +244,6 @@ pub struct ModelReader<R> {
 
 impl<R: Read + Seek> ModelReader<R> {
     /// Reads and checks preamble and header. Never allocates more than the file is long.
-    ///
-    /// # Errors
-    /// [`ModelFileError`].
     pub fn open(mut reader: R) -> Result<Self, ModelFileError> {
         let length = reader.seek(SeekFrom::End(0))?;
         reader.seek(SeekFrom::Start(0))?;
@@ -344,9 +319,6 @@ impl<R: Read + Seek> ModelReader<R> {
     }
 
     /// Reads blocks and verifies their checksums; modes go into one piece of memory.
-    ///
-    /// # Errors
-    /// [`ModelFileError`].
     pub fn read_blocks(
         &mut self,
         entries: &[BlockEntry],
@@ -392,9 +364,6 @@ impl<R: Read + Seek> ModelReader<R> {
 
     /// Loads what a selection needs: its fields (and the coordinates a derived magnitude needs), undeformed mesh,
     /// surface. Nodes are picked when the predictor is made.
-    ///
-    /// # Errors
-    /// [`ModelFileError`].
     pub fn load(&mut self, selection: &Selection) -> Result<Model, ModelFileError> {
         let header = self.header.model.clone();
         let mut fields = header.resolve_fields(selection.fields.as_deref())?;

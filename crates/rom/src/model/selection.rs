@@ -26,59 +26,31 @@ pub enum Nodes {
 
 /// Why a model cannot be evaluated or reconstructed as asked.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum ModelError {
     /// No such field.
     #[error("the model has no field {found:?}; it has {}", .known.join(", "))]
-    UnknownField {
-        /// Name asked for.
-        found: String,
-        /// Names there are.
-        known: Vec<String>,
-    },
+    UnknownField { found: String, known: Vec<String> },
     /// No such node set.
     #[error("the model has no node set {found:?}; it has {}", if .known.is_empty() { "none".into() } else { .known.join(", ") })]
-    UnknownNodeSet {
-        /// Name asked for.
-        found: String,
-        /// Names there are.
-        known: Vec<String>,
-    },
+    UnknownNodeSet { found: String, known: Vec<String> },
     /// No such parameter.
     #[error(
         "the model has no parameter {found:?}{}; it has {}",
         .nearest.as_ref().map(|n| format!(" (did you mean {n:?}?)")).unwrap_or_default(),
         if .known.is_empty() { "none".into() } else { .known.join(", ") }
     )]
-    UnknownInput {
-        /// Name asked for.
-        found: String,
-        /// The name there is that differs by the fewest letters.
-        nearest: Option<String>,
-        /// Names there are.
-        known: Vec<String>,
-    },
+    UnknownInput { found: String, nearest: Option<String>, known: Vec<String> },
     /// Value of a parameter is not finite.
     #[error("parameter {name}: expected a number, found {value}")]
-    NotFinite {
-        /// Name.
-        name: String,
-        /// Value found.
-        value: f64,
-    },
+    NotFinite { name: String, value: f64 },
     /// A node index beyond the mesh.
     #[error("node {node} does not exist; the model has {node_count} nodes, numbered from 0")]
-    NodeOutOfRange {
-        /// Index asked for.
-        node: u32,
-        /// Nodes there are.
-        node_count: usize,
-    },
+    NodeOutOfRange { node: u32, node_count: usize },
     /// A block the selection needs was not loaded, or has the wrong length.
     #[error("block {block}: expected {expected} values, found {found}; load the model with this selection")]
     MissingBlock {
-        /// Block.
         block: String,
-        /// Length needed.
         expected: usize,
         /// Length found, 0 when absent.
         found: usize,

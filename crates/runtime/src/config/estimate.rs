@@ -1,5 +1,6 @@
 //! Estimated quantities of an actuator, and the noise of its sensors.
 
+use crate::problems::Problems;
 use control::held::{FORCE_SIGMA_N, MarkerSpec};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -108,27 +109,21 @@ pub(crate) const PRESSURE_BIAS: &str = "pressure_bias_mpa";
 
 /// Errors in the estimation of an actuator that the scene alone shows.
 pub(super) fn problems(
-    place: &str,
     estimate: &EstimateSpec,
     sigma: &SigmaSpec,
     markers: &[MarkerSpec],
     observables: &ObservedSpecs,
     camera: &CameraSpec,
-    problems: &mut Vec<String>,
+    problems: &mut Problems,
 ) {
-    let mut expect = |fits: bool, key: String, expected: &str, found: String| {
-        if !fits {
-            problems.push(format!("{place}.{key}: expected {expected}, found {found}"));
-        }
-    };
+    let above_0 = |value: f64| value.is_finite() && value > 0.0;
     for (name, unknown) in estimate {
-        let finite = unknown.prior.is_finite();
-        expect(finite, format!("estimate.{name}.prior"), "a finite number", unknown.prior.to_string());
-        let positive = unknown.sigma.is_finite() && unknown.sigma > 0.0;
-        expect(positive, format!("estimate.{name}.sigma"), "a number above 0", unknown.sigma.to_string());
-        let drift = unknown.drift.is_finite() && unknown.drift >= 0.0;
-        expect(drift, format!("estimate.{name}.drift"), "0 or more", unknown.drift.to_string());
+        let mut problems = problems.part(format_args!("estimate.{name}"));
+        problems.finite("prior", unknown.prior);
+        problems.expect(above_0(unknown.sigma), "sigma", "a number above 0", unknown.sigma);
+        problems.at_least_0("drift", unknown.drift);
     }
+    let mut of_sigma = problems.part("sigma");
     for (key, value) in [
         ("pressure_mpa", sigma.pressure_mpa),
         ("pressure_rate_mpa_per_s", sigma.pressure_rate_mpa_per_s.unwrap_or(1.0)),
@@ -138,30 +133,24 @@ pub(super) fn problems(
         ("model_force_n", sigma.model_force_n.unwrap_or(1.0)),
         ("model_mm", sigma.model_mm.unwrap_or(1.0)),
     ] {
-        let fits = value.is_finite() && value > 0.0;
-        expect(fits, format!("sigma.{key}"), "a number above 0", value.to_string());
+        of_sigma.expect(above_0(value), key, "a number above 0", value);
     }
+    of_sigma.at_least_0("model_correlation_s", sigma.model_correlation_s);
     for (name, observed) in observables {
+        let mut problems = problems.part(format_args!("observables.{name}"));
         for (key, value) in [("sigma", observed.sigma), ("model_sigma", observed.model_sigma.unwrap_or(1.0))]
         {
-            let fits = value.is_finite() && value > 0.0;
-            expect(fits, format!("observables.{name}.{key}"), "a number above 0", value.to_string());
+            problems.expect(above_0(value), key, "a number above 0", value);
         }
     }
-    let correlation = sigma.model_correlation_s;
-    let fits = correlation.is_finite() && correlation >= 0.0;
-    expect(fits, "sigma.model_correlation_s".into(), "0 or more", correlation.to_string());
-    expect(markers.len() <= MARKERS_MAX, "marker".into(), "at most 8 markers", markers.len().to_string());
+    problems.expect(markers.len() <= MARKERS_MAX, "marker", "at most 8 markers", markers.len());
     for (at, marker) in markers.iter().enumerate() {
-        let found = match (marker.node, marker.at_mm) {
-            (Some(_), Some(_)) => "both",
-            (None, None) => "neither",
-            _ => continue,
-        };
-        expect(false, format!("marker[{at}]"), "either `node` or `at_mm`", found.into());
+        let fits = marker.node.is_some() != marker.at_mm.is_some();
+        let found = if marker.node.is_some() { "both" } else { "neither" };
+        problems.expect(fits, &format!("marker[{at}]"), "either `node` or `at_mm`", found);
     }
     let finite = camera.position_mm.iter().chain(&camera.rotation_deg).all(|value| value.is_finite());
-    expect(finite, "camera".into(), "finite numbers", format!("{camera:?}"));
+    problems.expect(finite, "camera", "finite numbers", format_args!("{camera:?}"));
 }
 
 /// Standard deviations of the noise of a reading's values.

@@ -1,5 +1,6 @@
 //! The object between the fingers of a scene, and the places of actuators and blocks.
 
+use crate::problems::Problems;
 use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 use wire::layout::FINGERS_MAX;
@@ -25,25 +26,22 @@ fn one() -> f64 {
 }
 
 impl GraspSpec {
-    pub(super) fn problems(&self, scene: &str, actuators: &[&str], problems: &mut Vec<String>) {
-        for (key, value) in [("mass_g", self.mass_g), ("friction", self.friction), ("safety", self.safety)] {
-            if !(value.is_finite() && value > 0.0) {
-                problems.push(format!("grasp.{key}: expected a finite number above 0, found {value}"));
-            }
-        }
+    pub(super) fn problems(&self, scene: &str, actuators: &[&str], problems: &mut Problems) {
         if let Err(error) = wire::Topic::grasp(scene) {
-            problems.push(format!("name: it names the grasp's topic: {error}"));
+            problems.part("name").add(format_args!("it names the grasp's topic: {error}"));
         }
-        for name in &self.fingers {
-            if !actuators.contains(&name.as_str()) {
-                problems.push(format!("grasp.fingers: no actuator is called `{name}`"));
-            }
+        let mut problems = problems.part("grasp");
+        for (key, value) in [("mass_g", self.mass_g), ("friction", self.friction), ("safety", self.safety)] {
+            problems.above_0(key, value);
         }
-        let known = self.fingers.iter().filter(|name| actuators.contains(&name.as_str())).count();
-        let count = if self.fingers.is_empty() { actuators.len() } else { known };
-        if !(2..=FINGERS_MAX).contains(&count) {
-            problems.push(format!("grasp.fingers: expected 2 to {FINGERS_MAX} fingers, found {count}"));
+        let (known, unknown): (Vec<_>, Vec<_>) =
+            self.fingers.iter().partition(|name| actuators.contains(&name.as_str()));
+        for name in unknown {
+            problems.part("fingers").add(format_args!("no actuator is called `{name}`"));
         }
+        let count = if self.fingers.is_empty() { actuators.len() } else { known.len() };
+        let expected = format!("2 to {FINGERS_MAX} fingers");
+        problems.expect((2..=FINGERS_MAX).contains(&count), "fingers", &expected, count);
     }
 }
 
@@ -64,22 +62,17 @@ impl PlaceSpec {
         [x + dx, if self.mirrored { dy - y } else { dy + y }, z + dz]
     }
 
-    pub(super) fn problems(&self, place: &str, problems: &mut Vec<String>) {
-        if self.offset_mm.iter().any(|value| !value.is_finite()) {
-            problems.push(format!(
-                "{place}.place.offset_mm: expected three finite numbers, found {:?}",
-                self.offset_mm
-            ));
-        }
+    pub(super) fn problems(&self, problems: &mut Problems) {
+        let (fits, found) = (self.offset_mm.iter().all(|mm| mm.is_finite()), format!("{:?}", self.offset_mm));
+        problems.expect(fits, "place.offset_mm", "three finite numbers", found);
     }
 }
 
-pub(super) fn plate_problems(plate: &Footprint, place: &str, problems: &mut Vec<String>) {
+pub(super) fn plate_problems(plate: &Footprint, problems: &mut Problems) {
     for (key, [low, high]) in [("x_mm", plate.x_mm), ("z_mm", plate.z_mm)] {
-        if !(low < high && (high - low).is_finite()) {
-            problems
-                .push(format!("{place}.plate.{key}: expected [least, largest] in mm, found {low} .. {high}"));
-        }
+        let fits = low < high && (high - low).is_finite();
+        let found = format!("{low} .. {high}");
+        problems.part("plate").expect(fits, key, "[least, largest] in mm", found);
     }
 }
 
@@ -94,13 +87,11 @@ pub struct BlockSpec {
 }
 
 impl BlockSpec {
-    pub(super) fn problems(&self, place: &str, problems: &mut Vec<String>) {
-        if !self.min_mm.iter().zip(&self.max_mm).all(|(min, max)| min < max && (max - min).is_finite()) {
-            problems.push(format!(
-                "{place}: expected min_mm < max_mm, found {:?} .. {:?}",
-                self.min_mm, self.max_mm
-            ));
-        }
+    pub(super) fn problems(&self, key: &str, problems: &mut Problems) {
+        let mut pairs = self.min_mm.iter().zip(&self.max_mm);
+        let fits = pairs.all(|(min, max)| min < max && (max - min).is_finite());
+        let found = format!("{:?} .. {:?}", self.min_mm, self.max_mm);
+        problems.expect(fits, key, "min_mm < max_mm", found);
     }
 }
 

@@ -1,5 +1,6 @@
 //! Sources of the values of a model's inputs other than pressure and gap.
 
+use crate::problems::Problems;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use wire::layout::{PARAMETERS_MAX, set_slot};
@@ -65,19 +66,22 @@ impl InputFrom {
 }
 
 /// All errors in the inputs of an actuator; `is_estimated` is true for estimated ones.
-pub(super) fn problems(
-    place: &str,
+pub(super) fn problems<'a>(
     inputs: &InputSpecs,
     is_estimated: impl Fn(&str) -> bool,
-    observables: impl Iterator<Item = String>,
-    problems: &mut Vec<String>,
+    observables: impl Iterator<Item = &'a String>,
+    problems: &mut Problems,
 ) {
     let mut ends = BTreeSet::new();
+    let mut is_new = |name: &str| {
+        let mut end = [0; 32];
+        set_slot(&mut end, 0, name);
+        ends.insert(end)
+    };
     for (name, from) in inputs {
+        let key = format!("inputs.\"{name}\"");
         let mut expect = |fits: bool, expected: &str, found: String| {
-            if !fits {
-                problems.push(format!("{place}.inputs.\"{name}\": expected {expected}, found {found}"));
-            }
+            problems.expect(fits, &key, expected, found);
         };
         if let Some(value) = from.given() {
             expect(value.is_finite(), "a number", value.to_string());
@@ -89,25 +93,14 @@ pub(super) fn problems(
         let own = ["pressure_mpa", "gap_mm"].contains(&name.as_str());
         expect(!own, "an input other than pressure and gap", name.clone());
         expect(!is_estimated(name), "an input that is either measured or estimated", "both".into());
-        let mut end = [0; 32];
-        set_slot(&mut end, 0, name);
-        expect(ends.insert(end), "measured inputs that differ in their last 31 letters", "two alike".into());
+        expect(is_new(name), "measured inputs that differ in their last 31 letters", "two alike".into());
     }
     for name in observables {
-        let mut end = [0; 32];
-        set_slot(&mut end, 0, &name);
-        if !ends.insert(end) {
-            let expected =
-                "expected a name that differs from those of measured inputs in its last 31 letters";
-            problems.push(format!("{place}.observables.{name}: {expected}, found two alike"));
-        }
+        let expected = "a name that differs from those of measured inputs in its last 31 letters";
+        problems.expect(is_new(name), &format!("observables.{name}"), expected, "two alike");
     }
-    if ends.len() > PARAMETERS_MAX {
-        let found = ends.len();
-        problems.push(format!(
-            "{place}.inputs, {place}.observables: expected at most {PARAMETERS_MAX} measured, found {found}"
-        ));
-    }
+    let (count, expected) = (ends.len(), format!("at most {PARAMETERS_MAX} measured"));
+    problems.expect(count <= PARAMETERS_MAX, "inputs, observables", &expected, count);
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use super::error::{ConfigError, read};
 use super::estimate::{self, CameraSpec, EstimateSpec, ObservedSpecs, SigmaSpec, Sigmas};
 use super::grasp::{BlockSpec, GraspSpec, PlaceSpec, plate_problems};
 use super::input::{self, InputSpecs, Measured, WithinSpec};
+use crate::problems::Problems;
 use crate::source::{Devices, InputNames, PaceSpec, Sensors, Source, SourceSpec, open_sensors, value_mut};
 use crate::valve::{self, ValveSpec};
 use control::held::{Description, MarkerSpec, Sigma, ValveLimits};
@@ -253,22 +254,20 @@ impl Scene {
 
     /// All errors in the scene itself.
     pub fn problems(&self) -> Vec<String> {
-        let mut problems = Vec::new();
-        if self.actuators.is_empty() {
-            problems.push("actuator: expected at least one [[actuator]], found none".into());
-        }
+        let mut list = Vec::new();
+        let mut problems = Problems::new(&mut list, "");
+        problems.expect(!self.actuators.is_empty(), "actuator", "at least one [[actuator]]", "none");
         let (mut names, devices) = (BTreeSet::new(), Devices::default());
         for (index, actuator) in self.actuators.iter().enumerate() {
-            let place = format!("actuator[{index}] `{}`", actuator.name);
+            let mut problems = problems.part(format_args!("actuator[{index}] `{}`", actuator.name));
             if !names.insert(&actuator.name) {
-                problems.push(format!("{place}.name: another actuator has this name already"));
+                problems.part("name").add("another actuator has this name already");
             }
-            actuator.problems(&place, &mut problems);
-            actuator.sensor_problems(&place, &self.folder, &devices, &mut problems);
-            self.listener_problems(actuator, &place, &mut problems);
+            actuator.problems(&mut problems);
+            actuator.sensor_problems(&self.folder, &devices, &mut problems);
+            self.listener_problems(actuator, &mut problems);
             for (topic, valve) in actuator.all_valves().filter_map(Result::ok) {
-                let found = valve::open(&topic, valve, &devices).err().into_iter().flatten();
-                problems.extend(found.map(|problem| format!("{place}.{problem}")));
+                problems.extend(valve::open(&topic, valve, &devices).err().into_iter().flatten());
             }
         }
         if let Some(grasp) = &self.grasp {
@@ -278,18 +277,18 @@ impl Scene {
         for (index, block) in self.blocks.iter().enumerate() {
             block.problems(&format!("block[{index}]"), &mut problems);
         }
-        problems
+        list
     }
 
     /// An actuator that listens to another's sensor measures what that one does.
-    fn listener_problems(&self, actuator: &ActuatorSpec, place: &str, problems: &mut Vec<String>) {
+    fn listener_problems(&self, actuator: &ActuatorSpec, problems: &mut Problems) {
         let other = self.actuators.iter().find(|other| other.name == actuator.sensor());
         let Some(other) = other.filter(|other| other.name != actuator.name) else { return };
         let known = other.input_names();
         for name in actuator.input_names().iter().filter(|name| known.iter().all(|known| known != *name)) {
-            problems.push(format!(
-                "{place}: expected {name} measured by `{}` too, whose readings count here, found it is not",
-                other.name
+            let other = &other.name;
+            problems.add(format_args!(
+                "expected {name} measured by `{other}` too, whose readings count here, found it is not"
             ));
         }
     }
@@ -423,142 +422,115 @@ impl ActuatorSpec {
     }
 
     /// Errors in the sensors and in their use of devices.
-    fn sensor_problems(&self, place: &str, folder: &Path, devices: &Devices, problems: &mut Vec<String>) {
+    fn sensor_problems(&self, folder: &Path, devices: &Devices, problems: &mut Problems) {
         if self.sensors.is_empty() {
-            if self.pace.is_some() {
-                problems.push(format!("{place}.pace: expected [actuator.sensors.NAME] with it, found none"));
-            }
+            problems.expect(self.pace.is_none(), "pace", "[actuator.sensors.NAME] with it", "none");
             return;
         }
         if self.source.is_some() {
-            problems.push(format!("{place}: expected either source or sensors, found both"));
+            problems.add("expected either source or sensors, found both");
         }
         if self.sensor.as_ref().is_some_and(|sensor| *sensor != self.name) {
-            problems.push(format!("{place}: has its own sensors and listens to another's; leave one out"));
+            problems.add("has its own sensors and listens to another's; leave one out");
         }
         let names = self.input_names();
         let found = open_sensors(&self.sensors, self.pace.as_ref(), folder, devices, &names).err();
-        problems.extend(found.into_iter().flatten().map(|problem| format!("{place}.{problem}")));
+        problems.extend(found.into_iter().flatten());
     }
 
-    fn problems(&self, place: &str, problems: &mut Vec<String>) {
+    fn problems(&self, problems: &mut Problems) {
         if let Err(error) = wire::Topic::state(&self.name) {
-            problems.push(format!("{place}.name: {error}"));
+            problems.part("name").add(error);
         }
-        if self.model.as_os_str().is_empty() {
-            problems.push(format!("{place}.model: expected a model file, found nothing"));
-        }
+        problems.expect(!self.model.as_os_str().is_empty(), "model", "a model file", "nothing");
         if let Some(sensor) = &self.sensor {
             if let Err(error) = wire::Topic::sensor(sensor) {
-                problems.push(format!("{place}.sensor: {error}"));
+                problems.part("sensor").add(error);
             }
             if self.source.is_some() && *sensor != self.name {
-                problems.push(format!(
-                    "{place}: has its own source and listens to the sensor of `{sensor}`; leave one out"
+                problems.add(format_args!(
+                    "has its own source and listens to the sensor of `{sensor}`; leave one out"
                 ));
             }
         }
-        self.place.problems(place, problems);
+        self.place.problems(problems);
         if let Some(plate) = &self.plate {
-            plate_problems(plate, place, problems);
+            plate_problems(plate, problems);
         }
         if let Some(valve) = &self.valve {
-            valve.problems(&format!("{place}.valve"), problems);
+            valve.problems(&mut problems.part("valve"));
         }
         for (cavity, valve) in &self.valves {
-            let key = format!("{place}.{}", ValveSpec::key(Some(cavity)));
-            valve.problems(&key, problems);
-            let topic = wire::Topic::valve("a").and_then(|topic| topic.of_cavity(Some(cavity)));
-            problems.extend(topic.err().map(|error| format!("{key}: {error}")));
+            let mut problems = problems.part(ValveSpec::key(Some(cavity)));
+            valve.problems(&mut problems);
+            if let Err(error) = wire::Topic::valve("a").and_then(|topic| topic.of_cavity(Some(cavity))) {
+                problems.add(error);
+            }
             let input = format!("pressure_mpa.{cavity}");
             if self.inputs.get(&input).is_none_or(|from| from.measured().is_none())
                 && !self.estimate.contains_key(&input)
             {
-                problems.push(format!(
-                    "{key}: expected the pressure that it changes as an input, inputs.\"{input}\" = \"measured\"; found it given or missing"
+                problems.add(format_args!(
+                    "expected the pressure that it changes as an input, inputs.\"{input}\" = \"measured\"; found it given or missing"
                 ));
             }
         }
-        problems.extend(self.control.problems(&format!("{place}.control")));
+        problems.extend(self.control.problems("control"));
         if let Some(cavity) = self.control.cavity.as_ref().filter(|name| !self.valves.contains_key(*name)) {
             let known: Vec<&str> = self.valves.keys().map(String::as_str).collect();
-            problems.push(format!(
-                "{place}.control.cavity: expected a cavity with a valve, [actuator.valves.NAME] ({}), found `{cavity}`",
-                if known.is_empty() { "none".into() } else { known.join(", ") }
-            ));
+            let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+            let expected = format!("a cavity with a valve, [actuator.valves.NAME] ({known})");
+            problems.expect(false, "control.cavity", &expected, format_args!("`{cavity}`"));
         }
-        estimate::problems(
-            place,
-            &self.estimate,
-            &self.sigma,
-            &self.markers,
-            &self.observables,
-            &self.camera,
-            problems,
-        );
+        let Self { estimate, sigma, markers, observables, camera, .. } = self;
+        estimate::problems(estimate, sigma, markers, observables, camera, problems);
         let (min, max) = self.gap_mm.range_mm();
-        if min.is_nan() || max.is_nan() || min > max || min < 0.0 {
-            problems.push(format!("{place}.gap_mm: expected 0 <= min <= max in mm, found {min} .. {max}"));
-        }
-        let is_estimated = |name: &str| self.estimate.contains_key(name);
-        input::problems(place, &self.inputs, is_estimated, self.observables.keys().cloned(), problems);
+        let found = format!("{min} .. {max}");
+        problems.expect(0.0 <= min && min <= max, "gap_mm", "0 <= min <= max in mm", found);
+        let is_estimated = |name: &str| estimate.contains_key(name);
+        input::problems(&self.inputs, is_estimated, observables.keys(), problems);
         let waiting = wire::qos::of(wire::TopicKind::Sensor).buffer;
-        if !(1..=waiting).contains(&self.backlog) {
-            problems.push(format!("{place}.backlog: expected 1 to {waiting}, found {}", self.backlog));
-        }
+        let fits = (1..=waiting).contains(&self.backlog);
+        problems.expect(fits, "backlog", &format!("1 to {waiting}"), self.backlog);
         let mut topics = BTreeSet::new();
         for (index, output) in self.outputs.iter().enumerate() {
-            let place = format!("{place}.output[{index}]");
-            output.problems(&self.name, &place, problems);
+            let mut problems = problems.part(format_args!("output[{index}]"));
+            output.problems(&self.name, &mut problems);
             if !topics.insert(output.topic_name()) {
                 let topic = output.topic_name().unwrap_or("all");
-                problems
-                    .push(format!("{place}: the node set `{topic}` has a topic already; give one a `name`"));
+                problems.add(format_args!("the node set `{topic}` has a topic already; give one a `name`"));
             }
         }
     }
 }
 
 impl OutputSpec {
-    fn problems(&self, actuator: &str, place: &str, problems: &mut Vec<String>) {
+    fn problems(&self, actuator: &str, problems: &mut Problems) {
         if self.topic_name().is_none() && matches!(self.nodes, NodesSpec::Fixed(_)) {
-            problems.push(format!("{place}.name: a box or a list of nodes needs a name for its topic"));
+            problems.part("name").add("a box or a list of nodes needs a name for its topic");
         }
         if let (Some(name), Ok(_)) = (self.topic_name(), wire::Topic::state(actuator))
             && let Err(error) = wire::Topic::field(actuator, Some(name))
         {
-            problems.push(format!("{place}.name: {error}"));
+            problems.part("name").add(error);
         }
-        if !(self.rate_hz.is_finite() && self.rate_hz >= 0.0) {
-            problems.push(format!("{place}.rate_hz: expected 0 or more, found {}", self.rate_hz));
-        }
-        if !(0.0..=1.0).contains(&self.accepted_error) {
-            problems.push(format!("{place}.accepted_error: expected 0 to 1, found {}", self.accepted_error));
-        }
-        if self.fields.len() > wire::layout::FIELD_SLOTS {
-            problems.push(format!(
-                "{place}.fields: expected at most {} fields, found {}",
-                wire::layout::FIELD_SLOTS,
-                self.fields.len()
-            ));
-        }
+        problems.at_least_0("rate_hz", self.rate_hz);
+        problems.range("accepted_error", self.accepted_error, [0.0, 1.0]);
+        let (count, most) = (self.fields.len(), wire::layout::FIELD_SLOTS);
+        problems.expect(count <= most, "fields", &format!("at most {most} fields"), count);
         let mut seen = BTreeSet::new();
-        for field in &self.fields {
-            if !seen.insert(field) {
-                problems.push(format!("{place}.fields: `{field}` is named twice"));
-            }
+        for field in self.fields.iter().filter(|field| !seen.insert(*field)) {
+            problems.part("fields").add(format_args!("`{field}` is named twice"));
         }
         match &self.nodes {
             NodesSpec::Fixed(FixedNodes::Box { min, max }) => {
-                if !min.iter().zip(max).all(|(min, max)| min <= max) {
-                    problems
-                        .push(format!("{place}.nodes.box: expected min <= max, found {min:?} .. {max:?}"));
-                }
+                let fits = min.iter().zip(max).all(|(min, max)| min <= max);
+                problems.expect(fits, "nodes.box", "min <= max", format_args!("{min:?} .. {max:?}"));
             }
-            NodesSpec::Fixed(FixedNodes::List(nodes)) if nodes.is_empty() => {
-                problems.push(format!("{place}.nodes.list: expected at least one node, found none"));
+            NodesSpec::Fixed(FixedNodes::List(nodes)) => {
+                problems.expect(!nodes.is_empty(), "nodes.list", "at least one node", "none");
             }
-            NodesSpec::Fixed(FixedNodes::List(_)) | NodesSpec::Named(_) => {}
+            NodesSpec::Named(_) => {}
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Settings of the twin's process: limits on readings, deadlines, real time. One file (`config/twin.toml`), all optional.
 
 use super::error::{ConfigError, read};
+use crate::problems::Problems;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -119,33 +120,29 @@ impl Settings {
 
     /// All errors in the settings.
     pub fn problems(&self) -> Vec<String> {
-        let mut problems = Vec::new();
+        let mut list = Vec::new();
+        let mut problems = Problems::new(&mut list, "");
         let limits = &self.limits;
-        if !(limits.pressure_min_mpa.is_finite() && limits.pressure_min_mpa < limits.pressure_max_mpa) {
-            problems.push(format!(
-                "limits.pressure_min_mpa, pressure_max_mpa: expected min < max, found {} and {}",
-                limits.pressure_min_mpa, limits.pressure_max_mpa
-            ));
-        }
+        let (min, max) = (limits.pressure_min_mpa, limits.pressure_max_mpa);
+        let found = format!("{min} and {max}");
+        let keys = "limits.pressure_min_mpa, pressure_max_mpa";
+        problems.expect(min.is_finite() && min < max, keys, "min < max", found);
         for (key, value) in [
             ("gap_max_mm", limits.gap_max_mm),
-            ("deadline_ms", limits.deadline_ms.unwrap_or(f64::MAX)),
+            ("deadline_ms", limits.deadline_ms.unwrap_or(1.0)),
             ("max_age_ms", limits.max_age_ms),
             ("max_ahead_ms", limits.max_ahead_ms),
             ("late_ms", limits.late_ms),
             ("mismatch_ms", limits.mismatch_ms),
         ] {
-            if !(value.is_finite() && value > 0.0) {
-                problems.push(format!("limits.{key}: expected a finite number above 0, found {value}"));
-            }
+            problems.part("limits").above_0(key, value);
         }
-        if self.realtime.fifo_priority > 99 {
-            let found = self.realtime.fifo_priority;
-            problems.push(format!("realtime.fifo_priority: expected 1-99, or 0 for off, found {found}"));
+        let Realtime { fifo_priority, cores, .. } = &self.realtime;
+        let mut realtime = problems.part("realtime");
+        realtime.expect(*fifo_priority <= 99, "fifo_priority", "1-99, or 0 for off", fifo_priority);
+        for core in cores.iter().filter(|core| **core >= 1024).take(1) {
+            realtime.expect(false, "cores", "core numbers below 1024", core);
         }
-        if let Some(core) = self.realtime.cores.iter().find(|core| **core >= 1024) {
-            problems.push(format!("realtime.cores: expected core numbers below 1024, found {core}"));
-        }
-        problems
+        list
     }
 }

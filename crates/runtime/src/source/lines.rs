@@ -7,6 +7,7 @@ pub const MAX_LINE_BYTES: usize = 2048;
 
 /// Why a line is no reading.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum LineError {
     /// Longer than [`MAX_LINE_BYTES`].
     #[error("a line has more than {MAX_LINE_BYTES} bytes")]
@@ -16,18 +17,10 @@ pub enum LineError {
     NotText,
     /// A cell is not a number.
     #[error("expected a number, found `{found}`")]
-    NotANumber {
-        /// The cell.
-        found: String,
-    },
+    NotANumber { found: String },
     /// A cell that the scene names is empty or missing.
     #[error("cell {cell} is empty or missing, the line has {found}")]
-    NoCell {
-        /// Number of the cell, from 1.
-        cell: usize,
-        /// How many there are.
-        found: usize,
-    },
+    NoCell { cell: usize, found: usize },
     /// None of the values that the scene names.
     #[error("the line has none of the values that the scene names")]
     NoValue,
@@ -36,16 +29,10 @@ pub enum LineError {
         "`{found}`: a comma between digits may be a decimal comma; expected a decimal point, and `;` or `, ` between numbers \
          (or `comma_separates = true` of the sensor)"
     )]
-    Comma {
-        /// The line.
-        found: String,
-    },
+    Comma { found: String },
     /// A JSON line without what is needed.
     #[error("expected JSON such as {{\"pressure\": 0.03, \"gap\": 40}}: {cause}")]
-    Json {
-        /// The parser's message.
-        cause: String,
-    },
+    Json { cause: String },
 }
 
 /// Cells of a line.
@@ -58,9 +45,6 @@ pub enum Cells {
 }
 
 /// Takes one line without its end apart. `None` for empty lines and comments (`#`).
-///
-/// # Errors
-/// [`LineError`].
 pub fn parse_cells(line: &[u8], comma_separates: bool) -> Result<Option<Cells>, LineError> {
     let Some(text) = text_of(line)? else { return Ok(None) };
     if text.starts_with('{') {

@@ -7,6 +7,7 @@
 
 use super::sensor::{Backoff, Feed, STOP_CHECK};
 use super::serial::ModbusPath;
+use crate::problems::Problems;
 use serde::{Deserialize, Serialize};
 use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
@@ -143,17 +144,12 @@ impl RegisterAt {
     }
 
     /// All errors in it; `key` is its place in the file.
-    pub fn problems(&self, is_serial: bool, key: &str, problems: &mut Vec<String>) {
-        if is_serial && !(1..=247).contains(&self.unit_id) {
-            problems.push(format!("{key}.unit_id: expected 1-247 on a serial line, found {}", self.unit_id));
-        }
-        if self.register.checked_add(self.count() - 1).is_none() {
-            problems.push(format!(
-                "{key}.register: expected room for {} registers, found {}",
-                self.count(),
-                self.register
-            ));
-        }
+    pub fn problems(&self, is_serial: bool, problems: &mut Problems) {
+        let fits = !is_serial || (1..=247).contains(&self.unit_id);
+        problems.expect(fits, "unit_id", "1-247 on a serial line", self.unit_id);
+        let fits = self.register.checked_add(self.count() - 1).is_some();
+        let expected = format!("room for {} registers", self.count());
+        problems.expect(fits, "register", &expected, self.register);
     }
 
     /// The registers for a number; `None` when it does not fit. Integers are rounded to the nearest.

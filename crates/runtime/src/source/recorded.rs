@@ -175,13 +175,11 @@ impl LeftOut {
 
 /// Error in a trace.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum TraceError {
     /// The file could not be read.
     #[error("cannot read the trace: {cause}")]
-    Unreadable {
-        /// The system's message.
-        cause: String,
-    },
+    Unreadable { cause: String },
     /// No header or no rows.
     #[error(
         "the trace has no {what}; expected the header `t_s,pressure_mpa,gap_mm` and at least one row, or a recording with readings"
@@ -192,84 +190,33 @@ pub enum TraceError {
     },
     /// A required column is missing.
     #[error("line {line}: the column `{column}` is missing; expected `{expected}`, found `{found}`")]
-    MissingColumn {
-        /// Line of the header.
-        line: usize,
-        /// The column.
-        column: String,
-        /// A header that would do.
-        expected: String,
-        /// The header as found.
-        found: String,
-    },
+    MissingColumn { line: usize, column: String, expected: String, found: String },
     /// Two columns with one name.
     #[error("line {line}: expected each column once, found `{column}` twice; remove or rename one of them")]
-    ColumnTwice {
-        /// Line of the header.
-        line: usize,
-        /// Its name.
-        column: String,
-    },
+    ColumnTwice { line: usize, column: String },
     /// A quantity in another unit than the one that is read.
     #[error(
         "line {line}: expected the column `{expected}`, found `{found}`; convert its values and name it so"
     )]
-    AnotherUnit {
-        /// Line of the header.
-        line: usize,
-        /// The column.
-        found: String,
-        /// The column that is read.
-        expected: &'static str,
-    },
+    AnotherUnit { line: usize, found: String, expected: &'static str },
     /// A cell is not a number.
     #[error("line {line}, column `{column}`: expected a number, found `{found}`")]
-    NotANumber {
-        /// Line.
-        line: usize,
-        /// Column.
-        column: String,
-        /// The text.
-        found: String,
-    },
+    NotANumber { line: usize, column: String, found: String },
     /// A message of a recording that is no reading.
     #[error("reading {number} of the recording cannot be read: {cause}")]
-    NotAReading {
-        /// Which reading, from 1.
-        number: usize,
-        /// Its error.
-        cause: String,
-    },
+    NotAReading { number: usize, cause: String },
     /// A recording of several actuators.
     #[error("the recording has several sensors ({found}); choose one with `topic`")]
-    SeveralTopics {
-        /// Their topics.
-        found: String,
-    },
+    SeveralTopics { found: String },
     /// The topic that was asked for is not there.
     #[error("the recording has no readings on `{topic}`; found: {found}")]
-    NoSuchTopic {
-        /// Asked for.
-        topic: String,
-        /// Found columns.
-        found: String,
-    },
+    NoSuchTopic { topic: String, found: String },
     /// More than fits into memory.
     #[error(
         "the recording has more than {limit} readings; record with --rotate-minutes and replay the part you need"
     )]
-    TooManyRows {
-        /// The limit.
-        limit: usize,
-    },
+    TooManyRows { limit: usize },
     /// Time is not finite or runs backwards.
     #[error("line {line}: time goes from {before} s to {found} s; expected rows in order of time")]
-    TimeOrder {
-        /// Line.
-        line: usize,
-        /// Time of the row above.
-        before: f64,
-        /// Time found.
-        found: f64,
-    },
+    TimeOrder { line: usize, before: f64, found: f64 },
 }

@@ -4,6 +4,7 @@ use super::log_limit::LimitedLog;
 use super::reading::{
     BridgeWaker, FORCE, GAP, InputNames, MARKERS, NAMED, PRESSURE, QUANTITIES, SensorCounters,
 };
+use crate::problems::Problems;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Debug;
@@ -48,12 +49,10 @@ impl Quantity {
     }
 
     /// Adds a problem if `unit` is not one of this quantity.
-    pub fn check_unit(self, key: &str, unit: Option<&str>, problems: &mut Vec<String>) {
-        if self.factor(unit).is_none() {
-            let known: Vec<&str> = self.units().iter().map(|(name, _)| *name).collect();
-            let found = unit.unwrap_or_default();
-            problems.push(format!("{key}: expected one of {}, found `{found}`", known.join(", ")));
-        }
+    pub fn check_unit(self, unit: Option<&str>, problems: &mut Problems) {
+        let known: Vec<&str> = self.units().iter().map(|(name, _)| *name).collect();
+        let (fits, found) = (self.factor(unit).is_some(), format!("`{}`", unit.unwrap_or_default()));
+        problems.expect(fits, "unit", &format!("one of {}", known.join(", ")), found);
     }
 }
 
@@ -125,37 +124,31 @@ fn factor(quantity: Option<Quantity>, unit: Option<&str>) -> Option<f64> {
 pub(super) fn problems<P>(
     values: &Values<P>,
     inputs: &InputNames,
-    key: &str,
-    problems: &mut Vec<String>,
-    mut place: impl FnMut(&P, &str, &mut Vec<String>),
+    problems: &mut Problems,
+    mut place: impl FnMut(&P, &mut Problems),
 ) {
-    if values.is_empty() {
-        problems.push(format!("{key}: expected at least one value, such as pressure_mpa, found none"));
-    }
+    problems.expect(!values.is_empty(), "values", "at least one value, such as pressure_mpa", "none");
     for (name, value) in values {
-        let key = format!("{key}.{name}");
+        let mut problems = problems.part(format_args!("values.{name}"));
         let unit = value.unit.as_deref();
         match inputs.slot(name).map(|slot| quantity(slot, name)) {
-            Some(Some(quantity)) => quantity.check_unit(&format!("{key}.unit"), unit, problems),
+            Some(Some(quantity)) => quantity.check_unit(unit, &mut problems),
             Some(None) => {
-                if let Some(unit) = unit {
-                    problems.push(format!(
-                        "{key}.unit: expected none, the value is in the unit of its name; found `{unit}`; use scale"
-                    ));
-                }
+                let found = format!("`{}`; use scale", unit.unwrap_or_default());
+                problems.expect(unit.is_none(), "unit", "none, the value is in the unit of its name", found);
             }
             None => {
                 let known = QUANTITIES.into_iter().chain(inputs.iter());
                 let near = known.max_by(|a, b| similar(a, name).total_cmp(&similar(b, name)));
                 let near = near.unwrap_or_default();
-                problems.push(format!(
-                    "{key}: expected pressure_mpa, gap_mm, force_n, marker1_x_mm to marker8_z_mm or an input that \
+                problems.add(format_args!(
+                    "expected pressure_mpa, gap_mm, force_n, marker1_x_mm to marker8_z_mm or an input that \
                      [actuator.inputs] calls measured, found `{name}`; did you mean `{near}`?"
                 ));
             }
         }
-        place(&value.from, &format!("{key}.from"), problems);
-        value.problems(&key, problems);
+        place(&value.from, &mut problems.part("from"));
+        value.problems(&mut problems);
     }
 }
 
@@ -166,33 +159,33 @@ fn similar(a: &str, b: &str) -> f64 {
 }
 
 impl<P> ValueSpec<P> {
-    pub(crate) fn problems(&self, key: &str, problems: &mut Vec<String>) {
-        if !(self.scale.is_finite() && self.scale != 0.0) {
-            problems
-                .push(format!("{key}.scale: expected a finite number other than 0, found {}", self.scale));
-        }
-        if !self.offset.is_finite() {
-            problems.push(format!("{key}.offset: expected a finite number, found {}", self.offset));
-        }
+    pub(crate) fn problems(&self, problems: &mut Problems) {
+        let fits = self.scale.is_finite() && self.scale != 0.0;
+        problems.expect(fits, "scale", "a finite number other than 0", self.scale);
+        problems.finite("offset", self.offset);
         if !self.points.is_empty() {
             let finite = self.points.iter().flatten().all(|number| number.is_finite());
             let rising = self.points.windows(2).all(|pair| matches!(pair, [a, b] if a[0] < b[0]));
-            if self.points.len() < 2 || !finite || !rising {
-                problems.push(format!(
-                    "{key}.points: expected at least two pairs [raw, value] of finite numbers, raw rising, found {:?}",
-                    self.points
-                ));
+            let fits = self.points.len() >= 2 && finite && rising;
+            let expected = "at least two pairs [raw, value] of finite numbers, raw rising";
+            problems.expect(fits, "points", expected, format_args!("{:?}", self.points));
+            let is_alone = self.scale == 1.0 && self.offset == 0.0;
+            let found = "both; put the points' own scale into them";
+            problems.expect(is_alone, "points", "either points or scale and offset", found);
+        }
+        let sigma = self.sigma.unwrap_or(1.0);
+        problems.expect(sigma.is_finite() && sigma > 0.0, "sigma", "a number above 0", sigma);
+        match self.filter {
+            FilterSpec::Off => {}
+            FilterSpec::Median(count) => {
+                let fits = count % 2 == 1 && (3..=99).contains(&count);
+                problems.expect(fits, "filter.median", "an odd number of readings, 3-99", count);
             }
-            if self.scale != 1.0 || self.offset != 0.0 {
-                problems.push(format!(
-                    "{key}.points: expected either points or scale and offset, found both; put the points' own scale into them"
-                ));
+            FilterSpec::LowPassHz(corner) => {
+                let fits = corner.is_finite() && corner > 0.0;
+                problems.expect(fits, "filter.low-pass-hz", "a finite frequency above 0", corner);
             }
         }
-        if let Some(sigma) = self.sigma.filter(|sigma| !(sigma.is_finite() && *sigma > 0.0)) {
-            problems.push(format!("{key}.sigma: expected a number above 0, found {sigma}"));
-        }
-        self.filter.problems(&format!("{key}.filter"), problems);
     }
 
     /// Conversion of the raw number to a value; `None` for an invalid name or unit.
@@ -273,23 +266,6 @@ pub enum FilterSpec {
     Median(usize),
     /// First-order low-pass with this corner frequency, Hz.
     LowPassHz(f64),
-}
-
-impl FilterSpec {
-    /// All errors in it.
-    pub fn problems(&self, key: &str, problems: &mut Vec<String>) {
-        match *self {
-            Self::Median(count) if count.is_multiple_of(2) || !(3..=99).contains(&count) => {
-                problems
-                    .push(format!("{key}.median: expected an odd number of readings, 3-99, found {count}"));
-            }
-            Self::LowPassHz(corner) if !(corner.is_finite() && corner > 0.0) => {
-                problems
-                    .push(format!("{key}.low-pass-hz: expected a finite frequency above 0, found {corner}"));
-            }
-            _ => {}
-        }
-    }
 }
 
 /// A filter with its memory.

@@ -1,5 +1,6 @@
 //! Serial lines, and the paths of Modbus devices.
 
+use crate::problems::Problems;
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::PathBuf;
@@ -52,9 +53,6 @@ pub enum Parity {
 
 impl SerialSpec {
     /// Opens the line and discards waiting bytes: a late answer must not be taken for the next one.
-    ///
-    /// # Errors
-    /// I/O errors.
     pub fn open(&self) -> io::Result<SerialStream> {
         let parity = match self.parity {
             Parity::None => tokio_serial::Parity::None,
@@ -71,19 +69,13 @@ impl SerialSpec {
     }
 
     /// All errors in it.
-    pub fn problems(&self, key: &str, problems: &mut Vec<String>) {
-        if self.port.as_os_str().is_empty() {
-            problems.push(format!("{key}.port: expected a device such as /dev/ttyUSB0, found nothing"));
-        }
-        if !(300..=4_000_000).contains(&self.baud) {
-            problems.push(format!("{key}.baud: expected 300 to 4000000, found {}", self.baud));
-        }
-        if !matches!(self.data_bits, 7 | 8) {
-            problems.push(format!("{key}.data_bits: expected 7 or 8, found {}", self.data_bits));
-        }
-        if !matches!(self.stop_bits, 1 | 2) {
-            problems.push(format!("{key}.stop_bits: expected 1 or 2, found {}", self.stop_bits));
-        }
+    pub fn problems(&self, problems: &mut Problems) {
+        let is_named = !self.port.as_os_str().is_empty();
+        problems.expect(is_named, "port", "a device such as /dev/ttyUSB0", "nothing");
+        let fits = (300..=4_000_000).contains(&self.baud);
+        problems.expect(fits, "baud", "300 to 4000000", self.baud);
+        problems.expect(matches!(self.data_bits, 7 | 8), "data_bits", "7 or 8", self.data_bits);
+        problems.expect(matches!(self.stop_bits, 1 | 2), "stop_bits", "1 or 2", self.stop_bits);
     }
 }
 
@@ -106,22 +98,15 @@ impl ModbusPath {
         }
     }
 
-    /// Adds all errors in the two keys at `key`.
-    pub(crate) fn problems(
-        tcp: Option<&str>,
-        serial: Option<&SerialSpec>,
-        key: &str,
-        problems: &mut Vec<String>,
-    ) {
-        if tcp.is_some() == serial.is_some() {
-            let found = if tcp.is_some() { "both" } else { "neither" };
-            problems.push(format!("{key}.tcp, {key}.serial: expected exactly one of them, found {found}"));
-        }
+    /// Adds all errors in the two keys.
+    pub(crate) fn problems(tcp: Option<&str>, serial: Option<&SerialSpec>, problems: &mut Problems) {
+        let found = if tcp.is_some() { "both" } else { "neither" };
+        problems.expect(tcp.is_some() != serial.is_some(), "tcp, serial", "exactly one of them", found);
         if let Some(address) = tcp {
-            check_address(address, &format!("{key}.tcp"), problems);
+            check_address(address, "tcp", problems);
         }
         if let Some(serial) = serial {
-            serial.problems(&format!("{key}.serial"), problems);
+            serial.problems(&mut problems.part("serial"));
         }
     }
 
@@ -143,9 +128,8 @@ impl ModbusPath {
 }
 
 /// Notes a problem unless it is `host:port`.
-pub(super) fn check_address(address: &str, key: &str, problems: &mut Vec<String>) {
+pub(super) fn check_address(address: &str, key: &str, problems: &mut Problems) {
     let parts = address.rsplit_once(':');
-    if !parts.is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok()) {
-        problems.push(format!("{key}: expected `host:port`, found `{address}`"));
-    }
+    let fits = parts.is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok());
+    problems.expect(fits, key, "`host:port`", format_args!("`{address}`"));
 }

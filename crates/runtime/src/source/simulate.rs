@@ -1,6 +1,7 @@
 //! Readings by formula: for tests, demonstrations and controllers without hardware.
 
 use super::reading::{Reading, Scheduled, Source};
+use crate::problems::Problems;
 use rom::rng::Rng;
 use serde::{Deserialize, Serialize};
 use wire::SensorSample;
@@ -114,54 +115,31 @@ impl Profile {
         }
     }
 
-    /// Keys and values, each with the rule it must keep.
-    fn rules(&self) -> Vec<(&'static str, f64, Rule)> {
+    /// All errors in it.
+    fn problems(&self, problems: &mut Problems) {
         match *self {
-            Self::ConstantFlow { flow_ml_per_min, volume_mm3, compliance_mm3_per_mpa, until_mpa } => vec![
-                ("profile.flow_ml_per_min", flow_ml_per_min, Rule::Above0),
-                ("profile.volume_mm3", volume_mm3, Rule::Above0),
-                ("profile.until_mpa", until_mpa, Rule::Finite),
-                ("profile.compliance_mm3_per_mpa", compliance_mm3_per_mpa, Rule::AtLeast0),
-            ],
-            Self::Ramp { from_mpa, to_mpa, rise_s } => vec![
-                ("profile.from_mpa", from_mpa, Rule::Finite),
-                ("profile.to_mpa", to_mpa, Rule::Finite),
-                ("profile.rise_s", rise_s, Rule::Above0),
-            ],
-            Self::Step { low_mpa, high_mpa, at_s } => vec![
-                ("profile.low_mpa", low_mpa, Rule::Finite),
-                ("profile.high_mpa", high_mpa, Rule::Finite),
-                ("profile.at_s", at_s, Rule::Finite),
-            ],
-            Self::Sine { mean_mpa, amplitude_mpa, frequency_hz } => vec![
-                ("profile.mean_mpa", mean_mpa, Rule::Finite),
-                ("profile.amplitude_mpa", amplitude_mpa, Rule::Finite),
-                ("profile.frequency_hz", frequency_hz, Rule::Above0),
-            ],
+            Self::ConstantFlow { flow_ml_per_min, volume_mm3, compliance_mm3_per_mpa, until_mpa } => {
+                problems.above_0("flow_ml_per_min", flow_ml_per_min);
+                problems.above_0("volume_mm3", volume_mm3);
+                problems.at_least_0("compliance_mm3_per_mpa", compliance_mm3_per_mpa);
+                problems.finite("until_mpa", until_mpa);
+            }
+            Self::Ramp { from_mpa, to_mpa, rise_s } => {
+                problems.finite("from_mpa", from_mpa);
+                problems.finite("to_mpa", to_mpa);
+                problems.above_0("rise_s", rise_s);
+            }
+            Self::Step { low_mpa, high_mpa, at_s } => {
+                problems.finite("low_mpa", low_mpa);
+                problems.finite("high_mpa", high_mpa);
+                problems.finite("at_s", at_s);
+            }
+            Self::Sine { mean_mpa, amplitude_mpa, frequency_hz } => {
+                problems.finite("mean_mpa", mean_mpa);
+                problems.finite("amplitude_mpa", amplitude_mpa);
+                problems.above_0("frequency_hz", frequency_hz);
+            }
         }
-    }
-}
-
-/// Rule for a value of the specification.
-#[derive(Debug, Clone, Copy)]
-enum Rule {
-    Finite,
-    AtLeast0,
-    Above0,
-    /// Above 0, infinity allowed.
-    Duration,
-}
-
-impl Rule {
-    /// The rule for the user when `value` breaks it.
-    fn broken_by(self, value: f64) -> Option<&'static str> {
-        let (kept, text) = match self {
-            Self::Finite => (value.is_finite(), "a finite number"),
-            Self::AtLeast0 => (value.is_finite() && value >= 0.0, "0 or more"),
-            Self::Above0 => (value.is_finite() && value > 0.0, "a finite number above 0"),
-            Self::Duration => (value > 0.0, "more than 0 (or inf)"),
-        };
-        (!kept).then_some(text)
     }
 }
 
@@ -171,21 +149,15 @@ impl SimulateSpec {
     /// # Errors
     /// All its problems.
     pub(super) fn open(&self) -> Result<Box<dyn Source>, Vec<String>> {
-        let own = [
-            ("rate_hz", self.rate_hz, Rule::Above0),
-            ("noise_mpa", self.noise_mpa, Rule::AtLeast0),
-            ("resolution_mpa", self.resolution_mpa, Rule::AtLeast0),
-            ("duration_s", self.duration_s, Rule::Duration),
-        ];
-        let problems: Vec<String> = own
-            .into_iter()
-            .chain(self.profile.rules())
-            .filter_map(|(key, value, rule)| {
-                Some(format!("source.{key}: expected {}, found {value}", rule.broken_by(value)?))
-            })
-            .collect();
-        if !problems.is_empty() {
-            return Err(problems);
+        let mut list = Vec::new();
+        let mut problems = Problems::new(&mut list, "source");
+        problems.above_0("rate_hz", self.rate_hz);
+        problems.at_least_0("noise_mpa", self.noise_mpa);
+        problems.at_least_0("resolution_mpa", self.resolution_mpa);
+        problems.expect(self.duration_s > 0.0, "duration_s", "more than 0 (or inf)", self.duration_s);
+        self.profile.problems(&mut problems.part("profile"));
+        if !list.is_empty() {
+            return Err(list);
         }
         let simulation = Simulation { rng: Rng::new(self.seed), spec: self.clone(), count: 0 };
         Ok(Box::new(Scheduled::new(simulation)))

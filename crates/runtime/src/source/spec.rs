@@ -8,6 +8,7 @@ use super::reading::{InputNames, PRESSURE, Source};
 use super::sensor::{Channel, Inbox, Values, problems as value_problems};
 use super::serial::{ModbusPath, SerialSpec, check_address};
 use super::stream::{Cell, LineSensor, LinesPath, Pick};
+use crate::problems::Problems;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -134,34 +135,28 @@ impl SensorSpec {
         }
     }
 
-    fn problems(&self, key: &str, inputs: &InputNames, problems: &mut Vec<String>) {
-        let values = format!("{key}.values");
+    fn problems(&self, inputs: &InputNames, problems: &mut Problems) {
         match self {
             Self::Modbus(spec) => {
-                ModbusPath::problems(spec.tcp.as_deref(), spec.serial.as_ref(), key, problems);
-                check(key, "timeout_ms", spec.timeout_ms, 0.1, 600_000.0, problems);
-                check(key, "backoff_max_ms", spec.backoff_max_ms, 0.1, 3_600_000.0, problems);
-                let serial = spec.serial.is_some();
-                let place = |at: &RegisterAt, key: &str, problems: &mut Vec<String>| {
-                    at.problems(serial, key, problems)
-                };
-                value_problems(&spec.values, inputs, &values, problems, place);
+                ModbusPath::problems(spec.tcp.as_deref(), spec.serial.as_ref(), problems);
+                problems.range("timeout_ms", spec.timeout_ms, [0.1, 600_000.0]);
+                problems.range("backoff_max_ms", spec.backoff_max_ms, [0.1, 3_600_000.0]);
+                let is_serial = spec.serial.is_some();
+                let place = |at: &RegisterAt, problems: &mut Problems| at.problems(is_serial, problems);
+                value_problems(&spec.values, inputs, problems, place);
             }
             Self::Lines(spec) => {
-                spec.problems(key, problems);
-                value_problems(&spec.values, inputs, &values, problems, Cell::problems);
+                spec.problems(problems);
+                value_problems(&spec.values, inputs, problems, Cell::problems);
             }
         }
-        check(key, "age_limit_ms", self.age_limit_ms(), 1.0, 3_600_000.0, problems);
+        let age_limit_ms = self.age_limit_ms();
+        problems.range("age_limit_ms", age_limit_ms, [1.0, 3_600_000.0]);
         if let Some(rate_hz) = self.rate_hz() {
-            check(key, "rate_hz", rate_hz, 1e-3, 20_000.0, problems);
+            problems.range("rate_hz", rate_hz, [1e-3, 20_000.0]);
             let period_ms = 1e3 / rate_hz;
-            if self.age_limit_ms() <= period_ms {
-                problems.push(format!(
-                    "{key}.age_limit_ms: expected more than the {period_ms} ms between two answers (rate_hz), found {}",
-                    self.age_limit_ms()
-                ));
-            }
+            let expected = format!("more than the {period_ms} ms between two answers (rate_hz)");
+            problems.expect(age_limit_ms > period_ms, "age_limit_ms", &expected, age_limit_ms);
         }
     }
 
@@ -212,7 +207,7 @@ impl LinesSensor {
         }
     }
 
-    fn problems(&self, key: &str, problems: &mut Vec<String>) {
+    fn problems(&self, problems: &mut Problems) {
         let given = [
             ("serial", self.serial.is_some()),
             ("tcp", self.tcp.is_some()),
@@ -221,28 +216,20 @@ impl LinesSensor {
         ];
         let given: Vec<&str> = given.iter().filter(|(_, given)| *given).map(|(name, _)| *name).collect();
         if given.len() > 1 {
-            problems.push(format!(
-                "{key}: expected at most one of serial, tcp, udp and command, found {}",
-                given.join(", ")
-            ));
+            let found = given.join(", ");
+            problems.add(format_args!("expected at most one of serial, tcp, udp and command, found {found}"));
         }
         if let Some(serial) = &self.serial {
-            serial.problems(&format!("{key}.serial"), problems);
+            serial.problems(&mut problems.part("serial"));
         }
         for (name, address) in [("tcp", &self.tcp), ("udp", &self.udp)] {
             if let Some(address) = address {
-                check_address(address, &format!("{key}.{name}"), problems);
+                check_address(address, name, problems);
             }
         }
-        if self.command.as_ref().is_some_and(|command| command.first().is_none_or(String::is_empty)) {
-            problems.push(format!("{key}.command: expected a program and its arguments, found nothing"));
-        }
-    }
-}
-
-fn check(key: &str, name: &str, value: f64, min: f64, max: f64, problems: &mut Vec<String>) {
-    if !(min..=max).contains(&value) {
-        problems.push(format!("{key}.{name}: expected {min} to {max}, found {value}"));
+        let is_nothing =
+            self.command.as_ref().is_some_and(|command| command.first().is_none_or(String::is_empty));
+        problems.expect(!is_nothing, "command", "a program and its arguments", "nothing");
     }
 }
 
@@ -290,39 +277,36 @@ pub fn open(
 
 /// All errors in the sensors of an actuator and their pace.
 fn problems(sensors: &Sensors, pace: Option<&PaceSpec>, inputs: &InputNames) -> Vec<String> {
-    let mut problems = Vec::new();
-    let names = || sensors.keys().cloned().collect::<Vec<_>>().join(", ");
+    let mut list = Vec::new();
+    let mut problems = Problems::new(&mut list, "");
+    let names = sensors.keys().cloned().collect::<Vec<_>>().join(", ");
+    let expected = format!("a rate in Hz or one of {names}");
     match pace {
         Some(PaceSpec::RateHz(rate_hz)) => {
-            if !(1e-3..=20_000.0).contains(rate_hz) {
-                problems.push(format!("pace: expected 0.001 to 20000 readings a second, found {rate_hz}"));
-            }
+            let fits = (1e-3..=20_000.0).contains(rate_hz);
+            problems.expect(fits, "pace", "0.001 to 20000 readings a second", rate_hz);
         }
-        Some(PaceSpec::Sensor(name)) if sensors.contains_key(name) => {}
         Some(PaceSpec::Sensor(name)) => {
-            problems.push(format!("pace: expected a rate in Hz or one of {}, found `{name}`", names()));
+            problems.expect(sensors.contains_key(name), "pace", &expected, format_args!("`{name}`"));
         }
-        None if sensors.len() == 1 => {}
-        None => problems.push(format!("pace: expected a rate in Hz or one of {}, found nothing", names())),
+        None => problems.expect(sensors.len() == 1, "pace", &expected, "nothing"),
     }
     let mut from: BTreeMap<usize, &str> = BTreeMap::new();
     for (name, sensor) in sensors {
-        sensor.problems(&format!("sensors.{name}"), inputs, &mut problems);
+        let mut problems = problems.part(format_args!("sensors.{name}"));
+        sensor.problems(inputs, &mut problems);
         for (value, _) in sensor.values() {
             if let Some(other) = inputs.slot(value).and_then(|slot| from.insert(slot, name)) {
-                problems.push(format!(
-                    "sensors.{name}.values.{value}: expected one sensor for each value, found it in `{other}` too"
-                ));
+                let found = format!("it in `{other}` too");
+                problems.expect(false, &format!("values.{value}"), "one sensor for each value", found);
             }
         }
     }
-    if !from.contains_key(&PRESSURE) && inputs.has_no_input() {
-        problems.push("sensors: expected a sensor with pressure_mpa, found none; the twin needs it".into());
-    }
+    let is_there = from.contains_key(&PRESSURE) || !inputs.has_no_input();
+    problems.expect(is_there, "sensors", "a sensor with pressure_mpa", "none; the twin needs it");
     for name in inputs.iter().filter(|name| inputs.slot(name).is_none_or(|slot| !from.contains_key(&slot))) {
-        problems.push(format!(
-            "sensors: expected a sensor with {name}, which [actuator.inputs] calls measured, found none"
-        ));
+        let expected = format!("a sensor with {name}, which [actuator.inputs] calls measured");
+        problems.expect(false, "sensors", &expected, "none");
     }
-    problems
+    list
 }

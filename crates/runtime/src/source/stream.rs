@@ -6,6 +6,7 @@ use super::plugin::{Plugin, PluginSpec};
 use super::reading::{MARKERS, SensorCounters, slot};
 use super::sensor::{Backoff, Feed, STOP_CHECK};
 use super::serial::SerialSpec;
+use crate::problems::Problems;
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::sync::atomic::AtomicU64;
@@ -111,14 +112,14 @@ pub enum Cell {
 }
 
 impl Cell {
-    pub(super) fn problems(&self, key: &str, problems: &mut Vec<String>) {
+    pub(super) fn problems(&self, problems: &mut Problems) {
         let found = match self {
             Self::Number(number) if (1..=64).contains(number) => return,
             Self::Key(name) if !name.is_empty() => return,
             Self::Number(number) => number.to_string(),
             Self::Key(_) => "no text".into(),
         };
-        problems.push(format!("{key}: expected a cell, 1 to 64, or a JSON key, found {found}"));
+        problems.add(format_args!("expected a cell, 1 to 64, or a JSON key, found {found}"));
     }
 }
 

@@ -92,9 +92,6 @@ impl Twin {
     }
 
     /// Maps all pages of all samples ahead of use; returns the bytes.
-    ///
-    /// # Errors
-    /// Operating-system error.
     pub fn prefault(&self) -> std::io::Result<u64> {
         self.actuators.iter().flat_map(|actuator| &actuator.outputs).map(|output| output.prefault()).sum()
     }

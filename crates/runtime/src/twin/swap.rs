@@ -9,26 +9,20 @@ use rom::reconstructor::Reconstructor;
 
 /// Why a running twin cannot continue with what was loaded. It continues with what it has.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum SwapError {
     /// Other actuators, or sensors, than before.
     #[error("the scene has the actuators {new}, this twin runs {running}; restart the twin for that")]
-    Actuators {
-        /// Running.
-        running: String,
-        /// In the new scene.
-        new: String,
-    },
+    Actuators { running: String, new: String },
     /// Other field topics than before, or other sizes of their samples.
     #[error(
         "`{actuator}`: the new scene or model has the outputs {new}, this twin runs {running}; readers hold memory of \
          that size: restart the twin"
     )]
     Outputs {
-        /// The actuator.
         actuator: String,
         /// Running, as `topic (values)`.
         running: String,
-        /// Wanted.
         new: String,
     },
 }

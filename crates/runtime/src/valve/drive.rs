@@ -47,18 +47,14 @@ impl ValveCounters {
 
 /// Why the valves cannot be driven.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say what the values are
 pub enum ValveError {
     /// The topics.
     #[error(transparent)]
     Wire(#[from] WireError),
     /// The system refuses a thread, or what its device needs.
     #[error("no thread for {valve}: {cause}")]
-    Thread {
-        /// Its topic.
-        valve: Topic,
-        /// The system's message.
-        cause: std::io::Error,
-    },
+    Thread { valve: Topic, cause: std::io::Error },
 }
 
 /// Valves by their topics.

@@ -1,5 +1,6 @@
 //! `[actuator.valve]` and `[actuator.valves.CAVITY]` of a scene: the device behind a setpoint, its limits, and what closes it.
 
+use crate::problems::Problems;
 use crate::source::{FilterSpec, ModbusPath, Quantity, RegisterAt, SerialSpec, ValueSpec};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -147,40 +148,30 @@ impl ValveSpec {
         cavity.map_or("valve".to_owned(), |cavity| format!("valves.{cavity}"))
     }
 
-    /// All errors in it; `key` is its place in the file.
-    pub fn problems(&self, key: &str, problems: &mut Vec<String>) {
+    /// All errors in it.
+    pub fn problems(&self, problems: &mut Problems) {
         let [low, high] = self.range_mpa;
-        if !(low.is_finite() && high.is_finite() && low < high) {
-            problems
-                .push(format!("{key}.range_mpa: expected lowest < highest in MPa, found {low} .. {high}"));
-        }
-        if !(low..=high).contains(&self.safe_mpa) {
-            problems.push(format!("{key}.safe_mpa: expected a value of range_mpa, found {}", self.safe_mpa));
-        }
-        for (name, value, min, max) in [
-            ("write_hz", self.write_hz, 1.0, 2000.0),
-            ("valid_max_ms", self.valid_max_ms, 1.0, 60_000.0),
-            ("state_max_age_ms", self.state_max_age_ms, 1.0, 60_000.0),
-        ] {
-            in_range(&format!("{key}.{name}"), value, min, max, problems);
-        }
-        for (name, value) in [("rate_mpa_per_s", self.rate_mpa_per_s), ("force_max_n", self.force_max_n)] {
-            if value.is_nan() || value <= 0.0 {
-                problems.push(format!("{key}.{name}: expected more than 0, found {value}"));
-            }
-        }
+        let fits = low.is_finite() && high.is_finite() && low < high;
+        problems.expect(fits, "range_mpa", "lowest < highest in MPa", format_args!("{low} .. {high}"));
+        let fits = (low..=high).contains(&self.safe_mpa);
+        problems.expect(fits, "safe_mpa", "a value of range_mpa", self.safe_mpa);
+        problems.range("write_hz", self.write_hz, [1.0, 2000.0]);
+        problems.range("valid_max_ms", self.valid_max_ms, [1.0, 60_000.0]);
+        problems.range("state_max_age_ms", self.state_max_age_ms, [1.0, 60_000.0]);
+        problems.expect(self.rate_mpa_per_s > 0.0, "rate_mpa_per_s", "more than 0", self.rate_mpa_per_s);
+        problems.expect(self.force_max_n > 0.0, "force_max_n", "more than 0", self.force_max_n);
         let devices = [self.modbus.is_some(), self.lines.is_some(), self.iio.is_some()];
         if devices.iter().filter(|is_there| **is_there).count() != 1 {
-            problems.push(format!("{key}: expected exactly one of modbus, lines and iio"));
+            problems.add("expected exactly one of modbus, lines and iio");
         }
         if let Some(modbus) = &self.modbus {
-            modbus.problems(&format!("{key}.modbus"), self.range_mpa, problems);
+            modbus.problems(self.range_mpa, &mut problems.part("modbus"));
         }
         if let Some(lines) = &self.lines {
-            lines.problems(&format!("{key}.lines"), problems);
+            lines.problems(&mut problems.part("lines"));
         }
         if let Some(iio) = &self.iio {
-            iio.problems(&format!("{key}.iio"), self.range_mpa, problems);
+            iio.problems(self.range_mpa, &mut problems.part("iio"));
         }
     }
 
@@ -204,37 +195,28 @@ impl ValveSpec {
     }
 }
 
-fn in_range(key: &str, value: f64, min: f64, max: f64, problems: &mut Vec<String>) {
-    if !(min..=max).contains(&value) {
-        problems.push(format!("{key}: expected {min} to {max}, found {value}"));
-    }
-}
-
 impl ModbusValve {
-    fn problems(&self, key: &str, range_mpa: [f64; 2], problems: &mut Vec<String>) {
-        ModbusPath::problems(self.tcp.as_deref(), self.serial.as_ref(), key, problems);
-        in_range(&format!("{key}.timeout_ms"), self.timeout_ms, 0.1, 60_000.0, problems);
-        let before = problems.len();
-        self.value.from.problems(self.serial.is_some(), &format!("{key}.value.from"), problems);
-        self.value.problems(&format!("{key}.value"), problems);
-        Quantity::Pressure.check_unit(&format!("{key}.value.unit"), self.value.unit.as_deref(), problems);
+    fn problems(&self, range_mpa: [f64; 2], problems: &mut Problems) {
+        ModbusPath::problems(self.tcp.as_deref(), self.serial.as_ref(), problems);
+        problems.range("timeout_ms", self.timeout_ms, [0.1, 60_000.0]);
+        let before = problems.count();
+        let mut value = problems.part("value");
+        self.value.from.problems(self.serial.is_some(), &mut value.part("from"));
+        self.value.problems(&mut value);
+        Quantity::Pressure.check_unit(self.value.unit.as_deref(), &mut value);
         let ValueSpec { points, filter, sigma, .. } = &self.value;
         if !points.is_empty() || *filter != FilterSpec::Off || sigma.is_some() {
-            problems.push(format!(
-                "{key}.value: expected scale, offset and unit only, found points, filter or sigma"
-            ));
+            value.add("expected scale, offset and unit only, found points, filter or sigma");
         }
-        if problems.len() == before {
+        if value.count() == before {
             for end in range_mpa.into_iter().filter(|end| self.registers(*end).is_none()) {
-                problems.push(format!(
-                    "{key}.value: {end} MPa of range_mpa does not fit into a register of this encoding, scale and offset"
+                value.add(format_args!(
+                    "{end} MPa of range_mpa does not fit into a register of this encoding, scale and offset"
                 ));
             }
         }
     }
-}
 
-impl ModbusValve {
     /// The registers of a pressure; `None` if it does not fit.
     pub fn registers(&self, pressure_mpa: f64) -> Option<Vec<u16>> {
         let ValueSpec { from, scale, offset, unit, .. } = &self.value;
@@ -244,19 +226,14 @@ impl ModbusValve {
 }
 
 impl LinesValve {
-    fn problems(&self, key: &str, problems: &mut Vec<String>) {
-        ModbusPath::problems(self.tcp.as_deref(), self.serial.as_ref(), key, problems);
-        in_range(&format!("{key}.timeout_ms"), self.timeout_ms, 0.1, 60_000.0, problems);
-        if !(self.format.contains("{value}") && self.format.ends_with(['\n', '\r'])) {
-            problems.push(format!(
-                "{key}.format: expected a line with {{value}} and its ending, such as \"SP {{value}}\\r\\n\", found {:?}",
-                self.format
-            ));
-        }
-        if self.decimals > 9 {
-            problems.push(format!("{key}.decimals: expected 0 to 9, found {}", self.decimals));
-        }
-        Quantity::Pressure.check_unit(&format!("{key}.unit"), self.unit.as_deref(), problems);
+    fn problems(&self, problems: &mut Problems) {
+        ModbusPath::problems(self.tcp.as_deref(), self.serial.as_ref(), problems);
+        problems.range("timeout_ms", self.timeout_ms, [0.1, 60_000.0]);
+        let fits = self.format.contains("{value}") && self.format.ends_with(['\n', '\r']);
+        let expected = r#"a line with {value} and its ending, such as "SP {value}\r\n""#;
+        problems.expect(fits, "format", expected, format_args!("{:?}", self.format));
+        problems.expect(self.decimals <= 9, "decimals", "0 to 9", self.decimals);
+        Quantity::Pressure.check_unit(self.unit.as_deref(), problems);
     }
 
     /// The line for a pressure in MPa.
@@ -267,23 +244,18 @@ impl LinesValve {
 }
 
 impl IioValve {
-    fn problems(&self, key: &str, range_mpa: [f64; 2], problems: &mut Vec<String>) {
-        if self.device.is_empty() || self.device.contains('/') {
-            problems
-                .push(format!("{key}.device: expected a name such as iio:device0, found `{}`", self.device));
-        }
+    fn problems(&self, range_mpa: [f64; 2], problems: &mut Problems) {
+        let fits = !self.device.is_empty() && !self.device.contains('/');
+        problems.expect(fits, "device", "a name such as iio:device0", format_args!("`{}`", self.device));
         if !(self.scale.is_finite() && self.scale != 0.0 && self.offset.is_finite()) {
-            problems.push(format!(
-                "{key}.scale, {key}.offset: expected finite numbers, a scale other than 0, found {} and {}",
-                self.scale, self.offset
-            ));
-            return;
+            let found = format!("{} and {}", self.scale, self.offset);
+            let expected = "finite numbers, a scale other than 0";
+            return problems.expect(false, "scale, offset", expected, found);
         }
         for end in range_mpa.into_iter().filter(|end| self.raw(*end).is_none()) {
-            problems.push(format!(
-                "{key}: {end} MPa of range_mpa is {} steps; the converter takes 0 to {}",
-                ((end - self.offset) / self.scale).round(),
-                self.raw_max
+            let (steps, most) = (((end - self.offset) / self.scale).round(), self.raw_max);
+            problems.add(format_args!(
+                "{end} MPa of range_mpa is {steps} steps; the converter takes 0 to {most}"
             ));
         }
     }

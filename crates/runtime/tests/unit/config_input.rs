@@ -10,7 +10,7 @@ struct Table {
 fn problems_of(text: &str) -> Vec<String> {
     let table: Table = toml::from_str(&format!("[inputs]\n{text}")).expect("inputs");
     let mut found = Vec::new();
-    problems("a", &table.inputs, |name| name == "mu_mpa", std::iter::empty(), &mut found);
+    problems(&table.inputs, |name| name == "mu_mpa", std::iter::empty(), &mut Problems::new(&mut found, "a"));
     found
 }
 

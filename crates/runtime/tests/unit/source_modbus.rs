@@ -51,9 +51,9 @@ fn the_four_byte_orders_are_those_of_the_manuals() {
 fn wrong_unit_and_register_are_both_reported() {
     let bad = RegisterAt { unit_id: 0, register: u16::MAX, ..at(Encoding::F32, ByteOrder::Abcd) };
     let mut problems = Vec::new();
-    bad.problems(true, "values.gap_mm.from", &mut problems);
+    bad.problems(true, &mut Problems::new(&mut problems, "values.gap_mm.from"));
     assert_eq!(problems.len(), 2, "{problems:#?}");
-    bad.problems(false, "values.gap_mm.from", &mut problems);
+    bad.problems(false, &mut Problems::new(&mut problems, "values.gap_mm.from"));
     assert_eq!(problems.len(), 3, "on TCP unit 0 is the device itself: {problems:#?}");
 }
 

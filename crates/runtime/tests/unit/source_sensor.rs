@@ -24,7 +24,7 @@ fn named() -> InputNames {
 
 fn problems_of(name: &str, value: ValueSpec<()>) -> Vec<String> {
     let (mut found, values) = (Vec::new(), Values::from([(name.to_owned(), value)]));
-    problems(&values, &named(), "values", &mut found, |(), _, _| {});
+    problems(&values, &named(), &mut Problems::new(&mut found, ""), |(), _| {});
     found
 }
 

@@ -1,4 +1,5 @@
 use super::*;
+use crate::problems::Problems;
 use crate::source::{Devices, ModbusPath};
 use std::future::{Ready, ready};
 use std::io::{BufRead, BufReader};
@@ -11,7 +12,7 @@ use tokio_modbus::{ExceptionCode, Request, Response, SlaveRequest};
 fn device(text: &str, devices: &Devices) -> Device {
     let spec: ValveSpec = toml::from_str(&format!("range_mpa = [0.0, 0.08]\n{text}")).unwrap();
     let mut problems = Vec::new();
-    spec.problems("actuator[0].valve", &mut problems);
+    spec.problems(&mut Problems::new(&mut problems, "actuator[0].valve"));
     assert!(problems.is_empty(), "{problems:?}");
     let path = spec
         .modbus
@@ -29,14 +30,14 @@ fn all_errors_are_listed() {
     )
     .unwrap();
     let mut problems = Vec::new();
-    spec.problems("actuator[0] `f`.valve", &mut problems);
+    spec.problems(&mut Problems::new(&mut problems, "actuator[0] `f`.valve"));
     let all = problems.join("\n");
     for expected in [
         "valve.safe_mpa: expected a value of range_mpa, found 2",
         "valve.write_hz: expected 1 to 2000, found 0",
         "valve.force_max_n: expected more than 0, found -1",
         "valve: expected exactly one of modbus, lines and iio",
-        "valve.modbus.tcp, actuator[0] `f`.valve.modbus.serial: expected exactly one of them",
+        "valve.modbus.tcp, serial: expected exactly one of them",
         "valve.modbus.value: 0.9 MPa of range_mpa does not fit",
         "valve.lines.tcp: expected `host:port`",
         "valve.lines.format: expected a line with {value} and its ending",

@@ -38,9 +38,6 @@ pub struct Args {
     /// Friction coefficient instead of the scene's.
     #[arg(long, value_name = "MU", value_parser = crate::range::number(0.0, 100.0))]
     friction: Option<f64>,
-    /// Safety factor instead of the scene's.
-    #[arg(long, value_name = "S", value_parser = crate::range::number(0.0, 1e6))]
-    safety: Option<f64>,
     /// One JSON object.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -55,7 +52,6 @@ impl Args {
         };
         spec.mass_g = self.mass_g.unwrap_or(spec.mass_g);
         spec.friction = self.friction.unwrap_or(spec.friction);
-        spec.safety = self.safety.unwrap_or(spec.safety);
         if let Some(problem) = scene.problems().first() {
             return Err(usage(problem));
         }

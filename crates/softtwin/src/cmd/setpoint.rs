@@ -1,15 +1,14 @@
 //! `softtwin setpoint`.
 
+use super::hold::owner::Owner;
 use crate::live::{DomainArgs, text};
 use crate::output;
 use anyhow::Context;
 use runtime::valve::ValveSpec;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
-use wire::layout::{pack_name, valve_interlock, valve_reason};
-use wire::{
-    Bus, Setpoint, SetpointWriter, Topic, Valve, ValveReader, WakeSet, Wakeable, WireError, boot_id, now_ns,
-};
+use wire::layout::{valve_interlock, valve_reason};
+use wire::{Bus, Topic, Valve, ValveReader, WakeSet, Wakeable, WireError};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -80,11 +79,11 @@ impl Args {
 
     /// One override or its release; done when the bridge says that it acts on it.
     fn operate(&self, bus: &Bus, valves: &ValveReader) -> anyhow::Result<()> {
-        let mut sender = Sender::new(bus, &self.topic(Topic::operator)?)?;
-        sender.send(self.pressure_mpa.unwrap_or(f64::NAN), Duration::ZERO)?;
+        let mut owner = Owner::new(bus, &self.topic(Topic::operator)?, OWNER, Duration::ZERO)?;
+        owner.send(self.pressure_mpa.unwrap_or(f64::NAN), 0)?;
         let is_done = |valve: &Valve| {
             let is_ours =
-                valve.valve_reason == valve_reason::OVERRIDE && valve.setpoint_boot_id == sender.boot_id;
+                valve.valve_reason == valve_reason::OVERRIDE && valve.setpoint_boot_id == owner.boot_id;
             let is_released = valve.valve_reason != valve_reason::OVERRIDE
                 && valve.valve_interlock & valve_interlock::FORCE == 0;
             if self.release { is_released } else { is_ours }
@@ -94,7 +93,7 @@ impl Args {
         while begin.elapsed() < PATIENCE {
             while let Some(valve) = valves.next()? {
                 // One that was sent before is none of the answers.
-                if valve.t_publish_ns > sender.sent_ns && is_done(&valve) {
+                if valve.t_publish_ns > owner.sent_ns && is_done(&valve) {
                     output!("{}", text::valve(&valve))?;
                     return Ok(());
                 }
@@ -109,11 +108,11 @@ impl Args {
     /// Setpoints until a signal, each renewed in time; every change of what the valve does is printed.
     fn hold(&self, bus: &Bus, valves: &ValveReader) -> anyhow::Result<()> {
         let pressure_mpa = self.pressure_mpa.context("--pressure-mpa is missing")?;
-        let mut sender = Sender::new(bus, &self.topic(Topic::setpoint)?)?;
+        let mut owner = Owner::new(bus, &self.topic(Topic::setpoint)?, OWNER, VALID)?;
         let stop = runtime::service::stop_flag().context("cannot listen for signals")?;
         let (begin, mut before) = (Instant::now(), None);
         while !stop.load(Ordering::Relaxed) && begin.elapsed().as_secs_f64() < self.seconds {
-            sender.send(pressure_mpa, VALID)?;
+            owner.send(pressure_mpa, 0)?;
             while let Some(valve) = valves.next()? {
                 let now = (valve.valve_reason, valve.valve_interlock, valve.valve_limit);
                 if before.replace(now) != Some(now) {
@@ -122,34 +121,6 @@ impl Args {
             }
             std::thread::sleep(VALID / 4);
         }
-        sender.send(f64::NAN, VALID) // released: the valve closes at once
-    }
-}
-
-struct Sender {
-    writer: SetpointWriter,
-    boot_id: u64,
-    seq: u64,
-    sent_ns: u64,
-}
-
-impl Sender {
-    fn new(bus: &Bus, topic: &Topic) -> anyhow::Result<Self> {
-        let writer = SetpointWriter::create_named(bus, topic, OWNER)?;
-        Ok(Self { writer, boot_id: boot_id(), seq: 0, sent_ns: 0 })
-    }
-
-    fn send(&mut self, pressure_mpa: f64, valid: Duration) -> anyhow::Result<()> {
-        self.seq += 1;
-        self.sent_ns = now_ns();
-        Ok(self.writer.publish(Setpoint {
-            boot_id: self.boot_id,
-            seq: self.seq,
-            t_publish_ns: self.sent_ns,
-            valid_for_ns: valid.as_nanos() as u64,
-            pressure_mpa,
-            owner: pack_name(OWNER),
-            ..Setpoint::default()
-        })?)
+        owner.send(f64::NAN, 0) // released: the valve closes at once
     }
 }

@@ -1,7 +1,7 @@
 //! A motion whose load and velocity are set: an estimator corrects them at each reading, and tries others.
 
 use super::{Clock, FAR, Motion, MotionState, Moved, Now};
-use crate::inertia::manifold::{Coordinates, Manifold, Place, dot};
+use crate::inertia::manifold::{Coordinates, Manifold, dot};
 use crate::inertia::momenta::{Instant, Unknowns, with_loads};
 use crate::inputs::Inputs;
 use crate::snapshots::RegimeKind;
@@ -113,9 +113,9 @@ impl<M: Manifold> Motion<M> {
             rates[0] += more;
         }
         momenta[0] = to_rate * dot(&along, &along);
-        let elastic = space.elastic();
-        let Place { tangents, by_pressure, .. } = place;
-        let instant = Instant { at, tangents, by_pressure, elastic, momenta, rates, ..now.instant };
+        let (elastic, of_pressure) = (space.elastic(), space.nearest(&place.by_pressure));
+        let tangents = place.tangents;
+        let instant = Instant { at, tangents, of_pressure, elastic, momenta, rates, ..now.instant };
         let force_n = match regime {
             RegimeKind::Free => 0.0,
             RegimeKind::Contact => {

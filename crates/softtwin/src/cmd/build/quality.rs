@@ -7,7 +7,7 @@ use anyhow::Result;
 use rom::snapshots::{RegimeKind, Split};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use train::evaluate::{DEFAULT_FLOOR, Summary};
+use train::evaluate::Summary;
 
 /// Errors of one regime in percent of the largest value of a state, mean and largest over the states.
 #[derive(Debug, Serialize)]
@@ -45,7 +45,7 @@ impl Quality {
         if cases.is_empty() {
             return Ok(Self { held_back: Vec::new(), leave_one_out, picture: None });
         }
-        let report = train::evaluate::evaluate(&loaded, &data, &cases, DEFAULT_FLOOR)?;
+        let report = train::evaluate::evaluate(&loaded, &data, &cases)?;
         evaluate::picture(&report).save(picture)?;
         let held_back = report.regimes.iter().map(errors).collect();
         Ok(Self { held_back, leave_one_out, picture: Some(picture.into()) })

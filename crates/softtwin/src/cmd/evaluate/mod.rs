@@ -15,7 +15,7 @@ use rom::snapshots::{Database, RegimeKind, Split};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use train::datasheet::{CaseError, DataSheet};
-use train::evaluate::{CaseReport, DEFAULT_FLOOR, FieldErrors, Report, Summary, evaluate, spread};
+use train::evaluate::{CaseReport, FieldErrors, Report, Summary, evaluate, spread};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -73,9 +73,6 @@ pub struct Args {
     /// Obstacle of the cases.
     #[arg(long, value_enum, default_value_t)]
     obstacle: ObstacleArg,
-    /// Floor of the relative error as a fraction of the field's largest value (0 to 1).
-    #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_FLOOR, value_parser = crate::range::number(0.0, 1.0))]
-    floor: f64,
     /// Picture of the errors by case, or of the motions with phase and spectrum: .svg or .png.
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     picture: Option<PathBuf>,
@@ -146,7 +143,7 @@ impl Args {
                 splits(&database)
             )));
         }
-        self.show(&model, &evaluate(&model, &database, &cases, self.floor)?)
+        self.show(&model, &evaluate(&model, &database, &cases)?)
     }
 
     fn show(&self, model: &Model, report: &Report) -> anyhow::Result<()> {

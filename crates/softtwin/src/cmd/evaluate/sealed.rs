@@ -47,7 +47,7 @@ impl Args {
         self.solve(model, &cases, &folder, actuator)?;
         let database = files::database(&folder, obstacle)?;
         let all: Vec<usize> = (0..database.cases.len()).collect();
-        let report = evaluate(model, &database, &all, self.floor)?;
+        let report = evaluate(model, &database, &all)?;
         std::fs::remove_dir_all(&folder)?;
         self.show(model, &report)
     }

@@ -36,9 +36,6 @@ pub struct Args {
     /// Ends after this number of seconds, or when no state arrives for one second; default: 60, or 2 after the end of the trace.
     #[arg(long, value_name = "S", value_parser = crate::range::seconds)]
     pub(super) seconds: Option<f64>,
-    /// Validity of each setpoint, ms.
-    #[arg(long, value_name = "MS", default_value_t = 50.0, value_parser = crate::range::number(1.0, 60_000.0))]
-    pub(super) valid_ms: f64,
     /// The owner's name, by which another one is refused.
     #[arg(long, value_name = "NAME", default_value = "softtwin-hold")]
     pub(super) owner: String,

@@ -25,6 +25,8 @@ use wire::{
 
 /// A state older than this, or none: the valve is let go.
 pub(super) const SILENCE: Duration = Duration::from_secs(1);
+/// Validity of each setpoint.
+pub(super) const VALID: Duration = Duration::from_millis(50);
 /// Longest wait for the first state with a reading.
 const FIRST: Duration = Duration::from_secs(10);
 /// Most states that are answered before the newest is taken.
@@ -114,12 +116,7 @@ impl<'a> Loop<'a> {
                 &Topic::valve(&spec.name)?.of_cavity(cavity)?,
                 Waking::Never,
             )?,
-            owner: Owner::new(
-                bus,
-                &Topic::setpoint(&spec.name)?.of_cavity(cavity)?,
-                &args.owner,
-                args.valid_ms,
-            )?,
+            owner: Owner::new(bus, &Topic::setpoint(&spec.name)?.of_cavity(cavity)?, &args.owner, VALID)?,
             held,
             valve: None,
             last_ns: None,

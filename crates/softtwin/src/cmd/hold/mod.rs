@@ -4,7 +4,7 @@ mod args;
 mod goal;
 mod held;
 mod live;
-mod owner;
+pub(super) mod owner;
 mod sensors;
 mod simulate;
 pub mod tune;

@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde_json::json;
 use std::path::Path;
 use train::datasheet::DataSheet;
-use train::evaluate::{CaseReport, DEFAULT_FLOOR, evaluate};
+use train::evaluate::{CaseReport, evaluate};
 
 /// A model and its data sheet.
 pub type Trained = (Model, DataSheet);
@@ -40,7 +40,7 @@ impl Quality {
         let all = || (0..database.cases.len()).filter(|i| database.cases[*i].regime == kind);
         let new: Vec<usize> = all().filter(is_added).collect();
         let kept: Vec<usize> = all().filter(|i| database.cases[*i].split != Split::Train).collect();
-        let report = |cases: &[usize]| evaluate(model, database, cases, DEFAULT_FLOOR);
+        let report = |cases: &[usize]| evaluate(model, database, cases);
         let mut held_out = report(&kept)?.cases;
         held_out.retain(|case| case.domain == DomainStatus::Inside);
         let left_out = sheet.regimes.iter().find(|r| r.kind == kind).and_then(|regime| {

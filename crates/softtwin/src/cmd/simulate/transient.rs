@@ -43,7 +43,7 @@ pub fn run(family: &Family, options: Options, as_json: bool) -> anyhow::Result<(
     let variant = family.variant(&settings).map_err(configuration)?;
     let actuator = family.actuator_of(&variant).map_err(configuration)?;
     let problem = family.problem_of(&variant).map_err(configuration)?;
-    let (first_s, last_s) = (trace.rows[0].t_s, trace.rows[trace.rows.len() - 1].t_s);
+    let [first_s, last_s] = trace.ends_s();
     if let Some(bad) = options.fields_s.iter().find(|t| !(first_s..=last_s).contains(*t)) {
         return Err(usage(format!(
             "--fields-s {bad}: expected an instant of the trace, {first_s} to {last_s} s"

@@ -1,6 +1,6 @@
 //! The experiment on the valve.
 
-use super::super::live::{NOT_A_READING, SILENCE, WAITS, first, state_gap_mm};
+use super::super::live::{NOT_A_READING, SILENCE, VALID, WAITS, first, state_gap_mm};
 use super::super::owner::Owner;
 use super::super::sensors::Sensors;
 use super::experiment::Experiment;
@@ -12,9 +12,8 @@ use std::sync::atomic::Ordering;
 use wire::layout::valve_reason;
 use wire::{Bus, StateReader, Topic, ValveReader, Wake, WakeSet, Wakeable, Waking};
 
-/// The owner's name and the validity of its setpoints, ms.
+/// The owner's name.
 const OWNER: &str = "softtwin-tune";
-const VALID_MS: f64 = 50.0;
 /// Time after which the valve has to follow, s.
 const FOLLOWS_S: f64 = 1.0;
 
@@ -40,7 +39,7 @@ pub(super) fn run(
     let cavity = held.settings.cavity.as_deref();
     let valves = ValveReader::attach_as(bus, &Topic::valve(&spec.name)?.of_cavity(cavity)?, Waking::Never)?;
     let mut sensors = Sensors::open(bus, spec, held)?;
-    let mut owner = Owner::new(bus, &Topic::setpoint(&spec.name)?.of_cavity(cavity)?, OWNER, VALID_MS)?;
+    let mut owner = Owner::new(bus, &Topic::setpoint(&spec.name)?.of_cavity(cavity)?, OWNER, VALID)?;
     let mut rows = Vec::new();
     let mut drive = || -> anyhow::Result<()> {
         let (mut begin_ns, mut time_s) = (None, 0.0);
