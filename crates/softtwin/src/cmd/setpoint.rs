@@ -1,7 +1,6 @@
 //! `softtwin setpoint`.
 
-use super::hold::owner::Owner;
-use crate::live::{DomainArgs, text};
+use crate::live::{DomainArgs, Owner, text};
 use crate::output;
 use anyhow::Context;
 use runtime::valve::ValveSpec;

@@ -1,7 +1,9 @@
 //! Shared parts of the commands that show live data: shared-memory domain, topics by key expression, readers, JSON.
 
+mod owner;
 mod readers;
 
+pub use owner::Owner;
 pub use readers::Readers;
 pub use softtwind::DomainArgs;
 pub use softtwind::latency::{Latencies, PercentilesUs};

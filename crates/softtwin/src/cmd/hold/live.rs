@@ -3,9 +3,8 @@
 use super::args::Args;
 use super::goal::Goal;
 use super::held::refuse_out_of_reach;
-use super::owner::Owner;
 use super::sensors::{Sensors, driven_mpa};
-use crate::live::Latencies;
+use crate::live::{Latencies, Owner};
 use crate::output;
 use anyhow::{Context, bail, ensure};
 use control::held::Held;

@@ -4,7 +4,6 @@ mod args;
 mod goal;
 mod held;
 mod live;
-pub(super) mod owner;
 mod sensors;
 mod simulate;
 pub mod tune;

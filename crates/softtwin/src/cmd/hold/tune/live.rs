@@ -1,10 +1,10 @@
 //! The experiment on the valve.
 
 use super::super::live::{NOT_A_READING, SILENCE, VALID, WAITS, first, state_gap_mm};
-use super::super::owner::Owner;
 use super::super::sensors::Sensors;
 use super::experiment::Experiment;
 use super::identify::Row;
+use crate::live::Owner;
 use anyhow::{Context, bail, ensure};
 use control::held::Held;
 use runtime::config::ActuatorSpec;
