@@ -128,8 +128,9 @@ fn force_loop_closes_the_valve_after_any_kill_or_unplug() {
         let pulled_ns = now_ns();
         rig.type_line(&format!("pull {sensor}"));
         rig.is_safe_since(pulled_ns, &format!("pulling the {sensor}"));
+        let plugged_ns = now_ns();
         rig.type_line(&format!("plug {sensor}"));
-        rig.event("driven", now_ns());
+        rig.event("driven", plugged_ns);
         follow(&bus, Duration::from_millis(200));
     }
     let killed_ns = now_ns();

@@ -6,13 +6,10 @@ use std::ffi::c_char;
 use wire::layout::regime;
 use wire::{Bus, Domain};
 
-/// A program's membership in a shared-memory domain.
 pub struct softtwin_bus {
     pub(crate) bus: Bus,
 }
 
-/// Joins a shared-memory domain. `domain` and `root` may be null: then `$SOFTTWIN_DOMAIN` and `$SOFTTWIN_ROOT` count, or the user's own domain.
-///
 /// # Safety
 /// Strings are null or zero-terminated; `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
@@ -30,8 +27,6 @@ pub unsafe extern "C" fn softtwin_bus_open(
     })
 }
 
-/// Leaves the shared-memory domain; its readers and writers stay open.
-///
 /// # Safety
 /// `bus` is null or came from `softtwin_bus_open` and is not used any more.
 #[unsafe(no_mangle)]
@@ -40,7 +35,6 @@ pub unsafe extern "C" fn softtwin_bus_close(bus: *mut softtwin_bus) {
     unsafe { take(bus) }
 }
 
-/// Name of `regime` of a state, a field, an answer or a prediction: `free`, `contact` or `unknown`.
 #[unsafe(no_mangle)]
 pub extern "C" fn softtwin_regime_name(regime: u32) -> *const c_char {
     let name = match regime {

@@ -18,7 +18,6 @@ use std::path::Path;
 use std::sync::Arc;
 use wire::layout::domain_status;
 
-/// One input of a model.
 #[repr(C)]
 pub struct softtwin_model_input {
     name: *const c_char,
@@ -28,14 +27,12 @@ pub struct softtwin_model_input {
     value: f64,
 }
 
-/// Reconstructed field of a model.
 #[repr(C)]
 pub struct softtwin_model_field {
     name: *const c_char,
     unit: *const c_char,
 }
 
-/// A named list of nodes.
 #[repr(C)]
 pub struct softtwin_model_node_set {
     name: *const c_char,
@@ -43,7 +40,6 @@ pub struct softtwin_model_node_set {
     count: usize,
 }
 
-/// Contents of a model, valid until the model is closed.
 #[repr(C)]
 pub struct softtwin_model_info {
     actuator: *const c_char,
@@ -62,7 +58,6 @@ pub struct softtwin_model_info {
     observable_count: usize,
 }
 
-/// Prediction of a model at one state.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct softtwin_prediction {
@@ -101,7 +96,6 @@ struct Description {
     _strings: Vec<CString>,
 }
 
-/// A model with the fields and nodes that it reconstructs. Calls do not change it: any number of threads may predict with it.
 pub struct softtwin_model {
     model: Arc<Model>,
     evaluator: Evaluator,
@@ -274,8 +268,6 @@ fn prediction(
     }
 }
 
-/// Reads a model file, all of its fields on all of its nodes.
-///
 /// # Safety
 /// `path` is zero-terminated, `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
@@ -300,9 +292,6 @@ pub unsafe extern "C" fn softtwin_model_open(
     })
 }
 
-/// The same model with some of its fields (names with commas between; null: all) on some of its nodes: those of the set
-/// `node_set` of the model, or, where that is null, the `node_count` nodes at `nodes` (null: all). Both models are to be closed.
-///
 /// # Safety
 /// `model` is live, strings are null or zero-terminated, `nodes` is null or points to `node_count` numbers, `out` points to
 /// memory for a pointer.
@@ -333,8 +322,6 @@ pub unsafe extern "C" fn softtwin_model_select(
     })
 }
 
-/// Contents of the model. Its pointers stay valid until the model is closed.
-///
 /// # Safety
 /// `model` is live, `out` points to memory for the structure.
 #[unsafe(no_mangle)]
@@ -373,10 +360,6 @@ pub unsafe extern "C" fn softtwin_model_describe(
     })
 }
 
-/// Predicts `states` states. `inputs`: `states` x inputs of the model, in its order; a parameter that is NaN takes the model's
-/// value, a gap without an obstacle is infinite. `predictions`: room for `states`. `values`: null, or room for `states` x
-/// fields x nodes. Nothing is clamped: `domain_status` says where a state lies outside the training states.
-///
 /// # Safety
 /// `model` is live; `inputs`, `predictions` and `values` point to arrays of these sizes.
 #[unsafe(no_mangle)]
@@ -418,8 +401,6 @@ pub unsafe extern "C" fn softtwin_model_predict(
     })
 }
 
-/// Ends a model.
-///
 /// # Safety
 /// `model` is null or came from `softtwin_model_open` or `softtwin_model_select` and is not used any more.
 #[unsafe(no_mangle)]

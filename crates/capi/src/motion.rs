@@ -6,15 +6,12 @@ use crate::status::softtwin_status;
 use rom::evaluation::Evaluation;
 use rom::moving::Moving;
 
-/// Motion of an open model, which must not be closed before it.
 pub struct softtwin_motion {
     model: *const softtwin_model,
     moving: Moving,
     evaluation: Evaluation,
 }
 
-/// Opens a motion of a model. It begins at equilibrium with the first reading. A static model follows at once.
-///
 /// # Safety
 /// `model` is live until the motion is closed, `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
@@ -32,9 +29,6 @@ pub unsafe extern "C" fn softtwin_motion_open(
     })
 }
 
-/// Moves to a reading at `t_ns`, later than the last one, with the inputs of the model as in `softtwin_model_predict`: straight lines
-/// between readings. `values`: null, or room for fields x nodes. On a failure the motion is unchanged.
-///
 /// # Safety
 /// `motion` and its model are live, used by one thread; `inputs`, `out` and `values` point to arrays of these sizes.
 #[unsafe(no_mangle)]
@@ -70,8 +64,6 @@ pub unsafe extern "C" fn softtwin_motion_step(
     })
 }
 
-/// Forgets the past: the next reading begins at equilibrium, at any time.
-///
 /// # Safety
 /// `motion` is null or live.
 #[unsafe(no_mangle)]
@@ -82,8 +74,6 @@ pub unsafe extern "C" fn softtwin_motion_reset(motion: *mut softtwin_motion) {
     }
 }
 
-/// Ends a motion.
-///
 /// # Safety
 /// `motion` is null or came from `softtwin_motion_open` and is not used any more.
 #[unsafe(no_mangle)]

@@ -7,11 +7,8 @@ use std::ffi::c_char;
 use std::time::Duration;
 use wire::{Answer, Query, QueryClient};
 
-/// The way to the twin of one actuator.
 pub struct softtwin_client(QueryClient);
 
-/// Opens the way to a twin; it must be running.
-///
 /// # Safety
 /// `bus` is live, `actuator` zero-terminated, `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
@@ -29,15 +26,11 @@ pub unsafe extern "C" fn softtwin_client_open(
     })
 }
 
-/// A question with nothing given: all quantities NaN, the layout version filled in.
 #[unsafe(no_mangle)]
 pub extern "C" fn softtwin_query_new(kind: u32) -> Query {
     Query { kind, ..Query::default() }
 }
 
-/// Asks and waits for the answer at most `timeout_ms`. With `want_field` set, the field is copied to `values` (room for
-/// `capacity` values; `count` gets how many there are). `SOFTTWIN_REFUSED`: no answer, `answer` and the last error say why.
-///
 /// # Safety
 /// `client` is live and used by the thread that opened it, `query` and `answer` point to their structures, `values` to `capacity`
 /// values (null when 0), `count` to memory for a number or null.
@@ -81,8 +74,6 @@ pub unsafe extern "C" fn softtwin_client_ask(
     })
 }
 
-/// Ends a client.
-///
 /// # Safety
 /// `client` is null or came from `softtwin_client_open` and is not used any more.
 #[unsafe(no_mangle)]

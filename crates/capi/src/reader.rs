@@ -9,7 +9,6 @@ use std::mem::MaybeUninit;
 use std::time::{Duration, Instant};
 use wire::{AnyReader, AnySample, Arrivals, FieldHeader, FieldSample, Topic, WakeSet, Wakeable, Waking};
 
-/// A reader of one topic.
 pub struct softtwin_reader {
     reader: AnyReader,
     wait: WakeSet,
@@ -38,7 +37,6 @@ impl Counts {
     }
 }
 
-/// A received field. Its memory is unchanged until `softtwin_field_release`; at most 4 may be held of one topic.
 pub struct softtwin_field(FieldSample);
 
 impl softtwin_reader {
@@ -79,8 +77,6 @@ pub(crate) fn topic(name: &str, kind: &str) -> Result<Topic, Failure> {
     })
 }
 
-/// Opens a reader of `softtwin/<name>/<kind>` (kinds: docs/wire.md); `node_set` null: all nodes. The topic must exist.
-///
 /// # Safety
 /// `bus` is live, strings are zero-terminated (`node_set` may be null), `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
@@ -100,10 +96,6 @@ pub unsafe extern "C" fn softtwin_reader_open(
     })
 }
 
-/// As `softtwin_reader_open` for a topic that may come into being later: a controller may start before its twin. `wakes` 0: samples
-/// do not wake this reader, which costs the sender next to nothing; it is for loops with their own clock, and its reads wait
-/// for nothing.
-///
 /// # Safety
 /// As `softtwin_reader_open`.
 #[unsafe(no_mangle)]
@@ -138,9 +130,6 @@ unsafe fn topic_of(name_: *const c_char, kind: *const c_char, set: *const c_char
     }
 }
 
-/// How many samples were read, and how many were sent and never read because they were overwritten before (or skipped by
-/// reading the newest), by the numbers that the sender gives them.
-///
 /// # Safety
 /// `reader` is live and used by the thread that opened it; `received` and `lost` point to writable memory.
 #[unsafe(no_mangle)]
@@ -157,9 +146,6 @@ pub unsafe extern "C" fn softtwin_reader_counts(
     })
 }
 
-/// Copies the oldest waiting sample (`newest` not 0: the newest) to `payload`, which has room for `size` bytes; waits for
-/// one at most `timeout_ms` (0: does not wait, below 0: no limit).
-///
 /// # Safety
 /// `reader` is live and used by the thread that opened it, `payload` points to `size` writable bytes.
 #[unsafe(no_mangle)]
@@ -187,8 +173,6 @@ pub unsafe extern "C" fn softtwin_reader_read(
     })
 }
 
-/// The oldest waiting field (`newest` not 0: the newest), without a copy; waits as `softtwin_reader_read`. Release it.
-///
 /// # Safety
 /// `reader` is live and used by the thread that opened it, `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
@@ -229,8 +213,6 @@ unsafe fn give_field(out: *mut *mut softtwin_field, field: FieldSample) -> Resul
     Ok(())
 }
 
-/// Ends a reader.
-///
 /// # Safety
 /// `reader` is null or came from `softtwin_reader_open` and is not used any more.
 #[unsafe(no_mangle)]
@@ -239,8 +221,6 @@ pub unsafe extern "C" fn softtwin_reader_close(reader: *mut softtwin_reader) {
     unsafe { take(reader) }
 }
 
-/// The header, in shared memory.
-///
 /// # Safety
 /// `field` is null or live.
 #[unsafe(no_mangle)]
@@ -249,8 +229,6 @@ pub unsafe extern "C" fn softtwin_field_get_header(field: *const softtwin_field)
     unsafe { field.as_ref() }.map_or(std::ptr::null(), |field| std::ptr::from_ref(field.0.header()))
 }
 
-/// The values of one field (`SOFTTWIN_FIELD_X`, ...) in shared memory, one a node.
-///
 /// # Safety
 /// `field` is live, `values` and `count` point to writable memory.
 #[unsafe(no_mangle)]
@@ -271,8 +249,6 @@ pub unsafe extern "C" fn softtwin_field_values(
     })
 }
 
-/// Gives the memory of a field back.
-///
 /// # Safety
 /// `field` is null or came from `softtwin_reader_read_field` and is not used any more.
 #[unsafe(no_mangle)]

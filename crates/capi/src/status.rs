@@ -5,25 +5,16 @@ use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
 use wire::WireError;
 
-/// How a call ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C)]
 pub enum softtwin_status {
-    /// Done.
     SOFTTWIN_OK = 0,
-    /// Nothing came within the time that was given.
     SOFTTWIN_TIMEOUT = 1,
-    /// The topic does not exist, or no twin answers queries.
     SOFTTWIN_ABSENT = 2,
-    /// A program of another layout version or another iceoryx2 made the topic.
     SOFTTWIN_INCOMPATIBLE = 3,
-    /// Another process writes this topic already, or all reader slots are taken.
     SOFTTWIN_TAKEN = 4,
-    /// An argument is null, no UTF-8, or no name.
     SOFTTWIN_ARGUMENT = 5,
-    /// The shared memory or the ports failed.
     SOFTTWIN_FAILED = 6,
-    /// The twin has no answer; the text of the last error is its reason.
     SOFTTWIN_REFUSED = 7,
 }
 
@@ -31,19 +22,16 @@ thread_local! {
     static LAST: RefCell<Cow<'static, CStr>> = const { RefCell::new(Cow::Borrowed(c"")) };
 }
 
-/// Why the last call on this thread failed: what was found, what to do. Valid until the next call on this thread.
 #[unsafe(no_mangle)]
 pub extern "C" fn softtwin_last_error() -> *const c_char {
     LAST.with_borrow(|text| text.as_ptr())
 }
 
-/// Layout version of this library; it must be that of the header, see `SOFTTWIN_LAYOUT_VERSION`.
 #[unsafe(no_mangle)]
 pub extern "C" fn softtwin_layout_version() -> u32 {
     wire::layout::LAYOUT_VERSION
 }
 
-/// The wire's clock: ns of the machine's monotonic clock, the same in every process.
 #[unsafe(no_mangle)]
 pub extern "C" fn softtwin_now_ns() -> u64 {
     wire::now_ns()

@@ -16,14 +16,12 @@ const MAX_SCENE_BYTES: u64 = 1 << 20;
 const FAULTS: [Fault; 4] =
     [Fault::NoResponse, Fault::OppositeSign, Fault::Unexplained, Fault::MeasurementLost];
 
-/// Controller of one actuator.
 pub struct softtwin_control {
     stepping: Stepping,
     /// Positions of the inputs that the model has, among all of the header.
     taken: Vec<usize>,
 }
 
-/// Measurements of one control cycle.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct softtwin_control_reading {
@@ -33,7 +31,6 @@ pub struct softtwin_control_reading {
     written_mpa: f64,
 }
 
-/// Result of one control cycle.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct softtwin_control_cycle {
@@ -75,9 +72,6 @@ impl From<Cycle> for softtwin_control_cycle {
     }
 }
 
-/// Makes a controller of the quantity `held`: `force_n`, `tip_y_mm`, `pressure_mpa`, `angle_deg`, or an observable of the model. `scene` is a scene's
-/// file (null: defaults), `actuator` one in it (null: the first). The model may be closed afterwards.
-///
 /// # Safety
 /// `model` is live, strings are zero-terminated or, where it says so, null, `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
@@ -110,9 +104,6 @@ pub unsafe extern "C" fn softtwin_control_open(
     })
 }
 
-/// Sets the model's inputs for the cycles that follow: as in `softtwin_model_predict`; NaN for gap and driven pressure, which are those of the
-/// readings.
-///
 /// # Safety
 /// `control` is live and used by one thread; `inputs` points to `count` numbers.
 #[unsafe(no_mangle)]
@@ -145,8 +136,6 @@ pub unsafe extern "C" fn softtwin_control_inputs(
     })
 }
 
-/// One control cycle at `t_ns`, later than the last one. Allocates nothing. On a failure nothing has changed.
-///
 /// # Safety
 /// `control` is live and used by one thread, `reading` and `out` are null or point to structures.
 #[unsafe(no_mangle)]
@@ -172,8 +161,6 @@ pub unsafe extern "C" fn softtwin_control_step(
     })
 }
 
-/// Begins again where the actuator is; for cycles in which the valve does not follow the setpoint.
-///
 /// # Safety
 /// `control` is live and used by one thread, `reading` is null or points to a structure.
 #[unsafe(no_mangle)]
@@ -193,8 +180,6 @@ pub unsafe extern "C" fn softtwin_control_start(
     })
 }
 
-/// Releases a fault: the next cycle begins the control again.
-///
 /// # Safety
 /// `control` is null or live.
 #[unsafe(no_mangle)]
@@ -205,15 +190,12 @@ pub unsafe extern "C" fn softtwin_control_release(control: *mut softtwin_control
     }
 }
 
-/// Name of a fault, such as `no-response`; `none` for 0 and other numbers.
 #[unsafe(no_mangle)]
 pub extern "C" fn softtwin_control_fault_name(fault: u32) -> *const c_char {
     let names = [c"none", c"no-response", c"opposite-sign", c"unexplained", c"measurement-lost"];
     names.get(fault as usize).unwrap_or(&c"none").as_ptr()
 }
 
-/// Ends a controller.
-///
 /// # Safety
 /// `control` is null or came from `softtwin_control_open` and is not used any more.
 #[unsafe(no_mangle)]

@@ -8,7 +8,6 @@ use std::os::fd::{AsRawFd, OwnedFd};
 use std::time::Duration;
 use wire::{Wake, WakeSet, Wakeable};
 
-/// A set of readers that is waited for.
 pub struct softtwin_waiter {
     wake: WakeSet,
     /// Made when it is asked for.
@@ -41,9 +40,6 @@ pub unsafe extern "C" fn softtwin_waiter_open(
     })
 }
 
-/// Sleeps until one of the readers may have something, or `timeout_us` is over (0: does not wait, below 0: no limit). A signal ends
-/// the wait too. Then read all of them without waiting. Allocates nothing.
-///
 /// # Safety
 /// `waiter` is live and used by the thread that opened it.
 #[unsafe(no_mangle)]
@@ -61,9 +57,6 @@ pub unsafe extern "C" fn softtwin_waiter_wait(
     })
 }
 
-/// A descriptor that is readable (`POLLIN`) when one of the readers may have something: for `poll`, `epoll` or an event loop. When it
-/// is, call `softtwin_waiter_wait` with 0, then read. It belongs to the waiter: do not close or read it.
-///
 /// # Safety
 /// `waiter` is live and used by the thread that opened it, `descriptor` points to writable memory.
 #[unsafe(no_mangle)]
@@ -83,8 +76,6 @@ pub unsafe extern "C" fn softtwin_waiter_descriptor(
     })
 }
 
-/// Ends a waiter; its readers stay open.
-///
 /// # Safety
 /// `waiter` is null or came from `softtwin_waiter_open` and is not used any more.
 #[unsafe(no_mangle)]

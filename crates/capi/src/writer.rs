@@ -14,7 +14,6 @@ use wire::{
 /// Longest name of an owner or an input, bytes.
 const NAME_BYTES: usize = 31;
 
-/// The one writer of a topic of readings, commands, setpoints or targets.
 pub struct softtwin_writer {
     port: Port,
     boot_id: u64,
@@ -64,8 +63,6 @@ unsafe fn open_owned(
     })
 }
 
-/// Becomes the writer of `softtwin/<name>/<kind>`; kind: `sensor` or `command`.
-///
 /// # Safety
 /// `bus` is live, strings are zero-terminated, `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
@@ -95,9 +92,6 @@ pub unsafe extern "C" fn softtwin_writer_open(
     })
 }
 
-/// Becomes the owner of an actuator's valve, the writer of `softtwin/<actuator>/setpoint`, or of that of a further cavity,
-/// `softtwin/<actuator>/setpoint/<cavity>`; `owner` is the name (1 to 31 bytes) by which a second one is refused.
-///
 /// # Safety
 /// `bus` is live, strings are zero-terminated, `cavity` is null or one of them, `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
@@ -112,9 +106,6 @@ pub unsafe extern "C" fn softtwin_writer_open_setpoint(
     unsafe { open_owned(bus, [actuator, cavity, owner], "setpoint", out) }
 }
 
-/// Sends one setpoint: the gauge pressure wanted, MPa (NaN: none, the valve takes its safe value), for how long it counts, ms, and the
-/// stamp of the reading that it answers (0: none). Without renewal the valve takes its safe value.
-///
 /// # Safety
 /// `writer` is live and used by the thread that opened it.
 #[unsafe(no_mangle)]
@@ -139,9 +130,6 @@ pub unsafe extern "C" fn softtwin_writer_send_setpoint(
     })
 }
 
-/// Becomes the owner of the target of an actuator's controller, the writer of `softtwin/<actuator>/target`; `owner` is the name (1 to 31
-/// bytes) by which a second one is refused.
-///
 /// # Safety
 /// `bus` is live, strings are zero-terminated, `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
@@ -155,9 +143,6 @@ pub unsafe extern "C" fn softtwin_writer_open_target(
     unsafe { open_owned(bus, [actuator, std::ptr::null(), owner], "target", out) }
 }
 
-/// Sends one target, in the unit of the held quantity: a step, a ramp or a series by `kind`; `rate_per_s` of a ramp, `interval_s` of a
-/// series, each more than 0 and otherwise ignored.
-///
 /// # Safety
 /// `writer` is live and used by the thread that opened it; `values` points to `count` numbers.
 #[unsafe(no_mangle)]
@@ -203,8 +188,6 @@ pub unsafe extern "C" fn softtwin_writer_send_target(
     })
 }
 
-/// Sends one reading, stamped now: gauge pressure in MPa, gap in mm and measured contact force in N (NaN: not measured).
-///
 /// # Safety
 /// `writer` is live and used by the thread that opened it.
 #[unsafe(no_mangle)]
@@ -228,9 +211,6 @@ pub unsafe extern "C" fn softtwin_writer_send_reading(
     }
 }
 
-/// Sends one reading, stamped now, with further inputs of the model by name (`load_n`): as [`softtwin_writer_send_reading`], then
-/// `count` names and values, in the unit at the end of each name; NaN: absent.
-///
 /// # Safety
 /// `writer` is live and used by the thread that opened it; `names` points to `count` zero-terminated strings and `values` to `count` numbers.
 #[unsafe(no_mangle)]
@@ -270,8 +250,6 @@ pub unsafe extern "C" fn softtwin_writer_send_inputs(
     })
 }
 
-/// Sends one command: the gauge pressure wanted, MPa, and the stamp of the reading that it answers (0: none).
-///
 /// # Safety
 /// `writer` is live and used by the thread that opened it.
 #[unsafe(no_mangle)]
@@ -291,8 +269,6 @@ pub unsafe extern "C" fn softtwin_writer_send_command(
     })
 }
 
-/// Ends a writer.
-///
 /// # Safety
 /// `writer` is null or came from `softtwin_writer_open` and is not used any more.
 #[unsafe(no_mangle)]

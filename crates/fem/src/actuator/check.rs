@@ -7,13 +7,9 @@ use formats::Diagnostic;
 /// Smallest wall that can be meshed with elements of useful shape (mm).
 const THINNEST_MM: f64 = 0.1;
 
-/// All errors in the values.
-pub(crate) fn diagnostics(actuator: &Actuator) -> Vec<Diagnostic> {
-    actuator.diagnostics()
-}
-
 impl Actuator {
-    fn diagnostics(&self) -> Vec<Diagnostic> {
+    /// All errors in the values.
+    pub(crate) fn diagnostics(&self) -> Vec<Diagnostic> {
         let mut found = Found(Vec::new());
         if self.layout != 1 {
             found.add("layout", "1", self.layout);

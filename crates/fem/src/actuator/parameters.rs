@@ -1,7 +1,6 @@
 //! Quantities of `actuator.toml` by name: every number has its dotted key (`elastomer.law.mu_mpa`), one of a list its
 //! place behind it (`loads.gravity_mm_s2.1`).
 
-use super::check::diagnostics;
 use super::file::Actuator;
 use formats::Diagnostic;
 use toml::{Table, Value};
@@ -69,7 +68,7 @@ impl Actuator {
             }
         }
         let changed: Self = table.try_into().map_err(|error| wrong(&error))?;
-        let diagnostics = diagnostics(&changed);
+        let diagnostics = changed.diagnostics();
         if diagnostics.is_empty() { Ok(changed) } else { Err(diagnostics) }
     }
 }

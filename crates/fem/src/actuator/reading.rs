@@ -1,6 +1,5 @@
 //! Reads and checks `actuator.toml`.
 
-use super::check::diagnostics;
 use super::file::Actuator;
 use crate::material::MaterialFile;
 use formats::{Diagnostic, FormatError, file};
@@ -50,7 +49,7 @@ impl Actuator {
         actuator.slots = actuator.slots.filter(|slots| slots.width_mm != 0.0);
         actuator.channels = actuator.channels.filter(|channels| channels.width_mm != 0.0);
         actuator.sheet = actuator.sheet.filter(|sheet| sheet.thickness_mm != 0.0);
-        let diagnostics = diagnostics(&actuator);
+        let diagnostics = actuator.diagnostics();
         if diagnostics.is_empty() { Ok(actuator) } else { Err(diagnostics) }
     }
 }

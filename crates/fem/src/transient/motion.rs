@@ -118,91 +118,55 @@ pub(super) struct Motion {
 impl Motion {
     /// Numbers of a checkpoint.
     pub(super) fn values(&self) -> Vec<f64> {
-        let Energy { external_mj, kinetic_mj, strain_mj, damping_mj, viscous_mj } = self.energy;
-        let Work { steps, rejected, beyond_tolerance, iterations, factorisations } = self.work;
-        let mut out = vec![
-            self.t_s,
-            self.step_s,
-            self.contact_force_n,
-            external_mj,
-            kinetic_mj,
-            strain_mj,
-            damping_mj,
-            viscous_mj,
-            f64::from(self.level),
-        ];
-        out.extend([steps, rejected, beyond_tolerance, iterations, factorisations].map(|n| n as f64));
-        out.extend(self.cavity_volumes_mm3);
-        out.extend(self.state.displacement_mm.as_flattened());
-        out.extend(&self.state.element_pressure_mpa);
-        out.extend(self.state.sheet_resultants_n_per_mm.as_flattened().as_flattened());
-        for vector in [&self.velocity, &self.acceleration, &self.force, &self.increment, &self.viscous] {
-            out.extend(vector);
-        }
-        if let Some(relaxation) = &self.relaxation {
-            let tensors = relaxation.internal_mpa.iter().chain([&relaxation.stress_mpa]);
-            tensors.for_each(|t| out.extend(t.as_flattened().as_flattened()));
-        }
-        out
+        let mut values = Vec::new();
+        // Every number has room in a vector.
+        let _ = self.clone().visit(&mut |numbers| {
+            values.extend_from_slice(numbers);
+            Some(())
+        });
+        values
     }
 
     /// Sets the numbers of a checkpoint of the same problem; `None`, and an undefined motion, if their count differs.
     pub(super) fn restore(&mut self, values: &[f64]) -> Option<()> {
-        let mut rest = Values(values);
-        for value in [
-            &mut self.t_s,
-            &mut self.step_s,
-            &mut self.contact_force_n,
-            &mut self.energy.external_mj,
-            &mut self.energy.kinetic_mj,
-            &mut self.energy.strain_mj,
-            &mut self.energy.damping_mj,
-            &mut self.energy.viscous_mj,
-        ] {
-            *value = rest.one()?;
+        let mut rest = values;
+        self.visit(&mut |numbers| {
+            let (head, tail) = rest.split_at_checked(numbers.len())?;
+            numbers.copy_from_slice(head);
+            rest = tail;
+            Some(())
+        })?;
+        rest.is_empty().then_some(())
+    }
+
+    /// Calls `each` with all numbers, in the order of a checkpoint, until it returns `None`.
+    fn visit(&mut self, each: &mut dyn FnMut(&mut [f64]) -> Option<()>) -> Option<()> {
+        let Energy { external_mj, kinetic_mj, strain_mj, damping_mj, viscous_mj } = &mut self.energy;
+        let energy = [external_mj, kinetic_mj, strain_mj, damping_mj, viscous_mj];
+        for number in [&mut self.t_s, &mut self.step_s, &mut self.contact_force_n].into_iter().chain(energy) {
+            each(std::slice::from_mut(number))?;
         }
-        self.level = rest.one()? as u32;
-        let work = &mut self.work;
-        for count in [
-            &mut work.steps,
-            &mut work.rejected,
-            &mut work.beyond_tolerance,
-            &mut work.iterations,
-            &mut work.factorisations,
-        ] {
-            *count = rest.one()? as usize;
+        let Work { steps, rejected, beyond_tolerance, iterations, factorisations } = &mut self.work;
+        let mut level = self.level as usize;
+        for count in [&mut level, steps, rejected, beyond_tolerance, iterations, factorisations] {
+            let mut number = *count as f64;
+            each(std::slice::from_mut(&mut number))?;
+            *count = number as usize;
         }
-        rest.fill(&mut self.cavity_volumes_mm3)?;
-        rest.fill(self.state.displacement_mm.as_flattened_mut())?;
-        rest.fill(&mut self.state.element_pressure_mpa)?;
-        rest.fill(self.state.sheet_resultants_n_per_mm.as_flattened_mut().as_flattened_mut())?;
+        self.level = level as u32;
+        each(&mut self.cavity_volumes_mm3)?;
+        each(self.state.displacement_mm.as_flattened_mut())?;
+        each(&mut self.state.element_pressure_mpa)?;
+        each(self.state.sheet_resultants_n_per_mm.as_flattened_mut().as_flattened_mut())?;
         let Self { velocity, acceleration, force, increment, viscous, .. } = self;
         for vector in [velocity, acceleration, force, increment, viscous] {
-            rest.fill(vector)?;
+            each(vector)?;
         }
         if let Some(relaxation) = &mut self.relaxation {
             for tensors in relaxation.internal_mpa.iter_mut().chain([&mut relaxation.stress_mpa]) {
-                rest.fill(tensors.as_flattened_mut().as_flattened_mut())?;
+                each(tensors.as_flattened_mut().as_flattened_mut())?;
             }
         }
-        rest.0.is_empty().then_some(())
-    }
-}
-
-/// Numbers still to be read.
-struct Values<'a>(&'a [f64]);
-
-impl Values<'_> {
-    fn one(&mut self) -> Option<f64> {
-        let (first, rest) = self.0.split_first()?;
-        self.0 = rest;
-        Some(*first)
-    }
-
-    fn fill(&mut self, out: &mut [f64]) -> Option<()> {
-        let (head, rest) = self.0.split_at_checked(out.len())?;
-        out.copy_from_slice(head);
-        self.0 = rest;
         Some(())
     }
 }

@@ -2,7 +2,7 @@
 
 use super::motion::Motion;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
-use formats::trace::SERIES;
+use formats::trace::{SERIES, around};
 
 /// Places of time, height of the tip and contact force in a series.
 const TIME: usize = 0;
@@ -67,9 +67,7 @@ fn spectrum(rows: &[[f64; SERIES]]) -> Points {
     let length_s = last[TIME] - first[TIME];
     let at = |k: usize| {
         let t_s = first[TIME] + length_s * k as f64 / SAMPLES as f64;
-        let i = rows.partition_point(|row| row[TIME] <= t_s).clamp(1, rows.len() - 1);
-        let [a, b] = [rows[i - 1], rows[i]];
-        let part = (t_s - a[TIME]) / (b[TIME] - a[TIME]);
+        let ([a, b], part) = around(rows, |row| row[TIME], t_s);
         let share = k as f64 / SAMPLES as f64;
         let line = first[TIP_Y] + share * (last[TIP_Y] - first[TIP_Y]);
         let window = 1.0 - (std::f64::consts::TAU * share).cos();

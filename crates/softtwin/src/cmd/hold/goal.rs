@@ -3,10 +3,11 @@
 use crate::failure::{configuration, usage};
 use control::law::Target;
 use formats::table::Table;
+use formats::trace::around;
 use std::path::Path;
 use wire::layout::{TARGET_VALUES_MAX, target_kind};
 
-/// Straight lines between points of time in s and value; a single point is a step.
+/// Straight lines between points of time in s and value, at least one; a single point is a step.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Goal {
     points: Vec<[f64; 2]>,
@@ -75,16 +76,9 @@ impl Goal {
 
     /// Target at a time since the beginning.
     pub(super) fn at(&self, t_s: f64) -> Target {
-        let above = self.points.partition_point(|point| point[0] <= t_s);
-        let (before, after) = (above.checked_sub(1).map(|at| self.points[at]), self.points.get(above));
-        match (before, after) {
-            (Some([from_s, from]), Some([to_s, to])) => {
-                let rate = (to - from) / (to_s - from_s);
-                Target { value: from + rate * (t_s - from_s), rate }
-            }
-            (Some([_, value]), None) => Target::step(value),
-            (None, after) => Target::step(after.map_or(f64::NAN, |point| point[1])),
-        }
+        let ([[from_s, from], [to_s, to]], part) = around(&self.points, |point| point[0], t_s);
+        let rate = if to_s > from_s { (to - from) / (to_s - from_s) } else { 0.0 };
+        Target { value: from + part * (to - from), rate }
     }
 
     /// End of a series, s.

@@ -4,6 +4,7 @@ use control::held::Held;
 use control::inverse::{Model, Quantity, inverse};
 use control::settings::TARGET_FRACTION;
 use control::twin_model::TwinModel;
+use formats::trace::around;
 
 /// Setpoints over time, as straight lines between points of time in s and MPa.
 #[derive(Debug, Clone)]
@@ -87,12 +88,8 @@ impl Experiment {
 
     /// Setpoint at a time, MPa.
     pub(super) fn at(&self, time_s: f64) -> f64 {
-        let after = self.points.partition_point(|point| point[0] <= time_s);
-        match (after.checked_sub(1).map(|before| self.points[before]), self.points.get(after)) {
-            (Some([begin, from]), Some([end, to])) => from + (to - from) * (time_s - begin) / (end - begin),
-            (Some([_, last]), None) => last,
-            (None, _) => self.points[0][1],
-        }
+        let ([from, to], part) = around(&self.points, |point| point[0], time_s);
+        from[1] + part * (to[1] - from[1])
     }
 
     /// For people: what will happen.
