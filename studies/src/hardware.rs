@@ -30,6 +30,8 @@ const TABLE_MPA: [f64; 10] = [0.014, 0.018, 0.022, 0.026, 0.030, 0.032, 0.034, 0
 /// Weight along each of these directions (mm/s2), and change of the length between clamp and first chamber (mm): not stated.
 const WEIGHTS_MM_S2: [[f64; 3]; 3] = [[0.0, -9810.0, 0.0], [0.0, 9810.0, 0.0], [9810.0, 0.0, 0.0]];
 const CLAMP_MM: [f64; 2] = [-1.0, 1.0];
+/// Injected volume (mm3) up to which the mounting is varied.
+const MOUNTING_MM3: f64 = 16_000.0;
 /// Gaps between tip and load cell at rest (mm), not stated; largest pressure of a computed force (MPa).
 const CLEARANCES_MM: [f64; 3] = [0.1, 1.0, 3.0];
 const FORCE_MPA: f64 = 0.0341;
@@ -87,7 +89,7 @@ impl Args {
         for (place, file) in self.material.iter().enumerate() {
             let material = MaterialFile::read(file).map_err(refusal)?;
             let block = actuator(&self.actuator, &material)?;
-            let (curve, ended) = self.path(&block)?;
+            let (curve, ended) = self.path(&block, self.volume_mm3)?;
             let mounting = self.mounting(&block)?;
             let limit = curve.iter().map(|point| point.0).fold(0.0, f64::max);
             output!("\n{}: {}", file.display(), material.summary())?;
@@ -140,7 +142,7 @@ impl Args {
             let scaled: Curve = curve.iter().map(|(mpa, angle)| (best * mpa, *angle)).collect();
             series.push(self::series(&format!("{name}, calibrated"), 2 * place + 2, Mark::Line, &scaled));
             for sister in &self.sister {
-                let (curve, ended) = self.path(&actuator(sister, &material)?)?;
+                let (curve, ended) = self.path(&actuator(sister, &material)?, self.volume_mm3)?;
                 output!("{}: the path ends {ended}", sister.display())?;
                 output!("{:>6} {:>9} {:>19} {:>9}", "kPa", "computed", "interval", "calibrated")?;
                 for mpa in TABLE_MPA {
@@ -164,14 +166,14 @@ impl Args {
     }
 
     /// Angle along the path of rising volume, 0 at [`ZERO_MPA`], and where it ends.
-    fn path(&self, actuator: &Actuator) -> anyhow::Result<(Curve, String)> {
+    fn path(&self, actuator: &Actuator, end_mm3: f64) -> anyhow::Result<(Curve, String)> {
         let problem = self.problem(actuator)?;
         let shape = actuator.shape().ok_or_else(|| usage("--actuator: expected an actuator of boxes"))?;
         let place = |x: f64| nearest(&problem.mesh().nodes_mm, [x, 0.0, 0.0]);
         let (start, tip) = (place(0.0), place(shape.base.length_mm));
         let mut solver = Solver::new(Arc::clone(&problem))?;
         let (rest, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
-        let settings = PathSettings { end_mm3: self.volume_mm3, points: self.points };
+        let settings = PathSettings { end_mm3, points: self.points };
         let mut curve: Curve = Vec::new();
         let path = solver.path(&rest, settings, &mut |point| {
             let at = |n: usize| -> [f64; 3] {
@@ -196,7 +198,7 @@ impl Args {
     fn mounting(&self, block: &Actuator) -> anyhow::Result<[Vec<Curve>; 2]> {
         let path = |settings: &[Setting]| -> anyhow::Result<Curve> {
             let varied = block.with(settings).map_err(|list| usage(format!("{list:?}")))?;
-            Ok(self.path(&varied)?.0)
+            Ok(self.path(&varied, self.volume_mm3.min(MOUNTING_MM3))?.0)
         };
         let weight = |g: [f64; 3]| [0, 1, 2].map(|k| (format!("loads.gravity_mm_s2.{k}"), g[k]));
         let clamp = |change_mm: f64| -> anyhow::Result<Vec<Setting>> {

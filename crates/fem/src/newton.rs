@@ -129,6 +129,14 @@ pub(crate) const TURNING_WITHIN_MM: f64 = 0.1;
 /// Last correction (mm) up to which the next one is solved with the last factor, in few linear iterations.
 const NEAR_MM: f64 = 0.02;
 
+/// Corrections of a descent, its first shift over the mean diagonal of the tangent, the factors by which the shift changes at most,
+/// the factor where the tangent is indefinite, and the correction (mm) at which Newton's iteration takes over.
+const DESCENT_ITERATIONS: usize = 120;
+const FIRST_SHIFT: f64 = 0.01;
+const SHIFT_CHANGE: [f64; 2] = [0.5, 2.0];
+const STRONGER: f64 = 4.0;
+const DESCENDED_MM: f64 = 1.0e-3;
+
 /// Relative residual of a solution with an older factor: the iteration converges as with a new one.
 const LINEAR_TOLERANCE: f64 = 1.0e-9;
 
@@ -274,6 +282,62 @@ impl Newton {
             }
         }
         Err(NewtonError::Stalled { iterations: settings.max_iterations, correction_mm: self.last_mm })
+    }
+
+    /// Brings `state`, no equilibrium, to a stable one of that cavity volume by pseudo-transient continuation:
+    ///
+    /// ```text
+    /// (K + s) du - dp g = R,   g . du = volume - v;   s changes with the residual and rises while K + s is indefinite
+    /// ```
+    ///
+    /// Unlike the iteration it does not end on the fold of a single element. `state` is undefined on errors.
+    ///
+    /// # Errors
+    /// [`NewtonError`].
+    pub(crate) fn descend(
+        &mut self,
+        state: &mut State,
+        volume_mm3: f64,
+        effort: &mut Effort,
+    ) -> Result<(), NewtonError> {
+        self.closure = Some(Closure::Volume(volume_mm3));
+        let result = self.descend_closed(state, effort);
+        self.closure = None;
+        result
+    }
+
+    fn descend_closed(&mut self, state: &mut State, effort: &mut Effort) -> Result<(), NewtonError> {
+        let load = state.load;
+        let cap_mm = self.problem.config.newton.displacement_cap_mm;
+        let diagonal: Vec<usize> = self.problem.pattern.columns().0[..self.rhs.len()].to_vec();
+        let (mut shift, mut last_n) = (None, f64::INFINITY);
+        for _ in 0..DESCENT_ITERATIONS {
+            self.assemble(state, &load)?;
+            let mean =
+                diagonal.iter().map(|at| self.system.tangent[*at].abs()).sum::<f64>() / diagonal.len() as f64;
+            let residual_n = self.system.condensed.iter().map(|r| dot(*r, *r)).sum::<f64>().sqrt();
+            let change = (residual_n / last_n).clamp(SHIFT_CHANGE[0], SHIFT_CHANGE[1]);
+            let mut now = shift.map_or(FIRST_SHIFT * mean, |shift: f64| shift * change);
+            last_n = residual_n;
+            let mut added = 0.0;
+            while now < mean {
+                diagonal.iter().for_each(|at| self.system.tangent[*at] += now - added);
+                added = now;
+                self.solve(state, None, effort)?;
+                if self.tangent.negative_eigenvalues() == 0 {
+                    break;
+                }
+                now *= STRONGER;
+            }
+            shift = Some(now);
+            let correction = self.increment.largest_mm();
+            self.update(state, (cap_mm / correction).min(1.0));
+            self.last_mm = correction;
+            if correction < DESCENDED_MM {
+                return self.iterate(state, &load, effort);
+            }
+        }
+        Err(NewtonError::Stalled { iterations: DESCENT_ITERATIONS, correction_mm: self.last_mm })
     }
 
     /// Moves the nodes by `displacement_mm`, the stress unknowns by the linearised relations of the system assembled at `state`.

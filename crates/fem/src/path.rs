@@ -122,7 +122,7 @@ pub struct Path {
 /// Iterations up to which the next step is longer, and from which it is shorter.
 const EASY: usize = 4;
 const HARD: usize = 8;
-/// Fraction of the first step below which a path ends.
+/// Fraction of the first step below which the path goes on by descent, or ends.
 const SHORTEST: f64 = 1.0e-3;
 /// Steps per wanted point after which a path ends.
 const MAX_POINTS: usize = 10;
@@ -152,6 +152,8 @@ struct Walk<'a> {
     longest_mm: &'a dyn Fn(&PathPoint, &Tangent) -> f64,
     /// Steps, failed ones included, after which it ends.
     tries: usize,
+    /// True if a step that no length converges for is taken by descent, which costs many corrections.
+    descends: bool,
     /// True if the next point of these is behind the end.
     passed: &'a dyn Fn(&[PathPoint], &PathPoint) -> bool,
     /// Gets every point.
@@ -186,6 +188,7 @@ impl Solver {
             length_mm: wanted(&first.0, &first.1),
             longest_mm: &wanted,
             tries: MAX_POINTS * settings.points,
+            descends: true,
             passed: &|_, next| (end_mm3 - next.injected_mm3) * up <= 0.0,
             notify,
         };
@@ -252,6 +255,7 @@ impl Solver {
             length_mm: SEARCH_STEP * (to_mpa - point.pressure_mpa()).abs() * tangent.mm_per_mpa,
             longest_mm: &longest_mm,
             tries: SEARCH_STEPS + BEYOND_STEPS,
+            descends: false,
             passed: &passed,
             notify: &mut |_| {},
         };
@@ -316,7 +320,8 @@ impl Solver {
         }
         let mut length = walk.length_mm;
         for _ in 0..walk.tries {
-            let step = length.min((walk.longest_mm)(&point, &tangent));
+            let longest = (walk.longest_mm)(&point, &tangent);
+            let step = length.min(longest);
             let before = effort.factorisations;
             let failed = match self.arc(&point, &tangent, step, effort) {
                 Ok((next, _)) if point.both_turn(&next) && step > SHORTEST * walk.length_mm => None,
@@ -344,10 +349,19 @@ impl Solver {
             };
             path.report.cuts += 1;
             length = 0.5 * step;
-            if length < SHORTEST * walk.length_mm && failed.is_some() {
+            if length >= SHORTEST * walk.length_mm || failed.is_none() {
+                continue;
+            }
+            let across = walk.descends.then(|| self.across(&point, &tangent, longest, effort));
+            let Some(Ok((next, along))) = across else {
                 path.ended = failed;
                 return None;
+            };
+            if (walk.passed)(&path.points, &next) {
+                return Some(next);
             }
+            (point, tangent, length) = (next, along, walk.length_mm);
+            record(&mut path.points, &point);
         }
         path.ended = Some(NewtonError::PathTooLong { points: path.points.len() });
         None
@@ -408,6 +422,36 @@ impl Solver {
         let result = newton.iterate(&mut state, &load, effort);
         newton.closure = None;
         result?;
+        self.reached(from, tangent, state, length_mm, effort)
+    }
+
+    /// Stable equilibrium of the volume that a step along the tangent has: behind the snap of a single element, at which no step
+    /// converges.
+    fn across(
+        &mut self,
+        from: &PathPoint,
+        tangent: &Tangent,
+        length_mm: f64,
+        effort: &mut Effort,
+    ) -> Result<(PathPoint, Tangent), NewtonError> {
+        let mut state = from.state.clone();
+        let cavity_mpa = from.sense * length_mm / tangent.mm_per_mpa;
+        let injected_mm3 = from.injected_mm3 + from.compliance_mm3_per_mpa * cavity_mpa;
+        let volume_mm3 = self.problem().undeformed_volume_mm3() + injected_mm3;
+        self.newton().push(&mut state, &tangent.by, cavity_mpa)?;
+        self.newton().descend(&mut state, volume_mm3, effort)?;
+        self.reached(from, tangent, state, length_mm, effort)
+    }
+
+    /// The next point of a path, if it is near the last one.
+    fn reached(
+        &mut self,
+        from: &PathPoint,
+        tangent: &Tangent,
+        state: State,
+        length_mm: f64,
+        effort: &mut Effort,
+    ) -> Result<(PathPoint, Tangent), NewtonError> {
         let moved = state.displacement_mm.iter().zip(&from.state.displacement_mm);
         let moved_mm = moved.map(|(a, b)| norm(sub(*a, *b))).fold(0.0, f64::max);
         let allowed_mm = MAX_LENGTHS * length_mm;

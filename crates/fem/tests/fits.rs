@@ -20,7 +20,7 @@ fn test(law: &Hyperelastic, deformation: Deformation, to: f64, scatter: f64) -> 
         let l = 1.0 + (to - 1.0) * k as f64 / 120.0;
         [l, stress(l) + scatter * largest * noise(k + 1000 * deformation as usize)]
     };
-    Test { deformation, points: (1..=120).map(point).collect(), weight: 1.0 }
+    Test { deformation, points: (1..=120).map(point).collect(), weight: 1.0, shape_only: false }
 }
 
 fn near(found: &Hyperelastic, wanted: &Hyperelastic, tolerance: f64) {
@@ -90,7 +90,7 @@ fn unstable_constants_are_not_returned() {
     // A curve that softens so much that the free cubic has a negative modulus within the range.
     let points =
         (1..=60).map(|k| 1.0 + 0.05 * f64::from(k)).map(|l| [l, 0.1 * (3.0 * (l - 1.0)).tanh()]).collect();
-    let tests = [Test { deformation: Deformation::Uniaxial, points, weight: 1.0 }];
+    let tests = [Test { deformation: Deformation::Uniaxial, points, weight: 1.0, shape_only: false }];
     assert_eq!(stretch_range(&tests)[0], 1.0);
     assert!((stretch_range(&tests)[1] - 4.0).abs() < 1e-9);
     for family in [Family::MooneyRivlin, Family::Yeoh, Family::Ogden2] {
@@ -155,4 +155,21 @@ fn sag_by_beam_theory_is_near_the_solved_one() {
     let hanging =
         Actuator::parse(&with(&reference(), "loads", "gravity_mm_s2", "[9810.0, 0.0, 0.0]")).unwrap();
     assert_eq!(hanging.sag_estimate_mm(1.0).unwrap(), 0.0);
+}
+
+/// A strip that is 1.5 times as stiff as the part tells the part's limit, and a planar test up to a small stretch its modulus.
+#[test]
+fn test_of_the_shape_only_leaves_the_modulus_to_the_others() {
+    let part = Hyperelastic::Gent { mu_mpa: 0.02, jm: 40.0 };
+    let planar = test(&part, Deformation::Planar, 2.0, 0.0);
+    let stiffer = Hyperelastic::Gent { mu_mpa: 0.03, jm: 40.0 };
+    let strip = Test { shape_only: true, ..test(&stiffer, Deformation::Uniaxial, 4.5, 0.0) };
+    let fitted = fit(Family::Gent, &[planar.clone(), strip.clone()]).unwrap();
+    let Hyperelastic::Gent { mu_mpa, jm } = fitted.law else { panic!("{:?}", fitted.law) };
+    assert!((mu_mpa / 0.02 - 1.0).abs() < 1e-3 && (jm / 40.0 - 1.0).abs() < 1e-3, "{mu_mpa} {jm}");
+    assert_eq!(fitted.moduli[0], 1.0);
+    assert!((fitted.moduli[1] / 1.5 - 1.0).abs() < 1e-3 && fitted.error < 1e-4, "{:?}", fitted.moduli);
+    // With both moduli taken as one, no law explains both.
+    let both = fit(Family::Gent, &[planar, Test { shape_only: false, ..strip }]).unwrap();
+    assert!(both.error > 0.05, "{}", both.error);
 }

@@ -1,7 +1,7 @@
 //! Constants of a law from homogeneous tests.
 //!
 //! Minimises `sum_t w_t^2 mean_i ((P(l_i) - P_i) / max|P_t|)^2` over the tests `t`: each counts by its weight, whatever its number of rows
-//! and its unit. Linear constants follow from normal equations, the others (`jm`, exponents) from a grid and a simplex search.
+//! and its unit. A test of the shape only is divided by its specimen's modulus, another constant. Linear constants follow from normal equations, the others (`jm`, exponents) from a grid and a simplex search.
 
 use super::law::Hyperelastic;
 use super::least_squares::{Gram, inverse, minimum};
@@ -16,6 +16,8 @@ pub struct Test {
     pub points: Vec<[f64; 2]>,
     /// Weight of the test's RMS error.
     pub weight: f64,
+    /// True if the specimen has another modulus than the law: the test tells the law's shape, and the ratio of the moduli is fitted.
+    pub shape_only: bool,
 }
 
 impl Test {
@@ -32,6 +34,23 @@ impl Test {
         let (sum, largest) =
             self.points.iter().map(off).fold((0.0, 0.0_f64), |(s, m), e| (s + e * e, m.max(e)));
         [(sum / self.points.len().max(1) as f64).sqrt(), largest]
+    }
+
+    /// Modulus of the specimen over that of a law.
+    fn modulus(&self, law: &Hyperelastic) -> f64 {
+        let products = |p: &[f64; 2]| {
+            let of_law = law.nominal_stress_mpa(self.deformation, p[0]).unwrap_or(f64::INFINITY);
+            [of_law * p[1], of_law * of_law]
+        };
+        let [mixed, squared] =
+            self.points.iter().map(products).fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]]);
+        mixed / squared
+    }
+
+    /// The test with its stresses divided by a modulus ratio.
+    #[must_use]
+    pub fn divided(&self, modulus: f64) -> Self {
+        Self { points: self.points.iter().map(|p| [p[0], p[1] / modulus]).collect(), ..self.clone() }
     }
 
     /// Means of consecutive rows by stretch, at most [`BINS`].
@@ -54,6 +73,9 @@ const PARTS: usize = 8;
 const LARGEST_EXPONENT: f64 = 12.0;
 /// Difference of exponents below which two terms are one.
 const SAME_EXPONENT: f64 = 0.1;
+/// Rounds of law and moduli in turn, and relative change of a modulus at which they end.
+const ROUNDS: usize = 200;
+const MODULUS_TOLERANCE: f64 = 1.0e-5;
 /// Grid of the exponents.
 const GRID_STEP: f64 = 0.5;
 
@@ -84,7 +106,9 @@ pub struct Fitted {
     /// Half-widths of the 95 % confidence intervals, in the order of [`Hyperelastic::constants`]; `None` where the tests leave a constant
     /// open or it is at a bound.
     pub half_widths: Vec<Option<f64>>,
-    /// RMS error as a fraction of the largest stress, over all tests by weight.
+    /// Modulus of each specimen over that of the law; 1 but for tests of the shape only.
+    pub moduli: Vec<f64>,
+    /// RMS error as a fraction of the largest stress, over all tests by weight, each divided by its modulus.
     pub error: f64,
     /// The same over inner parts of the tests, each predicted from the others.
     pub held_out_error: f64,
@@ -105,16 +129,37 @@ pub fn fit_all(families: &[Family], tests: &[Test]) -> Vec<Fitted> {
 pub fn fit(family: Family, tests: &[Test]) -> Option<Fitted> {
     let thinned: Vec<Test> = tests.iter().map(Test::thinned).collect();
     let reach = reach(tests);
-    let law = solve(family, &Rows::of(&thinned), reach)?;
+    let (law, moduli) = solve_with_moduli(family, &thinned, reach)?;
+    let [tests, thinned] = [tests, &thinned].map(|tests| divided(tests, &moduli));
     let error = combined(tests.iter().map(|test| (test, test.error_mpa(&law)[0])));
     Some(Fitted {
         family,
         law,
         half_widths: half_widths(&law, &thinned),
+        moduli,
         error,
         held_out_error: held_out(family, &thinned, reach).unwrap_or(f64::INFINITY),
         stable_to: law.stable_to(),
     })
+}
+
+fn divided(tests: &[Test], moduli: &[f64]) -> Vec<Test> {
+    tests.iter().zip(moduli).map(|(test, modulus)| test.divided(*modulus)).collect()
+}
+
+/// Law, and modulus of each test of the shape only: one is solved for the others in turn, which lowers the sum of squares each time.
+fn solve_with_moduli(family: Family, tests: &[Test], reach: f64) -> Option<(Hyperelastic, Vec<f64>)> {
+    let mut moduli = vec![1.0; tests.len()];
+    for _ in 0..ROUNDS {
+        let law = solve(family, &Rows::of(&divided(tests, &moduli)), reach)?;
+        let next = tests.iter().map(|test| if test.shape_only { test.modulus(&law) } else { 1.0 });
+        let last = std::mem::replace(&mut moduli, next.collect());
+        let changes = moduli.iter().zip(&last).map(|(is, was)| (is / was - 1.0).abs());
+        if changes.fold(0.0, f64::max) <= MODULUS_TOLERANCE {
+            return Some((law, moduli));
+        }
+    }
+    None
 }
 
 /// Error below which laws count as equal: the repeatability of such tests.
@@ -326,7 +371,7 @@ fn half_widths(law: &Hyperelastic, tests: &[Test]) -> Vec<Option<f64>> {
     let constants = law.constants();
     let residuals: Vec<f64> = rows.column(law).iter().zip(&rows.stress).map(|(a, b)| a - b).collect();
     let open: Vec<usize> = (0..constants.len()).filter(|k| constants[*k].1 != 0.0).collect();
-    let columns: Vec<Vec<f64>> = open
+    let mut columns: Vec<Vec<f64>> = open
         .iter()
         .map(|k| {
             let step = 1.0e-5 * constants[*k].1;
@@ -334,15 +379,25 @@ fn half_widths(law: &Hyperelastic, tests: &[Test]) -> Vec<Option<f64>> {
             up.iter().zip(&down).map(|(up, down)| (up - down) / 2.0e-5).collect()
         })
         .collect();
+    let mut begin = 0;
+    for test in tests {
+        let rows_of_test = begin..begin + test.points.len();
+        begin = rows_of_test.end;
+        if test.shape_only {
+            let of_test =
+                |(at, stress): (usize, &f64)| if rows_of_test.contains(&at) { *stress } else { 0.0 };
+            columns.push(rows.stress.iter().enumerate().map(of_test).collect());
+        }
+    }
     let sum: f64 = residuals.iter().map(|r| r * r).sum();
     let neighbours: f64 = residuals.windows(2).map(|pair| pair[0] * pair[1]).sum();
     let correlation = if sum > 0.0 { (neighbours / sum).clamp(0.0, 0.99) } else { 0.0 };
     let n = residuals.len() as f64;
     let independent = (n * (1.0 - correlation) / (1.0 + correlation)).max(2.0);
-    let free = (independent - open.len() as f64).max(1.0);
+    let free = (independent - columns.len() as f64).max(1.0);
     let product = |a: usize, b: usize| columns[a].iter().zip(&columns[b]).map(|(x, y)| x * y).sum::<f64>();
     let matrix: Vec<Vec<f64>> =
-        (0..open.len()).map(|a| (0..open.len()).map(|b| product(a, b)).collect()).collect();
+        (0..columns.len()).map(|a| (0..columns.len()).map(|b| product(a, b)).collect()).collect();
     let mut half_widths = vec![None; constants.len()];
     if let Some(inverse) = inverse(&matrix) {
         // Relative to the constants: the columns are derivatives with respect to their logarithms.

@@ -9,7 +9,7 @@ use crate::algebra::{Mat3, Vec3, add, axpy, dot, mat_vec, norm, scale, sub};
 use crate::config::{ContactSettings, GRAVITY_DOWN_MM_S2, NewtonSettings};
 use crate::element::{membrane, tet10};
 use crate::mesh::{Mesh, Slot};
-use crate::newton::NewtonError;
+use crate::newton::{Closure, Effort, NewtonError};
 use crate::ordering::nested_dissection;
 use crate::sparse::CONSTRAINED;
 use crate::system::{Ahead, System};
@@ -62,6 +62,28 @@ fn stress_from_positions_equals_the_solutions() {
     let of_set = StressRecovery::new(problem, Some(&set));
     assert_eq!(stress(&of_set, 3), set.map(|node| all[node as usize]));
     assert!(set.iter().all(|node| of_set.needed().contains(node)) && of_set.needed().len() < nodes / 2);
+}
+
+/// From displacements in which Newton's iteration goes astray.
+#[test]
+fn descent_ends_at_the_equilibrium_of_its_volume() {
+    let problem = Arc::new(Problem::new(finger(), config()).unwrap());
+    let mut solver = Solver::new(Arc::clone(&problem)).unwrap();
+    let injected = |mm3| Load { injected_mm3: Some(mm3), ..Load::default() };
+    let (exact, _) = solver.solve_to(&solver.undeformed(), &injected(30.0)).unwrap();
+    let displaced = |n: usize| {
+        let size = if problem.free[n] == CONSTRAINED { 0.0 } else { 0.05 };
+        std::array::from_fn(|i| size * noise(3 * n + i))
+    };
+    let mut state = follow(&problem, (0..problem.free.len()).map(displaced).collect(), Load::default());
+    let (volume_mm3, mut effort) = (problem.undeformed_volume_mm3() + 30.0, Effort::default());
+    let mut astray = state.clone();
+    solver.newton().closure = Some(Closure::Volume(volume_mm3));
+    assert!(solver.newton().iterate(&mut astray, &Load::default(), &mut effort).is_err());
+    solver.newton().descend(&mut state, volume_mm3, &mut effort).unwrap();
+    let apart = state.displacement_mm.iter().zip(&exact.displacement_mm).map(|(a, b)| norm(sub(*a, *b)));
+    let apart_mm = apart.fold(0.0, f64::max);
+    assert!(apart_mm < 1.0e-5 && close(state.load.pressure_mpa, exact.load.pressure_mpa, 1e-6), "{apart_mm}");
 }
 
 /// Two towers on a base with a slot of 1 mm between them.

@@ -115,6 +115,9 @@ pub struct Description {
     /// Weight of the test's error.
     #[serde(default = "one")]
     pub weight: f64,
+    /// True if the specimen has another modulus than the part: the test tells the shape of the law only.
+    #[serde(default)]
+    pub shape_only: bool,
     /// Deformation.
     #[serde(default = "Channel::unknown")]
     pub deformation: Channel<Extension>,
@@ -153,6 +156,12 @@ pub fn read(path: &Path) -> Result<Vec<Description>> {
         ))
     })?;
     let place = |test: Description| Description { file: file::named_in(path, &test.file), ..test };
+    if list.test.iter().all(|test| test.shape_only) && !list.test.is_empty() {
+        return Err(configuration(anyhow!(
+            "{}: shape_only: expected a test without it, which tells the modulus, found none",
+            path.display()
+        )));
+    }
     list.test
         .into_iter()
         .map(place)

@@ -29,6 +29,7 @@ FILE is a table of a test (any separator, with or without headings), or a .toml 
   length_mm = 11.0
   area_mm2 = 150.0
   weight = 0.5
+  shape_only = true      # a specimen of another modulus, which is fitted
 In actuator.toml: [elastomer] file = \"silicone.toml\". Exit code 65: no law explains the tests.";
 
 /// Fit a law to tests and write a material file.
@@ -138,7 +139,7 @@ impl Args {
     /// Tables that cannot be read; tests that no stable law explains; I/O errors.
     pub fn run(self) -> Result<()> {
         let descriptions = self.descriptions()?;
-        let specimens: Vec<Specimen> = descriptions
+        let mut specimens: Vec<Specimen> = descriptions
             .iter()
             .map(|description| Specimen::read(description, self.max_strain))
             .collect::<Result<_>>()?;
@@ -147,6 +148,7 @@ impl Args {
         let best = Fitted::best(candidates.clone()).ok_or_else(|| {
             unexplained("no constants are stable over the range of the tests; look at their quantities and signs, or give a smaller --max-strain")
         })?;
+        specimens.iter_mut().zip(&best.moduli).for_each(|(specimen, modulus)| specimen.divide(*modulus));
         let remarks = remarks(&specimens, &best);
         let report = Report {
             specimens: &specimens,
@@ -221,6 +223,7 @@ impl Args {
                 file: file.clone(),
                 test: self.test.get(if self.test.len() == 1 { 0 } else { at }).copied(),
                 weight: 1.0,
+                shape_only: false,
                 deformation: Channel {
                     column: self.deformation_column.clone(),
                     quantity: self.deformation,

@@ -176,9 +176,21 @@ impl Specimen {
                 notes.join("; ")
             )));
         }
-        let test = Test { deformation: kind.deformation(), points, weight: description.weight };
+        let (weight, shape_only) = (description.weight, description.shape_only);
+        let test = Test { deformation: kind.deformation(), points, weight, shape_only };
         let is_load_assumed = load.note.contains("assumed");
         Ok(Self { name, kind, rows, test, loops, notes, is_load_assumed })
+    }
+
+    /// Divides the stresses of a test of the shape only by its modulus over that of the law.
+    pub fn divide(&mut self, modulus: f64) {
+        if self.test.shape_only {
+            self.rows.iter_mut().for_each(|row| row[1] /= modulus);
+            self.test = self.test.divided(modulus);
+            self.notes.push(format!(
+                "tells the shape only: {modulus:.3} times the law's modulus, by which its stress is divided"
+            ));
+        }
     }
 }
 
