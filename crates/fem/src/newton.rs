@@ -129,11 +129,13 @@ pub(crate) const TURNING_WITHIN_MM: f64 = 0.1;
 /// Last correction (mm) up to which the next one is solved with the last factor, in few linear iterations.
 const NEAR_MM: f64 = 0.02;
 
-/// Corrections of a descent, its first shift over the mean diagonal of the tangent, the factors by which the shift changes at most,
-/// the factor where the tangent is indefinite, and the correction (mm) at which Newton's iteration takes over.
+/// Corrections of a descent, its first shift over the mean diagonal of the tangent, the factors by which the shift changes where the
+/// residual falls, and at most where it rises, the factor where the tangent is indefinite, and the correction (mm) at which Newton's
+/// iteration takes over.
 const DESCENT_ITERATIONS: usize = 120;
 const FIRST_SHIFT: f64 = 0.01;
-const SHIFT_CHANGE: [f64; 2] = [0.5, 2.0];
+const WEAKER: [f64; 2] = [0.5, 0.8];
+const RISING: f64 = 2.0;
 const STRONGER: f64 = 4.0;
 const DESCENDED_MM: f64 = 1.0e-3;
 
@@ -316,7 +318,8 @@ impl Newton {
             let mean =
                 diagonal.iter().map(|at| self.system.tangent[*at].abs()).sum::<f64>() / diagonal.len() as f64;
             let residual_n = self.system.condensed.iter().map(|r| dot(*r, *r)).sum::<f64>().sqrt();
-            let change = (residual_n / last_n).clamp(SHIFT_CHANGE[0], SHIFT_CHANGE[1]);
+            let ratio = residual_n / last_n;
+            let change = if ratio < 1.0 { ratio.clamp(WEAKER[0], WEAKER[1]) } else { ratio.min(RISING) };
             let mut now = shift.map_or(FIRST_SHIFT * mean, |shift: f64| shift * change);
             last_n = residual_n;
             let mut added = 0.0;

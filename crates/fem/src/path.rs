@@ -440,7 +440,8 @@ impl Solver {
         let volume_mm3 = self.problem().undeformed_volume_mm3() + injected_mm3;
         self.newton().push(&mut state, &tangent.by, cavity_mpa)?;
         self.newton().descend(&mut state, volume_mm3, effort)?;
-        self.reached(from, tangent, state, length_mm, effort)
+        let longest_mm = self.problem().config().newton.step_length_mm;
+        self.reached(from, tangent, state, longest_mm, effort)
     }
 
     /// The next point of a path, if it is near the last one.
