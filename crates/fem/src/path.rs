@@ -122,7 +122,7 @@ pub struct Path {
 /// Iterations up to which the next step is longer, and from which it is shorter.
 const EASY: usize = 4;
 const HARD: usize = 8;
-/// Fraction of the first step below which the path goes on by descent, or ends.
+/// Fraction of the first step below which the path continues by descent, or ends.
 const SHORTEST: f64 = 1.0e-3;
 /// Steps per wanted point after which a path ends.
 const MAX_POINTS: usize = 10;
