@@ -70,6 +70,13 @@ fn headings_of_motion_capture_and_instruments_are_joined() {
     assert_eq!(log.headings, ["X_Value", "Pressure (kPa)", "Angle"]);
     assert_eq!((log.rows(), log.columns[0][2], log.separator), (3, 0.2, '\t'));
     assert!(!log.damaged.is_empty(), "rows among the parameters are named");
+    let units = labview.replace("Samples\t1200\t1200", "Y_Unit_Label\tV\tdeg");
+    assert_eq!(Log::parse(&units).unwrap().headings, ["X_Value", "Pressure (kPa)", "Angle [deg]"]);
+    let metres = motive.replace("Take,3", "Length Units,Meters");
+    assert_eq!(Log::parse(&metres).unwrap().headings[2], "Marker tip X [Meters]");
+    let tracked =
+        "scorer,net,net,net\nparts,tip,tip,tip\ncoords,x,y,likelihood\n0,1.5,2,0.9\n1,1,2,0.9\n2,1,2,0.9\n";
+    assert_eq!(Log::parse(tracked).unwrap().headings[1..3], ["tip x", "tip y"]);
 }
 
 #[test]
@@ -172,6 +179,55 @@ fn clocks_of_two_files_are_joined_by_correlation() {
     assert!((joined.outputs[0].values[400] + 4.0 * joined.inputs[0].values[400]).abs() < 0.02);
     table("still.csv", 500, 0.08, &|_| 1.0, 0.0);
     assert!(read(&text, "valve.csv+still.csv").unwrap_err().contains("offset_s"));
+}
+
+#[test]
+fn lag_of_an_output_is_no_offset_and_two_offsets_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "time = { column = 1, unit = \"s\" }\n[[input]]\nname = \"p_mpa\"\ncolumn = 2\nunit = \"MPa\"\n\
+                [[file]]\ntime = { column = 1, unit = \"s\" }\n[[file.output]]\nname = \"x_mm\"\ncolumn = 2\nunit = \"mm\"\n";
+    let read = |pressure: &dyn Fn(f64) -> f64| {
+        let (mut x, mut valve, mut camera) = (0.0, String::new(), String::new());
+        for row in 0..1000_u32 {
+            let t = 0.05 * f64::from(row);
+            x += (1.0 - f64::exp(-0.05 / 0.6)) * (pressure(t) - x);
+            valve += &format!("{t},{}\n", pressure(t));
+            camera += &format!("{},{x}\n", t + 40.0);
+        }
+        std::fs::write(folder.path().join("valve.csv"), valve).unwrap();
+        std::fs::write(folder.path().join("camera.csv"), camera).unwrap();
+        mapping(text).unwrap().read_run(&folder.path().join("valve.csv+camera.csv"))
+    };
+    let steps = |t: f64| f64::from(((t / 2.7) as u32 * 7 + (t / 4.3) as u32 * 3) % 5);
+    let joined = read(&steps).unwrap();
+    let found = joined.remarks.iter().find_map(|remark| remark.split_once("offset_s = ")).unwrap().1;
+    let offset_s: f64 = found.split(' ').next().unwrap().parse().unwrap();
+    assert!((offset_s + 40.0).abs() < 0.15, "{:?}", joined.remarks);
+    let refused = read(&|t| (0.8 * t).sin()).unwrap_err().to_string();
+    assert!(refused.contains("correlations of") && refused.contains(" and -"), "{refused}");
+}
+
+#[test]
+fn topics_written_at_different_instants_are_interpolated() {
+    let row = |row: u32| match row % 2 {
+        0 => format!("{},{},,\n", 10 * row, row),
+        _ => format!("{},,{},0.9\n", 10 * row, row),
+    };
+    let table = "t_ms,/p/data[0],x,likelihood\n".to_owned() + &(0..40).map(row).collect::<String>();
+    let text = "time = { column = 1, unit = \"ms\" }\n[[input]]\nname = \"p_mpa\"\ncolumn = \"/p/data[0]\"\nunit = \"MPa\"\n\
+                [[output]]\nname = \"x_mm\"\ncolumn = 3\nunit = \"mm\"\nconfidence = 4\n";
+    let read =
+        |table: &str, text: &str| mapping(text).unwrap().apply(&Log::parse(table).unwrap(), Path::new("run"));
+    let found = read(&table, text).unwrap();
+    assert_eq!((found.inputs[0].values[7], found.outputs[0].values[7]), (7.0, 7.0));
+    assert!(
+        found.outputs[0].values[8].is_nan()
+            && found.remarks.iter().any(|remark| remark.contains("p_mpa: written"))
+    );
+    // Frames are counted, and a position without confidence is missing.
+    let frames = text.replace("unit = \"ms\" }", "rate_hz = 20 }");
+    let found = read(&table.replace("7,0.9", "7,0.2"), &frames).unwrap();
+    assert!((found.time_s[1] - 0.5).abs() < 1e-12 && found.outputs[0].values[7].is_nan());
 }
 
 #[test]

@@ -195,3 +195,28 @@ fn many_outputs_share_their_modes_below_the_noise_with_fewer_numbers_and_half_wi
     assert!(square.sqrt() < 0.3 * noise, "{} of noise {noise}", square.sqrt());
     assert!((0.85..=0.97).contains(&mean) && inside.iter().all(|share| *share > 0.8), "{inside:?}");
 }
+
+#[test]
+fn map_of_steps_is_smooth_between_their_levels() {
+    // A lag of 0.2 s behind steps that repeat: their transitions pass between the levels, always in the same way.
+    let levels = [0.0, 0.4, 0.8, 1.0, 0.6, 0.2, 0.0, 1.0, 0.0, 0.5];
+    let (mut gauge, mut state) = (0.0, 0.0);
+    let mut run = Run { inputs: vec![Vec::new()], outputs: vec![Vec::new()], ..Run::default() };
+    for row in 0..3000_u32 {
+        gauge += 0.33 * (levels[(row / 85) as usize % levels.len()] - gauge);
+        state += 0.095 * (gauge - state);
+        run.time_s.push(0.02 * f64::from(row));
+        run.inputs[0].push(0.1 * gauge);
+        run.outputs[0].push(90.0 * state);
+    }
+    let data =
+        Measured { inputs: vec!["pressure_mpa".into()], outputs: vec!["angle_deg".into()], runs: vec![run] };
+    let learned = learn("finger", &data).unwrap();
+    let mut state = ModelState::new(&learned.model, &Selection::default()).unwrap();
+    let value = |p: f64| {
+        state.update(Inputs::new(0.1 * p, f64::INFINITY)).unwrap();
+        f64::from(state.fields()[0])
+    };
+    let values: Vec<f64> = (0..=40).map(|k| f64::from(k) / 40.0).map(value).collect();
+    assert!(values.windows(2).all(|pair| pair[1] > pair[0]), "{values:?}");
+}

@@ -125,3 +125,21 @@ fn runs_without_use_have_no_result() {
     assert!(identify(&[still], true, &[1.0], None).is_none());
     assert!(identify(&[], true, &[1.0], None).is_none());
 }
+
+#[test]
+fn second_lag_is_found_behind_a_line() {
+    let line = Line { fill_s: 0.5, empty_s: 0.8 };
+    let found = found(&block(Some(line), vec![], vec![Creep { time_s: 0.3, weight: 1.0 }]), 0.1);
+    assert_eq!(kept(&found), [Block::Line, Block::SecondLag], "{found:?}");
+    assert!(found.left_out[1] < 0.05 * found.left_out[0], "{:?}", found.left_out);
+}
+
+#[test]
+fn drift_of_a_run_is_no_memory() {
+    let mut run = run(&block(Some(Line { fill_s: 0.4, empty_s: 1.3 }), vec![], vec![]), 0.0, 0.2);
+    run.outputs[0].iter_mut().zip(&run.time_s).for_each(|(y, t)| *y += 0.2 * t);
+    let found = identify(&[run], true, &[100.0], None).unwrap();
+    assert_eq!(kept(&found), [Block::Line], "{found:?}");
+    let constants = &found.blocks.iter().find(|b| b.block == Block::Line).expect("line").constants;
+    assert!((constants[0].value / 0.4 - 1.0).abs() < 0.05, "{constants:?}");
+}

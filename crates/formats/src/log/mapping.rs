@@ -55,7 +55,7 @@ pub enum Column {
     Heading(String),
 }
 
-/// Time of the rows: a column with a unit (ISO 8601 and clocks: `s`), or a rate.
+/// Time of the rows: a column with a unit (ISO 8601 and clocks: `s`) or, of frames that are counted, a rate; or a rate alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimeColumn {
@@ -63,7 +63,7 @@ pub struct TimeColumn {
     pub column: Option<Column>,
     /// `s`, `ms`, `us`, `ns`.
     pub unit: Option<String>,
-    /// Rows per second, of a log without time.
+    /// Rows per second of a log without time, or counts of the column per second.
     pub rate_hz: Option<f64>,
 }
 
@@ -91,6 +91,8 @@ pub struct Channel {
     pub zero_s: f64,
     /// Size of a pixel, mm.
     pub mm_per_px: Option<f64>,
+    /// Column with the confidence of a tracked position, 0 to 1; a value with less than [`LEAST_CONFIDENCE`] is missing.
+    pub confidence: Option<Column>,
 }
 
 fn one() -> f64 {
@@ -107,6 +109,8 @@ pub struct Frame {
     pub origin_mm: [f64; 3],
 }
 
+/// Smallest confidence of a tracked position (the trackers' default).
+const LEAST_CONFIDENCE: f64 = 0.6;
 /// Largest deviation of a rotation matrix from orthonormal.
 const RIGID: f64 = 1e-4;
 /// Step back in time that is sorted, as a multiple of the median step; a larger one is another run.
@@ -198,7 +202,8 @@ impl Mapping {
             };
             channels.iter().filter_map(one).collect()
         };
-        let (inputs, mut outputs) = (series(&self.input), series(&self.output));
+        let (mut inputs, mut outputs) = (series(&self.input), series(&self.output));
+        clock::interleave(&time_s, &mut inputs, &mut outputs, &mut remarks);
         if let Some(frame) = &self.frame {
             let _ = collect(frame.apply(&mut outputs), &mut errors);
         }
@@ -251,8 +256,12 @@ impl TimeColumn {
                 let wrong = || Diagnostic::new("time.unit", "s, ms, us or ns", format!("`{spelling}`"));
                 found.map(|(_, factor)| factor).ok_or_else(wrong)
             }
-            (None, None, Some(rate_hz)) if rate_hz > 0.0 && rate_hz.is_finite() => Ok(1.0 / rate_hz),
-            _ => Err(Diagnostic::new("time", "column with unit, or rate_hz > 0", "neither or both")),
+            (_, None, Some(rate_hz)) if rate_hz > 0.0 && rate_hz.is_finite() => Ok(1.0 / rate_hz),
+            _ => Err(Diagnostic::new(
+                "time",
+                "column with unit or rate_hz > 0, or rate_hz alone",
+                "neither or both units",
+            )),
         }
     }
 
@@ -312,6 +321,11 @@ impl Channel {
         let column = self.column.find(log, &self.name)?;
         let value = |row: &usize| factor * self.sign * (self.slope * column[*row] + self.offset);
         let mut values: Vec<f64> = rows.iter().map(value).collect();
+        if let Some(confidence) = &self.confidence {
+            let confidence = confidence.find(log, &self.name)?;
+            let is_lost = |row: &usize| confidence[*row].is_nan() || confidence[*row] < LEAST_CONFIDENCE;
+            values.iter_mut().zip(rows).filter(|(_, row)| is_lost(row)).for_each(|(v, _)| *v = f64::NAN);
+        }
         if self.zero_s > 0.0 {
             let early = values.iter().zip(time_s).filter(|(v, t)| v.is_finite() && **t <= self.zero_s);
             let (sum, count) = early.fold((0.0, 0.0), |(sum, n), (v, _)| (sum + v, n + 1.0));

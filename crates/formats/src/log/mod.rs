@@ -12,6 +12,8 @@ pub use recording::{Recording, Series};
 
 use cell::{is_content, number};
 
+use unit::Quantity;
+
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use std::borrow::Cow;
@@ -262,6 +264,10 @@ impl Layout {
         for line in above.take(MAX_HEADINGS - 1).filter(|_| self.separator != ' ') {
             let found = self.fitted(cells(line, self.separator), MIN_NAMED);
             let Some(mut groups) = found else { break };
+            // One group of all columns tells none from the others.
+            if groups.len() > 2 && groups[2..].iter().all(|group| *group == groups[1]) {
+                continue;
+            }
             for at in 1..groups.len() {
                 let is_repeated = lowest.iter().filter(|other| **other == lowest[at]).count() > 1;
                 if groups[at].is_empty() && is_repeated {
@@ -272,7 +278,34 @@ impl Layout {
                 *heading = format!("{group} {heading}").trim().to_owned();
             }
         }
+        self.add_units(&mut headings, lines);
         headings
+    }
+
+    /// Adds units that stand apart from the headings: a row of them (`Y_Unit_Label;psi;N`), or one of all positions (`Length Units,Meters`).
+    fn add_units(&self, headings: &mut [String], lines: &[(usize, &str)]) {
+        let above: Vec<Vec<String>> =
+            lines[..self.first].iter().map(|(_, line)| cells(line, self.separator)).collect();
+        let is_length = |cell: &&String| unit::unit(cell).is_some_and(|(q, _)| q == Quantity::Length);
+        let of_positions = above.iter().flat_map(|cells| cells.windows(2));
+        let of_positions = of_positions.filter(|pair| pair[0].to_lowercase().contains("length unit"));
+        let of_positions = of_positions.map(|pair| &pair[1]).find(is_length);
+        let row = above.iter().find(|cells| {
+            let known = cells.iter().skip(1).filter(|cell| unit::unit(cell).is_some()).count();
+            cells[0].to_lowercase().contains("unit") && known > 0 && cells.len() <= self.width + 1
+        });
+        let is_position = |heading: &str| {
+            let heading = heading.to_lowercase();
+            let axis = heading.rsplit(' ').next().unwrap_or_default();
+            ["x", "y", "z"].contains(&axis) && !heading.contains("rotation")
+        };
+        for (at, heading) in headings.iter_mut().enumerate() {
+            let own = row.and_then(|row| row.get(at)).filter(|cell| unit::unit(cell).is_some());
+            let common = of_positions.filter(|_| is_position(heading));
+            if let Some(unit) = own.or(common).filter(|_| unit::in_heading(heading).is_none()) {
+                *heading += &format!(" [{unit}]");
+            }
+        }
     }
 
     /// Headings of the line above the rows, with the separator of the rows, two blanks, comma, tab or blanks. A separator too few or too many at

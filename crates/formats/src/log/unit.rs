@@ -40,9 +40,9 @@ const UNITS: &[(&[&str], Quantity, f64)] = &[
     (&["torr", "mmhg"], Quantity::Pressure, 101_325e-6 / 760.0),
     (&["cmh2o"], Quantity::Pressure, 98.0665e-6),
     (&["kgf/cm2", "kgf/cm^2"], Quantity::Pressure, 0.098_066_5),
-    (&["mm"], Quantity::Length, 1.0),
-    (&["cm"], Quantity::Length, 10.0),
-    (&["m"], Quantity::Length, 1000.0),
+    (&["mm", "millimeters"], Quantity::Length, 1.0),
+    (&["cm", "centimeters"], Quantity::Length, 10.0),
+    (&["m", "meters"], Quantity::Length, 1000.0),
     (&["um", "\u{b5}m", "\u{3bc}m"], Quantity::Length, 1e-3),
     (&["in", "inch"], Quantity::Length, 25.4),
     (&["n"], Quantity::Force, 1.0),
@@ -54,11 +54,11 @@ const UNITS: &[(&[&str], Quantity, f64)] = &[
     (&["rad"], Quantity::Angle, 1.0),
     (&["deg", "\u{b0}", "degree", "degrees"], Quantity::Angle, std::f64::consts::PI / 180.0),
     (&["s", "sec", "second", "seconds"], Quantity::Time, 1.0),
-    (&["ms", "msec", "milliseconds"], Quantity::Time, 1e-3),
-    (&["us", "\u{b5}s", "\u{3bc}s", "usec", "microseconds"], Quantity::Time, 1e-6),
+    (&["ms", "msec", "milliseconds", "millis"], Quantity::Time, 1e-3),
+    (&["us", "\u{b5}s", "\u{3bc}s", "usec", "microseconds", "micros"], Quantity::Time, 1e-6),
     (&["ns", "nsec", "nanoseconds"], Quantity::Time, 1e-9),
     (&["min", "minutes"], Quantity::Time, 60.0),
-    (&["v"], Quantity::Voltage, 1.0),
+    (&["v", "volts"], Quantity::Voltage, 1.0),
     (&["mv"], Quantity::Voltage, 1e-3),
     (&["a"], Quantity::Current, 1.0),
     (&["ma"], Quantity::Current, 1e-3),
@@ -86,19 +86,24 @@ pub fn known() -> String {
 }
 
 /// Units that are words or labels as well (`pressure_in`, `chamber_a`): read in brackets only.
-const WORDS: [&str; 4] = ["in", "a", "l", "1"];
+const WORDS: [&str; 3] = ["in", "a", "l"];
 
 /// Unit of pixels, whose size a mapping states.
 pub const PIXELS: &str = "px";
 
-/// Spelling of the unit that a heading contains: in brackets, or as its last word (`pressure_kpa`); pixels included.
+/// Spelling of the unit that a heading contains: in brackets, as its last word (`pressure_kpa`) or, of a time, alone (`millis`); pixels
+/// included. A bracketed number is an index (`data[1]`).
 #[must_use]
 pub fn in_heading(heading: &str) -> Option<&str> {
-    let is_known = |spelling: &&str| unit(spelling).is_some() || spelling.trim().eq_ignore_ascii_case(PIXELS);
+    let is_known = |spelling: &&str| match unit(spelling) {
+        Some((quantity, _)) => quantity != Quantity::Number || spelling.parse::<u32>().is_err(),
+        None => spelling.trim().eq_ignore_ascii_case(PIXELS),
+    };
     let bracketed = heading.rfind(['(', '[']).map(|at| heading[at + 1..].trim_end_matches([')', ']', ' ']));
     let last = heading.rsplit(['_', ' ', '/']).next().filter(|last| last.len() < heading.len());
     let last = last.filter(|last| !WORDS.contains(&last.to_lowercase().as_str()));
-    [bracketed, last].into_iter().flatten().find(is_known)
+    let alone = Some(heading).filter(|h| h.len() > 3 && unit(h).is_some_and(|(q, _)| q == Quantity::Time));
+    [bracketed, last, alone].into_iter().flatten().find(is_known)
 }
 
 #[cfg(test)]
@@ -118,6 +123,7 @@ mod tests {
         assert_eq!(in_heading("speed"), None);
         assert_eq!((in_heading("chamber_a"), in_heading("supply [A]")), (None, Some("A")));
         assert_eq!(in_heading("tip x (px)"), Some("px"));
+        assert_eq!((in_heading("/pressure/data[1]"), in_heading("millis")), (None, Some("millis")));
         assert!((factor("mmHg") * 750.062 - 0.1).abs() < 1e-6 && (factor("1/m") - 1e-3).abs() < 1e-12);
         assert_eq!(unit("furlong"), None);
     }

@@ -83,6 +83,8 @@ struct Known {
     low: f64,
     high: f64,
     missing: usize,
+    /// Median step, if all values are whole numbers.
+    whole_step: Option<f64>,
     time: TimeSign,
 }
 
@@ -96,10 +98,24 @@ enum TimeSign {
     Unit,
 }
 
+/// Words of headings without a unit: input or output, and unit of the name.
+const WORDS: [(&[&str], &str, &str); 5] = [
+    (&["press", "druck", "presi"], "input", "mpa"),
+    (&["angle", "winkel", "bend", "theta"], "output", "deg"),
+    (&["force", "kraft"], "output", "n"),
+    (&["curvature"], "output", "per_mm"),
+    (&["position", "tip", "marker"], "output", "mm"),
+];
+/// Words of wanted values: the measured ones are inputs.
+const WANTED: [&str; 7] = ["command", "cmd", "desired", "target", "wanted", "setpoint", "soll"];
+/// Words of the confidence of a tracked position.
+const CONFIDENCE: [&str; 2] = ["likelihood", "confidence"];
 /// Beginnings of headings of times.
 const TIME_NAMES: [&str; 8] = ["time", "t_", "zeit", "temps", "tiempo", "elapsed", "stamp", "date"];
-/// Units of times since 1970 by their size: ns from 1973 on, us, ms.
-const EPOCHS: [(f64, &str); 3] = [(1e17, "ns"), (1e14, "us"), (1e11, "ms")];
+/// Units of times since 1970 by their size: ns from 1973 on, us, ms, s.
+const EPOCHS: [(f64, &str); 4] = [(1e17, "ns"), (1e14, "us"), (1e11, "ms"), (1e8, "s")];
+/// Median step of whole numbers from which they are ms instead of s.
+const MS_STEP: f64 = 2.0;
 
 impl Args {
     /// Describes the table.
@@ -193,6 +209,10 @@ impl Known {
         let quantity = unit.as_deref().and_then(unit::unit).map(|(quantity, _)| quantity);
         let rises =
             finite.len() == values.len() && finite.windows(2).all(|pair| pair[1] >= pair[0]) && high > low;
+        let mut steps: Vec<f64> = finite.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        steps.sort_by(f64::total_cmp);
+        let whole_step =
+            steps.get(steps.len() / 2).copied().filter(|_| finite.iter().all(|v| v.fract() == 0.0));
         let lower = heading.to_lowercase();
         let is_named = lower == "t" || TIME_NAMES.iter().any(|name| lower.starts_with(name));
         let time = match quantity {
@@ -209,12 +229,59 @@ impl Known {
             low,
             high,
             missing: values.len() - finite.len(),
+            whole_step,
             time,
         }
     }
 
     fn is_in_pixels(&self) -> bool {
         self.unit.as_ref().is_some_and(|unit| unit.trim().eq_ignore_ascii_case(unit::PIXELS))
+    }
+
+    /// True for a time that rises by 1 and has neither name nor unit: rows or frames.
+    fn counts(&self) -> bool {
+        self.time == TimeSign::Rises && self.whole_step == Some(1.0)
+    }
+
+    /// True if the heading has one of these words.
+    fn has(&self, words: &[&str]) -> bool {
+        let heading = self.heading.to_lowercase();
+        words.iter().any(|word| heading.contains(word))
+    }
+
+    /// Input or output, and the unit of its name, by the unit or the words of the heading.
+    fn kind(&self) -> Option<(&'static str, &'static str)> {
+        let by_unit = self.quantity.and_then(|quantity| {
+            Some(match quantity {
+                unit::Quantity::Pressure => ("input", "mpa"),
+                unit::Quantity::Length => ("output", "mm"),
+                unit::Quantity::Force => ("output", "n"),
+                unit::Quantity::Angle => ("output", "deg"),
+                unit::Quantity::Voltage => ("output", "v"),
+                unit::Quantity::Current => ("output", "a"),
+                unit::Quantity::Volume => ("output", "ml"),
+                unit::Quantity::Curvature => ("output", "per_mm"),
+                unit::Quantity::Time | unit::Quantity::Number => return None,
+            })
+        });
+        let words =
+            || WORDS.iter().find(|(words, ..)| self.has(words)).map(|(_, kind, suffix)| (*kind, *suffix));
+        by_unit.or_else(|| self.is_in_pixels().then_some(("output", "mm"))).or_else(words)
+    }
+
+    /// Heading as a name without unit.
+    fn stem(&self) -> String {
+        let heading = match (&self.unit, self.heading.split_once(['(', '['])) {
+            (Some(_), Some((heading, _))) => heading.trim(),
+            _ => self.heading.as_str(),
+        };
+        let own = self.unit.as_deref().and_then(|unit| heading.strip_suffix(unit)).unwrap_or(heading);
+        let letters = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
+        let name: String = own.chars().map(letters).collect();
+        match name.trim_matches('_') {
+            "" => format!("column{}", self.number),
+            stem => stem.to_owned(),
+        }
     }
 
     fn is_constant(&self) -> bool {
@@ -254,10 +321,15 @@ fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
         "# Proposed by softtwin log describe for {file}: check every unit against the picture.\n\n[time]\n"
     );
     match time {
+        Some(at) if columns[at].counts() => {
+            text +=
+                &format!("column = {} # counts rows or frames:\nrate_hz = 0 # of them per second\n", at + 1);
+        }
         Some(at) => {
             let spelling = columns[at].unit.as_deref().filter(|_| columns[at].time == TimeSign::Unit);
             let of_size = EPOCHS.iter().find(|(from, _)| columns[at].low >= *from).map(|(_, unit)| *unit);
-            let known = spelling.or(of_size).unwrap_or("s");
+            let of_step = columns[at].whole_step.filter(|step| *step >= MS_STEP).map(|_| "ms");
+            let known = spelling.or(of_size).or(of_step).unwrap_or("s");
             let note = if spelling.is_some() { "" } else { " # not in the heading: s, ms, us or ns" };
             text += &format!("column = {}\nunit = \"{known}\"{note}\n", at + 1);
         }
@@ -265,45 +337,56 @@ fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
             text += "# no column rises throughout: column = N with unit, or\nrate_hz = 0 # rows per second; 1 for settled states without time\n"
         }
     }
-    let others = columns.iter().filter(|column| Some(column.number) != time.map(|at| at + 1));
-    for column in others.filter(|column| column.low <= column.high) {
-        let (kind, suffix) = match column.quantity {
-            Some(unit::Quantity::Pressure) => ("input", "mpa"),
-            Some(unit::Quantity::Length) => ("output", "mm"),
-            Some(unit::Quantity::Force) => ("output", "n"),
-            Some(unit::Quantity::Angle) => ("output", "deg"),
-            Some(unit::Quantity::Voltage) => ("output", "v"),
-            Some(unit::Quantity::Current) => ("output", "a"),
-            Some(unit::Quantity::Volume) => ("output", "ml"),
-            Some(unit::Quantity::Curvature) => ("output", "per_mm"),
-            None if column.is_in_pixels() => ("output", "mm"),
-            Some(unit::Quantity::Time | unit::Quantity::Number) | None => ("output", "UNIT"),
-        };
-        let letters = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
-        let heading = column.heading.split(['(', '[']).next().unwrap_or_default().trim();
-        let own = column.unit.as_deref().and_then(|unit| heading.strip_suffix(unit)).unwrap_or(heading);
-        let name: String = own.chars().map(letters).collect();
-        let stem = match name.trim_matches('_') {
-            "" => format!("column{}", column.number),
-            stem => stem.to_owned(),
-        };
-        let entry = format!(
-            "[[{kind}]] # {:.5} .. {:.5}\nname = \"{stem}_{suffix}\"\ncolumn = {}\nunit = \"{}\"\n",
+    let others = || {
+        let is_other =
+            |column: &&Known| Some(column.number) != time.map(|at| at + 1) && column.low <= column.high;
+        columns.iter().filter(is_other)
+    };
+    let is_measured = |column: &Known| column.kind() == Some(("input", "mpa")) && !column.has(&WANTED);
+    let has_measured = others().any(is_measured);
+    let mut names: Vec<String> = Vec::new();
+    for column in others() {
+        let (kind, suffix) = column.kind().unwrap_or(("output", "UNIT"));
+        let stem = column.stem();
+        let mut name = format!("{stem}_{suffix}");
+        if names.contains(&name) {
+            name = format!("{stem}_{}_{suffix}", column.number);
+        }
+        let mut entry = format!(
+            "[[{kind}]] # {:.5} .. {:.5}\nname = \"{name}\"\ncolumn = {}\nunit = \"{}\"\n",
             column.low,
             column.high,
             column.number,
             column.unit.as_deref().unwrap_or("?")
         );
-        let entry = if column.is_in_pixels() { entry + "mm_per_px = 0 # to be measured\n" } else { entry };
+        names.push(name);
+        if column.is_in_pixels() {
+            entry += "mm_per_px = 0 # to be measured\n";
+        }
+        // `tip x, tip y, tip likelihood`
+        let group = |of: &Known| of.heading.rsplit_once(' ').map(|(group, _)| group.to_owned());
+        let confidence = columns[column.number..].iter().take(3).find(|other| other.has(&CONFIDENCE));
+        if let Some(other) =
+            confidence.filter(|other| group(other).is_some() && group(other) == group(column))
+        {
+            entry += &format!("confidence = {}\n", other.number);
+        }
+        let why = match column.kind() {
+            _ if column.is_constant() => "constant",
+            _ if column.has(&CONFIDENCE) => "confidence of a position",
+            Some(("input", _)) if has_measured && column.has(&WANTED) => {
+                "wanted; the measured one is the input"
+            }
+            None if column.counts() => "counts rows",
+            None => "input or output and unit not known",
+            _ if column.is_in_pixels() => "size of a pixel not known",
+            _ if column.quantity.is_none() => "unit not known",
+            _ => "",
+        };
         text += "\n";
-        if column.quantity.is_some() && suffix != "UNIT" && !column.is_constant() {
+        if why.is_empty() {
             text += &entry;
         } else {
-            let why = match (column.is_constant(), column.is_in_pixels()) {
-                (true, _) => "constant",
-                (_, true) => "size of a pixel not known",
-                _ => "input or output and unit not known",
-            };
             text += &format!("# {why}:\n");
             entry.lines().for_each(|line| text += &format!("# {line}\n"));
         }

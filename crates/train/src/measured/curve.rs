@@ -1,6 +1,8 @@
 //! The map from inputs to outputs by least squares, chosen on left-out segments, and the modes of the outputs.
 
-use super::data::{COVERAGE, MAX_ROWS, MIN_ROWS, Measured, MeasuredError, OutputReport, Run, mean, range_of};
+use super::data::{
+    COVERAGE, MAX_ROWS, MIN_ROWS, Measured, MeasuredError, OutputReport, Run, mean, range_of, scales,
+};
 use super::layout::{PRESSURE_NAME, unit_of};
 use super::motion::noise_of;
 use crate::pod::decompose;
@@ -27,6 +29,8 @@ const LOOP_CELLS: usize = 10;
 const MIN_LOOP_ROWS: f64 = 3.0;
 /// Relative regularisation of the tail: only makes the system definite.
 const TAIL_SMOOTHING: f64 = 1e-10;
+/// Largest mean square of a smoother map, over the smallest.
+const MOST_ABOVE: f64 = 1.2;
 const SMOOTHINGS: [f64; 11] = [1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 10.0, 1e6];
 
 /// One candidate.
@@ -51,6 +55,8 @@ pub(super) struct Curve {
     /// Outputs without their means.
     y: Vec<Vec<f64>>,
     pub means: Vec<f64>,
+    /// Unit of each output's error.
+    scales: Vec<f64>,
     fold: Vec<usize>,
     /// Number of the run.
     run: Vec<usize>,
@@ -136,6 +142,7 @@ impl Curve {
             specs: InputSpec::ranged(InputSpec::without_range(&declared), [&map].into_iter()),
             y: rows.into_iter().map(centred).collect(),
             means,
+            scales: scales(&data.outputs, &data.runs),
             fold: fold_of,
             run,
             turns: all_turns,
@@ -156,25 +163,39 @@ impl Curve {
         self.x.iter().map(row).collect()
     }
 
-    /// Tail and smoothing with the smallest error on left-out segments, and these errors by row and output.
+    /// Tail and smoothing by the errors on left-out segments, and these errors by row and output: the smoothest whose mean square exceeds the
+    /// smallest by at most the standard error of the difference over the folds, and 20 %. Segments of one run repeat its levels and rates, which
+    /// favours maps that follow them.
     pub(super) fn choose(&self) -> Option<(Choice, Vec<Vec<f64>>)> {
         let kernel = KernelKind::Cubic;
-        let scale: Vec<f64> = (0..self.y[0].len()).map(|k| range_of(self.column(k))).collect();
-        let mut best: Option<(f64, Choice, Vec<Vec<f64>>)> = None;
+        let mut found: Vec<([f64; FOLDS], Choice, Vec<Vec<f64>>)> = Vec::new();
         for tail in [Tail::Linear, Tail::Quadratic] {
             let terms = self.terms(kernel, tail);
             let parts: Vec<Sums> =
                 (0..FOLDS).map(|fold| Sums::of(&terms, &self.y, |at| self.fold[at] == fold)).collect();
             for smoothing in SMOOTHINGS {
                 let Some(errors) = self.left_out(&terms, &parts, smoothing) else { continue };
-                let square = |e: &Vec<f64>| e.iter().zip(&scale).map(|(e, s)| (e / s).powi(2)).sum::<f64>();
-                let sum: f64 = errors.iter().map(square).sum();
-                if sum.is_finite() && best.as_ref().is_none_or(|(least, ..)| sum < *least) {
-                    best = Some((sum, Choice { kernel, tail, smoothing }, errors));
+                let square =
+                    |e: &Vec<f64>| e.iter().zip(&self.scales).map(|(e, s)| (e / s).powi(2)).sum::<f64>();
+                let mut sums = [0.0; FOLDS];
+                errors.iter().zip(&self.fold).for_each(|(e, fold)| sums[*fold] += square(e));
+                if sums.iter().all(|sum| sum.is_finite()) {
+                    found.push((sums, Choice { kernel, tail, smoothing }, errors));
                 }
             }
         }
-        best.map(|(_, choice, errors)| (choice, errors))
+        let total = |sums: &[f64; FOLDS]| sums.iter().sum::<f64>();
+        let best = found.iter().map(|of| of.0).min_by(|a, b| total(a).total_cmp(&total(b)))?;
+        let is_equal = |sums: &[f64; FOLDS]| {
+            let centre = (total(sums) - total(&best)) / FOLDS as f64;
+            let square: f64 = sums.iter().zip(&best).map(|(a, b)| (a - b - centre).powi(2)).sum();
+            centre <= (square / (FOLDS * (FOLDS - 1)) as f64).sqrt()
+                && total(sums) <= MOST_ABOVE * total(&best)
+        };
+        let equal = found.into_iter().filter(|(sums, ..)| is_equal(sums));
+        let smoothest = equal
+            .max_by(|a, b| a.1.smoothing.total_cmp(&b.1.smoothing).then(total(&b.0).total_cmp(&total(&a.0))));
+        smoothest.map(|(_, choice, errors)| (choice, errors))
     }
 
     fn left_out(&self, terms: &[Vec<f64>], parts: &[Sums], smoothing: f64) -> Option<Vec<Vec<f64>>> {

@@ -1,6 +1,6 @@
 //! Models of measurements with memory: the blocks first, then the static map of the inputs behind them.
 
-use super::data::range_of;
+use super::data::scales;
 use super::layout::{PRESSURE_NAME, outputs};
 use super::{Learned, Measured, MeasuredError, Run, fit, select};
 use crate::memory::{Identified, identify, slopes};
@@ -9,7 +9,7 @@ use rom::memory::MemorySpec;
 use rom::model::{BlockData, BlockKind, Model};
 
 /// Difference between runs, as a fraction of the length of the outputs' range.
-const MOUNTING: f64 = 0.005;
+const MOUNTING: f64 = 0.01;
 /// Instants at which the slopes of the answers are taken.
 const SLOPE_ROWS: usize = 200;
 
@@ -86,19 +86,6 @@ fn driven(run: &Run) -> Run {
         inputs: run.inputs.iter().map(pick).collect(),
         outputs: run.outputs.iter().map(pick).collect(),
     }
-}
-
-/// Unit of each output's error: length of the ranges of all outputs with its unit.
-fn scales(names: &[String], runs: &[Run]) -> Vec<f64> {
-    let unit = |at: usize| names[at].rsplit('_').next().unwrap_or_default();
-    let range = |at: usize| {
-        range_of(runs.iter().flat_map(|run| run.outputs[at].iter().copied()).filter(|v| v.is_finite()))
-    };
-    let scale = |at: usize| {
-        let same = (0..names.len()).filter(|other| unit(*other) == unit(at));
-        same.map(|other| range(other).powi(2)).sum::<f64>().sqrt()
-    };
-    (0..names.len()).map(scale).collect()
 }
 
 /// The blocks at the positions of the model's inputs, with the slopes of its answers.

@@ -19,13 +19,16 @@ pub enum Block {
     Play,
     /// One play operator, as a mechanical play: an alternative to the former.
     SinglePlay,
+    /// Second lag behind the line: a cavity at the end of a tube, which begins to fill late.
+    SecondLag,
     /// Slow state.
     Creep,
 }
 
 impl Block {
     /// In the order from the source to the fields.
-    pub const ALL: [Self; 5] = [Self::Line, Self::Orifice, Self::Play, Self::SinglePlay, Self::Creep];
+    pub const ALL: [Self; 6] =
+        [Self::Line, Self::Orifice, Self::Play, Self::SinglePlay, Self::SecondLag, Self::Creep];
 
     /// Word for it.
     #[must_use]
@@ -35,6 +38,7 @@ impl Block {
             Self::Orifice => "orifice",
             Self::Play => "play",
             Self::SinglePlay => "single play",
+            Self::SecondLag => "second lag",
             Self::Creep => "creep",
         }
     }
@@ -47,7 +51,7 @@ impl Block {
             Self::Orifice => [("volume over conductance", "s"), ("critical ratio", "")],
             Self::Play => [("largest threshold", "of the range"), ("weight", "")],
             Self::SinglePlay => [("threshold", "of the range"), ("weight", "")],
-            Self::Creep => [("time", "s"), ("weight", "")],
+            Self::SecondLag | Self::Creep => [("time", "s"), ("weight", "")],
         }
     }
 
@@ -56,7 +60,7 @@ impl Block {
         let kind = |block: Self| match block {
             Self::Line | Self::Orifice => Self::Line,
             Self::Play | Self::SinglePlay => Self::Play,
-            Self::Creep => Self::Creep,
+            other => other,
         };
         blocks.iter().any(|other| kind(*other) == kind(self))
     }
@@ -90,6 +94,7 @@ impl Limits {
             Block::Line => [time, time],
             Block::Orifice => [time, CRITICAL_RATIOS],
             Block::Play | Block::SinglePlay => [[0.005_f64.ln(), 0.5_f64.ln()], [0.0, 1.0]],
+            Block::SecondLag => [time, [0.0, 1.0]],
             Block::Creep => {
                 [[(3.0 * interval_s).max(0.02 * duration_s).ln().min(time[1]), time[1]], [0.0, 0.6]]
             }
@@ -108,6 +113,7 @@ impl Limits {
             Block::Line => grid(&shares, &shares),
             Block::Orifice => grid(&shares, &[0.4]),
             Block::Play | Block::SinglePlay => grid(&[0.3, 0.5, 0.7, 0.85], &[0.3, 0.8]),
+            Block::SecondLag => grid(&shares[..3], &[0.5, 0.9]),
             Block::Creep => grid(&[0.2, 0.5, 0.8], &[0.1, 0.4]),
         }
     }
@@ -136,8 +142,12 @@ pub(super) fn spec(blocks: &[Block], unknowns: &[f64], ranges: &[[f64; 2]], max_
                 Block::SinglePlay => {
                     of.play = vec![Play { threshold: u[0].exp() * (range[1] - range[0]), weight: u[1] }];
                 }
-                Block::Creep => of.creep = vec![Creep { time_s: u[0].exp(), weight: u[1] }],
+                Block::SecondLag | Block::Creep => of.creep.push(Creep { time_s: u[0].exp(), weight: u[1] }),
             }
+        }
+        // The second lag has what the creep leaves.
+        if let [lag, creep] = &mut of.creep[..] {
+            lag.weight *= 1.0 - creep.weight;
         }
         of
     });

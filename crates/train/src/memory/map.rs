@@ -1,7 +1,8 @@
 //! Static map of the search, by least squares: polynomials of the inputs behind the memory, or terms of a model that is known.
 //!
 //! `y = c_0 + sum_i (a_i x_i + b_i x_i^2 + d_i x_i^3) + sum_(i<j) e_ij x_i x_j` with inputs scaled to [0, 1] and a small ridge on all
-//! terms but the constant; or its linear part alone.
+//! terms but the constant; or its linear part alone. To both comes a drift `f_r (t / T_r - 1/2)` of each run, and with several runs their shift
+//! `g_r`: they belong to the run and not to the model.
 
 use rom::dense::Dense;
 
@@ -31,15 +32,19 @@ pub(super) enum Terms<'a> {
 /// A row of the runs: its place, inputs behind the memory, and the same scaled to [0, 1].
 pub(super) struct Point<'a> {
     pub row: (usize, usize),
+    pub runs: usize,
+    /// Fraction of the run that has passed.
+    pub elapsed: f64,
     pub inputs: &'a [f64],
     pub scaled: &'a [f64],
 }
 
 impl Terms<'_> {
-    pub(super) fn count(self, inputs: usize) -> usize {
+    pub(super) fn count(self, inputs: usize, runs: usize) -> usize {
+        let of_runs = if runs > 1 { 2 * runs } else { 1 };
         match self {
-            Self::Linear => 1 + inputs,
-            Self::Cubic => 1 + 3 * inputs + inputs * (inputs - 1) / 2,
+            Self::Linear => 1 + inputs + of_runs,
+            Self::Cubic => 1 + 3 * inputs + inputs * (inputs - 1) / 2 + of_runs,
             Self::Model(model) => model.count(),
         }
     }
@@ -57,6 +62,11 @@ impl Terms<'_> {
                 to.extend([v * v, v * v * v]);
                 to.extend(at.scaled.iter().take(k).map(|other| other * v));
             }
+        }
+        for run in 0..at.runs {
+            let own = f64::from(u8::from(run == at.row.0));
+            to.push(own * (at.elapsed - 0.5));
+            to.extend(Some(own).filter(|_| at.runs > 1));
         }
         let end = to.len();
         (1..outputs).for_each(|_| to.extend_from_within(begin..end));

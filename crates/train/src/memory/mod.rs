@@ -142,11 +142,11 @@ pub fn identify(
         let improves = |with: &Candidate<'_>| {
             let better = with.by_fold.iter().zip(&kept.by_fold).filter(|(with, without)| with < without);
             let is_lower = with.left_out < (1.0 - KEPT) * kept.left_out;
-            is_lower && 2 * better.count() >= with.by_fold.len() && limits.drift(with).is_none()
+            is_lower && 2 * better.count() >= with.by_fold.len() && limits.at_end(with).is_none()
         };
         let added = found.iter().filter(|(_, with)| improves(with));
         let Some((block, next)) = added.min_by(|a, b| a.1.left_out.total_cmp(&b.1.left_out)) else {
-            remarks.extend(found.iter().filter_map(|(_, with)| limits.drift(with)));
+            remarks.extend(found.iter().filter_map(|(_, with)| limits.at_end(with)));
             reports.extend(found.iter().map(|(block, with)| BlockReport {
                 block: *block,
                 is_kept: false,
@@ -206,12 +206,19 @@ fn constant(
 }
 
 impl Limits {
-    /// Remark on a set of blocks whose time constant is at the longest that the runs can show: the next run will differ.
-    fn drift(&self, of: &Candidate<'_>) -> Option<String> {
-        let at_limit =
+    /// Remark on a set of blocks with a constant at the end of what it can be, which another run will not repeat: a time constant at the longest
+    /// that the runs can show, a critical ratio that no valve has.
+    fn at_end(&self, of: &Candidate<'_>) -> Option<String> {
+        let is_longest =
             |block: Block, u: &[f64]| (0..2).any(|k| block.is_time(k) && u[k] > self.of(block)[k][1] - 0.01);
-        let mut both = of.blocks.iter().zip(of.unknowns.chunks_exact(2));
-        let (block, _) = both.find(|(block, u)| at_limit(**block, u))?;
+        let both = || of.blocks.iter().zip(of.unknowns.chunks_exact(2));
+        let [low, high] = self.of(Block::Orifice)[1];
+        if both().any(|(block, u)| *block == Block::Orifice && !(low + 0.01..high - 0.01).contains(&u[1])) {
+            return Some(format!(
+                "orifice: its critical ratio came out at the end of {low} to {high}: no orifice, not kept"
+            ));
+        }
+        let (block, _) = both().find(|(block, u)| is_longest(**block, u))?;
         Some(format!(
             "{}: its time constant came out at the longest that a run of {:.3} s can show ({:.3} s): drift, not kept",
             block.name(),

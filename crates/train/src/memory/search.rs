@@ -30,6 +30,8 @@ pub(super) struct Problem<'a> {
     scales: &'a [f64],
     max_gap_s: f64,
     limits: Limits,
+    /// Begin and duration of each run.
+    spans: Vec<[f64; 2]>,
 }
 
 /// Set of blocks with their constants.
@@ -68,7 +70,13 @@ impl<'a> Problem<'a> {
         let rows: Vec<(usize, usize)> = all.into_iter().step_by(step).collect();
         let fold: Vec<usize> = rows.iter().map(|(run, row)| folds[*run][*row]).collect();
         let count = fold.iter().max().map_or(0, |fold| fold + 1);
-        Self { runs, rows, fold, folds: count, ranges, scales, max_gap_s, limits }
+        let span = |run: &Run| {
+            let [first, last] =
+                [run.time_s.first(), run.time_s.last()].map(|t| t.copied().unwrap_or_default());
+            [first, (last - first).max(f64::MIN_POSITIVE)]
+        };
+        let spans = runs.iter().map(span).collect();
+        Self { runs, rows, fold, folds: count, ranges, scales, max_gap_s, limits, spans }
     }
 
     pub(super) fn spec(&self, blocks: &[Block], unknowns: &[f64]) -> rom::memory::MemorySpec {
@@ -107,7 +115,7 @@ impl<'a> Problem<'a> {
         without: Option<usize>,
     ) -> Option<Fitted> {
         let x = self.behind(blocks, unknowns);
-        let (count, outputs) = (terms.count(x.len()), self.scales.len());
+        let (count, outputs) = (terms.count(x.len(), self.runs.len()), self.scales.len());
         let mut all = Vec::with_capacity(count * outputs * self.rows.len());
         let mut normal = Normal::new(count, outputs);
         let (mut inputs, mut scaled) = (vec![0.0; x.len()], vec![0.0; x.len()]);
@@ -116,7 +124,10 @@ impl<'a> Problem<'a> {
                 (inputs[input], scaled[input]) = (x[at], (x[at] - low) / (high - low));
             }
             let begin = all.len();
-            terms.push(&Point { row: *row, inputs: &inputs, scaled: &scaled }, outputs, &mut all);
+            let [begin_s, duration_s] = self.spans[row.0];
+            let elapsed = (self.runs[row.0].time_s[row.1] - begin_s) / duration_s;
+            let point = Point { row: *row, runs: self.runs.len(), elapsed, inputs: &inputs, scaled: &scaled };
+            terms.push(&point, outputs, &mut all);
             if Some(self.fold[at]) != without {
                 normal.add(&all[begin..], (0..outputs).map(|k| self.output(at, k)));
             }
