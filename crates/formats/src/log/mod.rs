@@ -264,8 +264,8 @@ impl Layout {
         for line in above.take(MAX_HEADINGS - 1).filter(|_| self.separator != ' ') {
             let found = self.fitted(cells(line, self.separator), MIN_NAMED);
             let Some(mut groups) = found else { break };
-            // One group of all columns tells none from the others.
-            if groups.len() > 2 && groups[2..].iter().all(|group| *group == groups[1]) {
+            // One more group of all columns tells none from the others.
+            if headings != lowest && groups.len() > 2 && groups[2..].iter().all(|group| *group == groups[1]) {
                 continue;
             }
             for at in 1..groups.len() {
