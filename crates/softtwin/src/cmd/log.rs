@@ -83,8 +83,8 @@ struct Known {
     low: f64,
     high: f64,
     missing: usize,
-    /// Median step, if all values are whole numbers.
-    whole_step: Option<f64>,
+    /// Median step, if all values are integers.
+    integer_step: Option<f64>,
     time: TimeSign,
 }
 
@@ -114,7 +114,7 @@ const CONFIDENCE: [&str; 2] = ["likelihood", "confidence"];
 const TIME_NAMES: [&str; 8] = ["time", "t_", "zeit", "temps", "tiempo", "elapsed", "stamp", "date"];
 /// Units of times since 1970 by their size: ns from 1973 on, us, ms, s.
 const EPOCHS: [(f64, &str); 4] = [(1e17, "ns"), (1e14, "us"), (1e11, "ms"), (1e8, "s")];
-/// Median step of whole numbers from which they are ms instead of s.
+/// Median step of integers from which they are ms instead of s.
 const MS_STEP: f64 = 2.0;
 
 impl Args {
@@ -211,7 +211,7 @@ impl Known {
             finite.len() == values.len() && finite.windows(2).all(|pair| pair[1] >= pair[0]) && high > low;
         let mut steps: Vec<f64> = finite.windows(2).map(|pair| pair[1] - pair[0]).collect();
         steps.sort_by(f64::total_cmp);
-        let whole_step =
+        let integer_step =
             steps.get(steps.len() / 2).copied().filter(|_| finite.iter().all(|v| v.fract() == 0.0));
         let lower = heading.to_lowercase();
         let is_named = lower == "t" || TIME_NAMES.iter().any(|name| lower.starts_with(name));
@@ -229,7 +229,7 @@ impl Known {
             low,
             high,
             missing: values.len() - finite.len(),
-            whole_step,
+            integer_step,
             time,
         }
     }
@@ -240,7 +240,7 @@ impl Known {
 
     /// True for a time that rises by 1 and has neither name nor unit: rows or frames.
     fn counts(&self) -> bool {
-        self.time == TimeSign::Rises && self.whole_step == Some(1.0)
+        self.time == TimeSign::Rises && self.integer_step == Some(1.0)
     }
 
     /// True if the heading has one of these words.
@@ -328,7 +328,7 @@ fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
         Some(at) => {
             let spelling = columns[at].unit.as_deref().filter(|_| columns[at].time == TimeSign::Unit);
             let of_size = EPOCHS.iter().find(|(from, _)| columns[at].low >= *from).map(|(_, unit)| *unit);
-            let of_step = columns[at].whole_step.filter(|step| *step >= MS_STEP).map(|_| "ms");
+            let of_step = columns[at].integer_step.filter(|step| *step >= MS_STEP).map(|_| "ms");
             let known = spelling.or(of_size).or(of_step).unwrap_or("s");
             let note = if spelling.is_some() { "" } else { " # not in the heading: s, ms, us or ns" };
             text += &format!("column = {}\nunit = \"{known}\"{note}\n", at + 1);

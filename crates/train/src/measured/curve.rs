@@ -330,13 +330,13 @@ impl Curve {
 }
 
 /// Changes between rising and falling.
-fn turns(ways: &[i8]) -> usize {
+pub(crate) fn turns(ways: &[i8]) -> usize {
     let moving: Vec<i8> = ways.iter().copied().filter(|way| *way != 0).collect();
     moving.windows(2).filter(|pair| pair[0] != pair[1]).count()
 }
 
 /// Direction of a value at each row: 1 rising, -1 falling, 0 not known.
-fn directions(run: &[usize], values: &[f64]) -> Vec<i8> {
+pub(crate) fn directions(run: &[usize], values: &[f64]) -> Vec<i8> {
     let least = LEAST_TURN * range_of(values.iter().copied());
     let (mut directions, mut way, mut extreme) = (Vec::with_capacity(values.len()), 0_i8, values[0]);
     for (at, value) in values.iter().enumerate() {

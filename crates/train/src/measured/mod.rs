@@ -31,6 +31,7 @@ pub use motion::select;
 pub use past::learn_with_memory;
 
 use curve::Curve;
+pub(crate) use curve::{directions, turns};
 use data::MIN_EXPLAINED;
 
 /// Selects the columns that move, then fits. Cost: `O(rows centres^2)`.

@@ -9,7 +9,7 @@ use rom::memory::MemorySpec;
 use rom::model::{BlockData, BlockKind, Model};
 
 /// Difference between runs, as a fraction of the length of the outputs' range.
-const MOUNTING: f64 = 0.01;
+const MOUNTING: f64 = 0.005;
 /// Instants at which the slopes of the answers are taken.
 const SLOPE_ROWS: usize = 200;
 

@@ -240,7 +240,7 @@ fn unseen(runs: &[Run], ranges: &[[f64; 2]], limits: &Limits) -> Vec<String> {
     let (mut shortest_s, mut turns) = (f64::INFINITY, 0);
     for run in runs {
         for (values, [low, high]) in run.inputs.iter().zip(ranges) {
-            let (half, least) = (0.5 * (high - low), 0.1 * (high - low));
+            let half = 0.5 * (high - low);
             let mut from = 0;
             for to in 1..values.len() {
                 while from + 1 < to && (values[to] - values[from + 1]).abs() >= half {
@@ -252,18 +252,7 @@ fn unseen(runs: &[Run], ranges: &[[f64; 2]], limits: &Limits) -> Vec<String> {
                     from += 1;
                 }
             }
-            let (mut extreme, mut way) = (values[0], 0.0);
-            for value in values {
-                let ahead = value - extreme;
-                if way == 0.0 || ahead * way < 0.0 {
-                    if ahead.abs() > least {
-                        turns += usize::from(way != 0.0);
-                        (extreme, way) = (*value, ahead.signum());
-                    }
-                } else {
-                    extreme = *value;
-                }
-            }
+            turns += crate::measured::turns(&crate::measured::directions(&vec![0; values.len()], values));
         }
     }
     remarks.push(if shortest_s.is_finite() {
@@ -276,7 +265,7 @@ fn unseen(runs: &[Run], ranges: &[[f64; 2]], limits: &Limits) -> Vec<String> {
     });
     if turns < 3 {
         remarks.push(format!(
-            "the inputs turn {turns} times by more than 10 % of their range: play and slow creep are not told apart"
+            "the inputs turn {turns} times by more than 5 % of their range: play and slow creep are not told apart"
         ));
     }
     remarks
