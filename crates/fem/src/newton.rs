@@ -132,7 +132,7 @@ const NEAR_MM: f64 = 0.02;
 /// Corrections of a descent, its first shift over the mean diagonal of the tangent, the factors by which the shift changes where the
 /// residual falls, and at most where it rises, the factor where the tangent is indefinite, and the correction (mm) at which Newton's
 /// iteration takes over.
-const DESCENT_ITERATIONS: usize = 120;
+const DESCENT_ITERATIONS: usize = 400;
 const FIRST_SHIFT: f64 = 0.01;
 const WEAKER: [f64; 2] = [0.5, 0.8];
 const RISING: f64 = 2.0;
@@ -327,7 +327,7 @@ impl Newton {
                 diagonal.iter().for_each(|at| self.system.tangent[*at] += now - added);
                 added = now;
                 self.solve(state, None, effort)?;
-                if self.tangent.negative_eigenvalues() == 0 {
+                if self.is_stable_at_volume(state) {
                     break;
                 }
                 now *= STRONGER;
@@ -341,6 +341,13 @@ impl Newton {
             }
         }
         Err(NewtonError::Stalled { iterations: DESCENT_ITERATIONS, correction_mm: self.last_mm })
+    }
+
+    /// True if the factorised tangent is positive definite for displacements that keep the cavity's volume.
+    fn is_stable_at_volume(&mut self, state: &State) -> bool {
+        let negative = self.tangent.negative_eigenvalues();
+        let [by, gradient] = self.by_pressure(state);
+        negative == 0 || negative == 1 && product(&gradient, &by) < 0.0
     }
 
     /// Moves the nodes by `displacement_mm`, the stress unknowns by the linearised relations of the system assembled at `state`.
