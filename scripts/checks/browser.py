@@ -97,8 +97,16 @@ class Browser:
     """One Chromium with one page."""
 
     def __init__(self, program, width=1440, height=900):
+        try:
+            self._start(program, width, height)
+        except TimeoutError as error:  # now and then a browser ends or hangs as it starts
+            print(f"the browser is started again: {error}; {error.__notes__}", flush=True)
+            self._start(program, width, height)
+
+    def _start(self, program, width, height):
         self.folder = tempfile.TemporaryDirectory(prefix="softtwin-browser-", ignore_cleanup_errors=True)
-        self.log = open(pathlib.Path(self.folder.name) / "log", "wb")
+        log = pathlib.Path(self.folder.name) / "log"
+        self.log = open(log, "wb")
         self.process = subprocess.Popen([program, *FLAGS, f"--user-data-dir={self.folder.name}/profile", f"--window-size={width},{height}", "about:blank"],
                                         stdout=self.log, stderr=self.log)
         try:
@@ -107,7 +115,8 @@ class Browser:
             for domain in ("Page", "Runtime", "Log"):
                 self.call(f"{domain}.enable")
             self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-        except BaseException:
+        except BaseException as error:
+            error.add_note(f"the browser said: {log.read_text(errors='replace')[-2000:]}")
             self.close()
             raise
 
