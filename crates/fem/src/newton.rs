@@ -323,11 +323,11 @@ impl Newton {
             let mut now = shift.map_or(FIRST_SHIFT * mean, |shift: f64| shift * change);
             last_n = residual_n;
             let mut added = 0.0;
-            while now < mean {
+            loop {
                 diagonal.iter().for_each(|at| self.system.tangent[*at] += now - added);
                 added = now;
                 self.solve(state, None, effort)?;
-                if self.is_stable_at_volume(state) {
+                if self.is_stable_at_volume(state) || now >= mean {
                     break;
                 }
                 now *= STRONGER;

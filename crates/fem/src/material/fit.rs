@@ -1,7 +1,8 @@
 //! Constants of a law from homogeneous tests.
 //!
 //! Minimises `sum_t w_t^2 mean_i ((P(l_i) - P_i) / max|P_t|)^2` over the tests `t`: each counts by its weight, whatever its number of rows
-//! and its unit. A test of the shape only is divided by its specimen's modulus, another constant. Linear constants follow from normal equations, the others (`jm`, exponents) from a grid and a simplex search.
+//! and its unit. A test of the shape only is divided by its specimen's modulus, another constant. Linear constants follow from normal
+//! equations, the others (`jm`, exponents) from a grid and a simplex search.
 
 use super::law::Hyperelastic;
 use super::least_squares::{Gram, inverse, minimum};
