@@ -96,11 +96,16 @@ pub(super) fn interleave(
     }
 }
 
+/// Middle value, of an even number the larger one; `None` without values.
+pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
 /// Linear interpolation; NaN outside, at missing values and across gaps.
 fn interpolated(times: &[f64], values: &[f64], at: &[f64]) -> Vec<f64> {
-    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    steps.sort_by(f64::total_cmp);
-    let most = MAX_STEPS * steps.get(steps.len() / 2).copied().unwrap_or(0.0);
+    let most = MAX_STEPS * median(times.windows(2).map(|pair| pair[1] - pair[0])).unwrap_or(0.0);
     let one = |t: &f64| {
         let next = times.partition_point(|time| time < t);
         match (next.checked_sub(1), times.get(next)) {

@@ -387,9 +387,8 @@ impl Frame {
 fn in_order(stamps: &[f64], lines: &[usize]) -> Result<Vec<usize>, Diagnostic> {
     let mut rows: Vec<usize> = (0..stamps.len()).filter(|row| stamps[*row].is_finite()).collect();
     let steps: Vec<f64> = rows.windows(2).map(|pair| stamps[pair[1]] - stamps[pair[0]]).collect();
-    let mut sizes: Vec<f64> = steps.iter().map(|step| step.abs()).filter(|size| *size > 0.0).collect();
-    sizes.sort_by(f64::total_cmp);
-    let limit = MAX_STEP_BACK * sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+    let sizes = steps.iter().map(|step| step.abs()).filter(|size| *size > 0.0);
+    let limit = MAX_STEP_BACK * clock::median(sizes).unwrap_or(0.0);
     if rows.is_empty() {
         return Err(Diagnostic::new(
             "time",

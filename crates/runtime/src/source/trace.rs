@@ -10,7 +10,7 @@ use super::reading::{InputNames, MARKERS, QUANTITIES, value_mut};
 use super::recorded::{self, TraceError};
 use crate::file;
 use formats::FormatError;
-use formats::log::Mapping;
+use formats::log::{Mapping, median};
 use std::path::Path;
 use wire::SensorSample;
 
@@ -176,7 +176,7 @@ impl Survey {
         if self.steps.len() < MAX_STEPS {
             return self.steps.push(step_s);
         }
-        let period_s = *self.period_s.get_or_insert_with(|| median(&self.steps));
+        let period_s = *self.period_s.get_or_insert_with(|| median_s(&self.steps));
         if is_gap(step_s, period_s) && self.later.len() < MAX_GAPS {
             self.later.push((self.rows, step_s));
         }
@@ -184,10 +184,14 @@ impl Survey {
 
     /// Median step, s, and gaps as (number of the row behind it, from 1; seconds).
     pub(super) fn finish(self) -> (f64, Vec<(usize, f64)>) {
-        let period_s = self.period_s.unwrap_or_else(|| median(&self.steps));
+        let period_s = self.period_s.unwrap_or_else(|| median_s(&self.steps));
         let early = (2..).zip(self.steps.iter().copied()).filter(|(_, step_s)| is_gap(*step_s, period_s));
         (period_s, early.chain(self.later.iter().copied()).take(MAX_GAPS).collect())
     }
+}
+
+fn median_s(steps: &[f64]) -> f64 {
+    median(steps.iter().copied()).unwrap_or(0.0)
 }
 
 fn is_gap(step_s: f64, period_s: f64) -> bool {
@@ -291,12 +295,6 @@ impl Columns {
         }
         Ok(row)
     }
-}
-
-fn median(steps: &[f64]) -> f64 {
-    let mut steps = steps.to_vec();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Largest accepted file: a day at 200 Hz is 430 MB, and that belongs into a recording.

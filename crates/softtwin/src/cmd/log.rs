@@ -3,7 +3,7 @@
 use crate::bench::{self, line, panel, range};
 use crate::picture::{Figure, Mark};
 use crate::{files, output};
-use formats::log::{Log, unit};
+use formats::log::{Log, median, unit};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -209,10 +209,9 @@ impl Known {
         let quantity = unit.as_deref().and_then(unit::unit).map(|(quantity, _)| quantity);
         let rises =
             finite.len() == values.len() && finite.windows(2).all(|pair| pair[1] >= pair[0]) && high > low;
-        let mut steps: Vec<f64> = finite.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        steps.sort_by(f64::total_cmp);
-        let integer_step =
-            steps.get(steps.len() / 2).copied().filter(|_| finite.iter().all(|v| v.fract() == 0.0));
+        let is_integer = finite.iter().all(|v| v.fract() == 0.0);
+        let steps = finite.windows(2).map(|pair| pair[1] - pair[0]);
+        let integer_step = if is_integer { median(steps) } else { None };
         let lower = heading.to_lowercase();
         let is_named = lower == "t" || TIME_NAMES.iter().any(|name| lower.starts_with(name));
         let time = match quantity {
