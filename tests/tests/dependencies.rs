@@ -1,10 +1,9 @@
-//! Packages of others, checked without a network: `deny.toml` against the lock file and the packages' own descriptions, and the table of
-//! dependencies in ARCHITECTURE.md.
+//! What the lock file and the manifests tell about packages of others, without a network and without the packages: each direct dependency
+//! has a line in ARCHITECTURE.md, each line a dependency, and each locked package is needed. Licences, sources and second versions are
+//! rules of `deny.toml`, which `scripts/check.sh dependencies` applies.
 
-use serde_json::Value;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -29,93 +28,6 @@ fn text<'a>(package: &'a toml::Value, key: &str) -> Option<&'a str> {
     package.get(key).and_then(toml::Value::as_str)
 }
 
-/// Packages of this platform with their dependencies, as Cargo knows them.
-fn metadata() -> Value {
-    let platform = format!("{}-unknown-linux-gnu", std::env::consts::ARCH);
-    let output = Command::new(env!("CARGO"))
-        .args(["metadata", "--format-version", "1", "--locked", "--offline", "--filter-platform", &platform])
-        .args(["--features", "gateway/network"])
-        .current_dir(root())
-        .output()
-        .expect("cargo metadata");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).expect("JSON")
-}
-
-/// Whether a licence expression is satisfied by the allowed licences: `AND` binds closer than `OR`, `/` is an old `OR`.
-fn is_allowed(expression: &str, allowed: &BTreeSet<String>) -> bool {
-    if let Some((before, rest)) = expression.split_once('(') {
-        let (inner, after) = rest.split_once(')').expect("a closing bracket");
-        let inner = if is_allowed(inner, allowed) { allowed.first().expect("a licence") } else { "none" };
-        return is_allowed(&format!("{before}{inner}{after}"), allowed);
-    }
-    let any = expression.replace('/', " OR ");
-    any.split(" OR ").any(|all| all.split(" AND ").all(|one| allowed.contains(one.trim())))
-}
-
-#[test]
-fn licences_are_allowed_and_each_allowed_one_is_needed() {
-    let allowed = strings(&toml_of("deny.toml")["licenses"]["allow"]);
-    let metadata = metadata();
-    let packages = metadata["packages"].as_array().expect("packages").iter();
-    let foreign: Vec<&Value> = packages.filter(|package| !package["source"].is_null()).collect();
-    assert!(foreign.len() > 300, "only {} packages were seen", foreign.len());
-    let refused = |allowed: &BTreeSet<String>| {
-        let is_refused =
-            |package: &&&Value| !is_allowed(package["license"].as_str().unwrap_or("none"), allowed);
-        foreign
-            .iter()
-            .filter(is_refused)
-            .map(|package| format!("{}: {}", package["name"], package["license"]))
-            .collect::<Vec<_>>()
-    };
-    assert_eq!(refused(&allowed), [] as [String; 0]);
-    for licence in &allowed {
-        let others = allowed.iter().filter(|other| *other != licence).cloned().collect();
-        assert!(!refused(&others).is_empty(), "no package needs {licence}: remove it from deny.toml");
-    }
-}
-
-#[test]
-fn packages_come_from_the_registry_or_this_repository() {
-    let allowed = strings(&toml_of("deny.toml")["sources"]["allow-registry"]);
-    for package in locked() {
-        let source = text(&package, "source");
-        let known = source
-            .is_none_or(|source| source.strip_prefix("registry+").is_some_and(|at| allowed.contains(at)));
-        assert!(known, "{package}");
-        assert_eq!(source.is_some(), text(&package, "checksum").is_some(), "{package}");
-    }
-}
-
-#[test]
-fn second_versions_of_a_package_are_listed() {
-    let skipped = strings(&toml_of("deny.toml")["bans"]["skip"]);
-    let mut versions: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    for package in locked() {
-        let part = |key| text(&package, key).expect(key).to_owned();
-        versions.entry(part("name")).or_default().push(part("version"));
-    }
-    let twice: Vec<(String, Vec<String>)> =
-        versions.into_iter().filter(|(_, versions)| versions.len() > 1).collect();
-    let mut found = BTreeSet::new();
-    for (name, versions) in &twice {
-        let listed: Vec<String> = versions
-            .iter()
-            .map(|version| format!("{name}@{version}"))
-            .filter(|name| skipped.contains(name))
-            .collect();
-        assert_eq!(
-            listed.len() + 1,
-            versions.len(),
-            "{name} {versions:?}: list all but the newest in deny.toml"
-        );
-        found.extend(listed);
-    }
-    let gone: Vec<&String> = skipped.difference(&found).collect();
-    assert!(gone.is_empty(), "in deny.toml, and not in the lock file: {gone:?}");
-}
-
 /// Names in the first cells of the table in ARCHITECTURE.md; `-c64` behind `nano-gemm-c32` is `nano-gemm-c64`.
 fn justified() -> BTreeSet<String> {
     let document = std::fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md");
@@ -138,25 +50,42 @@ fn justified() -> BTreeSet<String> {
     names
 }
 
+/// Tables of dependencies of a manifest, those for one platform too.
+fn dependencies_of(manifest: &toml::Table) -> Vec<(String, toml::Value)> {
+    let platforms = manifest.get("target").and_then(toml::Value::as_table);
+    let platforms = platforms.into_iter().flat_map(toml::Table::values).filter_map(toml::Value::as_table);
+    let tables = std::iter::once(manifest).chain(platforms);
+    let kinds = ["dependencies", "dev-dependencies", "build-dependencies"];
+    tables
+        .flat_map(|table| kinds.iter().filter_map(|kind| table.get(*kind)?.as_table()))
+        .flatten()
+        .map(|(name, dependency)| (name.clone(), dependency.clone()))
+        .collect()
+}
+
 #[test]
 fn every_locked_package_is_reached_from_a_justified_dependency() {
-    let metadata = metadata();
-    let members = metadata["workspace_members"].as_array().expect("members");
-    let own = metadata["packages"]
-        .as_array()
-        .expect("packages")
-        .iter()
-        .filter(|package| members.contains(&package["id"]));
     let justified = justified();
+    let workspace = toml_of("Cargo.toml");
+    let versions = workspace["workspace"]["dependencies"].as_table().expect("versions");
     let mut direct = BTreeSet::new();
-    for dependency in own.flat_map(|package| package["dependencies"].as_array().expect("dependencies")) {
-        let name = dependency["name"].as_str().expect("a name");
-        if dependency["path"].is_null() {
-            assert!(justified.contains(name), "{name}: no line in ARCHITECTURE.md's table of dependencies");
-            assert_ne!(dependency["req"], "*", "{name}: any version");
-            direct.insert(name.to_owned());
+    for member in strings(&workspace["workspace"]["members"]) {
+        for (name, dependency) in dependencies_of(&toml_of(&format!("{member}/Cargo.toml"))) {
+            let is_shared = dependency.get("workspace").is_some();
+            let dependency = if is_shared { &versions[&name] } else { &dependency };
+            if dependency.get("path").is_some() {
+                continue;
+            }
+            assert!(
+                justified.contains(&name),
+                "{member}: {name}: no line in ARCHITECTURE.md's table of dependencies"
+            );
+            let version = dependency.as_str().or_else(|| dependency.get("version")?.as_str());
+            assert!(version.is_some_and(|version| version != "*"), "{member}: {name}: any version");
+            direct.insert(name);
         }
     }
+    assert!(direct.len() > 40, "only {} direct dependencies were seen", direct.len());
     // The ROS 2 peer is a separate package.
     let keys = |table: &toml::Value| table.as_table().expect("a table").keys().cloned().collect::<Vec<_>>();
     let peer = toml_of("scripts/checks/ros2_peer/Cargo.toml");
