@@ -11,6 +11,7 @@
 #   scripts/check.sh clients [pytest arguments]  the Python client against running twins
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run with a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
+#   scripts/check.sh dependencies                licences, sources and second versions of packages of others, by cargo-deny (deny.toml)
 #   scripts/check.sh prepare                     the Python packages of actuators, exports, batch, clients and gateway
 #   scripts/check.sh gateway [test arguments]    the network gateway: tests, a Zenoh client against a running twin
 #   scripts/check.sh ros2-peer                   the gateway's topics and services by hiroz, an independent implementation of ROS 2
@@ -186,6 +187,13 @@ install_check() {
     exec scripts/checks/install.sh "$@"
 }
 
+# Advisories come from a repository of their own: `cargo deny check advisories`, where that can be reached.
+dependencies() {
+    local deny=build/cargo-deny/bin/cargo-deny
+    [ -x "$deny" ] || cargo install --locked --quiet --debug --no-default-features --root build/cargo-deny cargo-deny@0.20.2
+    "$deny" check --hide-inclusion-graph licenses sources bans
+}
+
 gateway() {
     require openssl
     gateway_python
@@ -301,9 +309,9 @@ hours() {
 }
 
 case ${1:-} in
-    view | actuators | exports | calculix | batch | clients | c | prepare | gateway | aarch64 | hours) "$@" ;;
+    view | actuators | exports | calculix | batch | clients | c | dependencies | prepare | gateway | aarch64 | hours) "$@" ;;
     install) install_check "${@:2}" ;;
     ros2-peer) ros2_peer ;;
-    -h | --help) sed -n '2,27s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,27s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,28s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,28s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac
