@@ -11,7 +11,7 @@ use serde_json::Value;
 use thiserror::Error;
 use wire::KeyExpr;
 
-use crate::{Item, Message, ReadError, ReadItems};
+use crate::{Item, Message, ReadError, ReadItems, RunClock, Stamps};
 
 /// Error of an export.
 #[derive(Debug, Error)]
@@ -50,7 +50,9 @@ pub fn export_csv(
 ) -> Result<Exported, ExportError> {
     let mut tables: BTreeMap<String, Table> = BTreeMap::new();
     let mut left_out = 0;
+    let mut clock = RunClock::new(Stamps::Wall);
     while let Some(item) = reader.next_item()? {
+        clock.take(&item);
         let Item::Message(message) = item else { continue };
         let topic = &message.channel.topic;
         if !key.matches(topic) {
@@ -67,7 +69,7 @@ pub fn export_csv(
                 tables.entry(topic.clone()).or_insert(Table::create(folder, &message, &properties, form)?)
             }
         };
-        table.row(&message, cells)?;
+        table.row(&message, clock.at(message.publish_time_ns), cells)?;
     }
     let mut rows = BTreeMap::new();
     for mut table in tables.into_values() {
@@ -82,9 +84,12 @@ pub fn export_csv(
 pub enum TableForm {
     /// Every property, unchanged.
     Whole,
-    /// For programs that use FMI: `time` (s, since the table's first row), then the properties that are single numbers, NaN if absent.
+    /// For programs that use FMI: `time` (s, since the table's first row; it never falls, whatever was done to the clock), then the properties that are single numbers, NaN if absent.
     Fmi,
 }
+
+/// A stamp that lies farther before the last one is of a clock that was set back, ns.
+const SET_BACK_NS: i128 = 1_000_000_000;
 
 /// An open table. Its columns are those of the topic's first message.
 struct Table {
@@ -93,7 +98,27 @@ struct Table {
     out: csv::Writer<File>,
     rows: u64,
     form: TableForm,
-    first_ns: u64,
+    elapsed: Elapsed,
+}
+
+/// Time since the first row, which never falls.
+#[derive(Debug, Default)]
+struct Elapsed {
+    /// Time of the row before, and what is taken from a stamp, ns; `None` before the first row.
+    last: Option<(i128, i128)>,
+}
+
+impl Elapsed {
+    /// Seconds at a stamp. A row that was sent a little before the one before it has its time; where the clock was set back, time goes on
+    /// from there.
+    fn at(&mut self, stamp_ns: i128) -> f64 {
+        let (last_ns, zero_ns) = self.last.unwrap_or((0, stamp_ns));
+        let t_ns = stamp_ns - zero_ns;
+        let zero_ns = if last_ns - t_ns > SET_BACK_NS { stamp_ns - last_ns } else { zero_ns };
+        let t_ns = t_ns.max(last_ns);
+        self.last = Some((t_ns, zero_ns));
+        t_ns as f64 * 1e-9
+    }
 }
 
 impl Table {
@@ -115,8 +140,8 @@ impl Table {
                 numbers.map(|(name, _)| name.clone()).collect()
             }
         };
-        let (out, first_ns) = (csv::Writer::from_writer(file), message.publish_time_ns);
-        let mut table = Self { path, columns, out, rows: 0, form, first_ns };
+        let out = csv::Writer::from_writer(file);
+        let mut table = Self { path, columns, out, rows: 0, form, elapsed: Elapsed::default() };
         let times: &[&str] = match form {
             TableForm::Whole => &["log_time_ns", "publish_time_ns"],
             TableForm::Fmi => &["time"],
@@ -127,13 +152,16 @@ impl Table {
         Ok(table)
     }
 
-    fn row(&mut self, message: &Message, cells: Vec<(String, String)>) -> Result<(), ExportError> {
+    fn row(
+        &mut self,
+        message: &Message,
+        stamp_ns: i128,
+        cells: Vec<(String, String)>,
+    ) -> Result<(), ExportError> {
         let mut cells: BTreeMap<String, String> = cells.into_iter().collect();
         let mut row = match self.form {
             TableForm::Whole => vec![message.log_time_ns.to_string(), message.publish_time_ns.to_string()],
-            TableForm::Fmi => {
-                vec![(message.publish_time_ns.saturating_sub(self.first_ns) as f64 * 1e-9).to_string()]
-            }
+            TableForm::Fmi => vec![self.elapsed.at(stamp_ns).to_string()],
         };
         for column in &self.columns {
             let cell = cells.remove(column).unwrap_or_default();

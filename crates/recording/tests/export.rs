@@ -85,3 +85,28 @@ fn tables_for_fmi_hold_time_and_numbers_only() {
         assert!(cell.parse::<f64>().is_ok(), "{cell}");
     }
 }
+
+#[test]
+fn times_of_tables_for_fmi_go_on_where_the_clock_was_set_back() {
+    const SECOND_NS: u64 = 1_000_000_000;
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut writer = Writer::new(Vec::new()).expect("memory");
+    let sensor =
+        writer.channel(&message::channel(SensorSample::LAYOUT, "softtwin/finger/sensor")).expect("a channel");
+    // An hour is taken from the clock after three rows; one row was sent a little before the one before it.
+    let stamps_ns = [4000, 4001, 4002, 400, 401, 402].map(|s: u64| s * SECOND_NS);
+    let stamps_ns = stamps_ns.into_iter().chain([402 * SECOND_NS - 5_000_000, 403 * SECOND_NS]);
+    for (seq, stamp_ns) in (0..).zip(stamps_ns) {
+        let mut bytes = Vec::new();
+        SensorSample { seq, ..SensorSample::default() }.view().encode(&mut bytes);
+        writer.message(sensor, seq as u32, stamp_ns, stamp_ns, &bytes).expect("memory");
+    }
+    let bytes = writer.finish().expect("memory");
+    let key = KeyExpr::new("softtwin/**").expect("a key");
+    let mut reader = Reader::new(bytes.as_slice()).expect("a recording");
+    export_csv(&mut reader, folder.path(), &key, TableForm::Fmi).expect("written");
+    let text = std::fs::read_to_string(folder.path().join("softtwin.finger.sensor.csv")).expect("there");
+    let times: Vec<f64> =
+        text.lines().skip(1).map(|line| line.split(',').next().unwrap().parse().unwrap()).collect();
+    assert_eq!(times, [0.0, 1.0, 2.0, 2.0, 3.0, 4.0, 4.0, 5.0]);
+}
