@@ -2,7 +2,7 @@
 
 use rom::memory::{Creep, InputMemory, Line, Orifice, Play, Slopes};
 use train::measured::Run;
-use train::memory::{Block, Identified, identify};
+use train::memory::{Block, Identified, identify, shortest_crossing_s};
 
 /// Deterministic noise of unit variance, roughly normal.
 fn noise(seed: u64, count: usize) -> Vec<f64> {
@@ -28,7 +28,7 @@ fn run(of: &InputMemory, shift: f64, sigma: f64) -> Run {
     let t_s: Vec<f64> =
         (0..800_u32).map(|k| 0.05 * f64::from(k) + 0.01 * (f64::from(k) * 1.7).sin()).collect();
     let values: Vec<f64> = t_s.iter().map(|t| pressure(*t, shift)).collect();
-    let behind = of.responses(&t_s, &values, 1.0);
+    let behind = of.responses(&t_s, &values);
     let noise = noise(7 + (shift * 10.0) as u64, values.len());
     let y = behind.iter().zip(&noise).map(|(p, e)| 900.0 * p + 4000.0 * p * p + sigma * e).collect();
     Run { time_s: t_s, inputs: vec![values], outputs: vec![y] }
@@ -142,4 +142,18 @@ fn drift_of_a_run_is_no_memory() {
     assert_eq!(kept(&found), [Block::Line], "{found:?}");
     let constants = &found.blocks.iter().find(|b| b.block == Block::Line).expect("line").constants;
     assert!((constants[0].value / 0.4 - 1.0).abs() < 0.05, "{constants:?}");
+}
+
+#[test]
+fn shortest_crossing_is_found_behind_slower_ones_and_pauses() {
+    let s = |points: &[(f64, f64)]| {
+        let (times, values): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
+        shortest_crossing_s(&times, &values, 1.0)
+    };
+    // Down by 0.5 within the rise, then up at once.
+    assert!((s(&[(0.0, 0.0), (4.0, 0.6), (4.001, 0.1), (4.01, 1.1)]) - 0.009).abs() < 1e-12);
+    // A slow rise, a rest, and a jump within 0.01 s.
+    assert!((s(&[(0.0, 0.0), (2.0, 0.5), (4.0, 0.4), (4.01, 1.5)]) - 0.01).abs() < 1e-12);
+    assert!((s(&[(0.0, 2.0), (3.0, 1.6), (5.0, 1.7), (5.5, 0.6)]) - 0.5).abs() < 1e-12);
+    assert_eq!(s(&[(0.0, 0.0), (1.0, 0.9), (2.0, 0.3)]), f64::INFINITY);
 }

@@ -228,6 +228,29 @@ impl Limits {
     }
 }
 
+/// Shortest time in which `values` change by at least `by`, s; infinite if they never do. Cost `O(n log n)`.
+///
+/// For a rise, the best begin of an end is the latest instant whose value lies low enough. An instant with a later one that lies no
+/// higher is never the best, so that the others, by time, also rise in value, and a bisection finds the latest low enough.
+#[must_use]
+pub fn shortest_crossing_s(time_s: &[f64], values: &[f64], by: f64) -> f64 {
+    let mut shortest_s = f64::INFINITY;
+    for sign in [1.0, -1.0] {
+        let mut begins: Vec<(f64, f64)> = Vec::new();
+        for (t_s, value) in time_s.iter().zip(values.iter().map(|value| sign * value)) {
+            let low_enough = begins.partition_point(|(_, begin)| *begin <= value - by);
+            if let Some((begin_s, _)) = low_enough.checked_sub(1).map(|at| begins[at]) {
+                shortest_s = shortest_s.min(t_s - begin_s);
+            }
+            while begins.last().is_some_and(|(_, begin)| *begin >= value) {
+                begins.pop();
+            }
+            begins.push((*t_s, value));
+        }
+    }
+    shortest_s
+}
+
 /// Limits of what any fit to these runs can show.
 fn unseen(runs: &[Run], ranges: &[[f64; 2]], limits: &Limits) -> Vec<String> {
     let Limits { interval_s, duration_s } = *limits;
@@ -240,18 +263,7 @@ fn unseen(runs: &[Run], ranges: &[[f64; 2]], limits: &Limits) -> Vec<String> {
     let (mut shortest_s, mut turns) = (f64::INFINITY, 0);
     for run in runs {
         for (values, [low, high]) in run.inputs.iter().zip(ranges) {
-            let half = 0.5 * (high - low);
-            let mut from = 0;
-            for to in 1..values.len() {
-                while from + 1 < to && (values[to] - values[from + 1]).abs() >= half {
-                    from += 1;
-                }
-                if (values[to] - values[from]).abs() >= half {
-                    shortest_s = shortest_s.min(run.time_s[to] - run.time_s[from]);
-                } else if run.time_s[to] - run.time_s[from] > shortest_s {
-                    from += 1;
-                }
-            }
+            shortest_s = shortest_s.min(shortest_crossing_s(&run.time_s, values, 0.5 * (high - low)));
             turns += crate::measured::turns(&crate::measured::directions(&vec![0; values.len()], values));
         }
     }
