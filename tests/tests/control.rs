@@ -1,9 +1,11 @@
 //! Whole loops: simulated hardware behind Modbus, bridge, twin and controller, each a process; the plant is not the twin's model.
 
 use control::inverse::Model;
-use control::twin_model::{Tip, TwinModel, read_model};
+use control::twin_model::{OUT_OF_REACH_MM, Tip, TwinModel};
 use rom::memory::{InputMemory, Line, MemorySpec, Slopes};
 use rom::model::BlockKind;
+use rom::observable::{Definition, ObservableKind, Observables, Place};
+use rom::probe::{MeshPoint, model_tip};
 use serde_json::Value;
 use std::ffi::CStr;
 use std::fs::File;
@@ -211,7 +213,8 @@ const HIGHEST_MPA: f64 = 0.05;
 
 /// The softer finger, with this coordinate of its tip.
 fn softer_finger(axis: usize) -> TwinModel {
-    let mut model = read_model(&repository().join("models/pneunet-design/pneunet-design.twin")).unwrap();
+    let mut model =
+        softtwin::files::model(&repository().join("models/pneunet-design/pneunet-design.twin")).unwrap();
     model.header.set_parameters([("elastomer.law.mu_mpa", SOFTER_MPA)]).unwrap();
     TwinModel::new(&model, Tip { at_mm: TIP_MM, axis }).unwrap()
 }
@@ -329,13 +332,36 @@ fn scene_holds_for_the_controller() {
     drop(twin);
 }
 
+/// A model's own height of the tip is held, wherever it is; a model without one is held at the middle of its end face.
+#[test]
+fn height_without_a_marker_is_that_of_the_models_own_tip() {
+    let mut model = softtwin::files::model(&repository().join("models/pneunet/pneunet.twin")).unwrap();
+    let at = |model: &rom::model::Model, point: &MeshPoint| {
+        TwinModel::of_point(model, point, 1).unwrap().at(0.04, OUT_OF_REACH_MM).observable
+    };
+    let held = |model: &rom::model::Model| {
+        let (_, mut held) = TwinModel::of_column(model, "tip_y_mm", None).unwrap();
+        held.at(0.04, OUT_OF_REACH_MM).observable
+    };
+    model.blocks.retain(|(kind, _)| *kind != BlockKind::Observables);
+    let tip = MeshPoint::node(&model, model_tip(&model).unwrap() as u32).unwrap();
+    assert!((held(&model) - at(&model, &tip)).abs() < 1e-6);
+    let place = Place::At([60.0, 2.0, 16.0]);
+    let of = Definition { kind: ObservableKind::Position, points: vec![place], axis: Some([0.0, 1.0, 0.0]) };
+    let own = Observables::define(&model, &[("tip_y_mm".to_owned(), of)].into()).unwrap();
+    model.set_record(BlockKind::Observables, &own).unwrap();
+    let middle = MeshPoint::at(&model, [60.0, 2.0, 16.0]).unwrap();
+    assert!((at(&model, &middle) - at(&model, &tip)).abs() > 5.0);
+    assert!((held(&model) - at(&model, &middle)).abs() < 1e-3, "{} {}", held(&model), at(&model, &middle));
+}
+
 /// An angle is held by its sensor, which shows 8 % less than a whole model with a line; the twin raises its flag on the difference.
 #[test]
 fn angle_is_held_by_its_sensor_with_a_model_that_has_memory() {
     const SHOWN: f64 = 0.92;
     let stage = Stage::new("angle");
     let name = "bending_angle_deg";
-    let mut model = read_model(&repository().join("models/pneunet/pneunet.twin")).unwrap();
+    let mut model = softtwin::files::model(&repository().join("models/pneunet/pneunet.twin")).unwrap();
     let mut statics = TwinModel::of_observable(&model, name).unwrap();
     let line = Line { fill_s: 0.1, empty_s: 0.2 };
     let (range, slopes) = (model.header.inputs[0].range, Slopes::default());

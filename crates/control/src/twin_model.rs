@@ -8,7 +8,6 @@ use rom::model::{ModelError, ModelFileError};
 use rom::observable::Observables;
 use rom::probe::{MeshPoint, PointError, ProbePosition, Probes, model_tip};
 use rom::snapshots::RegimeKind;
-use std::path::Path;
 
 /// Force and observable of a model.
 #[derive(Debug)]
@@ -58,9 +57,6 @@ pub const OUT_OF_REACH_MM: f64 = 1e4;
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the messages say what the values are
 pub enum TwinModelError {
-    /// The file.
-    #[error("{path}: {cause}")]
-    File { path: String, cause: String },
     /// The model.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -78,16 +74,6 @@ pub enum TwinModelError {
     /// An observable that the model does not have.
     #[error("expected an observable of the model ({}), found `{found}`", if .known.is_empty() { "it has none".into() } else { .known.join(", ") })]
     NoObservable { found: String, known: Vec<String> },
-}
-
-/// Reads a model file.
-///
-/// # Errors
-/// [`TwinModelError::File`].
-pub fn read_model(path: &Path) -> Result<rom::model::Model, TwinModelError> {
-    let fail = |cause: String| TwinModelError::File { path: path.display().to_string(), cause };
-    let bytes = std::fs::read(path).map_err(|error| fail(error.to_string()))?;
-    rom::model::Model::from_bytes(&bytes).map_err(|error| fail(error.to_string()))
 }
 
 impl TwinModel {
@@ -133,7 +119,7 @@ impl TwinModel {
         Ok(Self::of_held(model, held, evaluation))
     }
 
-    /// Takes what a column of targets names: `force_n`, `pressure_mpa`, `tip_y_mm` (height of `marker`, or of the model's tip), or an observable.
+    /// Takes what a column of targets names: `force_n`, `pressure_mpa`, `tip_y_mm` (height of `marker`, or the model's observable of that name, or the height of its tip), or an observable.
     ///
     /// # Errors
     /// [`TwinModelError`]: no such observable, or blocks that were not loaded.
@@ -148,13 +134,10 @@ impl TwinModel {
             ("force_n", _) => (Quantity::Force, of_node(0)?),
             ("pressure_mpa", _) => (Quantity::Pressure, of_node(0)?),
             ("tip_y_mm", Some(point)) => (Quantity::Observable, Self::of_point(model, point, Y)?),
-            ("tip_y_mm", None) => (
-                Quantity::Observable,
-                match MeshPoint::at(model, Tip::REFERENCE.at_mm) {
-                    Ok(point) => Self::of_point(model, &point, Y)?,
-                    Err(_) => of_node(model_tip(model).unwrap_or(0))?,
-                },
-            ),
+            // A model that defines its tip is held there, another one at the middle of its end face.
+            ("tip_y_mm", None) if !Observables::of(model)?.names().any(|name| name == column) => {
+                (Quantity::Observable, of_node(model_tip(model).unwrap_or(0))?)
+            }
             (name, _) => (Quantity::Observable, Self::of_observable(model, name)?),
         })
     }

@@ -59,7 +59,7 @@ pub(super) struct TargetArgs {
     /// Contact force to hold, N.
     #[arg(long, value_name = "N", value_parser = crate::range::number(0.0, 1e6), help_heading = "Target")]
     pub(super) force_n: Option<f64>,
-    /// Height of the scene's marker, or of the tip without markers, mm.
+    /// Height of the scene's marker, mm; without markers the model's tip_y_mm, or the height of the middle of its end face.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = crate::range::number(-1e4, 1e4), help_heading = "Target")]
     pub(super) tip_y_mm: Option<f64>,
     /// The model's observable in degrees.

@@ -1,15 +1,16 @@
 //! The held quantity of a scene, and which values are in reach.
 
 use crate::failure::{configuration, usage};
+use crate::files;
 use control::held::{Held, HeldError};
 use control::inverse::{Model, Quantity};
 use control::settings::TARGET_FRACTION;
-use control::twin_model::{OUT_OF_REACH_MM, TwinModel, read_model};
+use control::twin_model::{OUT_OF_REACH_MM, TwinModel};
 use runtime::config::ActuatorSpec;
 
 /// The quantity of a target's column; without a sensor of it the model's value is held.
 pub(super) fn of_column(spec: &ActuatorSpec, column: &str) -> anyhow::Result<Held> {
-    let model = read_model(&spec.model).map_err(configuration)?;
+    let model = files::model(&spec.model)?;
     let held = Held::new(&spec.controlled(), model, column).map_err(|error| match error {
         HeldError::Target(_) => usage(error.to_string()),
         _ => configuration(error),
