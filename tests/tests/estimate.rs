@@ -195,7 +195,7 @@ fn memory_is_identified_beside_stiffness_gap_and_bias_and_then_used() {
         creep: Vec::new(),
         slopes: Slopes::default(),
     };
-    let acting = block.responses(&times, &measured, 1.0);
+    let acting = block.responses(&times, &measured);
     let states: Vec<(f64, f64)> = times.iter().copied().zip(measured).collect();
     let table = table_behind(&softer, &states, &acting, [46.0, 0.0012, 0.0], true);
     let truths = [("gap_mm", 46.0), ("pressure_bias_mpa", 0.0012), ("elastomer.law.mu_mpa", 0.72)];

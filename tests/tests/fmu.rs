@@ -1,10 +1,11 @@
 //! An FMU of a model with inertia: steps, saved states, refusals. The exported functions are called as an importer calls them.
 
 use fmu as _; // the library with the functions below
+use rom::inertia::data::InertiaModel;
 use rom::inputs::Inputs;
-use rom::model::{Model, Selection};
-use rom::moving::Moving;
+use rom::model::{BlockKind, Model, Selection};
 use rom::reconstructor::Reconstructor;
+use rom::session::{Gaps, Session};
 use std::ffi::{CString, c_char, c_void};
 use std::ptr::{null, null_mut};
 use tests::{Stage, moving};
@@ -78,15 +79,20 @@ struct Importer {
 }
 
 impl Importer {
-    fn open(stage: &Stage) -> Self {
+    fn open(stage: &Stage, model_bytes: &[u8]) -> Self {
         let nodes = [fmu::ChosenNode { name: "tip".into(), node: 2 }];
-        let token = fmu::token(moving::model_bytes(), &nodes);
+        let token = fmu::token(model_bytes, &nodes);
         std::fs::create_dir_all(stage.path("resources")).unwrap();
-        std::fs::write(stage.path("resources").join(fmu::MODEL_FILE), moving::model_bytes()).unwrap();
+        std::fs::write(stage.path("resources").join(fmu::MODEL_FILE), model_bytes).unwrap();
         std::fs::write(stage.path("resources").join(fmu::NODES_FILE), fmu::nodes_text(&nodes)).unwrap();
-        let model = Model::from_bytes(moving::model_bytes()).unwrap();
+        let model = Model::from_bytes(model_bytes).unwrap();
         let xml = fmu::describe(&model, &nodes, &token).unwrap();
         assert!(xml.contains("canGetAndSetFMUState=\"true\"") && !xml.contains("<ModelExchange"), "{xml}");
+        // Pressure, gap and the load: a block diagram can connect them all.
+        assert_eq!(
+            (xml.matches("causality=\"input\"").count(), xml.matches("\"parameter\"").count()),
+            (3, 0)
+        );
         let of_tip = xml.split("name=\"tip.y\" valueReference=\"").nth(1).unwrap();
         let tip_y = of_tip.split('"').next().unwrap().parse().unwrap();
         let [name, token, resources] = ["beam", &token, stage.path("resources").to_str().unwrap()]
@@ -158,7 +164,7 @@ impl Drop for Importer {
 #[test]
 fn fmu_with_inertia_swings_as_the_model_and_returns_to_saved_states() {
     let stage = Stage::new("fmustates");
-    let importer = Importer::open(&stage);
+    let importer = Importer::open(&stage, moving::model_bytes());
     let run = || {
         importer.set(0.02);
         let rest = importer.tip_y();
@@ -171,7 +177,7 @@ fn fmu_with_inertia_swings_as_the_model_and_returns_to_saved_states() {
     let moves = run();
     // The same motion in Rust: the pressure jumps within a nanosecond and is held.
     let model = Model::from_bytes(moving::model_bytes()).unwrap();
-    let (mut motion, tip) = (Moving::new(&model).unwrap(), 2);
+    let (mut motion, tip) = (Session::new(&model, Gaps::Live).unwrap(), 2);
     let reconstructor = Reconstructor::new(&model, &Selection::default()).unwrap();
     let (mut evaluation, mut fields) = (motion.evaluation(), vec![0.0; reconstructor.entries()]);
     let mut at = |t_ns: u64, pressure_mpa: f64| {
@@ -208,4 +214,30 @@ fn fmu_with_inertia_swings_as_the_model_and_returns_to_saved_states() {
     for (from_s, step_s) in [(0.1, 0.005), (0.4, -0.1), (0.4, f64::NAN)] {
         assert_eq!(importer.step(from_s, step_s), ERROR, "{from_s} {step_s}");
     }
+}
+
+#[test]
+fn long_steps_of_an_fmu_swing_on() {
+    let mut model = Model::from_bytes(moving::model_bytes()).unwrap();
+    let mut inertia: InertiaModel = model.record(BlockKind::Inertia).unwrap().unwrap();
+    inertia.damping_s = 1e-4; // it swings for many seconds
+    model.set_record(BlockKind::Inertia, &inertia).unwrap();
+    let stage = Stage::new("fmulong");
+    let importer = Importer::open(&stage, &model.to_bytes().unwrap());
+    let after = |steps: u32| {
+        // SAFETY: instantiated, not freed.
+        assert_eq!(unsafe { fmi3Reset(importer.instance) }, OK);
+        importer.set(0.0);
+        importer.run(0, 1);
+        importer.set(0.02);
+        let step_s = 2.0 / f64::from(steps);
+        (0..steps).for_each(|k| assert_eq!(importer.step(0.005 + step_s * f64::from(k), step_s), OK));
+        importer.tip_y()
+    };
+    // SAFETY: instantiated, not freed.
+    assert_eq!(unsafe { fmi3Reset(importer.instance) }, OK);
+    importer.set(0.02);
+    let rest = importer.tip_y();
+    let (once, often) = (after(1), after(400));
+    assert!((once - often).abs() < 0.01 * (once - rest).abs(), "{once} {often} {rest}");
 }

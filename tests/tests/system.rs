@@ -27,6 +27,7 @@ mod replace;
 mod scenes;
 mod sensors;
 mod service;
+mod session;
 mod setup;
 mod sharing;
 mod structure;

@@ -4,11 +4,12 @@ use crate::ffi::{argument, call, put, take, write_handle};
 use crate::model::{softtwin_model, softtwin_prediction};
 use crate::status::softtwin_status;
 use rom::evaluation::Evaluation;
-use rom::moving::Moving;
+use rom::session::{Gaps, Session};
+use rom::snapshots::RegimeKind;
 
 pub struct softtwin_motion {
     model: *const softtwin_model,
-    moving: Moving,
+    session: Session,
     evaluation: Evaluation,
 }
 
@@ -22,10 +23,10 @@ pub unsafe extern "C" fn softtwin_motion_open(
     call(|| {
         // SAFETY: null or live by the caller's promise.
         let of = unsafe { model.as_ref() }.ok_or_else(|| argument("the model is null"))?;
-        let moving = Moving::new(of.model()).map_err(|error| argument(&error.to_string()))?;
-        let evaluation = moving.evaluation();
+        let session = Session::new(of.model(), Gaps::Live).map_err(|error| argument(&error.to_string()))?;
+        let evaluation = session.evaluation();
         // SAFETY: by the caller's promise.
-        unsafe { write_handle(out, softtwin_motion { model, moving, evaluation }) }
+        unsafe { write_handle(out, softtwin_motion { model, session, evaluation }) }
     })
 }
 
@@ -50,17 +51,21 @@ pub unsafe extern "C" fn softtwin_motion_step(
         // SAFETY: one number per input by the caller's promise.
         let inputs = model.state(0, unsafe { std::slice::from_raw_parts(inputs, model.width()) })?;
         let refused = |error: &dyn std::fmt::Display| argument(&error.to_string());
-        if !motion.moving.evaluator().has_values(&inputs) {
-            let set = motion.moving.set_parameters(&inputs, &mut motion.evaluation);
+        if !motion.session.evaluator().has_values(&inputs) {
+            let set = motion.session.set_parameters(&inputs, &mut motion.evaluation);
             set.map_err(|error| refused(&error))?;
         }
-        let stepped = motion.moving.step(t_ns, inputs, &mut motion.evaluation);
+        // Only a model that lacks a regime can have no fields after its step.
+        let evaluator = motion.session.evaluator();
+        let is_whole = [RegimeKind::Free, RegimeKind::Contact].iter().all(|kind| evaluator.has_regime(*kind));
+        let before = (!is_whole && evaluator.onset().is_some()).then(|| motion.session.clone());
+        let stepped = motion.session.step(t_ns, inputs, &mut motion.evaluation);
         stepped.map_err(|error| refused(&error))?;
         // SAFETY: by the caller's promise.
-        unsafe {
-            let peaks = model.fields(&"the state", &motion.evaluation, values)?;
-            put(out, model.prediction(&motion.evaluation, &peaks))
-        }
+        let peaks = unsafe { model.fields(&"the state", &motion.evaluation, values) };
+        let peaks = peaks.inspect_err(|_| before.into_iter().for_each(|before| motion.session = before))?;
+        // SAFETY: by the caller's promise.
+        unsafe { put(out, model.prediction(&motion.evaluation, &peaks)) }
     })
 }
 
@@ -70,7 +75,7 @@ pub unsafe extern "C" fn softtwin_motion_step(
 pub unsafe extern "C" fn softtwin_motion_reset(motion: *mut softtwin_motion) {
     // SAFETY: by the caller's promise.
     if let Some(motion) = unsafe { motion.as_mut() } {
-        motion.moving.reset();
+        motion.session.restart();
     }
 }
 

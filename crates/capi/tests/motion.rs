@@ -6,8 +6,8 @@ use capi::{
 };
 use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
-use rom::moving::Moving;
 use rom::reconstructor::Reconstructor;
+use rom::session::{Gaps, Session};
 use std::ffi::CString;
 use std::mem::MaybeUninit;
 use std::ptr::null_mut;
@@ -60,7 +60,7 @@ fn motion_in_c_is_that_of_the_model_and_refused_steps_change_nothing() {
         let status = softtwin_motion_open(opened.model, &raw mut opened.motion);
         assert_eq!(status, softtwin_status::SOFTTWIN_OK);
     }
-    let mut moving = Moving::new(&model).unwrap();
+    let mut moving = Session::new(&model, Gaps::Live).unwrap();
     let mut evaluation = moving.evaluation();
     let mut lowest = [f32::INFINITY; 2];
     for lowest in &mut lowest {
@@ -76,7 +76,7 @@ fn motion_in_c_is_that_of_the_model_and_refused_steps_change_nothing() {
                 assert_eq!(opened.step(t_ns, pressure_mpa), softtwin_status::SOFTTWIN_ARGUMENT);
             }
         }
-        moving.reset();
+        moving.restart();
         // SAFETY: the motion is open.
         unsafe { softtwin_motion_reset(opened.motion) };
     }

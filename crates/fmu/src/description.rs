@@ -68,16 +68,10 @@ pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> Result<Stri
     let start = start(model);
     for (at, input) in header.taken_inputs() {
         let start = start[at];
-        let kind = match input.value {
-            // Pressures of further cavities change in time as that of `pressure_mpa`.
-            Some(_) if !input.name.starts_with("pressure_mpa.") => {
-                "causality=\"parameter\" variability=\"tunable\""
-            }
-            _ => "causality=\"input\" variability=\"continuous\"",
-        };
         let _ = writeln!(
             xml,
-            "    <Float64 name=\"{}\" valueReference=\"{}\" {kind} unit=\"{}\" start=\"{start:?}\" \
+            "    <Float64 name=\"{}\" valueReference=\"{}\" causality=\"input\" variability=\"continuous\" \
+             unit=\"{}\" start=\"{start:?}\" \
              description=\"Trained from {} to {}\"/>",
             escaped(&input.key()),
             FIRST_INPUT + at as u32,

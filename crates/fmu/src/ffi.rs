@@ -163,14 +163,14 @@ pub unsafe extern "C" fn fmi3FreeInstance(handle: *mut Handle) {
     }
 }
 
-/// Reads or writes `count` values at value references.
+/// Calls `one` with the position and the value reference of each of `count` values at `values`.
 ///
 /// # Safety
-/// `references` points to `count` numbers, `values` to `value_count` writable ones (both may be null when 0).
+/// `references` points to `count` numbers; it may be null when 0.
 unsafe fn each<T>(
     (references, count): (*const u32, usize),
-    (values, value_count): (*mut T, usize),
-    mut one: impl FnMut(u32, &mut T) -> Result<(), String>,
+    (values, value_count): (*const T, usize),
+    mut one: impl FnMut(usize, u32) -> Result<(), String>,
 ) -> Result<(), String> {
     if count != value_count {
         return Err(format!("expected one value for each of {count} references, found {value_count}"));
@@ -179,16 +179,11 @@ unsafe fn each<T>(
         return Err("the references or the values are null".into());
     }
     for at in 0..count {
-        // SAFETY: both are not null and have `count` entries by the caller's promise.
-        let (reference, value) = unsafe { (*references.add(at), &mut *values.add(at)) };
-        one(reference, value)?;
+        // SAFETY: not null, and `count` entries by the caller's promise.
+        one(at, unsafe { *references.add(at) })?;
     }
     Ok(())
 }
-
-/// Read-only value.
-#[repr(transparent)]
-struct Given(f64);
 
 /// Writes a value unless `place` is null.
 ///
@@ -216,7 +211,7 @@ macro_rules! functions {
         #[unsafe(no_mangle)]
         #[allow(clippy::too_many_arguments)] // FMI's signatures
         pub unsafe extern "C" fn $name(handle: *mut Handle, $($argument: $type),*) -> Status {
-            // SAFETY: by the importer's promise; pointers to values that are set are only read. A state came out of `Box::into_raw`
+            // SAFETY: by the importer's promise; values that are set are only read. A state came out of `Box::into_raw`
             // in `fmi3GetFMUState`.
             unsafe { call(handle, $body) }
         }
@@ -250,17 +245,17 @@ functions! {
     fmi3SetTime(time_s: f64) |instance| instance.move_to(time_s);
     /// Reads inputs and outputs.
     fmi3GetFloat64(references: *const u32, count: usize, values: *mut f64, value_count: usize) |instance| {
-        let get = |reference, value: &mut f64| instance.float(reference).map(|found| *value = found);
+        let get = |at, reference| instance.float(reference).map(|found| put(values.add(at), found));
         each((references, count), (values, value_count), get)
     };
     /// Sets inputs. NaN is refused with fmi3Error, and the old value is kept.
     fmi3SetFloat64(references: *const u32, count: usize, values: *const f64, value_count: usize) |instance| {
-        let set = |reference, value: &mut Given| instance.set(reference, value.0);
-        each((references, count), (values.cast_mut().cast(), value_count), set)
+        let set = |at, reference| instance.set(reference, *values.add(at));
+        each((references, count), (values, value_count), set)
     };
     /// Reads domain status and regime.
     fmi3GetInt32(references: *const u32, count: usize, values: *mut i32, value_count: usize) |instance| {
-        let get = |reference, value: &mut i32| instance.integer(reference).map(|found| *value = found);
+        let get = |at, reference| instance.integer(reference).map(|found| put(values.add(at), found));
         each((references, count), (values, value_count), get)
     };
     /// Reports neither discrete states nor events.

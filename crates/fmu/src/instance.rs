@@ -4,12 +4,13 @@ use crate::part::{Part, Stress};
 use crate::variables::{self, FIRST_INPUT, FIRST_OUTPUT, MODEL_FILE, NODES_FILE, Output, Quantity, TIME};
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
+use rom::inertia::stepper::ReadingError;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS};
 use rom::model::{ModelReader, Selection};
-use rom::moving::Moving;
 use rom::observable::{Observables, Observed};
+use rom::session::{Gaps, Session};
 use rom::snapshots::FieldKind;
-use std::io::Cursor;
+use std::fs::File;
 use std::path::Path;
 
 /// Everything that changes in an instance: the state that an importer saves and restores.
@@ -17,11 +18,9 @@ use std::path::Path;
 pub struct Now {
     inputs: Inputs,
     time_s: f64,
-    moving: Moving,
+    session: Session,
     /// Time of the first step, s; `None` before it and for a model without memory.
     begin_s: Option<f64>,
-    /// Time of the last step since the first, ns.
-    last_ns: u64,
     evaluation: Evaluation,
     is_current: bool,
 }
@@ -46,19 +45,20 @@ impl Instance {
         let at = |name: &str, error: &dyn std::fmt::Display| {
             format!("{}: {error}; export the FMU again", resources.join(name).display())
         };
-        let bytes = std::fs::read(resources.join(MODEL_FILE)).map_err(|e| at(MODEL_FILE, &e))?;
-        let mut reader = ModelReader::open(Cursor::new(&bytes)).map_err(|e| at(MODEL_FILE, &e))?;
+        let file = File::open(resources.join(MODEL_FILE)).map_err(|e| at(MODEL_FILE, &e))?;
+        let mut reader = ModelReader::open(file).map_err(|e| at(MODEL_FILE, &e))?;
         let model = reader.load(&Selection::default()).map_err(|e| at(MODEL_FILE, &e))?;
         let text = std::fs::read_to_string(resources.join(NODES_FILE)).map_err(|e| at(NODES_FILE, &e))?;
         let nodes = variables::read_nodes(&text).map_err(|e| at(NODES_FILE, &e))?;
-        let expected = variables::token(&bytes, &nodes);
+        let expected = variables::token(&reader.hash(), &nodes);
         if token != expected {
             return Err(format!(
                 "instantiation token: expected {expected}, found {token}; modelDescription.xml belongs to another model"
             ));
         }
-        let moving = Moving::new(&model).map_err(|e| at(MODEL_FILE, &e))?;
-        let evaluator = moving.evaluator();
+        // Between two steps nothing happens that the importer did not set.
+        let session = Session::new(&model, Gaps::Recorded).map_err(|e| at(MODEL_FILE, &e))?;
+        let evaluator = session.evaluator();
         let observables = Observables::of(&model).map_err(|e| at(MODEL_FILE, &e))?;
         let start = variables::start(&model).into_iter().enumerate();
         let start = start.fold(Inputs::new(0.0, 0.0), |inputs, (at, value)| inputs.with(at, value));
@@ -81,24 +81,23 @@ impl Instance {
             now: Now {
                 inputs: start,
                 time_s: 0.0,
-                evaluation: moving.evaluation(),
+                evaluation: session.evaluation(),
                 begin_s: None,
-                last_ns: 0,
                 is_current: false,
-                moving,
+                session,
             },
         })
     }
 
     /// True for a model whose outputs depend on the past.
     pub(crate) fn has_memory(&self) -> bool {
-        self.now.moving.has_memory()
+        self.now.session.has_memory()
     }
 
     /// Restores the state after instantiation.
     pub(crate) fn reset(&mut self) -> Result<(), String> {
         (self.now.inputs, self.now.begin_s) = (self.start, None);
-        self.now.moving.reset();
+        self.now.session.restart();
         self.outdate();
         self.move_to(0.0)
     }
@@ -133,21 +132,21 @@ impl Instance {
             return self.move_to(end_s);
         }
         let now = &mut self.now;
-        let refused = |error: rom::inertia::stepper::ReadingError| error.to_string();
-        let (begin_s, jump_ns) = match now.begin_s {
-            Some(begin_s) => (begin_s, now.last_ns + 1),
-            None => (from_s, 0),
-        };
+        let begin_s = now.begin_s.unwrap_or(from_s);
         let end_ns = ((end_s - begin_s) * 1e9).round().max(0.0) as u64;
-        if end_ns <= jump_ns {
-            return Err(format!("expected a step to later than {} s, found {end_s} s", now.time_s));
+        if !now.session.evaluator().has_values(&now.inputs) {
+            now.session
+                .set_parameters(&now.inputs, &mut now.evaluation)
+                .map_err(|error| error.to_string())?;
         }
-        if !now.moving.evaluator().has_values(&now.inputs) {
-            now.moving.set_parameters(&now.inputs, &mut now.evaluation).map_err(|error| error.to_string())?;
-        }
-        now.moving.step(jump_ns, now.inputs, &mut now.evaluation).map_err(refused)?;
-        now.moving.step(end_ns, now.inputs, &mut now.evaluation).map_err(refused)?;
-        (now.begin_s, now.last_ns, now.is_current) = (Some(begin_s), end_ns, true);
+        let stepped = now.session.step_held(end_ns, now.inputs, &mut now.evaluation);
+        stepped.map_err(|error| match error {
+            ReadingError::NotLater { .. } => {
+                format!("expected a step to later than {} s, found {end_s} s", now.time_s)
+            }
+            ReadingError::NotFinite { .. } => error.to_string(),
+        })?;
+        (now.begin_s, now.is_current) = (Some(begin_s), true);
         self.forget_parts();
         self.move_to(end_s)
     }
@@ -181,13 +180,15 @@ impl Instance {
     fn update(&mut self) -> Result<(), String> {
         let now = &mut self.now;
         if !now.is_current {
-            now.moving.set_parameters(&now.inputs, &mut now.evaluation).map_err(|error| error.to_string())?;
-            now.moving.evaluator().state(now.inputs, &mut now.evaluation);
+            now.session
+                .set_parameters(&now.inputs, &mut now.evaluation)
+                .map_err(|error| error.to_string())?;
+            now.session.evaluator().state(now.inputs, &mut now.evaluation);
             now.is_current = true;
             self.forget_parts();
         }
         let regime = self.now.evaluation.regime;
-        if !self.now.moving.evaluator().has_regime(regime) {
+        if !self.now.session.evaluator().has_regime(regime) {
             let name = regime.name();
             return Err(format!("this state belongs to regime {name}, in which the model was not trained"));
         }

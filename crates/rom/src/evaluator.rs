@@ -2,6 +2,7 @@
 
 use crate::clearance::OnsetSolver;
 use crate::evaluation::{Evaluation, Flags};
+use crate::halfwidths::HalfWidths;
 use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, Needs, PARAMETERS, PRESSURE, Point};
 use crate::interpolant::Interpolant;
@@ -211,8 +212,9 @@ impl Evaluator {
         self.coefficients(out, false);
     }
 
-    /// Regime, onset pressure and position in the training range only: the first part of [`Self::evaluate`]. Coefficients,
-    /// force and half-widths stay unchanged. Less than 1 us for a model without parameters.
+    /// Regime, onset pressure and position in the training range only: the first part of [`Self::evaluate`]. Force and gradient are then
+    /// 0 (NaN for a model without forces), also in contact; coefficients and half-widths are those of the call before. Less than 1 us for
+    /// a model without parameters.
     pub fn locate(&self, inputs: Inputs, out: &mut Evaluation) {
         self.place(self.complete_inputs(inputs), out);
     }
@@ -236,11 +238,10 @@ impl Evaluator {
     pub fn state(&self, inputs: Inputs, out: &mut Evaluation) {
         let placed = self.place_with_force(inputs, out);
         // After it: an onset that depends on parameters is solved in this memory.
-        out.coefficients.clear();
-        out.difference.clear();
-        out.gradients.iter_mut().for_each(Vec::clear);
-        if let Some((part, x)) = placed {
-            self.halfwidths(part, &x, out);
+        clear(out);
+        match placed {
+            Some((part, x)) => self.halfwidths(part, &x, out),
+            None => out.halfwidths = HalfWidths::UNKNOWN,
         }
     }
 
@@ -306,8 +307,9 @@ impl Evaluator {
     /// [`Self::differentiate`] with a known onset, without half-widths and domain.
     fn differentiate_at(&self, inputs: Inputs, at: OnsetAt, out: &mut Evaluation) {
         (out.domain, out.domain_distance) = (DomainStatus::Outside, f64::NAN);
-        let Some(part) = self.regime_at(inputs, &at, out) else { return };
-        force(part, &at, &part.model.inputs.scale(&inputs), out);
+        if let Some(part) = self.regime_at(inputs, &at, out) {
+            force(part, &at, &part.model.inputs.scale(&inputs), out);
+        }
         self.coefficients(out, true);
     }
 
@@ -352,10 +354,13 @@ impl Evaluator {
         let at = OnsetAt { onset, ..found };
         let part = self.place_at(inputs, &at, out);
         out.onset_pressure_mpa = self.onset.as_ref().and_then(|_| found.onset.pressure_mpa());
-        if let Some(part) = part {
-            let x = part.model.inputs.scale(&inputs);
-            force(part, &at, &x, out);
-            self.halfwidths(part, &x, out);
+        match part {
+            Some(part) => {
+                let x = part.model.inputs.scale(&inputs);
+                force(part, &at, &x, out);
+                self.halfwidths(part, &x, out);
+            }
+            None => out.halfwidths = HalfWidths::UNKNOWN,
         }
         self.coefficients(out, false);
     }
@@ -368,9 +373,11 @@ impl Evaluator {
         at
     }
 
+    /// Coefficients of the regime of `out`; none of a regime that was not trained.
     fn coefficients(&self, out: &mut Evaluation, gradient: bool) {
-        if let Some(part) = self.parts.iter().find(|part| part.model.kind == out.regime) {
-            coefficients(part, &part.model.inputs.scale(&out.inputs), out, gradient);
+        match self.parts.iter().find(|part| part.model.kind == out.regime) {
+            Some(part) => coefficients(part, &part.model.inputs.scale(&out.inputs), out, gradient),
+            None => clear(out),
         }
     }
 
@@ -451,6 +458,13 @@ impl HysteresisEvaluator {
     pub fn complete(&self, out: &mut Evaluation) {
         self.evaluator.complete(out);
     }
+}
+
+/// Leaves no coefficients.
+fn clear(out: &mut Evaluation) {
+    out.coefficients.clear();
+    out.difference.clear();
+    out.gradients.iter_mut().for_each(Vec::clear);
 }
 
 fn coefficients(part: &RegimePart, x: &Point, out: &mut Evaluation, gradient: bool) {

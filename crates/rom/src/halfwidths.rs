@@ -29,6 +29,10 @@ pub struct HalfWidths {
 }
 
 impl HalfWidths {
+    /// Those of a state that no half-width holds for.
+    pub const UNKNOWN: Self =
+        Self { coverage: f64::NAN, displacement_mm: f64::NAN, stress_mpa: f64::NAN, force_n: f64::NAN };
+
     /// The same with those of an independent source: the root of the sum of the squares, at this coverage.
     #[must_use]
     pub fn with(self, other: &Self) -> Self {

@@ -175,9 +175,10 @@ fn blocks_that_are_not_valid_are_refused() {
 #[test]
 fn responses_of_a_run_are_those_of_its_readings() {
     let mut memory = all_blocks();
+    memory.hold_never();
     let t_s: Vec<f64> = (0..200_u32).map(|k| 0.02 * f64::from(k) + if k > 120 { 5.0 } else { 0.0 }).collect();
     let values: Vec<f64> = t_s.iter().map(|t| 0.05 + 0.04 * (3.0 * t).sin()).collect();
-    let responses = memory.spec().inputs[0].responses(&t_s, &values, 1.0);
+    let responses = memory.spec().inputs[0].responses(&t_s, &values);
     let stepped: Vec<f64> =
         t_s.iter().zip(&values).map(|(t, v)| output(&mut memory, [(1.0 + t, *v)])).collect();
     let most = responses.iter().zip(&stepped).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);

@@ -6,12 +6,13 @@ use rom::inputs::{InputSpec, Inputs};
 use rom::kernel::{Modes, Precision};
 use rom::memory::{Creep, InputMemory, Line, MemorySpec, Play, Slopes};
 use rom::model::{
-    BlockData, BlockKind, MAGIC, Model, ModelError, ModelFileError, ModelReader, Nodes, Selection, VERSION,
+    BlockData, BlockKind, MAGIC, MAX_MODEL_BYTES, Model, ModelError, ModelFileError, ModelReader, Nodes,
+    Selection, VERSION,
 };
 use rom::model_state::ModelState;
 use rom::reconstructor::Reconstructor;
 use rom::snapshots::RegimeKind;
-use std::io::Cursor;
+use std::io::{Cursor, Read, Seek, SeekFrom};
 use std::sync::OnceLock;
 use train::config::TrainConfig;
 use train::train;
@@ -29,6 +30,33 @@ fn model() -> &'static (Model, Vec<u8>) {
 fn model_survives_the_round_trip() {
     let (model, bytes) = model();
     assert_eq!(*model, Model::from_bytes(bytes).expect("loads"));
+}
+
+/// Claims a length without having the bytes.
+struct Long(Cursor<&'static [u8]>, u64);
+
+impl Read for Long {
+    fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+        self.0.read(to)
+    }
+}
+
+impl Seek for Long {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        match to {
+            SeekFrom::End(_) => Ok(self.1),
+            to => self.0.seek(to),
+        }
+    }
+}
+
+#[test]
+fn files_above_the_limit_of_size_are_refused_by_every_reader() {
+    let open = |length| ModelReader::open(Long(Cursor::new(&model().1), length));
+    let found = MAX_MODEL_BYTES + 1;
+    assert!(matches!(open(found), Err(ModelFileError::TooLarge { found: of }) if of == found));
+    let own = open(model().1.len() as u64).expect("a model");
+    assert_eq!(Some(&own.hash()), model().1.last_chunk::<32>());
 }
 
 #[test]

@@ -9,6 +9,7 @@ use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
+use rom::regime::LastOnset;
 use rom::snapshots::{FieldKind, RegimeKind, Split};
 use std::sync::OnceLock;
 use train::config::{KernelKind, KernelSpec, Tail, TrainConfig};
@@ -173,6 +174,43 @@ fn state_and_complete_are_bit_identical_to_evaluate() {
             assert_eq!(same, group.fields.contains(&stress) || own.coefficients.len() == 1, "{}", group.name);
         }
     }
+}
+
+/// A regime that was not trained has no coefficients, whatever the evaluation held before.
+#[test]
+fn states_of_an_untrained_regime_have_no_coefficients() {
+    let mut header = model().header.clone();
+    header.regimes.retain(|regime| regime.kind == RegimeKind::Free);
+    let evaluator = Evaluator::new(&header).expect("consistent");
+    let (free, contact) = (Inputs::new(0.02, f64::INFINITY), Inputs::new(0.06, 20.0));
+    let mut out = evaluator.evaluation();
+    let calls: [&dyn Fn(Inputs, &mut Evaluation); 3] = [
+        &|inputs, out| evaluator.evaluate(inputs, out),
+        &|inputs, out| evaluator.differentiate(inputs, out),
+        &|inputs, out| evaluator.differentiate_near(inputs, &mut LastOnset::default(), out),
+    ];
+    for call in calls {
+        call(free, &mut out);
+        assert!(!out.coefficients.is_empty());
+        evaluator.differentiate(free, &mut out);
+        call(contact, &mut out);
+        assert_eq!(out.regime, RegimeKind::Contact);
+        assert!(out.coefficients.is_empty() && out.coefficient_gradient(0).is_empty());
+    }
+    evaluator.evaluate(contact, &mut out);
+    assert!(out.halfwidths.displacement_mm.is_nan());
+}
+
+#[test]
+fn locating_a_state_leaves_coefficients_and_clears_the_force() {
+    let (evaluator, contact) = (evaluator(), Inputs::new(0.06, 20.0));
+    let mut out = evaluator.evaluation();
+    evaluator.evaluate(contact, &mut out);
+    let before = out.clone();
+    assert!(before.contact_force_n > 0.0);
+    evaluator.locate(contact, &mut out);
+    assert_eq!((out.regime, out.domain, out.contact_force_n), (before.regime, before.domain, 0.0));
+    assert_eq!((&out.coefficients, out.halfwidths), (&before.coefficients, before.halfwidths));
 }
 
 #[test]

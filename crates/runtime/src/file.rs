@@ -1,14 +1,13 @@
 //! Opening the files that a start is configured with. Pipes and devices would never end, so they are refused.
 
 pub use formats::file::named_in;
+pub use rom::model::MAX_MODEL_BYTES;
 use std::fs::{self, File};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
 
 /// Largest scene or settings file, bytes: 16 MiB.
 pub const MAX_TEXT_BYTES: u64 = 16 << 20;
-/// Largest model, bytes: 4 GiB.
-pub const MAX_MODEL_BYTES: u64 = 4 << 30;
 
 /// Opens a regular file of at most `limit` bytes.
 ///

@@ -1,7 +1,7 @@
 //! Inputs and surface of a model file, for programs other than the twin. No modes are read.
 
 use crate::file::{self, MAX_MODEL_BYTES};
-use crate::load::trailer_hash;
+use crate::load::first;
 use rom::inputs::InputSpec;
 use rom::model::{BlockData, BlockKind, ModelReader};
 use rom::snapshots::NodeSet;
@@ -39,9 +39,9 @@ impl KnownModel {
     /// # Errors
     /// Why the file cannot be read, or is no model.
     pub fn read(path: &Path) -> Result<Self, String> {
-        let mut file = file::open(path, MAX_MODEL_BYTES).map_err(|error| format!("cannot open: {error}"))?;
-        let hash = trailer_hash(&mut file).map_err(|error| format!("cannot read: {error}"))?;
+        let file = file::open(path, MAX_MODEL_BYTES).map_err(|error| format!("cannot open: {error}"))?;
         let mut reader = ModelReader::open(file).map_err(|error| error.to_string())?;
+        let hash = first(&reader.hash());
         let entry = reader.blocks().iter().find(|entry| entry.kind == BlockKind::Surface).cloned();
         let blocks = reader.read_blocks(entry.as_slice()).map_err(|error| error.to_string())?;
         let surface = match blocks.into_iter().next() {

@@ -15,8 +15,7 @@ use rom::model::{
 use rom::observable::Observables;
 use rom::reconstructor::{Basis, BasisOptions, Reconstructor};
 use rom::snapshots::{FieldKind, RegimeKind};
-use std::fs::File;
-use std::io::{Error, ErrorKind, Read, Seek, SeekFrom};
+use std::io::{Read, Seek};
 use std::path::Path;
 use wire::layout::{FIELD_SLOTS, GROUPS_MAX, OBSERVABLES_MAX, field_id, set_slot};
 
@@ -119,10 +118,10 @@ pub fn load_scene(scene: &Scene, path: &Path) -> Result<Vec<Loaded>, ConfigError
 /// All problems of its model and its outputs.
 pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String>> {
     let at = |text: String| vec![format!("model: {text} ({})", model_path.display())];
-    let mut file =
+    let file =
         file::open(model_path, file::MAX_MODEL_BYTES).map_err(|error| at(format!("cannot open: {error}")))?;
-    let model_hash = trailer_hash(&mut file).map_err(|error| at(format!("cannot read: {error}")))?;
     let mut reader = ModelReader::open(file).map_err(|error| at(error.to_string()))?;
+    let model_hash = first(&reader.hash());
     let mut header = reader.header().clone();
     header.set_parameters(spec.given_inputs()).map_err(|error| at(format!("inputs: {error}")))?;
     for (name, _) in spec.measured_inputs() {
@@ -231,22 +230,8 @@ impl Description {
     }
 }
 
-/// The file ends with its blake3 hash; blocks are verified one by one when they are read. Leaves the file at its beginning.
-pub(crate) fn trailer_hash(file: &mut File) -> Result<[u8; 16], Error> {
-    let mut trailer = [0; 32];
-    let length = file.metadata()?.len();
-    if length < trailer.len() as u64 {
-        let found = format!("expected a model, found a file of {length} bytes");
-        return Err(Error::new(ErrorKind::InvalidData, found));
-    }
-    file.seek(SeekFrom::End(-32))?;
-    file.read_exact(&mut trailer)?;
-    file.rewind()?;
-    Ok(first(&trailer))
-}
-
 /// The first entries of a list in an array of fixed size; the rest are 0.
-fn first<const N: usize>(from: &[u8]) -> [u8; N] {
+pub(crate) fn first<const N: usize>(from: &[u8]) -> [u8; N] {
     let mut out = [0; N];
     for (to, from) in out.iter_mut().zip(from) {
         *to = *from;

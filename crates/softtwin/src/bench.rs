@@ -75,7 +75,8 @@ pub fn confusion(ratio: f64) -> &'static str {
     near.map_or("no known confusion of units", |(_, name)| name)
 }
 
-/// Position of each model input in the recording's inputs; gap is not needed where nothing is touched.
+/// Position of each model input in the recording's inputs; gap is not needed where nothing is touched, nor an input with a value of the
+/// model or scene, which a remark then names.
 ///
 /// # Errors
 /// Inputs that the recording lacks, or whose values are in another unit.
@@ -92,7 +93,8 @@ pub fn match_inputs(
         let is_needed = match at {
             0 => needs.pressure,
             GAP => needs.gap,
-            _ => spec.range[0] < spec.range[1],
+            // An inertial load at rest, a parameter of the scene: as along a trace of `predict`.
+            _ => spec.value.is_none() && spec.range[0] < spec.range[1],
         };
         let Some(place) = place else {
             if is_needed {
@@ -101,6 +103,9 @@ pub fn match_inputs(
                     "expected an input `{key}` of the model in the mapping, found {}",
                     names.join(", ")
                 );
+            }
+            if let Some(value) = spec.value.filter(|_| spec.range[0] < spec.range[1]) {
+                remarks.push(format!("{key}: not in the recording; taken as {value} {}", spec.unit));
             }
             found.push(None);
             continue;

@@ -7,14 +7,11 @@ use fem::{Family, Problem};
 use formats::database::{self, ObstacleKind};
 pub use formats::file::quoted;
 use formats::{FormatError, file};
-use rom::model::Model;
+use rom::model::{MAX_MODEL_BYTES, Model};
 use rom::snapshots::Database;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use train::datasheet::DataSheet;
-
-/// Largest model file that is read: 4 GiB.
-const MAX_MODEL_BYTES: u64 = 4 << 30;
 
 /// Loads a whole model.
 pub fn model(path: &Path) -> anyhow::Result<Model> {

@@ -2,7 +2,7 @@
 
 use crate::failure::usage;
 use crate::files::refusal;
-use anyhow::Result;
+use anyhow::{Context, Result};
 use formats::table::Table;
 use formats::trace::SERIES;
 use formats::{Diagnostic, FormatError, trace};
@@ -10,11 +10,12 @@ use rom::branch::{Follower, VOLUME, pressure_field, volume_input};
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
+use rom::inertia::stepper::ReadingError;
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::{Model, Selection};
-use rom::moving::Moving;
 use rom::probe::model_tip;
 use rom::reconstructor::{BasisOptions, Reconstructor};
+use rom::session::{Gaps, Session};
 use rom::snapshots::FieldKind;
 use std::path::Path;
 use std::time::Instant;
@@ -146,10 +147,10 @@ fn follow<Row>(
     model: &Model,
     trace: &Trace,
     step_ns: u64,
-    mut row: impl FnMut(f64, &Inputs, &Evaluation, &Moving) -> Result<Row>,
+    mut row: impl FnMut(f64, &Inputs, &Evaluation, &Session) -> Result<Row>,
 ) -> Result<Followed<Row>> {
-    let mut moving = Moving::new(model)?.as_recording();
-    let mut evaluation = moving.evaluation();
+    let mut session = Session::new(model, Gaps::Recorded)?;
+    let mut evaluation = session.evaluation();
     let mut followed = Followed {
         rows: Vec::new(),
         half_widths: Vec::new(),
@@ -159,12 +160,12 @@ fn follow<Row>(
         volumes_mm3: Vec::new(),
         snaps: 0,
         state_s: 0.0,
-        moves: moving.has_inertia(),
+        moves: session.has_inertia(),
     };
     let (volume, mut has_snapped) = (volume_input(&model.header), false);
     for (t_ns, inputs) in trace.instants(step_ns) {
         let began = Instant::now();
-        let stepped = moving.step(t_ns, inputs, &mut evaluation)?;
+        let stepped = session.step(t_ns, inputs, &mut evaluation)?;
         followed.state_s += began.elapsed().as_secs_f64();
         followed.load_outside += usize::from(stepped.load_distance > 0.0);
         followed.restarts += usize::from(stepped.at_rest && !followed.rows.is_empty());
@@ -174,9 +175,39 @@ fn follow<Row>(
         has_snapped = evaluation.flags.snapped;
         let widths = evaluation.halfwidths;
         followed.half_widths.push([widths.displacement_mm, widths.force_n, widths.stress_mpa]);
-        followed.rows.push(row(trace.begin_s + 1e-9 * t_ns as f64, &inputs, &evaluation, &moving)?);
+        followed.rows.push(row(trace.begin_s + 1e-9 * t_ns as f64, &inputs, &evaluation, &session)?);
     }
     Ok(followed)
+}
+
+/// Follows the rows of a recording that have all inputs of a model, by the rule of [`Gaps::Recorded`]. `at_row` gets what each row came
+/// to: a row of the time of the one before has the same state. Returns how often the motion restarted at rest because it could not be
+/// continued.
+///
+/// # Errors
+/// A row that the model does not take, and those of `at_row`.
+pub fn follow_rows(
+    model: &Model,
+    times_s: &[f64],
+    inputs_of: impl Fn(usize) -> Option<Inputs>,
+    mut at_row: impl FnMut(usize, &Inputs, &Evaluation, &Session) -> Result<()>,
+) -> Result<usize> {
+    let mut session = Session::new(model, Gaps::Recorded)?;
+    let mut evaluation = session.evaluation();
+    let begin_s = times_s.first().copied().unwrap_or_default();
+    let (mut restarts, mut has_begun) = (0, false);
+    for (row, t_s) in times_s.iter().enumerate() {
+        let Some(inputs) = inputs_of(row) else { continue };
+        let t_ns = (1e9 * (t_s - begin_s)).round().max(0.0) as u64;
+        match session.step(t_ns, inputs, &mut evaluation) {
+            Ok(stepped) => restarts += usize::from(stepped.at_rest && has_begun),
+            Err(ReadingError::NotLater { .. }) => {}
+            Err(error) => return Err(error).context("the model has no answer"),
+        }
+        has_begun = true;
+        at_row(row, &inputs, &evaluation, &session)?;
+    }
+    Ok(restarts)
 }
 
 fn reconstructor(model: &Model) -> Result<Reconstructor> {
@@ -236,13 +267,13 @@ pub fn follow_measured(
     let nodes = model.header.node_count;
     let (mut fields, mut others) = (vec![0.0; reconstructor.entries()], vec![0.0; reconstructor.entries()]);
     let mut scratch = Evaluator::new(&model.header)?.evaluation();
-    let followed = follow(model, trace, step_ns, |t_s, inputs, evaluation, moving| {
+    let followed = follow(model, trace, step_ns, |t_s, inputs, evaluation, session| {
         reconstructor.reconstruct_into(evaluation, &mut fields)?;
         let value =
             |fields: &[f32], output: &MeasuredOutput| f64::from(fields[output.field * nodes + output.node]);
         let mut of_past = vec![0.0_f64; outputs.len()];
-        for inputs in moving.enclosing(inputs).into_iter().flatten() {
-            moving.evaluator().evaluate(inputs, &mut scratch);
+        for inputs in session.enclosing(inputs).into_iter().flatten() {
+            session.evaluator().evaluate(inputs, &mut scratch);
             reconstructor.reconstruct_into(&scratch, &mut others)?;
             for (of_past, output) in of_past.iter_mut().zip(&outputs) {
                 *of_past = of_past.max((value(&others, output) - value(&fields, output)).abs());

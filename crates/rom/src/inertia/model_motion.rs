@@ -145,6 +145,7 @@ impl Manifold for ModelManifold {
     }
 
     fn place(&mut self, kind: RegimeKind, inputs: &Inputs) -> Place {
+        let kind = self.regime(kind).kind;
         self.evaluator.differentiate_as(kind, *inputs, &mut self.scratch);
         let regime = self.regime(kind);
         let mut place = Place {
@@ -258,9 +259,8 @@ impl ModelMotion {
 
     /// Treats all readings as instants of one recording: inputs are straight lines between any two of them.
     /// They begin at rest.
-    pub fn as_recording(mut self) -> Self {
+    pub fn as_recording(&mut self) {
         self.motion.as_recording();
-        self
     }
 
     /// Evaluation with capacity for any state.
@@ -296,6 +296,14 @@ impl ModelMotion {
         let moved = self.motion.advance(t_ns, &self.evaluator.completed(inputs))?;
         self.evaluate(&moved, out);
         Ok(moved)
+    }
+
+    /// Refuses a reading that [`Self::advance`] does not take.
+    ///
+    /// # Errors
+    /// [`ReadingError`].
+    pub fn check(&self, t_ns: u64, inputs: &Inputs) -> Result<(), ReadingError> {
+        self.motion.check(t_ns, &self.evaluator.completed(*inputs))
     }
 
     /// The motion without evaluation; it needs all inputs of the model.

@@ -28,6 +28,10 @@ const PATH_PERIODS: f64 = 32.0;
 /// Loads of a swing that an unknown past may have left, as fractions of their training ranges.
 pub(super) const PAST_FRACTION: f64 = 0.25;
 
+/// Most inner steps between two readings of a recording, some seconds of computing. Any swing has faded after so many, so that a longer
+/// gap restarts the motion at rest.
+const MAX_STEPS: u64 = 4_000_000;
+
 /// Constants of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionSettings {
@@ -165,10 +169,12 @@ impl<M: Manifold> Motion<M> {
         &mut self.manifold
     }
 
-    /// Takes readings as instants of one recording that begins at rest: inputs are straight lines between any two, however long.
+    /// Takes readings as instants of one recording that begins at rest: inputs are straight lines between any two that are at most
+    /// [`MAX_STEPS`] inner steps apart.
     pub(super) fn as_recording(&mut self) {
         self.is_past_unknown = false;
-        (self.settings.held_after_ns, self.settings.restart_after_ns) = (u64::MAX, u64::MAX);
+        self.settings.held_after_ns = u64::MAX;
+        self.settings.restart_after_ns = MAX_STEPS.saturating_mul(self.settings.step_ns);
     }
 
     /// Forgets the motion: the next reading begins at rest.
@@ -176,19 +182,28 @@ impl<M: Manifold> Motion<M> {
         self.now = None;
     }
 
+    /// Refuses a reading that [`Self::advance`] does not take.
+    ///
+    /// # Errors
+    /// [`ReadingError`].
+    pub fn check(&self, t_ns: u64, inputs: &Inputs) -> Result<(), ReadingError> {
+        let rests = self.manifold.loads().iter().map(|load| inputs.values()[load.input]);
+        if !rests.chain([inputs.pressure_mpa()]).all(f64::is_finite) || inputs.gap_mm().is_nan() {
+            return Err(ReadingError::NotFinite { found_ns: t_ns });
+        }
+        match self.last_ns().filter(|last_ns| t_ns <= *last_ns) {
+            Some(last_ns) => Err(ReadingError::NotLater { found_ns: t_ns, last_ns }),
+            None => Ok(()),
+        }
+    }
+
     /// Moves to a reading. Allocates nothing. Cost: `O(time / step)` inner steps and one more.
     ///
     /// # Errors
     /// [`ReadingError`]; the motion is unchanged.
     pub fn advance(&mut self, t_ns: u64, inputs: &Inputs) -> Result<Moved, ReadingError> {
-        let rests = self.manifold.loads().iter().map(|load| inputs.values()[load.input]);
-        if !rests.chain([inputs.pressure_mpa()]).all(f64::is_finite) || inputs.gap_mm().is_nan() {
-            return Err(ReadingError::NotFinite { found_ns: t_ns });
-        }
+        self.check(t_ns, inputs)?;
         let Some((mut now, mut clock)) = self.now else { return Ok(self.begin(t_ns, inputs)) };
-        if t_ns <= clock.last_ns {
-            return Err(ReadingError::NotLater { found_ns: t_ns, last_ns: clock.last_ns });
-        }
         let gap_ns = t_ns - clock.last_ns;
         if gap_ns > self.settings.restart_after_ns {
             return Ok(self.begin(t_ns, inputs));

@@ -58,20 +58,22 @@ pub struct Memory {
     last_ns: Option<u64>,
 }
 
+/// Largest size of an input that is a number: sums over the blocks stay finite.
+const LARGEST: f64 = 1e100;
 const NOMINAL: usize = 0;
 const LOW: usize = 1;
 const HIGH: usize = 2;
 
 impl InputMemory {
-    /// Output at each of a run's readings, from equilibrium with the first; times in s, increasing. Over more than `max_gap_s` the last
-    /// input is held.
-    pub fn responses(&self, t_s: &[f64], values: &[f64], max_gap_s: f64) -> Vec<f64> {
+    /// Output at each of a run's readings, from equilibrium with the first; times in s, increasing. Between any two readings of a run the
+    /// input is a straight line, however long that takes.
+    pub fn responses(&self, t_s: &[f64], values: &[f64]) -> Vec<f64> {
         let mut channel: Option<Channel> = None;
         let mut last_s = f64::NAN;
         let output = |(t_s, value): (&f64, &f64)| {
             match &mut channel {
                 None => channel = Some(Channel::at_rest(self, *value, *value)),
-                Some(channel) => channel.advance(self, *value, t_s - last_s, max_gap_s),
+                Some(channel) => channel.advance(self, *value, t_s - last_s, f64::INFINITY),
             }
             last_s = *t_s;
             channel.map_or(f64::NAN, |channel| channel.output())
@@ -127,10 +129,15 @@ impl Memory {
         self.last_ns = None;
     }
 
+    /// True if all inputs with memory are numbers.
+    pub fn takes(&self, inputs: &Inputs) -> bool {
+        self.spec.inputs.iter().all(|of| inputs.values()[of.input].abs() <= LARGEST)
+    }
+
     /// Advances to a reading of the time `t_ns`. `O(blocks)`.
     pub fn advance(&mut self, t_ns: u64, inputs: &Inputs) -> Advance {
         let value = |of: &InputMemory| inputs.values()[of.input];
-        if self.spec.inputs.iter().any(|of| !value(of).is_finite()) {
+        if !self.takes(inputs) {
             return Advance::NotFinite;
         }
         let both = self.spec.inputs.iter().zip(&mut self.channels).zip(&mut self.open_creeps);

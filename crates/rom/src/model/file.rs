@@ -32,6 +32,8 @@ use thiserror::Error;
 pub const MAGIC: [u8; 8] = *b"SOFTTWIN";
 /// Version of the layout.
 pub const VERSION: u32 = 1;
+/// Largest model file: 4 GiB.
+pub const MAX_MODEL_BYTES: u64 = 4 << 30;
 const ALIGN: usize = 64;
 const TRAILER: u64 = 32;
 
@@ -58,6 +60,9 @@ pub enum ModelFileError {
     /// Shorter than it says.
     #[error("the model file is truncated: {what} needs {expected} bytes, found {found}; copy it again")]
     Truncated { what: String, expected: u64, found: u64 },
+    /// Longer than any model.
+    #[error("expected a model file of at most {MAX_MODEL_BYTES} bytes, found {found}")]
+    TooLarge { found: u64 },
     /// A checksum does not match.
     #[error("the model file is damaged: {what} has blake3 {found}, expected {expected}; copy it again")]
     Damaged { what: String, expected: String, found: String },
@@ -240,12 +245,16 @@ pub struct ModelReader<R> {
     reader: R,
     header: FileHeader<ModelHeader>,
     data_start: u64,
+    hash: [u8; TRAILER as usize],
 }
 
 impl<R: Read + Seek> ModelReader<R> {
-    /// Reads and checks preamble and header. Never allocates more than the file is long.
+    /// Reads and checks preamble and header. Never allocates more than the file is long, which is at most [`MAX_MODEL_BYTES`].
     pub fn open(mut reader: R) -> Result<Self, ModelFileError> {
         let length = reader.seek(SeekFrom::End(0))?;
+        if length > MAX_MODEL_BYTES {
+            return Err(ModelFileError::TooLarge { found: length });
+        }
         reader.seek(SeekFrom::Start(0))?;
         let mut preamble = [0; ALIGN];
         let available = (ALIGN as u64).min(length) as usize;
@@ -282,7 +291,10 @@ impl<R: Read + Seek> ModelReader<R> {
             let needed = block.bytes.saturating_add(block.offset).saturating_add(data_start + TRAILER);
             fits(&format!("block {:?}", block.kind), needed, length)?;
         }
-        let mut opened = Self { reader, header, data_start };
+        let mut hash = [0; TRAILER as usize];
+        reader.seek(SeekFrom::Start(length - TRAILER))?; // `fits` saw that the trailer fits
+        reader.read_exact(&mut hash)?;
+        let mut opened = Self { reader, header, data_start, hash };
         opened.read_differences()?;
         Ok(opened)
     }
@@ -306,6 +318,11 @@ impl<R: Read + Seek> ModelReader<R> {
             regime.difference = Some(difference);
         }
         self.header.model.check().map_err(ModelFileError::Header)
+    }
+
+    /// The hash at the file's end, whose first half is in the headers of its fields.
+    pub fn hash(&self) -> [u8; 32] {
+        self.hash
     }
 
     /// The model's header.

@@ -6,7 +6,7 @@ mod file;
 mod header;
 mod selection;
 
-pub use file::{BlockEntry, Encoding, MAGIC, ModelFileError, ModelReader, VERSION};
+pub use file::{BlockEntry, Encoding, MAGIC, MAX_MODEL_BYTES, ModelFileError, ModelReader, VERSION};
 pub use header::{
     BlockData, BlockKind, Clearance, FarOnset, ForceModel, GroupModel, Model, ModelHeader, OutputField,
     RegimeModel, modes_within, truncation_error,

@@ -2,9 +2,9 @@
 
 use crate::bench::{self, inputs_at, match_inputs};
 use crate::failure::{configuration, unexplained};
+use crate::motion::follow_rows;
 use crate::{files, memory_report, output};
 use formats::log::{Recording, Series};
-use rom::memory::Memory;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 use train::measured::{
@@ -145,16 +145,14 @@ impl Args {
         let mut runs = Vec::new();
         for recording in recordings {
             let places = match_inputs(&model.header, recording, &mut remarks).map_err(configuration)?;
-            let mut memory = Memory::of(&model)?;
-            let begin_s = recording.time_s.first().copied().unwrap_or_default();
-            let state = |row: usize| {
-                let inputs = inputs_at(&places, recording, row)?;
-                let Some(memory) = &mut memory else { return Some(inputs) };
-                memory.advance((1e9 * (recording.time_s[row] - begin_s)).round().max(0.0) as u64, &inputs);
-                Some(memory.effective(&inputs))
-            };
+            let mut states = vec![None; recording.time_s.len()];
+            let inputs_of = |row: usize| inputs_at(&places, recording, row);
+            follow_rows(&model, &recording.time_s, inputs_of, |row, _, evaluation, _| {
+                states[row] = Some(evaluation.inputs);
+                Ok(())
+            })?;
             runs.push(MeasuredStates {
-                states: (0..recording.time_s.len()).map(state).collect(),
+                states,
                 outputs: recording.outputs.iter().map(|series| series.values.clone()).collect(),
             });
         }

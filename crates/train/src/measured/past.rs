@@ -32,11 +32,7 @@ pub fn learn_with_memory(actuator: &str, data: &Measured) -> Result<(Learned, Id
     };
     let behind = |run: &Run| Run {
         time_s: run.time_s.clone(),
-        inputs: spec
-            .inputs
-            .iter()
-            .map(|of| of.responses(&run.time_s, &run.inputs[of.input], spec.max_gap_s))
-            .collect(),
+        inputs: spec.inputs.iter().map(|of| of.responses(&run.time_s, &run.inputs[of.input])).collect(),
         outputs: run.outputs.clone(),
     };
     let behind =

@@ -93,7 +93,7 @@ impl<'a> Problem<'a> {
                 .iter()
                 .map(|run| match blocks.is_empty() {
                     true => run.inputs[input].clone(),
-                    false => of.responses(&run.time_s, &run.inputs[input], self.max_gap_s),
+                    false => of.responses(&run.time_s, &run.inputs[input]),
                 })
                 .collect();
             self.rows.iter().map(|(run, row)| runs[*run][*row]).collect()

@@ -3,6 +3,7 @@
 use super::subject::Subject;
 use crate::bench::{inputs_at, range};
 use crate::load::LoadedModel;
+use crate::motion::follow_rows;
 use crate::picture::camera::Camera;
 use crate::picture::canvas::Canvas;
 use crate::picture::colour::ColourMap;
@@ -13,9 +14,8 @@ use crate::picture::skin::{Body, marker_mm};
 use crate::picture::theme::ThemeName;
 use crate::picture::visible::visible_facets;
 use formats::log::Recording;
-use rom::memory::Memory;
 use rom::model::{BlockKind, Model, Selection};
-use rom::model_state::ModelState;
+use rom::reconstructor::Reconstructor;
 use rom::snapshots::FieldKind;
 
 /// Fractions of the range of the input that moves most.
@@ -55,7 +55,8 @@ fn marker(name: &str) -> Option<&str> {
 /// The nearest rows to the wanted times, or the default ones.
 fn rows(recording: &Recording, places: &[Option<usize>], at_s: &[f64]) -> Vec<usize> {
     let nearest = |distance: &dyn Fn(usize) -> f64| {
-        let all = (0..recording.time_s.len()).filter(|row| distance(*row).is_finite());
+        let has_inputs = |row: usize| inputs_at(places, recording, row).is_some();
+        let all = (0..recording.time_s.len()).filter(|row| distance(*row).is_finite() && has_inputs(*row));
         all.min_by(|a, b| distance(*a).total_cmp(&distance(*b)))
     };
     if !at_s.is_empty() {
@@ -86,33 +87,18 @@ pub fn picture(
     let rest: Vec<[f32; 3]> =
         (0..undeformed[0].len()).map(|node| undeformed.map(|axis| axis[node])).collect();
     let facets = visible_facets(&rest, &LoadedModel::facets_of(model));
-    let mut state = ModelState::new(model, &Selection::default())?;
-    let (mut memory, mut next) = (Memory::of(model)?, 0);
-    let mut wanted = rows(recording, places, at_s);
-    wanted.sort_unstable();
+    let reconstructor = Reconstructor::new(model, &Selection::default())?;
+    let mut fields = vec![0.0; reconstructor.entries()];
+    let wanted = rows(recording, places, at_s);
     let mut drawn: Vec<(Body, Vec<Block>, String)> = Vec::new();
-    for row in wanted {
-        let mut effective = None;
-        // Memory sees every reading on the way.
-        for row in next..=row {
-            let Some(inputs) = inputs_at(places, recording, row).map(|inputs| subject.unbiased(inputs))
-            else {
-                continue;
-            };
-            effective = Some(match &mut memory {
-                Some(memory) => {
-                    let t_s = recording.time_s[row] - recording.time_s[0];
-                    memory.advance((1e9 * t_s).round().max(0.0) as u64, &inputs);
-                    memory.effective(&inputs)
-                }
-                None => inputs,
-            });
+    let inputs_of = |row: usize| inputs_at(places, recording, row).map(|inputs| subject.unbiased(inputs));
+    follow_rows(model, &recording.time_s, inputs_of, |row, _, evaluation, _| {
+        if !wanted.contains(&row) {
+            return Ok(());
         }
-        next = row + 1;
-        let Some(inputs) = effective else { continue };
-        state.update(inputs)?;
+        reconstructor.reconstruct_into(evaluation, &mut fields)?;
         let count = model.header.node_count;
-        let place = |node: usize| columns.map(|column| state.fields()[column * count + node]);
+        let place = |node: usize| columns.map(|column| fields[column * count + node]);
         let nodes: Vec<[f32; 3]> = (0..count).map(place).collect();
         let moved = |(to, from): (&[f32; 3], &[f32; 3])| {
             to.iter().zip(from).map(|(to, from)| (to - from) * (to - from)).sum::<f32>().sqrt()
@@ -132,7 +118,8 @@ pub fn picture(
             Body { nodes_mm: nodes, facets: facets.clone(), values }
         };
         drawn.push((body, blocks, format!("{:.2} s", recording.time_s[row])));
-    }
+        Ok(())
+    })?;
     if drawn.is_empty() {
         return Ok(None);
     }

@@ -5,15 +5,14 @@ mod subject;
 
 use crate::bench::{self, confusion, inputs_at, line, match_inputs, panel, range};
 use crate::failure::configuration;
+use crate::motion::follow_rows;
 use crate::picture::{Figure, Mark};
 use crate::{files, output};
 use anyhow::Context;
 use formats::log::Recording;
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
-use rom::inertia::stepper::ReadingError;
 use rom::model::{BlockKind, Model, Selection};
-use rom::moving::Moving;
 use rom::observable::Observables;
 use rom::reconstructor::Reconstructor;
 use rom::snapshots::FieldKind;
@@ -225,8 +224,7 @@ fn compare(
             sets.join(", ")
         )));
     }
-    let mut moving = Moving::new(model)?;
-    let (mut evaluation, mut scratch) = (moving.evaluation(), Evaluator::new(&model.header)?.evaluation());
+    let mut scratch = Evaluator::new(&model.header)?.evaluation();
     let reconstructor = Reconstructor::new(model, &Selection::default())?;
     let mut fields = vec![0.0; reconstructor.entries()];
     let nodes = model.header.node_count;
@@ -253,32 +251,27 @@ fn compare(
             }
         }
     };
-    let begin_s = recording.time_s.first().copied().unwrap_or_default();
-    for row in 0..recording.time_s.len() {
-        let Some(inputs) = inputs_at(places, recording, row).map(|inputs| subject.unbiased(inputs)) else {
-            continue;
-        };
-        let t_ns = (1e9 * (recording.time_s[row] - begin_s)).round().max(0.0) as u64;
-        match moving.step(t_ns, inputs, &mut evaluation) {
-            // A row of the time of the one before has the same state.
-            Ok(_) | Err(ReadingError::NotLater { .. }) => {}
-            Err(error) => return Err(error).context("the model has no answer"),
-        }
+    let inputs_of = |row: usize| inputs_at(places, recording, row).map(|inputs| subject.unbiased(inputs));
+    let restarts = follow_rows(model, &recording.time_s, inputs_of, |row, inputs, evaluation, session| {
         let mut enclosing: Vec<Vec<f64>> = Vec::new();
         // Half-widths of other models contain the past.
-        let pasts = moving.enclosing(&inputs).filter(|_| model.is_measured());
+        let pasts = session.enclosing(inputs).filter(|_| model.is_measured());
         for inputs in pasts.into_iter().flatten() {
-            moving.evaluator().evaluate(inputs, &mut scratch);
+            session.evaluator().evaluate(inputs, &mut scratch);
             reconstructor.reconstruct_into(&scratch, &mut fields).context("the model has no answer")?;
             enclosing.push(origins.iter().map(|origin| answer(&scratch, &fields, origin).0).collect());
         }
-        reconstructor.reconstruct_into(&evaluation, &mut fields).context("the model has no answer")?;
+        reconstructor.reconstruct_into(evaluation, &mut fields).context("the model has no answer")?;
         outside += usize::from(evaluation.flags.extrapolated);
         for (at, (output, origin)) in outputs.iter_mut().zip(&origins).enumerate() {
-            let (value, width) = answer(&evaluation, &fields, origin);
+            let (value, width) = answer(evaluation, &fields, origin);
             let of_past = enclosing.iter().map(|values| (values[at] - value).abs()).fold(0.0, f64::max);
             (output.predicted[row], output.half_width[row]) = (value, width.hypot(of_past));
         }
+        Ok(())
+    })?;
+    if restarts > 0 {
+        remarks.push(format!("the motion could not be continued and restarted at rest {restarts} times"));
     }
     if outside > 0 {
         remarks.push(format!("{outside} rows are outside the model's training range"));
