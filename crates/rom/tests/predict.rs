@@ -179,12 +179,13 @@ fn state_and_complete_are_bit_identical_to_evaluate() {
 /// A regime that was not trained has no coefficients, whatever the evaluation held before.
 #[test]
 fn states_of_an_untrained_regime_have_no_coefficients() {
+    type Call<'a> = &'a dyn Fn(Inputs, &mut Evaluation);
     let mut header = model().header.clone();
     header.regimes.retain(|regime| regime.kind == RegimeKind::Free);
     let evaluator = Evaluator::new(&header).expect("consistent");
     let (free, contact) = (Inputs::new(0.02, f64::INFINITY), Inputs::new(0.06, 20.0));
     let mut out = evaluator.evaluation();
-    let calls: [&dyn Fn(Inputs, &mut Evaluation); 3] = [
+    let calls: [Call<'_>; 3] = [
         &|inputs, out| evaluator.evaluate(inputs, out),
         &|inputs, out| evaluator.differentiate(inputs, out),
         &|inputs, out| evaluator.differentiate_near(inputs, &mut LastOnset::default(), out),
