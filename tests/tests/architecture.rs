@@ -1,4 +1,4 @@
-//! Rules that the compiler does not check: which crate may use which, no circles of files, lengths of files, reasons to skip.
+//! Rules that the compiler does not check: which crate may use which, no circles of files, reasons to skip.
 
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
@@ -208,7 +208,6 @@ fn files_of_a_crate_form_no_circle() {
 const SOURCES: [&str; 4] = ["rs", "sh", "py", "toml"];
 /// Folders of results.
 const RESULTS: [&str; 3] = ["target", "build", ".git"];
-const MAX_LINES: usize = 600;
 
 /// Text of every source file, by its path.
 fn sources(folder: &Path, found: &mut Vec<(PathBuf, String)>) {
@@ -229,17 +228,6 @@ fn all_sources() -> Vec<(PathBuf, String)> {
     sources(&root(), &mut found);
     assert!(found.len() > 100, "only {} source files were found", found.len());
     found
-}
-
-#[test]
-fn source_files_have_at_most_600_lines() {
-    let long: Vec<String> = all_sources()
-        .iter()
-        .map(|(path, text)| (path, text.lines().count()))
-        .filter(|(_, lines)| *lines > MAX_LINES)
-        .map(|(path, lines)| format!("{}: {lines} lines", path.display()))
-        .collect();
-    assert!(long.is_empty(), "longer than {MAX_LINES} lines: {long:#?}");
 }
 
 #[test]
