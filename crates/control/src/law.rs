@@ -103,6 +103,8 @@ struct Search {
     slope: f64,
 }
 
+/// Longest time of one control cycle, s: after a longer pause the control starts again.
+pub const LONGEST_S: f64 = 0.1;
 /// Largest distance of a search's start from the end of the last one, MPa: a slope holds only nearby.
 const MAX_MOVE_MPA: f64 = 0.002;
 /// Part of the line's slope that the path uses: the rest is for play and correction.
@@ -229,17 +231,18 @@ impl<M: Model> Controller<M> {
         }
     }
 
-    /// The command for targets by the time ahead in s, `dt_s` after the last cycle. A reading that is not finite changes nothing, and the last
-    /// command stands.
+    /// The command for targets by the time ahead in s, `dt_s` after the last cycle. After more than [`LONGEST_S`] nobody knows what the valve did
+    /// meanwhile, and the control starts again. A reading that is not finite changes nothing, and the last command stands.
     pub fn update(&mut self, targets: &dyn Fn(f64) -> Target, reading: Reading, dt_s: f64) -> Cycle {
         let (target, reading) = (targets(self.settings.lead_s()), self.used(reading));
         let inputs = [reading.pressure_mpa, reading.gap_mm, target.value, target.rate, dt_s];
         if self.fault.is_some() || inputs.iter().any(|value| !value.is_finite()) || dt_s < 0.0 {
             return self.cycle(target.value, f64::NAN, Limited::default());
         }
-        if !self.is_started {
+        if !self.is_started || dt_s > LONGEST_S {
             self.start(reading);
         }
+        let dt_s = dt_s.min(LONGEST_S);
         let mut limited = Limited::default();
         let followed = self.followed(reading);
         let (wanted, by_force) = self.within(target);
@@ -406,6 +409,7 @@ impl<M: Model> Controller<M> {
         let has_value = self.quantity == Quantity::Observable || reading.measured >= self.limits.contact_n;
         let signs = Signs {
             gauge_mpa: [written_mpa - self.bias_mpa, self.expected_mpa, reading.pressure_mpa],
+            bias_mpa: self.bias_mpa,
             quantity_mpa: [
                 Some(behind_mpa),
                 error_mpa.filter(|_| has_value).map(|error_mpa| behind_mpa - error_mpa),

@@ -6,7 +6,7 @@ use serde::Serialize;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Fault {
-    /// The gauge does not follow what the valve was given: supply gone, tube off, valve stuck.
+    /// The gauge does not follow what the valve was given: supply gone, tube off, valve stuck, gauge frozen.
     NoResponse,
     /// The quantity moves against its model: sign of a sensor, of an axis, or another actuator.
     OppositeSign,
@@ -30,7 +30,7 @@ impl Fault {
     /// Cause and remedy.
     pub fn advice(self) -> &'static str {
         match self {
-            Self::NoResponse => "the gauge does not follow the valve: look at supply, tube and valve",
+            Self::NoResponse => "the gauge does not follow the valve: look at supply, tube, valve and gauge",
             Self::OppositeSign => {
                 "the quantity moves against its model: look at the sign of the sensor and at the camera's frame"
             }
@@ -47,6 +47,8 @@ impl Fault {
 pub(crate) struct Signs {
     /// Written pressure, the gauge as expected from it, and as read, MPa.
     pub(crate) gauge_mpa: [f64; 3],
+    /// Correction of the valve's error that the first two of these are without, MPa.
+    pub(crate) bias_mpa: f64,
     /// Pressure behind the play, and the one at which the model has the measured value; `None` where that says nothing, MPa.
     pub(crate) quantity_mpa: [Option<f64>; 2],
     /// The correction is at its largest.
@@ -59,6 +61,9 @@ pub(crate) struct Signs {
 const APART_MPA: f64 = 5e-3;
 /// Least such movement towards the written pressure, relative to the last `MEMORY_S`, MPa.
 const MOVED_MPA: f64 = 5e-4;
+/// Movement of what was written from which a gauge that shows the same value all the time is frozen, MPa. The sign above misses that where the
+/// pressure swings around the frozen value, and where the slow correction of the valve's error takes the difference for its own.
+const FROZEN_MPA: f64 = 1e-2;
 /// Movement behind the play from which the quantity has to follow, MPa.
 const DRIVEN_MPA: f64 = 3e-3;
 /// Part of it that counts as the opposite direction.
@@ -84,10 +89,34 @@ impl Movement {
     }
 }
 
+/// Lowest and highest pressure that the gauge should have shown since it last moved.
+#[derive(Debug, Clone, Copy)]
+struct Still {
+    read_mpa: f64,
+    should_mpa: [f64; 2],
+}
+
+impl Still {
+    const UNKNOWN: Self = Self { read_mpa: f64::NAN, should_mpa: [f64::NAN; 2] };
+
+    /// The width of that range, MPa.
+    fn step(&mut self, read_mpa: f64, should_mpa: f64) -> f64 {
+        let is_still = (read_mpa - self.read_mpa).abs() < MOVED_MPA;
+        if is_still {
+            let [low, high] = self.should_mpa;
+            self.should_mpa = [low.min(should_mpa), high.max(should_mpa)];
+        } else {
+            *self = Self { read_mpa, should_mpa: [should_mpa; 2] };
+        }
+        self.should_mpa[1] - self.should_mpa[0]
+    }
+}
+
 /// Movements and how long each sign lasts.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Monitor {
     gauge: Movement,
+    still: Still,
     quantity: [Movement; 2],
     since_s: [f64; 4],
     /// Gauge minus its mean over the last `MEMORY_S`, MPa.
@@ -97,7 +126,13 @@ pub(crate) struct Monitor {
 impl Monitor {
     pub(crate) fn new() -> Self {
         let unknown = Movement { mean: f64::NAN };
-        Self { gauge: unknown, quantity: [unknown; 2], since_s: [0.0; 4], gauge_moved_mpa: 0.0 }
+        Self {
+            gauge: unknown,
+            still: Still::UNKNOWN,
+            quantity: [unknown; 2],
+            since_s: [0.0; 4],
+            gauge_moved_mpa: 0.0,
+        }
     }
 
     /// The first fault whose sign has lasted long enough.
@@ -117,8 +152,9 @@ impl Monitor {
                 false
             }
         };
-        let is_there =
-            [apart_mpa > APART_MPA && moved_mpa < MOVED_MPA, opposite, signs.is_at_limit, signs.is_missing];
+        let is_frozen = self.still.step(read_mpa, expected_mpa + signs.bias_mpa) > FROZEN_MPA;
+        let is_away = apart_mpa > APART_MPA && moved_mpa < MOVED_MPA;
+        let is_there = [is_frozen || is_away, opposite, signs.is_at_limit, signs.is_missing];
         for (since_s, is_there) in self.since_s.iter_mut().zip(is_there) {
             *since_s = if is_there { *since_s + dt_s } else { 0.0 };
         }

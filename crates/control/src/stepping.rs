@@ -5,9 +5,6 @@ use crate::law::{Controller, Cycle, Reading, Target};
 use crate::twin_model::TwinModel;
 use rom::model::Model;
 
-/// Longest time of one control cycle, s.
-pub const LONGEST_S: f64 = 0.1;
-
 /// A controller with the time of its last reading.
 #[derive(Debug)]
 pub struct Stepping {
@@ -64,7 +61,7 @@ impl Stepping {
         self.last_ns = Some(t_ns);
         let targets =
             |ahead_s: f64| Target { value: target.value + target.rate * ahead_s, rate: target.rate };
-        Ok(self.controller.update(&targets, reading, (elapsed_ns as f64 * 1e-9).min(LONGEST_S)))
+        Ok(self.controller.update(&targets, reading, elapsed_ns as f64 * 1e-9))
     }
 
     /// The controller: to start it where the valve does not follow, to release a fault, to set the model's inputs.

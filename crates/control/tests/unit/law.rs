@@ -181,6 +181,42 @@ fn start_continues_from_the_present_pressure() {
 }
 
 #[test]
+fn after_a_long_pause_the_control_starts_again_where_the_actuator_is() {
+    for law in LAWS {
+        let mut law = of_law(law, Quantity::Force, Limits::default());
+        for _ in 0..100 {
+            law.update(&|_| Target::step(0.3), reading(0.04, 0.3), DT_S);
+        }
+        // The valve has closed meanwhile.
+        let next = law.update(&|_| Target::step(0.3), reading(0.0, 0.0), 2.0 * LONGEST_S);
+        let mut fresh = controller(Quantity::Force);
+        let first = fresh.update(&|_| Target::step(0.3), reading(0.0, 0.0), LONGEST_S);
+        assert!((next.reference_mpa - first.reference_mpa).abs() < 1e-9, "{next:?} {first:?}");
+    }
+}
+
+#[test]
+fn frozen_gauge_is_flagged_while_the_pressure_swings_around_it_or_creeps_away() {
+    let settings = Settings { gauge_at: GaugeAt::Valve, ..Settings::default() };
+    // A swing that is near the frozen value every quarter of a second, and a ramp that the correction of the valve's error follows.
+    let swing = |time_s: f64| 0.04 + 0.015 * (std::f64::consts::TAU * 2.0 * time_s).sin();
+    let ramp = |time_s: f64| 0.04 + 0.0005 * time_s;
+    let shapes: [(&dyn Fn(f64) -> f64, f64); 2] = [(&swing, 2.0), (&ramp, 25.0)];
+    for (written_mpa, within_s) in shapes {
+        for is_frozen in [true, false] {
+            let mut law = Controller::new(MODEL, Quantity::Pressure, settings.clone(), Limits::default());
+            let fault = (1..(within_s / DT_S) as u32).find_map(|cycle| {
+                let written_mpa = written_mpa(f64::from(cycle) * DT_S);
+                let shown_mpa = if is_frozen { 0.04 } else { written_mpa };
+                let reading = Reading { written_mpa, ..reading(shown_mpa, f64::NAN) };
+                law.update(&|_| Target::step(written_mpa), reading, DT_S).fault
+            });
+            assert_eq!(fault, is_frozen.then_some(Fault::NoResponse));
+        }
+    }
+}
+
+#[test]
 fn target_beyond_the_range_is_left_at_once() {
     let limits = Limits { range_mpa: [0.0, 0.03], ..Limits::default() };
     let law = Controller::new(MODEL, Quantity::Force, settings(), limits);

@@ -9,6 +9,8 @@ use wire::{Setpoint, State};
 
 /// A setpoint that is stamped later than now by more than this is not one of this machine's clock (ns).
 const AHEAD_NS: u64 = 100_000_000;
+/// A release that is older than this was meant for a state that the operator no longer sees (ns).
+const RELEASE_MAX_AGE_NS: u64 = 1_000_000_000;
 
 /// Value to be written, with its reason.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,7 +42,11 @@ pub struct Governor {
     /// Last known pressure of the device, and its time.
     last_mpa: f64,
     last_ns: u64,
+    /// After a longer pause the device may have closed by its own time-out.
+    silence_max_ns: u64,
     trip: Arc<Trip>,
+    /// Run, number and stamp of the last release: each counts once, when it is first seen.
+    released: (u64, u64, u64),
 }
 
 /// The latch of the force interlock, one for all valves of an actuator.
@@ -66,7 +72,9 @@ impl Governor {
             stop_on_mismatch: spec.stop_on_mismatch,
             last_mpa: spec.safe_mpa,
             last_ns: now_ns,
+            silence_max_ns: ns(spec.silence_max_ms()),
             trip,
+            released: (0, 0, 0),
         }
     }
 
@@ -79,6 +87,7 @@ impl Governor {
         operator: Option<&Setpoint>,
         state: Option<&State>,
     ) -> Decision {
+        self.forget_after_silence(now_ns);
         let setpoint = setpoint.filter(|setpoint| is_wanted(setpoint, now_ns));
         let interlock = self.interlocks(now_ns, operator, state);
         let operator = operator.filter(|operator| {
@@ -106,6 +115,14 @@ impl Governor {
         Decision { pressure_mpa, wanted_mpa, reason, interlock, limit }
     }
 
+    /// After a pause (a stopped or starved bridge) the device may be at its safe value. The way up begins there, and the pause itself grants
+    /// no step.
+    fn forget_after_silence(&mut self, now_ns: u64) {
+        if now_ns.saturating_sub(self.last_ns) > self.silence_max_ns {
+            (self.last_mpa, self.last_ns) = (self.safe_mpa, now_ns);
+        }
+    }
+
     /// The device did not confirm: its own time-out closes it, so the way up begins at the safe value.
     pub fn failed(&mut self) {
         self.last_mpa = self.safe_mpa;
@@ -123,7 +140,7 @@ impl Governor {
     }
 
     fn interlocks(&mut self, now_ns: u64, operator: Option<&Setpoint>, state: Option<&State>) -> u32 {
-        self.release_trip(operator);
+        self.release_trip(now_ns, operator);
         let Some(state) = state.filter(|state| state.flags & flags::NO_DATA == 0) else {
             return valve_interlock::NO_STATE | self.latched();
         };
@@ -149,11 +166,17 @@ impl Governor {
         if self.trip.ns.load(Ordering::Relaxed) != 0 { valve_interlock::FORCE } else { 0 }
     }
 
-    /// A release by the operator that was sent after the trip.
-    fn release_trip(&mut self, operator: Option<&Setpoint>) {
+    /// A release that the operator has sent after the trip and just now. A stamp in the future is of another clock, and would be later than every
+    /// trip to come.
+    fn release_trip(&mut self, now_ns: u64, operator: Option<&Setpoint>) {
         let Some(operator) = operator.filter(|operator| operator.pressure_mpa.is_nan()) else { return };
+        let release = (operator.boot_id, operator.seq, operator.t_publish_ns);
+        if std::mem::replace(&mut self.released, release) == release {
+            return;
+        }
+        let is_of_now = operator.t_publish_ns <= now_ns && age_ns(operator, now_ns) <= RELEASE_MAX_AGE_NS;
         let tripped_ns = self.trip.ns.load(Ordering::Relaxed);
-        if operator.t_publish_ns > tripped_ns {
+        if is_of_now && operator.t_publish_ns > tripped_ns {
             // A trip by another valve in between stays.
             let _stays = self.trip.ns.compare_exchange(tripped_ns, 0, Ordering::Relaxed, Ordering::Relaxed);
         }

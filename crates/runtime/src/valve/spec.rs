@@ -65,13 +65,22 @@ pub struct ModbusValve {
 }
 
 /// The register that sets after which silence the device closes by itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WatchdogSpec {
     /// Address of the holding register, in the unit of the value.
     pub register: u16,
-    /// Value to be written, in the device's unit (usually ms).
+    /// Value to be written.
     pub raw: u16,
+    /// Milliseconds of one step of `raw`.
+    #[serde(default = "one")]
+    pub scale_ms: f64,
+}
+
+impl WatchdogSpec {
+    fn ms(&self) -> f64 {
+        f64::from(self.raw) * self.scale_ms
+    }
 }
 
 /// Lines of text.
@@ -132,6 +141,9 @@ fn usual_age() -> f64 {
 fn usual_timeout() -> f64 {
     30.0
 }
+fn one() -> f64 {
+    1.0
+}
 fn yes() -> bool {
     true
 }
@@ -141,6 +153,10 @@ fn three() -> usize {
 fn iio_root() -> PathBuf {
     "/sys/bus/iio/devices".into()
 }
+
+/// Periods without a write from which on the device counts as silent, and the least of them in its own time-out.
+const SILENT_PERIODS: f64 = 4.0;
+const WATCHDOG_PERIODS: f64 = 3.0;
 
 impl ValveSpec {
     /// Key of the valve of a cavity in its actuator's part of the scene; `None`: that of `pressure_mpa`.
@@ -166,6 +182,14 @@ impl ValveSpec {
         }
         if let Some(modbus) = &self.modbus {
             modbus.problems(self.range_mpa, &mut problems.part("modbus"));
+            if let Some(watchdog) = &modbus.watchdog {
+                let least_ms = WATCHDOG_PERIODS * 1e3 / self.write_hz;
+                let fits = watchdog.scale_ms.is_finite() && watchdog.ms() >= least_ms;
+                let expected = format!(
+                    "raw x scale_ms of at least {least_ms} ms ({WATCHDOG_PERIODS} periods of write_hz)"
+                );
+                problems.expect(fits, "modbus.watchdog", &expected, format_args!("{} ms", watchdog.ms()));
+            }
         }
         if let Some(lines) = &self.lines {
             lines.problems(&mut problems.part("lines"));
@@ -173,6 +197,20 @@ impl ValveSpec {
         if let Some(iio) = &self.iio {
             iio.problems(self.range_mpa, &mut problems.part("iio"));
         }
+    }
+
+    /// Longest time between two writes after which the device surely still has the value of the first, ms: a few periods and the wait for one
+    /// answer, and a period less than the device's own time-out.
+    pub(super) fn silence_max_ms(&self) -> f64 {
+        let period_ms = 1e3 / self.write_hz;
+        let answer_ms = match (&self.modbus, &self.lines) {
+            (Some(modbus), _) => modbus.timeout_ms,
+            (None, Some(lines)) => lines.timeout_ms,
+            (None, None) => 0.0,
+        };
+        let usual_ms = SILENT_PERIODS * period_ms + answer_ms;
+        let watchdog = self.modbus.as_ref().and_then(|modbus| modbus.watchdog);
+        watchdog.map_or(usual_ms, |watchdog| usual_ms.min(watchdog.ms() - period_ms))
     }
 
     /// Whether the bridge sets the device's own time-out, which closes the valve while the bridge is stopped.

@@ -86,8 +86,69 @@ fn force_trip_stays_until_the_operator_releases_it() {
         valve_reason::INTERLOCK,
         "an earlier release"
     );
-    assert_eq!(decide(another_run, Some(release(NOW + 1)), 0.6), valve_reason::INTERLOCK, "still beyond");
-    assert_eq!(decide(another_run, Some(release(NOW + 1)), 0.0), valve_reason::FOLLOWING);
+    assert_eq!(decide(another_run, Some(release(NOW)), 0.6), valve_reason::INTERLOCK, "still beyond");
+    assert_eq!(
+        decide(another_run, Some(release(NOW)), 0.0),
+        valve_reason::INTERLOCK,
+        "that release is used up"
+    );
+}
+
+#[test]
+fn release_counts_once_and_only_with_a_stamp_of_now() {
+    let is_open_after = |release_ns: u64, seen_ns: u64| {
+        let mut governor = governor("force_max_n = 0.5");
+        let mut decide = |at_ns: u64, operator: Option<Setpoint>, force_n: f64| {
+            let setpoint = Setpoint { t_publish_ns: at_ns, ..wants(0.05, 0) };
+            let state = State { t_sensor_ns: at_ns, ..fresh(force_n) };
+            governor.decide(at_ns, Some(&setpoint), operator.as_ref(), Some(&state)).reason
+        };
+        assert_eq!(decide(NOW, None, 0.6), valve_reason::INTERLOCK);
+        let release = Setpoint { t_publish_ns: release_ns, ..wants(f64::NAN, 0) };
+        let is_open = decide(seen_ns, Some(release), 0.0) == valve_reason::FOLLOWING;
+        // The next trip stays, though the same release is still what the topic has.
+        assert_eq!(decide(seen_ns + 10 * MS, Some(release), 0.6), valve_reason::INTERLOCK);
+        assert_eq!(decide(seen_ns + 20 * MS, Some(release), 0.0), valve_reason::INTERLOCK);
+        is_open
+    };
+    let seen_ns = NOW + 50 * MS;
+    assert!(is_open_after(seen_ns - MS, seen_ns) && is_open_after(seen_ns, seen_ns));
+    for future_ns in [seen_ns + 1, seen_ns + 15 * MS, u64::MAX] {
+        assert!(!is_open_after(future_ns, seen_ns), "{future_ns}");
+    }
+    assert!(!is_open_after(NOW + 1, NOW + 2000 * MS), "an operator of seconds ago did not see this");
+}
+
+#[test]
+fn after_a_pause_the_way_up_begins_at_the_safe_value() {
+    let modbus = |watchdog: &str| {
+        format!(
+            "rate_mpa_per_s = 0.5\nwrite_hz = 100.0\n[modbus]\ntcp = \"a:1\"\ntimeout_ms = 30.0\n\
+             value = {{ from = {{ unit_id = 1, register = 1 }} }}\n{watchdog}"
+        )
+    };
+    // Four periods and one answer; with a time-out of the device, a period less than that.
+    for (watchdog, longest_ms) in [("", 70), ("watchdog = { register = 2, raw = 5, scale_ms = 10.0 }", 40)] {
+        let mut governor = governor(&modbus(watchdog));
+        let mut decide = |at_ms: u64| {
+            let at_ns = NOW + at_ms * MS;
+            let operator = Setpoint { t_publish_ns: at_ns, valid_for_ns: 0, ..wants(0.08, 0) };
+            governor.decide(at_ns, None, Some(&operator), None).pressure_mpa
+        };
+        let (mut at_ms, mut before) = (0, 0.0);
+        for dt_ms in [10, longest_ms] {
+            at_ms += dt_ms;
+            let written = decide(at_ms);
+            assert!((written - before - 0.5e-3 * dt_ms as f64).abs() < 1e-12, "{written} at {at_ms} ms");
+            before = written;
+        }
+        for pause_ms in [longest_ms + 1, 500] {
+            at_ms += pause_ms;
+            assert_eq!(decide(at_ms), 0.0, "after {pause_ms} ms");
+            at_ms += 10;
+            assert!((decide(at_ms) - 0.005).abs() < 1e-12);
+        }
+    }
 }
 
 #[test]
@@ -95,7 +156,10 @@ fn the_operator_wins_until_released() {
     let mut governor = governor("");
     let operator = Setpoint { valid_for_ns: 0, ..wants(0.02, 0) };
     let (stale, later) = (State { t_sensor_ns: 0, ..fresh(0.1) }, NOW + 3600 * 1000 * MS);
-    let found = governor.decide(later, Some(&wants(0.05, 0)), Some(&operator), Some(&stale));
+    let mut decide = |at_ns| governor.decide(at_ns, Some(&wants(0.05, 0)), Some(&operator), Some(&stale));
+    // The first write after that pause is the safe value.
+    assert_eq!(decide(later - MS).pressure_mpa, 0.0);
+    let found = decide(later);
     assert_eq!((found.reason, found.pressure_mpa), (valve_reason::OVERRIDE, 0.02));
     assert_eq!(found.interlock, valve_interlock::STALE, "what it overrides is still said");
     let released = Setpoint { pressure_mpa: f64::NAN, ..operator };
@@ -127,6 +191,8 @@ proptest! {
         let (mut now, mut last) = (NOW, 0.01);
         for (dt_ms, pressure_mpa, age_ms, force_n, is_override, state_age_ms) in steps {
             now += dt_ms * MS;
+            // After four periods nobody knows what the device has.
+            last = if dt_ms > 20 { 0.01 } else { last };
             let setpoint = Setpoint { t_publish_ns: now - age_ms * MS, ..wants(pressure_mpa, 0) };
             let operator = is_override.then_some(Setpoint { valid_for_ns: 0, ..setpoint });
             let state = State { t_sensor_ns: now - state_age_ms * MS, ..fresh(force_n) };

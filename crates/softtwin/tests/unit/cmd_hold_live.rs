@@ -13,3 +13,28 @@ fn unknown_gap_is_none_for_a_force_only() {
     assert_eq!(state_gap_mm(&state(25.0), Some(30.0), &force), Some(25.0));
     assert_eq!(state_gap_mm(&state(f64::NAN), None, &tip), Some(OUT_OF_REACH_MM));
 }
+
+/// A twin without its bridge goes on with states that hold the last reading: they are no reading.
+#[test]
+fn silence_counts_from_the_last_good_reading() {
+    let state = |flags: u32| State { flags, ..State::default() };
+    let mut silence = Silence::begin();
+    assert!(silence.has_reading(&state(0)).unwrap());
+    assert!(!silence.has_reading(&state(flags::HELD | flags::STALE)).unwrap());
+    let old = Instant::now().checked_sub(2 * SILENCE).unwrap();
+    let mut silence = Silence { since: old, ..silence };
+    silence.has_reading(&state(flags::HELD)).unwrap_err();
+    silence.left().unwrap_err();
+    assert!(silence.has_reading(&state(0)).unwrap() && silence.left().is_ok());
+}
+
+#[test]
+fn series_of_any_length_stays_small_and_keeps_its_last_quarter() {
+    let mut of = Thinned::default();
+    assert_eq!(of.last_quarter(), None);
+    let count = 20 * Thinned::MOST;
+    (0..count).for_each(|at| of.push(at as f64));
+    assert!(of.values.len() <= Thinned::MOST);
+    let mean = of.last_quarter().unwrap() / count as f64;
+    assert!((mean - 0.875).abs() < 0.01, "{mean}");
+}

@@ -33,7 +33,7 @@ pub struct Args {
     /// Gap that is assumed if the twin's states have none, mm.
     #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm)]
     pub(super) gap_mm: Option<f64>,
-    /// Ends after this number of seconds, or when no state arrives for one second; default: 60, or 2 after the end of the trace.
+    /// Ends after this number of seconds; default: never, or 2 after the end of the trace. It always ends when no reading has come for a second.
     #[arg(long, value_name = "S", value_parser = crate::range::seconds)]
     pub(super) seconds: Option<f64>,
     /// The owner's name, by which another one is refused.
@@ -74,8 +74,8 @@ pub(super) struct TargetArgs {
 }
 
 impl Args {
-    /// Duration of the run, s.
+    /// Duration of the run, s; infinite until Ctrl-C.
     pub(super) fn seconds(&self, goal: &Goal) -> f64 {
-        self.seconds.unwrap_or_else(|| goal.end_s().map_or(60.0, |end_s| end_s + 2.0))
+        self.seconds.unwrap_or_else(|| goal.end_s().map_or(f64::INFINITY, |end_s| end_s + 2.0))
     }
 }

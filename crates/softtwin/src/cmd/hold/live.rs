@@ -10,7 +10,6 @@ use anyhow::{Context, bail, ensure};
 use control::held::Held;
 use control::inverse::{Model, Quantity};
 use control::law::{Controller, Cycle, Reading};
-use control::stepping::LONGEST_S;
 use control::twin_model::{OUT_OF_REACH_MM, TwinModel};
 use runtime::config::ActuatorSpec;
 use serde_json::{Value, json};
@@ -19,11 +18,11 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use wire::layout::{Outcome, flags, unpack_name, valve_interlock, valve_reason};
 use wire::{
-    Bus, State, StateReader, TargetReader, Topic, Valve, ValveReader, Wake, WakeSet, Wakeable, Waking, now_ns,
+    Bus, State, StateReader, TargetReader, Topic, Valve, ValveReader, WakeSet, Wakeable, Waking, now_ns,
 };
 
-/// A state older than this, or none: the valve is let go.
-pub(super) const SILENCE: Duration = Duration::from_secs(1);
+/// Without a reading for this time the valve is let go.
+const SILENCE: Duration = Duration::from_secs(1);
 /// Validity of each setpoint.
 pub(super) const VALID: Duration = Duration::from_millis(50);
 /// Longest wait for the first state with a reading.
@@ -77,6 +76,8 @@ struct Loop<'a> {
     reach: (TwinModel, f64),
     owner: Owner,
     valve: Option<Valve>,
+    /// The valve did not follow at some time since the last cycle.
+    has_closed: bool,
     last_ns: Option<u64>,
     /// The last reading that was answered, and how many had no own setpoint.
     last_seq: u64,
@@ -86,8 +87,8 @@ struct Loop<'a> {
     latencies: Latencies,
     written: Latencies,
     written_seq: u64,
-    measured: Vec<f64>,
-    predicted: Vec<f64>,
+    measured: Thinned,
+    predicted: Thinned,
     is_rate_limited: bool,
     fallbacks: u64,
 }
@@ -118,6 +119,7 @@ impl<'a> Loop<'a> {
             owner: Owner::new(bus, &Topic::setpoint(&spec.name)?.of_cavity(cavity)?, &args.owner, VALID)?,
             held,
             valve: None,
+            has_closed: false,
             last_ns: None,
             last_seq: 0,
             missed: 0,
@@ -125,8 +127,8 @@ impl<'a> Loop<'a> {
             latencies: Latencies::new()?,
             written: Latencies::new()?,
             written_seq: 0,
-            measured: Vec::new(),
-            predicted: Vec::new(),
+            measured: Thinned::default(),
+            predicted: Thinned::default(),
             is_rate_limited: false,
             fallbacks: 0,
         })
@@ -136,17 +138,15 @@ impl<'a> Loop<'a> {
         let stop = runtime::service::stop_flag().context("cannot listen for signals")?;
         let (begin, seconds) = (Instant::now(), self.args.seconds(&self.goal));
         let (mut waiting, mut in_a_row) = (None, 0);
+        let mut silence = Silence::begin();
         while begin.elapsed().as_secs_f64() < seconds && !stop.load(Ordering::Relaxed) {
             let Some(state) = waiting.take().map_or_else(|| states.next(), |state| Ok(Some(state)))? else {
-                if wake.wait(SILENCE)? == Wake::Timeout {
-                    bail!("the twin has been silent for {} s", SILENCE.as_secs());
-                }
+                silence.wait(wake)?;
                 continue;
             };
             waiting = states.next()?;
-            if state.flags & NOT_A_READING != 0 {
+            if !silence.has_reading(&state)? {
                 // The setpoint expires.
-                ensure!(state.age_ns <= SILENCE.as_nanos() as u64, "no reading for {} s", SILENCE.as_secs());
                 continue;
             }
             self.refuse_tripped()?;
@@ -174,6 +174,7 @@ impl<'a> Loop<'a> {
                 self.written_seq = status.setpoint_seq;
                 self.written.record_ns(status.t_written_ns.saturating_sub(status.t_sensor_ns));
             }
+            self.has_closed |= WAITS.contains(&status.valve_reason);
             self.valve = Some(status);
         }
         let status = self.valve.unwrap_or_default();
@@ -188,8 +189,7 @@ impl<'a> Loop<'a> {
     /// Without a sensor of the quantity the twin is what is controlled: it has to explain its readings.
     fn refuse_alarm(&self, state: &State) -> anyhow::Result<()> {
         ensure!(
-            state.flags & flags::ESTIMATE_ALARM == 0
-                || self.measured.last().is_some_and(|value| value.is_finite()),
+            state.flags & flags::ESTIMATE_ALARM == 0 || !self.measured.values.is_empty(),
             "estimate-alarm: the twin does not explain its readings, and no sensor measures the quantity; `softtwin echo {}` names the suspects",
             Topic::estimate(self.actuator)?
         );
@@ -213,10 +213,10 @@ impl<'a> Loop<'a> {
             written_mpa: if status.valve_limit == 0 { f64::NAN } else { status.pressure_mpa },
         };
         self.controller.model_mut().set_inputs(&state.inputs);
-        if WAITS.contains(&status.valve_reason) {
+        if std::mem::replace(&mut self.has_closed, WAITS.contains(&status.valve_reason)) {
             self.controller.start(reading);
         }
-        let dt_s = (elapsed_ns as f64 * 1e-9).min(LONGEST_S);
+        let dt_s = elapsed_ns as f64 * 1e-9;
         self.reach.0.set_inputs(&state.inputs);
         self.reach.1 = gap_mm;
         self.take_target(since_s)?;
@@ -268,11 +268,11 @@ impl<'a> Loop<'a> {
 
     fn report(&self) -> Value {
         let goal = &self.goal;
-        let (values, by) = match self.measured.is_empty() {
+        let (values, by) = match self.measured.values.is_empty() {
             true => (&self.predicted, None),
             false => (&self.measured, Some(&self.sensors.name)),
         };
-        let followed = last_quarter(values);
+        let followed = values.last_quarter();
         json!({
             "held": self.held.name,
             "target": goal.last(),
@@ -333,10 +333,76 @@ pub(super) fn state_gap_mm(state: &State, given_mm: Option<f64>, held: &Held) ->
     Some(state.gap_mm).filter(|gap_mm| gap_mm.is_finite()).or(given_mm).or(free_mm)
 }
 
-/// Mean over the last quarter.
-fn last_quarter(values: &[f64]) -> Option<f64> {
-    let tail = values.get(values.len() * 3 / 4..).unwrap_or_default();
-    (!tail.is_empty()).then(|| tail.iter().sum::<f64>() / tail.len() as f64)
+/// Ends a run that drives a valve when no good reading has come for [`SILENCE`]. States alone do not count: a twin goes on without its bridge.
+pub(super) struct Silence {
+    since: Instant,
+    state: bool,
+}
+
+impl Silence {
+    pub(super) fn begin() -> Self {
+        Self { since: Instant::now(), state: false }
+    }
+
+    /// Whether a state has a reading of its own.
+    pub(super) fn has_reading(&mut self, state: &State) -> anyhow::Result<bool> {
+        if state.flags & NOT_A_READING == 0 {
+            *self = Self::begin();
+            return Ok(true);
+        }
+        self.state = true;
+        self.left()?;
+        Ok(false)
+    }
+
+    /// Waits for a state, no longer than silence may last.
+    pub(super) fn wait(&self, wake: &mut WakeSet) -> anyhow::Result<()> {
+        wake.wait(self.left()?)?;
+        Ok(())
+    }
+
+    fn left(&self) -> anyhow::Result<Duration> {
+        let left = SILENCE.saturating_sub(self.since.elapsed());
+        let who = if self.state { "the twin has had no good reading" } else { "the twin has been silent" };
+        ensure!(!left.is_zero(), "{who} for {} s; is the bridge running?", SILENCE.as_secs());
+        Ok(left)
+    }
+}
+
+/// A series of any length in bounded memory: when it is full, every second value goes, and of the following ones only as many are kept.
+#[derive(Debug)]
+struct Thinned {
+    values: Vec<f64>,
+    seen: usize,
+    every: usize,
+}
+
+impl Default for Thinned {
+    fn default() -> Self {
+        Self { values: Vec::new(), seen: 0, every: 1 }
+    }
+}
+
+impl Thinned {
+    const MOST: usize = 1 << 15;
+
+    fn push(&mut self, value: f64) {
+        if self.seen.is_multiple_of(self.every) {
+            self.values.push(value);
+        }
+        self.seen += 1;
+        if self.values.len() == Self::MOST {
+            self.every *= 2;
+            let mut at = 0_usize;
+            self.values.retain(|_| std::mem::replace(&mut at, at + 1).is_multiple_of(2));
+        }
+    }
+
+    /// Mean over the last quarter.
+    fn last_quarter(&self) -> Option<f64> {
+        let tail = self.values.get(self.values.len() * 3 / 4..).unwrap_or_default();
+        (!tail.is_empty()).then(|| tail.iter().sum::<f64>() / tail.len() as f64)
+    }
 }
 
 #[cfg(test)]

@@ -1,16 +1,17 @@
 //! The experiment on the valve.
 
-use super::super::live::{NOT_A_READING, SILENCE, VALID, WAITS, first, state_gap_mm};
+use super::super::live::{Silence, VALID, WAITS, first, state_gap_mm};
 use super::super::sensors::Sensors;
 use super::experiment::Experiment;
 use super::identify::Row;
 use crate::live::Owner;
 use anyhow::{Context, bail, ensure};
 use control::held::Held;
+use control::law::LONGEST_S;
 use runtime::config::ActuatorSpec;
 use std::sync::atomic::Ordering;
 use wire::layout::valve_reason;
-use wire::{Bus, StateReader, Topic, ValveReader, Wake, WakeSet, Wakeable, Waking};
+use wire::{Bus, StateReader, Topic, ValveReader, WakeSet, Wakeable, Waking};
 
 /// The owner's name.
 const OWNER: &str = "softtwin-tune";
@@ -43,21 +44,24 @@ pub(super) fn run(
     let mut rows = Vec::new();
     let mut drive = || -> anyhow::Result<()> {
         let (mut begin_ns, mut time_s) = (None, 0.0);
+        let mut silence = Silence::begin();
         while time_s < experiment.end_s() {
             ensure!(!stop.load(Ordering::Relaxed), "interrupted: the valve is let go, nothing is written");
             let Some(state) = states.newest()? else {
-                ensure!(
-                    wake.wait(SILENCE)? != Wake::Timeout,
-                    "the twin has been silent for {} s",
-                    SILENCE.as_secs()
-                );
+                silence.wait(&mut wake)?;
                 continue;
             };
-            if state.flags & NOT_A_READING != 0 || !sensors.take(&state)? {
+            if !silence.has_reading(&state)? || !sensors.take(&state)? {
                 continue;
             }
+            let before_s = time_s;
             time_s =
                 state.t_sensor_ns.saturating_sub(*begin_ns.get_or_insert(state.t_sensor_ns)) as f64 * 1e-9;
+            ensure!(
+                time_s - before_s <= LONGEST_S,
+                "no reading for {:.2} s: the valve may have closed meanwhile; let go, nothing is written",
+                time_s - before_s
+            );
             if let Some(valve) = valves.newest()?.filter(|_| time_s > FOLLOWS_S) {
                 let reason = valve.valve_reason;
                 if WAITS.contains(&reason) || reason == valve_reason::NO_SETPOINT {
