@@ -265,7 +265,7 @@ softtwin_status softtwin_control_open(const softtwin_model *model, const char *s
 /** Sets the model's inputs for the cycles that follow, in the order of softtwin_model_predict; NaN: the model's value, and for
  *  gap and driven pressure, which are those of the readings. */
 softtwin_status softtwin_control_inputs(softtwin_control *control, const double *inputs, size_t count);
-/** One control cycle at `t_ns`, later than the last one (at most 0.1 s of it counts). `rate_per_s`: known change of the target, 0 of a step.
+/** One control cycle at `t_ns`, later than the last one (after more than 0.1 s the control starts again). `rate_per_s`: known change of the target, 0 of a step.
  *  Allocates nothing. SOFTTWIN_ARGUMENT for a time that is not later and for pressure, gap or target that are not finite: nothing has
  *  changed; send no setpoint. */
 softtwin_status softtwin_control_step(softtwin_control *control, uint64_t t_ns, double target, double rate_per_s,

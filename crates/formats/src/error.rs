@@ -7,6 +7,9 @@ use std::path::{Path, PathBuf};
 /// How many diagnostics a message lists before it only counts the others.
 const SHOWN: usize = 12;
 
+/// Longest part of a diagnostic, in characters: a file may have a line of any length, and a message is to be read.
+const LONGEST: usize = 400;
+
 /// Error in the content of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
@@ -21,8 +24,20 @@ pub struct Diagnostic {
 impl Diagnostic {
     /// Creates a diagnostic at `place`.
     pub fn new(place: impl Display, expected: impl Display, found: impl Display) -> Self {
-        Self { place: place.to_string(), expected: expected.to_string(), found: found.to_string() }
+        Self { place: bounded(&place), expected: bounded(&expected), found: bounded(&found) }
     }
+}
+
+/// Its text, cut in the middle: beginning and end are what tells.
+fn bounded(part: &dyn Display) -> String {
+    let text = part.to_string();
+    if text.len() <= LONGEST {
+        return text;
+    }
+    let half = LONGEST / 2;
+    let tail: Vec<char> = text.chars().rev().take(half).collect();
+    let head: String = text.chars().take(half).collect();
+    format!("{head} ... {}", tail.into_iter().rev().collect::<String>())
 }
 
 impl Display for Diagnostic {

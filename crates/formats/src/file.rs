@@ -12,6 +12,20 @@ pub const MAX_TEXT_BYTES: u64 = 64 << 20;
 /// Largest array, mesh or matrix that is read: 8 GiB.
 pub const MAX_DATA_BYTES: u64 = 8 << 30;
 
+/// Most columns of a table. No bench and no solver writes more; a line with more is not a table, or one with the wrong separator.
+pub const MAX_COLUMNS: usize = 10_000;
+
+/// Refuses a table whose line `line` has more than [`MAX_COLUMNS`] columns.
+///
+/// # Errors
+/// That place.
+pub(crate) fn check_columns(line: usize, columns: usize) -> Result<(), Diagnostic> {
+    if columns <= MAX_COLUMNS {
+        return Ok(());
+    }
+    Err(Diagnostic::new(format!("line {line}"), format!("at most {MAX_COLUMNS} columns"), columns))
+}
+
 /// Path that the file `file` has in a key, a table or a line: relative ones count from its folder.
 pub fn named_in(file: &Path, path: impl AsRef<Path>) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).join(path)

@@ -44,6 +44,7 @@ impl Table {
         let mut rows = Vec::new();
         for (record, line) in reader.records().zip(numbers.into_iter().chain(std::iter::repeat(0))) {
             let record = record.map_err(|error| Diagnostic::new("content", "comma-separated text", error))?;
+            file::check_columns(line, record.len())?;
             rows.push((line, record));
         }
         let header = if rows.is_empty() { csv::StringRecord::new() } else { rows.remove(0).1 };

@@ -313,6 +313,16 @@ fn wrong_mappings_are_refused() {
         (channel("tip_x_mm", "2", "unit = \"px\""), "mm_per_px"),
         (channel("pressure_mpa", "2", "unit = \"kPa\"\ncolour = 1"), "colour"),
         ("[time]\nunit = \"s\"\n".to_owned(), "rate_hz"),
+        ("[time]\nrate_hz = 1e308\n".to_owned(), "time.rate_hz"),
+        ("[time]\nrate_hz = 0.0\n".to_owned(), "time.rate_hz"),
+        (channel("pressure_mpa", "2", "unit = \"kPa\"\nzero_s = 1e300"), "zero_s"),
+        (channel("pressure_mpa", "2", "unit = \"kPa\"\nzero_s = nan"), "zero_s"),
+        (channel("pressure_mpa", "2", "unit = \"kPa\"\nslope = 1e300"), "slope"),
+        (channel("pressure_mpa", "2", "unit = \"kPa\"\noffset = -inf"), "offset"),
+        (channel("tip_x_mm", "2", "unit = \"px\"\nmm_per_px = 1e300"), "mm_per_px"),
+        (channel("../../pressure_mpa", "2", "unit = \"kPa\""), "letters"),
+        (channel("pressure\\n_mpa", "2", "unit = \"kPa\""), "letters"),
+        (channel(&format!("{}_mpa", "p".repeat(100)), "2", "unit = \"kPa\""), "letters"),
         (
             format!(
                 "{TIME}[frame]\nrotation = [[2.0,0.0,0.0],[0.0,1.0,0.0],[0.0,0.0,1.0]]\norigin_mm = [0.0,0.0,0.0]\n"
@@ -328,6 +338,35 @@ fn wrong_mappings_are_refused() {
         let mapping = mapping(&channel("pressure_mpa", column, "unit = \"kPa\"")).unwrap();
         assert!(mapping.apply(&log, Path::new("run.csv")).is_err(), "{column}");
     }
+}
+
+/// A message is read by a person, whatever the file is.
+#[test]
+fn files_that_are_no_tables_are_refused_with_a_short_message() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.csv");
+    let noise: Vec<u8> = (0..5000_u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+    let wide = "1,".repeat(1_000_000);
+    let archive = [&[0x1f, 0x8b, 8, 0][..], &noise].concat();
+    for (bytes, part) in
+        [(archive, "gzip"), (noise, "binary"), (format!("a\n{wide}\n").into_bytes(), "line 2")]
+    {
+        std::fs::write(&path, bytes).unwrap();
+        let found = Log::read(&path).unwrap_err().to_string();
+        assert!(found.contains(part) && found.len() < 2000, "{part}: {} bytes", found.len());
+    }
+    std::fs::write(&path, format!("t_s,{wide}\n0,{wide}\n")).unwrap();
+    let found = formats::table::Table::read(&path, true).unwrap_err().to_string();
+    assert!(found.contains("columns") && found.len() < 2000, "{} bytes", found.len());
+    // A heading of any length in a table that is one.
+    let log = Log::parse(&format!("t,{}\n0,1\n1,2\n", "x".repeat(1_000_000))).unwrap();
+    let mapping =
+        mapping(&format!("{TIME}[[input]]\nname = \"p_mpa\"\ncolumn = \"q\"\nunit = \"kPa\"\n")).unwrap();
+    let found = mapping.apply(&log, Path::new("run.csv")).unwrap_err().to_string();
+    assert!(found.contains("`q`") && found.len() < 5000, "{} bytes", found.len());
+    // Degrees and micro signs of Latin-1 stay text.
+    std::fs::write(&path, b"t (s),T (\xb0C)\n0,1\n1,2\n").unwrap();
+    assert_eq!(Log::read(&path).unwrap().rows(), 2);
 }
 
 #[test]

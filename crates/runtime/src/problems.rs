@@ -2,6 +2,11 @@
 
 use std::fmt::Display;
 
+/// Lowest and highest rate of a scene, Hz: every key that is a rate keeps to it.
+pub const RATE_HZ: [f64; 2] = [1e-3, 20_000.0];
+/// Shortest and longest duration of a scene, s: a microsecond to a year.
+const DURATION_S: [f64; 2] = [1e-6, 31_536_000.0];
+
 /// Errors in a part of a configuration: each has the key, what is expected and what was found.
 #[derive(Debug)]
 pub struct Problems<'a> {
@@ -46,6 +51,21 @@ impl<'a> Problems<'a> {
     /// An error unless a number is in a range.
     pub fn range(&mut self, key: &str, value: f64, [min, max]: [f64; 2]) {
         self.expect((min..=max).contains(&value), key, &format!("{min} to {max}"), value);
+    }
+
+    /// An error unless a rate in Hz is one that a loop can keep and a person can wait for.
+    pub fn rate_hz(&mut self, key: &str, value: f64) {
+        self.range(key, value, RATE_HZ);
+    }
+
+    /// An error unless a duration in s is one that a clock in ns can tell from none, and at most a year.
+    pub fn seconds(&mut self, key: &str, value: f64) {
+        self.range(key, value, DURATION_S);
+    }
+
+    /// As [`Self::seconds`], in ms.
+    pub fn milliseconds(&mut self, key: &str, value: f64) {
+        self.range(key, value, DURATION_S.map(|end_s| 1e3 * end_s));
     }
 
     /// An error unless a number is finite.

@@ -181,6 +181,14 @@ fn wrong_specifications_are_refused_with_all_problems() {
     };
     let problems = SourceSpec::Simulate(spec).open(Path::new("."), &InputNames::default()).unwrap_err();
     assert_eq!(problems.len(), 5, "{problems:#?}");
+    for (rate_hz, rise_s) in
+        [(1e308, 1.0), (1e-300, 1.0), (200.0, 1e300), (200.0, 1e-300), (f64::INFINITY, 1.0)]
+    {
+        let profile = Profile::Ramp { from_mpa: 0.0, to_mpa: 0.01, rise_s };
+        let spec = SourceSpec::Simulate(SimulateSpec { rate_hz, profile, ..SimulateSpec::default() });
+        let problems = spec.open(Path::new("."), &InputNames::default()).unwrap_err();
+        assert_eq!(problems.len(), 1, "{rate_hz} Hz, {rise_s} s: {problems:#?}");
+    }
     let missing = SourceSpec::replay_of("no-such-file.csv".into())
         .open(Path::new("."), &InputNames::default())
         .unwrap_err();

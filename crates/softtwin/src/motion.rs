@@ -21,6 +21,9 @@ use std::path::Path;
 use std::time::Instant;
 use train::measured::MeasuredOutput;
 
+/// Most instants of a trace with those between its rows: some 0.5 GB of answers. An hour at 1 ms has 3.6 million.
+const MAX_INSTANTS: u64 = 5_000_000;
+
 /// Inputs over time, straight lines between the rows.
 pub struct Trace {
     rows: Vec<(u64, Inputs)>,
@@ -83,6 +86,24 @@ impl Trace {
     /// Duration, s.
     pub fn length_s(&self) -> f64 {
         1e-9 * self.rows.last().map_or(0, |(t_ns, _)| *t_ns) as f64
+    }
+
+    /// Refuses more instants than there can be answers, with the longest gap: it is a wrong unit of time, or a pause that is two recordings.
+    fn check(&self, step_ns: u64) -> Result<()> {
+        let gaps = || self.rows.windows(2).map(|pair| pair[1].0 - pair[0].0);
+        let count = gaps().fold(1_u64, |sum, gap_ns| sum.saturating_add(gap_ns.div_ceil(step_ns)));
+        if count <= MAX_INSTANTS {
+            return Ok(());
+        }
+        let (at, gap_ns) = gaps().enumerate().max_by_key(|(_, gap_ns)| *gap_ns).unwrap_or_default();
+        Err(usage(format!(
+            "--trace: expected at most {MAX_INSTANTS} instants, found {count} with one every {} ms at least; the longest gap, {:.3} s, is between rows {} and {} (is t_s in seconds?); \
+             cut the trace there, or give a larger --step-ms",
+            1e-6 * step_ns as f64,
+            1e-9 * gap_ns as f64,
+            at + 1,
+            at + 2
+        )))
     }
 
     /// Instants of the rows and in between at least every `step_ns`.
@@ -149,6 +170,7 @@ fn follow<Row>(
     step_ns: u64,
     mut row: impl FnMut(f64, &Inputs, &Evaluation, &Session) -> Result<Row>,
 ) -> Result<Followed<Row>> {
+    trace.check(step_ns)?;
     let mut session = Session::new(model, Gaps::Recorded)?;
     let mut evaluation = session.evaluation();
     let mut followed = Followed {

@@ -244,3 +244,18 @@ fn data_sheets_and_silicones_become_elastomers_with_their_range() {
         assert_eq!(code, 2, "{args:?}");
     }
 }
+
+#[test]
+fn one_point_and_too_many_tests_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: String| std::fs::write(folder.path().join(name), text).unwrap();
+    let heading = "strain (-),nominal stress (MPa)\n";
+    write("point.csv", format!("{heading}{}", "1,1\n".repeat(100)));
+    assert_eq!(run(folder.path(), &["material", "fit", "point.csv"]).0, 78);
+    write("good.csv", format!("{heading}{}", rows(2.0, |l| format!("{},{}", l - 1.0, bar_mpa(l)))));
+    let list = |count: usize| "[[test]]\nfile = \"good.csv\"\ntest = \"uniaxial\"\n".repeat(count);
+    write("few.toml", list(2));
+    assert_eq!(run(folder.path(), &["material", "fit", "few.toml", "--law", "neo-hookean"]).0, 0);
+    write("many.toml", list(300));
+    assert_eq!(run(folder.path(), &["material", "fit", "many.toml"]).0, 78);
+}

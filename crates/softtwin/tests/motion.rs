@@ -43,6 +43,9 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
     .unwrap();
     assert_eq!((report["moves"].as_bool(), report["restarts"].as_u64()), (Some(true), Some(0)));
     succeed("predict --model still.twin --trace step.csv --out still.csv --step-ms 0.5");
+    // Times in the wrong unit are no hours of computation.
+    save("long.csv", "t_s,pressure_mpa\n0,0.01\n1e6,0.02\n");
+    assert_eq!(end_of("predict --model moves.twin --trace long.csv --out long-out.csv").0, 2);
     let tip = |file: &str| column(folder, file, "tip_y_mm");
     let (moves, still) = (tip("moves.csv"), tip("still.csv"));
     assert_eq!(moves.len(), still.len());

@@ -3,41 +3,109 @@
 use runtime::service::Watchdog;
 use runtime::thread_group::StopFlag;
 use runtime::twin::{Event, EventKind};
-use runtime::wire::{Outcome, background_thread, layout};
+use runtime::wire::{Outcome, background_thread, layout, now_ns};
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 /// Interval of the reporter.
 const INTERVAL: Duration = Duration::from_millis(50);
-/// Largest number of lines per interval; further events are counted in one line, so that a flickering sensor cannot fill the disk.
-const LINES_MAX: usize = 20;
+/// Time in which a kind of event has one line: a flickering sensor cannot fill the disk, and hides nothing of another kind.
+const PERIOD_NS: u64 = 1_000_000_000;
 
 /// Reports until `end`, including events that wait then.
 pub fn run(events: &Receiver<Event>, names: &[String], progress: &AtomicU64, end: &StopFlag) {
     background_thread();
     let mut watchdog = Watchdog::from_env();
+    let mut summary = Summary::default();
+    let show = |(event, more): (Event, u64)| {
+        let name = names.get(event.actuator as usize).map_or("?", String::as_str);
+        write(name, &event);
+        if more > 0 {
+            tracing::info!(
+                "{name}: the line above stands for {more} more events of its kind in the last second"
+            );
+        }
+    };
     loop {
         let last = end.is_set();
-        let mut unwritten = 0;
-        let mut written = 0;
-        for event in events.try_iter() {
-            let name = names.get(event.actuator as usize).map_or("?", String::as_str);
-            if written < LINES_MAX {
-                write(name, &event);
-                written += 1;
-            } else {
-                unwritten += 1;
-            }
-        }
-        if unwritten > 0 {
-            tracing::warn!("{unwritten} more events within {} ms are not shown", INTERVAL.as_millis());
-        }
+        events.try_iter().filter_map(|event| summary.take(event)).for_each(show);
+        summary.due(if last { u64::MAX } else { now_ns() }).for_each(show);
         watchdog.feed(progress.load(Ordering::Relaxed));
         if last {
             return;
         }
         end.pause(INTERVAL);
+    }
+}
+
+/// What makes events one kind: that what happened is the same, to the same actuator. Counts and durations are no part of it.
+type Kind = (u32, EventKind, u64);
+
+fn kind_of(event: &Event) -> Kind {
+    let is_what = match event.kind {
+        EventKind::Outcome
+        | EventKind::Regime
+        | EventKind::ForceMismatch
+        | EventKind::MarkerMismatch
+        | EventKind::ObservableMismatch
+        | EventKind::EstimateAlarm
+        | EventKind::Snapped => event.value,
+        _ => 0,
+    };
+    (event.actuator, event.kind, is_what)
+}
+
+/// Events of each kind since its last line.
+#[derive(Debug, Default)]
+struct Summary {
+    kinds: BTreeMap<Kind, Counted>,
+}
+
+#[derive(Debug)]
+struct Counted {
+    shown_ns: u64,
+    /// The last event that was not shown, and how many there were.
+    last: Option<Event>,
+    hidden: u64,
+}
+
+impl Summary {
+    /// The event, if its kind has had no line for a period; otherwise it is counted. Numbers of lost readings are added up.
+    fn take(&mut self, event: Event) -> Option<(Event, u64)> {
+        let kind = self.kinds.entry(kind_of(&event));
+        if let Entry::Vacant(free) = kind {
+            free.insert(Counted { shown_ns: event.t_ns, last: None, hidden: 0 });
+            return Some((event, 0));
+        }
+        kind.and_modify(|counted| {
+            let before = counted.last.map_or(0, |last| last.value);
+            let value = match event.kind {
+                EventKind::Missed => event.value.saturating_add(before),
+                _ => event.value,
+            };
+            counted.last = Some(Event { value, ..event });
+            counted.hidden += 1;
+        });
+        None
+    }
+
+    /// Of each kind whose period is over, the last event and how many more there were. A kind without any is forgotten.
+    fn due(&mut self, now_ns: u64) -> impl Iterator<Item = (Event, u64)> {
+        let mut due = Vec::new();
+        self.kinds.retain(|_, counted| {
+            if now_ns.saturating_sub(counted.shown_ns) < PERIOD_NS {
+                return true;
+            }
+            let Some(last) = counted.last.take() else { return false };
+            due.push((last, std::mem::take(&mut counted.hidden) - 1));
+            counted.shown_ns = now_ns;
+            true
+        });
+        due.sort_by_key(|(event, _)| event.t_ns);
+        due.into_iter()
     }
 }
 
@@ -109,3 +177,7 @@ fn write(name: &str, event: &Event) {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "../tests/unit/reporter.rs"]
+mod tests;

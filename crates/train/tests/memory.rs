@@ -124,6 +124,14 @@ fn runs_without_use_have_no_result() {
     let still = Run { time_s: vec![0.0, 1.0, 2.0], inputs: vec![vec![0.1; 3]], outputs: vec![vec![1.0; 3]] };
     assert!(identify(&[still], true, &[1.0], None).is_none());
     assert!(identify(&[], true, &[1.0], None).is_none());
+    // Too little of anything is no panic.
+    for rows in 0..12 {
+        let time_s = (0..rows).map(f64::from).collect();
+        let values: Vec<f64> = (0..rows).map(|row| 0.01 * f64::from(row % 5)).collect();
+        let short = Run { time_s, inputs: vec![values.clone()], outputs: vec![values] };
+        let _ = identify(&[short.clone()], true, &[1.0], None);
+        assert!(identify(&[Run { outputs: Vec::new(), ..short }], true, &[], None).is_none());
+    }
 }
 
 #[test]

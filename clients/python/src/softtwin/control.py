@@ -68,7 +68,7 @@ class Control:
         rate_per_s: float = 0.0,
         written_mpa: float = math.nan,
     ) -> Cycle:
-        """One control cycle at a time in ns, later than the last one (at most 0.1 s of it counts), with gauge, gap (1e4: no obstacle) and measured
+        """One control cycle at a time in ns, later than the last one (after more than 0.1 s it starts again), with gauge, gap (1e4: no obstacle) and measured
         quantity (NaN: none). `rate_per_s`: known change of the target. `written_mpa`: pressure that the valve was last given.
 
         Raises `ValueError` for a time that is not later and for pressure, gap or target that are not finite; nothing has changed, send no setpoint.

@@ -16,6 +16,7 @@ from .start import Holder, check_process, hold
 
 _SLICE_S = 0.2  # longest single wait, so that Ctrl-C interrupts
 _WINDOW = 1024  # a number as far below the newest begins the count again
+_MOST_LOST = 1 << 32  # a larger jump is another beginning of the count: nothing that can be counted was lost
 
 
 class Subscription(Holder):
@@ -154,7 +155,7 @@ class Subscription(Holder):
                 self._came |= 1 << -step
             return
         self._last = boot_seq
-        if step is not None and step > 0:
+        if step is not None and 0 < step <= _MOST_LOST:
             self.lost += step - 1
             self._came = (self._came << min(step, _WINDOW) | 1) & ((1 << _WINDOW) - 1)
             return

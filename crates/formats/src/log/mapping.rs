@@ -109,6 +109,35 @@ pub struct Frame {
     pub origin_mm: [f64; 3],
 }
 
+/// Numbers that a setting of a mapping may have: rows per second, seconds, slopes, sizes of a pixel, and offsets in either direction. Beyond
+/// them is a wrong unit or a slip of the pen, and times of 0 or infinity follow.
+const RATE_HZ: [f64; 2] = [1e-6, 1e9];
+const ZERO_S: [f64; 2] = [0.0, 86_400.0];
+const OFFSET_S: [f64; 2] = [-1e9, 1e9];
+const SLOPE: [f64; 2] = [1e-15, 1e15];
+const OFFSET: [f64; 2] = [-1e12, 1e12];
+const MM_PER_PX: [f64; 2] = [1e-6, 1e3];
+const ORIGIN_MM: [f64; 2] = [-1e6, 1e6];
+/// Longest name, in bytes.
+const LONGEST_NAME: usize = 64;
+
+fn within(place: impl std::fmt::Display, value: f64, [low, high]: [f64; 2]) -> Result<(), Diagnostic> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(Diagnostic::new(place, format!("a number from {low:e} to {high:e}"), value))
+}
+
+/// A name becomes a column, a variable and a topic: letters, digits, `_`, `-` and `.` within.
+fn check_name(name: &str) -> Result<(), Diagnostic> {
+    let is_plain = |c: char| c.is_alphanumeric() || "_-.".contains(c);
+    if !name.starts_with('.') && name.len() <= LONGEST_NAME && name.chars().all(is_plain) {
+        return Ok(());
+    }
+    let expected = format!("at most {LONGEST_NAME} letters, digits, `_`, `-` and `.`");
+    Err(Diagnostic::new("name", expected, format!("{name:?}")))
+}
+
 /// Smallest confidence of a tracked position (the trackers' default).
 const LEAST_CONFIDENCE: f64 = 0.6;
 /// Largest deviation of a rotation matrix from orthonormal.
@@ -138,6 +167,13 @@ impl Mapping {
         }
         for time in std::iter::once(&mapping.time).chain(mapping.file.iter().map(|file| &file.time)) {
             let _ = collect(time.factor(), &mut errors);
+        }
+        for (at, file) in mapping.file.iter().enumerate() {
+            let offset_s = file.offset_s.unwrap_or(0.0);
+            let _ = collect(within(format!("file[{at}].offset_s"), offset_s, OFFSET_S), &mut errors);
+        }
+        for origin_mm in mapping.frame.iter().flat_map(|frame| frame.origin_mm) {
+            let _ = collect(within("frame.origin_mm", origin_mm, ORIGIN_MM), &mut errors);
         }
         if let Some(frame) = mapping.frame.as_ref().filter(|frame| !frame.is_rigid()) {
             let expected = "rows of a rotation matrix (orthonormal, determinant 1)";
@@ -256,7 +292,7 @@ impl TimeColumn {
                 let wrong = || Diagnostic::new("time.unit", "s, ms, us or ns", format!("`{spelling}`"));
                 found.map(|(_, factor)| factor).ok_or_else(wrong)
             }
-            (_, None, Some(rate_hz)) if rate_hz > 0.0 && rate_hz.is_finite() => Ok(1.0 / rate_hz),
+            (_, None, Some(rate_hz)) => within("time.rate_hz", rate_hz, RATE_HZ).map(|()| 1.0 / rate_hz),
             _ => Err(Diagnostic::new(
                 "time",
                 "column with unit or rate_hz > 0, or rate_hz alone",
@@ -282,12 +318,12 @@ impl Channel {
         if self.sign.abs() != 1.0 {
             return Err(Diagnostic::new(place("sign"), "1 or -1", self.sign));
         }
-        if !(self.slope.is_finite() && self.slope != 0.0 && self.offset.is_finite() && self.zero_s >= 0.0) {
-            return Err(Diagnostic::new(
-                place("slope, offset, zero_s"),
-                "finite numbers, a slope not 0",
-                "others",
-            ));
+        check_name(&self.name)?;
+        within(place("slope"), self.slope.abs(), SLOPE)?;
+        within(place("offset"), self.offset, OFFSET)?;
+        within(place("zero_s"), self.zero_s, ZERO_S)?;
+        if let Some(size) = self.mm_per_px {
+            within(place("mm_per_px"), size, MM_PER_PX)?;
         }
         let suffix = match self.name.ends_with("_per_mm") {
             true => "per_mm",

@@ -53,7 +53,8 @@ impl Log {
     /// I/O error; no line with a number.
     pub fn read(path: &Path) -> Result<Self, FormatError> {
         let bytes = file::read_bytes(path, MAX_LOG_BYTES)?;
-        Self::parse(&decoded(&bytes)).map_err(|found| FormatError::one(path, found))
+        let text = decoded(&bytes).map_err(|found| FormatError::one(path, found))?;
+        Self::parse(&text).map_err(|found| FormatError::one(path, found))
     }
 
     /// [`Log::read`] from memory.
@@ -64,6 +65,11 @@ impl Log {
         let text = text.trim_start_matches('\u{feff}').replace("\r\n", "\n").replace('\r', "\n");
         let lines: Vec<(usize, &str)> =
             text.split('\n').enumerate().map(|(at, line)| (at + 1, line.trim())).collect();
+        for (at, line) in &lines {
+            for separator in SEPARATORS {
+                file::check_columns(*at, line.matches(separator).count())?;
+            }
+        }
         let labelled = labelled::rows(&lines);
         let lines = match &labelled {
             Some(labelled) => labelled.lines.iter().map(|(at, line)| (*at, line.as_str())).collect(),
@@ -113,20 +119,49 @@ impl Log {
     }
 }
 
+/// First bytes of files that are no text, with what they are.
+const MAGIC: [(&[u8], &str); 7] = [
+    (&[0x1f, 0x8b], "a gzip archive; unpack it first (gunzip)"),
+    (b"PK\x03\x04", "a zip archive or a workbook; unpack it, or export the sheet as CSV"),
+    (b"\xfd7zXZ", "an xz archive; unpack it first (unxz)"),
+    (&[0x28, 0xb5, 0x2f, 0xfd], "a zstd archive; unpack it first (unzstd)"),
+    (b"BZh", "a bzip2 archive; unpack it first (bunzip2)"),
+    (b"TDSm", "a TDMS file; export it as text"),
+    (b"\x89HDF", "an HDF5 file; export its table as CSV"),
+];
+/// Bytes from which text is told from other content, and the part of control characters that text has at most.
+const LOOKED_AT: usize = 1 << 16;
+const MOST_CONTROLS: f64 = 0.02;
+
+/// What a file is, if it is no text: in Latin-1 every byte is a character.
+fn is_no_text(bytes: &[u8]) -> Option<&'static str> {
+    if let Some((_, what)) = MAGIC.iter().find(|(magic, _)| bytes.starts_with(magic)) {
+        return Some(what);
+    }
+    let begin = bytes.get(..LOOKED_AT).unwrap_or(bytes);
+    let is_control = |byte: &&u8| **byte < b' ' && !b"\t\n\r\x0b\x0c\x1a\x1b".contains(byte);
+    let controls = begin.iter().filter(is_control).count();
+    (controls as f64 > MOST_CONTROLS * begin.len() as f64).then_some("control characters: binary data")
+}
+
 /// Text of UTF-8, of UTF-16 with its mark, or of Latin-1 (what spreadsheets and oscilloscopes write).
-fn decoded(bytes: &[u8]) -> Cow<'_, str> {
+fn decoded(bytes: &[u8]) -> Result<Cow<'_, str>, Diagnostic> {
     let wide = |from: fn([u8; 2]) -> u16| -> Cow<'_, str> {
         let units: Vec<u16> = bytes[2..].chunks_exact(2).map(|pair| from([pair[0], pair[1]])).collect();
         String::from_utf16_lossy(&units).into()
     };
-    match bytes {
+    let text = match bytes {
         [0xff, 0xfe, ..] => wide(u16::from_le_bytes),
         [0xfe, 0xff, ..] => wide(u16::from_be_bytes),
+        _ if let Some(found) = is_no_text(bytes) => {
+            return Err(Diagnostic::new("content", "a table as text", found));
+        }
         _ => match std::str::from_utf8(bytes) {
             Ok(text) => text.into(),
             Err(_) => bytes.iter().map(|byte| char::from(*byte)).collect::<String>().into(),
         },
-    }
+    };
+    Ok(text)
 }
 
 /// Cells of a line, without quotes. A separator between quotes is part of the cell.

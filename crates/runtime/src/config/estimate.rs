@@ -135,7 +135,10 @@ pub(super) fn problems(
     ] {
         of_sigma.expect(above_0(value), key, "a number above 0", value);
     }
-    of_sigma.at_least_0("model_correlation_s", sigma.model_correlation_s);
+    // 0: independent from reading to reading.
+    if sigma.model_correlation_s != 0.0 {
+        of_sigma.seconds("model_correlation_s", sigma.model_correlation_s);
+    }
     for (name, observed) in observables {
         let mut problems = problems.part(format_args!("observables.{name}"));
         for (key, value) in [("sigma", observed.sigma), ("model_sigma", observed.model_sigma.unwrap_or(1.0))]

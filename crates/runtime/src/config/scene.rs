@@ -514,7 +514,10 @@ impl OutputSpec {
         {
             problems.part("name").add(error);
         }
-        problems.at_least_0("rate_hz", self.rate_hz);
+        // 0: a field for each reading.
+        if self.rate_hz != 0.0 {
+            problems.rate_hz("rate_hz", self.rate_hz);
+        }
         problems.range("accepted_error", self.accepted_error, [0.0, 1.0]);
         let (count, most) = (self.fields.len(), wire::layout::FIELD_SLOTS);
         problems.expect(count <= most, "fields", &format!("at most {most} fields"), count);

@@ -127,15 +127,15 @@ impl Settings {
         let found = format!("{min} and {max}");
         let keys = "limits.pressure_min_mpa, pressure_max_mpa";
         problems.expect(min.is_finite() && min < max, keys, "min < max", found);
+        problems.part("limits").above_0("gap_max_mm", limits.gap_max_mm);
         for (key, value) in [
-            ("gap_max_mm", limits.gap_max_mm),
             ("deadline_ms", limits.deadline_ms.unwrap_or(1.0)),
             ("max_age_ms", limits.max_age_ms),
             ("max_ahead_ms", limits.max_ahead_ms),
             ("late_ms", limits.late_ms),
             ("mismatch_ms", limits.mismatch_ms),
         ] {
-            problems.part("limits").above_0(key, value);
+            problems.part("limits").milliseconds(key, value);
         }
         let Realtime { fifo_priority, cores, .. } = &self.realtime;
         let mut realtime = problems.part("realtime");

@@ -49,8 +49,8 @@ impl ReplaySpec {
     /// All problems of the specification and of the file.
     pub(super) fn open(&self, folder: &Path, inputs: &InputNames) -> Result<Box<dyn Source>, Vec<String>> {
         let mut problems = Vec::new();
-        if !(self.speed.is_finite() && self.speed > 0.0) {
-            problems.push(format!("source.speed: expected a finite number above 0, found {}", self.speed));
+        if !(1e-6..=1e6).contains(&self.speed) {
+            problems.push(format!("source.speed: expected 0.000001 to 1000000, found {}", self.speed));
         }
         let path = folder.join(&self.trace);
         if self.trace.as_os_str().is_empty() {

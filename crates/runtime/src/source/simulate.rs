@@ -127,17 +127,17 @@ impl Profile {
             Self::Ramp { from_mpa, to_mpa, rise_s } => {
                 problems.finite("from_mpa", from_mpa);
                 problems.finite("to_mpa", to_mpa);
-                problems.above_0("rise_s", rise_s);
+                problems.seconds("rise_s", rise_s);
             }
             Self::Step { low_mpa, high_mpa, at_s } => {
                 problems.finite("low_mpa", low_mpa);
                 problems.finite("high_mpa", high_mpa);
-                problems.finite("at_s", at_s);
+                problems.range("at_s", at_s, [0.0, 31_536_000.0]);
             }
             Self::Sine { mean_mpa, amplitude_mpa, frequency_hz } => {
                 problems.finite("mean_mpa", mean_mpa);
                 problems.finite("amplitude_mpa", amplitude_mpa);
-                problems.above_0("frequency_hz", frequency_hz);
+                problems.rate_hz("frequency_hz", frequency_hz);
             }
         }
     }
@@ -151,7 +151,7 @@ impl SimulateSpec {
     pub(super) fn open(&self) -> Result<Box<dyn Source>, Vec<String>> {
         let mut list = Vec::new();
         let mut problems = Problems::new(&mut list, "source");
-        problems.above_0("rate_hz", self.rate_hz);
+        problems.rate_hz("rate_hz", self.rate_hz);
         problems.at_least_0("noise_mpa", self.noise_mpa);
         problems.at_least_0("resolution_mpa", self.resolution_mpa);
         problems.expect(self.duration_s > 0.0, "duration_s", "more than 0 (or inf)", self.duration_s);

@@ -153,7 +153,7 @@ impl SensorSpec {
         let age_limit_ms = self.age_limit_ms();
         problems.range("age_limit_ms", age_limit_ms, [1.0, 3_600_000.0]);
         if let Some(rate_hz) = self.rate_hz() {
-            problems.range("rate_hz", rate_hz, [1e-3, 20_000.0]);
+            problems.rate_hz("rate_hz", rate_hz);
             let period_ms = 1e3 / rate_hz;
             let expected = format!("more than the {period_ms} ms between two answers (rate_hz)");
             // Of a rate that is not a number nothing follows.
@@ -285,8 +285,7 @@ fn problems(sensors: &Sensors, pace: Option<&PaceSpec>, inputs: &InputNames) -> 
     let expected = format!("a rate in Hz or one of {names}");
     match pace {
         Some(PaceSpec::RateHz(rate_hz)) => {
-            let fits = (1e-3..=20_000.0).contains(rate_hz);
-            problems.expect(fits, "pace", "0.001 to 20000 readings a second", rate_hz);
+            problems.rate_hz("pace", *rate_hz);
         }
         Some(PaceSpec::Sensor(name)) => {
             problems.expect(sensors.contains_key(name), "pace", &expected, format_args!("`{name}`"));

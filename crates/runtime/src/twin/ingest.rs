@@ -8,6 +8,8 @@ use wire::{Outcome, SensorSample};
 
 /// Most sequence numbers between two readings; more is a fault of the later one.
 const MAX_JUMP: u64 = 65_536;
+/// Most readings that a pause can have lost: 24 days at 2 kHz. A larger jump is another beginning of the sender's count, of which nothing is missing.
+const MAX_LOST: u64 = 1 << 32;
 /// Number of consecutive readings that begin a new order if they agree with each other and not with the earlier ones: one wrong
 /// number must not make all later readings look old.
 const NEW_ORDER: u64 = 3;
@@ -86,20 +88,23 @@ impl Validator {
 
     /// Validates `sample`, which arrived at `now_ns`, and remembers it.
     pub(super) fn validate(&mut self, sample: &SensorSample, now_ns: u64) -> SampleCheck {
-        let restarted = sample.boot_id != self.boot_id;
+        let mut restarted = sample.boot_id != self.boot_id;
         if restarted {
             self.boot_id = sample.boot_id;
             self.last_seq = sample.seq.wrapping_sub(1); // what an earlier run sent is not missing from this one
             self.last_t_sensor_ns = 0;
             (self.out_of_order, self.dropped) = (OutOfOrder::default(), OutOfOrder::default());
         }
-        let check = |rejection, missed| SampleCheck { rejection, missed, restarted };
         let missed = match self.order(sample) {
             // What was dropped since the last one has arrived and is not missing.
+            Ok(missed) if missed > MAX_LOST => {
+                (restarted, self.last_t_sensor_ns) = (true, 0);
+                0
+            }
             Ok(missed) => missed.saturating_sub(self.dropped.count),
             Err(outcome) => {
                 self.note_dropped(sample, outcome);
-                return check(Some(outcome), 0);
+                return SampleCheck { rejection: Some(outcome), missed: 0, restarted };
             }
         };
         self.dropped = OutOfOrder::default();
@@ -109,7 +114,7 @@ impl Validator {
         if !self.is_ahead(sample, now_ns) {
             self.last_t_sensor_ns = sample.t_sensor_ns;
         }
-        check(rejection, missed)
+        SampleCheck { rejection, missed, restarted }
     }
 
     /// Counts numbers ahead of the last one whose readings were dropped for their stamps; they may be sent again.

@@ -176,7 +176,7 @@ pub struct Event {
 }
 
 /// Kind of an event.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EventKind {
     /// Readings now end otherwise than before; value: [`wire::Outcome::code`].
     Outcome,

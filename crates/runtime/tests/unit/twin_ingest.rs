@@ -98,6 +98,17 @@ fn a_jump_of_the_sequence_is_a_fault_of_that_reading_alone() {
     }
 }
 
+/// A sender that begins to count elsewhere has lost nothing.
+#[test]
+fn a_jump_beyond_what_a_pause_can_lose_is_a_restart() {
+    let mut validator = validator();
+    let after = |seq: u64| SensorSample { seq: (1 << 40) + seq, ..good(20 + seq) };
+    let checks = [0, 1, 2, 3].map(|seq| validator.validate(&after(seq), NOW));
+    assert!(checks.iter().all(|check| check.missed == 0), "{checks:?}");
+    assert_eq!(checks.map(|check| check.restarted), [false, false, true, false]);
+    assert_eq!(checks[2].rejection, None);
+}
+
 #[test]
 fn a_run_that_begins_with_a_wrong_number_recovers() {
     let mut validator = validator();

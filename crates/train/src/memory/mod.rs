@@ -35,6 +35,9 @@ const SHORTEST_GAP_S: f64 = 1.0;
 /// Ratio of the ends of an interval from which a constant is not identified.
 const WIDE: f64 = 4.0;
 
+/// Fewest rows: two in each of the parts that are left out.
+const MIN_ROWS: usize = 2 * PARTS;
+
 /// A constant with its 90 % interval.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constant {
@@ -86,7 +89,7 @@ pub fn parts(rows: &[usize]) -> Vec<Vec<usize>> {
 
 /// Identifies the memory of runs, whose inputs are gauge pressures in MPa or others. `scales` is the unit of each output's error, e.g. the range of the outputs with its unit. The static map
 /// is that of a `model` up to weights, or a polynomial.
-/// Returns `None` where the least-squares map has no finite solution. Cost: `O(1000 rows)`.
+/// Returns `None` where the least-squares map has no finite solution, as of fewer than 8 rows or without an output. Cost: `O(1000 rows)`.
 #[must_use]
 pub fn identify(
     runs: &[Run],
@@ -106,7 +109,11 @@ pub fn identify(
     let interval_s = *intervals.get(intervals.len() / 2)?;
     let duration = |run: &Run| Some(run.time_s.last()? - run.time_s.first()?);
     let duration_s = runs.iter().filter_map(duration).fold(0.0, f64::max);
-    let sound = ranges.iter().all(|[low, high]| high > low) && interval_s > 0.0;
+    let rows: usize = runs.iter().map(|run| run.time_s.len()).sum();
+    // Each part is left out once, and without an output nothing is fitted.
+    let has_data =
+        rows >= MIN_ROWS && !scales.is_empty() && runs.iter().all(|run| run.outputs.len() == scales.len());
+    let sound = has_data && ranges.iter().all(|[low, high]| high > low) && interval_s > 0.0;
     if !sound || inputs == 0 {
         return None;
     }

@@ -78,6 +78,12 @@ pub fn calibrate(
     };
     let measured = |row: &usize| readings.iter().filter(|r| r.rows[*row].is_finite()).count() >= MIN_VALUES;
     let rows: Vec<usize> = (0..of.setup.rows.len()).filter(measured).collect();
+    if rows.is_empty() {
+        return Err(unexplained(format!(
+            "--memory: expected at least {MIN_VALUES} readings with a pressure and a measured quantity, found {}; record longer",
+            readings.len()
+        )));
+    }
     let (run, scales) = (run(&rows), scales(&of.setup, readings, &rows));
     let mut calibration = Calibration::of(Unknowns::of(spec.clone(), &model)?, readings.to_vec())?;
     let mut found = None;

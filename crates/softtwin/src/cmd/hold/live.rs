@@ -27,6 +27,8 @@ const SILENCE: Duration = Duration::from_secs(1);
 pub(super) const VALID: Duration = Duration::from_millis(50);
 /// Longest wait for the first state with a reading.
 const FIRST: Duration = Duration::from_secs(10);
+/// Larger jumps of the number of a reading are another beginning of the sender's count.
+const MOST_MISSED: u64 = 1 << 32;
 /// Most states that are answered before the newest is taken.
 const MOST_IN_A_ROW: u32 = 16;
 /// Substituted readings are not used.
@@ -238,7 +240,8 @@ impl<'a> Loop<'a> {
     fn send(&mut self, state: &State) -> anyhow::Result<()> {
         if self.last_seq > 0 {
             // Of a new run of the bridge none is counted.
-            self.missed += state.sensor_seq.saturating_sub(self.last_seq + 1);
+            let missed = state.sensor_seq.saturating_sub(self.last_seq + 1);
+            self.missed += if missed <= MOST_MISSED { missed } else { 0 };
         }
         self.last_seq = state.sensor_seq;
         self.owner.send(self.cycle.pressure_mpa, state.t_sensor_ns)?;
@@ -393,8 +396,7 @@ impl Thinned {
         self.seen += 1;
         if self.values.len() == Self::MOST {
             self.every *= 2;
-            let mut at = 0_usize;
-            self.values.retain(|_| std::mem::replace(&mut at, at + 1).is_multiple_of(2));
+            self.values = self.values.iter().step_by(2).copied().collect();
         }
     }
 

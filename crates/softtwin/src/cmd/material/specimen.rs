@@ -61,6 +61,10 @@ impl Head {
 
 /// Smallest number of rows of a fit.
 const FEWEST: usize = 8;
+/// Fewest different stretches of a fit: each row at the same one is the same point of a law.
+const FEWEST_STRETCHES: usize = 4;
+/// Difference from which stretches are different.
+const SAME_STRETCH: f64 = 1e-6;
 /// Fraction of the range of the deformation by which loading and unloading differ at least.
 const TURN: f64 = 0.05;
 /// Fraction of the largest stress below which a specimen that is pulled on has failed.
@@ -174,6 +178,16 @@ impl Specimen {
                 "expected at least {FEWEST} rows of loading, found {} ({})",
                 points.len(),
                 notes.join("; ")
+            )));
+        }
+        let mut stretches: Vec<f64> = points.iter().map(|point| point[0]).collect();
+        stretches.sort_by(f64::total_cmp);
+        stretches.dedup_by(|next, last| *next - *last < SAME_STRETCH);
+        if stretches.len() < FEWEST_STRETCHES {
+            return Err(error(format!(
+                "expected rows at {FEWEST_STRETCHES} different stretches at least, found {}: {:?}; is it the column of the deformation?",
+                stretches.len(),
+                stretches
             )));
         }
         let (weight, shape_only) = (description.weight, description.shape_only);
