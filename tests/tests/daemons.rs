@@ -252,7 +252,7 @@ fn exhausted_inodes_are_named() {
     let stage = Stage::new("inodes");
     stage.finger(STEADY);
     std::fs::create_dir_all(stage.root()).unwrap();
-    let mount = format!("mount -t tmpfs -o size=64m,nr_inodes=20 tmpfs {}", stage.root().display());
+    let mount = format!("mount -t tmpfs -o size=64m,nr_inodes=20,mode=700 tmpfs {}", stage.root().display());
     if !Command::new("unshare")
         .args(["-m", "sh", "-c", &mount])
         .output()

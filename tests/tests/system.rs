@@ -29,7 +29,7 @@ mod sensors;
 mod service;
 mod session;
 mod setup;
-mod sharing;
 mod structure;
 mod tool;
+mod users;
 mod watchdog;

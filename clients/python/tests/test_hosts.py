@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 
 import nbclient
@@ -12,7 +11,6 @@ import nbformat
 import pytest
 import softtwin
 from conftest import REPOSITORY
-from softtwin.start import Places
 
 WAIT_S = 60.0
 
@@ -96,13 +94,3 @@ def test_a_notebook_reads_and_asks_a_running_twin(live, monkeypatch):
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(text) for text in CELLS])
     done = nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
     assert done.cells[-1].outputs[0]["text"].split() == ["True", "True", "0.05"]
-
-
-def test_only_drivers_may_publish_what_drives_a_cavity():
-    with tempfile.TemporaryDirectory(prefix="iox") as root:
-        os.chmod(root, 0o2770)
-        places = Places("iox2_a_", root)
-        for kind in ["setpoint", "setpoint/left", "override/left", "target", "command"]:
-            assert places.right_to_write(f"softtwin/finger/{kind}") == f"{root}/control", kind
-        for kind in ["sensor", "valve/left", "field/setpoint"]:
-            assert places.right_to_write(f"softtwin/finger/{kind}") == f"{root}/publish", kind

@@ -6,9 +6,11 @@ import math
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 
 import numpy as np
@@ -16,6 +18,7 @@ import pytest
 import softtwin
 from conftest import PROGRAMS, REPOSITORY
 
+STRANGER = 54321
 WAIT_S = 60.0
 
 
@@ -308,46 +311,61 @@ def test_signals_reach_their_handlers_while_a_reader_waits(stage, number, timeou
     assert child.communicate(timeout=60)[0].split() == expected
 
 
-def test_files_in_a_shared_domain_are_granted_to_its_group(stage):
-    root = pathlib.Path(stage.root)
-    root.mkdir(exist_ok=True)
-    root.chmod(0o2770)
-    bus = softtwin.Bus(stage.domain, stage.root)
-    readings = softtwin.subscribe("softtwin/finger/command", wait_for_twin=True, bus=bus)
-    prefix = f"iox2_{stage.domain}_u{root.stat().st_uid}_"
-    end = time.monotonic() + WAIT_S
-    while time.monotonic() < end:
-        files = [*pathlib.Path("/dev/shm").glob(f"{prefix}*"), *root.glob("nodes/*/*"), *root.glob("services/*")]
-        modes = {path.name: path.lstat().st_mode for path in files}
-        # The group may do what the owner may.
-        if all(mode >> 3 & 0o7 == mode >> 6 & 0o7 for mode in modes.values()):
-            break
-        time.sleep(0.01)
-    assert len(modes) > 5 and time.monotonic() < end, modes
-    counter = next(mode for name, mode in modes.items() if name.endswith(".global_mgmt"))
-    assert counter & 0o777 == 0o660
-    del readings
+@pytest.fixture
+def apart(stage):
+    """Name and folder of a domain in which nothing has happened yet."""
+    domain, root = f"t{stage.domain[3:]}", pathlib.Path(tempfile.mkdtemp(prefix="iox"))
+    yield domain, root
+    shutil.rmtree(root)
+    for path in pathlib.Path("/dev/shm").glob(f"iox2_{domain}_*"):
+        path.unlink()
 
 
-def test_samples_of_root_of_the_owner_and_of_the_lock_s_user_are_taken(stage):
-    from softtwin.origin import Origins
-
-    root = pathlib.Path(stage.root)
-    root.mkdir(exist_ok=True)
-    root.chmod(0o2770)
-    bus, stranger = softtwin.Bus(stage.domain, stage.root), 54321
-    origins = Origins(bus.places, "softtwin/finger/sensor")
-    publisher = softtwin.SensorPublisher("finger", bus=bus)
-    assert origins.may_publish(0) and origins.may_publish(root.stat().st_uid) and not origins.may_publish(stranger)
+def test_another_user_s_folder_and_one_open_to_others_are_refused(apart):
+    domain, root = apart
+    root.chmod(0o770)
+    with pytest.raises(softtwin.SofttwinError, match="chmod 700"):
+        softtwin.Bus(domain, str(root))
     if os.geteuid() == 0:
-        (lock,) = (root / "publish").iterdir()
-        os.chown(lock, stranger, -1)
-        assert origins.may_publish(stranger)
-        os.chown(root / "publish", stranger, -1)
-        assert not origins.may_publish(stranger), "the folder gives no right"
-    readings = softtwin.subscribe("softtwin/finger/sensor", timeout_s=WAIT_S, bus=bus)
+        root.chmod(0o700)
+        os.chown(root, STRANGER, -1)
+        with pytest.raises(softtwin.SofttwinError, match=f"belongs to user {STRANGER}"):
+            softtwin.Bus(domain, str(root))
+    assert not list(root.iterdir())
+
+
+def test_files_are_the_user_s_alone(apart):
+    domain, root = apart
+    bus = softtwin.Bus(domain, str(root))
+    readings = softtwin.subscribe("softtwin/finger/sensor", wait_for_twin=True, bus=bus)
+    publisher = softtwin.SensorPublisher("finger", bus=bus)
+    files = [root, *pathlib.Path("/dev/shm").glob(f"{bus.places.prefix}*")]
+    modes = {path.name: oct(path.lstat().st_mode) for path in files if path.lstat().st_mode & 0o077}
+    assert len(files) > 5 and not modes, modes
+    del readings, publisher, bus
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="files of another user need root")
+def test_names_that_a_stranger_took_do_not_block_a_publisher(apart):
+    domain, root = apart
+    first = softtwin.Bus(domain, str(root))
+    counter, lock = first.places._segments()[0], first.places.writer_lock("softtwin/finger/sensor")
+    del first
+    gc.collect()
+    start = root / "softtwin.lock"
+    for taken in (counter, lock, start):
+        pathlib.Path(taken).write_bytes(bytes(16))
+        os.chown(taken, STRANGER, -1)
+        os.chmod(taken, 0o666)
+    bus = softtwin.Bus(domain, str(root))
+    assert start.stat().st_uid == 0 and bus.places.prefix.endswith("-1_")
+    publisher = softtwin.SensorPublisher("finger", bus=bus)
+    os.unlink(counter)
+    other = softtwin.Bus(domain, str(root))
+    readings = softtwin.subscribe("softtwin/finger/sensor", timeout_s=WAIT_S, bus=other)
     publisher.send(pressure_mpa=0.03, gap_mm=30.0)
     assert readings.next().pressure_mpa == 0.03
+    del publisher, readings, other, bus
 
 
 FORK = """

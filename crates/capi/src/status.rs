@@ -63,7 +63,8 @@ pub(crate) fn of(error: &WireError) -> softtwin_status {
         WireError::NoAnswer { .. } => softtwin_status::SOFTTWIN_TIMEOUT,
         WireError::BadName { .. }
         | WireError::BadDomain { .. }
-        | WireError::ForeignFolder { .. }
+        | WireError::OthersDomain { .. }
+        | WireError::OpenFolder { .. }
         | WireError::LongDomain { .. } => softtwin_status::SOFTTWIN_ARGUMENT,
         _ => softtwin_status::SOFTTWIN_FAILED,
     };

@@ -228,6 +228,33 @@ fn refused_owner(stage: &Stage, owner: &str) -> String {
     }
 }
 
+/// A domain belongs to one user, also for programs in C.
+#[test]
+fn a_folder_of_another_user_and_one_open_to_others_are_refused_in_c() {
+    use std::ffi::{CStr, CString};
+    use std::os::unix::fs::{PermissionsExt, chown};
+    let stage = Stage::new("capiuser");
+    std::fs::create_dir(stage.root()).unwrap();
+    let refusal = || {
+        let root = CString::new(stage.root().display().to_string()).unwrap();
+        let mut bus = std::ptr::null_mut();
+        // SAFETY: the string and the place live across the calls.
+        unsafe {
+            let status = capi::softtwin_bus_open(std::ptr::null(), root.as_ptr(), &mut bus);
+            assert_eq!(status, capi::softtwin_status::SOFTTWIN_ARGUMENT);
+            CStr::from_ptr(capi::softtwin_last_error()).to_str().unwrap().to_owned()
+        }
+    };
+    std::fs::set_permissions(stage.root(), std::fs::Permissions::from_mode(0o770)).unwrap();
+    assert!(refusal().contains("chmod 700"));
+    std::fs::set_permissions(stage.root(), std::fs::Permissions::from_mode(0o700)).unwrap();
+    if chown(stage.root(), Some(54_321), None).is_err() {
+        return skipped(Missing::SecondUser);
+    }
+    assert!(refusal().contains("belongs to user 54321"));
+    assert_eq!(std::fs::read_dir(stage.root()).unwrap().count(), 0);
+}
+
 #[test]
 fn named_inputs_of_a_reading_arrive_and_wrong_ones_are_refused() {
     use std::ffi::{CStr, CString};

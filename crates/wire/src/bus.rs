@@ -61,12 +61,13 @@ impl Bus {
     ///
     /// # Errors
     /// [`WireError::BadDomain`] for names that cannot be files, [`WireError::LongDomain`] for names that are too long,
-    /// [`WireError::ForeignFolder`] and [`WireError::OthersDomain`] when it is another user's, [`WireError::Node`] when the folders cannot be written, [`WireError::NoMemory`] when /dev/shm is full,
+    /// [`WireError::OthersDomain`] when it is another user's, [`WireError::OpenFolder`] when others can write in its folder, [`WireError::Node`] when the folders cannot be written, [`WireError::NoMemory`] when /dev/shm is full,
     /// [`WireError::TooManyFiles`], [`WireError::NoFiles`], [`WireError::StartLocked`].
     pub fn open(domain: &Domain) -> Result<Self, WireError> {
         set_log_level(LogLevel::Fatal); // failures come back as errors; iceoryx2 would print kilobytes besides
         let places = domain.places()?;
-        domain.require_membership()?;
+        places.require_own_folder()?;
+        places.remove_files_of_others();
         require_headroom("the shared-memory domain", 0)?;
         let watch = Watch::start(places.clone());
         let removed = places.sweep(SWEEP_PATIENCE);
@@ -76,19 +77,20 @@ impl Bus {
                 .signal_handling_mode(SignalHandlingMode::Disabled)
                 .create::<Ipc>()
                 .map_err(|error| {
-                    match error {
-                        NodeCreationFailure::UnableToGenerateUniqueNodeId => places.without_damaged_counter(),
-                        _ => None,
+                    if error == NodeCreationFailure::UnableToGenerateUniqueNodeId {
+                        places.remove_damaged_counter();
                     }
-                    .map_or_else(|| Refusal::Passing(format!("{error:?}")), Refusal::Final)
+                    Refusal::Passing(format!("{error:?}"))
+                })
+                .and_then(|node| match places.restrict_counter() {
+                    true => Ok(node),
+                    false => Err(Refusal::Passing("another user took a name in /dev/shm just now".into())),
                 })
         });
         let node = node.map_err(|error| match error {
             WireError::InFlux { cause, .. } => WireError::Node { cause },
             other => other,
         })?;
-        places.restrict_counters();
-        places.share();
         let member = Rc::new(Member { node, places: places.clone(), _watch: watch });
         Ok(Self { places, removed, member })
     }

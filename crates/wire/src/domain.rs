@@ -1,9 +1,11 @@
 //! Which programs see one another.
 
 use crate::WireError;
-use crate::leftover::{Places, group_of};
-use iceoryx2::prelude::{Config, FileName, Path, SemanticString};
+use crate::leftover::{Places, claimed, ending, is_counter_of, number};
+use crate::sys::{SHM_DIR, uid};
+use iceoryx2::prelude::{Config, FileName, Path as IoxPath, SemanticString};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::Path;
 
 /// Longest path of a socket: `sun_path` has 108 bytes, the last is zero.
 const SOCKET_PATH_BYTES: usize = 107;
@@ -11,13 +13,16 @@ const SOCKET_PATH_BYTES: usize = 107;
 /// may be longer: a file name may have 255 bytes, of which 90 follow the prefix.
 const MAX_NAME_BYTES: usize = SOCKET_PATH_BYTES - 1 - 39 - ".event".len();
 
+/// Permission of a folder's group, or of everybody, to make and remove files in it.
+const OTHERS_WRITE: u32 = 0o022;
+
 /// A shared-memory domain: programs of different domains do not see one another.
 ///
-/// Without a folder it is private to the user: folder `/tmp/softtwin-<uid>`, which no other user may enter. The shared-memory domain
-/// of a given folder is private to the folder's owner, or shared by the folder's group if it has the setgid bit (OPERATIONS.md).
+/// It belongs to one user, the owner of its folder, which no other user may enter; without a folder this is `/tmp/softtwin-<uid>`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Domain {
-    /// Prefix of all file and shared-memory names: `iox2_<name>_u<uid>_`, or `iox2_u<uid>_` without a name; `uid` is the folder's owner.
+    /// Prefix of all file and shared-memory names: `iox2_<name>_u<uid>_`, or `iox2_u<uid>_` without a name. Where another
+    /// user has taken the names of that prefix, a number follows the user's, as in `iox2_u<uid>-1_`.
     pub prefix: String,
     /// Folder of the management files; `None`: the user's own.
     pub root: Option<String>,
@@ -29,25 +34,27 @@ impl Default for Domain {
     }
 }
 
-/// This process's user.
-pub(crate) fn uid() -> u32 {
-    // SAFETY: the call has no arguments and cannot fail.
-    unsafe { libc::geteuid() }
+/// Folder of the user's own domains: `/tmp/softtwin-<uid>`, with a number behind it where that name is another user's.
+pub(crate) fn own_root() -> String {
+    let path = format!("/tmp/softtwin-{}", uid());
+    if is_own_folder(Path::new(&path)) {
+        return path;
+    }
+    let number = claimed(Path::new("/tmp"), |name| number(name.strip_prefix(&path["/tmp/".len()..])?));
+    format!("{path}{}", ending(number))
 }
 
-/// Folder of the user's own domains.
-pub(crate) fn own_root() -> String {
-    format!("/tmp/softtwin-{}", uid())
+/// A link is not one, wherever it leads.
+fn is_own_folder(path: &Path) -> bool {
+    std::fs::symlink_metadata(path).is_ok_and(|found| found.is_dir() && found.uid() == uid())
 }
 
 impl Domain {
     /// Shared-memory domain by name and folder.
     pub fn of(name: Option<&str>, root: Option<String>) -> Self {
         // In /dev/shm the names of all users are in one folder: those of one user's domains must not be another's.
-        let owner =
-            root.as_ref().and_then(|root| std::fs::metadata(root).ok()).map_or_else(uid, |root| root.uid());
         let name = name.map(|name| format!("{name}_")).unwrap_or_default();
-        Self { prefix: format!("iox2_{name}u{owner}_"), root }
+        Self { prefix: format!("iox2_{name}u{}_", uid()), root }
     }
 
     /// Named shared-memory domain in the user's own folder.
@@ -96,11 +103,22 @@ impl Domain {
     fn config(&self) -> Result<Config, WireError> {
         let bad = |what: &'static str, value: &str| WireError::BadDomain { what, value: value.to_owned() };
         let mut config = Config::default();
-        config.global.prefix =
-            FileName::new(self.prefix.as_bytes()).map_err(|_| bad("prefix", &self.prefix))?;
+        let prefix = self.claimed_prefix();
+        config.global.prefix = FileName::new(prefix.as_bytes()).map_err(|_| bad("prefix", &prefix))?;
         let root = self.root.clone().unwrap_or_else(own_root);
-        config.global.set_root_path(&Path::new(root.as_bytes()).map_err(|_| bad("root", &root))?);
+        config.global.set_root_path(&IoxPath::new(root.as_bytes()).map_err(|_| bad("root", &root))?);
         Ok(config)
+    }
+
+    /// The prefix with the number under which this user has the counter of nodes in /dev/shm, or can make it. All other names
+    /// there contain a moment in nanoseconds, which nobody can guess.
+    fn claimed_prefix(&self) -> String {
+        let stem = self.prefix.trim_end_matches('_');
+        let number = claimed(Path::new(SHM_DIR), |name| {
+            let (digits, rest) = name.strip_prefix(stem)?.split_once('_')?;
+            is_counter_of(rest).then(|| number(digits)).flatten()
+        });
+        format!("{stem}{}_", ending(number))
     }
 
     /// Places of the files.
@@ -116,32 +134,6 @@ impl Domain {
         Ok(places)
     }
 
-    /// Checks that this user's programs may join, before they make a file; makes the user's own folder. `/tmp` is open to all:
-    /// another user may have made that folder before.
-    ///
-    /// Files that a user makes in a private domain of another one, root too, cannot be opened by that one's programs: these
-    /// would wait for them.
-    ///
-    /// # Errors
-    /// [`WireError::ForeignFolder`], [`WireError::OthersDomain`].
-    pub(crate) fn require_membership(&self) -> Result<(), WireError> {
-        let Some(root) = &self.root else {
-            let folder = own_root();
-            let _exists_already = std::fs::DirBuilder::new().mode(0o700).create(&folder);
-            return match std::fs::symlink_metadata(&folder) {
-                Ok(found) if found.is_dir() && found.uid() == uid() => Ok(()),
-                Ok(found) => Err(WireError::ForeignFolder { folder, owner: found.uid() }),
-                Err(_) => Ok(()), // the first file that is made there gives the reason
-            };
-        };
-        match std::fs::metadata(root) {
-            Ok(found) if found.is_dir() && found.uid() != uid() && group_of(&found).is_none() => {
-                Err(WireError::OthersDomain { folder: root.clone(), owner: found.uid(), user: uid() })
-            }
-            _ => Ok(()),
-        }
-    }
-
     fn require_short(&self, root_bytes: usize) -> Result<(), WireError> {
         let found = root_bytes + self.prefix.len();
         if found <= MAX_NAME_BYTES {
@@ -153,6 +145,29 @@ impl Domain {
             found,
             allowed: MAX_NAME_BYTES,
         })
+    }
+}
+
+impl Places {
+    /// Makes the folder if it is missing, and checks that it belongs to this user alone, before any file is made there. Root is
+    /// refused in the domain of another user as well: its files would stop that user's programs.
+    ///
+    /// # Errors
+    /// [`WireError::OthersDomain`], [`WireError::OpenFolder`].
+    pub(crate) fn require_own_folder(&self) -> Result<(), WireError> {
+        let _exists_already = std::fs::DirBuilder::new().recursive(true).mode(0o700).create(&self.root);
+        let folder = self.root.display().to_string();
+        let Ok(found) = std::fs::metadata(&self.root) else {
+            return Ok(()); // the first file that cannot be made there gives the reason
+        };
+        let mode = found.mode() & 0o7777;
+        if found.uid() != uid() {
+            return Err(WireError::OthersDomain { folder, owner: found.uid(), user: uid() });
+        }
+        if mode & OTHERS_WRITE != 0 {
+            return Err(WireError::OpenFolder { folder, mode });
+        }
+        Ok(())
     }
 }
 

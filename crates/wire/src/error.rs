@@ -18,26 +18,21 @@ pub enum WireError {
         what: &'static str,
         value: String,
     },
-    /// The private folder belongs to another user.
+    /// The folder belongs to another user.
     #[error(
-        "`{folder}` belongs to user {owner}: it must be a folder of the user who runs this program; remove it, or name another with SOFTTWIN_ROOT"
-    )]
-    ForeignFolder { folder: String, owner: u32 },
-    /// A private shared-memory domain of another user.
-    #[error(
-        "the shared-memory domain of `{folder}` is private to user {owner}, this program runs as user {user}: run it as that user (`sudo -u '#{owner}'`), or share the folder with a group (OPERATIONS.md, Other users)"
+        "the shared-memory domain of `{folder}` belongs to user {owner}, this program runs as user {user}: run it as that user (`sudo -u '#{owner}' SOFTTWIN_ROOT={folder} ...`); other users see and drive a twin through `softtwin view` and the gateway (OPERATIONS.md, Other users)"
     )]
     OthersDomain { folder: String, owner: u32, user: u32 },
+    /// Other users may make files in the folder.
+    #[error(
+        "other users can write in the shared-memory domain's folder `{folder}` (mode {mode:o}), and a domain belongs to one user: `chmod 700 {folder}`, or name another folder with SOFTTWIN_ROOT"
+    )]
+    OpenFolder { folder: String, mode: u32 },
     /// A shared-memory domain whose paths are too long.
     #[error(
         "the shared-memory domain's folder `{root}` and its prefix `{prefix}` have {found} bytes together, at most {allowed} are allowed (sockets in that folder have paths of at most 107 bytes); choose a shorter SOFTTWIN_ROOT or SOFTTWIN_DOMAIN"
     )]
     LongDomain { prefix: String, root: String, found: usize, allowed: usize },
-    /// A file in /dev/shm whose name this shared-memory domain needs.
-    #[error(
-        "`{path}` of user {owner} has a name of this shared-memory domain, and is another user's or damaged: remove it as that user or as root"
-    )]
-    BlockedName { path: String, owner: u32 },
     /// A program holds the start lock and does not go on.
     #[error(
         "{path}: another program removes leftover files and has not finished within {waited_ms} ms; is it stopped? `lslocks` shows which one holds this file"

@@ -1,10 +1,5 @@
 //! Clock, process runs, scheduling and transport of the operating system.
 
-use std::fs::{File, OpenOptions};
-use std::io;
-use std::os::unix::fs::MetadataExt;
-use std::path::Path;
-
 /// The transport: inter-process, single-threaded ports.
 pub(crate) type Ipc = iceoryx2::prelude::ipc::Service;
 
@@ -14,25 +9,10 @@ pub(crate) const SHM_DIR: &str = "/dev/shm";
 /// Suffix of the name of an open file that was removed.
 pub(crate) const REMOVED: &str = " (deleted)";
 
-/// Opens a file, or makes it where it is missing. First without `create`, which the kernel may refuse in a sticky folder for a
-/// file of another user.
-pub(crate) fn open_or_make(options: &OpenOptions, path: &Path) -> io::Result<File> {
-    options.open(path).or_else(|error| match error.kind() {
-        io::ErrorKind::NotFound => options.clone().create(true).truncate(false).open(path),
-        _ => Err(error),
-    })
-}
-
-/// Owner of a file that this process has open, by its path. What was opened counts, not what has the name now.
-pub(crate) fn owner_of_open_file(is_wanted: impl Fn(&str) -> bool) -> Option<u32> {
-    let entries = std::fs::read_dir("/proc/self/fd").ok()?.flatten();
-    let open = entries.map(|entry| entry.path()).find(|fd| {
-        std::fs::read_link(fd).is_ok_and(|link| {
-            link.to_str().is_some_and(|path| is_wanted(path.strip_suffix(REMOVED).unwrap_or(path)))
-        })
-    })?;
-    // The link is followed to the open file, also if that was removed.
-    std::fs::metadata(open).ok().map(|about| about.uid())
+/// This process's user.
+pub(crate) fn uid() -> u32 {
+    // SAFETY: the call has no arguments and cannot fail.
+    unsafe { libc::geteuid() }
 }
 
 /// Nanoseconds of the machine's monotonic clock (since boot, the same in every process, never stepped).

@@ -2,7 +2,6 @@
 
 import os
 import time
-import weakref
 from typing import Any, Optional
 
 import iceoryx2 as iox2
@@ -10,7 +9,7 @@ import iceoryx2 as iox2
 from . import layout
 from .errors import SofttwinError, TwinAbsent, VersionMismatch
 from .qos import QOS
-from .start import Holder, Places, check_member, check_process, hold, own_root
+from .start import Holder, Places, check_folder, check_process, hold, own_root
 
 _KINDS = {
     "sensor": layout.SensorSample,
@@ -56,9 +55,10 @@ class Bus(Holder):
         # The host's configuration file is not read, so that all programs of a shared-memory domain agree.
         config = iox2.config.default()
         root = root or own_root()
-        prefix = f"iox2_{domain + '_' if domain else ''}u{check_member(root)}_"
-        self.places = Places(prefix, root)
-        config.global_cfg.prefix = iox2.FileName.new(prefix)
+        check_folder(root)
+        self.places = Places(domain or "", root)
+        self.places.remove_files_of_others()
+        config.global_cfg.prefix = iox2.FileName.new(self.places.prefix)
         config.global_cfg.root_path = iox2.Path.new(root)
         try:
             with self.places.starting():
@@ -69,7 +69,6 @@ class Bus(Holder):
                     .create(iox2.ServiceType.Ipc)
                 )
             self.places.restrict_counter()
-            self.places.keep_sharing(weakref.ref(self))
             hold(self)
         except SofttwinError:
             raise

@@ -5,48 +5,51 @@ The same rules as of the programs `softtwin` and `softtwind`; docs/iceoryx2.md s
 
 import ctypes
 import fcntl
+import itertools
 import os
 import re
 import signal
 import stat
-import threading
 import time
 import weakref
 from contextlib import contextmanager
-from typing import Any, Iterator, Optional
+from typing import Iterator, Optional
 
 from .errors import AlreadyPublished, SofttwinError
 
 
 def own_root() -> str:
-    """Folder of the user's own domains. `/tmp` is open to all: another user must not have made it before."""
-    folder = f"/tmp/softtwin-{os.geteuid()}"
+    """Folder of the user's own domains. `/tmp` is open to all: where another user has taken the name, a number follows it."""
+    path = f"/tmp/softtwin-{os.geteuid()}"
     try:
-        os.mkdir(folder, 0o700)
-    except FileExistsError:
+        found = os.lstat(path)
+        if stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid():
+            return path
+    except FileNotFoundError:
         pass
-    found = os.lstat(folder)
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid():
-        raise SofttwinError(
-            f"`{folder}` belongs to user {found.st_uid}: it must be a folder of the user who runs this program; remove it, or name "
-            "another with SOFTTWIN_ROOT"
-        )
-    return folder
+    return path + _ending(_claimed("/tmp", re.compile(re.escape(os.path.basename(path)) + _NUMBER)))
 
 
-def check_member(root: str) -> int:
-    """Owner of a shared-memory domain's folder. The domain of another user is private to that user unless a group shares it."""
+def check_folder(root: str) -> None:
+    """Makes the folder of a shared-memory domain if it is missing; raises where it does not belong to this user alone."""
     user = os.geteuid()
     try:
+        os.makedirs(root, mode=0o700, exist_ok=True)
         found = os.stat(root)
-    except FileNotFoundError:
-        return user
-    if found.st_uid != user and not found.st_mode & stat.S_ISGID:
+    except OSError:
+        return  # the first file that cannot be made there gives the reason
+    mode = stat.S_IMODE(found.st_mode)
+    if found.st_uid != user:
         raise SofttwinError(
-            f"the shared-memory domain of `{root}` is private to user {found.st_uid}, this program runs as user {user}: run it as that "
-            "user, or share the folder with a group (OPERATIONS.md, Other users)"
+            f"the shared-memory domain of `{root}` belongs to user {found.st_uid}, this program runs as user {user}: run it as that user "
+            f"(`sudo -u '#{found.st_uid}' SOFTTWIN_ROOT={root} ...`); other users see and drive a twin through `softtwin view` and the "
+            "gateway (OPERATIONS.md, Other users)"
         )
-    return found.st_uid
+    if mode & 0o022:
+        raise SofttwinError(
+            f"other users can write in the shared-memory domain's folder `{root}` (mode {mode:o}), and a domain belongs to one user: "
+            f"`chmod 700 {root}`, or name another folder with SOFTTWIN_ROOT"
+        )
 
 
 class Holder:
@@ -81,11 +84,8 @@ def _leave_to_parent() -> None:
 
 os.register_at_fork(after_in_child=_leave_to_parent)
 _SHM = "/dev/shm"
-_DRIVING = ("setpoint", "override", "target", "command")
+_NUMBER = "(?:-([1-9][0-9]*))?"  # behind a name that another user took first
 _PATIENCE_S = 2.0
-_GRANT_EVERY_S = 0.01
-# Complete when their owner can no longer write them; everything else when its owner can read it.
-_DESCRIPTIONS = (".service", "_tag", ".details", "_context")
 _LONGEST = 107 - 1 - 39 - len(".event")  # a socket's path in the folder has at most 107 bytes
 _F_SETSIG, _F_SETLEASE = 10, 1024
 
@@ -93,8 +93,11 @@ _F_SETSIG, _F_SETLEASE = 10, 1024
 class Places:
     """Places of the files of a shared-memory domain."""
 
-    def __init__(self, prefix: str, root: str) -> None:
-        self.prefix = prefix
+    def __init__(self, domain: str, root: str) -> None:
+        stem = f"iox2_{domain + '_' if domain else ''}u{os.geteuid()}"
+        # The number with which this user has the counter of nodes, or can make it; nobody can guess the other names.
+        number = _claimed(_SHM, re.compile(re.escape(stem) + _NUMBER + r"_[0-9a-f]{40}_.*\.global_mgmt"))
+        self.prefix = prefix = f"{stem}{_ending(number)}_"
         self.root = root.rstrip("/")
         found = len(self.prefix.encode()) + len(self.root.encode())
         if found > _LONGEST:
@@ -107,8 +110,8 @@ class Places:
     def starting(self) -> Iterator[None]:
         """Holds the start lock during a creation, so that no other program removes the new files. Removes incomplete files first."""
         path = f"{self.root}/softtwin.lock"
-        os.makedirs(self.root, mode=0o755, exist_ok=True)
-        lock = _open(path, os.O_WRONLY)
+        os.makedirs(self.root, mode=0o700, exist_ok=True)
+        lock = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
             end = time.monotonic() + _PATIENCE_S
             while True:
@@ -137,68 +140,37 @@ class Places:
         for path in _files(f"{self.root}/services", pattern):
             _remove_if_unused(path, lambda found: bool(found.st_mode & 0o200))
 
-    def right_to_write(self, topic: str) -> Optional[str]:
-        """Folder of a shared domain whose writers may publish `topic`; None in a private one."""
-        if not os.stat(self.root).st_mode & stat.S_ISGID:
-            return None
-        is_driving = any(kind in _DRIVING for kind in topic.split("/")[2:3])
-        return f"{self.root}/{'control' if is_driving else 'publish'}"
+    def remove_files_of_others(self) -> None:
+        """Removes what another user, usually root by hand, has made in the folder: this user cannot open it."""
+        ours = re.compile(rf"(softtwin\.lock|nodes|services|{re.escape(self.prefix)}.*)")
+        for folder, pattern in ((self.root, ours), (f"{self.root}/nodes", None), (f"{self.root}/services", None)):
+            for path in _files(folder, pattern or re.compile(r"(?!aside-).*")):
+                try:
+                    if os.lstat(path).st_uid == os.geteuid():
+                        continue
+                    os.rmdir(path) if stat.S_ISDIR(os.lstat(path).st_mode) else os.unlink(path)
+                except FileNotFoundError:
+                    pass
+                except OSError:  # a folder that is not empty
+                    os.rename(path, f"{folder}/aside-{os.path.basename(path)}-{time.monotonic_ns()}")
 
     def writer_lock(self, topic: str) -> str:
-        """Path of the lock file of a topic's writer: in a shared domain it is in the folder of those who may publish the topic."""
-        file = f"{_number(topic):016x}.writer"
-        folder = self.right_to_write(topic)
-        return f"{folder}/{file}" if folder else f"{_SHM}/{self.prefix}softtwin_{_number(self.root):016x}_{file}"
-
-    def check_right(self, topic: str) -> None:
-        """Checks the folder of those who may publish `topic`; its owner makes it where it is missing."""
-        folder, owner = self.right_to_write(topic), os.stat(self.root).st_uid
-        if folder is None:
-            return
-        if os.geteuid() in (0, owner) and not os.path.lexists(folder):
-            os.mkdir(folder, 0o700)
-            os.chown(folder, owner, -1)
-        found = os.lstat(folder)
-        if not stat.S_ISDIR(found.st_mode) or found.st_uid not in (0, owner):
-            raise PermissionError(f"{folder} belongs to user {found.st_uid}, expected user {owner} or root: remove it")
+        """Path of the lock file of a topic's writer."""
+        name = f"{self.prefix}softtwin_{_number(self.root):016x}_{_number(topic):016x}"
+        number = _claimed(_SHM, re.compile(re.escape(name) + _NUMBER + r"\.writer"))
+        return f"{_SHM}/{name}{_ending(number)}.writer"
 
     def restrict_counter(self) -> None:
-        """Takes the counter of nodes, which iceoryx2 makes open to all users, back to the users of the shared-memory domain."""
-        mode = 0o660 if os.stat(self.root).st_mode & stat.S_ISGID else 0o600
-        for path in _files(_SHM, re.compile(re.escape(self.prefix) + r"[0-9a-f]{40}_.*\.global_mgmt")):
-            if os.lstat(path).st_uid == os.geteuid():
-                os.chmod(path, mode)
-
-    def keep_sharing(self, user: "weakref.ref[Any]") -> None:
-        """Grants this user's files to the group of a shared-memory domain that has one, every 10 ms until `user` is gone: others
-        wait for a connection that they cannot open."""
-        if not os.stat(self.root).st_mode & stat.S_ISGID:
-            return
-        self.grant()
-
-        def run() -> None:
-            while user() is not None:
-                time.sleep(_GRANT_EVERY_S)
-                self.grant()
-
-        threading.Thread(target=run, name="softtwin-share", daemon=True).start()
-
-    def grant(self) -> None:
-        """Grants all files of this user to the group, once."""
-        group = os.stat(self.root).st_gid
-        paths = [entry.path for entry in os.scandir(_SHM) if entry.name.startswith(self.prefix)]
-        paths += [entry.path for entry in os.scandir(self.root) if entry.name not in ("control", "publish")]
-        for folder in (f"{self.root}/nodes", f"{self.root}/services"):
-            for parent, folders, files in os.walk(folder):
-                paths += [f"{parent}/{name}" for name in folders + files]
-        for path in paths:
-            try:
-                _grant(path, group)
-            except OSError:
-                pass  # gone, or another user's
+        """Takes the counter of nodes, which iceoryx2 makes open to all users, back to this one."""
+        counters = [path for path in self._segments() if path.endswith(".global_mgmt")]
+        for path in counters:
+            os.chmod(path, 0o600)
+        if not counters:
+            raise SofttwinError(f"another user took a name in {_SHM} just now; try again")
 
     def _segments(self) -> list:
-        return _files(_SHM, re.compile(re.escape(self.prefix) + r"[0-9a-f]{40}_.*"))
+        """Shared memory of this user; files of others with such names have no meaning."""
+        return [path for path in _files(_SHM, re.compile(re.escape(self.prefix) + r"[0-9a-f]{40}_.*")) if _is_own(path)]
 
     def _empty_segment(self) -> Optional[str]:
         for path in self._segments():
@@ -215,11 +187,12 @@ class WriterLock:
 
     def __init__(self, places: Places, topic: str, owner: str = "") -> None:
         self._file: Optional[int] = None
-        places.check_right(topic)
-        self._path = places.writer_lock(topic)
-        is_shared = not self._path.startswith(_SHM)
         while True:
-            self._file = _open(self._path, os.O_RDWR | os.O_NOFOLLOW)
+            self._path = places.writer_lock(topic)
+            try:
+                self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+            except PermissionError:
+                continue  # another user took the name at this moment
             try:
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
@@ -228,14 +201,9 @@ class WriterLock:
                 self._file = None
                 holder = f"`{name}`, process {process}" if name else f"process {process}"
                 raise AlreadyPublished(f"{topic}: another process publishes here already ({holder}); stop it first") from error
-            is_own = os.fstat(self._file).st_uid == os.geteuid()
-            if self._is_named() and (is_own or not is_shared):
+            if self._is_named() and os.fstat(self._file).st_uid == os.geteuid():
                 break
-            if self._is_named():
-                os.unlink(self._path)  # left by another user; readers take the samples of the lock's owner
             os.close(self._file)
-        if is_shared:
-            os.fchmod(self._file, 0o660)
         os.ftruncate(self._file, 0)
         os.write(self._file, f"{os.getpid()} {owner}\n".encode())
 
@@ -257,30 +225,24 @@ class WriterLock:
         self.close()
 
 
-def _grant(path: str, group: int) -> None:
-    """Gives the group what the owner has, except the right to write samples. Incomplete files are skipped."""
-    file = os.open(path, os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC)  # what is checked is what is changed
-    try:
-        found = os.fstat(file)
-        mode = stat.S_IMODE(found.st_mode)
-        complete = not mode & 0o200 if path.endswith(_DESCRIPTIONS) else mode & 0o400
-        if found.st_uid != os.geteuid() or stat.S_ISLNK(found.st_mode) or not complete:
-            return
-        own = mode & 0o400 if path.endswith(".data") else mode & 0o700
-        wanted = mode | own >> 3 | (stat.S_ISGID if stat.S_ISDIR(found.st_mode) else 0)
-        if (wanted, group) != (mode, found.st_gid):
-            os.chown(f"/proc/self/fd/{file}", -1, group)
-            os.chmod(f"/proc/self/fd/{file}", wanted)
-    finally:
-        os.close(file)
+def _claimed(folder: str, pattern: "re.Pattern[str]") -> int:
+    """Number of this user's file among those that match; the lowest that nobody has taken if there is none."""
+    own, taken = set(), set()
+    for path in _files(folder, pattern):
+        found = pattern.fullmatch(os.path.basename(path))
+        (own if _is_own(path) else taken).add(int(found.group(1) or 0) if found else 0)
+    return min(own, default=next(number for number in itertools.count() if number not in taken))
 
 
-def _open(path: str, flags: int) -> int:
-    """Opens or makes a file. The system may refuse to make one in a sticky folder where another user's is already."""
+def _ending(number: int) -> str:
+    return f"-{number}" if number else ""
+
+
+def _is_own(path: str) -> bool:
     try:
-        return os.open(path, flags | os.O_CLOEXEC)
+        return os.lstat(path).st_uid == os.geteuid()
     except FileNotFoundError:
-        return os.open(path, flags | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        return False
 
 
 def _files(folder: str, pattern: "re.Pattern[str]") -> list:

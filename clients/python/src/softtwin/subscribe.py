@@ -10,7 +10,6 @@ from .bus import Bus, default_bus, kind_of, payload_type, wait
 from .errors import SofttwinError, TwinRestarted, TwinSilent
 from .field import Field, copy_of
 from .layout import LAYOUT_VERSION, FieldHeader
-from .origin import Origins
 from .qos import QOS
 from .start import Holder, check_process, hold
 
@@ -50,7 +49,6 @@ class Subscription(Holder):
         self._first = 0
         self._came = 0  # bit k: the number k below the newest came
         self._kind = None if kind_of(topic) == "field" else payload_type(topic)
-        self._origins, self._buffer = Origins(bus.places, topic), qos.buffer
         service = bus.open_topic(topic, create=wait_for_twin)
         # The listener is created first, so that a sample sent in between causes a spurious wake-up instead of none.
         events = bus.open_topic_events(topic)
@@ -68,13 +66,8 @@ class Subscription(Holder):
     def try_next(self) -> Optional[Any]:
         """The oldest waiting sample, or None. Never waits."""
         check_process(self)
-        for _ in range(self._buffer):
-            sample = self._receive()
-            if sample is None:
-                return None
-            if self._origins.allow(sample.payload_ptr):
-                break
-        else:
+        sample = self._receive()
+        if sample is None:
             return None
         if self._kind is not None:
             value: Any = copy_of(self._kind, sample.payload_ptr)

@@ -2,9 +2,8 @@
 //!
 //! The operating system releases it when its holder ends.
 
-use super::places::Places;
+use super::places::{LOCK_FILE, Places};
 use super::unused::names_this_file;
-use crate::sys::open_or_make;
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::io::{self, ErrorKind};
 use std::os::fd::AsRawFd;
@@ -12,8 +11,6 @@ use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Name of the lock file. Shared-memory domains in one folder have one lock.
-const LOCK_FILE: &str = "softtwin.lock";
 /// Pause between two tries. `flock` itself cannot wait with an end.
 const PAUSE: Duration = Duration::from_millis(1);
 
@@ -51,7 +48,6 @@ impl Places {
             // SAFETY: the descriptor is open for the whole call.
             let code = unsafe { libc::flock(file.as_raw_fd(), kind | libc::LOCK_NB) };
             if code == 0 && names_this_file(&self.lock_path(), &file) {
-                self.share_lock();
                 return Ok(Some(StartLock { _file: file }));
             }
             // The file that was locked may have been removed meanwhile; then the new one counts.
@@ -67,12 +63,13 @@ impl Places {
     }
 
     fn open_lock(&self) -> io::Result<File> {
-        let open = || open_or_make(OpenOptions::new().write(true).mode(0o600), &self.lock_path());
+        let path = self.lock_path();
+        let open = || OpenOptions::new().write(true).create(true).truncate(false).mode(0o600).open(&path);
         open().or_else(|error| {
             if error.kind() != ErrorKind::NotFound {
                 return Err(error);
             }
-            DirBuilder::new().recursive(true).mode(0o755).create(&self.root)?;
+            DirBuilder::new().recursive(true).mode(0o700).create(&self.root)?;
             open()
         })
     }

@@ -7,18 +7,18 @@
 //! No decision depends on age or process id. A program keeps every created file open (or mapped) while it uses it, and the
 //! operating system closes it at the program's end: [`unused`] queries whether any process has a file open.
 
+mod claim;
 mod events;
-mod foreign;
 mod lock;
 mod nodes;
+mod obstacle;
 mod places;
-mod share;
 mod sweep;
 mod unused;
 mod watch;
 
-pub(crate) use foreign::Obstacle;
-pub(crate) use places::{Places, group_of, process_of};
+pub(crate) use claim::{claimed, ending, number};
+pub(crate) use places::{Places, is_counter_of, process_of};
 pub use sweep::Removed;
 pub(crate) use unused::names_this_file;
 pub(crate) use watch::Watch;

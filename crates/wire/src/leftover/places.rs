@@ -1,8 +1,9 @@
 //! Places and names of a shared-memory domain's files.
 
+use super::claim::{claimed, ending, number};
 use crate::sys::SHM_DIR;
+use crate::sys::uid;
 use iceoryx2::prelude::{Config, SemanticString};
-use std::fs::Metadata;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,13 +12,8 @@ use std::sync::atomic::AtomicU64;
 /// Ending of the writers' lock files.
 const WRITER_LOCK: &str = ".writer";
 
-/// Folders of the writers' locks of a shared domain: only users who may write there publish what drives an actuator, or the rest.
-const CONTROL: &str = "control";
-const PUBLISH: &str = "publish";
-/// Folders keep their group for what is made in them.
-pub(super) const SET_GROUP: u32 = 0o2000;
-/// Kinds of topics that drive an actuator, third chunks of their names; a cavity may follow.
-const DRIVING: [&str; 4] = ["setpoint", "override", "target", "command"];
+/// Ending of the counter of nodes.
+const COUNTER: &str = ".global_mgmt";
 
 /// The folders and names of one domain.
 #[derive(Debug, Clone)]
@@ -31,7 +27,16 @@ pub(crate) struct Places {
     pub(super) next_search_ns: Arc<AtomicU64>,
 }
 
+/// Name of the start lock's file. Shared-memory domains in one folder have one lock.
+pub(super) const LOCK_FILE: &str = "softtwin.lock";
+/// Folders in the domain's folder.
+const NODES: &str = "nodes";
+const SERVICES: &str = "services";
+
 impl Places {
+    /// Names that softtwin and iceoryx2 use in the domain's folder, beside those that begin with the prefix.
+    pub(super) const NAMES: [&str; 3] = [LOCK_FILE, NODES, SERVICES];
+
     pub(crate) fn new(config: Config) -> Self {
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         let prefix = text(config.global.prefix.as_bytes());
@@ -42,12 +47,12 @@ impl Places {
 
     /// Folder with one folder and three monitor files for each node (member).
     pub(super) fn nodes(&self) -> PathBuf {
-        self.root.join("nodes")
+        self.root.join(NODES)
     }
 
     /// Folder with a description of each service (topic).
     pub(super) fn services(&self) -> PathBuf {
-        self.root.join("services")
+        self.root.join(SERVICES)
     }
 
     /// Part of a file name after the prefix; `None` for a file of another shared-memory domain.
@@ -69,9 +74,11 @@ impl Places {
         path.starts_with(SHM_DIR) && self.owns_segment(file) && (file.ends_with(".dynamic") || is_ours())
     }
 
-    /// Shared-memory files.
+    /// Shared-memory files of this user. Others may make files of such names in /dev/shm; they have no meaning.
     pub(super) fn segments(&self) -> Vec<PathBuf> {
-        files(Path::new(SHM_DIR), |name| self.owns_segment(name))
+        let mut found = files(Path::new(SHM_DIR), |name| self.owns_segment(name));
+        found.retain(|path| std::fs::symlink_metadata(path).is_ok_and(|about| about.uid() == uid()));
+        found
     }
 
     /// Counters from which iceoryx2 numbers the nodes; they remain when no process has them open.
@@ -87,18 +94,18 @@ impl Places {
     }
 }
 
-/// Group with access to a folder (setgid bit); `None`: only its owner has.
-pub(crate) fn group_of(folder: &Metadata) -> Option<u32> {
-    (folder.mode() & SET_GROUP != 0).then(|| folder.gid())
-}
-
 /// The process id within a node's or a port's number: seconds, nanoseconds, process id, counter, each of 32 bits.
 pub(crate) fn process_of(id: u128) -> u32 {
     (id >> 64) as u32
 }
 
+/// Whether the rest of a file's name, behind the prefix, is that of the counter from which iceoryx2 numbers the nodes.
+pub(crate) fn is_counter_of(rest: &str) -> bool {
+    rest.ends_with(COUNTER) && rest.split_once('_').is_some_and(|(digits, _)| is_type_hash(digits))
+}
+
 pub(super) fn is_counter(path: &Path) -> bool {
-    name(path).ends_with(".global_mgmt")
+    name(path).ends_with(COUNTER)
 }
 
 fn is_type_hash(text: &str) -> bool {
@@ -114,11 +121,6 @@ pub(super) fn files(folder: &Path, wanted: impl Fn(&str) -> bool) -> Vec<PathBuf
         .collect()
 }
 
-/// True for the name of a folder of those who may publish.
-pub(super) fn is_right(path: &Path) -> bool {
-    matches!(name(path), CONTROL | PUBLISH)
-}
-
 /// The last part of a path, empty if it is not UTF-8.
 pub(super) fn name(path: &Path) -> &str {
     path.file_name().and_then(|name| name.to_str()).unwrap_or_default()
@@ -128,28 +130,17 @@ impl Places {
     /// Beginning of the paths of all writers' locks. A number from the folder's path distinguishes shared-memory domains with the
     /// same prefix.
     pub(crate) fn writer_locks(&self) -> String {
-        let folder = number(self.root.as_os_str().as_encoded_bytes());
+        let folder = hash(self.root.as_os_str().as_encoded_bytes());
         format!("{SHM_DIR}/{}softtwin_{folder:016x}_", self.prefix)
     }
 
-    /// Lock file of a topic's writer, in /dev/shm, or in a shared domain's folder of those who may publish it.
+    /// Lock file of a topic's writer in /dev/shm.
     pub(crate) fn writer_lock(&self, topic: &str) -> PathBuf {
-        let file = format!("{:016x}{WRITER_LOCK}", number(topic.as_bytes()));
-        match self.right_to_write(topic) {
-            Some(folder) => folder.join(file),
-            None => PathBuf::from(format!("{}{file}", self.writer_locks())),
-        }
-    }
-
-    /// Group with access; `None`: the owner alone.
-    pub(crate) fn group(&self) -> Option<u32> {
-        group_of(&std::fs::metadata(&self.root).ok()?)
-    }
-
-    /// Folder of a shared domain whose writers may publish `topic`.
-    pub(crate) fn right_to_write(&self, topic: &str) -> Option<PathBuf> {
-        let is_driving = topic.split('/').nth(2).is_some_and(|kind| DRIVING.contains(&kind));
-        self.group().map(|_| self.root.join(if is_driving { CONTROL } else { PUBLISH }))
+        let path = format!("{}{:016x}", self.writer_locks(), hash(topic.as_bytes()));
+        let file = name(Path::new(&path));
+        let number =
+            claimed(Path::new(SHM_DIR), |found| number(found.strip_prefix(file)?.strip_suffix(WRITER_LOCK)?));
+        PathBuf::from(format!("{path}{}{WRITER_LOCK}", ending(number)))
     }
 
     /// True if a file in /dev/shm is a writer's lock of this shared-memory domain.
@@ -161,7 +152,7 @@ impl Places {
 }
 
 /// FNV-1a, 64 bits: the same in every version of softtwin.
-fn number(bytes: &[u8]) -> u64 {
+fn hash(bytes: &[u8]) -> u64 {
     bytes
         .iter()
         .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))

@@ -7,12 +7,10 @@ use super::places::Places;
 use crate::background_thread;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// How often it looks. It takes some 50 us.
 const PERIOD: Duration = Duration::from_millis(200);
-/// Period at which files of this program are granted to the group, if there is one; takes about 200 us.
-const SHARING_PERIOD: Duration = Duration::from_millis(10);
 /// The thread calls little and keeps little.
 const STACK_BYTES: usize = 128 << 10;
 
@@ -30,15 +28,8 @@ impl Watch {
         let watch = move || {
             leave_signals_to_others();
             background_thread();
-            let mut looked = Instant::now();
-            // Connections are made while samples are sent: those of a shared domain are given to the group soon.
-            let period = if places.group().is_some() { SHARING_PERIOD } else { PERIOD };
-            while stopped.recv_timeout(period) == Err(RecvTimeoutError::Timeout) {
-                places.share();
-                if period == PERIOD || looked.elapsed() >= PERIOD {
-                    looked = Instant::now();
-                    places.remove_incomplete();
-                }
+            while stopped.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
+                places.remove_incomplete();
             }
         };
         let thread =

@@ -2,7 +2,6 @@
 
 mod any;
 mod exhausted;
-mod origin;
 mod query;
 pub(crate) mod retry;
 pub(crate) mod segment;

@@ -1,6 +1,5 @@
 //! Questions and answers: one server a twin, many clients. Nothing here is on the real-time path.
 
-use super::origin::Origins;
 use super::retry::Refusal;
 use super::segment;
 use super::service::{self, EventShape, Missing};
@@ -9,7 +8,7 @@ use crate::error::WireError;
 use crate::layout::{Answer, Query};
 use crate::qos;
 use crate::sys::Ipc;
-use crate::topic::{ROOT, Topic, check_name};
+use crate::topic::{ROOT, check_name};
 use crate::wake::{Wake, WakeSet, Wakeable, Waker};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
@@ -47,8 +46,6 @@ pub struct QueryClient {
     client: Client<Ipc, Query, (), [f32], Answer>,
     asking: Notifier<Ipc>,
     answered: WakeSet,
-    /// Who publishes the states also answers.
-    origins: Origins,
 }
 
 /// Longest wait before a client looks whether its question is still held by the twin.
@@ -193,8 +190,7 @@ impl QueryClient {
                     }),
                 })
         })?;
-        let origins = Origins::new(&bus.places, &Topic::state(actuator)?);
-        Ok(Self { name: names.query, client, asking, answered: WakeSet::of([answered]), origins })
+        Ok(Self { name: names.query, client, asking, answered: WakeSet::of([answered]) })
     }
 
     /// Asks and waits for the answer.
@@ -230,12 +226,10 @@ impl QueryClient {
         }
     }
 
-    /// The answer, if there is one, of a user who may publish the states.
+    /// The answer, if it has come.
     fn receive(&self, pending: &Pending) -> Result<Option<Response<Ipc, [f32], Answer>>, WireError> {
         let received = pending.receive();
-        let response = received
-            .map_err(|error| WireError::Receive { topic: self.name.clone(), cause: format!("{error:?}") })?;
-        Ok(response.filter(|response| self.origins.allow(response.origin().value())))
+        received.map_err(|error| WireError::Receive { topic: self.name.clone(), cause: format!("{error:?}") })
     }
 
     fn send(&self, query: &Query) -> Result<Pending, WireError> {

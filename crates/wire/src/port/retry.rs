@@ -2,7 +2,7 @@
 
 use super::exhausted;
 use crate::WireError;
-use crate::leftover::{Obstacle, Places};
+use crate::leftover::Places;
 use std::time::{Duration, Instant};
 
 /// How long to wait for others who create or remove the same topic.
@@ -34,10 +34,7 @@ pub(crate) fn within<T>(
         tries += 1;
         let tried = locked(places, &mut attempt)?;
         let refusal = match tried {
-            Ok(done) => {
-                places.share();
-                return Ok(done);
-            }
+            Ok(done) => return Ok(done),
             Err(Refusal::Final(WireError::NoSuchTopic { topic })) => {
                 return Err(WireError::NoSuchTopic { topic });
             }
@@ -51,9 +48,6 @@ pub(crate) fn within<T>(
             Refusal::Final(error) => return Err(error),
             Refusal::Full(error) if over || !places.sweep(SWEEP_PATIENCE).any() => return Err(error),
             Refusal::Passing(cause) if over => {
-                if let Some(error) = places.blocked_name(|_, about| places.is_foreign(about)) {
-                    return Err(error);
-                }
                 return Err(WireError::InFlux { topic: name.into(), tries, cause });
             }
             Refusal::Full(_) => {}
@@ -77,15 +71,11 @@ fn locked<T>(
     })?;
     let waited_ms = FLUX_TIMEOUT.as_millis() as u64;
     let _lock = lock.ok_or_else(|| WireError::StartLocked { path: path(), waited_ms })?;
-    Ok(match places.obstacle() {
-        // iceoryx2 would wait indefinitely for this file.
-        Some(Obstacle::Empty(path)) => Err(Refusal::Passing(format!(
+    Ok(match places.empty_segment() {
+        Some(path) => Err(Refusal::Passing(format!(
             "{} has no size: it is being made, or was truncated",
             path.display()
         ))),
-        Some(Obstacle::Foreign(path, owner)) => {
-            Err(Refusal::Final(WireError::BlockedName { path: path.display().to_string(), owner }))
-        }
         None => attempt(),
     })
 }

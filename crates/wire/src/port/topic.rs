@@ -1,6 +1,5 @@
 //! Ports of topics. Samples of fixed size are copied; a field is written straight into the memory that the readers map.
 
-use super::origin::Origins;
 use super::segment;
 use super::service::{self, Ends, Missing, PubSub};
 use super::writer_lock::WriterLock;
@@ -146,7 +145,6 @@ pub struct Reader<P: Carried + ?Sized> {
     topic: Topic,
     subscriber: Subscriber<Ipc, P, P::Header>,
     waker: Waker,
-    origins: Origins,
 }
 
 /// Sends readings.
@@ -261,19 +259,11 @@ impl<P: Carried + ?Sized> Reader<P> {
     fn build(bus: &Bus, topic: &Topic, missing: Missing, waking: Waking) -> Result<Self, WireError> {
         let service = P::service(bus, topic, missing)?;
         let Ends { subscriber, waker } = service::reader(bus, topic, &service, waking)?;
-        Ok(Self { topic: topic.clone(), subscriber, waker, origins: Origins::new(&bus.places, topic) })
+        Ok(Self { topic: topic.clone(), subscriber, waker })
     }
 
-    /// The oldest waiting sample of a publisher who may publish this topic. Samples of others are removed, as many as may wait.
     fn receive(&self) -> Result<Option<Sample<Ipc, P, P::Header>>, WireError> {
-        for _ in 0..qos::of(self.topic.kind()).buffer {
-            let received = P::receive(&self.subscriber).map_err(|error| self.receive_failed(error))?;
-            match received {
-                Some(sample) if !self.origins.allow(sample.origin().value()) => {}
-                other => return Ok(other),
-            }
-        }
-        Ok(None)
+        P::receive(&self.subscriber).map_err(|error| self.receive_failed(error))
     }
 
     fn receive_failed(&self, error: impl Debug) -> WireError {

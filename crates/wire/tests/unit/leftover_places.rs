@@ -6,7 +6,7 @@ use crate::Domain;
 fn a_domain_owns_its_own_segments_only() {
     let digits = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5";
     let places = Domain::named("a").places().unwrap();
-    let (user, prefix) = (crate::domain::uid(), &places.prefix);
+    let (user, prefix) = (crate::sys::uid(), &places.prefix);
     assert_eq!(*prefix, format!("iox2_a_u{user}_"));
     assert!(places.owns_segment(&format!("{prefix}{digits}_node.0_10_0.global_mgmt")));
     assert!(places.owns_segment(&format!("{prefix}{digits}_1_2.connection")));
@@ -17,19 +17,4 @@ fn a_domain_owns_its_own_segments_only() {
         !places.owns_segment(&format!("{prefix}softtwin_0123456789abcdef.writer")),
         "that is a writer's lock"
     );
-}
-
-#[test]
-fn only_drivers_may_publish_what_drives_a_cavity() {
-    use std::os::unix::fs::PermissionsExt;
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::set_permissions(folder.path(), std::fs::Permissions::from_mode(0o2770)).unwrap();
-    let places = Domain::of(Some("a"), folder.path().to_str().map(Into::into)).places().unwrap();
-    let right = |topic: &str| places.right_to_write(topic).unwrap().file_name().unwrap().to_owned();
-    for kind in ["setpoint", "setpoint/left", "override", "override/left", "target", "command"] {
-        assert_eq!(right(&format!("softtwin/finger/{kind}")), "control", "{kind}");
-    }
-    for kind in ["sensor", "valve/left", "field/setpoint", "query"] {
-        assert_eq!(right(&format!("softtwin/finger/{kind}")), "publish", "{kind}");
-    }
 }

@@ -14,10 +14,8 @@ pub fn domain(bus: &Result<Bus, WireError>) -> Finding {
         Ok(bus) => bus,
         Err(error) => {
             let remedy = match error {
-                WireError::BlockedName { .. } => {
-                    "remove the named file as its owner or as root, then start again"
-                }
-                _ => "run as the user that runs the twin, with its SOFTTWIN_ROOT and SOFTTWIN_DOMAIN",
+                WireError::OpenFolder { folder, .. } => format!("chmod 700 {folder}"),
+                _ => "run as the user that runs the twin, with its SOFTTWIN_ROOT and SOFTTWIN_DOMAIN".into(),
             };
             return Finding::bad(subject, error, remedy);
         }

@@ -3,6 +3,7 @@
 use super::finding::Finding;
 use runtime::config::Settings;
 use runtime::machine;
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
 /// A full field topic takes 58 MB (see `wire::qos`); two of them and the small topics fit into this.
@@ -29,9 +30,14 @@ pub fn shared_memory() -> Finding {
     Finding::good(subject, found)
 }
 
-/// A program that opens a topic writes to the folder of management files and waits while its disk is busy.
+/// The folder of management files belongs to one user. A program that opens a topic writes there and waits while its disk is busy.
 pub fn management_files(folder: &Path) -> Finding {
     let subject = "management files";
+    let mode = std::fs::metadata(folder).map_or(0, |found| found.permissions().mode() & 0o777);
+    if mode & 0o077 != 0 {
+        let found = format!("other users can enter or list {} (mode {mode:o})", folder.display());
+        return Finding::bad(subject, found, format!("chmod 700 {}", folder.display()));
+    }
     match machine::is_in_memory(folder) {
         Err(error) => Finding::warning(subject, format!("{}: {error}", folder.display()), "check its rights"),
         Ok(true) => Finding::good(subject, format!("{}, in memory", folder.display())),
