@@ -212,7 +212,8 @@ fn other_users_and_root_are_refused_and_make_no_file() {
         for line in ["softtwin echo softtwin/finger/state --once", "softtwin list", "softtwin top --once"] {
             let (status, said) = as_user(&stage, user, "", line).ended();
             let said = said.join(" ");
-            assert!(!status.success() && said.contains(&format!("belongs to user {SERVICE}")), "{said}");
+            assert_eq!(status.code(), Some(78), "{said}");
+            assert!(said.contains(&format!("belongs to user {SERVICE}")), "{said}");
             assert!(said.contains(&format!("sudo -u '#{SERVICE}'")), "{said}");
         }
         let of_user = |path: &&PathBuf| std::fs::symlink_metadata(path).is_ok_and(|file| file.uid() == user);

@@ -61,11 +61,8 @@ pub(crate) fn of(error: &WireError) -> softtwin_status {
         | WireError::TooManyClients { .. }
         | WireError::TooManyPrograms { .. } => softtwin_status::SOFTTWIN_TAKEN,
         WireError::NoAnswer { .. } => softtwin_status::SOFTTWIN_TIMEOUT,
-        WireError::BadName { .. }
-        | WireError::BadDomain { .. }
-        | WireError::OthersDomain { .. }
-        | WireError::OpenFolder { .. }
-        | WireError::LongDomain { .. } => softtwin_status::SOFTTWIN_ARGUMENT,
+        WireError::BadName { .. } => softtwin_status::SOFTTWIN_ARGUMENT,
+        error if error.is_configuration() => softtwin_status::SOFTTWIN_ARGUMENT,
         _ => softtwin_status::SOFTTWIN_FAILED,
     };
     fail(status, error.to_string())

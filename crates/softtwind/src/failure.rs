@@ -4,6 +4,7 @@ use std::error::Error;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
+use wire::WireError;
 
 /// An error of usage or configuration.
 #[derive(Debug, thiserror::Error)]
@@ -23,13 +24,22 @@ pub fn exit_code(program: &str, result: anyhow::Result<()>) -> ExitCode {
     if error.chain().any(is_broken_pipe) {
         return ExitCode::SUCCESS;
     }
-    let exit_code = error.downcast_ref::<Mistake>().map_or(1, |mistake| mistake.exit_code);
+    let exit_code = match error.downcast_ref::<Mistake>() {
+        Some(mistake) => mistake.exit_code,
+        None if names_no_domain(&error) => 78,
+        None => 1,
+    };
     // A standard error that cannot be written (a full disk) leaves the exit code as the only report.
     let _ = match std::env::args_os().any(|argument| argument == "--json") {
         true => writeln!(io::stderr(), "{}", as_json(&error, exit_code)),
         false => writeln!(io::stderr(), "{program}: {error:#}"),
     };
     ExitCode::from(exit_code)
+}
+
+/// Whether a program was told to join a shared-memory domain that is another user's or has an impossible name.
+pub fn names_no_domain(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| cause.downcast_ref().is_some_and(WireError::is_configuration))
 }
 
 /// One JSON object with the error's `code`: `usage`, `unexplained_data`, `configuration` or `run_time`.

@@ -57,7 +57,8 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             tracing::error!("{error:#}");
-            let configuration = error.chain().any(|cause| cause.is::<ConfigError>());
+            let is_of_a_file = error.chain().any(|cause| cause.is::<ConfigError>());
+            let configuration = is_of_a_file || failure::names_no_domain(&error);
             ExitCode::from(if configuration { EXIT_CONFIG } else { EXIT_FAILURE })
         }
     }

@@ -127,3 +127,16 @@ pub enum WireError {
     #[error("{topic}: {found} entries, but the header has {nodes} nodes x {fields} fields")]
     FieldShape { topic: String, found: usize, nodes: u32, fields: u32 },
 }
+
+impl WireError {
+    /// Whether the domain that the user named cannot be joined as it is, so that starting again is of no use.
+    pub fn is_configuration(&self) -> bool {
+        matches!(
+            self,
+            Self::BadDomain { .. }
+                | Self::LongDomain { .. }
+                | Self::OthersDomain { .. }
+                | Self::OpenFolder { .. }
+        )
+    }
+}
