@@ -77,7 +77,7 @@ fn source_without_pauses_ends_on_sigterm() {
     let stage = Stage::new("busy");
     stage.trace("trace.csv", 200, 100.0, 0.06, 30.0);
     let scene = stage.finger("kind = \"replay\"\ntrace = \"trace.csv\"").display().to_string();
-    let fast = stage.finger(&STEADY.replace("200.0", "1e9")).display().to_string();
+    let fast = stage.finger(&STEADY.replace("200.0", "2e4")).display().to_string();
     for arguments in
         [vec!["bridge", "--scene", &scene, "--loop", "--speed", "1e6"], vec!["bridge", "--scene", &fast]]
     {

@@ -390,7 +390,7 @@ fn extreme_numbers_and_clocks_are_rejected_per_reading() {
     held(Outcome::HeldFuture);
     send(3, 0, now_ns());
     answered(3, 0);
-    // Losses of two runs together are more than 64 bits hold.
+    // Numbers that jump by more than a sender can have sent are a restart of it, and no readings are lost.
     for boot_id in [4, 5] {
         send(boot_id, 1, now_ns());
         answered(boot_id, 1);
@@ -400,11 +400,11 @@ fn extreme_numbers_and_clocks_are_rejected_per_reading() {
     let counted = wait_for(&health, "all readings in the health", |health| {
         health.newest().unwrap().filter(|health| health.received == sent)
     });
-    assert_eq!((counted.missed, counted.outcomes.iter().sum()), (u64::MAX, sent), "{counted:?}");
+    assert_eq!((counted.missed, counted.outcomes.iter().sum()), (0, sent), "{counted:?}");
     let ends =
         [Outcome::HeldFuture, Outcome::HeldStale, Outcome::DroppedBackInTime, Outcome::DroppedSequenceJump];
     assert_eq!(ends.map(|outcome| counted.count(outcome)), [2, 1, 1, 4]);
-    assert_eq!(metric(&page, "softtwin_missed_total{actuator=\"finger\"}"), Some(u64::MAX as f64));
+    assert_eq!(metric(&page, "softtwin_missed_total{actuator=\"finger\"}"), Some(0.0));
     recorder.signal(libc::SIGINT);
     let (status, said) = recorder.end();
     assert!(status.success(), "{said:?}");
