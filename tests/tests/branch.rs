@@ -11,6 +11,9 @@ use wire::layout::{flags, input_source};
 /// Limits, as volumes in cm3.
 const LIMITS: [f64; 2] = [0.3, 0.7];
 
+/// Rows of the trace: up to 60 kPa and down again in steps of 1 kPa.
+const ROWS: u64 = 121;
+
 /// Pressure of a volume.
 fn pressure_mpa(cm3: f64) -> f64 {
     let [a, b] = LIMITS;
@@ -68,36 +71,43 @@ fn twin_with_the_pressure_alone_jumps_at_both_limits() {
         writeln!(trace, "{},{mpa}", 0.01 * row as f64).unwrap();
     }
     stage.write("trace.csv", &trace);
-    let scene = stage.whole_finger("kind = \"replay\"\ntrace = \"trace.csv\"");
+    // Again and again: a reader or a twin without processor time may miss some states of one pass, but not of all.
+    let scene = stage.whole_finger("kind = \"replay\"\ntrace = \"trace.csv\"\nloop = true");
     let twin = Program::twin(&stage, &scene);
     let reader = states(&stage.bus());
     let _bridge = Program::bridge(&stage, &scene);
-    let (mut snapped, mut last) = (Vec::new(), 0);
-    wait_for(&reader, "the last state", |reader| {
-        while let Some(state) = reader.next().unwrap() {
-            if state.sensor_seq > 0 && fresh(&state) && state.sensor_seq > last {
-                last = state.sensor_seq;
-                let (mpa, cm3) = (state.pressure_mpa, 1e-3 * state.inputs[0]);
-                let is_behind = state.flags & flags::SNAPPED != 0;
-                assert!((pressure_mpa(cm3) - mpa).abs() < 2e-5, "{mpa} MPa: {cm3} cm3");
-                assert!(
-                    if is_behind { cm3 > LIMITS[1] - 0.02 } else { cm3 < LIMITS[0] + 0.02 },
-                    "{mpa}: {cm3}"
-                );
-                assert_eq!(state.flags & (flags::BRANCH_UNKNOWN | flags::OUTSIDE_DOMAIN), 0, "{state:?}");
-                assert_eq!(state.input_sources[0], input_source::MEASURED);
-                snapped.extend(is_behind.then_some(mpa));
-            }
-        }
-        (last == 121).then_some(())
-    });
-    // Where the model jumps follows from its pressures: up behind the maximum, down behind the minimum.
     let [highest, lowest] = LIMITS.map(pressure_mpa);
-    assert!(snapped.len() > 20 && snapped[0] > highest - 1e-4, "{snapped:?}");
-    assert!(snapped.iter().all(|mpa| *mpa > lowest - 1e-4), "{snapped:?}");
+    let (mut snapped, mut last, mut has_snapped) = (0, 0, false);
+    wait_for(&reader, "more than a pass with states on both branches", |reader| {
+        while let Some(state) = reader.next().unwrap() {
+            if state.sensor_seq == 0 || !fresh(&state) || state.sensor_seq <= last {
+                continue;
+            }
+            let pass_and_row = |seq: u64| (seq.saturating_sub(1) / ROWS, seq.saturating_sub(1) % ROWS);
+            let (pass, row) = pass_and_row(state.sensor_seq);
+            has_snapped &= pass == pass_and_row(last).0;
+            last = state.sensor_seq;
+            let (mpa, cm3) = (state.pressure_mpa, 1e-3 * state.inputs[0]);
+            let is_behind = state.flags & flags::SNAPPED != 0;
+            assert!((mpa - 1e-3 * row.min(ROWS - 1 - row) as f64).abs() < 1e-9, "row {row}: {mpa} MPa");
+            assert!((pressure_mpa(cm3) - mpa).abs() < 2e-5, "{mpa} MPa: {cm3} cm3");
+            assert!(if is_behind { cm3 > LIMITS[1] - 0.02 } else { cm3 < LIMITS[0] + 0.02 }, "{mpa}: {cm3}");
+            assert_eq!(state.flags & (flags::BRANCH_UNKNOWN | flags::OUTSIDE_DOMAIN), 0, "{state:?}");
+            assert_eq!(state.input_sources[0], input_source::MEASURED);
+            // Where the model jumps follows from its pressures: up behind the maximum, down behind the minimum. Between them it is on the way
+            // down where it has been above in this pass.
+            let is_down = row >= ROWS / 2;
+            let must_be = mpa > highest + 1e-4 || is_down && has_snapped && mpa > lowest + 1e-4;
+            let may_be = mpa > if is_down { lowest } else { highest } - 1e-4;
+            assert!(if is_behind { may_be } else { !must_be }, "row {row}, {mpa} MPa: {is_behind}");
+            has_snapped |= is_behind;
+            snapped += usize::from(is_behind);
+        }
+        (last >= ROWS && snapped > 20).then_some(())
+    });
     let (_, said) = twin.stop();
     let passed = said.iter().filter(|line| line.contains("the pressure has passed a limit")).count();
-    assert_eq!(passed, 2, "{said:?}");
+    assert!(passed >= 2, "{said:?}");
     // The pressure determines the volume only if nothing else is unknown.
     let text = std::fs::read_to_string(&scene).unwrap().replace(
         "[actuator.source]",

@@ -123,9 +123,9 @@ impl Governor {
         }
     }
 
-    /// The device did not confirm: its own time-out closes it, so the way up begins at the safe value.
-    pub fn failed(&mut self) {
-        self.last_mpa = self.safe_mpa;
+    /// The device did not confirm until now: its own time-out closes it, so the way up begins at the safe value, and the wait grants no step.
+    pub fn failed(&mut self, now_ns: u64) {
+        (self.last_mpa, self.last_ns) = (self.safe_mpa, now_ns);
     }
 
     fn towards(&self, wanted_mpa: f64, now_ns: u64) -> (f64, u32) {

@@ -232,7 +232,7 @@ impl Drive {
             sample.t_written_ns = sample.t_publish_ns;
             sample.writes += 1;
         } else {
-            self.governor.failed();
+            self.governor.failed(sample.t_publish_ns);
             sample.failures += 1;
         }
         let begins = |of: u32| u64::from(reason == of && before.0 != of);

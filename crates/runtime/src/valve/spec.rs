@@ -199,8 +199,8 @@ impl ValveSpec {
         }
     }
 
-    /// Longest time between two writes after which the device surely still has the value of the first, ms: a few periods and the wait for one
-    /// answer, and a period less than the device's own time-out.
+    /// Longest time in ms between two decisions after which the device surely still has the value of the first. While the bridge runs, at most the
+    /// wait for an answer and a period lie between them; the device's own time-out must not have ended either.
     pub(super) fn silence_max_ms(&self) -> f64 {
         let period_ms = 1e3 / self.write_hz;
         let answer_ms = match (&self.modbus, &self.lines) {
@@ -208,7 +208,7 @@ impl ValveSpec {
             (None, Some(lines)) => lines.timeout_ms,
             (None, None) => 0.0,
         };
-        let usual_ms = SILENT_PERIODS * period_ms + answer_ms;
+        let usual_ms = (SILENT_PERIODS * period_ms).max(2.0 * period_ms + answer_ms);
         let watchdog = self.modbus.as_ref().and_then(|modbus| modbus.watchdog);
         watchdog.map_or(usual_ms, |watchdog| usual_ms.min(watchdog.ms() - period_ms))
     }
