@@ -294,6 +294,20 @@ fn a_folder_in_which_others_write_is_refused_and_one_that_they_enter_is_found() 
     }
 }
 
+#[test]
+fn a_folder_that_others_can_replace_is_found() {
+    if !has_other_users() {
+        return skipped(Missing::SecondUser);
+    }
+    let stage = ServiceStage::new("above", 0o700);
+    let advice = format!("chmod go-w {}", stage.folder.path().display());
+    for (mode, is_found) in [(0o777, true), (0o775, true), (0o1777, false), (0o755, false)] {
+        set_mode(stage.folder.path(), mode);
+        let (_, said) = as_user(&stage, SERVICE, "", "softtwin doctor").ended();
+        assert_eq!(said.iter().any(|line| line.contains(&advice)), is_found, "{mode:o}: {said:?}");
+    }
+}
+
 /// Without a name and a folder the domain is the user's own. A stranger may have taken all its names before; programs of the
 /// user find one another all the same, also when the stranger gives the names back.
 #[test]

@@ -368,6 +368,42 @@ def test_names_that_a_stranger_took_do_not_block_a_publisher(apart):
     del publisher, readings, other, bus
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="files of another user need root")
+def test_a_name_that_was_taken_since_the_look_is_passed_over(apart, monkeypatch):
+    from softtwin.start import Places
+
+    domain, root = apart
+    first = softtwin.Bus(domain, str(root))
+    (counter,) = (path for path in first.places._segments() if path.endswith(".global_mgmt"))
+    prefix = first.places.prefix
+    del first
+    gc.collect()
+    looks = []
+
+    def look(self):
+        looks.append(self)
+        found = claimed(self)
+        if len(looks) == 1:
+            os.chown(counter, STRANGER, -1)
+        return found
+
+    claimed = Places._claimed_prefix
+    monkeypatch.setattr(Places, "_claimed_prefix", look)
+    bus = softtwin.Bus(domain, str(root))
+    assert bus.places.prefix == f"{prefix[:-1]}-1_" and len(looks) > 2
+    del bus
+
+
+def test_a_file_in_the_place_of_the_own_folder_is_passed_over(tmp_path, monkeypatch):
+    from softtwin import start
+
+    monkeypatch.setattr(start, "_TMP", str(tmp_path))
+    first = tmp_path / f"softtwin-{os.geteuid()}"
+    first.write_text("a stranger's hard link has this user as its owner")
+    assert start.own_root() == f"{first}-1" == start.own_root()
+    assert (tmp_path / f"{first.name}-1").stat().st_mode & 0o777 == 0o700
+
+
 FORK = """
 import gc, os, sys, softtwin
 readings = softtwin.subscribe("softtwin/finger/state", timeout_s=20)

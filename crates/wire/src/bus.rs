@@ -9,7 +9,7 @@ use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::*;
 use std::path::PathBuf;
 use std::rc::Rc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A program's membership in a [`Domain`]. Cheap to clone; not `Send`: ports live in the thread that made them.
 ///
@@ -39,6 +39,9 @@ impl Drop for Member {
 /// is freed on demand, see `port::retry`.
 const SWEEP_PATIENCE: Duration = Duration::from_millis(200);
 
+/// Time that opening a bus tries again while another user takes its names in /dev/shm.
+const CLAIM_PATIENCE: Duration = Duration::from_secs(2);
+
 /// Topic found in the shared-memory domain.
 #[derive(Debug, Clone)]
 pub struct TopicInfo {
@@ -61,17 +64,33 @@ impl Bus {
     ///
     /// # Errors
     /// [`WireError::BadDomain`] for names that cannot be files, [`WireError::LongDomain`] for names that are too long,
-    /// [`WireError::OthersDomain`] when it is another user's, [`WireError::OpenFolder`] when others can write in its folder, [`WireError::Node`] when the folders cannot be written, [`WireError::NoMemory`] when /dev/shm is full,
+    /// [`WireError::OthersDomain`] when it is another user's, [`WireError::OpenFolder`] when others can write in its folder,
+    /// [`WireError::Node`] when the folders cannot be written, [`WireError::NoMemory`] when /dev/shm is full,
     /// [`WireError::TooManyFiles`], [`WireError::NoFiles`], [`WireError::StartLocked`].
     pub fn open(domain: &Domain) -> Result<Self, WireError> {
         set_log_level(LogLevel::Fatal); // failures come back as errors; iceoryx2 would print kilobytes besides
-        let places = domain.places()?;
+        let begin = Instant::now();
+        loop {
+            let places = domain.places()?;
+            let joined = Self::join(domain, &places);
+            // A stranger may take a name in /dev/shm after it was found free. The next one counts then.
+            if begin.elapsed() > CLAIM_PATIENCE || domain.claimed_prefix() == places.prefix {
+                return joined;
+            }
+        }
+    }
+
+    fn join(domain: &Domain, places: &Places) -> Result<Self, WireError> {
         places.require_own_folder()?;
         places.remove_files_of_others();
         require_headroom("the shared-memory domain", 0)?;
         let watch = Watch::start(places.clone());
         let removed = places.sweep(SWEEP_PATIENCE);
-        let node = retry::within(&places, "the shared-memory domain", || {
+        let refusal = |cause: String| match domain.claimed_prefix() == places.prefix {
+            true => Refusal::Passing(cause),
+            false => Refusal::Final(WireError::Node { cause }),
+        };
+        let node = retry::within(places, "the shared-memory domain", || {
             NodeBuilder::new()
                 .config(&places.config)
                 .signal_handling_mode(SignalHandlingMode::Disabled)
@@ -80,11 +99,11 @@ impl Bus {
                     if error == NodeCreationFailure::UnableToGenerateUniqueNodeId {
                         places.remove_damaged_counter();
                     }
-                    Refusal::Passing(format!("{error:?}"))
+                    refusal(format!("{error:?}"))
                 })
                 .and_then(|node| match places.restrict_counter() {
                     true => Ok(node),
-                    false => Err(Refusal::Passing("another user took a name in /dev/shm just now".into())),
+                    false => Err(refusal("another user takes the names in /dev/shm".into())),
                 })
         });
         let node = node.map_err(|error| match error {
@@ -92,7 +111,7 @@ impl Bus {
             other => other,
         })?;
         let member = Rc::new(Member { node, places: places.clone(), _watch: watch });
-        Ok(Self { places, removed, member })
+        Ok(Self { places: places.clone(), removed, member })
     }
 
     pub(crate) fn node(&self) -> &Node<Ipc> {
@@ -151,3 +170,7 @@ impl Bus {
 }
 
 use iceoryx2::service::static_config::messaging_pattern::MessagingPattern as MessagingPatternConfig;
+
+#[cfg(test)]
+#[path = "../tests/unit/bus.rs"]
+mod tests;

@@ -1,9 +1,10 @@
 //! Which programs see one another.
 
 use crate::WireError;
-use crate::leftover::{Places, claimed, ending, is_counter_of, number};
+use crate::leftover::{Places, claimed, ending, is_counter_of, number, own_folder};
 use crate::sys::{SHM_DIR, uid};
 use iceoryx2::prelude::{Config, FileName, Path as IoxPath, SemanticString};
+use std::fs::Metadata;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::Path;
 
@@ -35,18 +36,11 @@ impl Default for Domain {
 }
 
 /// Folder of the user's own domains: `/tmp/softtwin-<uid>`, with a number behind it where that name is another user's.
-pub(crate) fn own_root() -> String {
-    let path = format!("/tmp/softtwin-{}", uid());
-    if is_own_folder(Path::new(&path)) {
-        return path;
-    }
-    let number = claimed(Path::new("/tmp"), |name| number(name.strip_prefix(&path["/tmp/".len()..])?));
-    format!("{path}{}", ending(number))
-}
-
-/// A link is not one, wherever it leads.
-fn is_own_folder(path: &Path) -> bool {
-    std::fs::symlink_metadata(path).is_ok_and(|found| found.is_dir() && found.uid() == uid())
+fn own_root() -> Result<String, WireError> {
+    let name = format!("softtwin-{}", uid());
+    let made = own_folder(Path::new("/tmp"), &name);
+    let cause = |error| WireError::Node { cause: format!("/tmp/{name}: {error}") };
+    made.map(|path| path.display().to_string()).map_err(cause)
 }
 
 impl Domain {
@@ -105,16 +99,16 @@ impl Domain {
         let mut config = Config::default();
         let prefix = self.claimed_prefix();
         config.global.prefix = FileName::new(prefix.as_bytes()).map_err(|_| bad("prefix", &prefix))?;
-        let root = self.root.clone().unwrap_or_else(own_root);
+        let root = self.root.clone().map_or_else(own_root, Ok)?;
         config.global.set_root_path(&IoxPath::new(root.as_bytes()).map_err(|_| bad("root", &root))?);
         Ok(config)
     }
 
     /// The prefix with the number under which this user has the counter of nodes in /dev/shm, or can make it. All other names
     /// there contain a moment in nanoseconds, which nobody can guess.
-    fn claimed_prefix(&self) -> String {
+    pub(crate) fn claimed_prefix(&self) -> String {
         let stem = self.prefix.trim_end_matches('_');
-        let number = claimed(Path::new(SHM_DIR), |name| {
+        let number = claimed(Path::new(SHM_DIR), Metadata::is_file, |name| {
             let (digits, rest) = name.strip_prefix(stem)?.split_once('_')?;
             is_counter_of(rest).then(|| number(digits)).flatten()
         });
@@ -128,19 +122,19 @@ impl Domain {
     pub(crate) fn places(&self) -> Result<Places, WireError> {
         let given = self.root.as_ref().map_or(0, String::len);
         // Before iceoryx2 sees the names: it ends the program when they do not fit.
-        self.require_short(given)?;
+        self.require_short(given, &self.prefix)?;
         let places = Places::new(self.config()?);
-        self.require_short(places.root.as_os_str().len())?;
+        self.require_short(places.root.as_os_str().len(), &places.prefix)?;
         Ok(places)
     }
 
-    fn require_short(&self, root_bytes: usize) -> Result<(), WireError> {
-        let found = root_bytes + self.prefix.len();
+    fn require_short(&self, root_bytes: usize, prefix: &str) -> Result<(), WireError> {
+        let found = root_bytes + prefix.len();
         if found <= MAX_NAME_BYTES {
             return Ok(());
         }
         Err(WireError::LongDomain {
-            prefix: self.prefix.clone(),
+            prefix: prefix.to_owned(),
             root: self.root.clone().unwrap_or_default(),
             found,
             allowed: MAX_NAME_BYTES,

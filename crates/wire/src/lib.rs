@@ -45,7 +45,7 @@ pub use layout::{
     Answer, Command, Estimate, FieldHeader, Grasp, Health, Outcome, Payload, Query, QueryStatus,
     SensorSample, Setpoint, State, Target, Valve,
 };
-pub use leftover::Removed;
+pub use leftover::{Removed, own_folder};
 pub use own_files::OwnFiles;
 pub use port::{
     AnswerSample, AnyReader, AnySample, Carried, CommandReader, CommandWriter, EstimateReader,

@@ -52,24 +52,39 @@ class Bus(Holder):
         domain = domain or os.environ.get("SOFTTWIN_DOMAIN") or None
         root = root or os.environ.get("SOFTTWIN_ROOT") or None
         iox2.set_log_level(iox2.LogLevel.Fatal)  # errors are exceptions
-        # The host's configuration file is not read, so that all programs of a shared-memory domain agree.
-        config = iox2.config.default()
         root = root or own_root()
         check_folder(root)
-        self.places = Places(domain or "", root)
+        end = time.monotonic() + _FLUX_S
+        refusal: Optional[SofttwinError]
+        while True:
+            self.places = Places(domain or "", root)
+            try:
+                self._node, refusal = self._join(root), None
+            except SofttwinError as error:
+                refusal = error
+            # A stranger may take a name in /dev/shm after it was found free. The next one counts then.
+            if time.monotonic() > end or not self.places.are_taken():
+                break
+        if refusal is not None:
+            raise refusal
+        hold(self)
+
+    def _join(self, root: str) -> Any:
         self.places.remove_files_of_others()
+        # The host's configuration file is not read, so that all programs of a shared-memory domain agree.
+        config = iox2.config.default()
         config.global_cfg.prefix = iox2.FileName.new(self.places.prefix)
         config.global_cfg.root_path = iox2.Path.new(root)
         try:
             with self.places.starting():
-                self._node = (
+                node = (
                     iox2.NodeBuilder.new()
                     .config(config)
                     .signal_handling_mode(iox2.SignalHandlingMode.Disabled)
                     .create(iox2.ServiceType.Ipc)
                 )
             self.places.restrict_counter()
-            hold(self)
+            return node
         except SofttwinError:
             raise
         except Exception as error:

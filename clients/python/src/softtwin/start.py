@@ -12,22 +12,26 @@ import signal
 import stat
 import time
 import weakref
-from contextlib import contextmanager
-from typing import Iterator, Optional
+from contextlib import contextmanager, suppress
+from typing import Callable, Iterator, Optional, Set
 
 from .errors import AlreadyPublished, SofttwinError
 
 
 def own_root() -> str:
     """Folder of the user's own domains. `/tmp` is open to all: where another user has taken the name, a number follows it."""
-    path = f"/tmp/softtwin-{os.geteuid()}"
-    try:
-        found = os.lstat(path)
-        if stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid():
+    first = f"{_TMP}/softtwin-{os.geteuid()}"
+    if _is_own(first, stat.S_ISDIR):
+        return first
+    for _ in range(1000):
+        path = first + _ending(_claimed(_TMP, re.compile(re.escape(os.path.basename(first)) + _NUMBER), stat.S_ISDIR))
+        try:
+            os.mkdir(path, mode=0o700)
             return path
-    except FileNotFoundError:
-        pass
-    return path + _ending(_claimed("/tmp", re.compile(re.escape(os.path.basename(path)) + _NUMBER)))
+        except FileExistsError:  # own, or taken since the look
+            if _is_own(path, stat.S_ISDIR):
+                return path
+    raise SofttwinError(f"{first}: other users take all names")
 
 
 def check_folder(root: str) -> None:
@@ -83,7 +87,7 @@ def _leave_to_parent() -> None:
 
 
 os.register_at_fork(after_in_child=_leave_to_parent)
-_SHM = "/dev/shm"
+_SHM, _TMP = "/dev/shm", "/tmp"
 _NUMBER = "(?:-([1-9][0-9]*))?"  # behind a name that another user took first
 _PATIENCE_S = 2.0
 _LONGEST = 107 - 1 - 39 - len(".event")  # a socket's path in the folder has at most 107 bytes
@@ -94,10 +98,8 @@ class Places:
     """Places of the files of a shared-memory domain."""
 
     def __init__(self, domain: str, root: str) -> None:
-        stem = f"iox2_{domain + '_' if domain else ''}u{os.geteuid()}"
-        # The number with which this user has the counter of nodes, or can make it; nobody can guess the other names.
-        number = _claimed(_SHM, re.compile(re.escape(stem) + _NUMBER + r"_[0-9a-f]{40}_.*\.global_mgmt"))
-        self.prefix = prefix = f"{stem}{_ending(number)}_"
+        self._stem = f"iox2_{domain + '_' if domain else ''}u{os.geteuid()}"
+        self.prefix = prefix = self._claimed_prefix()
         self.root = root.rstrip("/")
         found = len(self.prefix.encode()) + len(self.root.encode())
         if found > _LONGEST:
@@ -105,6 +107,15 @@ class Places:
                 f"the shared-memory domain's folder `{self.root}` and its prefix `{prefix}` have {found} bytes together, at most {_LONGEST} "
                 "are allowed; choose a shorter SOFTTWIN_ROOT or SOFTTWIN_DOMAIN"
             )
+
+    def _claimed_prefix(self) -> str:
+        """With the number with which this user has the counter of nodes, or can make it; nobody can guess the other names."""
+        counter = re.compile(re.escape(self._stem) + _NUMBER + r"_[0-9a-f]{40}_.*\.global_mgmt")
+        return f"{self._stem}{_ending(_claimed(_SHM, counter))}_"
+
+    def are_taken(self) -> bool:
+        """Whether a stranger has taken a name in /dev/shm since it was found free."""
+        return self._claimed_prefix() != self.prefix
 
     @contextmanager
     def starting(self) -> Iterator[None]:
@@ -151,8 +162,9 @@ class Places:
                     os.rmdir(path) if stat.S_ISDIR(os.lstat(path).st_mode) else os.unlink(path)
                 except FileNotFoundError:
                     pass
-                except OSError:  # a folder that is not empty
-                    os.rename(path, f"{folder}/aside-{os.path.basename(path)}-{time.monotonic_ns()}")
+                except OSError:  # a folder that is not empty; what cannot be moved is named by the program that cannot open it
+                    with suppress(OSError):
+                        os.rename(path, f"{folder}/aside-{os.path.basename(path)}-{time.monotonic_ns()}")
 
     def writer_lock(self, topic: str) -> str:
         """Path of the lock file of a topic's writer."""
@@ -166,7 +178,7 @@ class Places:
         for path in counters:
             os.chmod(path, 0o600)
         if not counters:
-            raise SofttwinError(f"another user took a name in {_SHM} just now; try again")
+            raise SofttwinError(f"cannot join the shared-memory domain: another user takes the names in {_SHM}")
 
     def _segments(self) -> list:
         """Shared memory of this user; files of others with such names have no meaning."""
@@ -187,12 +199,15 @@ class WriterLock:
 
     def __init__(self, places: Places, topic: str, owner: str = "") -> None:
         self._file: Optional[int] = None
+        end = time.monotonic() + _PATIENCE_S
         while True:
             self._path = places.writer_lock(topic)
             try:
                 self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
-            except PermissionError:
-                continue  # another user took the name at this moment
+            except PermissionError:  # another user took the name at this moment
+                if time.monotonic() > end:
+                    raise
+                continue
             try:
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
@@ -204,6 +219,9 @@ class WriterLock:
             if self._is_named() and os.fstat(self._file).st_uid == os.geteuid():
                 break
             os.close(self._file)
+            self._file = None
+            if time.monotonic() > end:
+                raise SofttwinError(f"{self._path}: another user takes this name")
         os.ftruncate(self._file, 0)
         os.write(self._file, f"{os.getpid()} {owner}\n".encode())
 
@@ -225,12 +243,16 @@ class WriterLock:
         self.close()
 
 
-def _claimed(folder: str, pattern: "re.Pattern[str]") -> int:
-    """Number of this user's file among those that match; the lowest that nobody has taken if there is none."""
-    own, taken = set(), set()
+def _claimed(folder: str, pattern: "re.Pattern[str]", is_kind: Callable[[int], bool] = stat.S_ISREG) -> int:
+    """Number of this user's file among those that match; the lowest that nobody has taken if there is none.
+
+    A file of another kind counts as taken, because a stranger can give a file of this user a second name by a hard link.
+    """
+    own: Set[int] = set()
+    taken: Set[int] = set()
     for path in _files(folder, pattern):
         found = pattern.fullmatch(os.path.basename(path))
-        (own if _is_own(path) else taken).add(int(found.group(1) or 0) if found else 0)
+        (own if _is_own(path, is_kind) else taken).add(int(found.group(1) or 0) if found else 0)
     return min(own, default=next(number for number in itertools.count() if number not in taken))
 
 
@@ -238,9 +260,10 @@ def _ending(number: int) -> str:
     return f"-{number}" if number else ""
 
 
-def _is_own(path: str) -> bool:
+def _is_own(path: str, is_kind: Callable[[int], bool] = stat.S_ISREG) -> bool:
     try:
-        return os.lstat(path).st_uid == os.geteuid()
+        found = os.lstat(path)
+        return found.st_uid == os.geteuid() and is_kind(found.st_mode)
     except FileNotFoundError:
         return False
 

@@ -17,6 +17,7 @@ mod sweep;
 mod unused;
 mod watch;
 
+pub use claim::own_folder;
 pub(crate) use claim::{claimed, ending, number};
 pub(crate) use places::{Places, is_counter_of, process_of};
 pub use sweep::Removed;

@@ -4,6 +4,7 @@ use super::claim::{claimed, ending, number};
 use crate::sys::SHM_DIR;
 use crate::sys::uid;
 use iceoryx2::prelude::{Config, SemanticString};
+use std::fs::Metadata;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -138,8 +139,9 @@ impl Places {
     pub(crate) fn writer_lock(&self, topic: &str) -> PathBuf {
         let path = format!("{}{:016x}", self.writer_locks(), hash(topic.as_bytes()));
         let file = name(Path::new(&path));
-        let number =
-            claimed(Path::new(SHM_DIR), |found| number(found.strip_prefix(file)?.strip_suffix(WRITER_LOCK)?));
+        let number = claimed(Path::new(SHM_DIR), Metadata::is_file, |found| {
+            number(found.strip_prefix(file)?.strip_suffix(WRITER_LOCK)?)
+        });
         PathBuf::from(format!("{path}{}{WRITER_LOCK}", ending(number)))
     }
 

@@ -38,6 +38,14 @@ pub fn management_files(folder: &Path) -> Finding {
         let found = format!("other users can enter or list {} (mode {mode:o})", folder.display());
         return Finding::bad(subject, found, format!("chmod 700 {}", folder.display()));
     }
+    if let Some((above, mode)) = replaceable_above(folder) {
+        let found = format!(
+            "other users can put another folder in the place of {}: they can write in {} (mode {mode:o})",
+            folder.display(),
+            above.display()
+        );
+        return Finding::bad(subject, found, format!("chmod go-w {}", above.display()));
+    }
     match machine::is_in_memory(folder) {
         Err(error) => Finding::warning(subject, format!("{}: {error}", folder.display()), "check its rights"),
         Ok(true) => Finding::good(subject, format!("{}, in memory", folder.display())),
@@ -47,6 +55,14 @@ pub fn management_files(folder: &Path) -> Finding {
             "SOFTTWIN_ROOT=/run/softtwin for all programs, as in the units, or another folder in memory",
         ),
     }
+}
+
+/// The first folder above `folder` in which others can rename what is not theirs.
+fn replaceable_above(folder: &Path) -> Option<(&Path, u32)> {
+    folder.ancestors().skip(1).filter(|above| !above.as_os_str().is_empty()).find_map(|above| {
+        let mode = std::fs::metadata(above).ok()?.permissions().mode() & 0o7777;
+        (mode & 0o022 != 0 && mode & 0o1000 == 0).then_some((above, mode))
+    })
 }
 
 /// Rights for real time: bad only where the settings ask for them.

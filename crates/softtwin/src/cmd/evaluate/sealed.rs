@@ -43,7 +43,8 @@ impl Args {
         }
         // A killed run continues where it was: the folder is named by what is asked for.
         let hash = wire::layout::hex(&files::model_and_hash(&self.model)?.1[..8]);
-        let folder = std::env::temp_dir().join(format!("softtwin-sealed-{hash}-{seed}-{count}"));
+        let name = format!("softtwin-sealed-{hash}-{seed}-{count}");
+        let folder = wire::own_folder(&std::env::temp_dir(), &name)?;
         self.solve(model, &cases, &folder, actuator)?;
         let database = files::database(&folder, obstacle)?;
         let all: Vec<usize> = (0..database.cases.len()).collect();
