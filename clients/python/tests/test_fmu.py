@@ -145,14 +145,14 @@ def test_fmpy_simulates_it(archive, kind):
         np.testing.assert_allclose(found["contact_force_n"], expected, atol=1e-12)
 
 
-def test_parameters_are_tuned_between_steps(tmp_path):
+def test_own_inputs_change_between_steps(tmp_path):
     path = tmp_path / "stiffness.fmu"
     model = softtwin.Model(REPOSITORY / "models/pneunet-design/pneunet-design.twin")
     name = "elastomer.law.mu_mpa"
     assert tool("export", REPOSITORY / "models/pneunet-design/pneunet-design.twin", "--out", path).returncode == 0
     made = Twin(path, tmp_path / "fmu").start()
     (described,) = [v for v in made.description.modelVariables if v.name == name]
-    assert (described.causality, described.variability) == ("parameter", "tunable")
+    assert (described.causality, described.variability) == ("input", "continuous")
     assert float(described.start) == model.inputs[name].value
     low, high = model.inputs[name].min, model.inputs[name].max
     for step, stiffness in enumerate([low, 0.5 * (low + high), high]):
