@@ -21,11 +21,11 @@ pub(crate) fn claimed(
     is_kind: fn(&Metadata) -> bool,
     number_in: impl Fn(&str) -> Option<u32>,
 ) -> u32 {
-    let (mut own, mut taken) = (None, BTreeSet::new());
+    let (user, mut own, mut taken) = (uid(), None, BTreeSet::new());
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let Some(number) = entry.file_name().to_str().and_then(&number_in) else { continue };
-        match std::fs::symlink_metadata(entry.path()) {
-            Ok(about) if about.uid() == uid() && is_kind(&about) => {
+        match entry.metadata() {
+            Ok(about) if about.uid() == user && is_kind(&about) => {
                 own = Some(own.map_or(number, |own: u32| own.min(number)))
             }
             Ok(_) => drop(taken.insert(number)),

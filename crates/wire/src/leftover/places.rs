@@ -4,7 +4,7 @@ use super::claim::{claimed, ending, number};
 use crate::sys::SHM_DIR;
 use crate::sys::uid;
 use iceoryx2::prelude::{Config, SemanticString};
-use std::fs::Metadata;
+use std::fs::{DirEntry, Metadata};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -77,9 +77,10 @@ impl Places {
 
     /// Shared-memory files of this user. Others may make files of such names in /dev/shm; they have no meaning.
     pub(super) fn segments(&self) -> Vec<PathBuf> {
-        let mut found = files(Path::new(SHM_DIR), |name| self.owns_segment(name));
-        found.retain(|path| std::fs::symlink_metadata(path).is_ok_and(|about| about.uid() == uid()));
-        found
+        let user = uid();
+        let is_own = |entry: &DirEntry| entry.metadata().is_ok_and(|about| about.uid() == user);
+        let found = entries(Path::new(SHM_DIR), |name| self.owns_segment(name)).filter(is_own);
+        found.map(|entry| entry.path()).collect()
     }
 
     /// Counters from which iceoryx2 numbers the nodes; they remain when no process has them open.
@@ -115,11 +116,12 @@ fn is_type_hash(text: &str) -> bool {
 
 /// The entries of a folder whose name is wanted; none when the folder cannot be read.
 pub(super) fn files(folder: &Path, wanted: impl Fn(&str) -> bool) -> Vec<PathBuf> {
+    entries(folder, wanted).map(|entry| entry.path()).collect()
+}
+
+fn entries(folder: &Path, wanted: impl Fn(&str) -> bool) -> impl Iterator<Item = DirEntry> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    entries
-        .filter(|entry| entry.file_name().to_str().is_some_and(&wanted))
-        .map(|entry| entry.path())
-        .collect()
+    entries.filter(move |entry| entry.file_name().to_str().is_some_and(&wanted))
 }
 
 /// The last part of a path, empty if it is not UTF-8.

@@ -7,10 +7,12 @@ use super::places::Places;
 use crate::background_thread;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-/// How often it looks. It takes some 50 us.
-const PERIOD: Duration = Duration::from_millis(200);
+/// Pause between two looks. A look takes some 50 us, longer the more files all users together have in /dev/shm.
+const PAUSE: Duration = Duration::from_millis(200);
+/// Ratio of the pause to the duration of the look before it, at least.
+const PAUSE_RATIO: u32 = 20;
 /// The thread calls little and keeps little.
 const STACK_BYTES: usize = 128 << 10;
 
@@ -28,8 +30,11 @@ impl Watch {
         let watch = move || {
             leave_signals_to_others();
             background_thread();
-            while stopped.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
+            let mut pause = PAUSE;
+            while stopped.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
+                let begin = Instant::now();
                 places.remove_incomplete();
+                pause = PAUSE.max(PAUSE_RATIO * begin.elapsed());
             }
         };
         let thread =
