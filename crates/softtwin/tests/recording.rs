@@ -71,6 +71,10 @@ fn recording_is_drawn() {
     std::fs::write(dir.path().join("no.mcap"), "not a recording").unwrap();
     let refused = softtwin(dir.path(), &["plot", "recording", "--recording", "no.mcap", "--out", "x.svg"]);
     says(&refused, 78, "expected an MCAP recording");
+    // A cause that is in the message already is not said once more.
+    let refused = softtwin(dir.path(), &["export", "no.mcap", "--out", "x.npy"]);
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!((refused.status.code(), said.matches("MCAP recording").count()), (Some(78), 1), "{said}");
 }
 
 #[test]

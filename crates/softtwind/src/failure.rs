@@ -32,9 +32,18 @@ pub fn exit_code(program: &str, result: anyhow::Result<()>) -> ExitCode {
     // A standard error that cannot be written (a full disk) leaves the exit code as the only report.
     let _ = match std::env::args_os().any(|argument| argument == "--json") {
         true => writeln!(io::stderr(), "{}", as_json(&error, exit_code)),
-        false => writeln!(io::stderr(), "{program}: {error:#}"),
+        false => writeln!(io::stderr(), "{program}: {}", text_of(&error)),
     };
     ExitCode::from(exit_code)
+}
+
+/// An error with its causes. The message of a library's error often ends with its cause, which is then not said once more.
+fn text_of(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |text, cause| match text.contains(&cause) {
+        true => text,
+        false if text.is_empty() => cause,
+        false => format!("{text}: {cause}"),
+    })
 }
 
 /// Whether a program was told to join a shared-memory domain that is another user's or has an impossible name.
@@ -50,7 +59,7 @@ fn as_json(error: &anyhow::Error, exit_code: u8) -> serde_json::Value {
         78 => "configuration",
         _ => "run_time",
     };
-    serde_json::json!({ "code": code, "exit_code": exit_code, "error": format!("{error:#}") })
+    serde_json::json!({ "code": code, "exit_code": exit_code, "error": text_of(error) })
 }
 
 /// An error in the arguments: expected value, found value, remedy. Exit code 2.
@@ -65,5 +74,5 @@ pub fn unexplained(message: impl Display) -> anyhow::Error {
 
 /// An error in a file the user gave; the text keeps the whole chain of causes. Exit code 78.
 pub fn configuration(error: impl Into<anyhow::Error>) -> anyhow::Error {
-    Mistake { exit_code: 78, message: format!("{:#}", error.into()) }.into()
+    Mistake { exit_code: 78, message: text_of(&error.into()) }.into()
 }
