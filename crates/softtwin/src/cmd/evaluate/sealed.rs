@@ -5,14 +5,20 @@ use crate::cmd::simulate::batch;
 use crate::draws::Draws;
 use crate::failure::usage;
 use crate::files;
+use fem::Family;
 use fem::cases::Case;
 use formats::database::ObstacleKind;
 use rom::inputs::{Inputs, PARAMETERS};
 use rom::model::Model;
 use rom::snapshots::RegimeKind;
-use std::path::Path;
+use std::fs::{File, TryLockError};
+use std::io::ErrorKind;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 use train::evaluate::evaluate;
 
+/// Beginning of the names of the folders in which states are computed.
+const PREFIX: &str = "softtwin-sealed-";
 /// One of this number of states is free: there is one input then.
 const FREE_SHARE: usize = 10;
 /// Draws per list: a training range of 1 % of its bounding box is still found.
@@ -41,36 +47,102 @@ impl Args {
         if free > 0 {
             cases.extend(random_states(model, RegimeKind::Free, free, seed, obstacle)?);
         }
+        let family = family_of(model, actuator)?;
         // A killed run continues where it was: the folder is named by what is asked for.
         let hash = wire::layout::hex(&files::model_and_hash(&self.model)?.1[..8]);
-        let name = format!("softtwin-sealed-{hash}-{seed}-{count}");
-        let folder = wire::own_folder(&std::env::temp_dir(), &name)?;
-        self.solve(model, &cases, &folder, actuator)?;
-        let database = files::database(&folder, obstacle)?;
+        let folder = WorkFolder::new(&std::env::temp_dir(), &format!("{PREFIX}{hash}-{seed}-{count}"))?;
+        self.solve(&family, &cases, &folder.path)?;
+        let database = files::database(&folder.path, obstacle)?;
         let all: Vec<usize> = (0..database.cases.len()).collect();
         let report = evaluate(model, &database, &all)?;
-        std::fs::remove_dir_all(&folder)?;
         self.show(model, &report)
     }
 
-    /// Simulates a list into a folder, on the model's own mesh.
-    fn solve(&self, model: &Model, cases: &[Case], folder: &Path, actuator: &Path) -> anyhow::Result<()> {
-        let family = files::family(actuator)?;
-        let nodes = family.problem.mesh().nodes_mm.len();
-        if nodes != model.header.node_count {
-            return Err(usage(format!(
-                "--actuator {}: its mesh has {nodes} nodes, expected the model's {}; the model was trained on another mesh",
-                actuator.display(),
-                model.header.node_count
-            )));
-        }
+    fn solve(&self, family: &Family, cases: &[Case], folder: &Path) -> anyhow::Result<()> {
         let threads = self.threads;
         let options = batch::Options { threads, sensitivities: false, settings: Vec::new() };
-        let outcome = batch::solve(&family, cases, folder, &options)?;
+        let outcome = batch::solve(family, cases, folder, &options)?;
         for (index, reason) in &outcome.failed {
             tracing::warn!("state {} could not be simulated: {reason}", cases[*index].name);
         }
         Ok(())
+    }
+}
+
+/// The actuator that is simulated; it must have the model's mesh.
+fn family_of(model: &Model, actuator: &Path) -> anyhow::Result<Family> {
+    let family = files::family(actuator)?;
+    let nodes = family.problem.mesh().nodes_mm.len();
+    if nodes != model.header.node_count {
+        return Err(usage(format!(
+            "--actuator {}: its mesh has {nodes} nodes, expected the model's {}; the model was trained on another mesh",
+            actuator.display(),
+            model.header.node_count
+        )));
+    }
+    Ok(family)
+}
+
+/// The folder in which the states are computed. It is removed when the command ends, also by an error. A killed run leaves it
+/// behind: the same command continues there, and any other sealed evaluation of this user removes it.
+struct WorkFolder {
+    path: PathBuf,
+    /// Locked while the folder is in use, so that no other process takes it for a leftover. The system unlocks it when this
+    /// process ends, however it ends.
+    _lock: File,
+}
+
+impl WorkFolder {
+    fn new(parent: &Path, name: &str) -> anyhow::Result<Self> {
+        loop {
+            let path = wire::own_folder(parent, name)?;
+            // Another process may take the folder for a leftover before it is locked here. Then it is made anew.
+            let lock = match File::open(&path) {
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                opened => opened?,
+            };
+            match lock.try_lock() {
+                Err(TryLockError::WouldBlock) => {
+                    return Err(usage(format!(
+                        "--sealed: expected an evaluation that no other process is doing, found {} in use; wait for the \
+                         other process or give another --seed",
+                        path.display()
+                    )));
+                }
+                locked => locked?,
+            }
+            let made = lock.metadata()?;
+            if std::fs::metadata(&path).is_ok_and(|found| found.ino() == made.ino()) {
+                remove_leftovers(parent, &path, made.uid());
+                return Ok(Self { path, _lock: lock });
+            }
+        }
+    }
+}
+
+impl Drop for WorkFolder {
+    fn drop(&mut self) {
+        // The lock is released after this.
+        if let Err(error) = std::fs::remove_dir_all(&self.path) {
+            tracing::warn!("{} could not be removed: {error}", self.path.display());
+        }
+    }
+}
+
+/// Removes the folders of this user that killed sealed evaluations left. What cannot be removed is left to the next.
+fn remove_leftovers(parent: &Path, own: &Path, user: u32) {
+    for entry in std::fs::read_dir(parent).into_iter().flatten().flatten() {
+        let path = entry.path();
+        // The metadata are those of the entry: a link is no folder.
+        let is_ours = entry.metadata().is_ok_and(|found| found.is_dir() && found.uid() == user);
+        if path == own || !is_ours || !entry.file_name().as_encoded_bytes().starts_with(PREFIX.as_bytes()) {
+            continue;
+        }
+        if let Ok(lock) = File::open(&path)
+            && lock.try_lock().is_ok()
+        {
+            let _ = std::fs::remove_dir_all(&path);
+        }
     }
 }
 
