@@ -202,7 +202,9 @@ fn recorder_survives_closed_terminal_and_unwritable_log() {
         let mut recorder = recorder(&stage, &path, redirect);
         recorder.signal(libc::SIGHUP);
         wait_recorded(&path);
+        // Two requests at once, as `timeout` and a terminal make them: the file is finished all the same.
         recorder.signal(libc::SIGINT);
+        recorder.signal(libc::SIGTERM);
         let (status, said) = recorder.end();
         assert!(status.success(), "{name}: {status}, {said:?}");
         assert_eq!(contents(&path).2, Ending::Complete);

@@ -56,15 +56,45 @@ fn log_filter(default: &str) -> Targets {
     if filter.default_level().is_none() { filter.with_default(LevelFilter::ERROR) } else { filter }
 }
 
-/// A flag that SIGTERM and SIGINT set. A second signal ends the process immediately, without clean-up.
+/// Time after the first signal to stop during which further ones are taken for the same request. `timeout` signals its command
+/// and then the command's process group, a terminal and a service manager may both signal: two within a millisecond.
+const SAME_REQUEST: Duration = Duration::from_secs(1);
+
+/// What is to be done at a signal to stop.
+#[derive(Debug, PartialEq, Eq)]
+enum AtSignal {
+    Stop,
+    Nothing,
+    EndAtOnce,
+}
+
+/// Decides at a signal to stop, from the time of the first one, ms (0: none yet).
+fn at_signal(first_ms: &AtomicU64, now_ms: u64) -> AtSignal {
+    match first_ms.compare_exchange(0, now_ms.max(1), Ordering::Relaxed, Ordering::Relaxed) {
+        Ok(_) => AtSignal::Stop,
+        Err(first_ms) if u128::from(now_ms.saturating_sub(first_ms)) < SAME_REQUEST.as_millis() => {
+            AtSignal::Nothing
+        }
+        Err(_) => AtSignal::EndAtOnce,
+    }
+}
+
+/// A flag that SIGTERM and SIGINT set. A signal a second or more after the first ends the process immediately, without clean-up.
 ///
 /// # Errors
 /// The signal handler cannot be installed.
 pub fn stop_flag() -> std::io::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
+    let (began, first_ms) = (Instant::now(), Arc::new(AtomicU64::new(0)));
     for signal in [SIGTERM, SIGINT] {
-        signal_hook::flag::register_conditional_shutdown(signal, 1, stop.clone())?;
-        signal_hook::flag::register(signal, stop.clone())?;
+        let (stop, first_ms) = (stop.clone(), first_ms.clone());
+        let handler = move || match at_signal(&first_ms, began.elapsed().as_millis() as u64) {
+            AtSignal::Stop => stop.store(true, Ordering::SeqCst),
+            AtSignal::Nothing => {}
+            AtSignal::EndAtOnce => signal_hook::low_level::exit(1),
+        };
+        // SAFETY: the handler reads a clock, works on atomic numbers and may call `_exit`; a signal handler may do all three.
+        unsafe { signal_hook::low_level::register(signal, handler) }?;
     }
     Ok(stop)
 }
@@ -182,3 +212,7 @@ impl Watchdog {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "../tests/unit/service.rs"]
+mod tests;
