@@ -42,6 +42,7 @@ fn blocks_of(loaded: &Loaded, kind: RegimeKind) -> usize {
         | BlockKind::HalfWidth { .. }
         | BlockKind::Inertia
         | BlockKind::Difference
+        | BlockKind::Limit
         | BlockKind::Memory => false,
     };
     loaded.read.iter().filter(|block| of(block.kind)).count()
@@ -254,8 +255,8 @@ fn states_carry_coefficients_only_if_enabled() {
         let stage = Stage::new("coefficients");
         let text = actuator(&format!("{keys}{stress}"));
         let whole = load(&stage, &text).remove(0);
-        let (mut expected, inputs) = (whole.session.evaluator().evaluation(), Inputs::new(0.05, 30.0));
-        whole.session.evaluator().evaluate(inputs, &mut expected);
+        let (mut expected, inputs) = (whole.evaluator.evaluation(), Inputs::new(0.05, 30.0));
+        whole.evaluator.evaluate(inputs, &mut expected);
         let mut bench = Bench::start(&stage, &text);
         let states = StateReader::open(&bench.bus, &Topic::state("finger").unwrap()).unwrap();
         let fields = FieldReader::open(&bench.bus, &Topic::field("finger", None).unwrap()).unwrap();
@@ -304,7 +305,7 @@ fn readings_outside_the_training_range_follow_the_configured_policy() {
         let mut bench = Bench::start_with(&stage, &actuator(""), &settings);
         let states = StateReader::open(&bench.bus, &Topic::state("finger").unwrap()).unwrap();
         let mut sensor = bench.sensor("finger");
-        for (seq, pressure_mpa) in [(1, 0.05), (2, 0.2)] {
+        for (seq, pressure_mpa) in [(1, 0.05), (2, 0.12)] {
             sensor.publish(reading(seq, pressure_mpa, 30.0)).unwrap();
             bench.turn();
         }
@@ -312,7 +313,7 @@ fn readings_outside_the_training_range_follow_the_configured_policy() {
         let sent: Vec<_> = std::iter::from_fn(|| states.next().unwrap()).collect();
         assert_eq!(sent.len(), states_sent, "{policy:?}");
         let (last, pressure_mpa) =
-            (sent.last().unwrap(), if policy == OutsideDomain::Answer { 0.2 } else { 0.05 });
+            (sent.last().unwrap(), if policy == OutsideDomain::Answer { 0.12 } else { 0.05 });
         assert_eq!(last.pressure_mpa, pressure_mpa, "{policy:?}");
         assert_eq!(last.flags & flags::OUTSIDE_DOMAIN != 0, policy == OutsideDomain::Answer, "{policy:?}");
         assert_eq!(last.flags & flags::HELD != 0, policy == OutsideDomain::Hold, "{policy:?}");

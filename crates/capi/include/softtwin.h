@@ -88,21 +88,21 @@ typedef struct {
   double contact_force_n;           /**< Contact force, N. */
   double force_gradient[8];         /**< Derivative of the force with respect to each input, N per unit. */
   double onset_pressure_mpa;        /**< Pressure at which contact begins, MPa: 0 under gravity alone, infinite out of reach, NaN: the model has no onset. */
-  double force_halfwidth_n;         /**< Half-width with nominal coverage `coverage`, N. */
+  double force_halfwidth_n;         /**< Half-width with nominal coverage `coverage`, N; NaN outside the training states. */
   double displacement_halfwidth_mm; /**< The same of the worst node's displacement, mm. */
   double von_mises_halfwidth_mpa;   /**< The same of the worst node's stress, MPa. */
-  double coverage;                  /**< Nominal coverage of the half-widths (0.9). */
+  double coverage;                  /**< Nominal coverage of the half-widths (0.9); NaN outside the training states. */
   double domain_distance;           /**< Distance to the training states over inputs scaled to [0, 1]; 0 among them. */
   double max_displacement_mm;       /**< Largest displacement of the reconstructed fields, mm; NaN: none of them has it. */
   double max_von_mises_mpa;         /**< Largest von Mises stress of them, MPa; NaN: none of them has it. */
   uint32_t max_displacement_node;   /**< Its node in the model; UINT32_MAX: none. */
   uint32_t max_von_mises_node;      /**< Its node in the model; UINT32_MAX: none. */
   uint32_t regime;                  /**< SOFTTWIN_REGIME_FREE or SOFTTWIN_REGIME_CONTACT. */
-  uint32_t domain_status;           /**< SOFTTWIN_DOMAIN_INSIDE, ...: outside, the half-widths do not hold. */
+  uint32_t domain_status;           /**< SOFTTWIN_DOMAIN_INSIDE, ...: outside, the half-widths are NaN. */
   uint32_t force_clamped;           /**< 1: the interpolated force was negative and was set to 0. */
   uint32_t reserved;
   double observables[8];           /**< In the model's order, in the unit at the end of their names; NaN: no such observable. */
-  double observable_halfwidths[8]; /**< Their half-widths; outside, they do not hold. */
+  double observable_halfwidths[8]; /**< Their half-widths; NaN outside the training states. */
   double observable_offsets[8];    /**< Part of each that is a measured difference from the finite elements; 0 without one. */
 } softtwin_prediction;
 
@@ -238,7 +238,8 @@ softtwin_status softtwin_model_select(const softtwin_model *model, const char *f
 softtwin_status softtwin_model_describe(const softtwin_model *model, softtwin_model_info *out);
 /** Predicts `states` states, bit-identical to `softtwin predict`. `inputs`: states x inputs in the model's order; NaN: the value of
  *  the model's description; an infinite gap: no obstacle. `predictions`: room for `states`. `values`: null, or room for
- *  states x fields x nodes. Nothing is clamped: `domain_status` says where a state lies outside the training states. On a
+ *  states x fields x nodes. Nothing is clamped: `domain_status` says where a state lies outside the training states; one farther outside than
+ *  they are wide, or of a shape that the body cannot have, is refused. On a
  *  failure the last error names the state; those before it are written. */
 softtwin_status softtwin_model_predict(const softtwin_model *model, const double *inputs, size_t states,
                                        softtwin_prediction *predictions, float *values);

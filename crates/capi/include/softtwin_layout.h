@@ -79,7 +79,7 @@
 #define SOFTTWIN_OUTCOME_DROPPED_BACK_IN_TIME 8u /* A sequence number or time stamp before the last one. */
 #define SOFTTWIN_OUTCOME_DROPPED_SUPERSEDED 9u /* A newer reading was already waiting: the newest wins. */
 #define SOFTTWIN_OUTCOME_DROPPED_NOT_SENT 10u /* An output could not be sent (no memory left, or the port failed). */
-#define SOFTTWIN_OUTCOME_DROPPED_MODEL 11u /* The model gave a value that is not finite. */
+#define SOFTTWIN_OUTCOME_DROPPED_MODEL 11u /* The state is farther outside the training range than the samples are wide, the body cannot have its shape, or a value is not finite. */
 #define SOFTTWIN_OUTCOME_HELD_OUTSIDE_DOMAIN 12u /* The reading lies outside the model's domain and the settings say to hold: the last good state stands. */
 #define SOFTTWIN_OUTCOME_DROPPED_OUTSIDE_DOMAIN 13u /* The reading lies outside the model's domain and the settings say to reject it. */
 #define SOFTTWIN_OUTCOME_DROPPED_RECONSTRUCTION 14u /* The model gave no field for an output; the state was sent. */
@@ -135,8 +135,9 @@
 #define SOFTTWIN_QUERY_STATUS_NO_SUCH_FIELD 8u /* The twin offers no field of that name: the scene's `queries` or its outputs say no. */
 #define SOFTTWIN_QUERY_STATUS_NO_MEMORY 9u /* No shared memory for the field; limit: bytes needed. */
 #define SOFTTWIN_QUERY_STATUS_UNKNOWN_KIND 10u /* The kind of question is unknown to this twin. */
-#define SOFTTWIN_QUERY_STATUS_MODEL 11u /* The model gave a value that is not finite. */
+#define SOFTTWIN_QUERY_STATUS_MODEL 11u /* The body cannot have the state's shape, or a value is not finite. */
 #define SOFTTWIN_QUERY_STATUS_UNKNOWN_INPUT 12u /* The query has a parameter that the model does not have. */
+#define SOFTTWIN_QUERY_STATUS_TOO_FAR 13u /* The state is too far outside the training range; limit: its distance as a fraction of that range. */
 
 /** One reading of the sensors of one actuator, stamped by the bridge. */
 typedef struct {
@@ -212,9 +213,9 @@ typedef struct {
   double force_by_pressure_n_per_mpa; /**< Derivative of the force with respect to the pressure; NaN when not configured, or if the model has no force or no pressure. Unit: N/MPa. */
   double force_by_gap_n_per_mm; /**< Derivative of the force with respect to the gap; NaN when not configured, or if the model has no force or no gap. Unit: N/mm. */
   double onset_pressure_mpa; /**< Pressure of first contact at this gap; infinite when the plate is out of reach. NaN: the model has no onset. Unit: MPa. */
-  float force_halfwidth_n; /**< Half-width of the force; NaN when not configured. Unit: N. */
-  float displacement_halfwidth_mm; /**< Half-width of the displacement; NaN when not configured. Unit: mm. */
-  float von_mises_halfwidth_mpa; /**< Half-width of the stress; NaN when not configured. Unit: MPa. */
+  float force_halfwidth_n; /**< Half-width of the force; NaN when not configured and outside the training range. Unit: N. */
+  float displacement_halfwidth_mm; /**< Half-width of the displacement; NaN when not configured and outside the training range. Unit: mm. */
+  float von_mises_halfwidth_mpa; /**< Half-width of the stress; NaN when not configured and outside the training range. Unit: MPa. */
   float domain_distance; /**< Distance to the sampled states, over inputs scaled to [0, 1]: 0 inside, never negative. */
   uint32_t regime; /**< Regime. */
   uint32_t domain_status; /**< Position of the inputs relative to the sampled states: 0 inside, 1 near the edge, 2 outside. */
@@ -226,7 +227,7 @@ typedef struct {
   double force_by_input[8]; /**< Derivative of the force with respect to each input, N per unit of the input; NaN when not configured. */
   uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
   double observables[8]; /**< Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer. */
-  double observable_halfwidths[8]; /**< Half-widths of the observables; NaN when not configured. */
+  double observable_halfwidths[8]; /**< Half-widths of the observables; NaN when not configured and outside the training range. */
   double observable_offsets[8]; /**< Part of each observable that is a measured difference from the finite elements; 0 without one. */
   uint8_t observable_names[256]; /**< Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_state;
@@ -414,9 +415,9 @@ typedef struct {
   double force_by_pressure_n_per_mpa; /**< Derivative of the force with respect to the pressure; NaN when not configured, or if the model has no force or no pressure. Unit: N/MPa. */
   double force_by_gap_n_per_mm; /**< Derivative of the force with respect to the gap; NaN when not configured, or if the model has no force or no gap. Unit: N/mm. */
   double onset_pressure_mpa; /**< Pressure of first contact at this gap; infinite when the plate is out of reach. NaN: the model has no onset. Unit: MPa. */
-  float force_halfwidth_n; /**< Half-width of the force; NaN when not configured. Unit: N. */
-  float displacement_halfwidth_mm; /**< Half-width of the displacement; NaN when not configured. Unit: mm. */
-  float von_mises_halfwidth_mpa; /**< Half-width of the stress; NaN when not configured. Unit: MPa. */
+  float force_halfwidth_n; /**< Half-width of the force; NaN when not configured and outside the training range. Unit: N. */
+  float displacement_halfwidth_mm; /**< Half-width of the displacement; NaN when not configured and outside the training range. Unit: mm. */
+  float von_mises_halfwidth_mpa; /**< Half-width of the stress; NaN when not configured and outside the training range. Unit: MPa. */
   float domain_distance; /**< Distance to the sampled states, over inputs scaled to [0, 1]: 0 inside, never negative. */
   uint32_t regime; /**< Regime. */
   uint32_t domain_status; /**< Position of the inputs relative to the sampled states: 0 inside, 1 near the edge, 2 outside. */
@@ -428,7 +429,7 @@ typedef struct {
   double force_by_input[8]; /**< Derivative of the force with respect to each input, N per unit of the input; NaN when not configured. */
   uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
   double observables[8]; /**< Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer. */
-  double observable_halfwidths[8]; /**< Half-widths of the observables; NaN when not configured. */
+  double observable_halfwidths[8]; /**< Half-widths of the observables; NaN when not configured and outside the training range. */
   double observable_offsets[8]; /**< Part of each observable that is a measured difference from the finite elements; 0 without one. */
   uint8_t observable_names[256]; /**< Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_answer;

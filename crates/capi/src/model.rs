@@ -186,16 +186,20 @@ impl softtwin_model {
         evaluation: &Evaluation,
         values: *mut f32,
     ) -> Result<Peaks, Failure> {
+        let refuse = |why: String| {
+            let text = format!("{state} belongs to regime {}: {why}", evaluation.regime.name());
+            Failure::Own(softtwin_status::SOFTTWIN_REFUSED, text)
+        };
+        if let Some(why) = self.evaluator.refusal(evaluation) {
+            return Err(refuse(why));
+        }
         if values.is_null() {
             return Ok(Peaks::default());
         }
         let entries = self.reconstructor.entries();
         // SAFETY: not null, and room for that many by the caller's promise.
         let room = unsafe { std::slice::from_raw_parts_mut(values.cast::<MaybeUninit<f32>>(), entries) };
-        self.reconstructor.reconstruct_uninit(evaluation, room).map_err(|error| {
-            let text = format!("{state} belongs to regime {}: {error}", evaluation.regime.name());
-            Failure::Own(softtwin_status::SOFTTWIN_REFUSED, text)
-        })
+        self.reconstructor.reconstruct_uninit(evaluation, room).map_err(|error| refuse(error.to_string()))
     }
 
     pub(crate) fn prediction(&self, evaluation: &Evaluation, peaks: &Peaks) -> softtwin_prediction {

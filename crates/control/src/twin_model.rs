@@ -113,7 +113,7 @@ impl TwinModel {
             found: name.to_owned(),
             known: observables.names().map(str::to_owned).collect(),
         })?;
-        let evaluator = Evaluator::new(&model.header)?;
+        let evaluator = Evaluator::new(&model.header)?.for_search();
         let evaluation = evaluator.evaluation();
         let held = Held::Observable { evaluator: Box::new(evaluator), observables, at };
         Ok(Self::of_held(model, held, evaluation))

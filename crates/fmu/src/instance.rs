@@ -187,6 +187,9 @@ impl Instance {
             now.is_current = true;
             self.forget_parts();
         }
+        if let Some(why) = self.now.session.evaluator().refusal(&self.now.evaluation) {
+            return Err(why);
+        }
         let regime = self.now.evaluation.regime;
         if !self.now.session.evaluator().has_regime(regime) {
             let name = regime.name();

@@ -54,6 +54,8 @@ impl Part {
         if !self.has_coefficients {
             (self.evaluation.inputs, self.evaluation.regime) = (state.inputs, state.regime);
             self.evaluation.halfwidths = state.halfwidths;
+            (self.evaluation.domain, self.evaluation.flags) = (state.domain, state.flags);
+            self.evaluation.domain_distance = state.domain_distance;
             // A moving state has its own, with the linear modes.
             self.evaluation.coefficients.clone_from(&state.coefficients);
             self.evaluator.complete(&mut self.evaluation);

@@ -116,11 +116,21 @@ pub(crate) fn outputs(header: &ModelHeader, observables: &Observables, nodes: &[
         (
             "force_halfwidth_n",
             "N",
-            "Half-width of the force; does not hold outside",
+            "Half-width of the force; NaN outside the training states",
             Quantity::ForceHalfwidth,
         ),
-        ("displacement_halfwidth_mm", "mm", "Half-width of the worst node", Quantity::DisplacementHalfwidth),
-        ("von_mises_halfwidth_mpa", "MPa", "Half-width of the worst node", Quantity::StressHalfwidth),
+        (
+            "displacement_halfwidth_mm",
+            "mm",
+            "Half-width of the worst node; NaN outside",
+            Quantity::DisplacementHalfwidth,
+        ),
+        (
+            "von_mises_halfwidth_mpa",
+            "MPa",
+            "Half-width of the worst node; NaN outside",
+            Quantity::StressHalfwidth,
+        ),
         ("domain_distance", "1", "Distance to the training states, inputs scaled", Quantity::DomainDistance),
         ("max_von_mises_mpa", "MPa", "Largest von Mises stress of all nodes", Quantity::MaxStress),
         ("domain_status", "", "0 inside the training states, 1 near, 2 outside", Quantity::DomainStatus),
@@ -142,7 +152,7 @@ pub(crate) fn outputs(header: &ModelHeader, observables: &Observables, nodes: &[
         add(
             halfwidth,
             unit.into(),
-            "Its half-width; does not hold outside",
+            "Its half-width; NaN outside the training states",
             Quantity::ObservableHalfwidth(at),
         );
     }

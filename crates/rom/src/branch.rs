@@ -137,7 +137,7 @@ impl Follower {
         let anywhere = MeshPoint { weights: vec![(0, 1.0)] };
         let (mean, group, weights) = field_at(model, regime, &anywhere, field)?;
         let (part, places) = contracted(header, &[vec![Output { parts: vec![(group, weights)] }]]);
-        let (evaluator, place) = (Evaluator::new(&part)?, places[0][0]);
+        let (evaluator, place) = (Evaluator::new(&part)?.for_search(), places[0][0]);
         let mut evaluation = evaluator.evaluation();
         let [begin, end] = header.inputs[input].range;
         let sample = |k: usize| {

@@ -23,6 +23,7 @@ pub(crate) fn contracted(header: &ModelHeader, outputs: &[Vec<Output>]) -> (Mode
     out.fields.truncate(1);
     out.fields.iter_mut().for_each(|field| field.magnitude_of = None);
     out.node_sets.clear();
+    out.body = None; // its rows are those of the modes
     let mut places = Vec::new();
     for ((new, old), wanted) in out.regimes.iter_mut().zip(&header.regimes).zip(outputs) {
         // The onset is solved from a group of the free model.

@@ -1,10 +1,11 @@
 //! Result of an evaluation, without fields: plain data, allocated once.
 
 use crate::halfwidths::HalfWidths;
-use crate::hull::DomainStatus;
+use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
 use crate::kernel::sums::Scratch;
 use crate::snapshots::RegimeKind;
+use thiserror::Error;
 
 /// Warnings about an evaluation. Every correction of a value sets a flag.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,6 +20,24 @@ pub struct Flags {
     pub snapped: bool,
     /// The past does not determine the branch ([`crate::branch`]).
     pub branch_unknown: bool,
+    /// Why there is no answer; force, gradients and coefficients are then NaN.
+    pub refusal: Option<Refusal>,
+}
+
+/// Why a model has no answer at a state outside its training range. [`crate::evaluator::Evaluator::refusal`] adds which input is outside.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+pub enum Refusal {
+    /// The distance is above [`TrainingRange::ANSWERED`].
+    #[error(
+        "the state lies farther outside the training range than the trained states are wide; the model has no answer there"
+    )]
+    TooFar,
+    /// The shape is none of the body ([`crate::body`]).
+    #[error(
+        "the state lies outside the training range, and the body cannot have the model's shape there: it is stretched beyond its \
+         law, or a chamber has a volume that its walls cannot hold"
+    )]
+    Impossible,
 }
 
 /// The model's answer at one state. Reused between calls: [`crate::evaluator::Evaluator::evaluation`] sizes it.
@@ -41,7 +60,7 @@ pub struct Evaluation {
     pub domain: DomainStatus,
     /// Distance to the training hull over inputs scaled to [0, 1]; 0 inside.
     pub domain_distance: f64,
-    /// Half-widths with the model's nominal coverage.
+    /// Half-widths with the model's nominal coverage; [`HalfWidths::UNKNOWN`] unless the state is inside the training range.
     pub halfwidths: HalfWidths,
     /// Flags.
     pub flags: Flags,
@@ -72,6 +91,16 @@ impl Evaluation {
             difference: Vec::with_capacity(coefficients),
             difference_mm: 0.0,
             scratch,
+        }
+    }
+
+    /// Sets the distance to the training range with what follows from it: outside nothing is known about the error.
+    pub(crate) fn set_distance(&mut self, distance: f64) {
+        self.domain_distance = distance;
+        self.domain = TrainingRange::status(distance);
+        self.flags.extrapolated = self.domain != DomainStatus::Inside;
+        if self.flags.extrapolated {
+            self.halfwidths = HalfWidths::UNKNOWN;
         }
     }
 

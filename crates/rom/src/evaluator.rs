@@ -1,16 +1,18 @@
 //! Inputs -> regime, coefficients, force, gradients, half-widths, domain. Nothing is allocated after construction.
 
+use crate::body::Body;
 use crate::clearance::OnsetSolver;
-use crate::evaluation::{Evaluation, Flags};
+use crate::evaluation::{Evaluation, Flags, Refusal};
 use crate::halfwidths::HalfWidths;
 use crate::hull::{DomainStatus, TrainingRange};
-use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, Needs, PARAMETERS, PRESSURE, Point};
+use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, Needs, PARAMETERS, PRESSURE, Point, rounded};
 use crate::interpolant::Interpolant;
 use crate::kernel::sums::{Scratch, Sums};
-use crate::model::{GroupModel, ModelError, ModelHeader, RegimeModel};
+use crate::model::{GroupModel, ModelError, ModelHeader, PressureLimit, RegimeModel};
 use crate::regime::{LastOnset, Onset, OnsetAt, OnsetTable};
 use crate::snapshots::RegimeKind;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// One regime, ready to run.
 #[derive(Clone, Debug)]
@@ -19,6 +21,8 @@ struct RegimePart {
     coefficient_count: usize,
     /// Consecutive groups with one kernel, with the range of their coefficients.
     groups: Vec<(Sums, Range<usize>)>,
+    /// After [`Evaluator::restrict`]: the others that the body's shape depends on.
+    of_shape: Vec<(Sums, Range<usize>)>,
     force: Option<Sums>,
 }
 
@@ -26,7 +30,7 @@ impl RegimePart {
     fn new(model: RegimeModel) -> Self {
         let groups = sums(model.groups.iter());
         let force = model.force.as_ref().map(|force| Sums::new(&[&force.surrogate]));
-        Self { coefficient_count: model.coefficient_count(), groups, force, model }
+        Self { coefficient_count: model.coefficient_count(), groups, of_shape: Vec::new(), force, model }
     }
 
     fn all(&self) -> impl Iterator<Item = &Sums> {
@@ -63,6 +67,11 @@ pub struct Evaluator {
     /// See [`Flags::no_force`].
     no_force: bool,
     no_stress: bool,
+    /// What stopped the search for the largest pressure when the actuator was built.
+    limit: Option<PressureLimit>,
+    body: Option<Arc<Body>>,
+    /// States at any distance have numbers: for searches, whose steps may lie far outside.
+    has_no_end: bool,
     /// Largest number of coefficients of a regime, and memory for any interpolant.
     coefficients: usize,
     scratch: Scratch,
@@ -97,10 +106,72 @@ impl Evaluator {
             hysteresis_mpa: header.hysteresis_mpa,
             no_force: !header.has_forces(),
             no_stress: !header.has_stress(),
+            limit: header.limit.clone(),
+            body: header.body.clone(),
+            has_no_end: false,
         };
         let mut scratch = evaluator.evaluation();
         evaluator.tabulate(&mut scratch)?;
         Ok(evaluator)
+    }
+
+    /// The same for searches: states at any distance from the training range have numbers. Their results are answers only after an
+    /// evaluator with an end has evaluated them.
+    #[must_use]
+    pub fn for_search(self) -> Self {
+        Self { has_no_end: true, ..self }
+    }
+
+    /// Why an evaluated state has no answer, with the inputs that are outside the training range; `None` where it has one.
+    pub fn refusal(&self, evaluation: &Evaluation) -> Option<String> {
+        let refusal = evaluation.flags.refusal?;
+        Some(self.outside(evaluation).map_or(refusal.to_string(), |why| format!("{refusal}. {why}")))
+    }
+
+    /// Which inputs of an evaluated state are outside the training range and by how much, as a sentence; `None` inside.
+    pub fn outside(&self, evaluation: &Evaluation) -> Option<String> {
+        if evaluation.domain == DomainStatus::Inside {
+            return None;
+        }
+        let part = self.parts.iter().find(|part| part.model.kind == evaluation.regime)?;
+        let map = &part.model.inputs;
+        let value = |at: usize| rounded(evaluation.inputs.values()[at]);
+        let mut found = Vec::new();
+        for (at, spec) in self.taken_inputs() {
+            let Some([low, high]) = map.range(at).map(|range| range.map(rounded)) else { continue };
+            let (key, unit, value) = (spec.key(), &spec.unit, value(at));
+            if value.is_nan() {
+                found.push(format!("{key} has no value"));
+            } else if value > high {
+                let limit = self.limit.as_ref().filter(|_| at == PRESSURE);
+                let reason =
+                    limit.map_or(String::new(), |limit| format!("; build went no further: {}", limit.reason));
+                let by = rounded(value - high);
+                found.push(format!(
+                    "{key} = {value} is {by} {unit} above the largest trained value, {high} {unit}{reason}"
+                ));
+            } else if value < low {
+                let by = rounded(low - value);
+                found.push(format!(
+                    "{key} = {value} is {by} {unit} below the smallest trained value, {low} {unit}"
+                ));
+            }
+        }
+        if found.is_empty() {
+            let named = map
+                .axes
+                .iter()
+                .filter_map(|axis| Some((self.inputs.get(axis.input)?.key(), value(axis.input))));
+            let named: Vec<String> = named.map(|(key, value)| format!("{key} = {value}")).collect();
+            found.push(format!("no trained state is near {}", named.join(", ")));
+        }
+        let distance = match evaluation.domain_distance {
+            distance if distance.is_finite() => {
+                format!(" ({:.1} % of the trained range away)", 100.0 * distance)
+            }
+            _ => String::new(),
+        };
+        Some(found.join("; ") + &distance)
     }
 
     /// Sets the default values of the parameters to those of a state; NaN leaves a default unchanged. States with these values then
@@ -208,13 +279,13 @@ impl Evaluator {
     /// Across the onset the value is continuous at every gap up to the reach (fields to truncation and smoothing, force
     /// exactly); slopes are not: the tip stops and the force starts, so gradients are those of the side the state is on.
     pub fn evaluate(&self, inputs: Inputs, out: &mut Evaluation) {
-        self.state(inputs, out);
+        self.numbers(inputs, out);
         self.coefficients(out, false);
     }
 
     /// Regime, onset pressure and position in the training range only: the first part of [`Self::evaluate`]. Force and gradient are then
-    /// 0 (NaN for a model without forces), also in contact; coefficients and half-widths are those of the call before. Less than 1 us for
-    /// a model without parameters.
+    /// 0 (NaN for a model without forces), also in contact; coefficients are those of the call before, half-widths are absent. Less than
+    /// 1 us for a model without parameters.
     pub fn locate(&self, inputs: Inputs, out: &mut Evaluation) {
         self.place(self.complete_inputs(inputs), out);
     }
@@ -230,12 +301,22 @@ impl Evaluator {
         let part = part?;
         let x = part.model.inputs.scale(&out.inputs);
         force(part, &at, &x, out);
+        refuse(out);
         Some((part, x))
     }
 
-    /// [`Self::evaluate`] without the coefficients: for states without fields, about 10 % of the cost.
-    /// [`Self::complete`] adds the coefficients.
+    /// [`Self::evaluate`] without the coefficients: for states without fields, about 10 % of the cost (outside the training range all of it,
+    /// because the shape is checked there). [`Self::complete`] adds the coefficients.
     pub fn state(&self, inputs: Inputs, out: &mut Evaluation) {
+        self.numbers(inputs, out);
+        if self.must_check(out) {
+            self.coefficients(out, false);
+            clear(out);
+        }
+    }
+
+    /// [`Self::state`] without a look at the shape.
+    fn numbers(&self, inputs: Inputs, out: &mut Evaluation) {
         let placed = self.place_with_force(inputs, out);
         // After it: an onset that depends on parameters is solved in this memory.
         clear(out);
@@ -245,8 +326,11 @@ impl Evaluator {
         }
     }
 
-    /// Half-widths at a state over scaled inputs; NaN for a quantity that the model does not have.
+    /// Half-widths at a state over scaled inputs; NaN for a quantity that the model does not have, and for all outside the training range.
     fn halfwidths(&self, part: &RegimePart, x: &Point, out: &mut Evaluation) {
+        if out.domain != DomainStatus::Inside {
+            return;
+        }
         let local = part.model.local_halfwidths.as_ref();
         let mut found = local.map_or(part.model.halfwidths, |local| local.at(x));
         out.difference_mm = part.model.difference.as_ref().map_or(0.0, |of| of.half_width_mm(x));
@@ -280,14 +364,29 @@ impl Evaluator {
             let is_alone = |(sums, range): &(Sums, Range<usize>)| {
                 sums.outputs() == 1 && all.iter().all(|(_, joined)| joined != range)
             };
-            part.groups = if used.iter().any(is_alone) { all } else { used };
+            let is_used = |group: &&GroupModel| {
+                used.iter().any(|(_, range)| {
+                    range.start <= group.coefficients.start && group.coefficients.end <= range.end
+                })
+            };
+            let is_of_shape = |group: &&GroupModel| {
+                let body = self.body.as_ref();
+                body.is_some_and(|body| body.depends_on(part.model.kind, &group.coefficients))
+            };
+            let others = part.model.groups.iter().filter(|group| !is_used(group) && is_of_shape(group));
+            (part.groups, part.of_shape) = if used.iter().any(is_alone) {
+                (all, Vec::new())
+            } else {
+                let others = sums(others);
+                (used, others)
+            };
         }
     }
 
     /// [`Self::evaluate`] with the derivatives of all coefficients, at about twice the cost: what single points are followed
     /// with ([`crate::probe`]).
     pub fn differentiate(&self, inputs: Inputs, out: &mut Evaluation) {
-        self.state(inputs, out);
+        self.numbers(inputs, out);
         self.coefficients(out, true);
     }
 
@@ -306,8 +405,9 @@ impl Evaluator {
 
     /// [`Self::differentiate`] with a known onset, without half-widths and domain.
     fn differentiate_at(&self, inputs: Inputs, at: OnsetAt, out: &mut Evaluation) {
-        (out.domain, out.domain_distance) = (DomainStatus::Outside, f64::NAN);
-        if let Some(part) = self.regime_at(inputs, &at, out) {
+        let part = self.regime_at(inputs, &at, out);
+        out.set_distance(f64::NAN);
+        if let Some(part) = part {
             force(part, &at, &part.model.inputs.scale(&inputs), out);
         }
         self.coefficients(out, true);
@@ -354,13 +454,17 @@ impl Evaluator {
         let at = OnsetAt { onset, ..found };
         let part = self.place_at(inputs, &at, out);
         out.onset_pressure_mpa = self.onset.as_ref().and_then(|_| found.onset.pressure_mpa());
-        match part {
-            Some(part) => {
-                let x = part.model.inputs.scale(&inputs);
-                force(part, &at, &x, out);
-                self.halfwidths(part, &x, out);
-            }
-            None => out.halfwidths = HalfWidths::UNKNOWN,
+        if let Some(part) = part.filter(|_| out.flags.refusal.is_some()) {
+            // A jump of the pressure throws the body beyond any load for a moment: what is refused is a place where it is not at rest either.
+            let rest: [f64; MAX_INPUTS] =
+                std::array::from_fn(|at| if at < PARAMETERS { inputs.values()[at] } else { self.values[at] });
+            out.flags.refusal = self.too_far(distance(part, &Inputs::from(rest)));
+        }
+        if let Some(part) = part {
+            let x = part.model.inputs.scale(&inputs);
+            force(part, &at, &x, out);
+            refuse(out);
+            self.halfwidths(part, &x, out);
         }
         self.coefficients(out, false);
     }
@@ -376,9 +480,31 @@ impl Evaluator {
     /// Coefficients of the regime of `out`; none of a regime that was not trained.
     fn coefficients(&self, out: &mut Evaluation, gradient: bool) {
         match self.parts.iter().find(|part| part.model.kind == out.regime) {
-            Some(part) => coefficients(part, &part.model.inputs.scale(&out.inputs), out, gradient),
+            Some(part) => {
+                let of_shape = if self.must_check(out) { &part.of_shape[..] } else { &[] };
+                coefficients(part, of_shape, &part.model.inputs.scale(&out.inputs), out, gradient);
+            }
             None => clear(out),
         }
+        self.check_shape(out);
+    }
+
+    /// Whether the shape of a state is to be checked: outside the training range, where an interpolant gives any number.
+    fn must_check(&self, out: &Evaluation) -> bool {
+        !self.has_no_end && self.body.is_some() && out.flags.extrapolated && out.flags.refusal.is_none()
+    }
+
+    /// Refuses a state outside the training range whose coefficients give a shape that the body cannot have.
+    pub(crate) fn check_shape(&self, out: &mut Evaluation) {
+        let must_check = self.must_check(out);
+        if self.body.as_ref().is_some_and(|body| must_check && !body.is_possible(out)) {
+            out.flags.refusal = Some(Refusal::Impossible);
+        }
+        refuse(out);
+    }
+
+    fn too_far(&self, distance: f64) -> Option<Refusal> {
+        (!self.has_no_end && distance > TrainingRange::ANSWERED).then_some(Refusal::TooFar)
     }
 
     /// Position of a state with all inputs, and its regime.
@@ -407,15 +533,12 @@ impl Evaluator {
         let part = self.regime_at(inputs, at, out);
         let missing = inputs.values().iter().zip(self.is_taken).any(|(value, taken)| taken && value.is_nan())
             || self.onset.is_some() && at.pressure_mpa.is_nan();
-        out.domain_distance = match part {
-            Some(part) if !missing => {
-                let map = &part.model.inputs;
-                part.model.domain.distance(&map.scale(&inputs)).max(map.off_constants(&inputs))
-            }
+        out.halfwidths = HalfWidths::UNKNOWN; // until they are known, also inside
+        out.set_distance(match part {
+            Some(part) if !missing => distance(part, &inputs),
             _ => f64::INFINITY,
-        };
-        out.domain = TrainingRange::status(out.domain_distance);
-        out.flags.extrapolated = out.domain != DomainStatus::Inside;
+        });
+        out.flags.refusal = self.too_far(out.domain_distance);
         part
     }
 }
@@ -429,30 +552,34 @@ pub struct RegimeLabel {
     pub held: bool,
 }
 
-/// Remembers the last label, so that noise at the onset does not make it flicker. Only the label depends on the past: the numbers of a
-/// state follow its inputs.
+/// An evaluator that remembers the last label. Values follow the inputs alone: only the label has a memory.
 #[derive(Clone, Debug)]
-pub struct RegimeLabels {
-    /// How far the pressure falls below the onset before the label says free, MPa.
-    margin_mpa: f64,
+pub struct HysteresisEvaluator {
+    evaluator: Evaluator,
     last: Option<RegimeKind>,
 }
 
-impl RegimeLabels {
-    /// For states of an evaluator. The first label is the regime of the first state.
-    pub fn new(evaluator: &Evaluator) -> Self {
-        Self { margin_mpa: evaluator.hysteresis_mpa, last: None }
+impl HysteresisEvaluator {
+    /// Without memory: the first label is the regime of the first state.
+    pub fn new(evaluator: Evaluator) -> Self {
+        Self { evaluator, last: None }
     }
 
-    /// Label of the next evaluated state.
-    pub fn next(&mut self, state: &Evaluation) -> RegimeLabel {
-        let pressure_mpa = state.inputs.pressure_mpa();
+    /// As [`Evaluator::state`], with the label.
+    pub fn state(&mut self, inputs: Inputs, out: &mut Evaluation) -> RegimeLabel {
+        self.evaluator.state(inputs, out);
+        let margin_mpa = self.evaluator.hysteresis_mpa;
         let held = self.last == Some(RegimeKind::Contact)
-            && state.regime == RegimeKind::Free
-            && state.onset_pressure_mpa.is_some_and(|onset| pressure_mpa > onset - self.margin_mpa);
-        let regime = if held { RegimeKind::Contact } else { state.regime };
+            && out.regime == RegimeKind::Free
+            && out.onset_pressure_mpa.is_some_and(|onset| inputs.pressure_mpa() > onset - margin_mpa);
+        let regime = if held { RegimeKind::Contact } else { out.regime };
         self.last = Some(regime);
         RegimeLabel { regime, held }
+    }
+
+    /// As [`Evaluator::complete`].
+    pub fn complete(&self, out: &mut Evaluation) {
+        self.evaluator.complete(out);
     }
 }
 
@@ -463,12 +590,18 @@ fn clear(out: &mut Evaluation) {
     out.gradients.iter_mut().for_each(Vec::clear);
 }
 
-fn coefficients(part: &RegimePart, x: &Point, out: &mut Evaluation, gradient: bool) {
+fn coefficients(
+    part: &RegimePart,
+    of_shape: &[(Sums, Range<usize>)],
+    x: &Point,
+    out: &mut Evaluation,
+    gradient: bool,
+) {
     let map = &part.model.inputs;
     let count = if gradient { part.coefficient_count } else { 0 };
     out.gradients.iter_mut().for_each(|row| row.resize(count, 0.0)); // within the capacity reserved
     out.coefficients.resize(part.coefficient_count, 0.0);
-    for (sums, range) in &part.groups {
+    for (sums, range) in part.groups.iter().chain(of_shape) {
         let rows = gradient.then(|| out.gradients.each_mut().map(|row| &mut row[range.clone()]));
         sums.evaluate(x, &mut out.scratch, &mut out.coefficients[range.clone()], rows);
     }
@@ -490,6 +623,21 @@ fn coefficients(part: &RegimePart, x: &Point, out: &mut Evaluation, gradient: bo
     }
     if let Some(far) = &part.model.far_onset {
         far.correct(out.inputs.gap_mm(), &mut out.coefficients, &mut out.gradients[GAP]);
+    }
+}
+
+/// Distance of a state with all inputs from the training range of a regime.
+fn distance(part: &RegimePart, inputs: &Inputs) -> f64 {
+    let map = &part.model.inputs;
+    part.model.domain.distance(&map.scale(inputs)).max(map.off_constants(inputs))
+}
+
+/// Leaves no numbers in a refused state: whoever uses one without asking has NaN.
+fn refuse(out: &mut Evaluation) {
+    if out.flags.refusal.is_some() {
+        (out.contact_force_n, out.force_gradient) = (f64::NAN, [f64::NAN; MAX_INPUTS]);
+        out.coefficients.fill(f64::NAN);
+        out.gradients.iter_mut().for_each(|row| row.fill(f64::NAN));
     }
 }
 

@@ -29,7 +29,7 @@ pub struct HalfWidths {
 }
 
 impl HalfWidths {
-    /// Those of a state that no half-width holds for.
+    /// Those of a state whose error is not known, such as one outside the training range.
     pub const UNKNOWN: Self =
         Self { coverage: f64::NAN, displacement_mm: f64::NAN, stress_mpa: f64::NAN, force_n: f64::NAN };
 

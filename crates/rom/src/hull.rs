@@ -13,7 +13,7 @@ use std::fmt::{self, Display};
 pub enum DomainStatus {
     /// Within the hull.
     Inside,
-    /// Outside by at most [`TrainingRange::NEAR`] of the sampled range.
+    /// Outside by at most [`TrainingRange::NEAR`] of the sampled range: also an extrapolation, without half-widths.
     Near,
     /// Further out: extrapolation.
     Outside,
@@ -58,6 +58,10 @@ const ROUNDING: f64 = 1e-9;
 impl TrainingRange {
     /// Scaled distance up to which a state outside counts as near.
     pub const NEAR: f64 = 0.05;
+    /// Scaled distance up to which questions and designs are answered. The answers outside have no half-widths.
+    pub const ASKED: f64 = 0.25;
+    /// Scaled distance from which on a model has no numbers at all: the state is farther outside than the samples are wide.
+    pub const ANSWERED: f64 = 1.0;
 
     /// Training range of samples. The first `operating` inputs are pressure and gap; if neither varies, the first
     /// parameter replaces them. `O(n log n)`, with parameters `O(n^2)`.

@@ -31,6 +31,11 @@ pub fn nearest_name<'a>(name: &str, known: &'a [String]) -> Option<&'a String> {
     known.iter().min_by_key(differs)
 }
 
+/// A number without the digits of its rounding, for messages.
+pub(crate) fn rounded(value: f64) -> f64 {
+    format!("{value:.5e}").parse().unwrap_or(value)
+}
+
 /// A quantity of material or geometry that differs between the cases: an input in addition to pressure and gap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {

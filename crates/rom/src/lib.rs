@@ -33,6 +33,8 @@
 
 #![deny(unsafe_code)] // the reconstruction kernel alone may allow it
 
+mod affine;
+pub mod body;
 pub mod branch;
 pub mod clearance;
 mod contract;
@@ -50,6 +52,7 @@ mod parameters;
 // Intrinsics and writes into loaned memory; each with its SAFETY line.
 #[allow(unsafe_code)]
 pub mod kernel;
+mod load;
 pub mod memory;
 pub mod model;
 pub mod model_state;

@@ -4,6 +4,7 @@
 //! coordinate is affine in the modal coefficients, `x_i = m_i + sum_k c_k phi_ik` (the paper's Eq. 6), so that
 //! `dx/dp = sum_i w_i sum_k phi_ik dc_k/dp`. Modes and interpolation are multiplied once (`contract.rs`).
 
+use crate::affine::Affine;
 use crate::contract::{self, Output};
 use crate::dense::Dense;
 use crate::evaluation::Evaluation;
@@ -229,7 +230,12 @@ impl Probes {
             (regime.kind, means.iter().enumerate().flat_map(of_point).collect())
         };
         let regimes = model.header.regimes.iter().zip(&means).zip(&places).map(place).collect();
-        Ok(Self { evaluator: Evaluator::new(&header)?, regimes, modes, inputs: header.inputs.len() })
+        Ok(Self {
+            evaluator: Evaluator::new(&header)?.for_search(),
+            regimes,
+            modes,
+            inputs: header.inputs.len(),
+        })
     }
 
     /// Evaluation with capacity for any state.
@@ -309,6 +315,18 @@ pub(crate) fn coordinate(
     let missing = |block: String, found: usize| ModelError::MissingBlock { block, expected: nodes, found };
     let field = model.header.fields.iter().position(|field| is_axis(field.spec.kind));
     field_at(model, regime, point, field.ok_or_else(|| missing(format!("coordinate {axis}"), 0))?)
+}
+
+/// [`coordinate`] as a function of all coefficients.
+pub(crate) fn affine_coordinate(
+    model: &Model,
+    regime: &RegimeModel,
+    point: &MeshPoint,
+    axis: u8,
+) -> Result<Affine, ModelError> {
+    let (mean, group, weights) = coordinate(model, regime, point, axis)?;
+    let first = regime.groups.get(group).map_or(0, |group| group.coefficients.start);
+    Ok(Affine { mean, first, weights })
 }
 
 /// [`coordinate`] of any field that is interpolated.

@@ -1,6 +1,6 @@
 //! Coefficients -> fields, for one selection of fields and nodes. Nothing is allocated after construction.
 
-use crate::evaluation::Evaluation;
+use crate::evaluation::{Evaluation, Refusal};
 use crate::kernel::plan::Plan;
 use crate::kernel::sweep::{self, RawPeaks, Rows};
 use crate::kernel::{
@@ -66,6 +66,9 @@ pub enum ReconstructError {
     /// An output of another length.
     #[error("the output holds {found} values; this basis writes {expected}")]
     Output { found: usize, expected: usize },
+    /// The model has no answer at the state.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
 }
 
 /// Modes, means and rest shape of the published fields over a node set, ready for the kernel.
@@ -328,6 +331,9 @@ impl Reconstructor {
         evaluation: &Evaluation,
         run: impl FnOnce(&Basis, &[f64]) -> Result<R, ReconstructError>,
     ) -> Result<R, ReconstructError> {
+        if let Some(refusal) = evaluation.flags.refusal {
+            return Err(refusal.into());
+        }
         let (own, expected) = (&evaluation.coefficients, self.max_coefficients);
         // An evaluation of another model has no basis here: as if it had no coefficients.
         let none = ReconstructError::Coefficients { found: 0, expected };

@@ -26,10 +26,17 @@ fn model() -> &'static (Model, Vec<u8>) {
     })
 }
 
+/// A model from a file, without what loading derives from it.
+fn stored(bytes: &[u8]) -> Model {
+    let mut model = Model::from_bytes(bytes).expect("loads");
+    model.header.body = None;
+    model
+}
+
 #[test]
 fn model_survives_the_round_trip() {
     let (model, bytes) = model();
-    assert_eq!(*model, Model::from_bytes(bytes).expect("loads"));
+    assert!(*model == stored(bytes), "another model came back");
 }
 
 /// Claims a length without having the bytes.
@@ -70,7 +77,7 @@ fn model_with_parameters_survives_the_round_trip() {
         value: Some(20.0),
     });
     let bytes = model.to_bytes().expect("encodes");
-    assert_eq!(model, Model::from_bytes(&bytes).expect("loads"));
+    assert!(model == stored(&bytes), "another model came back");
 }
 
 #[test]
@@ -79,8 +86,8 @@ fn modes_in_f32_and_shifts_of_the_mesh_survive_the_round_trip() {
     let (mut model, _) = train(&synthetic::plate(), &config, &mut |_| {}).expect("trains");
     let kind = BlockKind::UndeformedBy { input: 2, axis: 0, from_bits: 0.8_f64.to_bits() };
     model.blocks.push((kind, BlockData::F32(vec![0.5; model.header.node_count])));
-    let loaded = Model::from_bytes(&model.to_bytes().expect("encodes")).expect("loads");
-    assert_eq!(loaded, model);
+    let loaded = stored(&model.to_bytes().expect("encodes"));
+    assert!(loaded == model, "another model came back");
     assert_eq!(loaded.modes(RegimeKind::Contact, 0).expect("modes").precision(), Precision::F32);
 }
 

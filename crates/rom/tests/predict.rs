@@ -2,12 +2,13 @@
 
 use crate::synthetic;
 use proptest::prelude::*;
-use rom::evaluation::Evaluation;
+use rom::evaluation::{Evaluation, Refusal};
 use rom::evaluator::Evaluator;
-use rom::evaluator::RegimeLabels;
+use rom::evaluator::HysteresisEvaluator;
+use rom::halfwidths::HalfWidths;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, PRESSURE};
-use rom::model::{Model, Selection};
+use rom::model::{Model, PressureLimit, Selection};
 use rom::model_state::ModelState;
 use rom::regime::LastOnset;
 use rom::snapshots::{FieldKind, RegimeKind, Split};
@@ -128,14 +129,12 @@ fn gap_below_sag_is_contact_and_gap_beyond_reach_is_free() {
 
 #[test]
 fn hysteresis_holds_the_label_but_not_the_values() {
-    let evaluator = evaluator();
-    let mut labels = RegimeLabels::new(&evaluator);
+    let mut evaluator = HysteresisEvaluator::new(evaluator());
     let onset = model().header.onset.as_ref().expect("two").onset(30.0).pressure_mpa().expect("reach");
     let margin = model().header.hysteresis_mpa;
-    let mut evaluation = evaluator.evaluation();
+    let mut evaluation = self::evaluator().evaluation();
     let mut say = |offset: f64| {
-        evaluator.state(Inputs::new(onset + offset * margin, 30.0), &mut evaluation);
-        let label = labels.next(&evaluation);
+        let label = evaluator.state(Inputs::new(onset + offset * margin, 30.0), &mut evaluation);
         (label.regime, evaluation.regime, label.held)
     };
     use RegimeKind::{Contact, Free};
@@ -157,12 +156,14 @@ fn state_and_complete_are_bit_identical_to_evaluate() {
     restricted.restrict(&[stress]);
     let (mut whole, mut parts, mut some) =
         (evaluator.evaluation(), evaluator.evaluation(), evaluator.evaluation());
-    for inputs in [Inputs::new(0.06, 20.0), Inputs::new(0.02, f64::INFINITY), Inputs::new(0.2, 5.0)] {
+    for inputs in [Inputs::new(0.06, 20.0), Inputs::new(0.02, f64::INFINITY), Inputs::new(0.11, 9.0)] {
         evaluator.evaluate(inputs, &mut whole);
         evaluator.state(inputs, &mut parts);
         assert!(parts.coefficients.is_empty() && !whole.coefficients.is_empty());
-        let small =
-            |e: &Evaluation| (e.contact_force_n, e.force_gradient, e.halfwidths, e.domain_distance, e.flags);
+        // As text: outside the training range half-widths are NaN.
+        let small = |e: &Evaluation| {
+            format!("{:?}", (e.contact_force_n, e.force_gradient, e.halfwidths, e.domain_distance, e.flags))
+        };
         assert_eq!(small(&parts), small(&whole));
         evaluator.complete(&mut parts);
         assert_eq!(parts.coefficients, whole.coefficients);
@@ -213,7 +214,8 @@ fn locating_a_state_leaves_coefficients_and_clears_the_force() {
     assert!(before.contact_force_n > 0.0);
     evaluator.locate(contact, &mut out);
     assert_eq!((out.regime, out.domain, out.contact_force_n), (before.regime, before.domain, 0.0));
-    assert_eq!((&out.coefficients, out.halfwidths), (&before.coefficients, before.halfwidths));
+    assert_eq!(out.coefficients, before.coefficients);
+    assert!(out.halfwidths.displacement_mm.is_nan(), "half-widths are those of an evaluation");
 }
 
 #[test]
@@ -227,11 +229,55 @@ fn training_range_is_the_convex_hull() {
 }
 
 #[test]
+fn outside_the_training_range_nothing_is_said_about_the_error_and_the_input_is_named() {
+    let evaluator = evaluator();
+    let inside = ask(&evaluator, 0.05, 20.0);
+    assert!(inside.halfwidths.displacement_mm > 0.0 && evaluator.outside(&inside).is_none());
+    for (pressure_mpa, domain) in [(0.091, DomainStatus::Near), (0.11, DomainStatus::Outside)] {
+        let found = ask(&evaluator, pressure_mpa, 20.0);
+        let HalfWidths { coverage, displacement_mm, stress_mpa, force_n } = found.halfwidths;
+        assert_eq!(found.domain, domain);
+        assert!(
+            [coverage, displacement_mm, stress_mpa, force_n].iter().all(|width| width.is_nan()),
+            "{domain}"
+        );
+        assert!(found.contact_force_n > 0.0, "an extrapolation has its value");
+        let why = evaluator.outside(&found).expect("it is outside");
+        assert!(why.contains("pressure_mpa") && why.contains("0.09 MPa"), "{why}");
+    }
+    // In the box of the samples, not in their hull: no single input is to blame.
+    let why = evaluator.outside(&ask(&evaluator, 0.09, 8.2)).expect("it is outside");
+    assert!(why.contains("pressure_mpa") && why.contains("gap_mm"), "{why}");
+    // Farther outside than the samples are wide there are no numbers.
+    let far = ask(&evaluator, 5.0, 20.0);
+    assert!(
+        far.flags.refusal == Some(Refusal::TooFar)
+            && far.contact_force_n.is_nan()
+            && far.coefficients.iter().all(|a| a.is_nan())
+    );
+    let searching = evaluator.for_search();
+    assert!(ask(&searching, 5.0, 20.0).contact_force_n.is_finite(), "the steps of a search go on");
+}
+
+#[test]
+fn a_body_stretched_beyond_its_limit_is_refused_outside_and_the_limit_is_named() {
+    let mut model = model().clone();
+    let reason = "the silicone ends here".to_owned();
+    model.header.limit = Some(PressureLimit { pressure_mpa: 0.09, reason, stretch: 1.0 });
+    let model = Model::from_bytes(&model.to_bytes().expect("encodes")).expect("loads");
+    let mut state = ModelState::new(&model, &Selection::default()).expect("fits");
+    state.update(Inputs::new(0.05, 20.0)).expect("a trained state");
+    assert_eq!(state.update(Inputs::new(0.15, 20.0)), Err(Refusal::Impossible.into()));
+    let why = state.evaluator().refusal(state.evaluation()).expect("it is refused");
+    assert!(why.contains("the silicone ends here"), "{why}");
+}
+
+#[test]
 fn nan_inputs_are_flagged_without_panic() {
     let mut state = state();
     for (p, gap) in [(f64::NAN, 20.0), (0.05, f64::NAN), (f64::INFINITY, 20.0), (-1.0, 20.0), (0.05, -1e300)]
     {
-        state.update(Inputs::new(p, gap)).expect("length");
+        assert_eq!(state.update(Inputs::new(p, gap)), Err(Refusal::TooFar.into()), "({p}, {gap})");
         let evaluation = state.evaluation();
         assert_eq!(evaluation.domain, DomainStatus::Outside, "({p}, {gap})");
         assert!(evaluation.flags.extrapolated, "({p}, {gap})");
@@ -264,7 +310,7 @@ fn halfwidths_follow_the_error_and_are_positive_in_contact() {
     for i in 0..=20 {
         for j in 0..=20 {
             let found = ask(&evaluator, 0.0045 * f64::from(i), 8.0 + 1.6 * f64::from(j));
-            if found.regime == RegimeKind::Contact {
+            if found.regime == RegimeKind::Contact && found.domain == DomainStatus::Inside {
                 let halfwidths = found.halfwidths;
                 assert!(halfwidths.force_n > 0.0 && halfwidths.coverage == everywhere.coverage, "{found:?}");
                 least = least.min(halfwidths.displacement_mm);

@@ -227,9 +227,10 @@ pub(crate) fn fill_field_header(header: &mut FieldHeader, state: &State, peaks: 
     write_peaks!(header, peaks);
 }
 
-/// Whether all numbers of an evaluation are finite; a model that gives others has no answer.
-pub(crate) fn is_finite(evaluation: &Evaluation) -> bool {
-    (evaluation.flags.no_force || evaluation.contact_force_n.is_finite())
+/// Whether an evaluation is an answer: the model does not refuse the state, and all numbers are finite.
+pub(crate) fn is_answer(evaluation: &Evaluation) -> bool {
+    evaluation.flags.refusal.is_none()
+        && (evaluation.flags.no_force || evaluation.contact_force_n.is_finite())
         && evaluation.coefficients.iter().all(|a| a.is_finite())
 }
 
@@ -318,7 +319,7 @@ impl FieldOutput {
 
     /// Step 4: writes the field into a sample on loan.
     pub(crate) fn reconstruct(&mut self, evaluation: &Evaluation) -> Result<(FieldLoan, Peaks), FieldError> {
-        if !is_finite(evaluation) {
+        if !is_answer(evaluation) {
             return Err(FieldError::Reconstruction);
         }
         let mut loan = match self.next.take() {

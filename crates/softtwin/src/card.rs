@@ -33,7 +33,7 @@ pub fn of(path: &Path, model: &Model, file_hash: &[u8], licence: Option<&str>) -
     let header = &model.header;
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
-    json!({
+    let mut card = json!({
         "schema": "softtwin model card 1",
         "actuator": header.actuator,
         "file": name,
@@ -52,7 +52,11 @@ pub fn of(path: &Path, model: &Model, file_hash: &[u8], licence: Option<&str>) -
         "node_sets": header.node_sets.iter().map(|set| (set.name.clone(), json!(set.nodes.len()))).collect::<Map<_, _>>(),
         "regimes": header.regimes.iter().map(|regime| (regime.kind.name().to_owned(), regime_of(model, regime)))
             .collect::<Map<_, _>>(),
-    })
+    });
+    if let Some(limit) = &header.limit {
+        card["pressure_limit"] = json!({ "largest_mpa": limit.pressure_mpa, "reason": limit.reason });
+    }
+    card
 }
 
 fn outputs(model: &Model) -> Vec<Value> {
@@ -183,6 +187,14 @@ pub fn markdown(card: &Value) -> String {
     for input in each(&card["inputs"]) {
         let cells = ["name", "unit", "min", "max", "value"].map(|key| shown(&input[key]));
         let _ = writeln!(page, "| {} |", cells.join(" | "));
+    }
+    if let Some(limit) = card.get("pressure_limit") {
+        let _ = writeln!(
+            page,
+            "\nLargest pressure that was found possible: {} MPa ({}).",
+            shown(&limit["largest_mpa"]),
+            shown(&limit["reason"])
+        );
     }
     page += "\n| output | unit | per |\n| --- | --- | --- |\n";
     for output in each(&card["outputs"]) {

@@ -1,13 +1,15 @@
 //! Opening and saving what commands work on, with errors that say whose mistake it was.
 
 use crate::failure::configuration;
-use anyhow::Context;
+use anyhow::{Context, bail};
 use fem::actuator::Actuator;
 use fem::{Family, Problem};
 use formats::database::{self, ObstacleKind};
 pub use formats::file::quoted;
 use formats::{FormatError, file};
 use rom::model::{MAX_MODEL_BYTES, Model};
+use rom::model_state::ModelState;
+use rom::reconstructor::{Peaks, ReconstructError};
 use rom::snapshots::Database;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -79,4 +81,23 @@ pub fn save_data_sheet(model: &Path, sheet: &DataSheet) -> anyhow::Result<PathBu
     let path = data_sheet(model);
     save(&path, format!("{:#}\n", serde_json::to_value(sheet)?).as_bytes())?;
     Ok(path)
+}
+
+/// The peaks of a state that has an answer; with `says`, a line on standard error about one outside the training range.
+///
+/// # Errors
+/// A state that the model refuses, with the inputs that are outside and by how much.
+pub fn answered(
+    state: &ModelState,
+    peaks: Result<Peaks, ReconstructError>,
+    says: bool,
+) -> anyhow::Result<Peaks> {
+    let (evaluator, evaluation) = (state.evaluator(), state.evaluation());
+    if let Some(why) = evaluator.refusal(evaluation) {
+        bail!(why);
+    }
+    if let Some(why) = evaluator.outside(evaluation).filter(|_| says) {
+        tracing::warn!("outside the training range, so the answer has no half-widths: {why}");
+    }
+    Ok(peaks?)
 }

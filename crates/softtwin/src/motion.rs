@@ -2,7 +2,7 @@
 
 use crate::failure::usage;
 use crate::files::refusal;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use formats::table::Table;
 use formats::trace::SERIES;
 use formats::{Diagnostic, FormatError, trace};
@@ -149,6 +149,8 @@ pub struct Followed<Row> {
     pub half_widths: Vec<[f64; 3]>,
     /// Instants outside of the training range.
     pub outside: usize,
+    /// The first of them, as a sentence.
+    pub first_outside: Option<String>,
     /// Instants since whose predecessor the inertial load left its training range.
     pub load_outside: usize,
     /// Restarts at rest because the motion could not be continued.
@@ -177,6 +179,7 @@ fn follow<Row>(
         rows: Vec::new(),
         half_widths: Vec::new(),
         outside: 0,
+        first_outside: None,
         load_outside: 0,
         restarts: 0,
         volumes_mm3: Vec::new(),
@@ -189,22 +192,30 @@ fn follow<Row>(
         let began = Instant::now();
         let stepped = session.step(t_ns, inputs, &mut evaluation)?;
         followed.state_s += began.elapsed().as_secs_f64();
+        let t_s = trace.begin_s + 1e-9 * t_ns as f64;
+        if let Some(why) = session.evaluator().refusal(&evaluation) {
+            bail!("at {t_s} s: {why}");
+        }
         followed.load_outside += usize::from(stepped.load_distance > 0.0);
         followed.restarts += usize::from(stepped.at_rest && !followed.rows.is_empty());
         followed.outside += usize::from(evaluation.domain != DomainStatus::Inside);
+        if followed.outside == 1 && followed.first_outside.is_none() {
+            let why = session.evaluator().outside(&evaluation).unwrap_or_default();
+            followed.first_outside = Some(format!("{t_s} s: {why}"));
+        }
         followed.volumes_mm3.extend(volume.map(|at| evaluation.inputs.values()[at]));
         followed.snaps += usize::from(evaluation.flags.snapped != has_snapped);
         has_snapped = evaluation.flags.snapped;
         let widths = evaluation.halfwidths;
         followed.half_widths.push([widths.displacement_mm, widths.force_n, widths.stress_mpa]);
-        followed.rows.push(row(trace.begin_s + 1e-9 * t_ns as f64, &inputs, &evaluation, &session)?);
+        followed.rows.push(row(t_s, &inputs, &evaluation, &session)?);
     }
     Ok(followed)
 }
 
 /// Follows the rows of a recording that have all inputs of a model, by the rule of [`Gaps::Recorded`]. `at_row` gets what each row came
-/// to: a row of the time of the one before has the same state. Returns how often the motion restarted at rest because it could not be
-/// continued.
+/// to: a row of the time of the one before has the same state. A row at which the model has no answer is left out. Returns remarks about
+/// the rows for the report.
 ///
 /// # Errors
 /// A row that the model does not take, and those of `at_row`.
@@ -213,11 +224,12 @@ pub fn follow_rows(
     times_s: &[f64],
     inputs_of: impl Fn(usize) -> Option<Inputs>,
     mut at_row: impl FnMut(usize, &Inputs, &Evaluation, &Session) -> Result<()>,
-) -> Result<usize> {
+) -> Result<Vec<String>> {
     let mut session = Session::new(model, Gaps::Recorded)?;
     let mut evaluation = session.evaluation();
     let begin_s = times_s.first().copied().unwrap_or_default();
     let (mut restarts, mut has_begun) = (0, false);
+    let (mut refused, mut first_refused) = (0_usize, None);
     for (row, t_s) in times_s.iter().enumerate() {
         let Some(inputs) = inputs_of(row) else { continue };
         let t_ns = (1e9 * (t_s - begin_s)).round().max(0.0) as u64;
@@ -227,9 +239,21 @@ pub fn follow_rows(
             Err(error) => return Err(error).context("the model has no answer"),
         }
         has_begun = true;
+        if let Some(why) = session.evaluator().refusal(&evaluation) {
+            refused += 1;
+            first_refused.get_or_insert_with(|| format!("{t_s} s: {why}"));
+            continue;
+        }
         at_row(row, &inputs, &evaluation, &session)?;
     }
-    Ok(restarts)
+    let mut remarks = Vec::new();
+    if restarts > 0 {
+        remarks.push(format!("the motion could not be continued and restarted at rest {restarts} times"));
+    }
+    if let Some(first) = first_refused {
+        remarks.push(format!("{refused} rows are left out, the first at {first}"));
+    }
+    Ok(remarks)
 }
 
 fn reconstructor(model: &Model) -> Result<Reconstructor> {
@@ -296,6 +320,10 @@ pub fn follow_measured(
         let mut of_past = vec![0.0_f64; outputs.len()];
         for inputs in session.enclosing(inputs).into_iter().flatten() {
             session.evaluator().evaluate(inputs, &mut scratch);
+            if scratch.flags.refusal.is_some() {
+                of_past.fill(f64::INFINITY);
+                continue;
+            }
             reconstructor.reconstruct_into(&scratch, &mut others)?;
             for (of_past, output) in of_past.iter_mut().zip(&outputs) {
                 *of_past = of_past.max((value(&others, output) - value(&fields, output)).abs());
@@ -304,9 +332,9 @@ pub fn follow_measured(
         let mut row = vec![t_s];
         row.extend(taken.iter().map(|(at, _)| inputs.values()[*at]));
         let answers = outputs.iter().zip(of_past);
-        row.extend(
-            answers.flat_map(|(output, of_past)| [value(&fields, output), output.half_width.hypot(of_past)]),
-        );
+        row.extend(answers.flat_map(|(output, of_past)| {
+            [value(&fields, output), output.half_width_of(evaluation).hypot(of_past)]
+        }));
         Ok(row)
     })?;
     Ok((columns, followed))

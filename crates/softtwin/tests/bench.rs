@@ -118,6 +118,42 @@ fn twin_of_a_recording_predicts_another_run_within_its_half_widths() {
 }
 
 #[test]
+fn outside_what_was_measured_there_is_no_half_width_and_far_outside_no_answer() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    bench(folder, "run1.csv", 1, 1.0);
+    std::fs::write(folder.join("log.toml"), LOG).unwrap();
+    json(folder, &LEARN);
+    let predict = ["predict", "--model", "mine.twin"];
+    let near = json(folder, &[&predict[..], &["--pressure-mpa", "0.075"]].concat());
+    assert!(near["outputs"]["tip_y_mm"]["value"].is_number(), "{near}");
+    assert!(near["outputs"]["tip_y_mm"]["half_width"].is_null(), "{near}");
+    let along = |rows: &str| {
+        std::fs::write(folder.join("trace.csv"), format!("t_s,pressure_mpa\n{rows}")).unwrap();
+        run(folder, &[&predict[..], &["--trace", "trace.csv", "--out", "series.csv"]].concat())
+    };
+    let ended = along("0,0.03\n0.001,0.075\n");
+    assert!(ended.status.success() && String::from_utf8_lossy(&ended.stderr).contains("pressure_mpa"));
+    let series = formats::table::Table::read(&folder.join("series.csv"), true).unwrap();
+    let width = series.column("tip_y_mm_half_width").unwrap();
+    let cells: Vec<String> = series.rows().map(|row| row.text(width).trim().to_owned()).collect();
+    assert!(!cells[0].is_empty() && cells[cells.len() - 1].is_empty(), "{cells:?}");
+    let ended = along("0,0.03\n0.001,0.6\n");
+    assert_eq!(ended.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&ended.stderr).contains("0.001 s"));
+    // Of a recording such a row is left out of the comparison.
+    let rows = std::fs::read_to_string(folder.join("run1.csv")).unwrap();
+    std::fs::write(folder.join("run2.csv"), format!("{rows}30.0,130,1.0,0,0,0\n")).unwrap();
+    let compared = json(folder, &compare("run2.csv", "log.toml"));
+    let rms = compared["outputs"]["tip_y_mm"]["rms"].as_f64().unwrap();
+    assert!(rms < 5.0, "{compared}");
+    assert!(
+        compared["remarks"].as_array().unwrap().iter().any(|of| of.as_str().unwrap().contains("0.13")),
+        "{compared}"
+    );
+}
+
+#[test]
 fn wrong_units_and_swapped_columns_are_noticed() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();
@@ -217,7 +253,9 @@ fn memory_of_a_recording_lowers_the_error_on_another_run() {
     let column = |file: &str, name: &str, factor: f64| -> Vec<f64> {
         let table = formats::table::Table::read(&folder.join(file), true).unwrap();
         let at = table.column(name).unwrap();
-        table.rows().map(|row| factor * row.number(at).unwrap()).collect()
+        // A half-width is empty where the run goes beyond what was measured.
+        let value = |row: formats::table::Row| row.optional_number(at).unwrap().unwrap_or(f64::NAN);
+        table.rows().map(|row| factor * value(row)).collect()
     };
     let rows = column("run2.csv", "t_s", 1.0).into_iter().zip(column("run2.csv", "p", 1e-3));
     let lines: Vec<String> = rows.map(|(t_s, pressure_mpa)| format!("{t_s},{pressure_mpa}\n")).collect();

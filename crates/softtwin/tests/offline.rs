@@ -1,5 +1,6 @@
 //! The offline commands as a user runs them: exit codes, output, files.
 
+use rom::model::{Model, PressureLimit};
 use rom::snapshots::Split;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -172,9 +173,42 @@ fn prediction_without_gap_has_no_contact() {
 #[test]
 fn prediction_outside_the_training_range_is_flagged() {
     let place = Place::trained();
-    let answer = place.run(&["predict", "--model", "bar.twin", "--pressure-mpa", "0.3"]).json();
+    let ran = place.run(&["predict", "--model", "bar.twin", "--pressure-mpa", "0.11"]);
+    let answer = ran.json();
     assert_eq!(answer["in_domain"], false);
     assert_eq!(answer["domain"], "outside");
+    for (name, width) in answer["half_widths"].as_object().expect("half-widths") {
+        assert!(width.is_null(), "{name}: {width}");
+    }
+    assert!(ran.err.contains("pressure_mpa") && ran.err.contains("0.11"), "{}", ran.err);
+    // Far outside there is no number at all, in no format.
+    let far = ["predict", "--model", "bar.twin", "--pressure-mpa", "5"];
+    place.run(&far).refused(1, "pressure_mpa");
+    place.run(&[&far[..], &["--out", "far.npy"]].concat()).refused(1, "pressure_mpa");
+    assert!(!place.at("far.npy").exists());
+    place.run(&["export", "bar.twin", "--pressure-mpa", "5", "--out", "far.csv"]).refused(1, "pressure_mpa");
+}
+
+#[test]
+fn pressure_limit_of_a_build_is_named_by_every_description_of_the_model() {
+    let place = Place::trained();
+    let path = place.at("bar.twin");
+    let mut model = Model::from_bytes(&std::fs::read(&path).unwrap()).unwrap();
+    let reason = "the silicone ends here".to_owned();
+    model.header.limit = Some(PressureLimit { pressure_mpa: 0.1, reason: reason.clone(), stretch: 3.0 });
+    std::fs::write(&path, model.to_bytes().unwrap()).unwrap();
+    let inspected = place.run(&["inspect", "bar.twin", "--json"]).json();
+    assert_eq!(inspected["pressure_limit"]["reason"], reason, "{inspected}");
+    let described = [&["--card", "json"][..], &["--card", "markdown"], &[]];
+    for options in described {
+        let ran = place.run(&[&["inspect", "bar.twin"], options].concat());
+        assert!(ran.code == 0 && ran.out.contains(&reason), "{options:?}: {}{}", ran.out, ran.err);
+    }
+    let ran = place.run(&["predict", "--model", "bar.twin", "--pressure-mpa", "0.11"]);
+    assert!(ran.err.contains(&reason), "{}", ran.err);
+    // Trained again on the same states, the model keeps what the build found.
+    assert_eq!(place.run(&["train", "--database", "db", "--out", "bar.twin"]).code, 0);
+    assert_eq!(place.run(&["inspect", "bar.twin", "--json"]).json()["pressure_limit"]["reason"], reason);
 }
 
 #[test]

@@ -60,6 +60,8 @@ pub(crate) fn assemble(
         node_sets: database.node_sets.clone(),
         database_hash: database.hash,
         clearance: onset.and_then(OnsetModel::into_clearance),
+        limit: None,
+        body: None,
     };
     let mut blocks: Vec<(BlockKind, BlockData)> =
         parts.iter().flat_map(|part| field_blocks(database, plan, part)).collect();

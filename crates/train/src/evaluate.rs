@@ -105,8 +105,8 @@ impl CaseReport {
 /// Errors within the model's half-widths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Covered {
-    /// Displacement (the length of the coordinate error) at the worst node.
-    pub displacement: bool,
+    /// Displacement (the length of the coordinate error) at the worst node; all `None` outside the training range.
+    pub displacement: Option<bool>,
     /// Stress at the worst node; `None` if the model has no stress.
     pub stress: Option<bool>,
     /// Force; `None` if the model has no forces.
@@ -217,7 +217,7 @@ fn one_case(model: &Model, database: &Database, state: &mut ModelState, index: u
     let force_true_n = if model.header.has_forces() { case.contact_force_n } else { f64::NAN };
     let error_n = (evaluation.contact_force_n - force_true_n).abs();
     let error_mpa = if has_stress { stress } else { f64::NAN };
-    let halfwidths = evaluation.halfwidths;
+    let (halfwidths, is_inside) = (evaluation.halfwidths, evaluation.domain == DomainStatus::Inside);
     let error_mm = displacement.iter().copied().fold(0.0, f64::max).sqrt().max(magnitude);
     CaseReport {
         case: case.name.clone(),
@@ -235,9 +235,9 @@ fn one_case(model: &Model, database: &Database, state: &mut ModelState, index: u
         force_n: evaluation.contact_force_n,
         force_relative: (force_true_n > 0.0).then(|| error_n / force_true_n),
         covered: Covered {
-            displacement: error_mm <= halfwidths.displacement_mm,
-            stress: has_stress.then_some(stress <= halfwidths.stress_mpa),
-            force: model.header.has_forces().then_some(error_n <= halfwidths.force_n),
+            displacement: is_inside.then_some(error_mm <= halfwidths.displacement_mm),
+            stress: (is_inside && has_stress).then_some(stress <= halfwidths.stress_mpa),
+            force: (is_inside && model.header.has_forces()).then_some(error_n <= halfwidths.force_n),
         },
     }
 }
@@ -294,7 +294,8 @@ fn summary(database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> 
     let largest = database.cases.iter().map(|c| c.contact_force_n).fold(f64::MIN_POSITIVE, f64::max);
     let mut forces: Vec<f64> = cases.iter().map(|c| (c.force_n - c.force_true_n).abs() / largest).collect();
     let share = |of: fn(&CaseReport) -> Option<bool>| {
-        mean(&|c| of(c).map_or(f64::NAN, |is_within| f64::from(u8::from(is_within))))
+        let known: Vec<bool> = cases.iter().filter_map(|case| of(case)).collect();
+        known.iter().filter(|is_within| **is_within).count() as f64 / known.len() as f64
     };
     let fields = database.fields.iter().enumerate().map(|(f, spec)| {
         let worst = cases
@@ -315,7 +316,7 @@ fn summary(database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> 
         fields: fields.collect(),
         force_normalised: spread(&mut forces),
         coverage: [
-            share(|c| Some(c.covered.displacement)),
+            share(|c| c.covered.displacement),
             share(|c| c.covered.stress),
             share(|c| c.covered.force),
         ],

@@ -33,6 +33,9 @@ pub(crate) fn ratios(
         let mut own: Vec<Vec<f64>> = vec![Vec::with_capacity(cases.len()); on_mesh.count()];
         for (i, &case) in cases.iter().enumerate() {
             evaluator.evaluate(database.cases[case].inputs(), &mut evaluation);
+            if evaluation.halfwidths.displacement_mm.is_nan() {
+                continue; // outside, which a training case is only without its regime's inputs
+            }
             let width = evaluation.halfwidths.displacement_mm.max(f64::MIN_POSITIVE);
             let snapshot = database.snapshot(case);
             let count = database.fields.len();

@@ -47,7 +47,7 @@ OUTCOMES: Dict[int, str] = {
     8: "dropped: back in time",
     9: "dropped: superseded",
     10: "dropped: could not be sent",
-    11: "dropped: model gave no finite value",
+    11: "dropped: the model has no answer",
     12: "held: outside the model's domain",
     13: "dropped: outside the model's domain",
     14: "dropped: field could not be reconstructed",
@@ -96,8 +96,9 @@ QUERY_STATUSES: Dict[int, str] = {
     8: "the twin offers no field of these nodes; see `queries` and the outputs of its scene",
     9: "not enough shared memory for the field: {limit} bytes are needed in /dev/shm",
     10: "this twin does not know that kind of question",
-    11: "the model gave no finite value",
+    11: "the model has no answer there: the body cannot have the shape, or a value is not finite",
     12: "a parameter of the question is no input of this model, which has {inputs}",
+    13: "the state is {limit} of the trained range outside the training states, where at most 0.25 is answered; ask nearer, or train with states there",
 }
 """How a question ended, by the answer's `status`; 0 is answered."""
 
@@ -289,9 +290,9 @@ class State(Payload):
         ("force_by_pressure_n_per_mpa", f64),  # N/MPa: Derivative of the force with respect to the pressure; NaN when not configured, or if the model has no force or no pressure.
         ("force_by_gap_n_per_mm", f64),  # N/mm: Derivative of the force with respect to the gap; NaN when not configured, or if the model has no force or no gap.
         ("onset_pressure_mpa", f64),  # MPa: Pressure of first contact at this gap; infinite when the plate is out of reach. NaN: the model has no onset.
-        ("force_halfwidth_n", f32),  # N: Half-width of the force; NaN when not configured.
-        ("displacement_halfwidth_mm", f32),  # mm: Half-width of the displacement; NaN when not configured.
-        ("von_mises_halfwidth_mpa", f32),  # MPa: Half-width of the stress; NaN when not configured.
+        ("force_halfwidth_n", f32),  # N: Half-width of the force; NaN when not configured and outside the training range.
+        ("displacement_halfwidth_mm", f32),  # mm: Half-width of the displacement; NaN when not configured and outside the training range.
+        ("von_mises_halfwidth_mpa", f32),  # MPa: Half-width of the stress; NaN when not configured and outside the training range.
         ("domain_distance", f32),  # Distance to the sampled states, over inputs scaled to [0, 1]: 0 inside, never negative.
         ("regime", u32),  # Regime.
         ("domain_status", u32),  # Position of the inputs relative to the sampled states: 0 inside, 1 near the edge, 2 outside.
@@ -303,7 +304,7 @@ class State(Payload):
         ("force_by_input", f64 * 8),  # Derivative of the force with respect to each input, N per unit of the input; NaN when not configured.
         ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
         ("observables", f64 * 8),  # Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
-        ("observable_halfwidths", f64 * 8),  # Half-widths of the observables; NaN when not configured.
+        ("observable_halfwidths", f64 * 8),  # Half-widths of the observables; NaN when not configured and outside the training range.
         ("observable_offsets", f64 * 8),  # Part of each observable that is a measured difference from the finite elements; 0 without one.
         ("observable_names", u8 * 256),  # Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left.
     ]
@@ -548,9 +549,9 @@ class Answer(Payload):
         ("force_by_pressure_n_per_mpa", f64),  # N/MPa: Derivative of the force with respect to the pressure; NaN when not configured, or if the model has no force or no pressure.
         ("force_by_gap_n_per_mm", f64),  # N/mm: Derivative of the force with respect to the gap; NaN when not configured, or if the model has no force or no gap.
         ("onset_pressure_mpa", f64),  # MPa: Pressure of first contact at this gap; infinite when the plate is out of reach. NaN: the model has no onset.
-        ("force_halfwidth_n", f32),  # N: Half-width of the force; NaN when not configured.
-        ("displacement_halfwidth_mm", f32),  # mm: Half-width of the displacement; NaN when not configured.
-        ("von_mises_halfwidth_mpa", f32),  # MPa: Half-width of the stress; NaN when not configured.
+        ("force_halfwidth_n", f32),  # N: Half-width of the force; NaN when not configured and outside the training range.
+        ("displacement_halfwidth_mm", f32),  # mm: Half-width of the displacement; NaN when not configured and outside the training range.
+        ("von_mises_halfwidth_mpa", f32),  # MPa: Half-width of the stress; NaN when not configured and outside the training range.
         ("domain_distance", f32),  # Distance to the sampled states, over inputs scaled to [0, 1]: 0 inside, never negative.
         ("regime", u32),  # Regime.
         ("domain_status", u32),  # Position of the inputs relative to the sampled states: 0 inside, 1 near the edge, 2 outside.
@@ -562,7 +563,7 @@ class Answer(Payload):
         ("force_by_input", f64 * 8),  # Derivative of the force with respect to each input, N per unit of the input; NaN when not configured.
         ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
         ("observables", f64 * 8),  # Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
-        ("observable_halfwidths", f64 * 8),  # Half-widths of the observables; NaN when not configured.
+        ("observable_halfwidths", f64 * 8),  # Half-widths of the observables; NaN when not configured and outside the training range.
         ("observable_offsets", f64 * 8),  # Part of each observable that is a measured difference from the finite elements; 0 without one.
         ("observable_names", u8 * 256),  # Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left.
     ]

@@ -155,7 +155,8 @@ class Model:
         memory for the fields, for repeated use.
 
         Raises `ValueError` for NaN, `TypeError` for inputs that the model does not have, and without a pressure that it has. Outside the
-        training states the answer is an extrapolation and `domain` says so; nothing is clamped.
+        training states the answer is an extrapolation without half-widths (NaN) and `domain` says so; nothing is clamped. A state farther
+        outside than the training states are wide, or of a shape that the body cannot have, is refused.
         """
         names, states = self._states(pressure_mpa, gap_mm, inputs)
         shape = states.shape[:-1]

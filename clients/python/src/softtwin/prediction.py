@@ -29,7 +29,7 @@ class Prediction:
     onset_pressure_mpa: Any
     """Pressure at which contact begins, MPa: 0 if weight alone closes the gap, infinite out of reach, NaN: the model has no onset."""
     force_halfwidth_n: Any
-    """Half-width that covers the fraction `coverage` of states, N; invalid outside the training range."""
+    """Half-width that covers the fraction `coverage` of states, N; NaN outside the training range."""
     displacement_halfwidth_mm: Any
     """Half-width of the worst node's displacement, mm."""
     von_mises_halfwidth_mpa: Any

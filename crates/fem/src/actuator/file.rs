@@ -57,8 +57,7 @@ pub struct Actuator {
     pub obstacle: Option<ObstacleBody>,
     /// Penalties.
     pub contact: ContactSettings,
-    /// Newton iteration. The defaults suit every actuator that has been solved so far, so most files leave it out.
-    #[serde(default)]
+    /// Newton iteration.
     pub newton: NewtonSettings,
     /// The mesh.
     pub mesh: MeshSettings,

@@ -10,7 +10,6 @@ use crate::contract::{self, Output};
 use crate::evaluation::Evaluation;
 use crate::evaluator::Evaluator;
 use crate::halfwidths::HALFWIDTH_SIGMAS;
-use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, Inputs, PRESSURE};
 use crate::model::{BlockKind, Model, ModelError, ModelHeader, RegimeModel};
 use crate::regime::LastOnset;
@@ -82,7 +81,7 @@ impl ModelManifold {
             coordinates.push(at);
         }
         let (contracted, places) = contract::contracted(header, &outputs);
-        let evaluator = Evaluator::new(&contracted)?;
+        let evaluator = Evaluator::new(&contracted)?.for_search();
         let regime = |(regime, (at, places)): (&RegimeInertia, (&Vec<usize>, &Vec<usize>))| {
             let mode =
                 |mode: &StoredMode| LinearMode { rate_rad_s: mode.rate_rad_s, shape: padded(&mode.shape) };
@@ -331,14 +330,13 @@ impl ModelMotion {
         out.inputs = state.inputs;
         // A motion that left the range between two readings is as uncertain as one that is outside at the reading.
         if moved.load_distance > out.domain_distance {
-            out.domain_distance = moved.load_distance;
-            out.domain = TrainingRange::status(moved.load_distance);
-            out.flags.extrapolated = out.domain != DomainStatus::Inside;
+            out.set_distance(moved.load_distance);
         }
         out.contact_force_n = if out.flags.no_force { f64::NAN } else { state.contact_force_n };
         let widths = self.widths.at(state.amplitudes_mm, out.halfwidths.coverage);
         out.halfwidths = out.halfwidths.with(&widths);
         self.add_modes(state, out);
+        self.evaluator.check_shape(out);
     }
 
     /// Adds the linear modes of a moving state to its coefficients.

@@ -154,6 +154,8 @@ mod tests {
             node_sets: vec![NodeSet { name: "tip".into(), nodes: vec![2] }],
             database_hash: [7; 32],
             clearance: None,
+            limit: None,
+            body: None,
         };
         let bytes = encode(&header).expect("encodes");
         assert_eq!(decode::<ModelHeader>(&bytes).expect("decodes"), header);

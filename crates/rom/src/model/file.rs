@@ -16,8 +16,8 @@
 //! one block checks that block and no more. Modes are stored in kernel order and read straight into place.
 
 use super::codec;
-use super::header::{BlockData, BlockKind, Model, ModelHeader};
-use super::selection::{ModelError, Selection};
+use super::header::{BlockData, BlockKind, Model, ModelHeader, PressureLimit};
+use super::selection::ModelError;
 use crate::difference::FieldDifference;
 use crate::halfwidths::HalfWidths;
 use crate::kernel::{Modes, Precision, Shape};
@@ -119,7 +119,7 @@ struct FileHeader<H> {
 }
 
 impl Model {
-    /// Identifies the model's predictions: hash of the file without half-widths and observables.
+    /// Identifies the model's predictions: hash of the file without half-widths, observables and limit of the pressure.
     ///
     /// # Errors
     /// [`ModelFileError`], as [`Model::to_bytes`].
@@ -129,6 +129,7 @@ impl Model {
             regime.halfwidths = HalfWidths { coverage: regime.halfwidths.coverage, ..HalfWidths::default() };
             regime.local_halfwidths = None;
         }
+        bare.header.limit = None;
         bare.blocks.retain(|(kind, _)| *kind != BlockKind::Observables);
         Ok(*blake3::hash(&bare.to_bytes()?).as_bytes())
     }
@@ -167,10 +168,14 @@ impl Model {
         let regimes = self.header.regimes.iter();
         let differences: Vec<(RegimeKind, &FieldDifference)> =
             regimes.filter_map(|of| Some((of.kind, of.difference.as_ref()?))).collect();
-        let mut further = None;
+        let mut further = Vec::new();
         if !differences.is_empty() {
             let bytes = codec::encode(&differences).map_err(ModelFileError::Header)?;
-            further = Some((BlockKind::Difference, BlockData::Record(bytes)));
+            further.push((BlockKind::Difference, BlockData::Record(bytes)));
+        }
+        if let Some(limit) = &self.header.limit {
+            let bytes = codec::encode(limit).map_err(ModelFileError::Header)?;
+            further.push((BlockKind::Limit, BlockData::Record(bytes)));
         }
         for (kind, block) in self.blocks.iter().chain(&further) {
             data.resize(data.len().next_multiple_of(ALIGN), 0);
@@ -199,14 +204,6 @@ impl Model {
         let trailer = *blake3::hash(&out).as_bytes();
         out.extend(trailer);
         Ok(out)
-    }
-
-    /// The whole model from bytes, every checksum verified.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelFileError> {
-        let mut reader = ModelReader::open(std::io::Cursor::new(bytes))?;
-        let body = &bytes[..bytes.len() - TRAILER as usize]; // `open` saw that the trailer fits
-        verify("the file", &bytes[body.len()..], body)?;
-        reader.load(&Selection::default())
     }
 }
 
@@ -246,6 +243,16 @@ pub struct ModelReader<R> {
     header: FileHeader<ModelHeader>,
     data_start: u64,
     hash: [u8; TRAILER as usize],
+}
+
+impl<'a> ModelReader<std::io::Cursor<&'a [u8]>> {
+    /// Reader of a file in memory, its checksum verified.
+    pub(crate) fn of_bytes(bytes: &'a [u8]) -> Result<Self, ModelFileError> {
+        let reader = Self::open(std::io::Cursor::new(bytes))?;
+        let content = &bytes[..bytes.len() - TRAILER as usize]; // `open` saw that the trailer fits
+        verify("the file", &bytes[content.len()..], content)?;
+        Ok(reader)
+    }
 }
 
 impl<R: Read + Seek> ModelReader<R> {
@@ -296,17 +303,34 @@ impl<R: Read + Seek> ModelReader<R> {
         reader.read_exact(&mut hash)?;
         let mut opened = Self { reader, header, data_start, hash };
         opened.read_differences()?;
+        opened.read_limit()?;
         Ok(opened)
+    }
+
+    /// Puts the limit of the pressure into the header.
+    fn read_limit(&mut self) -> Result<(), ModelFileError> {
+        if let Some(limit) = self.read_record::<PressureLimit>(BlockKind::Limit)? {
+            let is_sound = limit.pressure_mpa.is_finite() && limit.stretch >= 1.0;
+            let problem = "the limit of the pressure is no number, or no stretch is possible";
+            self.header.model.limit =
+                Some(Some(limit).filter(|_| is_sound).ok_or_else(|| ModelFileError::Header(problem.into()))?);
+        }
+        Ok(())
+    }
+
+    /// A record that is part of the header in memory.
+    fn read_record<T: DeserializeOwned>(&mut self, kind: BlockKind) -> Result<Option<T>, ModelFileError> {
+        let entry = self.header.blocks.iter().find(|block| block.kind == kind);
+        let Some(entry) = entry.cloned() else { return Ok(None) };
+        let mut bytes = vec![0; entry.bytes as usize]; // within the file's length: checked by `open`
+        self.fill(&entry, &mut bytes)?;
+        codec::decode(&bytes).map(Some).map_err(ModelFileError::Header)
     }
 
     /// Puts the measured differences into the header, so that every part of the file that is loaded has them.
     fn read_differences(&mut self) -> Result<(), ModelFileError> {
-        let entry = self.header.blocks.iter().find(|block| block.kind == BlockKind::Difference);
-        let Some(entry) = entry.cloned() else { return Ok(()) };
-        let mut bytes = vec![0; entry.bytes as usize]; // within the file's length: checked by `open`
-        self.fill(&entry, &mut bytes)?;
-        let found: Vec<(RegimeKind, FieldDifference)> =
-            codec::decode(&bytes).map_err(ModelFileError::Header)?;
+        let found = self.read_record::<Vec<(RegimeKind, FieldDifference)>>(BlockKind::Difference)?;
+        let Some(found) = found else { return Ok(()) };
         for (kind, difference) in found {
             let mut regimes = self.header.model.regimes.iter_mut();
             let regime = regimes.find(|regime| regime.kind == kind).ok_or_else(|| {
@@ -377,34 +401,6 @@ impl<R: Read + Seek> ModelReader<R> {
         self.reader.seek(SeekFrom::Start(self.data_start + entry.offset))?;
         self.reader.read_exact(bytes)?;
         verify(&format!("block {:?}", entry.kind), &entry.hash, bytes)
-    }
-
-    /// Loads what a selection needs: its fields (and the coordinates a derived magnitude needs), undeformed mesh,
-    /// surface. Nodes are picked when the predictor is made.
-    pub fn load(&mut self, selection: &Selection) -> Result<Model, ModelFileError> {
-        let header = self.header.model.clone();
-        let mut fields = header.resolve_fields(selection.fields.as_deref())?;
-        header.resolve_nodes(&selection.nodes)?;
-        let derived: Vec<usize> =
-            fields.iter().filter_map(|f| header.fields[*f].magnitude_of).flatten().collect();
-        fields.extend(derived);
-        let needed = |kind: &BlockKind| match kind {
-            BlockKind::Mean { field, .. }
-            | BlockKind::Modes { field, .. }
-            | BlockKind::HalfWidth { field } => fields.contains(&(*field as usize)),
-            BlockKind::Undeformed(_)
-            | BlockKind::UndeformedBy { .. }
-            | BlockKind::Surface
-            | BlockKind::Observables
-            | BlockKind::Inertia
-            | BlockKind::Memory => true,
-            // In the header since the file was opened.
-            BlockKind::Difference => false,
-        };
-        let entries: Vec<BlockEntry> =
-            self.header.blocks.iter().filter(|b| needed(&b.kind)).cloned().collect();
-        let blocks = self.read_blocks(&entries)?;
-        Ok(Model { header, blocks })
     }
 }
 

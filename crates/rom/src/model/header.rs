@@ -1,6 +1,7 @@
 //! Parts of a trained model.
 
 use super::selection::ModelError;
+use crate::body::Body;
 use crate::difference::FieldDifference;
 use crate::halfwidths::{HalfWidths, LocalHalfWidths};
 use crate::hull::TrainingRange;
@@ -11,6 +12,7 @@ use crate::regime::OnsetTable;
 use crate::snapshots::{FieldSpec, NodeSet, RegimeKind};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Everything small about a model: readable without touching the big blocks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,6 +37,24 @@ pub struct ModelHeader {
     pub database_hash: [u8; 32],
     /// Free model of the lowest nodes, from which an onset that depends on parameters is solved.
     pub clearance: Option<Clearance>,
+    /// Limit of the pressure that `softtwin build` found; in the file a separate block ([`BlockKind::Limit`]).
+    #[serde(skip)]
+    pub limit: Option<PressureLimit>,
+    /// Shapes that the body can have, from the mesh and the modes of the file ([`crate::model::ModelReader::body`]); `None` in a model that
+    /// was not loaded from a file, or without a surface.
+    #[serde(skip)]
+    pub body: Option<Arc<Body>>,
+}
+
+/// Where the search for the largest pressure ended when the actuator was built.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PressureLimit {
+    /// Largest pressure, MPa.
+    pub pressure_mpa: f64,
+    /// Why there is no larger one.
+    pub reason: String,
+    /// Largest stretch that is possible: the end of the elastomers' laws, or the largest found if that is more.
+    pub stretch: f64,
 }
 
 /// One output field and how it is computed.
@@ -225,12 +245,14 @@ pub enum BlockKind {
     Memory,
     /// Measured differences of the fields ([`FieldDifference`]), with their regimes; absent in a model of finite elements alone.
     Difference,
+    /// Limit of the pressure ([`PressureLimit`]); absent in a model that was not built.
+    Limit,
 }
 
 impl BlockKind {
     /// True for values of any structure instead of numbers.
     pub const fn is_record(self) -> bool {
-        matches!(self, Self::Observables | Self::Inertia | Self::Memory | Self::Difference)
+        matches!(self, Self::Observables | Self::Inertia | Self::Memory | Self::Difference | Self::Limit)
     }
 }
 

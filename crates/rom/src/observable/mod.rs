@@ -19,6 +19,7 @@
 
 mod correction;
 mod definition;
+pub(crate) mod form;
 mod item;
 mod vector;
 mod volume;
@@ -26,18 +27,20 @@ mod volume;
 pub use correction::Correction;
 pub use definition::{Definition, ObservableKind, Place};
 
+use crate::affine::Affine;
 use crate::evaluation::Evaluation;
 use crate::inputs::MAX_INPUTS;
 use crate::model::{BlockKind, Model, ModelError, ModelFileError, ModelHeader, RegimeModel};
-use crate::probe::MeshPoint;
+use crate::probe::{MeshPoint, affine_coordinate};
 use crate::snapshots::RegimeKind;
 use crate::unseen::quantile;
 use definition::MAX_POINTS;
+use form::Form;
 use item::{Item, Shape, Source, wrapped};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use vector::norm;
-use volume::{Form, Walls};
+use volume::Walls;
 
 /// Most observables of a model.
 pub const MAX_OBSERVABLES: usize = 8;
@@ -78,18 +81,10 @@ pub struct Observables {
 struct OfRegime {
     kind: RegimeKind,
     /// Rows of the points' coordinates.
-    rows: Vec<Row>,
+    rows: Vec<Affine>,
     volumes: Vec<Form>,
     /// Factor of each half-width.
     factors: Vec<f64>,
-}
-
-/// A coordinate: mean and weights of some of the coefficients.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Row {
-    mean: f64,
-    first: usize,
-    weights: Vec<f64>,
 }
 
 /// Definitions on the mesh of a model.
@@ -162,8 +157,8 @@ impl OnMesh {
     ) -> Result<Observables, Vec<String>> {
         let of_regime = |regime: &RegimeModel| -> Result<OfRegime, String> {
             let axes = self.points.iter().flat_map(|point| [0, 1, 2].map(|axis| (point, axis)));
-            let rows: Result<Vec<Row>, ModelError> =
-                axes.map(|(point, axis)| Row::new(model, regime, point, axis)).collect();
+            let rows: Result<Vec<Affine>, ModelError> =
+                axes.map(|(point, axis)| affine_coordinate(model, regime, point, axis)).collect();
             let known = ratios.iter().find(|(kind, _)| *kind == regime.kind).map(|(_, ratios)| ratios);
             let factor = |at: usize| {
                 let own = known.and_then(|known| known.get(at)).filter(|own| !own.is_empty());
@@ -222,7 +217,7 @@ impl Observables {
                 return Some(format!("no rows of the {name} regime"));
             };
             let count = regime.groups.iter().map(|group| group.coefficients.end).max().unwrap_or(0);
-            let fits = |row: &Row| {
+            let fits = |row: &Affine| {
                 row.first.saturating_add(row.weights.len()) <= count
                     && row.mean.is_finite()
                     && row.weights.iter().all(|w| w.is_finite())
@@ -293,6 +288,11 @@ impl Observables {
         self.corrections.clear();
     }
 
+    /// The volumes of chambers in a regime.
+    pub(crate) fn volumes(&self, regime: RegimeKind) -> &[Form] {
+        self.of_regime(regime).map_or(&[], |of| &of.volumes)
+    }
+
     /// Value of one of an evaluation with modal coefficients; NaN where the model was not trained in its regime. Allocates nothing.
     pub fn value(&self, at: usize, evaluation: &Evaluation) -> Observed {
         let factor = self.of_regime(evaluation.regime).and_then(|of| of.factors.get(at));
@@ -301,7 +301,9 @@ impl Observables {
             return Observed { value: f64::NAN, halfwidth: f64::NAN, offset: 0.0 };
         };
         let (all_mm, own_mm) = (evaluation.halfwidths.displacement_mm, evaluation.difference_mm);
-        let halfwidth = if own_mm > 0.0 {
+        let halfwidth = if all_mm.is_nan() {
+            f64::NAN
+        } else if own_mm > 0.0 {
             let of_model_mm = (all_mm * all_mm - own_mm * own_mm).max(0.0).sqrt();
             reach * (factor * of_model_mm).hypot(own_mm)
         } else {
@@ -393,7 +395,7 @@ impl Observables {
         of.volumes.get(item.points[0])
     }
 
-    fn rows(&self, item: &Item, regime: RegimeKind) -> &[Row] {
+    fn rows(&self, item: &Item, regime: RegimeKind) -> &[Affine] {
         let [first, count] = item.points;
         let rows = self.of_regime(regime).map(|of| &of.rows);
         rows.and_then(|rows| rows.get(3 * first..3 * (first + count))).unwrap_or(&[])
@@ -407,23 +409,10 @@ impl Observables {
             return None;
         }
         for (to, axes) in shape.points.iter_mut().zip(rows) {
-            let change = |row: &Row| row.change(&evaluation.coefficients) - row.change(without);
+            let change = |row: &Affine| row.change(&evaluation.coefficients) - row.change(without);
             *to = [0, 1, 2].map(|axis| axes[axis].mean + change(&axes[axis]));
         }
         shape.count = rows.len();
         Some(item)
-    }
-}
-
-impl Row {
-    fn new(model: &Model, regime: &RegimeModel, point: &MeshPoint, axis: u8) -> Result<Self, ModelError> {
-        let (mean, group, weights) = crate::probe::coordinate(model, regime, point, axis)?;
-        let first = regime.groups.get(group).map_or(0, |group| group.coefficients.start);
-        Ok(Self { mean, first, weights })
-    }
-
-    fn change(&self, coefficients: &[f64]) -> f64 {
-        let own = coefficients.get(self.first..).unwrap_or(&[]);
-        self.weights.iter().zip(own).map(|(weight, a)| weight * a).sum()
     }
 }

@@ -4,11 +4,11 @@
 //! linear in the x, the y and the z of the nodes. With coordinates affine in the modal coefficients (Eq. 6 of the paper) the volume is
 //! `sum_ijk t_ijk a_i b_j c_k`, where `a`, `b`, `c` are the coefficients of x, y, z after a leading 1. These few numbers are kept.
 
+use super::form::Form;
 use super::vector::{cross, dot, norm};
 use crate::model::{BlockKind, Model, ModelError, RegimeModel};
 use crate::probe::{self, MeshPoint};
 use crate::snapshots::RegimeKind;
-use serde::{Deserialize, Serialize};
 
 /// Most numbers of a form: a hundred times those of three coordinates with some ten modes.
 const MAX_NUMBERS: usize = 200_000;
@@ -104,110 +104,62 @@ fn connected(facets: &[[u32; 3]], nodes: usize) -> Vec<Vec<[u32; 3]>> {
     parts.into_values().collect()
 }
 
-/// The volume of a regime's shapes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Form {
-    /// First coefficient and number of coefficients of x, y, z.
-    axes: [(usize, usize); 3],
-    /// `t`, the index of z running fastest.
-    numbers: Vec<f64>,
-    /// Area of the undeformed walls, mm2.
-    pub area_mm2: f64,
-}
-
-impl Form {
-    pub fn new(model: &Model, regime: &RegimeModel, walls: &Walls) -> Result<Self, String> {
-        let mut nodes: Vec<u32> = walls.0.iter().flatten().copied().collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        let local = |node: u32| nodes.partition_point(|known| *known < node);
-        let facets: Vec<[usize; 3]> = walls.0.iter().map(|facet| facet.map(local)).collect();
-        // Mean and modes at the nodes, by axis.
-        let mut axes = [(0, 0); 3];
-        let mut columns: [Vec<Vec<f64>>; 3] = Default::default();
-        for axis in 0..3_u8 {
-            for node in &nodes {
-                let point = MeshPoint { weights: vec![(*node, 1.0)] };
-                let found = probe::coordinate(model, regime, &point, axis);
-                let (mean, group, weights) = found.map_err(|error: ModelError| error.to_string())?;
-                let own = &mut columns[usize::from(axis)];
-                own.resize(weights.len() + 1, Vec::new());
-                own.iter_mut().zip(std::iter::once(mean).chain(weights)).for_each(|(to, v)| to.push(v));
-                let first = regime.groups.get(group).map_or(0, |group| group.coefficients.start);
-                axes[usize::from(axis)] = (first, own.len() - 1);
-            }
+/// The volume of the shapes of a regime.
+fn form(model: &Model, regime: &RegimeModel, walls: &Walls) -> Result<Form, String> {
+    let mut nodes: Vec<u32> = walls.0.iter().flatten().copied().collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    let local = |node: u32| nodes.partition_point(|known| *known < node);
+    let facets: Vec<[usize; 3]> = walls.0.iter().map(|facet| facet.map(local)).collect();
+    // Mean and modes at the nodes, by axis.
+    let mut axes = [(0, 0); 3];
+    let mut columns: [Vec<Vec<f64>>; 3] = Default::default();
+    for axis in 0..3_u8 {
+        for node in &nodes {
+            let point = MeshPoint { weights: vec![(*node, 1.0)] };
+            let found = probe::coordinate(model, regime, &point, axis);
+            let (mean, group, weights) = found.map_err(|error: ModelError| error.to_string())?;
+            let own = &mut columns[usize::from(axis)];
+            own.resize(weights.len() + 1, Vec::new());
+            own.iter_mut().zip(std::iter::once(mean).chain(weights)).for_each(|(to, v)| to.push(v));
+            let first = regime.groups.get(group).map_or(0, |group| group.coefficients.start);
+            axes[usize::from(axis)] = (first, own.len() - 1);
         }
-        let [x, y, z] = &columns;
-        if x.len() * y.len() * z.len() > MAX_NUMBERS {
-            return Err(format!(
-                "a volume takes at most {MAX_NUMBERS} numbers, found {} x {} x {} modes of the {} regime",
-                x.len(),
-                y.len(),
-                z.len(),
-                regime.kind.name()
-            ));
-        }
-        let mut numbers = vec![0.0; x.len() * y.len() * z.len()];
-        let mut factors = vec![0.0; nodes.len()];
-        for (j, y) in y.iter().enumerate() {
-            for (k, z) in z.iter().enumerate() {
-                factors.fill(0.0);
-                for [a, b, c] in &facets {
-                    for (p, q, r) in [(*a, *b, *c), (*b, *c, *a), (*c, *a, *b)] {
-                        factors[p] -= (y[q] * z[r] - y[r] * z[q]) / 6.0;
-                    }
-                }
-                for (i, x) in x.iter().enumerate() {
-                    let at = (i * columns[1].len() + j) * columns[2].len() + k;
-                    numbers[at] = x.iter().zip(&factors).map(|(x, factor)| x * factor).sum();
+    }
+    let [x, y, z] = &columns;
+    if x.len() * y.len() * z.len() > MAX_NUMBERS {
+        return Err(format!(
+            "a volume takes at most {MAX_NUMBERS} numbers, found {} x {} x {} modes of the {} regime",
+            x.len(),
+            y.len(),
+            z.len(),
+            regime.kind.name()
+        ));
+    }
+    let mut numbers = vec![0.0; x.len() * y.len() * z.len()];
+    let mut factors = vec![0.0; nodes.len()];
+    for (j, y) in y.iter().enumerate() {
+        for (k, z) in z.iter().enumerate() {
+            factors.fill(0.0);
+            for [a, b, c] in &facets {
+                for (p, q, r) in [(*a, *b, *c), (*b, *c, *a), (*c, *a, *b)] {
+                    factors[p] -= (y[q] * z[r] - y[r] * z[q]) / 6.0;
                 }
             }
-        }
-        let block = |axis| model.f32_block(BlockKind::Undeformed(axis)).unwrap_or(&[]);
-        let mesh = [block(0), block(1), block(2)];
-        let area_mm2 = walls.area_mm2(|node| mesh.map(|axis| f64::from(axis[node as usize])));
-        Ok(Self { axes, numbers, area_mm2 })
-    }
-
-    /// True if it fits a regime of `count` coefficients.
-    pub fn fits(&self, count: usize) -> bool {
-        let inside = self.axes.iter().all(|(first, own)| first.saturating_add(*own) <= count);
-        let expected: usize = self.axes.iter().map(|(_, own)| own.saturating_add(1)).product();
-        inside && self.numbers.len() == expected && self.numbers.iter().all(|v| v.is_finite())
-    }
-
-    /// The volume; with `change`, its derivative along that change of the coefficients. Allocates nothing.
-    pub fn value(&self, coefficients: &[f64], change: Option<&[f64]>) -> f64 {
-        let [x, y, z] = self.axes;
-        let at = |values: &[f64], (first, _): (usize, usize), i: usize, lead: f64| {
-            i.checked_sub(1).map_or(lead, |i| values[first + i])
-        };
-        let (mut sum, mut rest) = (0.0, self.numbers.as_slice());
-        for i in 0..=x.1 {
-            for j in 0..=y.1 {
-                let Some((row, behind)) = rest.split_at_checked(z.1 + 1) else { return f64::NAN };
-                rest = behind;
-                let along = |values: &[f64], lead: f64| -> f64 {
-                    row[0] * lead + row[1..].iter().zip(&values[z.0..]).map(|(t, c)| t * c).sum::<f64>()
-                };
-                let (a, b) = (at(coefficients, x, i, 1.0), at(coefficients, y, j, 1.0));
-                sum += match change {
-                    None => a * b * along(coefficients, 1.0),
-                    Some(change) => {
-                        let inner = along(coefficients, 1.0);
-                        at(change, x, i, 0.0) * b * inner
-                            + a * at(change, y, j, 0.0) * inner
-                            + a * b * along(change, 0.0)
-                    }
-                };
+            for (i, x) in x.iter().enumerate() {
+                let at = (i * columns[1].len() + j) * columns[2].len() + k;
+                numbers[at] = x.iter().zip(&factors).map(|(x, factor)| x * factor).sum();
             }
         }
-        sum
     }
+    let block = |axis| model.f32_block(BlockKind::Undeformed(axis)).unwrap_or(&[]);
+    let mesh = [block(0), block(1), block(2)];
+    let area_mm2 = walls.area_mm2(|node| mesh.map(|axis| f64::from(axis[node as usize])));
+    Ok(Form { axes, numbers, area_mm2 })
 }
 
 /// Forms of the volumes of one regime.
 pub(super) fn forms(model: &Model, kind: RegimeKind, walls: &[Walls]) -> Result<Vec<Form>, String> {
     let Some(regime) = model.regime(kind) else { return Ok(Vec::new()) };
-    walls.iter().map(|walls| Form::new(model, regime, walls)).collect()
+    walls.iter().map(|walls| form(model, regime, walls)).collect()
 }

@@ -53,6 +53,7 @@ impl Observed {
         let mut evaluator = Evaluator::new(&model.header).map_err(|error: ModelError| fail(&error))?;
         let fields = model.header.fields.iter().enumerate();
         let coordinates = fields.filter(|(_, field)| matches!(field.spec.kind, FieldKind::Coordinate(_)));
+        evaluator = evaluator.for_search();
         evaluator.restrict(&coordinates.map(|(at, _)| at).collect::<Vec<_>>());
         Ok(Some(Self { evaluation: evaluator.evaluation(), evaluator, observables, which }))
     }

@@ -72,15 +72,18 @@ pub fn evaluate(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
     if grasp.t_sensor_ns == u64::MAX {
         grasp.t_sensor_ns = 0;
     }
+    let extrapolated = flags::NEAR_EDGE | flags::OUTSIDE_DOMAIN;
     if least_n.is_finite() {
         grasp.least_force_n = least_n;
         grasp.margin = least_n / needed_n - 1.0;
         grasp.needed_friction = spec.friction * needed_n / least_n;
-        grasp.force_halfwidth_n = halfwidth_n;
+        grasp.force_halfwidth_n = if grasp.flags & extrapolated == 0 { halfwidth_n } else { f64::NAN };
     }
     let unusable = flags::NO_DATA | flags::STALE | flags::HELD;
     grasp.grasp_status = match grasp.flags & unusable {
         0 if least_n.is_nan() => grasp_status::UNKNOWN,
+        // Outside the training range a force has no half-width.
+        0 if grasp.flags & extrapolated != 0 && least_n >= needed_n => grasp_status::UNKNOWN,
         0 if least_n - halfwidth_n >= needed_n => grasp_status::HELD,
         0 if least_n >= needed_n => grasp_status::MARGINAL,
         0 => grasp_status::NOT_HELD,

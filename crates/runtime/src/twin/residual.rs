@@ -152,13 +152,13 @@ impl Watch {
     pub(super) fn update(&mut self, residual: Residual, after_s: f64) -> Judged {
         let Residual { t_sensor_ns, value, halfwidth, sigma } = residual;
         let contribution = self.seen.update(t_sensor_ns, value, sigma);
-        if value.is_nan() {
+        // Without a half-width, as outside the training range, nothing contradicts the model.
+        if value.is_nan() || halfwidth.is_nan() {
             (self.outside_since_ns, self.steady) = (None, Sums::default());
             return Judged { contribution, mismatch: false };
         }
-        // Without a half-width nothing can be said.
         let mismatch = self.is_outside(residual, after_s) | self.is_steady(residual, after_s);
-        Judged { contribution, mismatch: mismatch && !halfwidth.is_nan() }
+        Judged { contribution, mismatch }
     }
 
     /// Forgets all readings, for another model.
@@ -169,7 +169,7 @@ impl Watch {
     /// Every residual has been outside half-width and noise for the time.
     fn is_outside(&mut self, residual: Residual, after_s: f64) -> bool {
         let Residual { t_sensor_ns, value, halfwidth, sigma } = residual;
-        if halfwidth.is_nan() || value.abs() <= halfwidth.hypot(CHANCE * sigma) {
+        if value.abs() <= halfwidth.hypot(CHANCE * sigma) {
             self.outside_since_ns = None;
             return false;
         }

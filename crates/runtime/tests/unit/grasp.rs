@@ -40,6 +40,18 @@ fn grasp_uses_the_weakest_finger_and_its_half_width() {
 }
 
 #[test]
+fn force_outside_the_training_range_holds_nothing_for_sure() {
+    let needed_n = needed_force_n(&paper(), 2);
+    let status = |force_n: f64| {
+        let outside = state(force_n, f32::NAN).map(|state| State { flags: flags::OUTSIDE_DOMAIN, ..state });
+        evaluate(&paper(), &[outside, state(10.0, 0.001)])
+    };
+    assert_eq!(status(2.0 * needed_n).grasp_status, grasp_status::UNKNOWN);
+    assert!(status(2.0 * needed_n).force_halfwidth_n.is_nan());
+    assert_eq!(status(0.5 * needed_n).grasp_status, grasp_status::NOT_HELD);
+}
+
+#[test]
 fn a_finger_without_fresh_data_makes_the_grasp_unknown() {
     assert_eq!(evaluate(&paper(), &[state(1.0, 0.0), None]).grasp_status, grasp_status::UNKNOWN);
     let of_no_force = evaluate(&paper(), &[state(1.0, 0.0), state(f64::NAN, 0.0), state(1.0, 0.0)]);

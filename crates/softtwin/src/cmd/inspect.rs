@@ -81,6 +81,7 @@ fn as_json(model: &Model) -> Value {
         "node_sets": header.node_sets.iter().map(|s| (s.name.clone(), json!(s.nodes.len())))
             .collect::<serde_json::Map<_, _>>(),
         "hysteresis_mpa": header.hysteresis_mpa,
+        "pressure_limit": header.limit,
         "sag_mm": header.onset.as_ref().map(|t| t.sag_mm()),
         "reach_mm": header.onset.as_ref().map(|t| t.reach_mm()),
         "regimes": header.regimes.iter().map(|r| (r.kind.name().to_owned(), regime_json(header, r)))
@@ -118,6 +119,9 @@ fn text(model: &Model) -> anyhow::Result<()> {
     let source = if model.is_measured() { " (measured)" } else { "" };
     output!("actuator    {}{source}", header.actuator)?;
     output!("fields      {} on {} nodes", fields.join(", "), header.node_count)?;
+    if let Some(limit) = &header.limit {
+        output!("limit       {} MPa: {}", limit.pressure_mpa, limit.reason)?;
+    }
     let sets: Vec<String> =
         header.node_sets.iter().map(|s| format!("{} ({})", s.name, s.nodes.len())).collect();
     output!("node sets   {}", if sets.is_empty() { "none".into() } else { sets.join(", ") })?;

@@ -147,10 +147,11 @@ impl Args {
             let places = match_inputs(&model.header, recording, &mut remarks).map_err(configuration)?;
             let mut states = vec![None; recording.time_s.len()];
             let inputs_of = |row: usize| inputs_at(&places, recording, row);
-            follow_rows(&model, &recording.time_s, inputs_of, |row, _, evaluation, _| {
+            let of_rows = follow_rows(&model, &recording.time_s, inputs_of, |row, _, evaluation, _| {
                 states[row] = Some(evaluation.inputs);
                 Ok(())
             })?;
+            remarks.extend(of_rows);
             runs.push(MeasuredStates {
                 states,
                 outputs: recording.outputs.iter().map(|series| series.values.clone()).collect(),

@@ -110,6 +110,10 @@ impl Args {
             progress.step("reduced mass");
             vibrations.extend(body.add_to(&mut model, &database)?);
         }
+        // Where the pressures ended is known to `build`, which made the file that is replaced.
+        let former = self.out.is_file().then(|| files::model(&self.out).ok()).flatten();
+        let former = former.filter(|former| former.header.actuator == model.header.actuator);
+        model.header.limit = former.and_then(|former| former.header.limit);
         let training_s = started.elapsed().as_secs_f64();
         // The sheet of a file names the chosen candidate only; the others are the larger part of it.
         for regime in &mut sheet.regimes {

@@ -4,7 +4,7 @@ use super::frame::{FrameHead, bits, encode};
 use crate::failure::configuration;
 use crate::load::LoadedModel;
 use crate::picture::visible::visible_facets;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use rom::inputs::{GAP, InputSpec, Inputs};
 use rom::model::{Nodes, Selection};
 use rom::model_state::ModelState;
@@ -371,7 +371,11 @@ impl Prediction {
 
     /// The values to send and their description in the header.
     fn shape(&mut self, inputs: Inputs, known: &Known, head: &mut FrameHead) -> Result<Vec<u32>> {
-        self.state.update(inputs)?;
+        let updated = self.state.update(inputs);
+        if let Some(why) = self.state.evaluator().refusal(self.state.evaluation()) {
+            bail!(why);
+        }
+        updated?;
         let (rows, values) = (self.state.reconstructor().rows(), self.state.fields());
         head.model = known.mesh_message.is_some().then_some(known.card.id);
         head.fields.clone_from(&self.fields);

@@ -63,6 +63,8 @@ impl Curve {
             node_sets: layout.nodes.iter().enumerate().map(set).collect(),
             database_hash: hash(data),
             clearance: None,
+            limit: None,
+            body: None,
         };
         Ok(Model { header, blocks })
     }

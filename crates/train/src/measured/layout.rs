@@ -1,5 +1,6 @@
 //! Fields and nodes of measured outputs: markers `NAME_x_mm` are coordinates of the node NAME, other outputs are scalars.
 
+use rom::evaluation::Evaluation;
 use rom::model::{BlockKind, Model, ModelHeader};
 use rom::snapshots::{FieldKind, FieldSpec};
 
@@ -88,6 +89,14 @@ pub struct MeasuredOutput {
     pub node: usize,
     /// Half-width in the output's unit.
     pub half_width: f64,
+}
+
+impl MeasuredOutput {
+    /// The half-width at an evaluated state; NaN outside the training range, where nothing was measured.
+    #[must_use]
+    pub fn half_width_of(&self, evaluation: &Evaluation) -> f64 {
+        if evaluation.flags.extrapolated { f64::NAN } else { self.half_width }
+    }
 }
 
 /// Outputs of a model that was learned from measurements; empty for other models.

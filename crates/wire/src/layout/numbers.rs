@@ -318,8 +318,8 @@ coded_enum! {
         DroppedSuperseded = 9, "dropped: superseded";
         /// An output could not be sent (no memory left, or the port failed).
         DroppedNotSent = 10, "dropped: could not be sent";
-        /// The model gave a value that is not finite.
-        DroppedModel = 11, "dropped: model gave no finite value";
+        /// The state is farther outside the training range than the samples are wide, the body cannot have its shape, or a value is not finite.
+        DroppedModel = 11, "dropped: the model has no answer";
         /// The reading lies outside the model's domain and the settings say to hold: the last good state stands.
         HeldOutsideDomain = 12, "held: outside the model's domain";
         /// The reading lies outside the model's domain and the settings say to reject it.
@@ -377,10 +377,12 @@ coded_enum! {
         NoMemory = 9, "not enough shared memory for the field: {limit} bytes are needed in /dev/shm";
         /// The kind of question is unknown to this twin.
         UnknownKind = 10, "this twin does not know that kind of question";
-        /// The model gave a value that is not finite.
-        Model = 11, "the model gave no finite value";
+        /// The body cannot have the state's shape, or a value is not finite.
+        Model = 11, "the model has no answer there: the body cannot have the shape, or a value is not finite";
         /// The query has a parameter that the model does not have.
         UnknownInput = 12, "a parameter of the question is no input of this model, which has {inputs}";
+        /// The state is too far outside the training range; limit: its distance as a fraction of that range.
+        TooFar = 13, "the state is {limit} of the trained range outside the training states, where at most 0.25 is answered; ask nearer, or train with states there";
     }
 }
 

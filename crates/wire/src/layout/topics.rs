@@ -152,11 +152,11 @@ macro_rules! evaluated_payload {
                 force_by_gap_n_per_mm: f64 = f64::NAN, "N/mm";
                 /// Pressure of first contact at this gap; infinite when the plate is out of reach. NaN: the model has no onset.
                 onset_pressure_mpa: f64 = f64::NAN, "MPa";
-                /// Half-width of the force; NaN when not configured.
+                /// Half-width of the force; NaN when not configured and outside the training range.
                 force_halfwidth_n: f32 = f32::NAN, "N";
-                /// Half-width of the displacement; NaN when not configured.
+                /// Half-width of the displacement; NaN when not configured and outside the training range.
                 displacement_halfwidth_mm: f32 = f32::NAN, "mm";
-                /// Half-width of the stress; NaN when not configured.
+                /// Half-width of the stress; NaN when not configured and outside the training range.
                 von_mises_halfwidth_mpa: f32 = f32::NAN, "MPa";
                 /// Distance to the sampled states, over inputs scaled to [0, 1]: 0 inside, never negative.
                 domain_distance: f32 = f32::NAN, "";
@@ -181,7 +181,7 @@ macro_rules! evaluated_payload {
                 input_names: [u8; 32 * $crate::layout::INPUTS_MAX] = [0; 32 * $crate::layout::INPUTS_MAX], "", Show::Names("input_count");
                 /// Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
                 observables: [f64; $crate::layout::OBSERVABLES_MAX] = [f64::NAN; $crate::layout::OBSERVABLES_MAX], "", Show::Counted("observable_count");
-                /// Half-widths of the observables; NaN when not configured.
+                /// Half-widths of the observables; NaN when not configured and outside the training range.
                 observable_halfwidths: [f64; $crate::layout::OBSERVABLES_MAX] = [f64::NAN; $crate::layout::OBSERVABLES_MAX], "", Show::Counted("observable_count");
                 /// Part of each observable that is a measured difference from the finite elements; 0 without one.
                 observable_offsets: [f64; $crate::layout::OBSERVABLES_MAX] = [f64::NAN; $crate::layout::OBSERVABLES_MAX], "", Show::Counted("observable_count");

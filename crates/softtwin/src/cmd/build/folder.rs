@@ -5,6 +5,7 @@ use crate::output;
 use crate::progress::Doing;
 use anyhow::{Context, Result};
 use formats::database::ObstacleKind;
+use rom::model::PressureLimit;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use train::config::{Definition, TrainConfig};
@@ -30,13 +31,15 @@ impl Folder<'_> {
         database: &Path,
         obstacle: ObstacleKind,
         observables: BTreeMap<String, Definition>,
+        limit: Option<PressureLimit>,
         doing: &Doing,
     ) -> Result<PathBuf> {
         let data = files::database(database, obstacle)?;
         let config = TrainConfig { observables, ..TrainConfig::default() };
-        let (model, sheet) =
+        let (mut model, sheet) =
             train::train(&data, &config, &mut |step| doing.begin(format!("training: {step}")))
                 .with_context(|| format!("training on {}", database.display()))?;
+        model.header.limit = limit;
         let path = self.path.join(format!("{}.twin", data.actuator));
         let bytes = model.to_bytes()?;
         save(&path, &bytes)?;

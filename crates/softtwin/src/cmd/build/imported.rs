@@ -31,7 +31,7 @@ pub fn build(folder: &Folder, database: &Path) -> Result<()> {
     let kind = kinds.first().copied().with_context(|| format!("{}: no states", database.display()))?;
     let doing = Doing::default();
     let _heartbeat = doing.heartbeat();
-    let model = folder.train(database, kind, BTreeMap::new(), &doing)?;
+    let model = folder.train(database, kind, BTreeMap::new(), None, &doing)?;
     let quality = Quality::of(&model, database, &folder.path.join("errors.png"))?;
     let header = files::model(&model)?.header;
     // An input without a range is one that no state had.

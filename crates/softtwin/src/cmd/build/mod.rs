@@ -22,6 +22,7 @@ use folder::Folder;
 use plan::{Counts, Plan, landings};
 use pressures::Pressures;
 use quality::Quality;
+use rom::model::PressureLimit;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -162,7 +163,16 @@ impl Args {
             folder.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
         }
         doing.begin("training");
-        let model = folder.train(&database, actuator.obstacle_kind(), observables(&family), &doing)?;
+        let ranges =
+            family.problem.config().elastomers.iter().filter_map(|elastomer| elastomer.stretch_range);
+        let limit = PressureLimit {
+            pressure_mpa: pressures.largest_mpa(),
+            reason: pressures.reason.clone(),
+            // Corners of the states found are stretched beyond the laws' range.
+            stretch: ranges.map(|range| range[1]).fold(pressures.stretch.max(1.0), f64::max),
+        };
+        let model =
+            folder.train(&database, actuator.obstacle_kind(), observables(&family), Some(limit), &doing)?;
         doing.begin("measuring the model");
         let quality = Quality::of(&model, &database, &self.folder.join("errors.png"))?;
         let scene = self.folder.join("scene.toml");

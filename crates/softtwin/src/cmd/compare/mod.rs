@@ -240,7 +240,9 @@ fn compare(
             Origin::Force => (evaluation.contact_force_n + subject.force_bias_n, widths.force_n),
             Origin::Node { field, node } => {
                 let kind = BlockKind::HalfWidth { field: field as u32 };
-                let measured = model.f32_block(kind).and_then(|widths| widths.get(node));
+                // Of a state outside the training range neither is known.
+                let measured = model.f32_block(kind).filter(|_| !evaluation.flags.extrapolated);
+                let measured = measured.and_then(|widths| widths.get(node));
                 let by_kind = match model.header.fields[field].spec.kind {
                     FieldKind::Coordinate(_) | FieldKind::Magnitude => widths.displacement_mm,
                     FieldKind::Stress => widths.stress_mpa,
@@ -252,12 +254,16 @@ fn compare(
         }
     };
     let inputs_of = |row: usize| inputs_at(places, recording, row).map(|inputs| subject.unbiased(inputs));
-    let restarts = follow_rows(model, &recording.time_s, inputs_of, |row, inputs, evaluation, session| {
+    let of_rows = follow_rows(model, &recording.time_s, inputs_of, |row, inputs, evaluation, session| {
         let mut enclosing: Vec<Vec<f64>> = Vec::new();
         // Half-widths of other models contain the past.
         let pasts = session.enclosing(inputs).filter(|_| model.is_measured());
         for inputs in pasts.into_iter().flatten() {
             session.evaluator().evaluate(inputs, &mut scratch);
+            if scratch.flags.refusal.is_some() {
+                enclosing.push(vec![f64::INFINITY; origins.len()]);
+                continue;
+            }
             reconstructor.reconstruct_into(&scratch, &mut fields).context("the model has no answer")?;
             enclosing.push(origins.iter().map(|origin| answer(&scratch, &fields, origin).0).collect());
         }
@@ -270,11 +276,9 @@ fn compare(
         }
         Ok(())
     })?;
-    if restarts > 0 {
-        remarks.push(format!("the motion could not be continued and restarted at rest {restarts} times"));
-    }
+    remarks.extend(of_rows);
     if outside > 0 {
-        remarks.push(format!("{outside} rows are outside the model's training range"));
+        remarks.push(format!("{outside} rows are outside the model's training range and have no half-width"));
     }
     Ok(outputs)
 }
@@ -306,13 +310,14 @@ impl Compared {
         let mean = |of: &dyn Fn(f64, f64) -> f64| self.pairs().map(|(m, p, _)| of(m, p)).sum::<f64>() / count;
         let (mean_m, mean_p) = (mean(&|m, _| m), mean(&|_, p| p));
         let product = mean(&|m, p| (m - mean_m) * (p - mean_p));
+        let known = self.pairs().filter(|(_, _, h)| h.is_finite()).count() as f64;
         let inside = self.pairs().filter(|(m, p, h)| (m - p).abs() <= *h).count();
         Statistics {
             rms: mean(&|m, p| (m - p) * (m - p)).sqrt(),
             p95: at(0.95),
             max: at(1.0),
             range: range(&self.measured),
-            coverage: inside as f64 / count,
+            coverage: inside as f64 / known,
             bias: mean_p - mean_m,
             gain: product / mean(&|_, p| (p - mean_p) * (p - mean_p)),
         }

@@ -10,7 +10,7 @@ use crate::{files, output};
 use anyhow::{Context, bail};
 use objective::{Goals, Objective};
 use rom::goal::{Found, reach};
-use rom::hull::DomainStatus;
+use rom::hull::{DomainStatus, TrainingRange};
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
 use rom::model::ModelHeader;
 use serde_json::{Value, json};
@@ -82,6 +82,19 @@ impl Args {
         let found = found
             .context("the model has no answer at any start; does it have the regime of these states?")?;
         let values = goals.values(found.inputs).context("the model has no answer at the inputs found")?;
+        let evaluation = goals.evaluation(found.inputs);
+        let (distance, refusal) = (evaluation.domain_distance, evaluation.flags.refusal);
+        let why = goals.outside();
+        if refusal.is_some() || distance > TrainingRange::ASKED {
+            bail!(
+                "the nearest inputs found are too far outside the training range to design with (at most {:.0} % of it): {}",
+                100.0 * TrainingRange::ASKED,
+                why.unwrap_or_default()
+            );
+        }
+        if let Some(why) = why {
+            tracing::warn!("outside the training range, so the answer has no half-widths: {why}");
+        }
         let predicted: Vec<f64> = values.iter().map(|(value, _)| *value).collect();
         let mut answer = self.answer(&model.header, &mut goals, &found, &predicted);
         answer["seconds"] = json!(seconds);

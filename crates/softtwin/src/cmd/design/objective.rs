@@ -156,6 +156,11 @@ impl<'a> Goals<'a> {
         Some(self.objectives.iter().zip(values).map(one).collect())
     }
 
+    /// Which inputs of the last evaluation are outside the training range, and by how much.
+    pub fn outside(&self) -> Option<String> {
+        self.evaluator.outside(&self.evaluation)
+    }
+
     /// The evaluation at some inputs.
     pub fn evaluation(&mut self, inputs: Inputs) -> &Evaluation {
         self.evaluator.evaluate(inputs, &mut self.evaluation);

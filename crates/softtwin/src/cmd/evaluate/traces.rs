@@ -129,8 +129,9 @@ fn coverage(truth: &[[f64; SERIES]], found: &Followed<[f64; SERIES]>) -> [Option
         let (truth, answers) = (column(truth, at), column(&found.rows, at));
         let moves = truth.iter().any(|v| *v != truth[0]);
         let rows = truth.iter().zip(&answers).zip(&found.half_widths);
+        let known = rows.clone().filter(|(_, widths)| width(widths).is_finite()).count();
         let inside = rows.filter(|((a, b), widths)| (*a - *b).abs() <= width(widths)).count();
-        moves.then(|| 100.0 * inside as f64 / truth.len() as f64)
+        (moves && known > 0).then(|| 100.0 * inside as f64 / known as f64)
     })
 }
 

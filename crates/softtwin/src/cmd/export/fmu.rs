@@ -19,7 +19,7 @@ const MAX_LIBRARY_BYTES: u64 = 1 << 30;
 const ABOUT: &str = "<!DOCTYPE html><html><head><meta charset=\"utf-8\"><title>softtwin</title></head><body>
 <h1>Digital twin of a soft pneumatic actuator</h1>
 <p>Inputs pressure_mpa and gap_mm, parameters of the model; outputs force, its derivatives, onset pressure, half-widths, largest
-stress, fields at chosen nodes. domain_status is 0 among the training states, 1 near them, 2 outside: half-widths do not hold there.
+stress, fields at chosen nodes. domain_status is 0 among the training states, 1 near them, 2 outside; half-widths are NaN unless it is 0.
 Each output is computed when it is read.</p>
 <p>The binary is for one platform. For another one, compile the crate fmu of softtwin there (cargo build --release -p fmu) and put
 the library into binaries/PLATFORM/softtwin with that platform's ending; description and resources are unchanged. The functions are those of

@@ -210,9 +210,13 @@ fn predictions<'a>(
         Ok(observables) => observables,
         Err(error) => return Box::new(std::iter::once(Err(error.into()))),
     };
+    let mut was_outside = false;
     Box::new(readings.map(move |reading| {
         let (time, inputs) = reading?;
-        state.update(inputs)?;
+        let peaks = state.update(inputs);
+        // One line for all states outside.
+        files::answered(&state, peaks, !was_outside)?;
+        was_outside |= state.evaluation().flags.extrapolated;
         Ok(prediction(model, &state, &observables, time))
     }))
 }

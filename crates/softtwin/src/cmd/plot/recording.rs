@@ -5,6 +5,7 @@ use crate::recording_data::{RecordedState, RecordingData, series};
 use anyhow::Result;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
+use rom::reconstructor::{Peaks, ReconstructError};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -109,7 +110,11 @@ fn largest<'a>(
     let mut body = ModelState::new(model, &Selection::default())?;
     let mut found = [Vec::new(), Vec::new()];
     for (t_s, inputs) in states.filter_map(|state| Some((state.t_s, state.inputs(&model.header.inputs)?))) {
-        let peaks = body.update(inputs)?;
+        let peaks = match body.update(inputs) {
+            // No point where this model has no answer: the recording may be of another one.
+            Err(ReconstructError::Refused(_)) => Peaks::default(),
+            peaks => peaks?,
+        };
         for (points, peak) in found.iter_mut().zip([peaks.displacement_mm, peaks.stress_mpa]) {
             points.push((t_s, peak.map_or(f64::NAN, |peak| peak.value.into())));
         }

@@ -89,7 +89,7 @@ pub fn observables(model: &Model) -> Result<Figure> {
             });
             let measured = outputs.iter().map(|output| {
                 let at = output.field * model.header.node_count + output.node;
-                (f64::from(state.fields()[at]), output.half_width)
+                (f64::from(state.fields()[at]), output.half_width_of(state.evaluation()))
             });
             curves.iter_mut().zip(observed.chain(measured)).for_each(|(to, (v, h))| to.push((*x, v, h)));
         }

@@ -36,8 +36,9 @@ Examples:
     softtwin predict --model finger.twin --trace swing.csv --out series.csv
 
 Standard output is one JSON object. `inputs` shows the value of every input that was used, `dforce` the force's derivative by \
-each in N per unit. `in_domain` is false outside the training states: the answer is then an extrapolation and its error \
-half-widths do not hold. `outputs` has the values of a model of measurements (softtwin learn) with their half-widths.";
+each in N per unit. `in_domain` is false outside the training states: the answer is then an extrapolation without half-widths \
+(null), and a line on standard error says which input is outside and by how much. Far outside, or where the shape cannot be one of the \
+body, there is no answer: exit code 1. `outputs` has the values of a model of measurements (softtwin learn) with their half-widths.";
 
 const NO_PRESSURE: &str =
     "--pressure-mpa: expected a pressure (the model was trained over pressures), found none";
@@ -115,13 +116,14 @@ impl Args {
             let (found, wanted) = (model.header.regime_names().join(", "), regime.name());
             return Err(usage(format!("this state belongs to regime {wanted}; the model has only {found}")));
         }
-        let peaks = peaks?;
+        let observables = Observables::of(&model)?;
+        let peaks = files::answered(&state, peaks, true)?;
         if self.out.is_some() {
             self.write(&model, &state)?;
         }
-        let mut answer = answer(&model.header, state.evaluation(), &peaks, &Observables::of(&model)?);
+        let mut answer = answer(&model.header, state.evaluation(), &peaks, &observables);
         if model.is_measured() {
-            answer["outputs"] = measured(&model, state.fields());
+            answer["outputs"] = measured(&model, &state);
         }
         if let Some(field) = pressure_field(&model.header) {
             answer["pressure_mpa"] = json!(state.fields()[field * model.header.node_count]);
@@ -140,10 +142,11 @@ impl Args {
 }
 
 /// Outputs of a measured model with their half-widths.
-fn measured(model: &Model, fields: &[f32]) -> Value {
+fn measured(model: &Model, state: &ModelState) -> Value {
     let outputs = train::measured::outputs(model).into_iter().map(|output| {
-        let value = fields[output.field * model.header.node_count + output.node];
-        (output.name, json!({ "value": value, "half_width": output.half_width }))
+        let value = state.fields()[output.field * model.header.node_count + output.node];
+        let half_width = output.half_width_of(state.evaluation());
+        (output.name, json!({ "value": value, "half_width": half_width }))
     });
     outputs.collect::<Map<_, _>>().into()
 }

@@ -39,6 +39,13 @@ fn write<Row: AsRef<[f64]>>(
     };
     let rows = followed.rows.iter().enumerate().map(row);
     save(out, to_text(columns, rows).as_bytes())?;
+    if let Some(first) = &followed.first_outside {
+        tracing::warn!(
+            "{} of {} instants are outside the training range and have no half-widths; the first at {first}",
+            followed.outside,
+            followed.rows.len()
+        );
+    }
     output::json(&json!({
         "rows": followed.rows.len(),
         "seconds": trace.length_s(),

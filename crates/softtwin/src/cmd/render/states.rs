@@ -106,7 +106,8 @@ impl StateDrawer {
     }
 
     pub(super) fn draw_state(&mut self, pressure_mpa: f64, gap_mm: Option<f64>) -> Result<DrawnState> {
-        self.state.update(Inputs::new(pressure_mpa, gap_mm.unwrap_or(f64::INFINITY)))?;
+        let peaks = self.state.update(Inputs::new(pressure_mpa, gap_mm.unwrap_or(f64::INFINITY)));
+        files::answered(&self.state, peaks, true)?;
         let (rows, evaluation) = (self.state.reconstructor().rows(), self.state.evaluation());
         let column = |k: usize| &self.state.fields()[self.columns[k] * rows..(self.columns[k] + 1) * rows];
         let (x, y, z) = (column(0), column(1), column(2));

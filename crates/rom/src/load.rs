@@ -1,0 +1,109 @@
+//! Models from files: which blocks a selection needs, and which shapes the body can have.
+
+use crate::body::{Body, MAX_STRETCH, RegimeShapes};
+use crate::model::{BlockEntry, BlockKind, Model, ModelFileError, ModelReader, Selection};
+use crate::observable::Observables;
+use crate::probe::{MeshPoint, affine_coordinate};
+use crate::snapshots::FieldKind;
+use std::io::{Read, Seek};
+use std::sync::Arc;
+
+/// Edges of the surface that are followed.
+const EDGES: usize = 64;
+
+impl Model {
+    /// The whole model from bytes, every checksum verified.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelFileError> {
+        ModelReader::of_bytes(bytes)?.load(&Selection::default())
+    }
+}
+
+impl<R: Read + Seek> ModelReader<R> {
+    /// Shapes that the body can have ([`ModelHeader::body`]), whatever part of the model is loaded: the blocks that say so are read, and
+    /// dropped again.
+    pub fn body(&mut self) -> Result<Option<Arc<Body>>, ModelFileError> {
+        let header = self.header().clone();
+        let is_coordinate = |field: u32| {
+            let field = header.fields.get(field as usize);
+            field.is_some_and(|field| matches!(field.spec.kind, FieldKind::Coordinate(_)))
+        };
+        let needed = |block: &&BlockEntry| match block.kind {
+            BlockKind::Mean { field, .. } | BlockKind::Modes { field, .. } => is_coordinate(field),
+            BlockKind::Undeformed(_) | BlockKind::Surface | BlockKind::Observables => true,
+            _ => false,
+        };
+        let entries: Vec<BlockEntry> = self.blocks().iter().filter(needed).cloned().collect();
+        if !entries.iter().any(|block| block.kind == BlockKind::Surface) {
+            return Ok(None);
+        }
+        let blocks = self.read_blocks(&entries)?;
+        Ok(body_of(&Model { header, blocks }).map(Arc::new))
+    }
+
+    /// Loads what a selection needs: its fields (and the coordinates a derived magnitude needs), undeformed mesh,
+    /// surface. Nodes are picked when the predictor is made.
+    pub fn load(&mut self, selection: &Selection) -> Result<Model, ModelFileError> {
+        let mut header = self.header().clone();
+        header.body = self.body()?;
+        let mut fields = header.resolve_fields(selection.fields.as_deref())?;
+        header.resolve_nodes(&selection.nodes)?;
+        let derived: Vec<usize> =
+            fields.iter().filter_map(|f| header.fields[*f].magnitude_of).flatten().collect();
+        fields.extend(derived);
+        let needed = |kind: &BlockKind| match kind {
+            BlockKind::Mean { field, .. }
+            | BlockKind::Modes { field, .. }
+            | BlockKind::HalfWidth { field } => fields.contains(&(*field as usize)),
+            BlockKind::Undeformed(_)
+            | BlockKind::UndeformedBy { .. }
+            | BlockKind::Surface
+            | BlockKind::Observables
+            | BlockKind::Inertia
+            | BlockKind::Memory => true,
+            // In the header since the file was opened.
+            BlockKind::Difference | BlockKind::Limit => false,
+        };
+        let entries: Vec<BlockEntry> = self.blocks().iter().filter(|b| needed(&b.kind)).cloned().collect();
+        let blocks = self.read_blocks(&entries)?;
+        Ok(Model { header, blocks })
+    }
+}
+
+/// Edges of a model with its undeformed mesh, surface and coordinates loaded, and its volumes; `None` without one of these.
+fn body_of(model: &Model) -> Option<Body> {
+    let mesh = [0, 1, 2].map(|axis| model.f32_block(BlockKind::Undeformed(axis)));
+    let [Some(x), Some(y), Some(z)] = mesh else { return None };
+    let coordinate =
+        |values: &[f32], node: u32| values.get(node as usize).copied().map_or(f64::NAN, f64::from);
+    let place = |node: u32| [x, y, z].map(|values| coordinate(values, node));
+    let length = |[a, b]: [u32; 2]| {
+        let (a, b) = (place(a), place(b));
+        a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+    };
+    let triangles = model.u32_block(BlockKind::Surface)?.as_chunks::<3>().0;
+    let stretch = model.header.limit.as_ref().map_or(MAX_STRETCH, |limit| limit.stretch);
+    let every = triangles.len().div_ceil(EDGES).max(1);
+    let longest = |[a, b, c]: &[u32; 3]| {
+        let edges = [[*a, *b], [*b, *c], [*c, *a]].map(|edge| (edge, length(edge)));
+        edges.into_iter().max_by(|(_, a), (_, b)| a.total_cmp(b)).filter(|(_, length)| *length > 0.0)
+    };
+    let edges: Vec<([u32; 2], f64)> = triangles.iter().step_by(every).filter_map(longest).collect();
+    // Observables that do not fit the model are refused where they are used.
+    let observables = Observables::of(model).unwrap_or_default();
+    let mut regimes = Vec::new();
+    for regime in &model.header.regimes {
+        let along = |([a, b], _): &([u32; 2], f64)| {
+            let along = MeshPoint { weights: vec![(*b, 1.0), (*a, -1.0)] };
+            let of_axis = |axis| affine_coordinate(model, regime, &along, axis).ok();
+            Some([of_axis(0)?, of_axis(1)?, of_axis(2)?])
+        };
+        let edges = edges.iter().map(along).collect::<Option<Vec<_>>>()?;
+        regimes.push(RegimeShapes {
+            kind: regime.kind,
+            edges,
+            volumes: observables.volumes(regime.kind).to_vec(),
+        });
+    }
+    let longest_mm = edges.iter().map(|(_, length)| stretch * length).collect();
+    Some(Body { regimes, longest_mm, stretch })
+}
