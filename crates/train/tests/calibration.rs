@@ -38,7 +38,7 @@ fn states(model: &Model, count: usize, seed: u64) -> Vec<UnseenState> {
     };
     let touches = |state: &UnseenState| {
         evaluator.evaluate(state.inputs, &mut evaluation);
-        evaluation.regime == RegimeKind::Contact
+        evaluation.regime == RegimeKind::Contact && evaluation.domain == DomainStatus::Inside
     };
     std::iter::repeat_with(state).filter(touches).take(count).collect()
 }
