@@ -87,7 +87,7 @@ impl Governor {
         operator: Option<&Setpoint>,
         state: Option<&State>,
     ) -> Decision {
-        self.forget_after_silence(now_ns);
+        let was_silent = self.forget_after_silence(now_ns);
         let setpoint = setpoint.filter(|setpoint| is_wanted(setpoint, now_ns));
         let interlock = self.interlocks(now_ns, operator, state);
         let operator = operator.filter(|operator| {
@@ -99,7 +99,9 @@ impl Governor {
             (None, None) => (f64::NAN, valve_reason::NO_SETPOINT),
             (None, Some(setpoint)) => {
                 let valid_ns = setpoint.valid_for_ns.min(self.valid_max_ns);
-                let reason = match (age_ns(setpoint, now_ns) > valid_ns, interlock != 0) {
+                // After a pause even a new setpoint waits for one turn, so that its controller sees that the valve has closed.
+                let is_late = was_silent || age_ns(setpoint, now_ns) > valid_ns;
+                let reason = match (is_late, interlock != 0) {
                     (true, _) => valve_reason::TIMEOUT,
                     (false, true) => valve_reason::INTERLOCK,
                     (false, false) => valve_reason::FOLLOWING,
@@ -117,10 +119,12 @@ impl Governor {
 
     /// After a pause (a stopped or starved bridge) the device may be at its safe value. The way up begins there, and the pause itself grants
     /// no step.
-    fn forget_after_silence(&mut self, now_ns: u64) {
-        if now_ns.saturating_sub(self.last_ns) > self.silence_max_ns {
+    fn forget_after_silence(&mut self, now_ns: u64) -> bool {
+        let was_silent = now_ns.saturating_sub(self.last_ns) > self.silence_max_ns;
+        if was_silent {
             (self.last_mpa, self.last_ns) = (self.safe_mpa, now_ns);
         }
+        was_silent
     }
 
     /// The device did not confirm until now: its own time-out closes it, so the way up begins at the safe value, and the wait grants no step.

@@ -105,6 +105,7 @@ fn release_counts_once_and_only_with_a_stamp_of_now() {
         };
         assert_eq!(decide(NOW, None, 0.6), valve_reason::INTERLOCK);
         let release = Setpoint { t_publish_ns: release_ns, ..wants(f64::NAN, 0) };
+        decide(seen_ns - 10 * MS, None, 0.0);
         let is_open = decide(seen_ns, Some(release), 0.0) == valve_reason::FOLLOWING;
         // The next trip stays, though the same release is still what the topic has.
         assert_eq!(decide(seen_ns + 10 * MS, Some(release), 0.6), valve_reason::INTERLOCK);
@@ -182,6 +183,22 @@ fn after_a_failure_the_way_up_begins_at_the_safe_value() {
         (decide(&mut governor, 40).pressure_mpa - 0.005).abs() < 1e-12,
         "the wait for the device grants nothing"
     );
+}
+
+/// A controller learns by this reason that the valve has closed, and starts again.
+#[test]
+fn after_a_pause_a_new_setpoint_waits_for_one_turn() {
+    let mut governor = governor("write_hz = 200.0");
+    let mut decide = |at_ms: u64| {
+        let at_ns = NOW + at_ms * MS;
+        let setpoint = Setpoint { t_publish_ns: at_ns, ..wants(0.05, 0) };
+        let state = State { t_sensor_ns: at_ns, ..fresh(0.1) };
+        let found = governor.decide(at_ns, Some(&setpoint), None, Some(&state));
+        (found.reason, found.pressure_mpa)
+    };
+    use valve_reason::{FOLLOWING, TIMEOUT};
+    let decided = [5, 25, 46, 51].map(&mut decide);
+    assert_eq!(decided, [(FOLLOWING, 0.05), (FOLLOWING, 0.05), (TIMEOUT, 0.0), (FOLLOWING, 0.05)]);
 }
 
 proptest! {
