@@ -47,9 +47,9 @@ impl Default for ContactSettings {
     }
 }
 
-/// Limits and tolerances of the Newton iteration.
+/// Limits and tolerances of the Newton iteration; a key that is left out has its default.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct NewtonSettings {
     /// Iterations after which a step is given up.
     pub max_iterations: usize,

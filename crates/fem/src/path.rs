@@ -178,7 +178,7 @@ impl Solver {
         let end_mm3 = settings.end_mm3;
         let begin_mm3 = self.injected_mm3(from);
         let up = (end_mm3 - begin_mm3).signum();
-        let first = self.first(from, up, &mut effort).map_err(|e| stopped(from, e))?;
+        let first = self.first(from, up, &mut effort).map_err(|e| self.stopped(from, e))?;
         let volume_step = (end_mm3 - begin_mm3).abs() / settings.points.max(1) as f64;
         let longest = self.problem().config().newton.step_length_mm;
         let wanted = |point: &PathPoint, tangent: &Tangent| {
@@ -201,7 +201,7 @@ impl Solver {
             let load = Load { injected_mm3: Some(end_mm3), ..state.load };
             let (state, report) = self.solve_to(&state, &load)?;
             path.report = path.report.and(&report);
-            let (last, _) = self.first(&state, up, &mut effort).map_err(|e| stopped(&state, e))?;
+            let (last, _) = self.first(&state, up, &mut effort).map_err(|e| self.stopped(&state, e))?;
             notify(&last);
             path.points.push(last);
         }
@@ -444,6 +444,20 @@ impl Solver {
         self.reached(from, tangent, state, longest_mm, effort)
     }
 
+    /// The error of a path that ends at its first state.
+    fn stopped(&self, from: &State, reason: NewtonError) -> SolveError {
+        let config = self.problem().config();
+        SolveError::NotConverged(Box::new(NotConverged {
+            fraction: 0.0,
+            to: from.load,
+            last: from.load,
+            cavities_mpa: config.cavities_mpa.clone(),
+            newton: config.newton,
+            reason,
+            report: Report::default(),
+        }))
+    }
+
     /// The next point of a path, if it is near the last one.
     fn reached(
         &mut self,
@@ -463,11 +477,6 @@ impl Solver {
         next.sense = from.sense * same(product(&along.by, &tangent.by), 1.0);
         Ok((next, along))
     }
-}
-
-fn stopped(from: &State, reason: NewtonError) -> SolveError {
-    let (fraction, to, last, report) = (0.0, from.load, from.load, Report::default());
-    SolveError::NotConverged(Box::new(NotConverged { fraction, to, last, reason, report }))
 }
 
 /// 1 if two numbers have one sign, otherwise -1.

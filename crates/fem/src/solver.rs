@@ -6,7 +6,7 @@ use std::time::Instant;
 use thiserror::Error;
 
 use crate::algebra::{Vec3, norm, sub};
-use crate::config::{Load, pressures_mpa};
+use crate::config::{Load, NewtonSettings, pressures_mpa};
 use crate::contact::obstacle::Obstacle;
 use crate::family::VariantError;
 use crate::gas::amount_mm3;
@@ -37,8 +37,8 @@ pub struct Report {
 /// A continuation that stopped before its loads.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error(
-    "stopped at {:.1} % of the way to P = {} MPa{}: {reason}. Last equilibrium: P = {:.6} MPa{}. {}",
-    100.0 * fraction, to.pressure_mpa, gap(to.obstacle), last.pressure_mpa, gap(last.obstacle), advice(reason)
+    "stopped at {:.1} % of the way to {}: {reason}. Last equilibrium: {}. {}",
+    100.0 * fraction, named(to, cavities_mpa), named(last, cavities_mpa), advice(reason, newton)
 )]
 pub struct NotConverged {
     /// Fraction of the path that was covered.
@@ -47,25 +47,59 @@ pub struct NotConverged {
     pub to: Load,
     /// The last loads in equilibrium.
     pub last: Load,
+    /// Pressures of the further cavities in the configuration (MPa), from which those of the loads count.
+    pub cavities_mpa: Vec<f64>,
+    /// Settings of the iteration, which the message names where one of them ended the path.
+    pub newton: NewtonSettings,
     /// Why the next step failed.
     pub reason: NewtonError,
     /// The work spent.
     pub report: Report,
 }
 
-fn gap(obstacle: Obstacle) -> String {
-    obstacle.gap_mm().map_or_else(String::new, |gap| format!(", gap {gap} mm"))
+/// Loads as people read them: every pressure and the gap, to 1e-6 MPa, which is below every sensor's resolution.
+fn named(load: &Load, cavities_mpa: &[f64]) -> String {
+    let digits = |mpa: f64| (1.0e6 * mpa).round() / 1.0e6;
+    let changes = cavities_mpa.iter().zip(load.cavities_change_mpa);
+    let further: Vec<String> =
+        changes.map(|(base, change)| digits(base + change).to_string()).collect();
+    let further = match further.is_empty() {
+        true => String::new(),
+        false => format!(", further cavities {} MPa", further.join(", ")),
+    };
+    let gap = load.obstacle.gap_mm().map_or_else(String::new, |gap| format!(", gap {gap:.4} mm"));
+    format!("P = {} MPa{further}{gap}", digits(load.pressure_mpa))
 }
 
-fn advice(reason: &NewtonError) -> &'static str {
+fn advice(reason: &NewtonError, newton: &NewtonSettings) -> String {
+    let NewtonSettings { max_iterations, step_length_mm, smallest_step, .. } = newton;
     match reason {
+        NewtonError::Stalled { .. } => {
+            return format!(
+                "Steps were halved down to newton.smallest_step = {smallest_step} of the path, at most \
+                 newton.max_iterations = {max_iterations} each: lower the first or raise the second; or lower the pressures, of which one may have its limit there"
+            );
+        }
+        NewtonError::StepTooShort { .. } => {
+            return format!(
+                "newton.step_length_mm = {step_length_mm} allows no more, newton.smallest_step = {smallest_step} no less: raise \
+                 the first or lower the second, or start from a solved state nearer to it"
+            );
+        }
+        NewtonError::Jumped { .. } => {
+            return format!(
+                "Three times newton.step_length_mm = {step_length_mm} is what a step may move, and steps were halved down to \
+                 newton.smallest_step = {smallest_step} of the path: check that the loads are meant, or lower the second"
+            );
+        }
+        _ => {}
+    }
+    let text = match reason {
         NewtonError::MaterialLimit { .. } => {
             "The elastomer is at its limit there: lower the pressure or the gravity"
         }
         NewtonError::ContactOpened { .. } => "Press less far, or take a gap at which the body still touches",
-        NewtonError::Stalled { .. } | NewtonError::StepTooShort { .. } | NewtonError::Jumped { .. } => {
-            "Start from a solved state nearer to it, or check that the loads are meant"
-        }
+        NewtonError::Stalled { .. } | NewtonError::StepTooShort { .. } | NewtonError::Jumped { .. } => "",
         NewtonError::Limit { next_injected_mm3: Some(_), .. } => {
             "Lower the pressure to stay before it; `softtwin simulate --volume-mm3 V` with the volume of the next state solves that one, \
              `--path` the branch to it"
@@ -78,7 +112,8 @@ fn advice(reason: &NewtonError) -> &'static str {
         NewtonError::PathTooLong { .. } => "Give a smaller volume",
         NewtonError::Body(_) => "Start from a state whose measures are nearer",
         NewtonError::Linear(_) => "Check the supports; past a limit point no neighbouring equilibrium exists",
-    }
+    };
+    text.into()
 }
 
 /// Error of a solution.
@@ -216,16 +251,26 @@ impl Solver {
             displacement_mm: vec![[0.0; 3]; self.problem.mesh.nodes_mm.len()],
             element_pressure_mpa: vec![0.0; self.problem.mesh.tets.len()],
             sheet_resultants_n_per_mm: vec![[[0.0; 3]; 3]; self.problem.sheet.triangles.len()],
-            load: Load::default(),
+            load: self.at_rest([0.0; 3]),
         }
     }
 
-    /// Equilibrium under gravity alone, applied in steps: the first state of every path.
+    /// Loads of gravity alone. The pressures of further cavities in the configuration are taken off, so that a path from here raises
+    /// all pressures together.
+    #[must_use]
+    pub fn at_rest(&self, gravity_mm_s2: [f64; 3]) -> Load {
+        let mut load = Load { gravity_mm_s2, ..Load::default() };
+        let further = load.cavities_change_mpa.iter_mut().zip(&self.problem.config.cavities_mpa);
+        further.for_each(|(change, mpa)| *change = -mpa);
+        load
+    }
+
+    /// Equilibrium under gravity alone, without any pressure, applied in steps: the first state of every path.
     ///
     /// # Errors
     /// [`SolveError`].
     pub fn gravity_equilibrium(&mut self, gravity_mm_s2: [f64; 3]) -> Result<(State, Report), SolveError> {
-        let load = Load { gravity_mm_s2, ..Load::default() };
+        let load = self.at_rest(gravity_mm_s2);
         self.continuation(
             &self.undeformed(),
             &load,
@@ -234,7 +279,7 @@ impl Solver {
         )
     }
 
-    /// Follows the path from a solved state to `load`: pressure, gravity and obstacle move together.
+    /// Follows the path from a solved state to `load`: all pressures, gravity and obstacle move together.
     ///
     /// The equilibrium does not depend on the path (conservative and frictionless), so any near state is a good start.
     /// A new obstacle approaches from the distance at which it just clears the base.
@@ -265,8 +310,8 @@ impl Solver {
         }
         let body = Stays(Arc::clone(&self.problem));
         let (rest, to_rest) = self.gravity_equilibrium(load.gravity_mm_s2)?;
-        let (pressed, to_obstacle) =
-            self.follow(&rest, &Load { pressure_mpa: 0.0, injected_mm3: None, ..*load }, &body)?;
+        let on_obstacle = Load { obstacle: load.obstacle, ..rest.load };
+        let (pressed, to_obstacle) = self.follow(&rest, &on_obstacle, &body)?;
         let (state, inflation) = self.follow(&pressed, load, &body)?;
         let depth_mm = output::depth_mm(&self.problem, &state);
         if depth_mm > MAX_DEPTH_MM {
@@ -467,6 +512,8 @@ impl Solver {
                     fraction: done,
                     to: *to,
                     last,
+                    cavities_mpa: problem.config.cavities_mpa.clone(),
+                    newton: problem.config.newton,
                     reason: NewtonError::placed(reason, &problem),
                     report,
                 }))

@@ -5,7 +5,7 @@ use crate::builder::Builder;
 use crate::closed_forms::neo_hookean;
 use fem::actuator::Actuator;
 use fem::material::{Fibres, Film, VolumeChange};
-use fem::{CavityLoad, Family, Load, Mesh, Problem, ProblemConfig, Solver};
+use fem::{CavityLoad, Family, Load, Mesh, Problem, ProblemConfig, SolveError, Solver};
 use formats::mesh_file::TET_EDGES;
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -58,6 +58,29 @@ fn two_chambers_superpose_at_small_pressures_and_bend_apart() {
         |u: &[[f64; 3]]| u.iter().map(|u| u[2]).fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m });
     let ratio = tip(&right) / tip(&left);
     assert!((ratio + 2.0).abs() < 0.02, "{ratio}");
+}
+
+#[test]
+fn a_path_begins_without_any_pressure_and_ends_with_all_of_them() {
+    // Far more than the bar bears: a rest state that had this pressure would not exist.
+    let mut solver = Solver::new(bar_of_two(5.0)).unwrap();
+    let (rest, _) = solver.gravity_equilibrium([0.0; 3]).unwrap();
+    assert!(rest.displacement_mm.iter().flatten().all(|u| u.abs() < 1.0e-12));
+    // Towards a load without change the second pressure rises to that of the configuration, as the first one does.
+    let error = solver.solve_to(&rest, &Load { pressure_mpa: 5.0, ..Load::default() }).unwrap_err();
+    let SolveError::NotConverged(stopped) = error else { panic!("{error}") };
+    assert_eq!(stopped.cavities_mpa, [5.0]);
+    let second_mpa = 5.0 + stopped.last.cavities_change_mpa[0];
+    assert!((second_mpa - stopped.last.pressure_mpa).abs() < 1.0e-9 && second_mpa < 1.0, "{stopped}");
+    // Either chamber alone reaches the mirrored state, at a pressure that strains it.
+    let [first, second] = [[0.02, 0.0], [0.0, 0.02]].map(|mpa| {
+        let mut solver = Solver::new(bar_of_two(mpa[1])).unwrap();
+        let (rest, _) = solver.gravity_equilibrium([0.0; 3]).unwrap();
+        let load = Load { pressure_mpa: mpa[0], ..Load::default() };
+        let (state, _) = solver.solve_to(&rest, &load).unwrap();
+        state.displacement_mm.iter().map(|u| u[2]).fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m })
+    });
+    assert!(first.abs() > 0.05 && (first + second).abs() < 0.02 * first.abs(), "{first} {second}");
 }
 
 /// A tube of radius 6 and wall 2 with closed, stiff ends, wound at `angle_deg`; its length and radius between two sections, relative to the

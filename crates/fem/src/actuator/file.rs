@@ -57,7 +57,8 @@ pub struct Actuator {
     pub obstacle: Option<ObstacleBody>,
     /// Penalties.
     pub contact: ContactSettings,
-    /// Newton iteration.
+    /// Newton iteration. The defaults suit every actuator that has been solved so far, so most files leave it out.
+    #[serde(default)]
     pub newton: NewtonSettings,
     /// The mesh.
     pub mesh: MeshSettings,

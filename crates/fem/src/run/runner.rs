@@ -178,11 +178,11 @@ impl Run<'_> {
 
     /// Nominal actuator under gravity alone, from its checkpoint if there is one.
     fn rest(&self) -> Result<Solved, RunError> {
-        let load = self.family.actuator.load(0.0, None);
+        let mut solver = Solver::new(Arc::clone(&self.family.problem))?;
+        let load = solver.at_rest(self.family.actuator.loads.gravity_mm_s2);
         if let Some(solved) = self.store.load(&load, self.sizes()) {
             return Ok(solved);
         }
-        let mut solver = Solver::new(Arc::clone(&self.family.problem))?;
         let (state, report) = solver.gravity_equilibrium(load.gravity_mm_s2).map_err(RunError::Gravity)?;
         Ok(describe(&mut solver, state, report))
     }

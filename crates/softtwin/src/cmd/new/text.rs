@@ -29,7 +29,8 @@ pub fn compose(heading: &str, entries: &[Entry], [elastomer, law]: [&str; 2], si
         let key = line.split(" = ").next().unwrap_or("");
         let entry = entries.iter().find(|(of, name, _)| *of == section && *name == key);
         match (section.as_str(), entry) {
-            ("mesh", _) => {}
+            // A new file has the defaults of the iteration: a value copied from elsewhere can only make its states harder to solve.
+            ("mesh" | "newton", _) => {}
             ("elastomer.law", _) if line.contains(" = ") => {}
             ("elastomer.law", _) if line.starts_with('[') => text += &format!("{elastomer}{line}\n{law}"),
             (_, Some((_, _, value))) => text += &replaced(line, key, value),
