@@ -9,7 +9,7 @@ folder=${1:-target/motion}
 softtwin() { ${SOFTTWIN:-cargo run --quiet --release -p softtwin --} "$@"; }
 mkdir -p "$folder"
 if [ ! -f "$folder/q/actuator.toml" ]; then
-    (cd "$folder" && softtwin new q --chambers 4 --length-mm 48 --width-mm 16 --shear-modulus-mpa 0.2)
+    (cd "$folder" && softtwin new q --chambers 4 --length-mm 48 --width-mm 10 --shear-modulus-mpa 0.2)
     softtwin mesh --actuator "$folder/q/actuator.toml" --size-mm 12.5
 fi
 softtwin sample --kind sequence --n 60 --regime both --pressure-mpa 0 0.04 --gap-mm 3.5 6 --actuator "$folder/q/actuator.toml" \

@@ -17,7 +17,7 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();
     let save = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
-    let new = "new f --chambers 1 --length-mm 24 --width-mm 16 --shear-modulus-mpa 0.4";
+    let new = "new f --chambers 1 --length-mm 24 --width-mm 10 --shear-modulus-mpa 0.4";
     let words = |line: &str| line.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
     let succeed = |line: &str| {
         let words = words(line);

@@ -28,6 +28,11 @@ impl Boundary {
         Self(faces)
     }
 
+    /// Corners of all boundary faces, in no order.
+    pub(crate) fn faces(&self) -> impl Iterator<Item = [u32; 3]> {
+        self.0.values().copied()
+    }
+
     /// True if a face with these corners is on the boundary.
     pub(crate) fn has(&self, corners: [u32; 3]) -> bool {
         self.0.contains_key(&sorted(corners))

@@ -42,15 +42,3 @@ pub struct Mesh {
     /// `von_mises_owner_mpa`; `None` marks a node shown with zero stress (on the sheet).
     pub mises_owner: Option<Vec<Option<(u32, u8)>>>,
 }
-
-impl Mesh {
-    /// Node that is farthest from the middle of the held nodes, and its distance (mm).
-    pub fn tip(&self) -> ([f64; 3], f64) {
-        let held = self.fixed_nodes.iter().map(|n| self.nodes_mm[*n as usize]);
-        let sum = held.fold([0.0; 3], |sum: [f64; 3], x| [0, 1, 2].map(|k| sum[k] + x[k]));
-        let middle = sum.map(|v| v / self.fixed_nodes.len().max(1) as f64);
-        let distance = |x: &[f64; 3]| x.iter().zip(middle).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-        let all = self.nodes_mm.iter().map(|x| (*x, distance(x)));
-        all.fold((middle, 0.0), |far, next| if next.1 > far.1 { next } else { far })
-    }
-}

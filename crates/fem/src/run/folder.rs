@@ -85,7 +85,8 @@ pub fn write(
     manifest.write(&dir.join(DESCRIPTION))
 }
 
-/// Nodes of each cavity, if there are several, and of the volumes of each material but the elastomer, by their names.
+/// Nodes of each cavity, if there are several, of the volumes of each material but the elastomer, by their names, and of the end face
+/// `tip` of a mesh of another program.
 fn parts(family: &Family) -> Vec<NodeSet> {
     let (mesh, actuator) = (family.problem.mesh(), &family.actuator);
     let further = actuator.pressure_mpa.keys().zip(&mesh.cavities);
@@ -100,7 +101,8 @@ fn parts(family: &Family) -> Vec<NodeSet> {
         nodes.dedup();
         NodeSet { name, nodes }
     };
-    first.into_iter().chain(further).chain(materials).map(set).collect()
+    let tip = actuator.shape().is_none().then(|| ("tip".into(), mesh.end_face().nodes));
+    first.into_iter().chain(further).chain(materials).chain(tip).map(set).collect()
 }
 
 /// Writes the derivatives of all states, each row rounded to a fraction of its largest value, and the table of their cases and

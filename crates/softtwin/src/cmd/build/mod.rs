@@ -9,6 +9,7 @@ mod scene;
 
 use super::mesh::write_grid;
 use super::simulate::batch;
+use super::simulate::section::Bending;
 use crate::failure::{configuration, usage};
 use crate::files::{self, quoted, refusal, save};
 use crate::progress::Doing;
@@ -70,32 +71,42 @@ const OWN_MESH: &str = "mesh.vtu";
 /// Longest edge of an element by the thinnest wall of a chamber: elements that are longer and flatter fold before they bend.
 const COARSEST: f64 = 5.0;
 
-/// Observables of a finger, at the front edges of the base, where every mesh has nodes, and the volume of its chambers; of another shape the place of
-/// its tip.
+/// Farthest that the nearest node may be from a point of an observable (mm), as the model's own limit is.
+const NEAR_MM: f64 = 4.0;
+
+/// Observables of every actuator: its bending angles and the place of its tip. Of a finger also the angle of its chord, in place of the
+/// tip's z, and the volume of its chambers.
 fn observables(family: &Family) -> BTreeMap<String, Definition> {
-    let Some(shape) = family.actuator.shape() else {
-        let (tip, _) = family.problem.mesh().tip();
-        let position = |axis: usize| Definition {
-            kind: ObservableKind::Position,
-            points: vec![Place::At(tip)],
-            axis: Some(std::array::from_fn(|k| if k == axis { 1.0 } else { 0.0 })),
-        };
-        let named = ["tip_x_mm", "tip_y_mm", "tip_z_mm"].into_iter().enumerate();
-        return named.map(|(axis, name)| (name.to_owned(), position(axis))).collect();
-    };
-    let (end_mm, top_mm) = (shape.base.length_mm, shape.base_top_mm());
-    let at = |x: f64, y: f64| Place::At([x, shape.base_mm() + y, 0.0]);
-    let sections = vec![at(0.0, 0.0), at(0.0, top_mm), at(end_mm, 0.0), at(end_mm, top_mm)];
+    let problem = &family.problem;
     let of = |kind, points, axis| Definition { kind, points, axis };
-    [
-        ("bending_angle_deg", of(ObservableKind::SectionAngle, sections, None)),
-        ("chord_angle_deg", of(ObservableKind::ChordAngle, vec![at(0.0, 0.0), at(end_mm, 0.0)], None)),
-        ("tip_x_mm", of(ObservableKind::Position, vec![at(end_mm, 0.0)], Some([1.0, 0.0, 0.0]))),
-        ("tip_y_mm", of(ObservableKind::Position, vec![at(end_mm, 0.0)], Some([0.0, 1.0, 0.0]))),
-        ("chamber_volume_mm3", of(ObservableKind::Volume, Vec::new(), None)),
-    ]
-    .map(|(name, definition)| (name.to_owned(), definition))
-    .into()
+    let mut all: BTreeMap<String, Definition> = Bending::all(family)
+        .into_iter()
+        .map(|bending| (bending.name.to_owned(), bending.definition(problem)))
+        .collect();
+    let shape = family.actuator.shape();
+    let tip = match &shape {
+        Some(shape) => Place::At([shape.base.length_mm, shape.base_mm(), 0.0]),
+        None => tip_place(family),
+    };
+    let axes = [("tip_x_mm", [1.0, 0.0, 0.0]), ("tip_y_mm", [0.0, 1.0, 0.0]), ("tip_z_mm", [0.0, 0.0, 1.0])];
+    for (name, axis) in axes.into_iter().take(if shape.is_some() { 2 } else { 3 }) {
+        all.insert(name.into(), of(ObservableKind::Position, vec![tip.clone()], Some(axis)));
+    }
+    if let Some(shape) = shape {
+        let chord = vec![Place::At([0.0, shape.base_mm(), 0.0]), tip];
+        all.insert("chord_angle_deg".into(), of(ObservableKind::ChordAngle, chord, None));
+        all.insert("chamber_volume_mm3".into(), of(ObservableKind::Volume, Vec::new(), None));
+    }
+    all
+}
+
+/// The centroid of the end face; where that is in a hole, or far from every node, the mean of the face's nodes.
+fn tip_place(family: &Family) -> Place {
+    let mesh = family.problem.mesh();
+    let end = mesh.end_face();
+    let distance = |x: &[f64; 3]| x.iter().zip(end.centroid_mm).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+    let is_near = mesh.nodes_mm.iter().any(|x| distance(x) <= NEAR_MM * NEAR_MM);
+    if end.is_solid && is_near { Place::At(end.centroid_mm) } else { Place::Set("tip".into()) }
 }
 
 impl Args {

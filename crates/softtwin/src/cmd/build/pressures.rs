@@ -1,6 +1,6 @@
 //! The pressures that suit an actuator: solved upwards until it bends as far as wanted, or until nothing more is found.
 
-use crate::cmd::simulate::section::EndSection;
+use crate::cmd::simulate::section::Bending;
 use crate::cmd::simulate::stretch::MAX_BEYOND;
 use crate::failure::configuration;
 use crate::progress::Doing;
@@ -78,7 +78,7 @@ pub fn free_case(name: &str, pressure_mpa: f64) -> Case {
 
 /// Distance from the held face to the tip, mm.
 fn free_length_mm(family: &Family) -> f64 {
-    family.actuator.shape().map_or_else(|| family.problem.mesh().tip().1, |shape| shape.free_mm())
+    family.actuator.shape().map_or_else(|| family.problem.mesh().end_face().free_length_mm, |shape| shape.free_mm())
 }
 
 /// Solves upwards. States are kept in the run's store: a second call finds them there and takes the same steps.
@@ -101,7 +101,7 @@ pub fn find(run: &Run<'_>, doing: &Doing, mut say: impl FnMut(&str)) -> Result<P
     }
     say(&format!("rest: sags by {sag:.1} mm"));
     let problem = &run.family.problem;
-    let section = EndSection::of(problem);
+    let section = Bending::all(run.family).into_iter().next();
     let angle = |solved: &Solved, near: f64| {
         section.as_ref().map_or(f64::NAN, |s| s.angle_deg(problem, &solved.state.displacement_mm, near))
     };

@@ -7,10 +7,14 @@ use fem::Family;
 /// Its text: readings by formula through the pressures of the contact states, until a sensor takes their place.
 pub fn text(family: &Family, plan: &Plan, pressures: &Pressures) -> String {
     let name = &family.actuator.name;
-    // On the sheet, where every mesh has a node if it has one on the middle line; of another shape the farthest node.
+    // Of boxes a point on the sheet, where every mesh has a node if it has one on the middle line; of another shape the end face.
     let tip = family.actuator.shape().map_or_else(
-        || family.problem.mesh().tip().0,
-        |shape| [shape.base.length_mm, shape.base_mm() + shape.base.lower_mm, 0.5 * shape.base.width_mm],
+        || "\"tip\"".to_owned(),
+        |shape| {
+            let at = [shape.base.length_mm, shape.base_mm() + shape.base.lower_mm, 0.5 * shape.base.width_mm];
+            let [min, max] = [-0.01, 0.01].map(|off| at.map(|mm| mm + off));
+            format!("{{ box = {{ min = {min:?}, max = {max:?} }} }}")
+        },
     );
     let middle = 0.5 * plan.contact_mpa;
     let gap = plan
@@ -47,11 +51,9 @@ pub fn text(family: &Family, plan: &Plan, pressures: &Pressures) -> String {
          profile = {{ shape = \"sine\", mean_mpa = {middle:?}, amplitude_mpa = {middle:?}, frequency_hz = 0.25 }}\n\n\
          [[actuator.output]]              # softtwin/{name}/field\n\
          nodes = \"all\"\n\n\
-         [[actuator.output]]              # softtwin/{name}/field/tip: the middle of the base's free end\n\
+         [[actuator.output]]              # softtwin/{name}/field/tip: the free end\n\
          name = \"tip\"\n\
-         nodes = {{ box = {{ min = {:?}, max = {:?} }} }}\n\
+         nodes = {tip}\n\
          fields = [\"x\", \"y\", \"z\"]\n",
-        tip.map(|mm| mm - 0.01),
-        tip.map(|mm| mm + 0.01),
     )
 }

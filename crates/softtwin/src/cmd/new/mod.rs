@@ -26,6 +26,8 @@ Example: a finger of six chambers, 100 mm long, and its twin
 Without options on a terminal it asks for chambers, length, wall and silicone. Every other length follows the proportions of \
 the reference actuator; actuator.toml explains each, and all of them may be changed there.";
 
+/// Wall of a chamber that is not given, mm.
+const WALL_MM: f64 = 2.5;
 /// Sag as a fraction of the length from which hanging is advised.
 const HANGING_SHARE: f64 = 0.15;
 
@@ -45,8 +47,8 @@ pub struct Args {
     /// Whole length in mm (10 to 2000) [default: 9 mm a chamber].
     #[arg(long, value_name = "MM", value_parser = crate::range::number(10.0, 2000.0), help_heading = "Shape")]
     length_mm: Option<f64>,
-    /// Width of the base in mm (8 to 1000) [default: 32].
-    #[arg(long, value_name = "MM", value_parser = crate::range::number(8.0, 1000.0), help_heading = "Shape")]
+    /// Width of the body, the block of chambers, in mm (5 to 600); the base is 1.6 times as wide [default: 20].
+    #[arg(long, value_name = "MM", value_parser = crate::range::number(5.0, 600.0), help_heading = "Shape")]
     width_mm: Option<f64>,
     /// Wall between cavity and slot in mm (0.5 to 20); the top is 0.8 and a side 1.2 of it [default: 2.5].
     #[arg(long, value_name = "MM", value_parser = crate::range::number(0.5, 20.0), help_heading = "Shape")]
@@ -105,6 +107,14 @@ impl Args {
             "{}: {chambers} chambers, {length_mm} mm long, thinnest wall {:.2} mm",
             path.display(),
             shape.thinnest_wall_mm()
+        )?;
+        output!("cross-section through a chamber, mm:\n{}", shape::cross_section(&shape))?;
+        let [first, last] = shape.chambers.along_mm(0);
+        output!(
+            "along x: cavities {:.2} mm long, {} mm apart, walls {:.2} mm",
+            last - first,
+            shape.chambers.pitch_mm,
+            self.wall_mm.unwrap_or(WALL_MM)
         )?;
         self.print_material(&actuator)?;
         self.print_sag(&actuator, length_mm)?;
@@ -208,8 +218,8 @@ impl Args {
         let shape = Shape {
             chambers: self.chambers.unwrap_or(11),
             length_mm: self.length_mm,
-            width_mm: self.width_mm.unwrap_or(32.0),
-            wall_mm: self.wall_mm.unwrap_or(2.5),
+            width_mm: self.width_mm.unwrap_or(20.0),
+            wall_mm: self.wall_mm.unwrap_or(WALL_MM),
         };
         let mut entries: Vec<Entry> = shape.entries().map_err(usage)?;
         let silicone = self.silicone.unwrap_or(&SILICONES[0]);

@@ -1,6 +1,6 @@
 //! An equilibrium path over the injected volume, through limits of the pressure: table, limits, picture.
 
-use super::section::EndSection;
+use super::section::Bending;
 use super::single::sorted;
 use super::stretch;
 use crate::failure::configuration;
@@ -63,7 +63,8 @@ pub fn run(family: &Family, target: &Target, out: Option<&Path>, as_json: bool) 
     let (rest, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
     let begin = Load { injected_mm3: Some(0.0), ..actuator.load(0.0, target.gap_mm) };
     let (start, _) = solver.solve_to(&rest, &begin).map_err(sorted)?;
-    let section = EndSection::of(&problem);
+    let variant_family = Family { actuator: actuator.clone(), problem: Arc::clone(&problem) };
+    let section = Bending::all(&variant_family).into_iter().next();
     let mut rows: Vec<Row> = Vec::new();
     let mut printed = Ok(());
     if !as_json {
@@ -125,7 +126,7 @@ pub fn run(family: &Family, target: &Target, out: Option<&Path>, as_json: bool) 
 }
 
 impl Row {
-    fn of(problem: &Problem, section: Option<&EndSection>, point: &PathPoint, before: Option<&Self>) -> Self {
+    fn of(problem: &Problem, section: Option<&Bending>, point: &PathPoint, before: Option<&Self>) -> Self {
         let u = &point.state.displacement_mm;
         let squared = |u: &[f64; 3]| u.iter().map(|v| v * v).sum::<f64>();
         let near = before.map_or(0.0, |row| row.angle_deg);

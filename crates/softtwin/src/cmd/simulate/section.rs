@@ -1,34 +1,119 @@
-//! Bending angle: rotation of the end section.
+//! Bending angles: by how much the section at the free end has turned about an axis across the body, against the first section.
+//!
+//! `simulate` and `build` measure them on finite elements, a model as observables. Both go through the four nodes chosen here, so that a
+//! pressure that `build` reports for 90 degrees gives 90 degrees in the model.
 
-use fem::Problem;
+use fem::{EndFace, Family, Problem};
+use rom::observable::{Definition, ObservableKind, Place};
 
-/// Distance from the largest x within which a node belongs to the end section (mm).
-const END_MM: f64 = 0.01;
+/// Sections narrower than this fraction of the free length have no direction.
+const NARROWEST: f64 = 1.0e-3;
 
-/// Lowest and highest node of the end face.
-pub struct EndSection([usize; 2]);
+/// One bending angle.
+pub struct Bending {
+    /// Name of the observable.
+    pub name: &'static str,
+    /// Low and high node of the first section, then of the last.
+    nodes: [usize; 4],
+    /// Axis of rotation, a unit vector.
+    about: [f64; 3],
+}
 
-impl EndSection {
-    /// `None` where all nodes of the end have one height.
-    pub fn of(problem: &Problem) -> Option<Self> {
-        let nodes = &problem.mesh().nodes_mm;
-        let end_mm = nodes.iter().map(|x| x[0]).fold(f64::NEG_INFINITY, f64::max) - END_MM;
-        let face = || nodes.iter().enumerate().filter(|(_, x)| x[0] >= end_mm);
-        let by_height = |a: &(usize, &[f64; 3]), b: &(usize, &[f64; 3])| a.1[1].total_cmp(&b.1[1]);
-        let (low, high) = (face().min_by(by_height)?, face().max_by(by_height)?);
-        (high.1[1] - low.1[1] > END_MM).then_some(Self([low.0, high.0]))
+impl Bending {
+    /// The bending angles of an actuator, the main one first: of a finger of boxes that of its base, of another shape those in the two
+    /// planes through its axis. Empty where the end has no width.
+    pub fn all(family: &Family) -> Vec<Self> {
+        let problem = &family.problem;
+        let Some(shape) = family.actuator.shape() else {
+            let end = problem.mesh().end_face();
+            // Downwards first, as for a finger; across an axis that is itself vertical, to the left first.
+            let across = match end.axis {
+                0 => [1, 2],
+                1 => [0, 2],
+                _ => [1, 0],
+            };
+            let named = ["bending_angle_deg", "side_angle_deg"].into_iter().zip(across);
+            return named.filter_map(|(name, towards)| Self::across(problem, &end, name, towards)).collect();
+        };
+        // The front edges of the base: every mesh of boxes has nodes there.
+        let (end_mm, top_mm) = (shape.base.length_mm, shape.base_top_mm());
+        let points = [(0.0, 0.0), (0.0, top_mm), (end_mm, 0.0), (end_mm, top_mm)];
+        let nodes = points.map(|(x, y)| nearest(problem, [x, shape.base_mm() + y, 0.0]));
+        vec![Self { name: "bending_angle_deg", nodes, about: [0.0, 0.0, -1.0] }]
     }
 
-    /// Rotation of the section about -z from the undeformed state, degrees: the one of its turns that is nearest to `near`.
+    /// The angle by which the end turns towards lower values of a coordinate.
+    fn across(problem: &Problem, end: &EndFace, name: &'static str, towards: usize) -> Option<Self> {
+        let held = &problem.mesh().fixed_nodes;
+        let narrowest_mm = NARROWEST * end.free_length_mm;
+        let last = extremes(problem, &end.nodes, towards, narrowest_mm)?;
+        let first = extremes(problem, held, towards, narrowest_mm)
+            .or_else(|| extremes(problem, held, end.axis, narrowest_mm))?;
+        // The axis of the body turns towards -towards: about the cross product of both.
+        let (mut along, mut down) = ([0.0; 3], [0.0; 3]);
+        (along[end.axis], down[towards]) = (end.sense, -1.0);
+        Some(Self { name, nodes: [first[0], first[1], last[0], last[1]], about: cross(along, down) })
+    }
+
+    /// Definition of the observable.
+    pub fn definition(&self, problem: &Problem) -> Definition {
+        Definition {
+            kind: ObservableKind::SectionAngle,
+            points: self.nodes.map(|n| Place::At(problem.mesh().nodes_mm[n])).to_vec(),
+            axis: Some(self.about),
+        }
+    }
+
+    /// The angle in a state, degrees, 0 in the undeformed one: of all its turns the one that is nearest to `near`.
     pub fn angle_deg(&self, problem: &Problem, u: &[[f64; 3]], near: f64) -> f64 {
-        let along = |moved: bool| {
-            let [low, high] = self.0.map(|n| {
+        let turned = |moved: f64| {
+            let [a, b, c, d] = self.nodes.map(|n| {
                 let x = problem.mesh().nodes_mm[n];
-                if moved { [x[0] + u[n][0], x[1] + u[n][1]] } else { [x[0], x[1]] }
+                [0, 1, 2].map(|k| x[k] + moved * u[n][k])
             });
-            (high[0] - low[0]).atan2(high[1] - low[1])
+            let (first, last) = (minus(b, a), minus(d, c));
+            let across = dot(first, last) - dot(first, self.about) * dot(last, self.about);
+            dot(self.about, cross(first, last)).atan2(across)
         };
-        let angle = (along(true) - along(false)).to_degrees();
+        let angle = (turned(1.0) - turned(0.0)).to_degrees();
         angle + 360.0 * ((near - angle) / 360.0).round()
     }
+}
+
+/// The lowest and the highest of some nodes along a coordinate; of several the one nearest to the middle, so that the section goes through
+/// it. `None` where they are as good as level.
+fn extremes(problem: &Problem, nodes: &[u32], axis: usize, narrowest_mm: f64) -> Option<[usize; 2]> {
+    let places = &problem.mesh().nodes_mm;
+    let at = |n: u32| places[n as usize];
+    let middle = [0, 1, 2].map(|k| nodes.iter().map(|n| at(*n)[k]).sum::<f64>() / nodes.len().max(1) as f64);
+    let off = |n: u32| -> f64 { (0..3).filter(|k| *k != axis).map(|k| (at(n)[k] - middle[k]).powi(2)).sum() };
+    let level = |n: u32| at(n)[axis];
+    let low_mm = nodes.iter().map(|n| level(*n)).fold(f64::INFINITY, f64::min);
+    let high_mm = nodes.iter().map(|n| level(*n)).fold(f64::NEG_INFINITY, f64::max);
+    if high_mm - low_mm <= narrowest_mm {
+        return None;
+    }
+    let near = |level_mm: f64| {
+        let own = nodes.iter().copied().filter(|n| (level(*n) - level_mm).abs() <= 0.1 * narrowest_mm);
+        own.min_by(|a, b| off(*a).total_cmp(&off(*b))).map(|n| n as usize)
+    };
+    Some([near(low_mm)?, near(high_mm)?])
+}
+
+fn nearest(problem: &Problem, at_mm: [f64; 3]) -> usize {
+    let places = &problem.mesh().nodes_mm;
+    let square = |n: usize| -> f64 { dot(minus(places[n], at_mm), minus(places[n], at_mm)) };
+    (0..places.len()).min_by(|a, b| square(*a).total_cmp(&square(*b))).unwrap_or(0)
+}
+
+fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
