@@ -88,8 +88,12 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
     assert_eq!(errors[0]["class"], "free");
     assert!(errors[0]["inertia"][2].as_f64().unwrap() < 0.01, "{errors}");
     assert!(errors[0]["statics"][2].as_f64().unwrap() > 1.0, "{errors}");
-    // Pressures above the model are answered and counted; a motion that cannot be continued begins at rest. A hole of 3 s is a straight line.
-    save("above.csv", "t_s,pressure_mpa\n0,0.01\n0.0005,0.3\n0.02,0.3\n");
+    // Pressures above the model are answered and counted, far above there is no answer. A hole of 3 s is a straight line.
+    save("above.csv", "t_s,pressure_mpa\n0,0.01\n0.0005,0.035\n0.02,0.035\n");
+    save("far.csv", "t_s,pressure_mpa\n0,0.01\n0.0005,0.3\n0.02,0.3\n");
+    let (code, _, error) =
+        end_of("predict --model moves.twin --trace far.csv --out far-out.csv --step-ms 10");
+    assert!(code == 1 && error.contains("pressure_mpa") && !folder.join("far-out.csv").exists(), "{error}");
     save("hole.csv", "t_s,pressure_mpa\n0,0.01\n3,0.02\n3.1,0.02\n");
     let predict = |name: &str| -> Value {
         let line = format!("predict --model moves.twin --trace {name}.csv --out {name}-out.csv --step-ms 10");
