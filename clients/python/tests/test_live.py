@@ -111,6 +111,12 @@ def test_questions_are_answered(live):
     assert there.force_by_input[0] == there.force_by_pressure_n_per_mpa
     with pytest.raises(softtwin.Refused):
         twin.whatif(0.06, 30.0, inputs={"elastomer.law.mu_mpa": 0.7})
+    outside = twin.whatif(0.1, 30.0)
+    assert outside.domain_status == 2 and np.isnan(outside.displacement_halfwidth_mm) and np.isnan(outside.force_halfwidth_n)
+    assert all(np.isnan(halfwidth) and not np.isnan(value) for value, halfwidth in outside.observable_values.values())
+    with pytest.raises(softtwin.Refused) as refused:
+        twin.whatif(0.2, 30.0)
+    assert refused.value.answer.limit > 0.25 and np.isnan(refused.value.answer.contact_force_n)
     with pytest.raises(softtwin.Refused) as refused:
         twin.pressure(50.0, 30.0)
     assert refused.value.answer.limit == pytest.approx(twin.whatif(0.09, 30.0).contact_force_n, rel=0.01)
