@@ -370,7 +370,7 @@ fn import_command_makes_a_model_from_results() {
     assert_eq!(built["inputs"], serde_json::json!(["load_n", "thickness_mm"]), "{built:#}");
     let held_back = &built["quality"]["held_back"][0];
     assert!(held_back["states"].as_u64().is_some_and(|states| states > 1), "{built:#}");
-    assert!(held_back["displacement_percent"][1].as_f64().is_some_and(|error| error < 2.0), "{built:#}");
+    assert!(held_back["displacement"]["percent"][1].as_f64().is_some_and(|error| error < 2.0), "{built:#}");
     // A changed scene is kept under another name.
     let scene = stage.path("part/scene.toml");
     let changed = format!("{}# with a sensor\n", std::fs::read_to_string(&scene).expect("a scene"));

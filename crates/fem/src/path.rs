@@ -221,7 +221,7 @@ impl Solver {
 
     /// First limit of pressure on the way from a state to another pressure: looked for along the path, beginning with a part of the
     /// step that failed, until that pressure is passed. Behind a limit the path is followed until its pressure is reached again by a
-    /// stable state, at most [`BEYOND_STEPS`]; with an obstacle it is not. The loss of stability before a limit ends the search too.
+    /// stable state, at most [`BEYOND_STEPS`]; with an obstacle it is not, nor where nobody asks for that state. The loss of stability before a limit ends the search too.
     pub(crate) fn limit_before(
         &mut self,
         from: &State,
@@ -234,6 +234,7 @@ impl Solver {
         point.sense = up;
         let longest = self.problem().config().newton.step_length_mm;
         let has_obstacle = from.load.obstacle != Obstacle::None;
+        let ends_at_limit = has_obstacle || !self.searches_behind_limits;
         let longest_mm = |point: &PathPoint, _: &Tangent| {
             if point.sense == up && !has_obstacle { 0.5 * longest } else { longest }
         };
@@ -244,7 +245,7 @@ impl Solver {
                     points.last().is_some_and(|last| next.negative_eigenvalues > last.negative_eigenvalues);
                 return next.sense == up && (at_end || loses);
             };
-            if has_obstacle {
+            if ends_at_limit {
                 return true;
             }
             let limit_mpa = points.iter().map(|point| up * point.pressure_mpa()).fold(f64::MIN, f64::max);

@@ -221,6 +221,9 @@ impl Bodies for Stays {
 pub struct Solver {
     problem: Arc<Problem>,
     newton: Newton,
+    /// True to follow a path behind a limit of the pressure until a state is stable at that pressure again: some 24 steps, several
+    /// times the cost of the limit itself. Without it the search ends at the limit.
+    pub searches_behind_limits: bool,
 }
 
 impl Solver {
@@ -229,7 +232,8 @@ impl Solver {
     /// # Errors
     /// [`LinearError::Memory`].
     pub fn new(problem: Arc<Problem>) -> Result<Self, LinearError> {
-        Ok(Self { newton: Newton::new(Arc::clone(&problem))?, problem })
+        let newton = Newton::new(Arc::clone(&problem))?;
+        Ok(Self { problem, newton, searches_behind_limits: true })
     }
 
     /// The problem this solver works on.

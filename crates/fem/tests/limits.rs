@@ -96,6 +96,15 @@ fn path_lists_the_limit_of_the_balloon_and_loses_stability_there() {
     assert!(
         close(pressure_mpa, found[0].pressure_mpa, 1e-6) && close(injected_mm3, found[0].injected_mm3, 1e-3)
     );
+    // Who does not ask for a state behind the limit gets the same limit for less.
+    solver.searches_behind_limits = false;
+    let Err(SolveError::NotConverged(at_limit)) = solver.solve_to(&start, &load) else { panic!("no limit") };
+    println!("{at_limit}, {:?}", at_limit.report);
+    let NewtonError::Limit { pressure_mpa, next_injected_mm3: None, .. } = at_limit.reason else {
+        panic!("{at_limit}")
+    };
+    assert!(close(pressure_mpa, found[0].pressure_mpa, 1e-3), "{pressure_mpa}");
+    assert!(2 * at_limit.report.factorisations < stopped.report.factorisations, "{:?}", at_limit.report);
 }
 
 #[test]

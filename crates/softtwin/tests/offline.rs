@@ -206,9 +206,16 @@ fn pressure_limit_of_a_build_is_named_by_every_description_of_the_model() {
     }
     let ran = place.run(&["predict", "--model", "bar.twin", "--pressure-mpa", "0.11"]);
     assert!(ran.err.contains(&reason), "{}", ran.err);
-    // Trained again on the same states, the model keeps what the build found.
-    assert_eq!(place.run(&["train", "--database", "db", "--out", "bar.twin"]).code, 0);
-    assert_eq!(place.run(&["inspect", "bar.twin", "--json"]).json()["pressure_limit"]["reason"], reason);
+    // A build leaves it with the states: trained on them in whatever way, a model keeps what the build found.
+    let own = format!("[limit]\npressure_mpa = 0.1\nreason = \"{reason}\"\nstretch = 3.0\n");
+    std::fs::write(place.at("db/train.toml"), own).unwrap();
+    std::fs::write(place.at("mine.toml"), "coverage = 0.8\n").unwrap();
+    for way in [&[][..], &["--paper"], &["--config", "mine.toml"]] {
+        let again = ["train", "--database", "db", "--out", "again.twin"];
+        assert_eq!(place.run(&[&again[..], way].concat()).code, 0);
+        let inspected = place.run(&["inspect", "again.twin", "--json"]).json();
+        assert_eq!(inspected["pressure_limit"]["reason"], reason, "{way:?}");
+    }
 }
 
 #[test]

@@ -48,12 +48,33 @@ fn make_and_run(label: &str, options: &str) -> Value {
     let held_back = built["quality"]["held_back"].as_array().expect("a list");
     assert_eq!(held_back.len(), 2, "free and contact: {built}");
     for errors in held_back {
-        let mean = |name: &str| errors[name][0].as_f64();
-        assert!(mean("displacement_percent").is_some_and(|e| e < 1.0), "{errors}");
-        assert!(mean("stress_percent").is_some_and(|e| e < 6.0), "{errors}");
-        assert!(mean("force_percent").is_none_or(|e| e < 2.0), "{errors}");
+        let mean = |name: &str| errors[name]["percent"][0].as_f64();
+        assert!(mean("displacement").is_some_and(|e| e < 1.0), "{errors}");
+        assert!(mean("stress").is_some_and(|e| e < 6.0), "{errors}");
+        assert!(mean("force").is_none_or(|e| e < 2.0), "{errors}");
     }
     assert!(stage.path("finger/errors.png").exists());
+
+    // Every contact state touches.
+    let table = std::fs::read_to_string(stage.path("finger/database/cases.csv")).expect("a list");
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let heading = lines.next().expect("a heading");
+    let column = |name: &str| heading.iter().position(|cell| *cell == name).expect("a column");
+    let (regime, force) = (column("regime"), column("contact_force_n"));
+    for cells in lines.filter(|cells| cells[regime] == "contact") {
+        assert!(cells[force].parse::<f64>().is_ok_and(|force_n| force_n > 0.0), "{cells:?}");
+    }
+    // Trained again by whatever way, the model has the same observables.
+    for (way, out) in [("", "again.twin"), ("--paper", "paper.twin")] {
+        done(&stage, &format!("train --database finger/database {way} --out {out}"));
+        let answer =
+            done(&stage, &format!("predict --model {out} --pressure-mpa {pressure} --gap-mm {low} --json"));
+        let answer: Value = serde_json::from_str(&answer).expect("JSON");
+        assert_eq!(answer["observables"].as_object().map(serde_json::Map::len), Some(5), "{way}: {answer}");
+        let inspected: Value =
+            serde_json::from_str(&done(&stage, &format!("inspect {out} --json"))).expect("JSON");
+        assert_eq!(inspected["pressure_limit"]["reason"], built["pressure_reason"], "{way}");
+    }
 
     // The printed commands: ask the model, run the scene.
     let gap = 0.5 * (low + high);

@@ -60,7 +60,7 @@ pub(crate) fn assemble(
         node_sets: database.node_sets.clone(),
         database_hash: database.hash,
         clearance: onset.and_then(OnsetModel::into_clearance),
-        limit: None,
+        limit: config.limit.clone(),
         body: None,
     };
     let mut blocks: Vec<(BlockKind, BlockData)> =
@@ -119,6 +119,7 @@ fn regime_sheet(plan: &Plan, part: &Part, inputs: &[InputSpec]) -> RegimeSheet {
         force: part.force.as_ref().map(|force| {
             fit_sheet("contact_force", 0, 0.0, &force.model.surrogate, force.error_n, &force.candidates)
         }),
+        force_violation: part.force.as_ref().and_then(|force| force.violation.clone()),
         halfwidths: part.halfwidths,
         unseen_states: 0,
         leave_one_out: part.errors.clone(),
@@ -222,6 +223,8 @@ pub(crate) fn remarks(database: &Database, parts: &[Part]) -> Vec<String> {
         }
     }
     for part in parts {
+        let violation = part.force.as_ref().and_then(|force| force.violation.as_ref());
+        remarks.extend(violation.map(ToString::to_string));
         remarks.extend(off_curve(database, &part.errors));
     }
     remarks

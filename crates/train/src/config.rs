@@ -4,6 +4,7 @@ pub use rom::kernel::Precision;
 pub use rom::observable::{Definition, ObservableKind, Place};
 pub use rom::radial::{KernelKind, Tail};
 
+use rom::model::PressureLimit;
 use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -144,6 +145,9 @@ pub struct TrainConfig {
     pub duplicate_distance: f64,
     /// Observables by name, the unit at its end (`bending_angle_deg`).
     pub observables: BTreeMap<String, Definition>,
+    /// Where the search for the largest pressure ended when the actuator was built, which the model keeps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limit: Option<PressureLimit>,
 }
 
 impl Default for TrainConfig {
@@ -163,6 +167,7 @@ impl Default for TrainConfig {
             hysteresis_mpa: 2e-4,
             duplicate_distance: 1e-3,
             observables: BTreeMap::new(),
+            limit: None,
         }
     }
 }

@@ -5,6 +5,8 @@ use rom::halfwidths::HalfWidths;
 use rom::interpolant::Metric;
 use rom::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt::{self, Display};
 
 /// Data sheet of a trained model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -67,6 +69,9 @@ pub struct RegimeSheet {
     pub groups: Vec<FitSheet>,
     /// Contact force.
     pub force: Option<FitSheet>,
+    /// Where in the training range the contact force pulls, or falls while pressure rises; none if it does so nowhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub force_violation: Option<ForceViolation>,
     /// Half-widths with the nominal coverage.
     #[serde(rename = "half_widths")]
     pub halfwidths: HalfWidths,
@@ -79,6 +84,31 @@ pub struct RegimeSheet {
 
 fn is_zero(count: &usize) -> bool {
     *count == 0
+}
+
+/// A place at which a contact force cannot be right: an obstacle pushes, and an actuator under more pressure pushes harder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ForceViolation {
+    /// Inputs of the place by key.
+    pub inputs: BTreeMap<String, f64>,
+    /// Force there, N.
+    pub force_n: f64,
+    /// Its derivative with respect to pressure, N/MPa.
+    pub force_by_pressure_n_per_mpa: f64,
+}
+
+impl Display for ForceViolation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let place: Vec<String> =
+            self.inputs.iter().map(|(name, value)| format!("{name} = {value:.4e}")).collect();
+        write!(
+            f,
+            "at {} the contact force is {:.2e} N and changes by {:.2e} N/MPa with pressure, which cannot be: add a training state there",
+            place.join(", "),
+            self.force_n,
+            self.force_by_pressure_n_per_mpa
+        )
+    }
 }
 
 /// Sampled range of an input.

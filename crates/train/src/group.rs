@@ -202,7 +202,7 @@ pub(crate) fn fit_groups(
         let names: Vec<&str> = cluster.iter().map(|&g| plan.groups[g].name.as_str()).collect();
         let what = format!("group {}", names.join(", "));
         let refused = |source| TrainError::Fit { what, regime: regime.to_owned(), source };
-        let chosen = choose(states, &tasks, config).map_err(refused)?;
+        let chosen = choose(states, &tasks, config, &|_| true).map_err(refused)?;
         for (&g, choice) in cluster.iter().zip(chosen) {
             choices[g] = Some(choice);
         }

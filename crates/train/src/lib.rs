@@ -34,6 +34,7 @@ mod error;
 pub mod evaluate;
 #[doc(hidden)] // for tests/numerics.rs and tests/slopes.rs, as pod and select
 pub mod fit;
+mod force;
 mod group;
 pub mod inertia;
 pub mod measured;

@@ -1,8 +1,9 @@
 //! Training of one regime: inputs, groups, force, training range, half-widths.
 
 use crate::config::{ModeChoice, RegimeConfig, TrainConfig};
-use crate::datasheet::{Candidate, CaseError};
+use crate::datasheet::{Candidate, CaseError, ForceViolation};
 use crate::error::TrainError;
+use crate::force::ForceRegion;
 use crate::group::{Columns, Decomposed, Group, GroupFit, Plan, fit_groups};
 use crate::select::{States, Task, choose};
 use crate::sort::{Sorted, varying};
@@ -10,8 +11,8 @@ use faer::Mat;
 use rom::clearance::OnsetSolver;
 use rom::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
 use rom::hull::TrainingRange;
-use rom::inputs::{GAP, InputMap, Inputs, PRESSURE, Point};
-use rom::interpolant::Slope;
+use rom::inputs::{GAP, InputMap, InputSpec, Inputs, PRESSURE, Point};
+use rom::interpolant::{Interpolant, Slope};
 use rom::model::{Clearance, FarOnset, ForceModel, GroupModel, RegimeModel, modes_within};
 use rom::reconstructor::BasisOptions;
 use rom::regime::{OnsetAt, OnsetTable};
@@ -290,6 +291,8 @@ pub(crate) struct ForceFit {
     residuals_n: Vec<f64>,
     /// Axes of parameters that the force does not need.
     idle: Vec<usize>,
+    /// Where the force has the wrong sign or falls with pressure, although no other candidate is nearly as good.
+    pub violation: Option<ForceViolation>,
 }
 
 impl<'a> Training<'a> {
@@ -483,7 +486,14 @@ impl<'a> Training<'a> {
             modes_for_energy: 1,
         };
         let states = States { slopes: &slopes, ..self.states(&inputs, &score) };
-        let chosen = choose(states, &[task], config);
+        let with_forces: Vec<(Inputs, f64)> =
+            self.points.iter().copied().zip(forces.iter().copied()).collect();
+        let at = onset.map(|onset| |inputs: &Inputs| onset.at(inputs));
+        let region =
+            ForceRegion::new((&self.inputs, &self.domain), &with_forces, at.as_ref().map(|at| at as _));
+        let specs = InputSpec::without_range(&self.database.parameters);
+        let violation = |fitted: &Interpolant| region.violation(fitted, &specs);
+        let chosen = choose(states, &[task], config, &|fitted| violation(fitted).is_none());
         let error = |source| TrainError::Fit {
             what: "the contact force".into(),
             regime: self.name().to_owned(),
@@ -494,8 +504,16 @@ impl<'a> Training<'a> {
         used.iter().zip(&choice.fit.residuals).for_each(|(&i, e)| residuals_n[i] = e * excess[i]);
         let squares: f64 = residuals_n.iter().zip(&self.score).map(|(e, s)| e * e * s).sum();
         let error_n = (squares / self.score.iter().sum::<f64>()).sqrt();
+        let violation = violation(&choice.fit.interpolant);
         let model = ForceModel { surrogate: choice.fit.interpolant, times_excess_pressure: onset.is_some() };
-        Ok(ForceFit { model, candidates: choice.candidates, error_n, residuals_n, idle: choice.idle })
+        Ok(ForceFit {
+            model,
+            candidates: choice.candidates,
+            error_n,
+            residuals_n,
+            idle: choice.idle,
+            violation,
+        })
     }
 
     /// Leave-one-out errors at each case's worst node, with the modes that a reconstruction uses by default.

@@ -97,12 +97,17 @@ const STRETCHES: [f64; 3] = [0.7, 1.0, 1.4];
 
 /// Tries every candidate of `config` on groups that belong together and keeps the best: first every kernel with every
 /// anisotropy and smoothing, then sheared and stretched metrics around the best of the best few kernels, then, parameter
-/// after parameter, stretched ones along it. Cost
-/// `O(candidates x n^3)`.
+/// after parameter, stretched ones along it. A fit that is not sound is taken only if all sound ones are much worse; soundness is asked
+/// for only of fits that would otherwise be taken. Cost `O(candidates x n^3)`.
 ///
 /// # Errors
 /// The last refusal when no candidate could be fitted.
-pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<Vec<Choice>, FitError> {
+pub fn choose(
+    states: States,
+    tasks: &[Task],
+    config: &RegimeConfig,
+    is_sound: &dyn Fn(&Interpolant) -> bool,
+) -> Result<Vec<Choice>, FitError> {
     let outputs: usize = tasks.iter().map(|t| t.outputs).sum();
     let values = side_by_side(tasks, states.inputs.len(), |task| &task.values);
     let samples = Samples {
@@ -118,8 +123,8 @@ pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<V
     let rows = if differentiated { states.slopes.len() } else { 0 };
     let slope_values = side_by_side(tasks, rows, |task| &task.slope_values);
     let floor = DATA_ROUNDING * size(states, tasks);
-    let mut search =
-        Search { samples, states, tasks, floor, best: None, refusal: FitError::Empty, trials: Vec::new() };
+    let (best, refusal, trials) = (None, FitError::Empty, Vec::new());
+    let mut search = Search { samples, states, tasks, floor, is_sound, best, refusal, trials };
     for spec in &config.kernels {
         for (metric, smoothing) in variants(states.dimensions, states.operating, config) {
             search.attempt(*spec, metric, smoothing);
@@ -211,9 +216,14 @@ const OUTLIER: f64 = 12.0;
 /// and not measured does not deserve. Where a kernel is so ill-conditioned that its interpolant is noise, it is.
 const SMOOTHING_MUST_GAIN: f64 = 2.0;
 
-/// Ranking value of a candidate: the score, with the handicap of smoothing.
-fn merit(score: f64, smoothing: f64) -> f64 {
-    if smoothing > 0.0 { SMOOTHING_MUST_GAIN * score } else { score }
+/// Factor by which a fit that is not sound must be better than one that is. Leave-one-out errors of sound kernels differ by less where
+/// there are states enough; a fit that is three times as wrong is no remedy for a wrong sign between two states.
+const UNSOUND_MUST_GAIN: f64 = 3.0;
+
+/// Ranking value of a candidate: the score, with the handicaps of smoothing and of a fit known not to be sound.
+fn merit(score: f64, smoothing: f64, is_unsound: bool) -> f64 {
+    let smoothed = if smoothing > 0.0 { SMOOTHING_MUST_GAIN * score } else { score };
+    if is_unsound { UNSOUND_MUST_GAIN * smoothed } else { smoothed }
 }
 
 /// A candidate that was tried, and the modes each group would keep with it.
@@ -222,6 +232,14 @@ struct Trial {
     row: Candidate,
     modes: Vec<usize>,
     with_slopes: bool,
+    is_unsound: bool,
+}
+
+/// The best candidate so far.
+struct Best {
+    scored: CandidateScore,
+    fit: Fit,
+    is_unsound: bool,
 }
 
 struct Search<'a> {
@@ -230,7 +248,8 @@ struct Search<'a> {
     tasks: &'a [Task],
     /// Errors below this are the data's own rounding.
     floor: f64,
-    best: Option<(CandidateScore, Fit)>,
+    is_sound: &'a dyn Fn(&Interpolant) -> bool,
+    best: Option<Best>,
     refusal: FitError,
     trials: Vec<Trial>,
 }
@@ -246,13 +265,19 @@ impl<'a> Search<'a> {
         let kernel = format!("{}, {}{derivatives}", spec.kernel.name(), spec.tail.name());
         let mut row = Candidate { kernel, metric, smoothing, modes: 0, error: None, refused: None };
         let mut modes = vec![0; self.tasks.len()];
+        let mut is_unsound = false;
         match fit(samples, spec, metric, smoothing) {
             Ok(fit) => {
                 let scored = score(self.states, self.tasks, &fit.residuals);
                 row.error = Some(scored.score);
                 modes = scored.groups.iter().map(|g| g.0).collect();
-                if self.best.as_ref().is_none_or(|(b, f)| self.better((&scored, &fit), (b, f))) {
-                    self.best = Some((scored, fit));
+                let mut found = Best { scored, fit, is_unsound };
+                if self.is_best(&found) {
+                    is_unsound = !(self.is_sound)(&found.fit.interpolant);
+                    found.is_unsound = is_unsound;
+                    if self.is_best(&found) {
+                        self.best = Some(found);
+                    }
                 }
             }
             Err(e) => {
@@ -261,15 +286,15 @@ impl<'a> Search<'a> {
             }
         }
         let with_slopes = !samples.slopes.is_empty();
-        self.trials.push(Trial { spec, row, modes, with_slopes });
+        self.trials.push(Trial { spec, row, modes, with_slopes, is_unsound });
     }
 
     /// Compares scores. At rounding level the higher-degree tail wins: it extrapolates better.
-    fn better(&self, new: (&CandidateScore, &Fit), best: (&CandidateScore, &Fit)) -> bool {
-        let merit = |(scored, fit): (&CandidateScore, &Fit)| {
-            merit(scored.score.max(self.floor), fit.interpolant.smoothing)
-        };
-        let terms = |(_, fit): (&CandidateScore, &Fit)| fit.interpolant.tail.terms(self.samples.dimensions);
+    fn is_best(&self, new: &Best) -> bool {
+        let Some(best) = &self.best else { return true };
+        let merit =
+            |of: &Best| merit(of.scored.score.max(self.floor), of.fit.interpolant.smoothing, of.is_unsound);
+        let terms = |of: &Best| of.fit.interpolant.tail.terms(self.samples.dimensions);
         merit(new) < merit(best) || (merit(new) == merit(best) && terms(new) > terms(best))
     }
 
@@ -381,7 +406,9 @@ impl<'a> Search<'a> {
 
     /// Best first; refused ones last.
     fn sort(&mut self) {
-        let score = |t: &Trial| t.row.error.map_or(f64::INFINITY, |error| merit(error, t.row.smoothing));
+        let score = |t: &Trial| {
+            t.row.error.map_or(f64::INFINITY, |error| merit(error, t.row.smoothing, t.is_unsound))
+        };
         self.trials.sort_by(|a, b| score(a).total_cmp(&score(b)));
     }
 
@@ -418,7 +445,7 @@ impl<'a> Search<'a> {
 
     fn choices(mut self) -> Result<Vec<Choice>, FitError> {
         self.sort();
-        let (scored, mut fit) = self.best.ok_or(self.refusal)?;
+        let Best { scored, mut fit, .. } = self.best.ok_or(self.refusal)?;
         if fit.interpolant.slopes.is_empty() {
             (self.samples.slopes, self.samples.slope_values) = (&[], &[]);
         }

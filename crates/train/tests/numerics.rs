@@ -326,13 +326,44 @@ fn selection_over_four_inputs_finds_the_irrelevant_input() {
         Task { values, outputs: 1, slope_values, dropped, modes: ModeChoice::Fixed(1), modes_for_energy: 1 };
     let spec = KernelSpec { kernel: KernelKind::Cubic, tail: Tail::Linear };
     let config = RegimeConfig { kernels: vec![spec], smoothing: vec![0.0], ..RegimeConfig::default() };
-    let chosen = choose(states, &[task], &config).expect("chooses").remove(0);
+    let chosen = choose(states, &[task], &config, &|_| true).expect("chooses").remove(0);
     let scale = chosen.fit.interpolant.metric.scale;
     assert!(scale[2] < 0.1, "the third input changes nothing: {scale:?}");
     let first = chosen.candidates.first().and_then(|c| c.error).expect("scored");
     let start = Metric::IDENTITY.stretched(2, 0.35).stretched(3, 0.35);
     let plain = chosen.candidates.iter().find(|c| c.metric == start).and_then(|c| c.error);
     assert!(first < plain.expect("tried"), "stretching did not pay");
+}
+
+/// A kernel that is refused by a check of the fitted function gives way to another one, unless that is much worse.
+#[test]
+fn selection_takes_a_sound_kernel_that_is_nearly_as_good() {
+    let inputs = points(40);
+    let values: Vec<f64> = inputs.iter().map(smooth).collect();
+    let score = vec![1.0; inputs.len()];
+    let states = States { operating: 2, dimensions: 2, inputs: &inputs, score: &score, slopes: &[] };
+    let task = || Task {
+        values: values.clone(),
+        outputs: 1,
+        slope_values: Vec::new(),
+        dropped: vec![0.0; inputs.len()],
+        modes: ModeChoice::Fixed(1),
+        modes_for_energy: 1,
+    };
+    let spec = |kernel| KernelSpec { kernel, tail: Tail::Linear };
+    let chosen = |kernels: Vec<KernelSpec>, refused: Option<KernelKind>| {
+        let config = RegimeConfig { kernels, smoothing: vec![0.0], ..RegimeConfig::default() };
+        let is_sound = |fitted: &Interpolant| Some(fitted.kernel) != refused;
+        let choice = choose(states, &[task()], &config, &is_sound).expect("chooses").remove(0);
+        choice.fit.interpolant.kernel
+    };
+    let near = [KernelKind::Quintic, KernelKind::CubicQuintic { crossover: 0.4 }];
+    let best = chosen(near.map(spec).to_vec(), None);
+    let other = near.into_iter().find(|kernel| *kernel != best).expect("one of two");
+    assert_eq!(chosen(near.map(spec).to_vec(), Some(best)), other);
+    // Straight lines are more than three times as wrong.
+    let far = vec![spec(best), spec(KernelKind::Linear)];
+    assert_eq!(chosen(far, Some(best)), best);
 }
 
 /// Pressure and gap by their hull, parameters by their ranges, holes by the distance to the nearest sample.

@@ -167,7 +167,7 @@ fn scored(known: &Known, outputs: usize, slopes: &[Slope]) -> (f64, Vec<f64>) {
     };
     let spec = KernelSpec { kernel: KernelKind::Cubic, tail: Tail::Linear };
     let config = RegimeConfig { kernels: vec![spec], smoothing: vec![0.0], ..RegimeConfig::default() };
-    let choice = choose(states, &[task], &config).expect("chooses").remove(0);
+    let choice = choose(states, &[task], &config, &|_| true).expect("chooses").remove(0);
     let errors = choice.fit.residuals.chunks_exact(outputs);
     let errors = errors.map(|row| row.iter().map(|e| e * e).sum::<f64>().sqrt()).collect();
     (choice.candidates[0].error.expect("fitted"), errors)

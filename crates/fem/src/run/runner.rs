@@ -78,6 +78,8 @@ pub struct Run<'a> {
     pub threads: usize,
     /// True to store derivatives with respect to all inputs with each state.
     pub sensitivities: bool,
+    /// True to look behind a limit of the pressure for the next stable state, which the message of the failed case then names.
+    pub searches_behind_limits: bool,
 }
 
 /// Case with the variant, loads and starts of its row.
@@ -222,6 +224,7 @@ impl Work<'_> {
         let lock = || self.shared.lock().unwrap_or_else(PoisonError::into_inner);
         let result = Solver::new(Arc::clone(&self.run.family.problem)).map_err(RunError::from);
         let result = result.and_then(|mut solver| {
+            solver.searches_behind_limits = self.run.searches_behind_limits;
             while let Some((case, start)) = self.take() {
                 {
                     let _one_at_a_time = lock();

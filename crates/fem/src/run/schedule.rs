@@ -6,9 +6,6 @@
 
 use crate::cases::Case;
 
-/// Units of distance in pressure and gap: about the extent of the paper's training range.
-const PRESSURE_UNIT_MPA: f64 = 0.09;
-const GAP_UNIT_MM: f64 = 40.0;
 /// Distance of a case with an obstacle from one without: the approach takes about as many steps as the whole training range.
 const TOUCHING: f64 = 1.0;
 /// Distance of a case from one of another body (other parameters): every node moves, and the other body's state is not an
@@ -57,12 +54,14 @@ struct Place {
     parameters: Vec<f64>,
 }
 
+/// Units of distance: the list's own extents. The pressures of soft and stiff actuators differ by a factor of a hundred, and with a
+/// fixed unit every contact state of a soft one would start from the nearest gap, whatever its pressure.
 struct Scale {
     /// Extent of each parameter over the list.
     extents: Vec<f64>,
-    /// The largest gap of the list, scaled.
-    largest_gap: f64,
-    /// The largest injected volume of the list (mm3); 0 without one.
+    /// The largest pressure of the list (MPa), gap (mm) and injected volume (mm3); the smallest positive number without one.
+    largest_mpa: f64,
+    largest_gap_mm: f64,
     largest_mm3: f64,
 }
 
@@ -74,25 +73,26 @@ impl Scale {
                 values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (v.min(l), v.max(h)));
             if high > low { high - low } else { 1.0 }
         };
-        let gaps = cases.iter().filter_map(|case| case.gap_mm);
+        let largest = |value: &dyn Fn(&Case) -> Option<f64>| {
+            cases.iter().filter_map(value).map(f64::abs).fold(f64::MIN_POSITIVE, f64::max)
+        };
         Self {
             extents: (0..nominal.len()).map(extent).collect(),
-            largest_gap: gaps.fold(0.0, f64::max) / GAP_UNIT_MM,
-            largest_mm3: cases.iter().filter_map(|case| case.volume_mm3).fold(0.0, f64::max),
+            largest_mpa: largest(&|case| Some(case.pressure_mpa)),
+            largest_gap_mm: largest(&|case| case.gap_mm),
+            largest_mm3: largest(&|case| case.volume_mm3),
         }
     }
 
     /// Scaled pressure or injected volume.
     fn driven(&self, case: &Case) -> f64 {
-        case.volume_mm3.map_or(case.pressure_mpa / PRESSURE_UNIT_MPA, |volume| {
-            volume / self.largest_mm3.max(f64::MIN_POSITIVE)
-        })
+        case.volume_mm3.map_or(case.pressure_mpa / self.largest_mpa, |volume| volume / self.largest_mm3)
     }
 
     fn place(&self, driven: f64, gap_mm: Option<f64>, values: &[f64]) -> Place {
         Place {
             driven,
-            gap: gap_mm.map(|gap| gap / GAP_UNIT_MM),
+            gap: gap_mm.map(|gap| gap / self.largest_gap_mm),
             parameters: values.iter().zip(&self.extents).map(|(value, extent)| value / extent).collect(),
         }
     }
@@ -104,7 +104,7 @@ impl Scale {
             // The obstacle would have to be withdrawn; the state under gravity alone is the better start.
             (Some(_), None) => return f64::INFINITY,
             // The obstacle approaches from where it just clears the free state.
-            (None, Some(gap)) => (self.largest_gap - gap, TOUCHING),
+            (None, Some(gap)) => (1.0 - gap, TOUCHING),
             (Some(from), Some(to)) => (from - to, 0.0),
         };
         let parameters: f64 = from.parameters.iter().zip(&to.parameters).map(|(a, b)| (a - b).powi(2)).sum();

@@ -31,3 +31,11 @@ fn case_starts_from_the_nearest_case_of_its_body() {
         [Start::Rest, Start::Case(0), Start::Case(1), Start::Case(1), Start::Case(2), Start::Case(1)];
     assert_eq!(first, expected);
 }
+
+/// Distances count by the list's own extents: with units of a stiff actuator, every contact state of a soft one would start from the
+/// nearest gap, whatever its pressure.
+#[test]
+fn case_of_a_soft_actuator_starts_from_the_nearest_pressure() {
+    let cases = [case(0.0004, Some(21.0), 0.8), case(0.0068, Some(26.0), 0.8), case(0.007, Some(20.0), 0.8)];
+    assert_eq!(starts(&cases, &[0.8])[2][0], Start::Case(1));
+}

@@ -159,15 +159,16 @@ impl Sums {
 impl Interpolant {
     /// Values only, allocated: for training.
     pub fn values_at(&self, x: &Point) -> Vec<f64> {
-        self.all_at(x).0
+        self.value_and_gradient_at(x).0
     }
 
     /// Derivatives by each scaled input, allocated: for training.
     pub fn gradient_at(&self, x: &Point) -> Vec<Vec<f64>> {
-        self.all_at(x).1.into_iter().take(self.dimensions).collect()
+        self.value_and_gradient_at(x).1.into_iter().take(self.dimensions).collect()
     }
 
-    fn all_at(&self, x: &Point) -> (Vec<f64>, [Vec<f64>; MAX_INPUTS]) {
+    /// Values, and derivatives by each input, allocated: for training.
+    pub fn value_and_gradient_at(&self, x: &Point) -> (Vec<f64>, [Vec<f64>; MAX_INPUTS]) {
         let sums = Sums::new(&[self]);
         let mut value = vec![0.0; self.outputs];
         let mut rows: [Vec<f64>; MAX_INPUTS] = std::array::from_fn(|_| vec![0.0; self.outputs]);

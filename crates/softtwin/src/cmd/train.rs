@@ -38,7 +38,8 @@ pub struct Args {
     /// Model file to write; the data sheet goes beside it with the ending .json.
     #[arg(long, value_name = "FILE.twin", help_heading = "Output")]
     out: PathBuf,
-    /// Training configuration; keys left out keep their defaults.
+    /// Training configuration, in place of train.toml in the database's folder; keys left out keep their defaults, observables and the
+    /// limit of the pressure those of the folder.
     #[arg(long, value_name = "FILE.toml", conflicts_with = "paper")]
     config: Option<PathBuf>,
     /// Train by the paper's method instead of the defaults.
@@ -110,10 +111,6 @@ impl Args {
             progress.step("reduced mass");
             vibrations.extend(body.add_to(&mut model, &database)?);
         }
-        // Where the pressures ended is known to `build`, which made the file that is replaced.
-        let former = self.out.is_file().then(|| files::model(&self.out).ok()).flatten();
-        let former = former.filter(|former| former.header.actuator == model.header.actuator);
-        model.header.limit = former.and_then(|former| former.header.limit);
         let training_s = started.elapsed().as_secs_f64();
         // The sheet of a file names the chosen candidate only; the others are the larger part of it.
         for regime in &mut sheet.regimes {
@@ -133,15 +130,43 @@ impl Args {
     }
 
     fn config(&self) -> anyhow::Result<TrainConfig> {
-        let Some(path) = &self.config else {
-            return Ok(if self.paper { TrainConfig::paper() } else { TrainConfig::default() });
+        let own = config_of(&self.database)?;
+        let named = match &self.config {
+            Some(path) => read(path)?,
+            None if self.paper => TrainConfig::paper(),
+            None => return Ok(own),
         };
-        let place = || path.display().to_string();
-        let text = runtime::file::read_text(path, runtime::file::MAX_TEXT_BYTES)
-            .with_context(place)
-            .map_err(configuration)?;
-        parse(&text).with_context(place).map_err(configuration)
+        // What is observed of the actuator and the limit of its pressure do not depend on how the fields are trained.
+        let observables = if named.observables.is_empty() { own.observables } else { named.observables };
+        Ok(TrainConfig { observables, limit: named.limit.or(own.limit), ..named })
     }
+}
+
+/// The configuration that a database is trained with unless another one is named: its own `train.toml`, which `softtwin build` writes
+/// with the observables, or the defaults.
+pub(super) fn config_of(database: &Path) -> anyhow::Result<TrainConfig> {
+    let own = database.join(OWN_CONFIG);
+    if own.is_file() { read(&own) } else { Ok(TrainConfig::default()) }
+}
+
+/// Name of a database's own training configuration.
+pub(super) const OWN_CONFIG: &str = "train.toml";
+
+/// Gives a database that continues another one the same training configuration.
+pub(super) fn copy_config(from: &Path, to: &Path) -> anyhow::Result<()> {
+    let own = from.join(OWN_CONFIG);
+    if own.is_file() {
+        files::save(&to.join(OWN_CONFIG), &std::fs::read(own)?)?;
+    }
+    Ok(())
+}
+
+fn read(path: &Path) -> anyhow::Result<TrainConfig> {
+    let place = || path.display().to_string();
+    let text = runtime::file::read_text(path, runtime::file::MAX_TEXT_BYTES)
+        .with_context(place)
+        .map_err(configuration)?;
+    parse(&text).with_context(place).map_err(configuration)
 }
 
 /// A configuration of which any key may be left out.

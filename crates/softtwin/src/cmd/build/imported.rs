@@ -9,7 +9,6 @@ use anyhow::{Context, Result};
 use formats::database::obstacle_kinds;
 use rom::inputs::{GAP, InputSpec, PARAMETERS};
 use serde_json::json;
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -31,7 +30,7 @@ pub fn build(folder: &Folder, database: &Path) -> Result<()> {
     let kind = kinds.first().copied().with_context(|| format!("{}: no states", database.display()))?;
     let doing = Doing::default();
     let _heartbeat = doing.heartbeat();
-    let model = folder.train(database, kind, BTreeMap::new(), None, &doing)?;
+    let model = folder.train(database, kind, &doing)?;
     let quality = Quality::of(&model, database, &folder.path.join("errors.png"))?;
     let header = files::model(&model)?.header;
     // An input without a range is one that no state had.
@@ -51,6 +50,7 @@ pub fn build(folder: &Folder, database: &Path) -> Result<()> {
         }));
     }
     quality.print()?;
+    quality.print_warnings("more simulations near these states: softtwin import results")?;
     let state: String = inputs.iter().fold(String::new(), |text, input| text + &option(input));
     let (model, scene) = (quoted(&model), quoted(&scene));
     output!("\nstart it, with the readings of {} until the scene has a sensor:", sweep.display())?;

@@ -2,6 +2,7 @@
 
 mod folder;
 mod imported;
+mod infill;
 mod plan;
 mod pressures;
 mod quality;
@@ -19,7 +20,8 @@ use fem::Family;
 use fem::actuator::Actuator;
 use fem::cases::{Case, to_csv};
 use fem::run::{Run, Store, fingerprint};
-use folder::Folder;
+use folder::{Folder, OwnConfig};
+use infill::Budget;
 use plan::{Counts, Plan, landings};
 use pressures::Pressures;
 use quality::Quality;
@@ -52,7 +54,8 @@ pub struct Args {
     /// Folder with actuator.toml (`softtwin new` makes one) or database (`softtwin import results`).
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// Few states, for a first look; how good the model then is, is printed.
+    /// A first look: fewer states, and more where the errors ask for them only while all takes less than 200 s of processor time. How
+    /// good the model is, is printed.
     #[arg(long)]
     quick: bool,
     /// Longest edge of an element in mm; mesh.size_mm of actuator.toml when left out.
@@ -165,15 +168,16 @@ impl Args {
         }
         let list = self.folder.join("cases.csv");
         save(&list, to_csv(&plan.cases).as_bytes())?;
-        let states = plan.cases.len();
         let gaps =
             plan.gaps_mm.map_or("no obstacle".into(), |[low, high]| format!("gaps {low} to {high} mm"));
-        folder.say("states", &format!("{states} in {}, {gaps}", list.display()))?;
-        let outcome = batch::solve(&family, &plan.cases, &database, &options)?;
-        for (index, reason) in &outcome.failed {
-            folder.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
-        }
-        doing.begin("training");
+        // States over the pressures of several cavities are a sample of the whole range; nothing is added to them.
+        let further =
+            if plan.cavities.is_empty() { counts.further } else { Budget { states: 0, cpu_s: 0.0 } };
+        let more = match further.states {
+            0 => String::new(),
+            states => format!(", and at most {states} more where the errors ask for them"),
+        };
+        folder.say("states", &format!("{}{more}, in {}, {gaps}", plan.cases.len(), list.display()))?;
         let ranges =
             family.problem.config().elastomers.iter().filter_map(|elastomer| elastomer.stretch_range);
         let limit = PressureLimit {
@@ -182,8 +186,18 @@ impl Args {
             // Corners of the states found are stretched beyond the laws' range.
             stretch: ranges.map(|range| range[1]).fold(pressures.stretch.max(1.0), f64::max),
         };
-        let model =
-            folder.train(&database, actuator.obstacle_kind(), observables(&family), Some(limit), &doing)?;
+        folder.save_config(&database, &OwnConfig { observables: observables(&family), limit })?;
+        let outcome = infill::solve(&family, &mut plan, (&database, &options), further, |text| {
+            // What a reader of the output misses when it is closed is a progress line.
+            let _ = folder.say("states", text);
+        })?;
+        save(&list, to_csv(&plan.cases).as_bytes())?;
+        let states = plan.cases.len();
+        for (index, reason) in &outcome.failed {
+            folder.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
+        }
+        doing.begin("training");
+        let model = folder.train(&database, actuator.obstacle_kind(), &doing)?;
         doing.begin("measuring the model");
         let quality = Quality::of(&model, &database, &self.folder.join("errors.png"))?;
         let scene = self.folder.join("scene.toml");
@@ -199,7 +213,15 @@ impl Args {
             }));
         }
         quality.print()?;
-        Quality::print_limits(self.quick, &self.folder)?;
+        Quality::print_limits()?;
+        quality.print_warnings(&match self.quick {
+            true => format!("more states: softtwin build {}", quoted(&self.folder)),
+            false => format!(
+                "more states: softtwin sample --refine 8 --database {} --actuator {} --out finer",
+                quoted(&database),
+                quoted(&path)
+            ),
+        })?;
         self.commands(&model, &scene, &plan)?;
         output!("done in {seconds:.0} s, {:.0} s of processor time", cpu_s.unwrap_or(f64::NAN))?;
         Ok(())
@@ -240,7 +262,7 @@ impl Args {
 
     fn pressures(&self, folder: &Folder, family: &Family, doing: &Doing) -> Result<Pressures> {
         let store = Store::new(&self.folder.join("database/states"), fingerprint(&family.problem))?;
-        let run = Run { family, store, threads: 1, sensitivities: false };
+        let run = Run { family, store, threads: 1, sensitivities: false, searches_behind_limits: false };
         let found = pressures::find(&run, doing, |text| {
             // What a reader of the output misses when it is closed is a progress line.
             let _ = folder.say("pressures", text);

@@ -1,10 +1,12 @@
 //! One complete list of states: rest, maximum, free, contact from the onset to the maximum, and held-out states.
 
+use super::infill::Budget;
 use super::pressures::{Pressures, free_case};
 use anyhow::{Context, Result};
 use fem::actuator::Actuator;
 use fem::cases::Case;
-use fem::sample::{latin_hypercube, onset_pressure_mpa};
+use fem::sample::latin_hypercube;
+use rom::regime::OnsetTable;
 
 /// How many states of each kind.
 #[derive(Clone, Copy, Debug)]
@@ -13,17 +15,36 @@ pub struct Counts {
     between: usize,
     /// Gaps at which the states right behind the onset and those at the largest pressure are solved.
     edge: usize,
+    /// Pressures between these two at which the smallest and the largest gap are solved. States spread over the region lie half their
+    /// spacing away from its edges, and at small gaps the force bends most.
+    side: usize,
     /// Contact states in between.
     inner: usize,
     /// Held-out contact states.
     check: usize,
+    /// What may be added where the leave-one-out errors ask for it.
+    pub further: Budget,
 }
 
 impl Counts {
     /// Enough for use.
-    pub const FULL: Self = Self { between: 1, edge: 8, inner: 44, check: 16 };
+    pub const FULL: Self = Self {
+        between: 1,
+        edge: 8,
+        side: 5,
+        inner: 36,
+        check: 16,
+        further: Budget { states: 24, cpu_s: 1800.0 },
+    };
     /// For a first look.
-    pub const QUICK: Self = Self { between: 0, edge: 4, inner: 9, check: 5 };
+    pub const QUICK: Self = Self {
+        between: 0,
+        edge: 4,
+        side: 2,
+        inner: 8,
+        check: 5,
+        further: Budget { states: 12, cpu_s: 200.0 },
+    };
 }
 
 /// Share of the way from the onset to the largest pressure at which the first states behind the onset lie: at the onset itself
@@ -80,10 +101,15 @@ impl Plan {
             "pressure moves its underside by {:.2} mm only, so no plate can be reached; check sheet and support",
             reach - sag
         );
+        // The onset as the model will have it: a monotone cubic through the free states. Straight lines between states that lie far
+        // apart put the first states behind the onset before it.
+        let onset = OnsetTable::new(
+            clearances.iter().map(|state| state.1).collect(),
+            clearances.iter().map(|state| state.0).collect(),
+        );
         let at = |gap: f64, share: f64| -> Result<(f64, f64)> {
-            let onset =
-                if gap <= sag { 0.0 } else { onset_pressure_mpa(&clearances, gap).context("no onset")? };
-            Ok((rounded(onset + share * (largest - onset), 1e7), gap))
+            let onset_mpa = onset.onset(gap).pressure_mpa().context("no onset")?;
+            Ok((rounded(onset_mpa + share * (largest - onset_mpa), 1e7), gap))
         };
         let mut cases = free(pressures, counts);
         let mut add = |name: &str, split: &str, points: Vec<(f64, f64)>| {
@@ -108,7 +134,13 @@ impl Plan {
         // Below the sag its weight alone presses it on the plate: there the first state is the one without pressure.
         let onset =
             edge(BEHIND_ONSET)?.into_iter().map(|(p, gap)| (if gap < sag { 0.0 } else { p }, gap)).collect();
+        let between = |k: usize| (k + 1) as f64 / (counts.side + 1) as f64;
+        let side = (0..2 * counts.side).map(|k| {
+            let share = BEHIND_ONSET + (1.0 - BEHIND_ONSET) * between(k / 2);
+            at(gaps_mm[k % 2], share)
+        });
         add("onset", "train", onset);
+        add("side", "train", side.collect::<Result<_>>()?);
         add("contact", "train", cube(counts.inner, 1)?);
         add("maximum", "train", edge(1.0)?);
         add("check", "check", cube(counts.check, 2)?);
@@ -134,6 +166,19 @@ pub fn landings(free: &[Case], clearances_mm: &[f64], gaps_mm: [f64; 2]) -> Vec<
     };
     combined.enumerate().filter_map(landing).collect()
 }
+
+/// Moves contact states that turned out to touch nothing towards the largest pressure at their gap, all but those that are there
+/// already, which are left out.
+pub fn press(cases: &mut Vec<Case>, untouched: &[String], largest_mpa: f64) {
+    for case in cases.iter_mut().filter(|case| untouched.contains(&case.name)) {
+        case.pressure_mpa =
+            rounded(case.pressure_mpa + PRESS_FURTHER * (largest_mpa - case.pressure_mpa), 1e7);
+    }
+    cases.retain(|case| !untouched.contains(&case.name) || case.pressure_mpa < (1.0 - 1e-6) * largest_mpa);
+}
+
+/// Share of the way to the largest pressure by which a contact state without force is moved.
+const PRESS_FURTHER: f64 = 0.1;
 
 /// Multiples of the golden section, modulo 1, are spread evenly.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
@@ -207,7 +252,8 @@ fn rising(states: &[(f64, f64)]) -> Vec<(f64, f64)> {
     rising
 }
 
-fn rounded(value: f64, per_unit: f64) -> f64 {
+/// A value in whole parts of a unit.
+pub fn rounded(value: f64, per_unit: f64) -> f64 {
     (value * per_unit).round() / per_unit
 }
 

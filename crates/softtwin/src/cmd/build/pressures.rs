@@ -23,10 +23,12 @@ const MAX_SAG_SHARE: f64 = 0.6;
 const STEPS: f64 = 11.0;
 /// First pressure as a fraction of the shear modulus.
 const FIRST_SHARE: f64 = 0.005;
-/// Failures in a row after which the last state counts as the limit.
+/// Failures after which the last state counts as the limit: each costs as much as several states.
 const FAILURES: usize = 3;
 /// Fraction of a limit of pressure at which the last state is solved.
 const NEAR_LIMIT: f64 = 0.98;
+/// Fraction of a pressure without a state up to which further ones are looked for.
+const NEAR_FAILURE: f64 = 0.97;
 /// More states than this mean that pressure hardly bends the actuator.
 const MAX_STATES: usize = 30;
 
@@ -107,7 +109,9 @@ pub fn find(run: &Run<'_>, doing: &Doing, mut say: impl FnMut(&str)) -> Result<P
     };
     let mut states = vec![(0.0, rest.clearance_mm)];
     let mut way = Way { displacement_mm: sag, angle_deg: angle(rest, 0.0), length_mm: length };
-    let (begin, mut failures, mut near_limit, mut touching) = (way, 0, false, None);
+    let (begin, mut failures, mut touching) = (way, 0, None);
+    // What the search has learnt not to go beyond: a limit of the pressure, and the lowest pressure without a state.
+    let (mut limit_mpa, mut failed_mpa) = (None, f64::INFINITY);
     let mut stretch = problem.stretches(&rest.state).largest;
     let mut step = FIRST_SHARE * run.family.actuator.elastomer.law.shear_modulus_mpa();
     let reason = loop {
@@ -118,25 +122,25 @@ pub fn find(run: &Run<'_>, doing: &Doing, mut say: impl FnMut(&str)) -> Result<P
         let Some(solved) = last(&outcome, list.len() - 1) else {
             list.pop();
             let before = states[states.len() - 1].0;
-            if let Some(limit_mpa) = outcome.limit_mpa {
-                step = NEAR_LIMIT * limit_mpa - before;
-                say(&format!("{pressure} MPa: beyond a limit of the pressure at {limit_mpa:.6} MPa"));
-                if !near_limit && step > (1.0 - NEAR_LIMIT) * limit_mpa {
-                    near_limit = true;
+            if let Some(found_mpa) = outcome.limit_mpa {
+                step = NEAR_LIMIT * found_mpa - before;
+                say(&format!("{pressure} MPa: beyond a limit of the pressure at {found_mpa:.6} MPa"));
+                // Once right before a limit: a state that is not found there either is not looked for again.
+                if limit_mpa.replace(found_mpa).is_none() && step > (1.0 - NEAR_LIMIT) * found_mpa {
                     continue;
                 }
-                break format!("the pressure has a limit of {limit_mpa:.6} MPa, where {way}");
+                break at_limit(found_mpa, &way);
             }
             failures += 1;
-            step *= 0.5;
+            failed_mpa = failed_mpa.min(pressure);
             let reason = outcome.failed.last().map_or("", |(_, reason)| reason.as_str());
             say(&format!("{pressure} MPa: {reason}"));
-            if failures == FAILURES {
+            if failures == FAILURES || before >= NEAR_FAILURE * failed_mpa {
                 break format!("no state was found at {pressure} MPa: {reason}");
             }
+            step = 0.5 * (failed_mpa - before);
             continue;
         };
-        failures = 0;
         let now = Way {
             displacement_mm: largest_mm(solved),
             angle_deg: angle(solved, way.angle_deg),
@@ -163,6 +167,12 @@ pub fn find(run: &Run<'_>, doing: &Doing, mut say: impl FnMut(&str)) -> Result<P
         if reached >= ENOUGH {
             break now.to_string();
         }
+        if let Some(limit_mpa) = limit_mpa {
+            break at_limit(limit_mpa, &way);
+        }
+        if pressure >= NEAR_FAILURE * failed_mpa {
+            break format!("no state was found at {failed_mpa} MPa: {now}");
+        }
         if states.len() == MAX_STATES {
             break format!("{MAX_STATES} states were solved: {now}");
         }
@@ -170,6 +180,7 @@ pub fn find(run: &Run<'_>, doing: &Doing, mut say: impl FnMut(&str)) -> Result<P
         // A little more than what is left, so that the last step is not followed by a tiny one.
         let wanted = ((1.0 - first) / STEPS).min(1.05 * (1.0 - reached));
         step = if slope > 0.0 { (wanted / slope).min(3.0 * step) } else { 2.0 * step };
+        step = step.min(0.5 * (failed_mpa - pressure));
     };
     anyhow::ensure!(states.len() >= FEWEST, "only {} pressures could be solved ({reason})", states.len() - 1);
     let touching = touching.unwrap_or(states.len());
@@ -218,6 +229,10 @@ impl std::fmt::Display for Way {
             self.angle_deg, self.displacement_mm
         )
     }
+}
+
+fn at_limit(limit_mpa: f64, way: &Way) -> String {
+    format!("the pressure has a limit of {limit_mpa:.6} MPa, before which {way}")
 }
 
 fn quiet(_: Event<'_>) {}

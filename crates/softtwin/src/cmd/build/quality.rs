@@ -1,31 +1,53 @@
 //! How good a new twin is, in figures that say what they mean.
 
 use crate::cmd::evaluate;
-use crate::files::quoted;
 use crate::{files, output};
 use anyhow::Result;
-use rom::snapshots::{RegimeKind, Split};
+use rom::halfwidths::Errors;
+use rom::snapshots::{Case, Database, FieldKind, RegimeKind, Split};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use train::evaluate::Summary;
+use train::datasheet::CaseError;
 
-/// Errors of one regime in percent of the largest value of a state, mean and largest over the states.
+/// Percent above which an error of a state that was never trained on is said at the end.
+const TOO_LARGE_PERCENT: f64 = 5.0;
+
+/// Errors of a quantity at the worst node of a state: mean over the states and worst of them.
 #[derive(Debug, Serialize)]
-struct Errors {
-    regime: String,
+struct Share {
+    /// Percent of the largest value of the state; of a force, of the largest of all.
+    percent: [f64; 2],
+    /// Percent of what such largest values range over in the database.
+    percent_of_range: [f64; 2],
+    /// The worst state.
+    worst_case: String,
+}
+
+/// Errors of the states of one regime; `None` of a quantity that the model does not have.
+#[derive(Debug, Serialize)]
+struct Shares {
+    regime: RegimeKind,
     states: usize,
-    displacement_percent: [f64; 2],
-    /// `None` if the model has no stress.
-    stress_percent: Option<[f64; 2]>,
-    /// Percent of the largest force.
-    force_percent: Option<[f64; 2]>,
+    displacement: Option<Share>,
+    stress: Option<Share>,
+    force: Option<Share>,
+}
+
+impl Shares {
+    fn named(&self) -> [(&'static str, Option<&Share>); 3] {
+        let shares = [&self.displacement, &self.stress, &self.force].map(Option::as_ref);
+        let [displacement, stress, force] = shares;
+        [("displacement", displacement), ("stress", stress), ("contact force", force)]
+    }
 }
 
 /// Errors on held-out states, and by leaving out each training state in turn.
 #[derive(Debug, Serialize)]
 pub struct Quality {
-    held_back: Vec<Errors>,
-    leave_one_out: Vec<evaluate::LeftOut>,
+    held_back: Vec<Shares>,
+    leave_one_out: Vec<Shares>,
+    /// What is wrong with the model as far as its own figures tell.
+    warnings: Vec<String>,
     /// `None` without held-out states.
     picture: Option<PathBuf>,
 }
@@ -39,60 +61,99 @@ impl Quality {
         let loaded = files::model(model)?;
         let kinds = formats::database::obstacle_kinds(database).map_err(files::refusal)?;
         let data = files::database(database, kinds[0])?;
+        let largest = largest_values(&data);
+        let sheet = evaluate::read_data_sheet(&files::data_sheet(model));
+        let sheets = || sheet.iter().flat_map(|sheet| &sheet.regimes);
+        let left_out = sheets().filter_map(|regime| {
+            // Leaving out a state at the edge measures extrapolation.
+            let inner = regime.leave_one_out.iter().filter(|error| !error.on_hull);
+            let errors = inner.filter_map(|error| {
+                let index = data.cases.iter().position(|case| case.name == error.case)?;
+                let CaseError { displacement_mm, stress_mpa, force_n, .. } = *error;
+                Some((index, Errors { displacement_mm, stress_mpa, force_n }))
+            });
+            shares(regime.kind, &data.cases, &largest, &errors.collect::<Vec<_>>())
+        });
+        let leave_one_out = left_out.collect();
+        let mut warnings: Vec<String> =
+            sheets().filter_map(|regime| Some(regime.force_violation.as_ref()?.to_string())).collect();
         let held_back = |case: &usize| data.cases[*case].split != Split::Train;
         let cases: Vec<usize> = (0..data.cases.len()).filter(held_back).collect();
-        let leave_one_out = evaluate::leave_one_out(&files::data_sheet(model));
         if cases.is_empty() {
-            return Ok(Self { held_back: Vec::new(), leave_one_out, picture: None });
+            return Ok(Self { held_back: Vec::new(), leave_one_out, warnings, picture: None });
         }
         let report = train::evaluate::evaluate(&loaded, &data, &cases)?;
         evaluate::picture(&report).save(picture)?;
-        let held_back = report.regimes.iter().map(errors).collect();
-        Ok(Self { held_back, leave_one_out, picture: Some(picture.into()) })
+        let held_back: Vec<Shares> = report
+            .regimes
+            .iter()
+            .filter_map(|summary| {
+                let own = cases
+                    .iter()
+                    .zip(&report.cases)
+                    .filter(|(_, case)| case.is_of(summary.regime) && !summary.outside.contains(&case.case));
+                let errors: Vec<(usize, Errors)> = own.map(|(index, case)| (*index, case.errors)).collect();
+                shares(summary.regime, &data.cases, &largest, &errors)
+            })
+            .collect();
+        warnings.extend(held_back.iter().flat_map(too_large));
+        Ok(Self { held_back, leave_one_out, warnings, picture: Some(picture.into()) })
     }
 
     /// Prints the figures.
     pub fn print(&self) -> Result<()> {
-        output!("\nhow far it is from the finite elements it was trained on, at the worst node of a state:")?;
-        let has_stress = self.held_back.iter().any(|e| e.stress_percent.is_some())
-            || self.leave_one_out.iter().any(|left| left.stress_mpa.is_some());
-        let has_force = self.held_back.iter().any(|e| e.force_percent.is_some())
-            || self.leave_one_out.iter().any(|left| left.force_n.is_some());
-        let stress = if has_stress { format!("{:>16}", "stress") } else { String::new() };
-        let force = if has_force { format!("{:>16}", "force") } else { String::new() };
-        output!("  {:<38}{:>16}{stress}{force}", "mean and largest error", "displacement")?;
-        let pair = |[mean, largest]: [f64; 2]| format!("{mean:.2}, {largest:.2} %");
-        for e in &self.held_back {
-            let states = format!("{} {} states never trained on", e.states, e.regime);
-            let cell = |is_column: bool, value: Option<[f64; 2]>| match is_column {
-                true => format!("{:>16}", value.map_or("-".into(), pair)),
-                false => String::new(),
-            };
-            let (stress, force) = (cell(has_stress, e.stress_percent), cell(has_force, e.force_percent));
-            output!("  {states:<38}{:>16}{stress}{force}", pair(e.displacement_percent))?;
-        }
-        for left in self.leave_one_out.iter().filter(|left| left.cases > 0) {
-            let states = format!("{} {} states, left out in turn", left.cases, left.regime.name());
-            let pair = |[mean, _, largest]: [f64; 3], unit: &str| format!("{mean:.1e}, {largest:.1e} {unit}");
-            let displacement = pair(left.displacement_mm, "mm");
-            let stress =
-                left.stress_mpa.map_or(String::new(), |values| format!("{:>21}", pair(values, "MPa")));
-            let of_contact = left.force_n.filter(|_| left.regime == RegimeKind::Contact);
-            let force = match has_force {
-                true => format!("{:>19}", of_contact.map_or("-".into(), |values| pair(values, "N"))),
-                false => String::new(),
-            };
-            output!("  {states:<34}{displacement:>20}{stress}{force}")?;
-        }
-        match &self.picture {
-            Some(picture) => {
-                output!(
-                    "  percent of the largest value of a state, of a force of the largest of all; {}",
-                    picture.display()
-                )?;
+        output!(
+            "\nhow far it is from the finite elements it was trained on, at the worst node of a state, mean and worst:"
+        )?;
+        let rows: Vec<(String, &Shares)> = self
+            .held_back
+            .iter()
+            .map(|shares| ("never trained on", shares))
+            .chain(self.leave_one_out.iter().map(|shares| ("left out in turn", shares)))
+            .map(|(how, shares)| {
+                (format!("{} {} states, {how}", shares.states, shares.regime.name()), shares)
+            })
+            .collect();
+        let columns: Vec<usize> =
+            (0..3).filter(|column| rows.iter().any(|row| row.1.named()[*column].1.is_some())).collect();
+        let percents: [(&str, fn(&Share) -> [f64; 2]); 2] = [
+            ("percent of the largest value", |share| share.percent),
+            ("percent of the range", |share| share.percent_of_range),
+        ];
+        for (title, percent) in percents {
+            let names = ["displacement", "stress", "contact force"];
+            let heading: String = columns.iter().map(|column| format!("{:>18}", names[*column])).collect();
+            output!("  {title:<38}{heading}")?;
+            for (states, shares) in &rows {
+                let cell = |column: &usize| {
+                    let share = shares.named()[*column].1;
+                    let text = share.map(percent).map(|[mean, worst]| format!("{mean:.2}, {worst:.2} %"));
+                    format!("{:>18}", text.unwrap_or("-".into()))
+                };
+                output!("  {states:<38}{}", columns.iter().map(cell).collect::<String>())?;
             }
+        }
+        output!(
+            "  largest value: of the state, of a force of all states; range: of these values over all states"
+        )?;
+        match &self.picture {
+            Some(picture) => output!("  errors by state: {}", picture.display())?,
             None => output!("  no held-out state (split = test): the error is from leave-one-out only")?,
         }
+        Ok(())
+    }
+
+    /// Prints what is wrong with the model, last before it is started; nothing if all is well.
+    ///
+    /// # Errors
+    /// A closed output.
+    pub fn print_warnings(&self, remedy: &str) -> Result<()> {
+        if self.warnings.is_empty() {
+            return Ok(());
+        }
+        output!("\nnot good enough yet:")?;
+        self.warnings.iter().try_for_each(|warning| output!("  {warning}"))?;
+        output!("  {remedy}")?;
         Ok(())
     }
 
@@ -100,28 +161,99 @@ impl Quality {
     ///
     /// # Errors
     /// A closed output.
-    pub fn print_limits(quick: bool, folder: &Path) -> Result<()> {
+    pub fn print_limits() -> Result<()> {
         output!(
             "  the finite elements themselves: mesh about 4 % (docs/fem.md), and whatever the silicone's constants are off"
         )?;
-        if quick {
-            output!("  few states, few checks: a first look. For use: softtwin build {}", quoted(folder))?;
-        }
         Ok(())
     }
 }
 
-fn errors(summary: &Summary) -> Errors {
-    let of = |name: &str| {
-        let field = summary.fields.iter().find(|field| field.field == name)?;
-        Some([100.0 * field.normalised[0], 100.0 * field.normalised[2]])
-    };
-    let has_force = summary.regime == RegimeKind::Contact && summary.coverage[2].is_finite();
-    Errors {
-        regime: summary.regime.name().to_owned(),
-        states: summary.cases,
-        displacement_percent: of("displacement").unwrap_or([f64::NAN; 2]),
-        stress_percent: of("von_mises"),
-        force_percent: has_force.then(|| [0, 2].map(|k| 100.0 * summary.force_normalised[k])),
-    }
+/// A sentence for each quantity whose error on a state that was never trained on is too large.
+fn too_large(shares: &Shares) -> impl Iterator<Item = String> {
+    let large = shares.named().into_iter().filter_map(|(name, share)| Some((name, share?)));
+    large.filter(|(_, share)| share.percent[1] > TOO_LARGE_PERCENT).map(|(name, share)| {
+        let (regime, case, percent) = (shares.regime.name(), &share.worst_case, share.percent[1]);
+        format!(
+            "{name} of the {regime} state {case}, which was never trained on, is off by {percent:.1} % of the largest value"
+        )
+    })
 }
+
+/// The largest displacement (mm), stress (MPa) and force (N) of each state; NaN of what the database does not have.
+pub fn largest_values(data: &Database) -> Vec<Errors> {
+    let fields = |case: usize, wanted: FieldKind| {
+        let found = data.fields.iter().position(|field| field.kind == wanted)?;
+        Some(data.field(case, found).map(|value| f64::from(value.abs())).fold(0.0, f64::max))
+    };
+    let value = |case: usize| Errors {
+        displacement_mm: fields(case, FieldKind::Magnitude)
+            .or_else(|| largest_displacement_mm(data, case))
+            .unwrap_or(f64::NAN),
+        stress_mpa: fields(case, FieldKind::Stress).unwrap_or(f64::NAN),
+        force_n: data.cases[case].contact_force_n,
+    };
+    (0..data.cases.len()).map(value).collect()
+}
+
+/// Largest displacement of a state from the undeformed mesh, mm.
+fn largest_displacement_mm(data: &Database, case: usize) -> Option<f64> {
+    let mesh = data.undeformed_mm.as_ref()?;
+    let mut squares = vec![0.0; data.node_count];
+    for axis in 0..3 {
+        let field = data.coordinate(axis)?;
+        let pairs = data.field(case, field).zip(mesh);
+        squares
+            .iter_mut()
+            .zip(pairs)
+            .for_each(|(sum, (x, at))| *sum += (f64::from(x) - at[usize::from(axis)]).powi(2));
+    }
+    Some(squares.into_iter().fold(0.0, f64::max).sqrt())
+}
+
+/// Errors of some states of a regime as shares of the largest values of all; `None` without a state.
+fn shares(
+    regime: RegimeKind,
+    cases: &[Case],
+    largest: &[Errors],
+    errors: &[(usize, Errors)],
+) -> Option<Shares> {
+    if errors.is_empty() {
+        return None;
+    }
+    let of_regime = |value: fn(&Errors) -> f64| -> Vec<f64> {
+        let own = cases.iter().zip(largest).filter(|(case, _)| case.regime == regime);
+        own.map(|(_, largest)| value(largest)).collect()
+    };
+    let share = |value: fn(&Errors) -> f64, of_all: bool| {
+        let values = of_regime(value);
+        let [low, high] = values
+            .iter()
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [v.min(low), v.max(high)]);
+        let mean_and_worst = |by: &dyn Fn(usize) -> f64| {
+            let percent: Vec<f64> =
+                errors.iter().map(|(case, error)| 100.0 * value(error) / by(*case)).collect();
+            [percent.iter().sum::<f64>() / percent.len() as f64, percent.iter().copied().fold(0.0, f64::max)]
+        };
+        let of_case = |case: usize| if of_all { high } else { value(&largest[case]) };
+        let percent = mean_and_worst(&of_case);
+        let percent_of_range = mean_and_worst(&|_| high - low);
+        let worse = |a: &&(usize, Errors), b: &&(usize, Errors)| {
+            (value(&a.1) / of_case(a.0)).total_cmp(&(value(&b.1) / of_case(b.0)))
+        };
+        let worst_case = cases[errors.iter().max_by(worse)?.0].name.clone();
+        (percent[0].is_finite() && high > 0.0).then_some(Share { percent, percent_of_range, worst_case })
+    };
+    let has_force = regime == RegimeKind::Contact;
+    Some(Shares {
+        regime,
+        states: errors.len(),
+        displacement: share(|v| v.displacement_mm, false),
+        stress: share(|v| v.stress_mpa, false),
+        force: has_force.then(|| share(|v| v.force_n, true)).flatten(),
+    })
+}
+
+#[cfg(test)]
+#[path = "../../../tests/unit/cmd_build_quality.rs"]
+mod tests;

@@ -175,7 +175,7 @@ struct Printed<'a> {
 
 /// Leave-one-out errors of a regime's training cases: mean, 95th percentile, maximum over cases of the worst node's.
 #[derive(Debug, Serialize)]
-pub struct LeftOut {
+struct LeftOut {
     /// Which.
     pub regime: RegimeKind,
     /// Cases inside the hull of the others; leaving a corner out measures extrapolation.
@@ -188,13 +188,18 @@ pub struct LeftOut {
     pub force_n: Option<[f64; 3]>,
 }
 
-/// From the data sheet beside the model; none without one.
-pub fn leave_one_out(sheet: &Path) -> Vec<LeftOut> {
+/// The data sheet beside a model; none without one, which is said.
+pub fn read_data_sheet(sheet: &Path) -> Option<DataSheet> {
     let sheet = std::fs::read(sheet).ok().and_then(|bytes| serde_json::from_slice::<DataSheet>(&bytes).ok());
-    let Some(sheet) = sheet else {
+    if sheet.is_none() {
         tracing::warn!("no data sheet beside the model: leave-one-out errors are not shown");
-        return Vec::new();
-    };
+    }
+    sheet
+}
+
+/// From the data sheet beside the model; none without one.
+fn leave_one_out(sheet: &Path) -> Vec<LeftOut> {
+    let Some(sheet) = read_data_sheet(sheet) else { return Vec::new() };
     let of = |regime: &train::datasheet::RegimeSheet| {
         let inner: Vec<&CaseError> = regime.leave_one_out.iter().filter(|c| !c.on_hull).collect();
         let column =

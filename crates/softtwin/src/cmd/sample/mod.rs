@@ -3,7 +3,7 @@
 mod designs;
 mod gain;
 pub(super) mod parameters;
-mod refine;
+pub(super) mod refine;
 mod regime;
 
 use crate::failure::usage;

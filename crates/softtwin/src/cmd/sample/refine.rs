@@ -2,6 +2,7 @@
 
 use super::gain::{Gain, Quality, Trained};
 use super::regime::Regime;
+use crate::cmd::train as train_command;
 use crate::draws::Draws;
 use crate::failure::{configuration, usage};
 use crate::files::{self, refusal};
@@ -13,12 +14,11 @@ use fem::cases::{self, Case};
 use fem::run::{self, Event, Run, Solved, Store, fingerprint};
 use fem::sample::{InfillError, infill};
 use rom::inputs::Inputs;
-use rom::model::RegimeModel;
+use rom::model::{Model, RegimeModel};
 use rom::snapshots::{Database, RegimeKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use train::config::TrainConfig;
-use train::datasheet::RegimeSheet;
+use train::datasheet::{DataSheet, RegimeSheet};
 
 /// Places among which the next states are chosen.
 const CANDIDATES: usize = 1500;
@@ -78,7 +78,7 @@ impl Refinement {
                 parameter.name
             )));
         }
-        let before = train(&database)?;
+        let before = train(&database, target.database)?;
         let proposed = self.propose(target, &database, &before, kind)?;
         if !self.json {
             output!("{} states where the model is least sure:", proposed.len())?;
@@ -92,7 +92,8 @@ impl Refinement {
         run::extend(target.database, target.out, &family, &proposed, &solved).map_err(refusal)?;
         progress.step("training on the refined database");
         let refined = files::database(target.out, scene)?;
-        let after = train(&refined)?;
+        train_command::copy_config(target.database, target.out)?;
+        let after = train(&refined, target.out)?;
         let model = target.out.join(&family.actuator.name).with_extension("twin");
         files::save(&model, &after.0.to_bytes()?)?;
         files::save_data_sheet(&model, &after.1)?;
@@ -120,22 +121,14 @@ impl Refinement {
         (model, sheet): &Trained,
         kind: RegimeKind,
     ) -> anyhow::Result<Vec<Case>> {
-        let regime = model.regime(kind).zip(sheet.regimes.iter().find(|r| r.kind == kind));
-        let (regime, sheet) = regime.with_context(|| {
-            format!("{} has no training cases of regime {}", target.database.display(), kind.name())
-        })?;
-        let samples = infill_errors(database, sheet, |inputs| scale(regime, inputs));
-        let mut draws = Draws::new(model, kind, target.seed)?;
-        // A state of the other regime, or beyond the samples, would not refine this one.
-        let places: Vec<Inputs> = (0..CANDIDATES).filter_map(|_| draws.draw(|state| state)).collect();
-        let scaled: Vec<_> = places.iter().map(|place| scale(regime, place)).collect();
-        let chosen = infill(self.refine.unwrap_or(0), &samples, &scaled);
+        let count = self.refine.unwrap_or(0);
+        let chosen = places(database, (model, sheet), kind, count, target.seed)?;
         anyhow::ensure!(!chosen.is_empty(), "no state of regime {} lies between its samples", kind.name());
         let first = database.cases.len();
-        let case = |(k, i): (usize, usize)| {
-            let gap_mm = Some(places[i].gap_mm()).filter(|gap| gap.is_finite());
+        let case = |(k, place): (usize, Inputs)| {
+            let gap_mm = Some(place.gap_mm()).filter(|gap| gap.is_finite());
             let name = format!("refine{:03}", first + k);
-            target.regime.case(name, "train", (places[i].pressure_mpa(), gap_mm))
+            target.regime.case(name, "train", (place.pressure_mpa(), gap_mm))
         };
         Ok(chosen.into_iter().enumerate().map(case).collect())
     }
@@ -156,7 +149,8 @@ impl Refinement {
         let old = list.len();
         list.extend_from_slice(proposed);
         let store = Store::new(&folder, fingerprint(&family.problem))?;
-        let run = Run { family, store, threads: self.threads, sensitivities: false };
+        let run =
+            Run { family, store, threads: self.threads, sensitivities: false, searches_behind_limits: false };
         let outcome = run.solve(&list, &|event| match event {
             Event::Solved(case, solved) => {
                 tracing::info!(
@@ -172,8 +166,30 @@ impl Refinement {
     }
 }
 
-fn train(database: &Database) -> anyhow::Result<Trained> {
-    train::train(database, &TrainConfig::default(), &mut |_| ()).map_err(configuration)
+/// States inside the training range of a regime where the leave-one-out errors of a model ask for them, the most wanted first.
+///
+/// # Errors
+/// The database has no training case of the regime.
+pub fn places(
+    database: &Database,
+    (model, sheet): (&Model, &DataSheet),
+    kind: RegimeKind,
+    count: usize,
+    seed: u64,
+) -> anyhow::Result<Vec<Inputs>> {
+    let regime = model.regime(kind).zip(sheet.regimes.iter().find(|r| r.kind == kind));
+    let (regime, sheet) = regime
+        .with_context(|| format!("{} has no training cases of regime {}", database.actuator, kind.name()))?;
+    let samples = infill_errors(database, sheet, |inputs| scale(regime, inputs));
+    let mut draws = Draws::new(model, kind, seed)?;
+    // A state of the other regime, or beyond the samples, would not refine this one.
+    let places: Vec<Inputs> = (0..CANDIDATES).filter_map(|_| draws.draw(|state| state)).collect();
+    let scaled: Vec<_> = places.iter().map(|place| scale(regime, place)).collect();
+    Ok(infill(count, &samples, &scaled).into_iter().map(|i| places[i]).collect())
+}
+
+fn train(database: &Database, folder: &Path) -> anyhow::Result<Trained> {
+    train::train(database, &train_command::config_of(folder)?, &mut |_| ()).map_err(configuration)
 }
 
 /// A state's scaled inputs; the second is 0 where the regime has one.

@@ -77,7 +77,13 @@ pub fn solve(family: &Family, cases: &[Case], out: &Path, options: &Options) -> 
     let wants_lines = !std::io::stderr().is_terminal();
     let of_lines = Arc::clone(&pace);
     let _heartbeat = wants_lines.then(|| Heartbeat::new(move || Some(held(&of_lines).line())));
-    let run = Run { family, store, threads: options.threads, sensitivities: options.sensitivities };
+    let run = Run {
+        family,
+        store,
+        threads: options.threads,
+        sensitivities: options.sensitivities,
+        searches_behind_limits: true,
+    };
     let outcome = run.solve(cases, &|event| {
         show(&bar, &event);
         let mut pace = held(&pace);
