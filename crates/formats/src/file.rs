@@ -19,11 +19,37 @@ pub const MAX_COLUMNS: usize = 10_000;
 ///
 /// # Errors
 /// That place.
-pub(crate) fn check_columns(line: usize, columns: usize) -> Result<(), Diagnostic> {
+pub fn check_columns(line: usize, columns: usize) -> Result<(), Diagnostic> {
     if columns <= MAX_COLUMNS {
         return Ok(());
     }
     Err(Diagnostic::new(format!("line {line}"), format!("at most {MAX_COLUMNS} columns"), columns))
+}
+
+/// First bytes of files that are no text, with what they are.
+const MAGIC: [(&[u8], &str); 7] = [
+    (&[0x1f, 0x8b], "a gzip archive; unpack it first (gunzip)"),
+    (b"PK\x03\x04", "a zip archive or a workbook; unpack it, or export the sheet as CSV"),
+    (b"\xfd7zXZ", "an xz archive; unpack it first (unxz)"),
+    (&[0x28, 0xb5, 0x2f, 0xfd], "a zstd archive; unpack it first (unzstd)"),
+    (b"BZh", "a bzip2 archive; unpack it first (bunzip2)"),
+    (b"TDSm", "a TDMS file; export it as text"),
+    (b"\x89HDF", "an HDF5 file; export its table as CSV"),
+];
+/// Bytes from which text is told from other content, and the part of control characters that text has at most.
+const LOOKED_AT: usize = 1 << 16;
+const MOST_CONTROLS: f64 = 0.02;
+
+/// What a file is, if it is no text. Whether it is UTF-8 does not tell that: in Latin-1 every byte is a character.
+#[must_use]
+pub fn other_than_text(bytes: &[u8]) -> Option<&'static str> {
+    if let Some((_, what)) = MAGIC.iter().find(|(magic, _)| bytes.starts_with(magic)) {
+        return Some(what);
+    }
+    let begin = bytes.get(..LOOKED_AT).unwrap_or(bytes);
+    let is_control = |byte: &&u8| **byte < b' ' && !b"\t\n\r\x0b\x0c\x1a\x1b".contains(byte);
+    let controls = begin.iter().filter(is_control).count();
+    (controls as f64 > MOST_CONTROLS * begin.len() as f64).then_some("control characters: binary data")
 }
 
 /// Path that the file `file` has in a key, a table or a line: relative ones count from its folder.
@@ -70,8 +96,10 @@ pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, FormatError> {
 /// As [`read_bytes`]; bytes that are not UTF-8.
 pub fn read_text(path: &Path, limit: u64) -> Result<String, FormatError> {
     let bytes = read_bytes(path, limit)?;
-    String::from_utf8(bytes)
-        .map_err(|_| FormatError::one(path, Diagnostic::new("content", "UTF-8 text", "other bytes")))
+    String::from_utf8(bytes).map_err(|error| {
+        let found = other_than_text(error.as_bytes()).unwrap_or("other bytes");
+        FormatError::one(path, Diagnostic::new("content", "UTF-8 text", found))
+    })
 }
 
 /// Reads a typed value from a TOML file of at most [`MAX_TEXT_BYTES`]; `expected` describes its keys.

@@ -43,6 +43,8 @@ pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>> {
 /// # Errors
 /// As [`open`]; bytes that are not UTF-8.
 pub fn read_text(path: &Path, limit: u64) -> Result<String> {
-    String::from_utf8(read(path, limit)?)
-        .map_err(|_| Error::new(ErrorKind::InvalidData, "expected UTF-8 text, found other bytes"))
+    String::from_utf8(read(path, limit)?).map_err(|error| {
+        let found = formats::file::other_than_text(error.as_bytes()).unwrap_or("other bytes");
+        Error::new(ErrorKind::InvalidData, format!("expected UTF-8 text, found {found}"))
+    })
 }

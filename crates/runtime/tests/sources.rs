@@ -239,6 +239,26 @@ fn broken_traces_are_refused_with_the_line() {
     assert_eq!(problems("t_s,pressure_mpa\n"), [TraceError::Empty { what: "rows" }]);
 }
 
+#[test]
+fn traces_that_are_no_table_are_refused_in_time_and_in_few_words() {
+    let folder = folder();
+    let path = folder.path().join("trace.csv");
+    let wide = (0..1_000_000).map(|at| format!(",c{at}")).collect::<String>();
+    let long = format!(",{}", "c".repeat(1_000_000));
+    let twice = format!("t_s,pressure_mpa{}\n0,0\n", ",c".repeat(9_000));
+    for (bytes, most) in [
+        (format!("t_s,pressure_mpa{wide}\n0,0{wide}\n").into_bytes(), 1),
+        ([&[0x1f, 0x8b, 8, 0][..], b"t_s,pressure_mpa\n0,0\n"].concat(), 1),
+        (format!("t_s,pressure_mpa{long}{long}\n0,0\n").into_bytes(), 1),
+        (twice.into_bytes(), 20),
+    ] {
+        std::fs::write(&path, bytes).unwrap();
+        let errors = Trace::read(&path).unwrap_err();
+        let text: String = errors.iter().map(ToString::to_string).collect();
+        assert!(errors.len() == most && text.len() < 4000, "{} errors, {} bytes", errors.len(), text.len());
+    }
+}
+
 /// Columns of measured inputs: each is required, a pressure is not, and the values are unchanged.
 #[test]
 fn named_inputs_are_columns_of_a_trace() {

@@ -258,4 +258,6 @@ fn one_point_and_too_many_tests_are_refused() {
     assert_eq!(run(folder.path(), &["material", "fit", "few.toml", "--law", "neo-hookean"]).0, 0);
     write("many.toml", list(300));
     assert_eq!(run(folder.path(), &["material", "fit", "many.toml"]).0, 78);
+    let tables = [["material", "fit"].as_slice(), &["good.csv"; 65]].concat();
+    assert_eq!(run(folder.path(), &tables).0, 78);
 }

@@ -119,31 +119,6 @@ impl Log {
     }
 }
 
-/// First bytes of files that are no text, with what they are.
-const MAGIC: [(&[u8], &str); 7] = [
-    (&[0x1f, 0x8b], "a gzip archive; unpack it first (gunzip)"),
-    (b"PK\x03\x04", "a zip archive or a workbook; unpack it, or export the sheet as CSV"),
-    (b"\xfd7zXZ", "an xz archive; unpack it first (unxz)"),
-    (&[0x28, 0xb5, 0x2f, 0xfd], "a zstd archive; unpack it first (unzstd)"),
-    (b"BZh", "a bzip2 archive; unpack it first (bunzip2)"),
-    (b"TDSm", "a TDMS file; export it as text"),
-    (b"\x89HDF", "an HDF5 file; export its table as CSV"),
-];
-/// Bytes from which text is told from other content, and the part of control characters that text has at most.
-const LOOKED_AT: usize = 1 << 16;
-const MOST_CONTROLS: f64 = 0.02;
-
-/// What a file is, if it is no text: in Latin-1 every byte is a character.
-fn is_no_text(bytes: &[u8]) -> Option<&'static str> {
-    if let Some((_, what)) = MAGIC.iter().find(|(magic, _)| bytes.starts_with(magic)) {
-        return Some(what);
-    }
-    let begin = bytes.get(..LOOKED_AT).unwrap_or(bytes);
-    let is_control = |byte: &&u8| **byte < b' ' && !b"\t\n\r\x0b\x0c\x1a\x1b".contains(byte);
-    let controls = begin.iter().filter(is_control).count();
-    (controls as f64 > MOST_CONTROLS * begin.len() as f64).then_some("control characters: binary data")
-}
-
 /// Text of UTF-8, of UTF-16 with its mark, or of Latin-1 (what spreadsheets and oscilloscopes write).
 fn decoded(bytes: &[u8]) -> Result<Cow<'_, str>, Diagnostic> {
     let wide = |from: fn([u8; 2]) -> u16| -> Cow<'_, str> {
@@ -153,7 +128,7 @@ fn decoded(bytes: &[u8]) -> Result<Cow<'_, str>, Diagnostic> {
     let text = match bytes {
         [0xff, 0xfe, ..] => wide(u16::from_le_bytes),
         [0xfe, 0xff, ..] => wide(u16::from_be_bytes),
-        _ if let Some(found) = is_no_text(bytes) => {
+        _ if let Some(found) = file::other_than_text(bytes) => {
             return Err(Diagnostic::new("content", "a table as text", found));
         }
         _ => match std::str::from_utf8(bytes) {

@@ -9,8 +9,9 @@
 use super::reading::{InputNames, MARKERS, QUANTITIES, value_mut};
 use super::recorded::{self, TraceError};
 use crate::file;
-use formats::FormatError;
+use formats::file::check_columns;
 use formats::log::{Mapping, median};
+use formats::{Diagnostic, FormatError};
 use std::path::Path;
 use wire::SensorSample;
 
@@ -27,6 +28,9 @@ pub struct Trace {
 
 /// Multiple of the median period beyond which a jump is reported as a gap in time.
 const GAP_FACTOR: f64 = 5.0;
+
+/// Problems that are listed: a wrong file would give thousands.
+const MAX_PROBLEMS: usize = 20;
 
 /// Where the columns are; a missing optional column gives NaN.
 struct Columns {
@@ -50,7 +54,7 @@ impl Trace {
     /// Reads and checks a file: CSV or a recording, recognised by its first bytes.
     ///
     /// # Errors
-    /// All problems found, each with its line (at most 20 of them: a wrong file would give thousands).
+    /// All problems found, each with its line; at most 20 of them.
     pub fn read(path: &Path) -> Result<Self, Vec<TraceError>> {
         Self::read_named(path, None, &InputNames::default())
     }
@@ -72,6 +76,10 @@ impl Trace {
             return Ok(Self::of_rows(rows, numbers));
         }
         let bytes = file::read(path, MAX_BYTES).map_err(unreadable)?;
+        if let Some(found) = formats::file::other_than_text(&bytes) {
+            let cause = format!("expected a table as text or a recording, found {found}");
+            return Err(vec![TraceError::Unreadable { cause }]);
+        }
         Self::parse_named(&String::from_utf8_lossy(&bytes), inputs)
     }
 
@@ -122,7 +130,7 @@ impl Trace {
                 }
                 Err(problem) => problems.push(problem),
             }
-            if problems.len() >= 20 {
+            if problems.len() >= MAX_PROBLEMS {
                 break;
             }
         }
@@ -215,11 +223,13 @@ pub fn in_another_unit(column: &str) -> Option<&'static str> {
 
 impl Columns {
     fn find(line: usize, header: &str, names: &InputNames) -> Result<Self, Vec<TraceError>> {
+        let too_many = |error: Diagnostic| vec![TraceError::Unreadable { cause: error.to_string() }];
+        check_columns(line, header.split(',').count()).map_err(too_many)?;
         let columns = || header.split(',').map(str::trim);
         let place = |name: &str| columns().position(|column| column == name);
         let twice = |at: usize, column: &str| {
             let is_again = !column.is_empty() && place(column) != Some(at);
-            is_again.then(|| TraceError::ColumnTwice { line, column: column.to_owned() })
+            is_again.then(|| TraceError::ColumnTwice { line, column: column.chars().take(40).collect() })
         };
         let needed =
             ["t_s"].into_iter().chain(names.iter()).chain(names.has_no_input().then_some("pressure_mpa"));
@@ -236,13 +246,14 @@ impl Columns {
             let expected = in_another_unit(column).filter(|_| !names.iter().any(|name| name == column))?;
             (place(expected).is_none()).then(|| TraceError::AnotherUnit {
                 line,
-                found: column.to_owned(),
+                found: column.chars().take(40).collect(),
                 expected,
             })
         };
         let problems: Vec<TraceError> = (needed.filter(|column| place(column).is_none()).map(missing))
             .chain(columns().filter_map(another))
             .chain(columns().enumerate().filter_map(|(at, column)| twice(at, column)))
+            .take(MAX_PROBLEMS)
             .collect();
         match (place("t_s"), problems.is_empty()) {
             (Some(t_s), true) => Ok(Self {

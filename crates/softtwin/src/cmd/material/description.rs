@@ -146,9 +146,6 @@ struct List {
     test: Vec<Description>,
 }
 
-/// Most tests of a fit, whose time grows with them: about 0.2 s each.
-pub const MAX_TESTS: usize = 64;
-
 /// Reads the descriptions of several tests; files are relative to the list's folder.
 pub fn read(path: &Path) -> Result<Vec<Description>> {
     let text = file::read_text(path, file::MAX_TEXT_BYTES).map_err(refusal)?;
@@ -158,13 +155,6 @@ pub fn read(path: &Path) -> Result<Vec<Description>> {
             path.display()
         ))
     })?;
-    let count = list.test.len();
-    if count > MAX_TESTS {
-        return Err(configuration(anyhow!(
-            "{}: expected at most {MAX_TESTS} [[test]], found {count}; join the tables of equal specimens, or fit a part of them",
-            path.display()
-        )));
-    }
     let place = |test: Description| Description { file: file::named_in(path, &test.file), ..test };
     if list.test.iter().all(|test| test.shape_only) && !list.test.is_empty() {
         return Err(configuration(anyhow!(

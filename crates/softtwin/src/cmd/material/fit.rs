@@ -11,6 +11,9 @@ use fem::material::fit::{self, Family, Fitted, Test, stretch_range};
 use formats::log::Column;
 use std::path::PathBuf;
 
+/// Most tests of a fit, whose time grows with them: about 0.2 s each.
+const MAX_TESTS: usize = 64;
+
 pub(super) const EXAMPLES: &str = "\
 Examples:
   softtwin material fit strip.csv --out silicone.toml --picture fit.png
@@ -243,6 +246,12 @@ impl Args {
         }
         if all.is_empty() {
             return Err(configuration(anyhow!("expected a test, found empty lists")));
+        }
+        let count = all.len();
+        if count > MAX_TESTS {
+            return Err(configuration(anyhow!(
+                "expected at most {MAX_TESTS} tests, found {count}; join the tables of equal specimens, or fit a part of them"
+            )));
         }
         Ok(all)
     }
