@@ -71,6 +71,7 @@ fn invalid_traces_and_constants_of_motion_are_refused() {
     refused(plain, "--step-ms -1", 2, "0.001 to 100");
     refused(plain, "--step-ms 100", 78, "lowest frequency");
     refused(plain, "--fields-s 0.2", 2, "0 to 0.1 s");
+    refused("t_s,pressure_mpa\n0,0.02\n1e6,0.02\n", "", 2, "t = 0 s");
     refused(plain, "--gap-mm 3", 2, "cannot be used with");
     refused(plain, "--set elastomer.density_t_per_mm3=0", 78, "density_t_per_mm3");
     refused(plain, "--set dynamics.beta_s=-1", 78, "beta_s");

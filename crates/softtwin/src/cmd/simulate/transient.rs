@@ -21,6 +21,9 @@ use std::time::Instant;
 /// Records between two checkpoints.
 const CHECKPOINT_EVERY: usize = 25;
 
+/// Most instants of a motion: days of computing, and what memory and the written series hold.
+const MAX_INSTANTS: f64 = 1e6;
+
 /// Options.
 pub struct Options {
     /// The inputs.
@@ -53,6 +56,18 @@ pub fn run(family: &Family, options: Options, as_json: bool) -> anyhow::Result<(
         tracing::warn!(
             "no row of the trace for {length_s} s after t = {begin_s} s: inputs are interpolated linearly"
         );
+    }
+    let least = (last_s - first_s) / options.steps.largest_s;
+    if least > MAX_INSTANTS {
+        let longest = trace.long_intervals().into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        let longest = longest.map_or(String::new(), |(begin_s, length_s)| {
+            format!("; the longest gap, {length_s} s, begins at t = {begin_s} s (is t_s in seconds?)")
+        });
+        return Err(usage(format!(
+            "--trace: expected at most {MAX_INSTANTS:e} instants, found {least:.0} with one every {} s at least{longest}; cut the trace, or \
+             give a larger --step-ms",
+            options.steps.largest_s
+        )));
     }
     let instants = trace.instants(&options.fields_s, options.steps.largest_s);
     file::create_folder(&options.out)?;
