@@ -2,6 +2,7 @@
 # All tests: units, properties, golden files, several processes.
 #   scripts/test.sh              everything
 #   scripts/test.sh NAME         only the tests whose name contains NAME
+#   scripts/test.sh --fast       what one needs between two edits: without trainings, solved paths, whole commands and programs that work together
 # With SOFTTWIN_NETWORK=1 the network gateway is built and tested too, which takes two minutes more.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -11,6 +12,14 @@ require cargo cc strace
 # these in two lists at low priority.
 computing="softtwin|formats|rom|estimate|control|train|fem|studies"
 
+fast=""
+if [[ ${1-} == --fast ]]; then
+    fast=yes
+    shift
+fi
+# Test programs that `--fast` leaves out: each takes a minute or more.
+long="^[^ ]*/(softtwin|train|fem|studies|gateway|tests) .*/(all|system|processes)-[0-9a-f]*$"
+
 # Multi-process tests start our programs. One build for all: packages that are selected alone have other features.
 # shellcheck disable=SC2046 # `network` prints no word or two
 cargo build --locked --workspace $(network) --bins --lib --examples
@@ -18,8 +27,8 @@ logs=$(mktemp -d)
 trap 'rm -rf "$logs"' EXIT
 cargo test --locked --workspace $(network) --no-run --message-format json-render-diagnostics >"$logs/built"
 sed -n '/"profile":{[^}]*"test":true/s/.*"manifest_path":"\([^"]*\)\/Cargo.toml".*"executable":"\([^"]*\)".*/\1 \2/p' "$logs/built" >"$logs/programs"
+[[ -z $fast ]] || { grep -vE "$long" "$logs/programs" >"$logs/short"; mv "$logs/short" "$logs/programs"; }
 built_s=$SECONDS
-
 
 # run PROGRAM [NAME]: one test program in the folder of its package; PROGRAM is "FOLDER PATH".
 run() {
@@ -46,7 +55,7 @@ set +m
 trap 'kill -- "${beside[@]/#/-}" 2>/dev/null || true; rm -rf "$logs"' EXIT
 failed=0
 of_computing -v | run_all "$@" || failed=1
-cargo test --locked --workspace $(network) --doc --quiet -- "$@" || failed=1
+[[ -n $fast ]] || cargo test --locked --workspace $(network) --doc --quiet -- "$@" || failed=1
 processes_s=$SECONDS
 for group in "${beside[@]}"; do
     renice -n 0 -g "$group" >/dev/null 2>&1 || true # ignored without the right to raise a priority
