@@ -3,7 +3,9 @@
 
 use rom::inputs::Inputs;
 use rom::memory::{Creep, InputMemory, Line, Memory, MemorySpec, Play, Slopes};
+use rom::model::{BlockKind, Model};
 use rom::rng::Rng;
+use rom::session::{Gaps, Session};
 use runtime::config::{Limits, Scene, Settings};
 use runtime::load::load_scene;
 use runtime::source::{Devices, Poll};
@@ -46,7 +48,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 /// Line, play and creep of the pressure.
-fn memory() -> Memory {
+fn memory() -> MemorySpec {
     let of = InputMemory {
         input: 0,
         range: [0.0, 0.06],
@@ -56,7 +58,7 @@ fn memory() -> Memory {
         creep: vec![Creep { time_s: 3.0, weight: 0.1 }],
         slopes: Slopes { displacement_mm: 1000.0, ..Slopes::default() },
     };
-    Memory::new(MemorySpec { inputs: vec![of], max_gap_s: 1.0 }).unwrap()
+    MemorySpec { inputs: vec![of], max_gap_s: 1.0 }
 }
 
 #[test]
@@ -66,8 +68,10 @@ fn twin_loop_allocates_only_the_transports_sample_handles_and_publishes_inputs_b
     let scene = Scene::load(&path).unwrap();
     let bus = stage.bus();
     let mut loaded = load_scene(&scene, &path).unwrap();
-    loaded[0].memory = Some(memory());
-    let mut expected = memory();
+    let mut model = Model::from_bytes(&std::fs::read(&loaded[0].spec.model).unwrap()).unwrap();
+    model.set_record(BlockKind::Memory, &memory()).unwrap();
+    loaded[0].session = Session::new(&model, Gaps::Live).unwrap();
+    let mut expected = Memory::new(memory()).unwrap();
     let (events, _reporter) = event_channel();
     let mut twin = Twin::start(&bus, loaded, &patient(), &events).unwrap();
     let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();

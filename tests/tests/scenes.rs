@@ -255,8 +255,8 @@ fn states_carry_coefficients_only_if_enabled() {
         let stage = Stage::new("coefficients");
         let text = actuator(&format!("{keys}{stress}"));
         let whole = load(&stage, &text).remove(0);
-        let (mut expected, inputs) = (whole.evaluator.evaluation(), Inputs::new(0.05, 30.0));
-        whole.evaluator.evaluate(inputs, &mut expected);
+        let (mut expected, inputs) = (whole.session.evaluator().evaluation(), Inputs::new(0.05, 30.0));
+        whole.session.evaluator().evaluate(inputs, &mut expected);
         let mut bench = Bench::start(&stage, &text);
         let states = StateReader::open(&bench.bus, &Topic::state("finger").unwrap()).unwrap();
         let fields = FieldReader::open(&bench.bus, &Topic::field("finger", None).unwrap()).unwrap();

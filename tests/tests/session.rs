@@ -55,6 +55,32 @@ fn refused_readings_leave_a_session_as_it_was() {
     }
 }
 
+/// A twin takes readings faster than it answers them: the memory and the branch see every one, and an answer is that of a session which
+/// answered all.
+#[test]
+fn readings_that_are_taken_and_not_answered_are_remembered() {
+    let mut model = relaxing();
+    model.blocks.retain(|(kind, _)| *kind != BlockKind::Inertia);
+    let mut live = Session::new(&model, Gaps::Live).unwrap();
+    let mut every = live.clone();
+    let (mut out, mut of_every) = (live.evaluation(), live.evaluation());
+    let mut random = rom::rng::Rng::new(3);
+    for k in 0..200_u64 {
+        let pressure_mpa = if k % 7 == 3 { f64::NAN } else { 0.1 * random.uniform() };
+        let (t_ns, inputs) = (3_000_000 * k, Inputs::new(pressure_mpa, GAP_MM));
+        let stepped = every.step(t_ns, inputs, &mut of_every);
+        let taken = live.take(t_ns, inputs);
+        assert_eq!(stepped.err(), taken.as_ref().err().copied());
+        if let Ok(filtered) = taken
+            && k % 5 == 0
+        {
+            live.answer(&filtered, &mut out).unwrap();
+            live.complete(&mut out);
+            assert_eq!(bits(&out), bits(&of_every), "reading {k}");
+        }
+    }
+}
+
 #[test]
 fn long_steps_of_a_simulation_are_those_of_many_short_ones() {
     let mut model = Model::from_bytes(moving::model_bytes()).unwrap();

@@ -552,34 +552,30 @@ pub struct RegimeLabel {
     pub held: bool,
 }
 
-/// An evaluator that remembers the last label. Values follow the inputs alone: only the label has a memory.
+/// Remembers the last label, so that noise at the onset does not make it flicker. Only the label depends on the past: the numbers of a
+/// state follow its inputs.
 #[derive(Clone, Debug)]
-pub struct HysteresisEvaluator {
-    evaluator: Evaluator,
+pub struct RegimeLabels {
+    /// How far the pressure falls below the onset before the label says free, MPa.
+    margin_mpa: f64,
     last: Option<RegimeKind>,
 }
 
-impl HysteresisEvaluator {
-    /// Without memory: the first label is the regime of the first state.
-    pub fn new(evaluator: Evaluator) -> Self {
-        Self { evaluator, last: None }
+impl RegimeLabels {
+    /// For states of an evaluator. The first label is the regime of the first state.
+    pub fn new(evaluator: &Evaluator) -> Self {
+        Self { margin_mpa: evaluator.hysteresis_mpa, last: None }
     }
 
-    /// As [`Evaluator::state`], with the label.
-    pub fn state(&mut self, inputs: Inputs, out: &mut Evaluation) -> RegimeLabel {
-        self.evaluator.state(inputs, out);
-        let margin_mpa = self.evaluator.hysteresis_mpa;
+    /// Label of the next evaluated state.
+    pub fn next(&mut self, state: &Evaluation) -> RegimeLabel {
+        let pressure_mpa = state.inputs.pressure_mpa();
         let held = self.last == Some(RegimeKind::Contact)
-            && out.regime == RegimeKind::Free
-            && out.onset_pressure_mpa.is_some_and(|onset| inputs.pressure_mpa() > onset - margin_mpa);
-        let regime = if held { RegimeKind::Contact } else { out.regime };
+            && state.regime == RegimeKind::Free
+            && state.onset_pressure_mpa.is_some_and(|onset| pressure_mpa > onset - self.margin_mpa);
+        let regime = if held { RegimeKind::Contact } else { state.regime };
         self.last = Some(regime);
         RegimeLabel { regime, held }
-    }
-
-    /// As [`Evaluator::complete`].
-    pub fn complete(&self, out: &mut Evaluation) {
-        self.evaluator.complete(out);
     }
 }
 

@@ -3,12 +3,13 @@
 //! A reading passes through the memory of the inputs, then the branch of a model over volumes, then the motion of the body, and is
 //! evaluated there. A session refuses a reading before anything moves, so that the next one finds it as it was.
 
-use crate::branch::Follower;
+use crate::branch::{Followed, Follower};
 use crate::evaluation::Evaluation;
 use crate::evaluator::Evaluator;
+use crate::halfwidths::HalfWidths;
 use crate::inertia::model_motion::ModelMotion;
 use crate::inertia::stepper::ReadingError;
-use crate::inputs::Inputs;
+use crate::inputs::{Inputs, MAX_INPUTS};
 use crate::memory::{Advance, Memory};
 use crate::model::{Model, ModelError, ModelFileError};
 
@@ -37,6 +38,41 @@ pub struct Session {
     last_ns: Option<u64>,
 }
 
+/// A reading that a session has taken.
+#[derive(Clone, Copy, Debug)]
+pub struct FilteredInputs {
+    /// What the static model sees: the inputs after the memory and, for a model over volume, with the volume on the present branch.
+    pub inputs: Inputs,
+    /// Largest errors of each input by what the memory does not know of the past.
+    pub spread: [[f64; 2]; MAX_INPUTS],
+    t_ns: u64,
+    /// Half-widths that come from the spread; `None` without memory.
+    halfwidths: Option<HalfWidths>,
+    followed: Option<Followed>,
+    at_rest: bool,
+    held: bool,
+}
+
+impl FilteredInputs {
+    /// The memory knows nothing from before this reading, or not what happened since the one before.
+    pub fn has_new_past(&self) -> bool {
+        self.at_rest || self.held
+    }
+
+    /// The reading before is so long ago that the memory does not know what the inputs did since.
+    pub fn is_after_gap(&self) -> bool {
+        self.held
+    }
+
+    /// Adds the branch and what the memory does not know to an evaluation at these inputs.
+    pub fn describe(&self, out: &mut Evaluation) {
+        self.followed.iter().for_each(|followed| followed.describe(out));
+        if let Some(halfwidths) = &self.halfwidths {
+            out.halfwidths = out.halfwidths.with(halfwidths);
+        }
+    }
+}
+
 /// What a step came to.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepOutcome {
@@ -54,16 +90,27 @@ impl Session {
     /// # Errors
     /// Memory or inertia that do not fit the model.
     pub fn new(model: &Model, gaps: Gaps) -> Result<Self, ModelFileError> {
+        let mut follower = Follower::of(model)?;
+        if gaps == Gaps::Recorded {
+            follower.iter_mut().for_each(Follower::hold_never);
+        }
+        Ok(Self { follower, ..Self::with_volumes(model, gaps)? })
+    }
+
+    /// As [`Self::new`] for readings that contain the volume wherever the model takes one: the field of pressures need not be loaded.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_volumes(model: &Model, gaps: Gaps) -> Result<Self, ModelFileError> {
         let mut session = Self {
             evaluator: Evaluator::new(&model.header)?,
             memory: Memory::of(model)?,
-            follower: Follower::of(model)?,
+            follower: None,
             motion: ModelMotion::new(model)?.map(Box::new),
             last_ns: None,
         };
         if gaps == Gaps::Recorded {
             session.memory.iter_mut().for_each(Memory::hold_never);
-            session.follower.iter_mut().for_each(Follower::hold_never);
             session.motion.iter_mut().for_each(|motion| motion.as_recording());
         }
         Ok(session)
@@ -74,9 +121,29 @@ impl Session {
         self.memory.is_some() || self.motion.is_some()
     }
 
+    /// True for a model with memory of its inputs.
+    pub fn filters_inputs(&self) -> bool {
+        self.memory.is_some()
+    }
+
     /// True for a model with inertia.
     pub fn has_inertia(&self) -> bool {
         self.motion.is_some()
+    }
+
+    /// True for a model over volumes that follows a pressure.
+    pub fn follows_pressure(&self) -> bool {
+        self.follower.is_some()
+    }
+
+    /// As [`Evaluator::restrict`].
+    pub fn restrict(&mut self, fields: &[usize]) {
+        self.evaluator.restrict(fields);
+    }
+
+    /// Its static evaluator alone.
+    pub fn into_evaluator(self) -> Evaluator {
+        self.evaluator
     }
 
     /// Its static evaluator.
@@ -126,35 +193,71 @@ impl Session {
         inputs: Inputs,
         out: &mut Evaluation,
     ) -> Result<StepOutcome, ReadingError> {
+        let filtered = self.take(t_ns, inputs)?;
+        let outcome = self.answer(&filtered, out)?;
+        self.complete(out);
+        Ok(outcome)
+    }
+
+    /// First half of [`Self::step`]: the reading passes through the memory and the branch. Readings that arrive faster than they are
+    /// answered are all taken, so that the memory sees each of them, and only the newest are answered.
+    ///
+    /// # Errors
+    /// [`ReadingError`]; the session has not changed.
+    pub fn take(&mut self, t_ns: u64, inputs: Inputs) -> Result<FilteredInputs, ReadingError> {
         self.check(t_ns, &inputs)?;
-        let mut outcome = StepOutcome::default();
-        let (mut behind, mut of_past) = (inputs, None);
+        let mut filtered = FilteredInputs {
+            inputs,
+            spread: [[0.0; 2]; MAX_INPUTS],
+            t_ns,
+            halfwidths: None,
+            followed: None,
+            at_rest: false,
+            held: false,
+        };
         if let Some(memory) = &mut self.memory {
             match memory.advance(t_ns, &inputs) {
-                Advance::Started => outcome.at_rest = true,
-                Advance::Gap => outcome.held = true,
+                Advance::Started => filtered.at_rest = true,
+                Advance::Gap => filtered.held = true,
                 // The last two were refused above.
                 Advance::Advanced | Advance::Late | Advance::NotFinite => {}
             }
-            (behind, of_past) = (memory.effective(&inputs), Some(memory.half_widths()));
+            filtered.inputs = memory.effective(&inputs);
+            (filtered.spread, filtered.halfwidths) = (memory.spreads(), Some(memory.half_widths()));
         }
         let follower = self.follower.as_mut().filter(|follower| follower.is_for(&inputs));
-        let followed = follower.map(|follower| follower.advance(t_ns, &mut behind));
+        filtered.followed = follower.map(|follower| follower.advance(t_ns, &mut filtered.inputs));
+        self.last_ns = Some(t_ns);
+        Ok(filtered)
+    }
+
+    /// Second half of [`Self::step`]: the body moves to a reading that was taken and is evaluated there. The coefficients of a model without
+    /// inertia come with [`Self::complete`]: a state without fields does not need them.
+    ///
+    /// # Errors
+    /// [`ReadingError`] for a reading that is not later than the last one answered; session and evaluation have not changed.
+    pub fn answer(
+        &mut self,
+        filtered: &FilteredInputs,
+        out: &mut Evaluation,
+    ) -> Result<StepOutcome, ReadingError> {
+        let mut outcome = StepOutcome { load_distance: 0.0, at_rest: filtered.at_rest, held: filtered.held };
         match &mut self.motion {
             Some(motion) => {
-                let moved = motion.advance(t_ns, behind, out)?;
+                let moved = motion.advance(filtered.t_ns, filtered.inputs, out)?;
                 outcome.load_distance = moved.load_distance;
                 outcome.at_rest |= moved.at_rest;
                 outcome.held |= moved.held;
             }
-            None => self.evaluator.evaluate(behind, out),
+            None => self.evaluator.state(filtered.inputs, out),
         }
-        self.last_ns = Some(t_ns);
-        followed.iter().for_each(|followed| followed.describe(out));
-        if let Some(of_past) = of_past {
-            out.halfwidths = out.halfwidths.with(&of_past);
-        }
+        filtered.describe(out);
         Ok(outcome)
+    }
+
+    /// Adds the coefficients to an evaluation of [`Self::answer`].
+    pub fn complete(&self, out: &mut Evaluation) {
+        self.evaluator.complete(out);
     }
 
     /// As [`Self::step`] for inputs that jumped right after the last reading and are held until `t_ns`, as a simulation gives them.

@@ -4,7 +4,7 @@ use crate::synthetic;
 use proptest::prelude::*;
 use rom::evaluation::{Evaluation, Refusal};
 use rom::evaluator::Evaluator;
-use rom::evaluator::HysteresisEvaluator;
+use rom::evaluator::RegimeLabels;
 use rom::halfwidths::HalfWidths;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, PRESSURE};
@@ -129,12 +129,14 @@ fn gap_below_sag_is_contact_and_gap_beyond_reach_is_free() {
 
 #[test]
 fn hysteresis_holds_the_label_but_not_the_values() {
-    let mut evaluator = HysteresisEvaluator::new(evaluator());
+    let evaluator = evaluator();
+    let mut labels = RegimeLabels::new(&evaluator);
     let onset = model().header.onset.as_ref().expect("two").onset(30.0).pressure_mpa().expect("reach");
     let margin = model().header.hysteresis_mpa;
-    let mut evaluation = self::evaluator().evaluation();
+    let mut evaluation = evaluator.evaluation();
     let mut say = |offset: f64| {
-        let label = evaluator.state(Inputs::new(onset + offset * margin, 30.0), &mut evaluation);
+        evaluator.state(Inputs::new(onset + offset * margin, 30.0), &mut evaluation);
+        let label = labels.next(&evaluation);
         (label.regime, evaluation.regime, label.held)
     };
     use RegimeKind::{Contact, Free};

@@ -3,7 +3,7 @@
 mod moving;
 mod observed;
 
-pub use moving::behind;
+pub use moving::filter;
 
 use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, PRESSURE_BIAS, Sigmas};
 use crate::measured::MeasuredInputs;

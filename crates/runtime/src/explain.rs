@@ -84,12 +84,12 @@ const ROUNDS: usize = 200;
 /// Measures one actuator, in the regime that costs most of those that can occur.
 pub fn explain(loaded: &Loaded) -> Explained {
     let state = Inputs::new(0.03, costly_gap_mm(loaded));
-    let mut evaluation = loaded.evaluator.evaluation();
+    let mut evaluation = loaded.session.evaluator().evaluation();
     let carried = loaded.spec.state.coefficients;
     let state_us = median_us(|| {
-        loaded.evaluator.state(state, &mut evaluation);
+        loaded.session.evaluator().state(state, &mut evaluation);
         if carried {
-            loaded.evaluator.complete(&mut evaluation);
+            loaded.session.evaluator().complete(&mut evaluation);
         }
     });
     let actuator = loaded.spec.name.clone();
@@ -99,7 +99,7 @@ pub fn explain(loaded: &Loaded) -> Explained {
         .map(|output| {
             let mut values = vec![0.0; output.reconstructor.entries()];
             let us = median_us(|| {
-                loaded.evaluator.evaluate(state, &mut evaluation);
+                loaded.session.evaluator().evaluate(state, &mut evaluation);
                 output.reconstructor.reconstruct_into(&evaluation, &mut values)
             });
             let sample_bytes = 4 * values.len() as u64;
@@ -138,7 +138,7 @@ pub fn inputs(loaded: &Loaded) -> Vec<ExplainedInput> {
         let value = (source != input_source::MEASURED).then_some(prior.unwrap_or(value));
         Some(ExplainedInput { name, unit, value, from })
     };
-    loaded.evaluator.taken_inputs().filter_map(one).collect()
+    loaded.session.evaluator().taken_inputs().filter_map(one).collect()
 }
 
 /// A gap at which the costliest regime of the scene is evaluated: contact where it can occur.

@@ -3,17 +3,15 @@
 use crate::config::{self, ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Scene};
 use crate::estimation::{Estimator, SensorModel, measured_observables};
 use crate::file;
-use rom::branch::{self, Follower};
+use rom::branch;
 use rom::evaluation::Evaluation;
-use rom::evaluator::Evaluator;
-use rom::inertia::model_motion::ModelMotion;
-use rom::memory::Memory;
 use rom::model::{
     BlockData, BlockEntry, BlockKind, Model, ModelFileError, ModelHeader, ModelReader, Nodes, RegimeModel,
     Selection,
 };
 use rom::observable::Observables;
 use rom::reconstructor::{Basis, BasisOptions, Reconstructor};
+use rom::session::{Gaps, Session};
 use rom::snapshots::{FieldKind, RegimeKind};
 use std::io::{Read, Seek};
 use std::path::Path;
@@ -37,10 +35,8 @@ pub struct Loaded {
     pub spec: ActuatorSpec,
     /// First 16 bytes of the model file's hash.
     pub model_hash: [u8; 16],
-    /// From inputs to regime, force and coefficients: those of the fields whose modes were read, all where states carry them.
-    pub evaluator: Evaluator,
-    /// Motion of a model with inertia.
-    pub motion: Option<ModelMotion>,
+    /// The model without a past. It gives the coefficients of the fields whose modes were read, all where states carry them.
+    pub session: Session,
     /// Content of states beside their evaluation.
     pub description: Description,
     /// One for each field topic.
@@ -51,10 +47,6 @@ pub struct Loaded {
     pub markers: Option<SensorModel>,
     /// Positions of the measured observables among the model's.
     pub observed: Vec<usize>,
-    /// Memory of the inputs; `None` for a static model.
-    pub memory: Option<Memory>,
-    /// Volume of a measured pressure, for a model over volumes in a scene without a volume.
-    pub follower: Option<Follower>,
     /// Regimes that can occur.
     pub regimes: Vec<RegimeKind>,
     /// Blocks read from the model file.
@@ -93,7 +85,7 @@ impl Loaded {
     /// Evaluation with capacity for any state.
     #[must_use]
     pub fn evaluation(&self) -> Evaluation {
-        self.motion.as_ref().map_or_else(|| self.evaluator.evaluation(), ModelMotion::evaluation)
+        self.session.evaluation()
     }
 
     /// Names of the regimes that can occur.
@@ -177,7 +169,9 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         entries.iter().map(|entry| ReadBlock { kind: entry.kind, bytes: entry.bytes }).collect::<Vec<_>>();
     let blocks = reader.read_blocks(&entries).map_err(|error| at(error.to_string()))?;
     let model = Model { header, blocks };
-    let mut evaluator = Evaluator::new(&model.header).map_err(|error| at(error.to_string()))?;
+    let session =
+        if follows { Session::new(&model, Gaps::Live) } else { Session::with_volumes(&model, Gaps::Live) };
+    let mut session = session.map_err(|error| at(error.to_string()))?;
     let description = Description::of(&model).map_err(|error| at(error.to_string()))?;
     if !spec.state.coefficients {
         let field = |block: &ReadBlock| match block.kind {
@@ -187,26 +181,21 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         let fields = model.header.fields.iter().enumerate();
         let coordinates = fields.filter(|(_, field)| matches!(field.spec.kind, FieldKind::Coordinate(_)));
         let observed = coordinates.map(|(at, _)| at).filter(|_| description.observables.count() > 0);
-        evaluator.restrict(&read.iter().filter_map(field).chain(observed).collect::<Vec<_>>());
+        session.restrict(&read.iter().filter_map(field).chain(observed).collect::<Vec<_>>());
     }
     let observed = measured_observables(spec, &description.observables)?;
-    let motion = ModelMotion::new(&model).map_err(|error| at(error.to_string()))?;
     let outputs = outputs(spec, &model, selections)?;
     let estimator = Estimator::new(spec, &model)?;
-    let follower = if follows { Follower::of(&model).map_err(|error| at(error.to_string()))? } else { None };
     let markers = (!spec.markers.is_empty()).then(|| SensorModel::new(spec, &model)).transpose()?;
     Ok(Loaded {
         spec: spec.clone(),
         model_hash,
-        evaluator,
-        motion,
+        session,
         description,
         outputs,
         estimator,
         markers,
         observed,
-        memory: Memory::of(&model).map_err(|error| at(error.to_string()))?,
-        follower,
         regimes,
         read,
         file_block_bytes,

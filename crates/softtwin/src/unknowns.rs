@@ -4,8 +4,8 @@ use crate::failure::{configuration, usage};
 use crate::files;
 use anyhow::Context;
 use estimate::Setup;
-use rom::memory::Memory;
 use rom::model::{Model, ModelHeader};
+use rom::session::{Gaps, Session};
 use runtime::config::{ActuatorSpec, Scene};
 use runtime::estimation::{self, SensorModel};
 use std::path::Path;
@@ -20,8 +20,8 @@ pub struct Unknowns {
     pub sensors: SensorModel,
     /// The small part of its model, with the scene's values of parameters.
     pub header: ModelHeader,
-    /// Memory of its inputs.
-    pub memory: Option<Memory>,
+    /// The model without a past.
+    pub session: Session,
 }
 
 impl Unknowns {
@@ -37,8 +37,8 @@ impl Unknowns {
     pub fn of(spec: ActuatorSpec, model: &Model) -> anyhow::Result<Self> {
         let setup = estimation::setup(&spec, model).map_err(problems)?;
         let sensors = SensorModel::new(&spec, model).map_err(problems)?;
-        let memory = Memory::of(model).map_err(configuration)?;
-        Ok(Self { spec, setup, sensors, header: model.header.clone(), memory })
+        let session = Session::with_volumes(model, Gaps::Live).map_err(configuration)?;
+        Ok(Self { spec, setup, sensors, header: model.header.clone(), session })
     }
 }
 

@@ -5,8 +5,9 @@ use rom::evaluation::Evaluation;
 use rom::inertia::model_motion::ModelMotion;
 use rom::inertia::stepper::{Kept, Moved, Reached};
 use rom::inputs::{GAP, InputSpec, Inputs};
-use rom::memory::{Advance, Memory, MemorySpec};
+use rom::memory::MemorySpec;
 use rom::model::Model;
+use rom::session::Session;
 use rom::snapshots::RegimeKind;
 
 /// Longest inner step, ns: its error is far below that of a reading.
@@ -71,21 +72,23 @@ pub(super) fn swing(model: &Model) -> Result<Option<(usize, [Unknown; 2], f64)>,
 /// Effect of an unknown past, in standard deviations of a reading, from which a reading after a gap is used again.
 const FADED_SIGMAS: f64 = 0.1;
 
-/// Puts the inputs of readings in the order of their times behind a model's memory. Readings whose past is that of a gap have no inputs
-/// until it has faded: only the past before the first reading is an unknown.
-pub fn behind(memory: &mut Memory, setup: &Setup, readings: &mut [Measurement]) {
+/// Passes the inputs of readings, in the order of their times, through a model's memory. Readings after a gap have no inputs until the
+/// effect of the gap has faded, because only the past before the first reading is an unknown of the fit.
+pub fn filter(session: &mut Session, setup: &Setup, readings: &mut [Measurement]) {
     let begin_s = readings.first().map_or(0.0, |reading| reading.t_s);
     let mut is_after_gap = false;
     for reading in readings {
-        let inputs = Inputs::from(reading.inputs);
-        let outcome = memory.advance((1e9 * (reading.t_s - begin_s)).round().max(0.0) as u64, &inputs);
-        reading.inputs = *memory.effective(&inputs).values();
-        reading.spread = memory.spreads();
+        let t_ns = (1e9 * (reading.t_s - begin_s)).round().max(0.0) as u64;
+        let Ok(filtered) = session.take(t_ns, Inputs::from(reading.inputs)) else {
+            reading.inputs = [f64::NAN; MAX_INPUTS];
+            continue;
+        };
+        (reading.inputs, reading.spread) = (*filtered.inputs.values(), filtered.spread);
         let is_open = |(input, sigma): (usize, f64)| {
             reading.spread.get(input).is_some_and(|s| s.iter().sum::<f64>() > FADED_SIGMAS * sigma)
         };
-        is_after_gap = (is_after_gap || outcome == Advance::Gap) && setup.measured_inputs().any(is_open);
-        if is_after_gap || outcome == Advance::NotFinite {
+        is_after_gap = (is_after_gap || filtered.is_after_gap()) && setup.measured_inputs().any(is_open);
+        if is_after_gap {
             reading.inputs = [f64::NAN; MAX_INPUTS];
         }
     }

@@ -65,17 +65,17 @@ impl Answerer {
         let [pressure_mpa, gap_mm] = ranges(header);
         let (min_mm, max_mm) = spec.gap_mm.range_mm();
         let fixed_mm = (min_mm == max_mm).then_some(min_mm);
-        let specs = loaded.evaluator.inputs();
+        let specs = loaded.session.evaluator().inputs();
         let used = specs.iter().enumerate().filter_map(|(at, spec)| Some((at, spec.value?)));
         let inputs = used.fold(Inputs::new(f64::NAN, f64::NAN), |inputs, (at, value)| inputs.with(at, value));
         let measured = MeasuredInputs::new(spec, specs);
         let inputs = measured.positions().fold(inputs, |inputs, at| inputs.with(at, f64::NAN));
-        let contents = Contents::new(&loaded.evaluator);
+        let contents = Contents::new(loaded.session.evaluator());
         let constant_mm = (gap_mm[0] == gap_mm[1]).then_some(gap_mm[0]);
         Self {
             name: loaded.spec.name,
             model_hash: loaded.model_hash,
-            solver: Solver::new(loaded.evaluator, pressure_mpa, gap_mm),
+            solver: Solver::new(loaded.session.into_evaluator(), pressure_mpa, gap_mm),
             default_gap_mm: fixed_mm.or(constant_mm),
             default_pressure_mpa: (!contents.needs.pressure).then_some(0.0),
             contents,

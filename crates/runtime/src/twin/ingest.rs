@@ -25,9 +25,9 @@ pub(super) struct Needed {
 
 impl Needed {
     pub(super) fn of(loaded: &Loaded) -> Self {
-        let measured = MeasuredInputs::new(&loaded.spec, loaded.evaluator.inputs());
-        let mut depends = loaded.evaluator.needs();
-        depends.pressure |= loaded.follower.is_some();
+        let measured = MeasuredInputs::new(&loaded.spec, loaded.session.evaluator().inputs());
+        let mut depends = loaded.session.evaluator().needs();
+        depends.pressure |= loaded.session.follows_pressure();
         Self { gap: gap_of(&loaded.spec), depends, measured }
     }
 }

@@ -5,7 +5,7 @@
 //! | step | file |
 //! | --- | --- |
 //! | 1. poll: take it from the sensor topic | `mod.rs` |
-//! | 2. ingest: validate it; advance the memory; a good one waits for its answer | `ingest.rs`, `past.rs` |
+//! | 2. ingest: validate it, let the session take it; a good one waits for its answer | `ingest.rs`, `mod.rs` |
 //! | 3. evaluate: coefficients, force, gradients, half-widths with the residual's contribution; fill the state | `mod.rs`, `residual.rs`, `markers.rs`, `observed.rs`, `../publish.rs` |
 //! | 4. reconstruct: write each field into a sample on loan | `../publish.rs` |
 //! | 5. publish: send state and fields | `mod.rs`, `../publish.rs` |
@@ -19,7 +19,6 @@ mod ingest;
 mod markers;
 mod observed;
 mod parts;
-mod past;
 mod record;
 mod residual;
 mod swap;
@@ -34,15 +33,15 @@ use crate::load::Loaded;
 use crate::publish::{self, FieldError, FieldOutput};
 use ingest::Validator;
 use parts::Parts;
-use past::Behind;
 use record::Record;
 use residual::{Residual, Watch};
 use rom::evaluation::Evaluation;
 use rom::evaluator::RegimeLabel;
 use rom::halfwidths::HALFWIDTH_SIGMAS;
 use rom::hull::DomainStatus;
-use rom::inertia::model_motion::ModelMotion;
+use rom::inertia::stepper::ReadingError;
 use rom::inputs::Inputs;
+use rom::session::FilteredInputs;
 use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -140,6 +139,14 @@ impl Twin {
     }
 }
 
+/// Outcome of a reading that the session does not take.
+fn refused(error: ReadingError) -> Outcome {
+    match error {
+        ReadingError::NotLater { .. } => Outcome::DroppedBackInTime,
+        ReadingError::NotFinite { .. } => Outcome::DroppedModel,
+    }
+}
+
 /// One actuator of a running twin.
 #[derive(Debug)]
 struct ActuatorTwin {
@@ -172,8 +179,7 @@ struct ActuatorTwin {
 struct Taken {
     sample: SensorSample,
     taken_ns: u64,
-    /// The model's inputs.
-    at: Behind,
+    filtered: FilteredInputs,
 }
 
 /// Filter, topic and last estimate of an actuator.
@@ -308,27 +314,32 @@ impl ActuatorTwin {
         let now = now_ns();
         let check = self.validator.validate(&sample, now);
         if check.restarted {
-            // Stamps of another run need not compare with those of the motion.
+            // Stamps of another run need not compare with those of the session.
             self.answer_waiting();
-            self.parts.motion.iter_mut().for_each(ModelMotion::reset);
+            self.parts.session.restart();
         }
         self.record.ingested(&sample, &check);
-        match check.rejection {
+        let taken = match check.rejection {
+            Some(outcome) => Err(outcome),
             None => {
+                let inputs = self.validator.inputs(&sample);
+                self.parts.session.take(sample.t_sensor_ns, inputs).map_err(refused)
+            }
+        };
+        match taken {
+            Ok(filtered) => {
                 if self.waiting.len() == self.parts.backlog {
                     self.waiting.pop_front();
                     self.record.record_outcome(Outcome::DroppedSuperseded);
                 }
-                let said = self.validator.inputs(&sample);
-                let at = self.parts.past.behind(&sample, said, check.restarted);
-                if (at.is_new_past || check.restarted)
+                if (filtered.has_new_past() || check.restarted)
                     && let Some(estimation) = &mut self.estimation
                 {
                     estimation.estimator.forget_past();
                 }
-                self.waiting.push_back(Taken { sample, taken_ns: now, at });
+                self.waiting.push_back(Taken { sample, taken_ns: now, filtered });
             }
-            Some(outcome) => {
+            Err(outcome) => {
                 if outcome.is_held() {
                     // The good readings before it come first: their states must not be sent after the held one.
                     self.answer_waiting();
@@ -341,8 +352,8 @@ impl ActuatorTwin {
 
     /// Steps 3 to 6 for every good reading that waits.
     fn answer_waiting(&mut self) {
-        while let Some(Taken { sample, taken_ns, at }) = self.waiting.pop_front() {
-            let outcome = match self.evaluate(&sample, &at) {
+        while let Some(Taken { sample, taken_ns, filtered }) = self.waiting.pop_front() {
+            let outcome = match self.evaluate(&sample, filtered) {
                 Ok(()) => self.publish(&sample, taken_ns),
                 Err(outcome) => {
                     if outcome.is_held() {
@@ -358,21 +369,25 @@ impl ActuatorTwin {
     }
 
     /// Step 3: force, gradients and half-widths of the reading. The coefficients wait for the fields unless states carry them.
-    fn evaluate(&mut self, sample: &SensorSample, at: &Behind) -> Result<(), Outcome> {
-        let (mut inputs, mut moving) = (at.inputs, None);
+    fn evaluate(&mut self, sample: &SensorSample, mut filtered: FilteredInputs) -> Result<(), Outcome> {
+        let mut moving = None;
         if let Some(Estimation { estimator, estimate, .. }) = &mut self.estimation {
-            let update = estimator.update(sample, &inputs, at.spread);
+            let update = estimator.update(sample, &filtered.inputs, filtered.spread);
             estimator.fill(&update, estimate);
-            inputs = Inputs::from(update.inputs);
+            filtered.inputs = Inputs::from(update.inputs);
             moving = estimator.evaluate_motion(&mut self.evaluation);
         }
-        self.label = match (moving, &mut self.parts.motion) {
-            (Some(regime), _) => RegimeLabel { regime, held: false },
-            (None, Some(motion)) => past::moved(motion, sample.t_sensor_ns, inputs, &mut self.evaluation)?,
-            (None, None) => self.parts.evaluator.state(inputs, &mut self.evaluation),
+        match moving {
+            Some(_) => filtered.describe(&mut self.evaluation),
+            None => {
+                self.parts.session.answer(&filtered, &mut self.evaluation).map_err(refused)?;
+            }
+        }
+        self.label = if self.parts.session.has_inertia() {
+            RegimeLabel { regime: self.evaluation.regime, held: false }
+        } else {
+            self.parts.labels.next(&self.evaluation)
         };
-        at.followed.iter().for_each(|followed| followed.describe(&mut self.evaluation));
-        self.evaluation.halfwidths = self.evaluation.halfwidths.with(&at.half_widths);
         if let Some(Estimation { estimate, .. }) = &mut self.estimation {
             estimate.inputs = *self.evaluation.inputs.values();
             if self.evaluation.domain != DomainStatus::Inside {
@@ -381,7 +396,7 @@ impl ActuatorTwin {
             }
         }
         if self.parts.wanted.coefficients || self.parts.description.observables.count() > 0 {
-            self.parts.evaluator.complete(&mut self.evaluation);
+            self.parts.session.complete(&mut self.evaluation);
         }
         if !publish::is_answer(&self.evaluation) {
             return Err(Outcome::DroppedModel);
@@ -400,7 +415,7 @@ impl ActuatorTwin {
         let mut outcome = if self.send_state() { Outcome::Published } else { Outcome::DroppedNotSent };
         self.send_estimate(sample);
         for output in self.outputs.iter_mut().filter(|output| output.is_due(sample.t_sensor_ns)) {
-            self.parts.evaluator.complete(&mut self.evaluation);
+            self.parts.session.complete(&mut self.evaluation);
             let field = output.reconstruct(&self.evaluation);
             match field.and_then(|field| output.publish(field, &self.state)) {
                 Ok(()) => self.record.health.fields_sent += 1,

@@ -3,12 +3,11 @@
 use super::ingest::Needed;
 use super::markers::Markers;
 use super::observed::MeasuredObservables;
-use super::past::Past;
 use crate::config::StateSpec;
 use crate::load::{Description, Loaded};
 use crate::publish::Contents;
-use rom::evaluator::HysteresisEvaluator;
-use rom::inertia::model_motion::ModelMotion;
+use rom::evaluator::RegimeLabels;
+use rom::session::Session;
 use wire::layout::INPUTS_MAX;
 use wire::{Health, State};
 
@@ -16,9 +15,8 @@ use wire::{Health, State};
 #[derive(Debug)]
 pub(super) struct Parts {
     pub model_hash: [u8; 16],
-    pub evaluator: HysteresisEvaluator,
-    /// Motion of a model with inertia, which answers instead of the evaluator.
-    pub motion: Option<ModelMotion>,
+    pub session: Session,
+    pub labels: RegimeLabels,
     pub description: Description,
     pub needed: Needed,
     pub contents: Contents,
@@ -31,28 +29,26 @@ pub(super) struct Parts {
     /// `None` if the scene has no markers.
     pub markers: Option<Markers>,
     pub observed: MeasuredObservables,
-    pub past: Past,
 }
 
 impl Parts {
     /// Parts of a loaded actuator whose outputs and estimator have been taken.
     pub fn new(mut loaded: Loaded) -> Self {
         let markers = loaded.markers.take().map(|model| Markers::new(model, &loaded.spec));
-        let contents = Contents::new(&loaded.evaluator);
+        let contents = Contents::new(loaded.session.evaluator());
         Self {
             model_hash: loaded.model_hash,
             needed: Needed::of(&loaded),
             contents,
-            input_sources: contents.sources(&loaded.spec, loaded.evaluator.inputs()),
+            input_sources: contents.sources(&loaded.spec, loaded.session.evaluator().inputs()),
             backlog: loaded.spec.backlog,
             wanted: loaded.spec.state,
             force_sigma_n: loaded.spec.force_sigma_n(),
             markers,
             observed: MeasuredObservables::new(&loaded.spec, &loaded.observed),
             description: loaded.description,
-            past: Past { memory: loaded.memory, follower: loaded.follower },
-            evaluator: HysteresisEvaluator::new(loaded.evaluator),
-            motion: loaded.motion,
+            labels: RegimeLabels::new(loaded.session.evaluator()),
+            session: loaded.session,
         }
     }
 

@@ -30,7 +30,7 @@ pub enum SwapError {
 /// Parts that a swap removed from the loop. Dropping them frees tens of megabytes, which takes too long between two readings.
 #[derive(Debug, Default)]
 pub struct Retired {
-    /// Evaluators, motions, predictions of markers, memories.
+    /// Sessions and predictions of markers.
     pub(super) parts: Vec<Parts>,
     /// Reconstructors, with their bases.
     pub(super) reconstructors: Vec<Reconstructor>,

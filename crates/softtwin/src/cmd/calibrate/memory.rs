@@ -42,8 +42,8 @@ pub struct Calibration {
 impl Calibration {
     /// Fits.
     pub fn of(mut unknowns: Unknowns, mut readings: Vec<Measurement>) -> anyhow::Result<Self> {
-        if let Some(memory) = &mut unknowns.memory {
-            estimation::behind(memory, &unknowns.setup, &mut readings);
+        if unknowns.session.filters_inputs() {
+            estimation::filter(&mut unknowns.session, &unknowns.setup, &mut readings);
         }
         let fit = estimate::fit(&unknowns.setup, &readings, &mut unknowns.sensors)
             .map_err(|errors| problems(errors.iter().map(ToString::to_string).collect()))?;
