@@ -61,8 +61,7 @@ pub struct NotConverged {
 fn named(load: &Load, cavities_mpa: &[f64]) -> String {
     let digits = |mpa: f64| (1.0e6 * mpa).round() / 1.0e6;
     let changes = cavities_mpa.iter().zip(load.cavities_change_mpa);
-    let further: Vec<String> =
-        changes.map(|(base, change)| digits(base + change).to_string()).collect();
+    let further: Vec<String> = changes.map(|(base, change)| digits(base + change).to_string()).collect();
     let further = match further.is_empty() {
         true => String::new(),
         false => format!(", further cavities {} MPa", further.join(", ")),

@@ -78,7 +78,11 @@ fn a_path_begins_without_any_pressure_and_ends_with_all_of_them() {
         let (rest, _) = solver.gravity_equilibrium([0.0; 3]).unwrap();
         let load = Load { pressure_mpa: mpa[0], ..Load::default() };
         let (state, _) = solver.solve_to(&rest, &load).unwrap();
-        state.displacement_mm.iter().map(|u| u[2]).fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m })
+        state
+            .displacement_mm
+            .iter()
+            .map(|u| u[2])
+            .fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m })
     });
     assert!(first.abs() > 0.05 && (first + second).abs() < 0.02 * first.abs(), "{first} {second}");
 }
