@@ -308,7 +308,7 @@ fn gap_is_calibrated_by_an_angle_and_shown_before_and_after() {
         let n = 0.2 * (f64::from(noise >> 8) / f64::from(1 << 24) - 0.5);
         text += &format!("{row};{};30;{:.4}\n", 1000.0 * pressure_mpa, angle + n).replace('.', ",");
     }
-    std::fs::write(folder.join("run.csv"), text).unwrap();
+    std::fs::write(folder.join("run.csv"), &text).unwrap();
     let log = "[time]\ncolumn = 1\n[[input]]\nname = \"pressure_mpa\"\ncolumn = 2\nunit = \"kPa\"\n\
                [[output]]\nname = \"bending_angle_deg\"\ncolumn = 4\nunit = \"deg\"\n";
     std::fs::write(folder.join("log.toml"), log).unwrap();
@@ -317,6 +317,14 @@ fn gap_is_calibrated_by_an_angle_and_shown_before_and_after() {
     let found = json(folder, &calibrate.split(' ').collect::<Vec<_>>());
     let gap = &found["estimates"]["gap_mm"];
     assert!((gap["value"].as_f64().unwrap() - 30.0).abs() < 0.5 && gap["identifiable"] == true, "{found}");
+    for rows in [1, 5, 10, 15, 20] {
+        let few: String = text.split_inclusive('\n').take(rows).collect();
+        std::fs::write(folder.join("few.csv"), few).unwrap();
+        let calibrate =
+            "calibrate --scene scene.toml --recording few.csv --log log.toml --memory m.twin --out few.toml";
+        let ended = run(folder, &calibrate.split(' ').collect::<Vec<_>>());
+        assert!(matches!(ended.status.code(), Some(65 | 78)), "{rows} rows: {ended:?}");
+    }
     let both = [log, "[[input]]\nname = \"gap_mm\"\ncolumn = 3\nunit = \"mm\"\n"].concat();
     std::fs::write(folder.join("both.toml"), both).unwrap();
     let compare = "compare --model calibrated.toml --before scene.toml --recording run.csv --log both.toml --out out --json";

@@ -38,3 +38,18 @@ fn series_of_any_length_stays_small_and_keeps_its_last_quarter() {
     let mean = of.last_quarter().unwrap() / count as f64;
     assert!((mean - 0.875).abs() < 0.01, "{mean}");
 }
+
+#[test]
+fn only_a_trace_or_an_option_ends_a_hold() {
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
+    let seconds = |more: &[&str]| {
+        let line = ["hold", "--scene", "scene.toml", "--force-n", "0.3"].iter().chain(more);
+        <Line as clap::Parser>::parse_from(line).args.seconds(&Goal::step(0.3))
+    };
+    assert_eq!(seconds(&[]), f64::INFINITY);
+    assert_eq!(seconds(&["--seconds", "5"]), 5.0);
+}
