@@ -156,6 +156,8 @@ struct Walk<'a> {
     descends: bool,
     /// True if the next point of these is behind the end.
     passed: &'a dyn Fn(&[PathPoint], &PathPoint) -> bool,
+    /// True if the last of these points is all that was looked for.
+    is_found: &'a dyn Fn(&PathPoint) -> bool,
     /// Gets every point.
     notify: &'a mut dyn FnMut(&PathPoint),
 }
@@ -190,6 +192,7 @@ impl Solver {
             tries: MAX_POINTS * settings.points,
             descends: true,
             passed: &|_, next| (end_mm3 - next.injected_mm3) * up <= 0.0,
+            is_found: &|_| false,
             notify,
         };
         self.walk(first, walk, &mut path, &mut effort);
@@ -221,7 +224,8 @@ impl Solver {
 
     /// First limit of pressure on the way from a state to another pressure: looked for along the path, beginning with a part of the
     /// step that failed, until that pressure is passed. Behind a limit the path is followed until its pressure is reached again by a
-    /// stable state, at most [`BEYOND_STEPS`]; with an obstacle it is not, nor where nobody asks for that state. The loss of stability before a limit ends the search too.
+    /// stable state, at most [`BEYOND_STEPS`]; with an obstacle it is not, nor where nobody asks for that state. The loss of stability
+    /// before a limit ends the search too.
     pub(crate) fn limit_before(
         &mut self,
         from: &State,
@@ -245,9 +249,6 @@ impl Solver {
                     points.last().is_some_and(|last| next.negative_eigenvalues > last.negative_eigenvalues);
                 return next.sense == up && (at_end || loses);
             };
-            if ends_at_limit {
-                return true;
-            }
             let limit_mpa = points.iter().map(|point| up * point.pressure_mpa()).fold(f64::MIN, f64::max);
             let again = next.is_stable_at_pressure() && up * next.pressure_mpa() >= limit_mpa;
             again || points.len() - turn > BEYOND_STEPS
@@ -258,6 +259,8 @@ impl Solver {
             tries: SEARCH_STEPS + BEYOND_STEPS,
             descends: false,
             passed: &passed,
+            // The limit lies before the first point whose pressure moves back.
+            is_found: &|point| ends_at_limit && point.sense != up,
             notify: &mut |_| {},
         };
         let mut path = Path::default();
@@ -268,10 +271,15 @@ impl Solver {
         if limit.kind == LimitKind::Bifurcation {
             return Some(NewtonError::Unstable { pressure_mpa, injected_mm3 });
         }
+        let next_injected_mm3 = if ends_at_limit {
+            None
+        } else {
+            self.refine(&mut path.points, (after, true), pressure_mpa, effort)
+        };
         Some(NewtonError::Limit {
             pressure_mpa,
             injected_mm3,
-            next_injected_mm3: self.refine(&mut path.points, (after, true), pressure_mpa, effort),
+            next_injected_mm3,
             searched_mm3: path.points.last().map_or(injected_mm3, |point| point.injected_mm3),
         })
     }
@@ -344,6 +352,9 @@ impl Solver {
                     }
                     (point, tangent) = (next, along);
                     record(&mut path.points, &point);
+                    if (walk.is_found)(&point) {
+                        return None;
+                    }
                     continue;
                 }
                 Err(reason) => Some(reason),

@@ -83,7 +83,10 @@ fn make_and_run(label: &str, options: &str) -> Value {
         serde_json::from_str(&done(&stage, &format!("predict {state} --json"))).expect("JSON");
     assert_eq!((&answer["regime"], &answer["in_domain"]), (&"contact".into(), &true.into()), "{answer}");
     // The angle that was reported is the observable's, as the model has it at that pressure with nothing in the way.
-    let free = format!("predict --model finger/finger.twin --pressure-mpa {} --gap-mm 10000 --json", built["pressure_mpa"]);
+    let free = format!(
+        "predict --model finger/finger.twin --pressure-mpa {} --gap-mm 10000 --json",
+        built["pressure_mpa"]
+    );
     let free: Value = serde_json::from_str(&done(&stage, &free)).expect("JSON");
     let [reported, predicted] = [&built["angle_deg"], &free["observables"]["bending_angle_deg"]["value"]]
         .map(|angle| angle.as_f64().expect("an angle"));

@@ -51,15 +51,15 @@ impl Mesh {
         let all: Vec<u32> = (0..self.nodes_mm.len() as u32).collect();
         let body = across.map(|k| self.extent_mm(&all, k));
         let slice = |share: &f64| -> Vec<u32> {
-            let within = |n: &u32| {
-                sense * (self.nodes_mm[*n as usize][axis] - held[axis]) >= (1.0 - share) * reach_mm
-            };
+            let within =
+                |n: &u32| sense * (self.nodes_mm[*n as usize][axis] - held[axis]) >= (1.0 - share) * reach_mm;
             all.iter().copied().filter(within).collect()
         };
         let is_wide = |nodes: &Vec<u32>| {
             across.iter().zip(body).all(|(k, body)| self.extent_mm(nodes, *k) >= WIDE * body)
         };
-        let nodes = SLICES.iter().map(slice).find(is_wide).unwrap_or_else(|| slice(&SLICES[SLICES.len() - 1]));
+        let nodes =
+            SLICES.iter().map(slice).find(is_wide).unwrap_or_else(|| slice(&SLICES[SLICES.len() - 1]));
         let centroid_mm = self.area_centroid_mm(&nodes);
         EndFace {
             axis,
@@ -101,12 +101,8 @@ impl Mesh {
         let [a, b, c, d] = [0, 1, 2, 3].map(|k| self.nodes_mm[tet[k] as usize]);
         let volume = |a: Vec3, b: Vec3, c: Vec3, d: Vec3| dot(cross(sub(b, a), sub(c, a)), sub(d, a));
         let whole = volume(a, b, c, d);
-        let parts = [
-            volume(at_mm, b, c, d),
-            volume(a, at_mm, c, d),
-            volume(a, b, at_mm, d),
-            volume(a, b, c, at_mm),
-        ];
+        let parts =
+            [volume(at_mm, b, c, d), volume(a, at_mm, c, d), volume(a, b, at_mm, d), volume(a, b, c, at_mm)];
         parts.iter().all(|part| part / whole >= INSIDE)
     }
 }

@@ -6,6 +6,6 @@ mod orient;
 mod types;
 
 pub(crate) use check::diagnostics;
-pub(crate) use orient::{Boundary, closed, flipped};
 pub use end::EndFace;
+pub(crate) use orient::{Boundary, closed, flipped};
 pub use types::{Mesh, Slot};

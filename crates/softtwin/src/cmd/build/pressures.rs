@@ -80,7 +80,10 @@ pub fn free_case(name: &str, pressure_mpa: f64) -> Case {
 
 /// Distance from the held face to the tip, mm.
 fn free_length_mm(family: &Family) -> f64 {
-    family.actuator.shape().map_or_else(|| family.problem.mesh().end_face().free_length_mm, |shape| shape.free_mm())
+    family
+        .actuator
+        .shape()
+        .map_or_else(|| family.problem.mesh().end_face().free_length_mm, |shape| shape.free_mm())
 }
 
 /// Solves upwards. States are kept in the run's store: a second call finds them there and takes the same steps.
