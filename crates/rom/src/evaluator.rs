@@ -128,6 +128,23 @@ impl Evaluator {
         Some(self.outside(evaluation).map_or(refusal.to_string(), |why| format!("{refusal}. {why}")))
     }
 
+    /// The input of an evaluated state that is farthest outside its trained values, and by how much: below 0 under the smallest. `None` if
+    /// none is by itself. Allocates nothing.
+    pub fn farthest_outside(&self, evaluation: &Evaluation) -> Option<(usize, f64)> {
+        let part = self.parts.iter().find(|part| part.model.kind == evaluation.regime)?;
+        let mut farthest: Option<(usize, f64, f64)> = None;
+        for (at, value) in evaluation.inputs.values().iter().enumerate().filter(|(at, _)| self.is_taken[*at])
+        {
+            let Some([low, high]) = part.model.inputs.range(at) else { continue };
+            let by = (value - high).max(0.0) + (value - low).min(0.0);
+            let share = by.abs() / (high - low).max(f64::MIN_POSITIVE);
+            if share > farthest.map_or(0.0, |(_, _, share)| share) {
+                farthest = Some((at, by, share));
+            }
+        }
+        farthest.map(|(at, by, _)| (at, by))
+    }
+
     /// Which inputs of an evaluated state are outside the training range and by how much, as a sentence; `None` inside.
     pub fn outside(&self, evaluation: &Evaluation) -> Option<String> {
         if evaluation.domain == DomainStatus::Inside {

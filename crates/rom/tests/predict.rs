@@ -246,7 +246,12 @@ fn outside_the_training_range_nothing_is_said_about_the_error_and_the_input_is_n
         assert!(found.contact_force_n > 0.0, "an extrapolation has its value");
         let why = evaluator.outside(&found).expect("it is outside");
         assert!(why.contains("pressure_mpa") && why.contains("0.09 MPa"), "{why}");
+        let (input, by) = evaluator.farthest_outside(&found).expect("the pressure");
+        assert!(input == PRESSURE && (by - (pressure_mpa - 0.09)).abs() < 1e-9, "{input} {by}");
     }
+    assert_eq!(evaluator.farthest_outside(&inside), None);
+    let (input, by) = evaluator.farthest_outside(&ask(&evaluator, 0.05, 6.0)).expect("the gap");
+    assert!(input == GAP && by < 0.0, "{input} {by}");
     // In the box of the samples, not in their hull: no single input is to blame.
     let why = evaluator.outside(&ask(&evaluator, 0.09, 8.2)).expect("it is outside");
     assert!(why.contains("pressure_mpa") && why.contains("gap_mm"), "{why}");

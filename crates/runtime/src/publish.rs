@@ -114,6 +114,12 @@ impl Contents {
         named.find(|(known, _)| *known == name).map(|(_, at)| at)
     }
 
+    /// Packed name of the input at this position in the model's inputs; empty without one.
+    pub(crate) fn name(&self, at: usize) -> [u8; 32] {
+        let mut named = self.names.as_chunks::<32>().0.iter().zip(self.positions());
+        named.find(|(_, position)| *position == at).map_or([0; 32], |(name, _)| *name)
+    }
+
     /// Where the value of each input comes from in this scene: numbers of [`input_source`].
     pub(crate) fn sources(&self, spec: &ActuatorSpec, inputs: &[InputSpec]) -> [u8; INPUTS_MAX] {
         let mut sources = [input_source::UNKNOWN; INPUTS_MAX];

@@ -154,6 +154,16 @@ fn write(name: &str, event: &Event) {
         EventKind::Snapped => {
             tracing::info!("{name}: the pressure has passed a limit: the state is on the first branch again")
         }
+        EventKind::Outside => {
+            let (by, input) = (f64::from_bits(event.value), layout::unpack_name(&event.input));
+            let side = if by < 0.0 { "below the smallest" } else { "above the largest" };
+            let what = match input.as_str() {
+                "" => format!("the inputs together are {:.1} % of their range away", 100.0 * by),
+                input => format!("{input} is {:.3e} {side} trained value", by.abs()),
+            };
+            tracing::warn!("{name}: outside the training range, without half-widths: {what}");
+        }
+        EventKind::Inside => tracing::info!("{name}: inside the training range again"),
         EventKind::ReceiveFailed => {
             tracing::error!(
                 "{name}: reading the sensor topic failed {} times; see `softtwin doctor`",

@@ -171,6 +171,8 @@ struct ActuatorTwin {
     last_good_ns: u64,
     /// There was a good reading.
     has_answered: bool,
+    /// The last reading was outside the training range.
+    was_outside: bool,
     next_deadline_ns: u64,
 }
 
@@ -244,6 +246,7 @@ impl ActuatorTwin {
             record,
             last_good_ns,
             has_answered: false,
+            was_outside: false,
             next_deadline_ns: last_good_ns + deadline.ns(),
         })
     }
@@ -398,6 +401,7 @@ impl ActuatorTwin {
         if self.parts.wanted.coefficients || self.parts.description.observables.count() > 0 {
             self.parts.session.complete(&mut self.evaluation);
         }
+        self.note_domain();
         if !publish::is_answer(&self.evaluation) {
             return Err(Outcome::DroppedModel);
         }
@@ -406,6 +410,22 @@ impl ActuatorTwin {
             (DomainStatus::Outside, OutsideDomain::Refuse) => Err(Outcome::DroppedOutsideDomain),
             _ => Ok(()),
         }
+    }
+
+    /// Tells the reporter when readings leave the training range or come back: which input, and by how much.
+    fn note_domain(&mut self) {
+        let is_outside = self.evaluation.flags.extrapolated;
+        if is_outside == std::mem::replace(&mut self.was_outside, is_outside) {
+            return;
+        }
+        if !is_outside {
+            self.record.event(EventKind::Inside, 0);
+            return;
+        }
+        let farthest = self.parts.session.evaluator().farthest_outside(&self.evaluation);
+        let named = farthest.map(|(at, by)| (self.parts.contents.name(at), by));
+        let (input, by) = named.unwrap_or(([0; 32], self.evaluation.domain_distance));
+        self.record.outside(input, by);
     }
 
     /// Steps 4 and 5: sends the state, which waits for no field, then reconstructs each field into its loan and sends it.

@@ -115,7 +115,13 @@ impl Record {
 
     /// Hands an event to the reporter.
     pub(super) fn event(&self, kind: EventKind, value: u64) {
-        self.events.send(Event { t_ns: now_ns(), actuator: self.actuator, kind, value });
+        self.events.send(Event { t_ns: now_ns(), actuator: self.actuator, kind, value, input: [0; 32] });
+    }
+
+    /// Readings are outside the training range now: by how much, of the input of this packed name.
+    pub(super) fn outside(&self, input: [u8; 32], by: f64) {
+        let (actuator, kind) = (self.actuator, EventKind::Outside);
+        self.events.send(Event { t_ns: now_ns(), actuator, kind, value: by.to_bits(), input });
     }
 
     /// Hands the alarms that rose or fell to the reporter.
@@ -173,6 +179,8 @@ pub struct Event {
     pub kind: EventKind,
     /// Its number, see [`EventKind`].
     pub value: u64,
+    /// Packed name of the input that it is about; empty for most kinds.
+    pub input: [u8; 32],
 }
 
 /// Kind of an event.
@@ -200,6 +208,11 @@ pub enum EventKind {
     EstimateAlarm,
     /// The pressure passed a limit and the state is behind it (1), or on the first branch again (0).
     Snapped,
+    /// Readings are outside the training range; value: bits of the number by which the named input is, which is below 0 under the smallest
+    /// trained value. Without a name the inputs together are, and the number is their distance as a fraction of the range.
+    Outside,
+    /// Readings are inside the training range again.
+    Inside,
     /// Readings could not be received; value: failures of this kind so far, as for all that follow.
     ReceiveFailed,
     /// A state, field or health could not be sent.

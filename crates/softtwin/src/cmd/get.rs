@@ -77,7 +77,14 @@ impl Args {
         for (actuator, query) in &questions {
             let mut client = QueryClient::open(&bus, actuator)?;
             let sample = client.ask(query, Duration::from_millis(self.timeout_ms))?;
-            refused += usize::from(sample.answer().refusal().is_some());
+            let answer = sample.answer();
+            refused += usize::from(answer.refusal().is_some());
+            if answer.refusal().is_none() && answer.domain_distance > 0.0 {
+                tracing::warn!(
+                    "outside the training range by {:.1} % of it, so the answer has no half-widths; `softtwin inspect` prints the range of each input of its model",
+                    100.0 * answer.domain_distance
+                );
+            }
             self.show(query, &sample)?;
         }
         anyhow::ensure!(refused == 0, "{refused} of {} questions have no answer, see above", questions.len());

@@ -3,7 +3,7 @@ use super::*;
 const SECOND: u64 = 1_000_000_000;
 
 fn event(t_ns: u64, kind: EventKind, value: u64) -> Event {
-    Event { t_ns, actuator: 0, kind, value }
+    Event { t_ns, actuator: 0, kind, value, input: [0; 32] }
 }
 
 /// Eight bad readings a second, each with the good one after it, and a kind of its own in between.
