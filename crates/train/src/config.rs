@@ -119,7 +119,8 @@ pub struct TrainConfig {
     pub grouping: Grouping,
     /// Number format of the modes in the model file: 16-bit integers with a step per mode, or 32-bit floats.
     pub precision: Precision,
-    /// Subtract the mean snapshot before the POD.
+    /// Subtract one snapshot before the POD: in the free regime the state with all inputs at 0, which is then exact, elsewhere and
+    /// without such a state the mean.
     pub centred: bool,
     /// Derive the displacement magnitude from the coordinates where the undeformed mesh is known.
     pub derive_magnitude: bool,

@@ -67,6 +67,8 @@ pub struct Samples<'a> {
     pub slopes: &'a [Slope],
     /// `slopes x outputs`, by scaled input.
     pub slope_values: &'a [f64],
+    /// A sample that is not smoothed: the interpolant passes through it whatever the smoothing.
+    pub exact: Option<usize>,
 }
 
 /// A fitted interpolant and what leaving each sample out would have cost.
@@ -81,8 +83,8 @@ pub struct Fit {
 }
 
 /// Condition number of the system an interpolant solved. Cost `O(n^3)`.
-pub fn condition_of(interpolant: &Interpolant) -> f64 {
-    condition(&matrix(&system_of(interpolant)))
+pub fn condition_of(interpolant: &Interpolant, exact: Option<usize>) -> f64 {
+    condition(&matrix(&system_of(interpolant, exact)))
 }
 
 /// Fits one kernel. `metric` says how distances between inputs are taken; `smoothing` is relative to the largest absolute
@@ -102,7 +104,8 @@ pub fn fit(samples: &Samples, spec: KernelSpec, metric: Metric, smoothing: f64) 
     if !samples.slopes.is_empty() && !spec.kernel.takes_derivatives() {
         return Err(FitError::NoDerivatives { kernel: spec.kernel.name() });
     }
-    let points = Points { dimensions: samples.dimensions, centres: &centres, slopes: samples.slopes };
+    let Samples { dimensions, slopes, exact, .. } = *samples;
+    let points = Points { dimensions, centres: &centres, slopes, exact };
     let system = matrix(&assemble(points, spec.kernel, spec.tail, &metric, smoothing));
     let (size, terms) = (system.nrows(), n + samples.slopes.len());
     let rhs = Mat::from_fn(size, samples.outputs, |i, k| match i {
@@ -217,14 +220,16 @@ struct Points<'a> {
     centres: &'a [Point],
     /// Derivatives, ordered by centre.
     slopes: &'a [Slope],
+    /// Centre that is not smoothed.
+    exact: Option<usize>,
 }
 
 /// The system that an interpolant solved.
-fn system_of(interpolant: &Interpolant) -> Dense {
+fn system_of(interpolant: &Interpolant, exact: Option<usize>) -> Dense {
     let centre = |row: &[f64]| std::array::from_fn(|i| row.get(i).copied().unwrap_or(0.0));
     let centres: Vec<Point> = interpolant.centres.chunks_exact(interpolant.dimensions).map(centre).collect();
     let points =
-        Points { dimensions: interpolant.dimensions, centres: &centres, slopes: &interpolant.slopes };
+        Points { dimensions: interpolant.dimensions, centres: &centres, slopes: &interpolant.slopes, exact };
     assemble(points, interpolant.kernel, interpolant.tail, &interpolant.metric, interpolant.smoothing)
 }
 
@@ -263,7 +268,7 @@ fn left_out(
 
 /// The system of these points, `(n + slopes + q)` squared. `smoothing` is relative to the largest absolute kernel value.
 fn assemble(points: Points, kernel: KernelKind, tail: Tail, metric: &Metric, smoothing: f64) -> Dense {
-    let Points { dimensions, centres, slopes } = points;
+    let Points { dimensions, centres, slopes, exact } = points;
     let (n, m, q) = (centres.len(), slopes.len(), tail.terms(dimensions));
     let mut a = Dense::zeros(n + m + q);
     let mut largest = 0.0_f64;
@@ -280,7 +285,7 @@ fn assemble(points: Points, kernel: KernelKind, tail: Tail, metric: &Metric, smo
         }
     }
     let ridge = smoothing * largest;
-    for i in 0..n {
+    for i in (0..n).filter(|i| exact != Some(*i)) {
         a[(i, i)] += ridge;
     }
     assemble_slopes(&mut a, points, kernel, tail, metric);
@@ -293,7 +298,7 @@ fn assemble(points: Points, kernel: KernelKind, tail: Tail, metric: &Metric, smo
 
 /// Rows and columns of the derivatives.
 fn assemble_slopes(a: &mut Dense, points: Points, kernel: KernelKind, tail: Tail, metric: &Metric) {
-    let Points { dimensions, centres, slopes } = points;
+    let Points { dimensions, centres, slopes, .. } = points;
     let (n, m) = (centres.len(), slopes.len());
     for (b, slope) in slopes.iter().enumerate() {
         let (own, axis) = (&centres[slope.centre as usize], slope.axis as usize);

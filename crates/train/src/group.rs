@@ -2,7 +2,7 @@
 
 use crate::config::{Grouping, ModeChoice, RegimeConfig, TrainConfig};
 use crate::error::TrainError;
-use crate::pod::{Compact, Pod, PodError, decompose};
+use crate::pod::{Centre, Compact, Pod, PodError, decompose};
 use crate::select::{Choice, States, Task, choose};
 use faer::Mat;
 use rom::inputs::Point;
@@ -123,15 +123,11 @@ const ONSET_WEIGHT: f64 = 1.5;
 /// Largest additional weight of an onset state with small values.
 const MOST_ONSET_WEIGHT: f64 = 4.0;
 
-/// Makes directions of the onset's columns: deviations from the mean of the states, each in relation to its own largest value,
+/// Makes directions of the onset's columns: deviations from the centre of the states, each in relation to its own largest value,
 /// as jumps at the onset are measured.
-fn weigh_onset(y: &mut Mat<f64>, columns: Columns, centred: bool) {
+fn weigh_onset(y: &mut Mat<f64>, columns: Columns, centre: Centre) {
     let range = columns.states..columns.states + columns.onset;
-    let count = if centred { columns.states as f64 } else { f64::INFINITY };
-    let mut mean = vec![0.0; y.nrows()];
-    for j in 0..columns.states {
-        mean.iter_mut().zip(y.col_as_slice(j)).for_each(|(mean, v)| *mean += v / count);
-    }
+    let mean = centre.of(y, columns.states);
     let sizes: Vec<f64> = range.clone().map(|j| y.col(j).norm_max()).collect();
     let largest = sizes.iter().copied().fold(0.0, f64::max);
     for (j, size) in range.zip(sizes) {
@@ -156,14 +152,14 @@ impl Decomposed {
         columns: Columns,
         regime: &str,
         config: &RegimeConfig,
-        centred: bool,
+        centre: Centre,
     ) -> Result<Self, TrainError> {
         let pod_error =
             |source| TrainError::Pod { group: group.name.clone(), regime: regime.to_owned(), source };
         let states = columns.states;
-        weigh_onset(&mut snapshots, columns, centred);
+        weigh_onset(&mut snapshots, columns, centre);
         let directions = columns.count() - states;
-        let compact = Compact::new(snapshots, directions, centred).map_err(pod_error)?;
+        let compact = Compact::new(snapshots, directions, centre).map_err(pod_error)?;
         let pod = decompose(compact.r.as_ref()).map_err(pod_error)?;
         let limit = pod.rank.min(config.max_modes);
         let a = pod.u.get(.., ..limit).transpose() * &compact.r;

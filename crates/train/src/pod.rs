@@ -19,9 +19,38 @@ pub enum PodError {
     NoConvergence,
 }
 
+/// What snapshots are deviations from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Centre {
+    /// Nothing: the snapshots themselves are decomposed, as in the paper.
+    Origin,
+    /// Their mean.
+    Mean,
+    /// One of them. All its coefficients are 0, so any number of modes reproduces it exactly.
+    State(usize),
+}
+
+impl Centre {
+    /// The field that is subtracted from the first `states` columns.
+    #[must_use]
+    pub fn of(self, y: &Mat<f64>, states: usize) -> Vec<f64> {
+        match self {
+            Self::Origin => vec![0.0; y.nrows()],
+            Self::State(state) => y.col_as_slice(state).to_vec(),
+            Self::Mean => {
+                let mut mean = vec![0.0; y.nrows()];
+                for j in 0..states {
+                    mean.iter_mut().zip(y.col_as_slice(j)).for_each(|(mean, v)| *mean += v / states as f64);
+                }
+                mean
+            }
+        }
+    }
+}
+
 /// A group's snapshots in compact form: everything exact, nothing truncated yet.
 pub struct Compact {
-    /// Mean snapshot (zeros when not centred), `n`.
+    /// Field at the [`Centre`], `n`.
     pub mean: Vec<f64>,
     /// Orthonormal basis of all (centred) snapshots, `n x r`.
     pub q: Mat<f64>,
@@ -41,25 +70,18 @@ pub struct Pod {
 
 impl Compact {
     /// Compacts snapshots given as columns. The last `directions` columns are derivatives or deviations: they belong to the span,
-    /// and the mean is not theirs. Cost `O(n m^2)`.
+    /// and the centre is not theirs. Cost `O(n m^2)`.
     ///
     /// # Errors
     /// [`PodError::Empty`] without columns.
-    pub fn new(mut y: Mat<f64>, directions: usize, centred: bool) -> Result<Self, PodError> {
+    pub fn new(mut y: Mat<f64>, directions: usize, centre: Centre) -> Result<Self, PodError> {
         let (n, m) = (y.nrows(), y.ncols() - directions);
         if m == 0 || n == 0 {
             return Err(PodError::Empty);
         }
-        let mut mean = vec![0.0; n];
-        if centred {
-            for j in 0..m {
-                mean.iter_mut().zip(y.col_as_slice(j)).for_each(|(mean, v)| *mean += v / m as f64);
-            }
-            for j in 0..m {
-                for (v, mean) in y.col_as_slice_mut(j).iter_mut().zip(&mean) {
-                    *v -= mean;
-                }
-            }
+        let mean = centre.of(&y, m);
+        for j in 0..m {
+            y.col_as_slice_mut(j).iter_mut().zip(&mean).for_each(|(v, mean)| *v -= mean);
         }
         let qr = y.qr();
         Ok(Self { mean, q: qr.compute_thin_Q(), r: qr.thin_R().to_owned() })

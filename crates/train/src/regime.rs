@@ -5,6 +5,7 @@ use crate::datasheet::{Candidate, CaseError, ForceViolation};
 use crate::error::TrainError;
 use crate::force::ForceRegion;
 use crate::group::{Columns, Decomposed, Group, GroupFit, Plan, fit_groups};
+use crate::pod::Centre;
 use crate::select::{States, Task, choose};
 use crate::sort::{Sorted, varying};
 use faer::Mat;
@@ -336,7 +337,13 @@ impl<'a> Training<'a> {
         plan: &Plan,
         free: Option<&Part>,
     ) -> Result<Vec<GroupFit>, TrainError> {
-        let states = self.states(&self.scaled, &self.score);
+        let rest = self.rest().filter(|_| config.centred);
+        let states = States { exact: rest, ..self.states(&self.scaled, &self.score) };
+        let centre = match (config.centred, rest) {
+            (false, _) => Centre::Origin,
+            (true, Some(state)) => Centre::State(state),
+            (true, None) => Centre::Mean,
+        };
         let one = |(g, group): (usize, &Group)| {
             let nodes = self.database.node_count;
             let all = self.points.iter().chain(&self.onset);
@@ -365,10 +372,18 @@ impl<'a> Training<'a> {
                 let at = columns.count() - columns.derivatives + j;
                 self.derivative(j, group, columns.weight, y.col_as_slice_mut(at));
             }
-            Decomposed::new(group, y, columns, self.name(), choices, config.centred)
+            Decomposed::new(group, y, columns, self.name(), choices, centre)
         };
         let decomposed = plan.groups.iter().enumerate().map(one).collect::<Result<Vec<_>, _>>()?;
         fit_groups(plan, decomposed, states, self.name(), choices, config.precision)
+    }
+
+    /// The state at rest: free, with every input that varies at 0. It is the one state that everybody can check on the table, so
+    /// the model gives it exactly: the fields are deviations from it, and smoothing leaves it where it is.
+    fn rest(&self) -> Option<usize> {
+        let is_zero =
+            |inputs: &Inputs| self.inputs.axes.iter().all(|axis| inputs.values()[axis.input] == 0.0);
+        (self.kind == RegimeKind::Free).then(|| self.points.iter().position(is_zero)).flatten()
     }
 
     /// The regime's name.
@@ -444,7 +459,7 @@ impl<'a> Training<'a> {
 
     fn states<'b>(&'b self, inputs: &'b [Point], score: &'b [f64]) -> States<'b> {
         let (operating, dimensions) = (self.inputs.operating(), self.inputs.dimensions());
-        States { operating, dimensions, inputs, score, slopes: &self.slopes }
+        States { operating, dimensions, inputs, score, slopes: &self.slopes, exact: None }
     }
 
     /// Fits the contact force.

@@ -49,6 +49,8 @@ pub struct States<'a> {
     pub score: &'a [f64],
     /// Known derivatives, ordered by state.
     pub slopes: &'a [Slope],
+    /// State that is reproduced whatever the smoothing.
+    pub exact: Option<usize>,
 }
 
 /// One group's coefficients.
@@ -117,6 +119,7 @@ pub fn choose(
         outputs,
         slopes: &[],
         slope_values: &[],
+        exact: states.exact,
     };
     let known = |task: &Task| task.slope_values.len() == states.slopes.len() * task.outputs;
     let differentiated = !states.slopes.is_empty() && tasks.iter().all(known);
@@ -449,7 +452,7 @@ impl<'a> Search<'a> {
         if fit.interpolant.slopes.is_empty() {
             (self.samples.slopes, self.samples.slope_values) = (&[], &[]);
         }
-        fit.interpolant.condition = condition_of(&fit.interpolant);
+        fit.interpolant.condition = condition_of(&fit.interpolant, self.states.exact);
         let axes = self.states.operating..self.states.dimensions;
         let idle: Vec<usize> =
             axes.filter(|axis| idle(&self.samples, self.states, self.tasks, &fit, *axis)).collect();

@@ -6,15 +6,19 @@ use rom::evaluator::Evaluator;
 use rom::inputs::{Inputs, Parameter};
 use rom::rng::Rng;
 use rom::snapshots::{Case, Database, RegimeKind, Split};
-use train::config::TrainConfig;
+use train::config::{ModeChoice, TrainConfig};
 use train::{TrainError, train};
 
 /// Pressure of one cavity that has the effect of both, by that of `cavity` and of `cavity.other`.
 type Effect = fn(f64, f64) -> f64;
 
 fn database(effect: Effect) -> Database {
+    database_from(Vec::new(), effect)
+}
+
+/// The same, after the given states (pressures in MPa and gap).
+fn database_from(mut states: Vec<[f64; 3]>, effect: Effect) -> Database {
     let mut random = Rng::new(5);
-    let mut states: Vec<[f64; 3]> = Vec::new();
     while states.len() < 160 {
         let [a, b, c] = [random.uniform(), random.uniform(), random.uniform()];
         let (p, q) = (0.09 * a, 0.04 * b);
@@ -80,4 +84,20 @@ fn first_cavity_that_lifts_is_refused_by_name() {
     let error = train(&database(|p, q| 2.0 * q - 0.3 * p), &TrainConfig::default(), &mut |_| {}).unwrap_err();
     let TrainError::Onset(text) = &error else { panic!("{error}") };
     assert!(text.contains("pressure_mpa") && text.contains("lifts"), "{text}");
+}
+
+/// Neither too few modes nor smoothing moves the state without any pressure.
+#[test]
+fn the_rest_state_of_the_training_is_given_exactly() {
+    let data = database_from(vec![[0.0, 0.0, f64::INFINITY]], |p, q| p - 0.5 * q);
+    let mut config = TrainConfig::default();
+    config.free.modes = ModeChoice::Fixed(1);
+    config.free.smoothing = vec![1e-2];
+    let (model, _) = train(&data, &config, &mut |_| {}).expect("trains");
+    let worst = |case: usize| {
+        let report = train::evaluate::evaluate(&model, &data, &[case]).expect("evaluates");
+        report.regimes[0].fields.iter().map(|field| field.normalised[2]).fold(0.0, f64::max)
+    };
+    let (rest, other) = (worst(0), (1..10).map(worst).fold(0.0, f64::max));
+    assert!(rest < 1e-5 && other > 1e-3, "rest {rest:.1e}, another state {other:.1e}");
 }

@@ -10,7 +10,7 @@ use rom::model::truncation_error;
 use rom::regime::{Onset, OnsetTable};
 use train::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail};
 use train::fit::{FitError, Samples, fit};
-use train::pod::{Compact, PodError, decompose};
+use train::pod::{Centre, Compact, PodError, decompose};
 use train::select::{States, Task, choose};
 
 const KERNELS: [(KernelKind, Tail); 8] = [
@@ -44,7 +44,7 @@ fn smooth(x: &Point) -> f64 {
 }
 
 fn samples<'a>(inputs: &'a [Point], values: &'a [f64]) -> Samples<'a> {
-    Samples { dimensions: 2, inputs, values, outputs: 1, slopes: &[], slope_values: &[] }
+    Samples { dimensions: 2, inputs, values, outputs: 1, slopes: &[], slope_values: &[], exact: None }
 }
 
 #[test]
@@ -118,7 +118,7 @@ proptest! {
             }
         }
         let values: Vec<f64> = inputs.iter().map(|x| x.iter().enumerate().map(|(k, x)| ((k + 2) as f64 * x).sin()).sum()).collect();
-        let samples = Samples { dimensions, inputs: &inputs, values: &values, outputs: 1, slopes: &[], slope_values: &[] };
+        let samples = Samples { dimensions, inputs: &inputs, values: &values, outputs: 1, slopes: &[], slope_values: &[], exact: None };
         let without = |i: usize| {
             let rest = |j: &usize| *j != i;
             let x: Vec<Point> = (0..n).filter(rest).map(|j| inputs[j]).collect();
@@ -197,7 +197,7 @@ fn singular_systems_are_refused_with_the_reason() {
 fn pod_reproduces_the_snapshots_with_orthonormal_modes() {
     let y =
         Mat::from_fn(300, 12, |i, j| ((i * (j + 1)) as f64 * 0.01).sin() * 10.0_f64.powi(-(j as i32)) + 50.0);
-    let compact = Compact::new(y.clone(), 0, true).expect("decomposes");
+    let compact = Compact::new(y.clone(), 0, Centre::Mean).expect("decomposes");
     let pod = decompose(compact.r.as_ref()).expect("decomposes");
     let modes = compact.modes(&pod, pod.rank);
     let gram = modes.transpose() * &modes - Mat::<f64>::identity(pod.rank, pod.rank);
@@ -220,14 +220,14 @@ fn pod_reproduces_the_snapshots_with_orthonormal_modes() {
 #[test]
 fn small_singular_values_are_kept() {
     let y = Mat::from_fn(64, 8, |i, j| if i / 8 == j { 10.0_f64.powi(-2 * j as i32) } else { 0.0 });
-    let compact = Compact::new(y, 0, false).expect("decomposes");
+    let compact = Compact::new(y, 0, Centre::Origin).expect("decomposes");
     let pod = decompose(compact.r.as_ref()).expect("decomposes");
     for (k, s) in pod.singular_values.iter().enumerate().take(7) {
         let expected = 8.0_f64.sqrt() * 10.0_f64.powi(-2 * k as i32);
         assert!((s / expected - 1.0).abs() < 1e-2, "{k}: {s:e}");
     }
     assert_eq!(truncation_error(&[], 0), 0.0);
-    assert_eq!(Compact::new(Mat::zeros(4, 0), 0, true).err(), Some(PodError::Empty));
+    assert_eq!(Compact::new(Mat::zeros(4, 0), 0, Centre::Mean).err(), Some(PodError::Empty));
 }
 
 #[test]
@@ -319,7 +319,8 @@ fn selection_over_four_inputs_finds_the_irrelevant_input() {
     let inputs = cube(4, 90);
     let values: Vec<f64> = inputs.iter().map(|x| (3.0 * x[0]).sin() + x[1] * x[3]).collect();
     let score = vec![1.0; inputs.len()];
-    let states = States { operating: 2, dimensions: 4, inputs: &inputs, score: &score, slopes: &[] };
+    let states =
+        States { operating: 2, dimensions: 4, inputs: &inputs, score: &score, slopes: &[], exact: None };
     let dropped = vec![0.0; inputs.len()];
     let slope_values = Vec::new();
     let task =
@@ -341,7 +342,8 @@ fn selection_takes_a_sound_kernel_that_is_nearly_as_good() {
     let inputs = points(40);
     let values: Vec<f64> = inputs.iter().map(smooth).collect();
     let score = vec![1.0; inputs.len()];
-    let states = States { operating: 2, dimensions: 2, inputs: &inputs, score: &score, slopes: &[] };
+    let states =
+        States { operating: 2, dimensions: 2, inputs: &inputs, score: &score, slopes: &[], exact: None };
     let task = || Task {
         values: values.clone(),
         outputs: 1,

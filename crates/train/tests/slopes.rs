@@ -65,6 +65,7 @@ impl Known {
             outputs: 1,
             slopes: &self.slopes,
             slope_values: &self.slope_values,
+            exact: None,
         }
     }
 }
@@ -156,7 +157,8 @@ fn scored(known: &Known, outputs: usize, slopes: &[Slope]) -> (f64, Vec<f64>) {
     };
     let count = known.inputs.len();
     let score = vec![1.0; count];
-    let states = States { operating: 2, dimensions: 3, inputs: &known.inputs, score: &score, slopes };
+    let states =
+        States { operating: 2, dimensions: 3, inputs: &known.inputs, score: &score, slopes, exact: None };
     let task = Task {
         values: repeat(&known.values),
         outputs,
