@@ -146,9 +146,16 @@ def main():
         {"face": tag, "area_mm2": gmsh.model.occ.getMass(2, tag), "centre_mm": list(gmsh.model.occ.getCenterOfMass(2, tag))}
         for _, tag in gmsh.model.getEntities(2)
     ]
+    centres = {face["face"]: np.array(face["centre_mm"]) * face["area_mm2"] for face in faces}
+    areas = {face["face"]: face["area_mm2"] for face in faces}
+    cavities = [
+        {"name": name, "faces": tags, "centre_mm": list(sum(centres[tag] for tag in tags) / sum(areas[tag] for tag in tags))}
+        for name, tags in groups.items() if name.split(".")[0] == "cavity"
+    ]
     print(json.dumps({
         "tetrahedra": len(elements), "quality_least": float(min(quality)), "quality_median": float(np.median(quality)),
         "below_0_1": int((quality < 0.1).sum()), "thinnest_wall_mm": wall, "faces": faces,
+        "cavities": cavities, "volume_mm3": sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3)),
     }))
 
 

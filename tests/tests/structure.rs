@@ -368,6 +368,10 @@ fn import_command_makes_a_model_from_results() {
     run(&stage, &[&["import", "results"], &names[..], &pattern, &others].concat());
     let built: Value = serde_json::from_str(&run(&stage, &["build", "part", "--json"])).expect("JSON");
     assert_eq!(built["inputs"], serde_json::json!(["load_n", "thickness_mm"]), "{built:#}");
+    // The training's notes are repeated.
+    let sheet = std::fs::read_to_string(stage.path("part/part.json")).expect("a data sheet");
+    let sheet: Value = serde_json::from_str(&sheet).expect("JSON");
+    assert!(built["notes"].is_array() && built["notes"] == sheet["remarks"], "{built:#}");
     let held_back = &built["quality"]["held_back"][0];
     assert!(held_back["states"].as_u64().is_some_and(|states| states > 1), "{built:#}");
     assert!(held_back["displacement"]["percent"][1].as_f64().is_some_and(|error| error < 2.0), "{built:#}");

@@ -43,7 +43,7 @@ pub use dynamics::{Dynamics, PronyTerm};
 pub use element::cavity::CavityLoad;
 pub use family::{Family, Variant, VariantError};
 pub use linear::LinearError;
-pub use mesh::{EndFace, Mesh, Slot};
+pub use mesh::{EndFace, Hollow, Measures, Mesh, Slot, Wall};
 pub use newton::NewtonError;
 pub use output::{MAX_RESIDUAL, Output};
 pub use path::{Limit, LimitKind, Path, PathPoint, PathSettings, limits};

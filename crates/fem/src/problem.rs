@@ -150,7 +150,8 @@ impl Problem {
         let boundary = Boundary::new(&mesh.tets);
         let closed_walls = |walls: &[Tri6]| -> Result<Vec<Tri6>, ProblemError> {
             let walls = oriented(&boundary, walls, "cavity")?.iter().map(flipped).collect::<Vec<_>>();
-            closed(&walls).map_err(|[a, b]| ProblemError::OpenCavity(a, b))?;
+            closed(walls.iter().map(|t| [t[0], t[1], t[2]]))
+                .map_err(|[a, b]| ProblemError::OpenCavity(a, b))?;
             Ok(walls)
         };
         let cavity = closed_walls(&mesh.cavity)?;

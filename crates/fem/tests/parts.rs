@@ -240,6 +240,9 @@ fn own_mesh_gives_names_materials_and_two_pressures() {
     assert_eq!((end.axis, end.sense, end.is_solid), (0, 1.0, true));
     assert_eq!((end.centroid_mm, end.free_length_mm), ([12.0, 1.5, 4.0], 12.0));
     assert!(end.nodes.iter().all(|n| mesh.nodes_mm[*n as usize][0] == 12.0) && end.nodes.len() > 30);
+    let named = actuator.inventory(&path).unwrap();
+    let held = |name: &str| named.iter().find(|part| part.name == name).unwrap().encloses_mm3;
+    assert!(held("CHAMBER1").is_some_and(|mm3| mm3 > 1.0) && held("clamp").is_none(), "{named:?}");
     // The pressure of a further cavity is a quantity of the actuator, hence an input of lists, databases and models.
     assert_eq!(actuator.quantity("pressure_mpa.right").unwrap(), 0.0);
     assert_eq!(fem::actuator::unit("pressure_mpa.right"), "MPa");

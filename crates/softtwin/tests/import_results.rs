@@ -23,6 +23,13 @@ fn cantilever_is_imported_trained_evaluated_and_predicted() {
         (&28.into(), &3.into(), &true.into())
     );
     assert_eq!(done["inputs"], serde_json::json!(["load_n", "thickness_mm"]));
+    // Ranges and largest values tell a wrong unit at a glance.
+    let whole = |value: &Value| value.as_f64().is_some_and(f64::is_finite);
+    let range = |name: &str| [0, 1].map(|end| done["ranges"][name][end].as_f64().unwrap());
+    assert!(done["ranges"].as_object().is_some_and(|ranges| ranges.len() == 2), "{done}");
+    assert!(["load_n", "thickness_mm"].into_iter().all(|name| range(name)[0] < range(name)[1]), "{done}");
+    assert!(whole(&done["largest_displacement_mm"]) && whole(&done["largest_stress_mpa"]), "{done}");
+    assert_eq!(done["body"]["remarks"], serde_json::json!([]), "{done}");
     succeeds(dir.path(), &["train", "--database", "db", "--out", "beam.twin"]);
     succeeds(dir.path(), &["evaluate", "--model", "beam.twin", "--database", "db"]);
     let question = ["--set", "load_n=2.6", "--set", "thickness_mm=7.3", "--out", "state.csv"];
@@ -45,6 +52,24 @@ fn cantilever_is_imported_trained_evaluated_and_predicted() {
         assert!((moved_mm - size(u)).abs() <= 0.01 * largest_mm, "{row:?} {u:?}");
         assert!((von_mises_mpa - stress_mpa).abs() <= 0.01 * largest_mpa, "{row:?} {stress_mpa}");
     }
+}
+
+/// A length unit of m for files in mm makes a beam of 60 m, and kPa taken for MPa a rubber that no test machine tears.
+#[test]
+fn a_wrong_unit_is_remarked() {
+    let dir = tempfile::tempdir().unwrap();
+    let names = simulations(dir.path());
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let remarks = |length: &str, stress: &str| {
+        let units = ["--length-unit", length, "--stress-unit", stress];
+        let pattern =
+            ["--pattern", "beam_f{load_n}_t{thickness_mm}.vtu", "--out", "db", "--replace", "--json"];
+        let done = succeeds(dir.path(), &[&["import", "results"], &names[..], &units, &pattern].concat());
+        let done: Value = serde_json::from_str(&done).unwrap();
+        done["body"]["remarks"].as_array().unwrap().len()
+    };
+    assert_eq!(remarks("m", "pa"), 0);
+    assert_eq!(remarks("mm", "pa"), 1, "a beam of 0.1 mm");
 }
 
 /// One folder per job, by a table alone and by a pattern with folders; again over the first; one state of another load.

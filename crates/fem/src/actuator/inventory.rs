@@ -1,8 +1,9 @@
 //! Named parts of a mesh file, with their sizes and what each is to the actuator.
 
 use super::file::Actuator;
-use crate::algebra::{cross, dot, norm, sub};
-use formats::mesh_file::{MeshFile, TRI_FACETS};
+use crate::algebra::{Vec3, add, axpy, cross, dot, norm, scale, sub};
+use crate::mesh::{Boundary, closed, enclosed};
+use formats::mesh_file::{MeshFile, TRI_FACETS, Tri6};
 use formats::{FormatError, read_mesh};
 use std::path::Path;
 
@@ -17,6 +18,10 @@ pub struct NamedPart {
     pub elements: usize,
     /// Volume (mm3) or area (mm2).
     pub size: f64,
+    /// Of a surface the centroid of its area, or of the volume that it encloses (mm).
+    pub centre_mm: Option<Vec3>,
+    /// Volume that a surface encloses (mm3); `None` where it is open.
+    pub encloses_mm3: Option<f64>,
     /// Use in `actuator.toml`, `None` if it has none.
     pub role: Option<String>,
 }
@@ -28,19 +33,29 @@ impl Actuator {
     /// I/O error, not a mesh.
     pub fn inventory(&self, actuator_path: &Path) -> Result<Vec<NamedPart>, FormatError> {
         let file = read_mesh(&self.mesh_path(actuator_path))?;
+        let boundary = Boundary::new(&file.tets);
         let volumes = file.volumes.iter().map(|(name, elements)| NamedPart {
             name: name.clone(),
             is_volume: true,
             elements: elements.len(),
             size: elements.iter().map(|e| volume_mm3(&file, *e as usize)).sum(),
+            centre_mm: None,
+            encloses_mm3: None,
             role: Some(self.material_of(name)),
         });
-        let surfaces = file.surfaces.iter().map(|(name, triangles)| NamedPart {
-            name: name.clone(),
-            is_volume: false,
-            elements: triangles.len(),
-            size: triangles.iter().map(|t| area_mm2(&file, t)).sum(),
-            role: self.role_of(name),
+        let surfaces = file.surfaces.iter().map(|(name, triangles)| {
+            let facets = || triangles.iter().flat_map(|t| TRI_FACETS.map(|facet| facet.map(|k| t[k])));
+            let (size, centre_mm) = area(&file, facets());
+            let held = hollow(&file, &boundary, triangles);
+            NamedPart {
+                name: name.clone(),
+                is_volume: false,
+                elements: triangles.len(),
+                size,
+                centre_mm: Some(held.map_or(centre_mm, |(_, centre_mm)| centre_mm)),
+                encloses_mm3: held.map(|(volume_mm3, _)| volume_mm3),
+                role: self.role_of(name),
+            }
         });
         Ok(volumes.chain(surfaces).collect())
     }
@@ -85,10 +100,24 @@ fn volume_mm3(file: &MeshFile, element: usize) -> f64 {
     dot(cross(sub(b, a), sub(c, a)), sub(d, a)) / 6.0
 }
 
-fn area_mm2(file: &MeshFile, triangle: &[u32; 6]) -> f64 {
-    let facet = |facet: [usize; 3]| {
-        let [a, b, c] = facet.map(|k| file.points_mm[triangle[k] as usize]);
-        0.5 * norm(cross(sub(b, a), sub(c, a)))
-    };
-    TRI_FACETS.into_iter().map(facet).sum()
+/// Area of facets (mm2) and its centroid (mm).
+fn area(file: &MeshFile, facets: impl Iterator<Item = [u32; 3]>) -> (f64, Vec3) {
+    let (mut area, mut moment) = (0.0, [0.0; 3]);
+    for facet in facets {
+        let [a, b, c] = facet.map(|n| file.points_mm[n as usize]);
+        let own = 0.5 * norm(cross(sub(b, a), sub(c, a)));
+        axpy(own / 3.0, add(add(a, b), c), &mut moment);
+        area += own;
+    }
+    (area, scale(1.0 / area, moment))
+}
+
+/// Volume that walls of the body enclose (mm3) and its centroid; `None` where they are open.
+fn hollow(file: &MeshFile, boundary: &Boundary, walls: &[Tri6]) -> Option<(f64, Vec3)> {
+    let walls: Vec<Tri6> = walls.iter().map(|t| boundary.outward(t)).collect::<Option<_>>()?;
+    closed(walls.iter().map(|t| [t[0], t[1], t[2]])).ok()?;
+    let facets: Vec<[u32; 3]> =
+        walls.iter().flat_map(|t| TRI_FACETS.map(|facet| facet.map(|k| t[k]))).collect();
+    let (volume, centre_mm) = enclosed(&file.points_mm, &facets);
+    Some((volume.abs(), centre_mm))
 }

@@ -58,10 +58,10 @@ pub(crate) fn flipped(t: &Tri6) -> Tri6 {
 ///
 /// # Errors
 /// The corners of an edge that is open or met twice in one direction.
-pub(crate) fn closed(triangles: &[Tri6]) -> Result<(), [u32; 2]> {
+pub(crate) fn closed(triangles: impl IntoIterator<Item = [u32; 3]>) -> Result<(), [u32; 2]> {
     let mut edges: HashMap<[u32; 2], i32> = HashMap::new();
-    for t in triangles {
-        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+    for [a, b, c] in triangles {
+        for (a, b) in [(a, b), (b, c), (c, a)] {
             let sense = if a < b { 1 } else { -1 };
             *edges.entry([a.min(b), a.max(b)]).or_insert(0) += sense;
         }

@@ -34,8 +34,13 @@ impl Folder<'_> {
         Ok(())
     }
 
-    /// Trains on a database and saves the model; its path.
-    pub fn train(&self, database: &Path, obstacle: ObstacleKind, doing: &Doing) -> Result<PathBuf> {
+    /// Trains on a database and saves the model; its path, and the notes of the training, which are printed.
+    pub fn train(
+        &self,
+        database: &Path,
+        obstacle: ObstacleKind,
+        doing: &Doing,
+    ) -> Result<(PathBuf, Vec<String>)> {
         let data = files::database(database, obstacle)?;
         let config = train_command::config_of(database)?;
         let (model, sheet) =
@@ -46,7 +51,8 @@ impl Folder<'_> {
         save(&path, &bytes)?;
         files::save_data_sheet(&path, &sheet)?;
         self.say("model", &format!("{} ({:.1} MB)", path.display(), bytes.len() as f64 / 1e6))?;
-        Ok(path)
+        sheet.remarks.iter().try_for_each(|remark| self.say("note", remark))?;
+        Ok((path, sheet.remarks))
     }
 
     /// Writes the scene; another one that stood there, perhaps with a sensor in it by now, is kept beside it.

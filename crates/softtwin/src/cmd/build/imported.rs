@@ -30,7 +30,7 @@ pub fn build(folder: &Folder, database: &Path) -> Result<()> {
     let kind = kinds.first().copied().with_context(|| format!("{}: no states", database.display()))?;
     let doing = Doing::default();
     let _heartbeat = doing.heartbeat();
-    let model = folder.train(database, kind, &doing)?;
+    let (model, notes) = folder.train(database, kind, &doing)?;
     let quality = Quality::of(&model, database, &folder.path.join("errors.png"))?;
     let header = files::model(&model)?.header;
     // An input without a range is one that no state had.
@@ -45,7 +45,7 @@ pub fn build(folder: &Folder, database: &Path) -> Result<()> {
     folder.save_scene(&scene, &scene_text(&header.actuator, &inputs))?;
     if folder.json {
         return output::json(&json!({
-            "model": model, "scene": scene, "sweep": sweep, "quality": quality,
+            "model": model, "scene": scene, "notes": notes, "sweep": sweep, "quality": quality,
             "inputs": inputs.iter().map(|(_, input)| input.key()).collect::<Vec<_>>(),
         }));
     }

@@ -197,7 +197,7 @@ impl Args {
             folder.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
         }
         doing.begin("training");
-        let model = folder.train(&database, actuator.obstacle_kind(), &doing)?;
+        let (model, notes) = folder.train(&database, actuator.obstacle_kind(), &doing)?;
         doing.begin("measuring the model");
         let quality = Quality::of(&model, &database, &self.folder.join("errors.png"))?;
         let scene = self.folder.join("scene.toml");
@@ -206,7 +206,7 @@ impl Args {
         let cpu_s = resources::cpu_s("self");
         if self.json {
             return output::json(&json!({
-                "model": model, "scene": scene, "states": states, "failed": outcome.failed.len(),
+                "model": model, "scene": scene, "notes": notes, "states": states, "failed": outcome.failed.len(),
                 "reused": outcome.reused, "pressure_mpa": pressures.largest_mpa(), "pressure_reason": pressures.reason,
                 "pressure_interval_mpa": interval, "largest_stretch": pressures.stretch,
                 "displacement_mm": pressures.displacement_mm, "angle_deg": pressures.angle_deg, "contact_pressure_mpa": plan.contact_mpa, "gap_mm": plan.gaps_mm, "quality": quality, "seconds": seconds, "cpu_seconds": cpu_s,
@@ -253,7 +253,8 @@ impl Args {
                 2.0 * wall
             )));
         }
-        let (nodes, tets) = write_grid(actuator, size, &file)?;
+        let mesh = write_grid(actuator, size, &file)?;
+        let (nodes, tets) = (mesh.nodes_mm.len(), mesh.tets.len());
         Ok(format!(
             "{}: {nodes} nodes, {tets} elements of at most {size} mm (thinnest wall {wall:.2} mm)",
             file.display()

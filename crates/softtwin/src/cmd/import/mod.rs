@@ -3,6 +3,7 @@
 mod inputs;
 mod results;
 
+use crate::cmd::mesh::body::BodyReport;
 use crate::failure::usage;
 use crate::files::refusal;
 use crate::output;
@@ -65,16 +66,18 @@ impl Args {
         let (points, blocks, left_out) = formats::read_blocks(&mesh).map_err(refusal)?;
         let grid = Grid { points_mm: &points, cells: Cells::Mixed(&blocks), point_data: &[] };
         vtu::write(&out, &grid).map_err(refusal)?;
+        let body = BodyReport::of(&points, &blocks);
         let counts: Vec<(String, usize)> = blocks.iter().map(|block| (name(block), block.count())).collect();
         if self.json {
             let cells: serde_json::Map<_, _> = counts.into_iter().map(|(name, n)| (name, json!(n))).collect();
             return output::json(
-                &json!({ "out": out, "nodes": points.len(), "cells": cells, "left_out": left_out }),
+                &json!({ "out": out, "nodes": points.len(), "cells": cells, "left_out": left_out, "body": body.json() }),
             );
         }
         let cells: Vec<String> = counts.iter().map(|(name, count)| format!("{count} {name}")).collect();
         output!("{}: {} nodes, {}", out.display(), points.len(), cells.join(", "))?;
-        left_out.iter().try_for_each(|what| Ok(output!("left out: {what}")?))
+        left_out.iter().try_for_each(|what| output!("left out: {what}"))?;
+        body.print()
     }
 }
 

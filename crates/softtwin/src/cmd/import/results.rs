@@ -1,6 +1,7 @@
 //! `softtwin import results`: a database from finished simulations.
 
 use super::inputs::{Labels, Source, table, unit};
+use crate::cmd::mesh::body::{BodyReport, rounded};
 use crate::failure::{configuration, usage};
 use crate::files::refusal;
 use crate::output;
@@ -189,7 +190,8 @@ impl Args {
             }
         }
         database::write(&self.out, &database, Cells::Mixed(&blocks)).map_err(refusal)?;
-        self.report(&database, nodes, shape_varies, &left_out)
+        let body = BodyReport::of(database.undeformed_mm.as_deref().unwrap_or_default(), &blocks);
+        self.report(&database, nodes, shape_varies, &left_out, body)
     }
 
     fn source(&self) -> Result<Source<'_>> {
@@ -215,7 +217,11 @@ impl Args {
         nodes: usize,
         shape_varies: bool,
         left_out: &[String],
+        mut body: BodyReport,
     ) -> Result<()> {
+        let largest = Largest::of(database);
+        largest.doubt(&mut body);
+        let ranges = ranges(database);
         let fields: Vec<&str> = database.fields.iter().map(|field| field.name.as_str()).collect();
         let of = |split| database.of_split(split).count();
         let (train, test) = (of(Split::Train), database.cases.len() - of(Split::Train));
@@ -223,7 +229,9 @@ impl Args {
             return output::json(&json!({
                 "out": self.out, "nodes": nodes, "states": database.cases.len(), "training": train, "testing": test,
                 "fields": fields, "inputs": database.parameters.iter().map(|p| &p.name).collect::<Vec<_>>(),
-                "shape_varies": shape_varies, "left_out": left_out,
+                "shape_varies": shape_varies, "left_out": left_out, "body": body.json(),
+                "ranges": ranges.iter().cloned().collect::<BTreeMap<_, _>>(),
+                "largest_displacement_mm": largest.displacement_mm, "largest_stress_mpa": largest.stress_mpa,
             }));
         }
         output!(
@@ -231,21 +239,86 @@ impl Args {
             self.out.display(),
             fields.join(", ")
         )?;
-        for parameter in &database.parameters {
-            output!(
-                "input {} in {}; {:.6} (the mean) where nothing is said",
-                parameter.name,
-                parameter.unit,
-                parameter.nominal
-            )?;
+        for (name, [low, high]) in &ranges {
+            let parameter = database.parameters.iter().find(|parameter| parameter.name == *name);
+            let said = parameter.map_or_else(String::new, |parameter| {
+                format!(" {}; {:.6} (the mean) where nothing is said", parameter.unit, parameter.nominal)
+            });
+            output!("input {name}, {} to {}{said}", rounded(*low), rounded(*high))?;
         }
+        let stress =
+            largest.stress_mpa.map_or_else(String::new, |mpa| format!(", stress {} MPa", rounded(mpa)));
+        output!("largest displacement {} mm{stress}", rounded(largest.displacement_mm))?;
         if shape_varies {
             output!("the undeformed shape differs between simulations: mesh.vtu is that of the first one")?;
         }
         for reason in left_out {
             output!("left out: {reason}")?;
         }
-        Ok(())
+        body.print()
+    }
+}
+
+/// Range of each input over all states; of the gap over those that have one.
+fn ranges(database: &Database) -> Vec<(String, [f64; 2])> {
+    let over = |name: &str, values: Vec<f64>| -> Option<(String, [f64; 2])> {
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        (low <= high).then(|| (name.to_owned(), [low, high]))
+    };
+    let cases = &database.cases;
+    let pressure = over("pressure_mpa", cases.iter().map(|case| case.pressure_mpa).collect());
+    let gap = over("gap_mm", cases.iter().filter_map(|case| case.gap_mm).collect());
+    let parameters = database.parameters.iter().enumerate();
+    let parameters =
+        parameters.filter_map(|(k, p)| over(&p.name, cases.iter().map(|case| case.parameters[k]).collect()));
+    // A body that has other inputs has no pressure: it is 0 in every state.
+    let is_given = |(_, range): &(String, [f64; 2])| database.parameters.is_empty() || *range != [0.0; 2];
+    pressure.filter(is_given).into_iter().chain(gap).chain(parameters).collect()
+}
+
+/// Largest values of all states.
+struct Largest {
+    displacement_mm: f64,
+    /// `None` without a stress.
+    stress_mpa: Option<f64>,
+}
+
+/// Stress from which a body that moves far is not of rubber (MPa): it tears.
+const TORN_MPA: f64 = 10.0;
+
+impl Largest {
+    fn of(database: &Database) -> Self {
+        let largest = |name: &str| {
+            let field = database.fields.iter().position(|field| field.name == name)?;
+            let states = 0..database.cases.len();
+            Some(
+                states
+                    .flat_map(|case| database.field(case, field))
+                    .map(|v| f64::from(v.abs()))
+                    .fold(0.0, f64::max),
+            )
+        };
+        Self { displacement_mm: largest("displacement").unwrap_or(0.0), stress_mpa: largest("von_mises") }
+    }
+
+    /// Remarks on values that can hardly be meant.
+    fn doubt(&self, body: &mut BodyReport) {
+        let share = self.displacement_mm / body.largest_mm();
+        if share > 10.0 {
+            body.remark(format!(
+                "the body moves by {} times its length: do lengths and displacements have one unit?",
+                rounded(share)
+            ));
+        }
+        if let Some(mpa) = self.stress_mpa.filter(|mpa| *mpa > TORN_MPA && share > 0.1) {
+            body.remark(format!(
+                "the body bends by {:.0} % of its length at {} MPa, and rubber tears at some {TORN_MPA} MPa: is --stress-unit that of \
+                 the files?",
+                100.0 * share,
+                rounded(mpa)
+            ));
+        }
     }
 }
 

@@ -1,12 +1,15 @@
 //! `softtwin mesh`: a mesh of an actuator without a mesher, the parts of a mesh file, or the mesh of a CAD file.
 
+pub mod body;
 mod step;
 
 use crate::failure::usage;
 use crate::files::refusal;
 use crate::output;
 use anyhow::Context;
-use fem::actuator::{Actuator, mesh_quality};
+use body::{BodyReport, place, rounded};
+use fem::Mesh;
+use fem::actuator::{Actuator, NamedPart, mesh_quality};
 use formats::vtu;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -49,11 +52,11 @@ pub struct Args {
     json: bool,
 }
 
-/// Meshes an actuator on a grid into a `.vtu` file; returns the numbers of nodes and tetrahedra.
+/// Meshes an actuator on a grid into a `.vtu` file; returns the mesh.
 ///
 /// # Errors
 /// The size does not suit the actuator; I/O errors.
-pub fn write_grid(actuator: &Actuator, size_mm: f64, out: &Path) -> anyhow::Result<(usize, usize)> {
+pub fn write_grid(actuator: &Actuator, size_mm: f64, out: &Path) -> anyhow::Result<Mesh> {
     let mesh = actuator.grid_mesh(size_mm, 1).map_err(|list| {
         let list: Vec<String> = list.iter().map(ToString::to_string).collect();
         usage(format!("--size-mm: {}", list.join("\n  ")))
@@ -61,7 +64,12 @@ pub fn write_grid(actuator: &Actuator, size_mm: f64, out: &Path) -> anyhow::Resu
     let cells = vtu::Cells::QuadraticTets(&mesh.tets);
     vtu::write(out, &vtu::Grid { points_mm: &mesh.nodes_mm, cells, point_data: &[] })
         .context("the mesh was not written")?;
-    Ok((mesh.nodes_mm.len(), mesh.tets.len()))
+    Ok(mesh)
+}
+
+/// Whether a named surface is to take a pressure.
+fn is_cavity(part: &NamedPart) -> bool {
+    !part.is_volume && (part.name == "cavity" || part.name.starts_with("cavity."))
 }
 
 impl Args {
@@ -81,25 +89,46 @@ impl Args {
                     part.elements,
                     part.size
                 )?;
+                if let (true, Some(centre_mm)) = (is_cavity(part), part.centre_mm) {
+                    let holds =
+                        part.encloses_mm3.map_or("open".into(), |mm3| format!("holds {} mm3", rounded(mm3)));
+                    output!("         {:<24} {holds}, centre {}", "", place(centre_mm))?;
+                }
             }
         }
         let mesh = actuator.read_mesh(path).map_err(refusal)?;
+        let mut body = self.body(actuator, &mesh);
+        for part in parts.iter().filter(|part| is_cavity(part) && part.encloses_mm3.is_none()) {
+            body.remark(format!(
+                "surface {} is not closed: it takes no pressure; it must have all walls of its hollow",
+                part.name
+            ));
+        }
         let (nodes, tets) = (mesh.nodes_mm.len(), mesh.tets.len());
         let (least, mean) = mesh_quality(&mesh, &mesh.nodes_mm);
         if self.json {
             let parts: Vec<_> = parts
                 .iter()
                 .map(|part| {
-                    json!({"name": part.name, "volume": part.is_volume, "elements": part.elements, "size": part.size, "role": part.role})
+                    json!({"name": part.name, "volume": part.is_volume, "elements": part.elements, "size": part.size, "role": part.role,
+                        "centre_mm": part.centre_mm, "encloses_mm3": part.encloses_mm3})
                 })
                 .collect();
             return output::json(&json!({
                 "mesh": actuator.mesh_path(path), "nodes": nodes, "tetrahedra": tets, "parts": parts,
-                "quality": {"least": least, "mean": mean},
+                "quality": {"least": least, "mean": mean}, "body": body.json(),
             }));
         }
         output!("{nodes} nodes, {tets} tetrahedra, quality {least:.3} at least, {mean:.3} in the mean")?;
-        Ok(())
+        body.print()
+    }
+
+    /// The body of an actuator, with remarks on what cannot be.
+    fn body(&self, actuator: &Actuator, mesh: &Mesh) -> BodyReport {
+        let mut body = BodyReport::of_tets(&mesh.nodes_mm, &mesh.tets);
+        body.want_hollow();
+        body.check_rubber(actuator.elastomer.law.shear_modulus_mpa());
+        body
     }
 
     /// Meshes, checks, writes.
@@ -119,11 +148,15 @@ impl Args {
                 out.display()
             )));
         }
-        let (nodes, tets) = write_grid(&actuator, self.size_mm, &out)?;
+        let mesh = write_grid(&actuator, self.size_mm, &out)?;
+        let (nodes, tets, body) = (mesh.nodes_mm.len(), mesh.tets.len(), self.body(&actuator, &mesh));
         if self.json {
-            return output::json(&json!({"mesh": out, "nodes": nodes, "tetrahedra": tets}));
+            return output::json(
+                &json!({"mesh": out, "nodes": nodes, "tetrahedra": tets, "body": body.json()}),
+            );
         }
         output!("{}: {nodes} nodes, {tets} tetrahedra", out.display())?;
+        body.print()?;
         if actuator.mesh.nodes != 0 && actuator.mesh.nodes != nodes {
             output!("{} wants {} nodes: set mesh.nodes = 0", path.display(), actuator.mesh.nodes)?;
         }

@@ -1,5 +1,6 @@
 //! Mesh of a CAD file through gmsh's Python package, with a picture of each named part.
 
+use super::body::{BodyReport, place, rounded};
 use crate::failure::{configuration, usage};
 use crate::files::refusal;
 use crate::output;
@@ -85,14 +86,18 @@ impl Cad {
         let mesh = msh::read(out).map_err(refusal)?;
         let picture = out.with_extension("png");
         draw(&mesh, &out.display().to_string())?.write_png(&picture)?;
+        let mut body = BodyReport::of_tets(&mesh.points_mm, &mesh.tets);
+        body.want_hollow();
+        body.compare(report["volume_mm3"].as_f64());
         if as_json {
             let parts = |names: Vec<&String>| names.into_iter().cloned().collect::<Vec<_>>();
             return output::json(&json!({
-                "mesh": out, "nodes": mesh.points_mm.len(), "picture": picture, "report": report,
+                "mesh": out, "nodes": mesh.points_mm.len(), "picture": picture, "report": report, "body": body.json(),
                 "volumes": parts(mesh.volumes.keys().collect()), "surfaces": parts(mesh.surfaces.keys().collect()),
             }));
         }
         print(&mesh, &report)?;
+        body.print()?;
         output!("{}, {}; names and actuator.toml: docs/own-mesh.md", out.display(), picture.display())?;
         Ok(())
     }
@@ -110,8 +115,18 @@ fn print(mesh: &MeshFile, report: &Value) -> anyhow::Result<()> {
     for (name, triangles) in &mesh.surfaces {
         output!("surface  {name:<24} {} triangles", triangles.len())?;
     }
+    for cavity in report["cavities"].as_array().into_iter().flatten() {
+        let centre_mm = [0, 1, 2].map(|k| number(&cavity["centre_mm"][k]));
+        let faces: Vec<String> =
+            cavity["faces"].as_array().into_iter().flatten().map(Value::to_string).collect();
+        let name = cavity["name"].as_str().unwrap_or_default();
+        output!("surface  {name:<24} faces {}, centre {}", faces.join("+"), place(centre_mm))?;
+    }
+    if let Some(volume_mm3) = report["volume_mm3"].as_f64() {
+        output!("the CAD file's volume is {} mm3", rounded(volume_mm3))?;
+    }
     output!(
-        "{} nodes, {} tetrahedra, quality (gamma) {:.3} at least, {:.3} median, {} below 0.1; thinnest wall {:.2} mm",
+        "{} nodes, {} tetrahedra, quality (gamma) {:.3} at least, {:.3} median, {} below 0.1; the CAD file's thinnest wall {:.2} mm",
         mesh.points_mm.len(),
         mesh.tets.len(),
         number(&report["quality_least"]),
