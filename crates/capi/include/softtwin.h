@@ -250,7 +250,8 @@ void softtwin_model_close(softtwin_model *model);
  *  the first reading. A static model follows at once. */
 softtwin_status softtwin_motion_open(const softtwin_model *model, softtwin_motion **out);
 /** Moves to a reading at `t_ns`, later than the last one; inputs as in softtwin_model_predict, straight lines between readings.
- *  `values`: null, or room for fields x nodes. On a failure the motion is unchanged. */
+ *  `values`: null, or room for fields x nodes. On a failure the motion is unchanged, unless the reading was taken and the model has no
+ *  answer at its state: the motion has then reached it, and the next reading goes on from there. */
 softtwin_status softtwin_motion_step(softtwin_motion *motion, uint64_t t_ns, const double *inputs,
                                      softtwin_prediction *out, float *values);
 /** Forgets the past: the next reading begins at equilibrium, at any time. */
