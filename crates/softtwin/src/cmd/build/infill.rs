@@ -4,7 +4,7 @@
 //! is trained on what there is, and where the worst of its leave-one-out errors is too large, the states that should reduce it most are
 //! solved and the model is trained again.
 
-use super::plan::{Plan, press, rounded};
+use super::plan::{Budget, Plan, press, rounded};
 use super::quality::largest_values;
 use crate::cmd::sample::refine::places;
 use crate::cmd::simulate::batch;
@@ -30,15 +30,6 @@ const STRESS_WEIGHT: f64 = 0.3;
 const PRESSED: usize = 3;
 /// Seed of the places among which the further states are chosen.
 const SEED: u64 = 5;
-
-/// How much may be added to a plan.
-#[derive(Clone, Copy, Debug)]
-pub struct Budget {
-    /// States.
-    pub states: usize,
-    /// Processor time of the whole build after which no state is added, s.
-    pub cpu_s: f64,
-}
 
 /// Solves the plan's states, then those that the errors ask for within the budget, which the plan gets. `say` gets a line for each
 /// change of the plan.

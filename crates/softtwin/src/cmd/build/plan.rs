@@ -1,12 +1,20 @@
 //! One complete list of states: rest, maximum, free, contact from the onset to the maximum, and held-out states.
 
-use super::infill::Budget;
 use super::pressures::{Pressures, free_case};
 use anyhow::{Context, Result};
 use fem::actuator::Actuator;
 use fem::cases::Case;
 use fem::sample::latin_hypercube;
 use rom::regime::OnsetTable;
+
+/// How much may be added to a plan.
+#[derive(Clone, Copy, Debug)]
+pub struct Budget {
+    /// States.
+    pub states: usize,
+    /// Processor time of the whole build after which no state is added, s.
+    pub cpu_s: f64,
+}
 
 /// How many states of each kind.
 #[derive(Clone, Copy, Debug)]
