@@ -104,7 +104,8 @@ fn setpoints_in_c_are_those_of_the_law_in_rust() {
         stage.write("beam.toml", scene);
         let expected = series(&model, scene, column);
         let moved = expected.iter().map(|(.., cycle)| cycle.pressure_mpa).fold(0.0, f64::max);
-        assert!(moved > 0.03, "{column}: {moved} MPa");
+        // The plate stops the tip at 0.01 MPa, where the series begins; above it, the tip asks for no certain pressure.
+        assert!(moved > if column == "tip_y_mm" { 0.015 } else { 0.03 }, "{column}: {moved} MPa");
         let held = CString::new(column).unwrap();
         let opened = Opened::new(&stage, Some("beam.toml"), &held).unwrap();
         let mut table = String::new();
