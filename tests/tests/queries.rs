@@ -178,12 +178,19 @@ fn refused_queries_have_a_status_code() {
 #[test]
 fn state_outside_the_training_range_is_flagged() {
     let (_stage, mut beam) = beam();
+    let names_the_pressure = |answer: &Answer, by_mpa: f64| {
+        let [pressure, gap, ..] = answer.outside_by;
+        let which = answer.outside().expect("an input");
+        (pressure - by_mpa).abs() < 1e-9 && gap == 0.0 && which.contains("pressure_mpa")
+    };
     let answer = ask(&mut beam, &whatif(0.1, 25.0));
+    assert!(names_the_pressure(&answer, 0.01), "{:?}", answer.outside());
     assert_eq!((answer.refusal(), answer.domain_status), (None, 2));
     assert_ne!(answer.flags & flags::OUTSIDE_DOMAIN, 0);
     assert!(answer.force_halfwidth_n.is_nan() && answer.displacement_halfwidth_mm.is_nan(), "{answer:?}");
     let answer = ask(&mut beam, &whatif(0.2, 25.0));
     assert_eq!(answer.status, QueryStatus::TooFar.code(), "{:?}", answer.refusal());
+    assert!(names_the_pressure(&answer, 0.11), "{:?}", answer.outside());
     assert!(answer.limit > 0.25 && answer.contact_force_n.is_nan(), "{answer:?}");
 }
 

@@ -60,6 +60,8 @@ pub struct Evaluation {
     pub domain: DomainStatus,
     /// Distance to the training hull over inputs scaled to [0, 1]; 0 inside.
     pub domain_distance: f64,
+    /// How far each input is outside the values of the training, in its unit: above 0 over the largest, below 0 under the smallest.
+    pub outside_by: [f64; MAX_INPUTS],
     /// Half-widths with the model's nominal coverage; [`HalfWidths::UNKNOWN`] unless the state is inside the training range.
     pub halfwidths: HalfWidths,
     /// Flags.
@@ -85,6 +87,7 @@ impl Evaluation {
             onset_pressure_mpa: None,
             domain: DomainStatus::Inside,
             domain_distance: 0.0,
+            outside_by: [0.0; MAX_INPUTS],
             halfwidths: HalfWidths::default(),
             flags: Flags::default(),
             gradients: std::array::from_fn(|_| Vec::with_capacity(coefficients)),

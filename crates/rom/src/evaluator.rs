@@ -133,10 +133,8 @@ impl Evaluator {
     pub fn farthest_outside(&self, evaluation: &Evaluation) -> Option<(usize, f64)> {
         let part = self.parts.iter().find(|part| part.model.kind == evaluation.regime)?;
         let mut farthest: Option<(usize, f64, f64)> = None;
-        for (at, value) in evaluation.inputs.values().iter().enumerate().filter(|(at, _)| self.is_taken[*at])
-        {
+        for (at, by) in evaluation.outside_by.into_iter().enumerate() {
             let Some([low, high]) = part.model.inputs.range(at) else { continue };
-            let by = (value - high).max(0.0) + (value - low).min(0.0);
             let share = by.abs() / (high - low).max(f64::MIN_POSITIVE);
             if share > farthest.map_or(0.0, |(_, _, share)| share) {
                 farthest = Some((at, by, share));
@@ -424,6 +422,7 @@ impl Evaluator {
     fn differentiate_at(&self, inputs: Inputs, at: OnsetAt, out: &mut Evaluation) {
         let part = self.regime_at(inputs, &at, out);
         out.set_distance(f64::NAN);
+        out.outside_by = [0.0; MAX_INPUTS];
         if let Some(part) = part {
             force(part, &at, &part.model.inputs.scale(&inputs), out);
         }
@@ -554,6 +553,15 @@ impl Evaluator {
         out.set_distance(match part {
             Some(part) if !missing => distance(part, &inputs),
             _ => f64::INFINITY,
+        });
+        out.outside_by = part.filter(|_| out.flags.extrapolated).map_or([0.0; MAX_INPUTS], |part| {
+            let of = |at: usize| {
+                let range = part.model.inputs.range(at).filter(|_| self.is_taken[at]);
+                let value = inputs.values()[at];
+                // NaN, a value that is missing, is not outside by any number.
+                range.map_or(0.0, |[low, high]| (value - high).max(0.0) + (value - low).min(0.0))
+            };
+            std::array::from_fn(of)
         });
         out.flags.refusal = self.too_far(out.domain_distance);
         part

@@ -34,6 +34,7 @@ macro_rules! write_evaluation {
         $payload.von_mises_halfwidth_mpa = e.halfwidths.stress_mpa as f32;
         $payload.domain_distance = e.domain_distance as f32;
         $payload.domain_status = domain_number(e.domain);
+        $payload.outside_by = contents.of_inputs(&e.outside_by);
         $payload.coefficient_count = e.coefficients.len().min(COEFFICIENTS_MAX) as u32;
         $payload.coefficients = [0.0; COEFFICIENTS_MAX];
         for (to, from) in $payload.coefficients.iter_mut().zip(&e.coefficients) {
@@ -101,7 +102,7 @@ impl Contents {
     }
 
     /// Values by position as the payload has them.
-    fn of_inputs(&self, values: &[f64; MAX_INPUTS]) -> [f64; INPUTS_MAX] {
+    pub(crate) fn of_inputs(&self, values: &[f64; MAX_INPUTS]) -> [f64; INPUTS_MAX] {
         let mut out = [f64::NAN; INPUTS_MAX];
         let given = self.positions().filter_map(|at| values.get(at));
         out.iter_mut().zip(given).for_each(|(to, value)| *to = *value);

@@ -301,6 +301,7 @@ class State(Payload):
         ("group_sizes", u8 * 8),  # Coefficients of each group, in the model's order; the rest 0. With more in all than fit below the flag `coefficients-cut` is set.
         ("coefficients", f32 * 128),  # Modal coefficients, group by group; the rest 0.
         ("inputs", f64 * 8),  # The model's inputs, in its order and units; NaN without an answer.
+        ("outside_by", f64 * 8),  # How far each input is outside the values of the training, in its unit: above 0 over the largest, below 0 under the smallest.
         ("force_by_input", f64 * 8),  # Derivative of the force with respect to each input, N per unit of the input; NaN when not configured.
         ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
         ("observables", f64 * 8),  # Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
@@ -560,6 +561,7 @@ class Answer(Payload):
         ("group_sizes", u8 * 8),  # Coefficients of each group, in the model's order; the rest 0. With more in all than fit below the flag `coefficients-cut` is set.
         ("coefficients", f32 * 128),  # Modal coefficients, group by group; the rest 0.
         ("inputs", f64 * 8),  # The model's inputs, in its order and units; NaN without an answer.
+        ("outside_by", f64 * 8),  # How far each input is outside the values of the training, in its unit: above 0 over the largest, below 0 under the smallest.
         ("force_by_input", f64 * 8),  # Derivative of the force with respect to each input, N per unit of the input; NaN when not configured.
         ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
         ("observables", f64 * 8),  # Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.

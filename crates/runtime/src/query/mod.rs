@@ -200,6 +200,7 @@ impl Answerer {
         if evaluation.domain_distance > TrainingRange::ASKED {
             answer.status = QueryStatus::TooFar.code();
             answer.limit = evaluation.domain_distance;
+            answer.outside_by = self.contents.of_inputs(&evaluation.outside_by);
         } else if publish::is_answer(evaluation) {
             publish::fill_answer(answer, evaluation, &self.contents, &self.description);
         } else {

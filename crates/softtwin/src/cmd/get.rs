@@ -80,8 +80,9 @@ impl Args {
             let answer = sample.answer();
             refused += usize::from(answer.refusal().is_some());
             if answer.refusal().is_none() && answer.domain_distance > 0.0 {
+                let which = answer.outside().unwrap_or_else(|| "no trained state is near".into());
                 tracing::warn!(
-                    "outside the training range by {:.1} % of it, so the answer has no half-widths; `softtwin inspect` prints the range of each input of its model",
+                    "outside the training range, so the answer has no half-widths: {which} ({:.1} % of the trained range away)",
                     100.0 * answer.domain_distance
                 );
             }

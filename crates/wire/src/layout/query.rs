@@ -112,7 +112,23 @@ impl Answer {
         };
         let names: Vec<String> = self.inputs().map(|input| input.name).collect();
         let text = status.as_str().replace("{limit}", &format!("{:.6}{unit}", self.limit));
-        Some(text.replace("{inputs}", &names.join(", ")))
+        let text = text.replace("{inputs}", &names.join(", "));
+        Some(
+            self.outside()
+                .filter(|_| status == QueryStatus::TooFar)
+                .map_or(text.clone(), |which| format!("{text} ({which})")),
+        )
+    }
+
+    /// The inputs that are outside the values of the training, and by how much, for people; `None` if none is by itself.
+    pub fn outside(&self) -> Option<String> {
+        let one = |(input, by): (InputValue, &f64)| {
+            let side = if *by > 0.0 { "above the largest" } else { "below the smallest" };
+            format!("{} is {} {side} trained value", input.name, by.abs())
+        };
+        let is_outside = |(_, by): &(InputValue, &f64)| by.abs() > 0.0;
+        let found: Vec<String> = self.inputs().zip(&self.outside_by).filter(is_outside).map(one).collect();
+        (!found.is_empty()).then(|| found.join(", "))
     }
 
     /// The model's inputs.

@@ -175,6 +175,8 @@ macro_rules! evaluated_payload {
                 coefficients: [f32; $crate::layout::COEFFICIENTS_MAX] = [0.0; $crate::layout::COEFFICIENTS_MAX], "", Show::Counted("coefficient_count");
                 /// The model's inputs, in its order and units; NaN without an answer.
                 inputs: [f64; $crate::layout::INPUTS_MAX] = [f64::NAN; $crate::layout::INPUTS_MAX], "", Show::Counted("input_count");
+                /// How far each input is outside the values of the training, in its unit: above 0 over the largest, below 0 under the smallest.
+                outside_by: [f64; $crate::layout::INPUTS_MAX] = [f64::NAN; $crate::layout::INPUTS_MAX], "", Show::Counted("input_count");
                 /// Derivative of the force with respect to each input, N per unit of the input; NaN when not configured.
                 force_by_input: [f64; $crate::layout::INPUTS_MAX] = [f64::NAN; $crate::layout::INPUTS_MAX], "", Show::Counted("input_count");
                 /// Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
@@ -191,7 +193,7 @@ macro_rules! evaluated_payload {
             json [
                 $($first)* pressure_mpa, gap_mm, regime, contact_force_n, force_halfwidth_n, force_by_pressure_n_per_mpa,
                 force_by_gap_n_per_mm, onset_pressure_mpa, displacement_halfwidth_mm, von_mises_halfwidth_mpa,
-                domain_distance, domain_status, input_names, inputs, force_by_input, observable_names, observables, observable_halfwidths, observable_offsets,
+                domain_distance, domain_status, input_names, inputs, outside_by, force_by_input, observable_names, observables, observable_halfwidths, observable_offsets,
                 group_sizes, coefficients, $($last)*
             ]
         }
