@@ -29,7 +29,6 @@ pub mod verify;
 
 /// A study; each variant's help is the doc comment of its `Args`.
 #[derive(clap::Subcommand)]
-#[allow(missing_docs)]
 pub enum Command {
     Report(report::Args),
     Validate(validate::Args),

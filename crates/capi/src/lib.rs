@@ -6,7 +6,6 @@
 //! payloads of fixed size; a panic never crosses the FFI boundary.
 
 #![allow(non_camel_case_types)] // names are those of C
-#![allow(missing_docs)] // what is exported is described where C reads it, in include/softtwin.h
 #![cfg_attr(
     not(test),
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)

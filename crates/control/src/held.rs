@@ -40,7 +40,6 @@ impl MarkerSpec {
     }
 }
 
-/// Limits of a valve.
 #[derive(Debug, Clone, Copy, Deserialize)]
 pub struct ValveLimits {
     /// Lowest and highest pressure, MPa.
@@ -77,7 +76,6 @@ impl Default for Sigma {
 pub struct Description {
     /// Name of the actuator.
     pub name: String,
-    /// Settings.
     pub control: Settings,
     /// Valve of `pressure_mpa`.
     pub valve: Option<ValveLimits>,
@@ -87,7 +85,6 @@ pub struct Description {
     pub sigma: Sigma,
     /// Inputs of the model; the numbers among them are given.
     pub inputs: BTreeMap<String, toml::Value>,
-    /// Markers.
     #[serde(rename = "marker")]
     pub markers: Vec<MarkerSpec>,
 }
@@ -106,7 +103,6 @@ pub enum HeldError {
     /// The target names what is not there.
     #[error("{0}")]
     Target(String),
-    /// The model.
     #[error(transparent)]
     Model(#[from] TwinModelError),
 }
@@ -176,7 +172,6 @@ pub struct Held {
     pub quantity: Quantity,
     /// Column of the target: `force_n`, `tip_y_mm`, `pressure_mpa`, or an observable of the model.
     pub name: String,
-    /// Its unit.
     pub unit: &'static str,
     /// Position of the marker whose height is held.
     pub marker: Option<usize>,
@@ -186,7 +181,6 @@ pub struct Held {
     pub slot: usize,
     /// Settings; line and play are the model's where it has them.
     pub settings: Settings,
-    /// Limits.
     pub limits: Limits,
     /// The twin's pressure is the one behind the model's memory.
     pub has_memory: bool,

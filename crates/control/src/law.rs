@@ -31,7 +31,6 @@ pub struct Target {
 }
 
 impl Target {
-    /// A step.
     pub fn step(value: f64) -> Self {
         Self { value, rate: 0.0 }
     }
@@ -200,7 +199,6 @@ impl<M: Model> Controller<M> {
         &mut self.model
     }
 
-    /// The settings.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }

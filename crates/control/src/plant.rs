@@ -31,13 +31,10 @@ pub struct PlantSpec {
     pub delay_s: f64,
     /// Highest pressure of the supply, MPa.
     pub supply_mpa: f64,
-    /// Offset of the valve, MPa.
     pub valve_offset_mpa: f64,
-    /// Bias of the gauge, MPa.
     pub gauge_bias_mpa: f64,
     /// Place of the gauge.
     pub gauge_at: GaugeAt,
-    /// The true gap, mm.
     pub true_gap_mm: f64,
     /// Stiffness of the body relative to that of [`Body`].
     pub stiffness: f64,
@@ -95,9 +92,7 @@ pub struct Shown {
     pub force_n: f64,
     /// Sensor of the observable.
     pub observable: f64,
-    /// The true force, N.
     pub true_force_n: f64,
-    /// The true observable.
     pub true_observable: f64,
     /// The true pressure in the cavity, MPa.
     pub true_pressure_mpa: f64,

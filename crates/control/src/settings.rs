@@ -33,7 +33,6 @@ pub enum LawKind {
 pub struct Settings {
     /// Quantity that is held without another target: `force`, `tip`, `pressure`, or an observable of the model.
     pub hold: String,
-    /// Law.
     pub law: LawKind,
     /// Horizon of the predictive law, s.
     pub horizon_s: f64,

@@ -21,7 +21,6 @@ impl Plays {
         Self { states: [value; MAX_PLAYS] }
     }
 
-    /// The states.
     pub(crate) fn states(&self) -> [f64; MAX_PLAYS] {
         self.states
     }

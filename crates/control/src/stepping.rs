@@ -14,7 +14,6 @@ pub struct Stepping {
 
 /// Why a reading was refused; nothing has changed, and the setpoint before expires.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what the values are
 pub enum StepError {
     /// A time that is not later.
     #[error("expected a time later than the last reading's, {last_ns} ns, found {found_ns} ns")]

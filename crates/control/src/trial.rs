@@ -40,11 +40,9 @@ pub struct Moment {
     pub target: f64,
     /// Measured, or the model's.
     pub followed: f64,
-    /// The truth.
     pub truth: f64,
     /// The true force, N.
     pub force_n: f64,
-    /// The command, MPa.
     pub command_mpa: f64,
     /// The true pressure in the cavity, MPa.
     pub pressure_mpa: f64,
@@ -61,7 +59,6 @@ const FAR_MM: f64 = 100.0;
 /// A law on a plant.
 #[derive(Debug)]
 pub struct Loop<L, B> {
-    /// The law.
     pub law: L,
     /// The plant; its specification may be changed between cycles.
     pub plant: Plant<B>,

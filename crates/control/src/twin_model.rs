@@ -38,7 +38,6 @@ enum Held {
 pub struct Tip {
     /// Undeformed coordinates, mm.
     pub at_mm: [f64; 3],
-    /// Its axis.
     pub axis: usize,
 }
 
@@ -55,18 +54,14 @@ pub const OUT_OF_REACH_MM: f64 = 1e4;
 
 /// Why a model cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what the values are
 pub enum TwinModelError {
-    /// The model.
     #[error(transparent)]
     Model(#[from] ModelError),
     /// The tip.
     #[error("tip: {0}")]
     Point(#[from] PointError),
-    /// The observables of the file.
     #[error(transparent)]
     Observables(#[from] ModelFileError),
-    /// A memory with an orifice.
     #[error(
         "the model's memory: expected a line with two time constants, found an orifice, which no control law inverts; set control.line and use a model without memory"
     )]

@@ -127,7 +127,6 @@ impl Pattern {
         self.score = weight * self.score + score;
     }
 
-    /// Amplitude.
     fn amplitude(&self) -> f64 {
         self.score / (1.0 + self.information)
     }

@@ -21,7 +21,6 @@ pub enum Status {
 /// Outcome of one reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Update {
-    /// Status.
     pub status: Status,
     /// True if the search ended with a small step. If false for a used reading, the predictions were used up
     /// ([`crate::MAX_PREDICTIONS`]) and the estimate is the tangent's.
@@ -45,7 +44,6 @@ pub struct Update {
 /// Estimate of an unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// Value.
     pub value: f64,
     /// Standard deviation.
     pub sigma: f64,

@@ -16,7 +16,6 @@ const HELD: f64 = 1e-3;
 /// Estimated quantity with its prior.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unknown {
-    /// Name.
     pub name: String,
     /// Prior value.
     pub prior: f64,
@@ -77,7 +76,6 @@ impl InputRole {
 /// Measured value that the model predicts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// Name.
     pub name: String,
     /// Block of values that are accepted or rejected together (the coordinates of a marker), counted from 0.
     pub block: usize,
@@ -110,7 +108,6 @@ pub struct Swing {
 /// Setup of an estimation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
-    /// The unknowns.
     pub unknowns: Vec<Unknown>,
     /// Role per model input, in the model's order.
     pub inputs: Vec<InputRole>,
@@ -124,7 +121,6 @@ pub struct Setup {
     pub swing: Option<Swing>,
 }
 
-/// Error in a setup.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("{place}: expected {expected}, found {found}")]
 pub struct SetupError {

@@ -44,12 +44,10 @@ impl Trend {
         Self { t_s, state, covariance: [a - gain[0] * a, b - gain[0] * b, c - gain[1] * b] }
     }
 
-    /// The value.
     pub(crate) fn value(&self) -> f64 {
         self.state[0]
     }
 
-    /// Its variance.
     pub(crate) fn variance(&self) -> f64 {
         self.covariance[0]
     }

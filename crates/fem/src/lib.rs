@@ -1,4 +1,5 @@
 #![doc = include_str!("../README.md")]
+#![warn(missing_docs)] // the API that programs of others use: every public item says what it is, its units and its errors
 #![forbid(unsafe_code)]
 
 pub mod actuator;

@@ -62,7 +62,6 @@ impl Analysis {
         Ok(Self { symbolic, unknowns })
     }
 
-    /// Entries of the factor.
     pub(crate) fn factor_entries(&self) -> usize {
         self.symbolic.len_val()
     }

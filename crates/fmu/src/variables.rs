@@ -82,7 +82,6 @@ impl Quantity {
     }
 }
 
-/// An output.
 #[derive(Clone, Debug)]
 pub(crate) struct Output {
     pub name: String,

@@ -9,7 +9,6 @@ use std::collections::HashMap;
 pub struct Block {
     /// VTK's number of the kind: 24 for 10-node tetrahedra, 25 for 20-node hexahedra, ...
     pub kind: u8,
-    /// Nodes per cell.
     pub nodes_per_cell: usize,
     /// `cells x nodes_per_cell`.
     pub nodes: Vec<u32>,
@@ -39,7 +38,6 @@ impl Block {
 pub struct Kind {
     /// VTK's number.
     pub number: u8,
-    /// Nodes.
     pub nodes: usize,
     /// Shape in the plural (`tetrahedra`).
     pub shape: &'static str,

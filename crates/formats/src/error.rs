@@ -48,7 +48,6 @@ impl Display for Diagnostic {
 
 /// Error of a file.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what the values are
 pub enum FormatError {
     /// I/O error.
     #[error("cannot {action} {path}")]

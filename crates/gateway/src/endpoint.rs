@@ -37,7 +37,6 @@ impl Endpoint {
         Ok(Self { is_tls, host: plain.into(), port })
     }
 
-    /// Its port.
     pub fn port(&self) -> u16 {
         self.port
     }

@@ -44,7 +44,6 @@ pub struct TopicBridge {
 
 /// A bridge with its local reader, which exists while there are subscribers or requests.
 pub struct ReadBridge<R> {
-    /// The bridge.
     pub bridge: TopicBridge,
     /// The local reader.
     pub reader: Option<R>,

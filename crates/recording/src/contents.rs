@@ -22,7 +22,6 @@ pub struct ChannelInfo {
 /// One message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Message {
-    /// Its channel.
     pub channel: Arc<ChannelInfo>,
     /// Low 32 bits of the publisher's sequence number.
     pub sequence: u32,
@@ -37,13 +36,10 @@ pub struct Message {
 /// Item of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Item {
-    /// A message.
     Message(Message),
     /// A named table of strings.
     Metadata {
-        /// Its name.
         name: String,
-        /// Its entries.
         entries: BTreeMap<String, String>,
     },
 }

@@ -13,9 +13,7 @@ use wire::KeyExpr;
 
 use crate::{Item, Message, ReadError, ReadItems, RunClock, Stamps};
 
-/// Error of an export.
 #[derive(Debug, Error)]
-#[allow(missing_docs)] // the messages say what the values are
 pub enum ExportError {
     /// The recording.
     #[error(transparent)]
@@ -79,7 +77,6 @@ pub fn export_csv(
     Ok(Exported { rows, left_out })
 }
 
-/// Form of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TableForm {
     /// Every property, unchanged.

@@ -23,7 +23,6 @@ const READ_BYTES: usize = 1 << 16;
 
 /// Why a file cannot be read as a recording at all.
 #[derive(Debug, Error)]
-#[allow(missing_docs)] // the messages say what the values are
 pub enum ReadError {
     /// The system refused to read.
     #[error("cannot read the recording: {0}")]

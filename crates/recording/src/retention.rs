@@ -22,7 +22,6 @@ pub struct Retention {
 /// Space kept free in the file system.
 #[derive(Debug, Clone, Copy)]
 pub struct FreeSpace {
-    /// Bytes.
     pub bytes: u64,
     /// Free bytes in the file system of a path.
     pub measure: fn(&Path) -> io::Result<u64>,

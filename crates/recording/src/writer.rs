@@ -33,7 +33,6 @@ pub struct ChannelId(u16);
 
 /// Error that ends a file.
 #[derive(Debug, Error)]
-#[allow(missing_docs)] // the messages say what the values are
 pub enum WriteError {
     /// The disk refused. The file was cut back to its last whole chunk and stays readable.
     #[error(
@@ -95,7 +94,6 @@ impl<S: Store> Writer<S> {
         Ok(writer)
     }
 
-    /// The store.
     pub fn store(&self) -> &S {
         &self.store
     }

@@ -31,6 +31,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#![warn(missing_docs)] // the API that programs of others use: every public item says what it is, its units and its errors
 #![deny(unsafe_code)] // the reconstruction kernel alone may allow it
 
 mod affine;

@@ -60,7 +60,6 @@ pub struct Bridge {
 
 /// Why a bridge cannot start, or cannot go on.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what the values are
 pub enum BridgeError {
     /// The topics.
     #[error(transparent)]

@@ -37,9 +37,7 @@ pub struct Explained {
 /// One parameter of the model, explained.
 #[derive(Debug, Clone, Serialize)]
 pub struct ExplainedInput {
-    /// Its name.
     pub name: String,
-    /// Its unit.
     pub unit: String,
     /// Value used; `None` if it comes with the readings.
     pub value: Option<f64>,
@@ -60,7 +58,6 @@ impl fmt::Display for ExplainedInput {
 /// One field topic, explained.
 #[derive(Debug, Clone, Serialize)]
 pub struct ExplainedOutput {
-    /// Its topic.
     pub topic: String,
     /// Nodes of a sample.
     pub nodes: usize,

@@ -13,7 +13,6 @@ pub struct MissingRight {
     pub setting: &'static str,
     /// The system's message.
     pub cause: String,
-    /// Remedy.
     pub remedy: &'static str,
 }
 

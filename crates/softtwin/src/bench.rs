@@ -157,7 +157,6 @@ pub fn line(name: &str, colour: usize, mark: Mark, points: impl Iterator<Item = 
     Line { name: name.into(), colour, mark, points: points.into_iter().step_by(step).collect() }
 }
 
-/// A panel.
 pub fn panel(title: &str, x: &str, y: &str, series: Vec<Line>) -> Panel {
     Panel { title: title.into(), x: Axis::linear(x), y: Axis::linear(y), series, map: None }
 }

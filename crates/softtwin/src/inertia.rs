@@ -172,7 +172,6 @@ impl Body {
         unit_load
     }
 
-    /// Loads of a case.
     fn load(&self, database: &Database, case: &Case) -> Load {
         let mut load = self.actuator.load(case.pressure_mpa, case.gap_mm);
         for (parameter, value) in database.parameters.iter().zip(&case.parameters) {

@@ -11,7 +11,6 @@ use std::path::{Path, PathBuf};
 pub struct LoadedModel {
     /// Its file.
     pub path: PathBuf,
-    /// The model.
     pub model: Model,
     hash: [u8; 32],
 }

@@ -17,7 +17,6 @@ const MAX_FIELDS: usize = 600;
 /// States that pictures and the viewer keep of one actuator: 100 MB.
 const MAX_STATES: usize = 130_000;
 
-/// A recording.
 pub struct RecordingData {
     /// Display name.
     pub name: String,
@@ -76,7 +75,6 @@ impl<T> Deref for Thinned<T> {
     }
 }
 
-/// A recorded state.
 #[derive(Clone, Debug)]
 pub struct RecordedState {
     /// Seconds after the recording's first message.
@@ -114,7 +112,6 @@ fn packed(key: &str) -> [u8; 32] {
     name
 }
 
-/// A recorded field.
 pub struct RecordedField {
     /// Seconds after the recording's first message.
     pub t_s: f64,

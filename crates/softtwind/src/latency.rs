@@ -12,7 +12,6 @@ pub struct Latencies(Histogram<u64>);
 
 /// Percentiles in microseconds; 0 when nothing was recorded.
 #[derive(Debug, Serialize)]
-#[allow(missing_docs)] // each is named like the percentile
 pub struct PercentilesUs {
     pub p50: f64,
     pub p99: f64,

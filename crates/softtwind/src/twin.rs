@@ -107,7 +107,6 @@ fn prepare(settings: &Settings, twin: &Twin) -> anyhow::Result<realtime::Granted
     Ok(granted)
 }
 
-/// Logs the settings.
 fn log_settings(settings: &Settings) {
     let (limits, realtime) = (&settings.limits, &settings.realtime);
     let deadline = match limits.deadline_ms {

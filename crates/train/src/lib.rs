@@ -24,6 +24,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#![warn(missing_docs)] // the API that programs of others use: every public item says what it is, its units and its errors
 #![forbid(unsafe_code)]
 
 mod assemble;

@@ -15,6 +15,7 @@
 //! All payloads are plain `#[repr(C)]` data whose size and offsets are checked at compile time; the layout version is
 //! part of the type name, so that programs of different layouts refuse each other instead of misreading bytes.
 
+#![warn(missing_docs)] // the API that programs of others use: every public item says what it is, its units and its errors
 #![cfg_attr(
     not(test),
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)

@@ -184,7 +184,6 @@ struct Reader {
     block: Block,
     /// Set that the elements of the block belong to.
     set: Option<String>,
-    /// Sets of the assembly.
     assembly: Vec<Set>,
     /// First element of plane stress: a face of a body, or a part of a plane model.
     plane: Option<Diagnostic>,

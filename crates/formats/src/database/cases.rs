@@ -57,7 +57,6 @@ pub const ANY_REGIME: &str = "free, contact or gripper; a structure with several
 pub const SPLITS: [(&str, Split); 3] =
     [("train", Split::Train), ("test", Split::Test), ("check", Split::Check)];
 
-/// Name of a split.
 fn split_name(split: Split) -> &'static str {
     SPLITS.iter().find(|(_, value)| *value == split).map_or("", |(name, _)| name)
 }

@@ -68,7 +68,6 @@ pub struct Manifest {
 pub struct Field {
     /// Name; coordinates are `x`, `y`, `z`.
     pub name: String,
-    /// Unit.
     pub unit: String,
     /// Meaning.
     pub kind: Kind,
@@ -94,7 +93,6 @@ pub enum Kind {
 pub struct Input {
     /// Column name; for a parameter its dotted key in the actuator's description.
     pub name: String,
-    /// Unit.
     pub unit: String,
     /// A parameter's value in the actuator's description.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -107,7 +105,6 @@ pub struct Input {
 pub struct Extra {
     /// Column name.
     pub name: String,
-    /// Unit.
     pub unit: String,
 }
 

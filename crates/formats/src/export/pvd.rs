@@ -18,7 +18,6 @@ impl<'a> Pvd<'a> {
     }
 }
 
-/// File of a state.
 pub(crate) fn state_file(path: &Path, index: usize) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!("{stem}_{index:04}.vtu"))

@@ -10,7 +10,6 @@ use crate::error::{Diagnostic, FormatError};
 use crate::{file, npy, table};
 use std::path::Path;
 
-/// Formats of a state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StateFormat {
     /// NumPy: f32, nodes x fields.

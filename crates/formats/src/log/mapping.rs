@@ -59,7 +59,6 @@ pub enum Column {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimeColumn {
-    /// Column.
     pub column: Option<Column>,
     /// `s`, `ms`, `us`, `ns`.
     pub unit: Option<String>,
@@ -73,7 +72,6 @@ pub struct TimeColumn {
 pub struct Channel {
     /// Name with its unit (`pressure_mpa`, `tip_x_mm`, `angle_deg`).
     pub name: String,
-    /// Column.
     pub column: Column,
     /// Unit of the column, or of `slope v + offset` for counts and volts; `px` with `mm_per_px`.
     pub unit: String,

@@ -16,9 +16,7 @@ pub struct Recording {
     pub start_s: f64,
     /// Time of the rows from the first one, s.
     pub time_s: Vec<f64>,
-    /// Inputs.
     pub inputs: Vec<Series>,
-    /// Outputs.
     pub outputs: Vec<Series>,
     /// Remarks on times, missing values, flat tops, negative pressures.
     pub remarks: Vec<String>,

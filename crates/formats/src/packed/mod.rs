@@ -39,7 +39,6 @@ pub enum Stored {
 pub struct Snapshots {
     /// Cases, nodes, fields.
     pub shape: [usize; 3],
-    /// Values.
     pub values: Vec<f32>,
 }
 

@@ -10,7 +10,6 @@ use quick_xml::events::{BytesStart, Event};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-/// Points.
 const POINTS: [usize; 2] = [1, 2];
 /// Lines: trusses, beams, springs.
 const LINES: [usize; 3] = [3, 4, 21];

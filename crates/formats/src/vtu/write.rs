@@ -56,7 +56,6 @@ pub struct PointData<'a> {
 pub struct Grid<'a> {
     /// Node positions in mm.
     pub points_mm: &'a [[f64; 3]],
-    /// Cells.
     pub cells: Cells<'a>,
     /// Values at the nodes.
     pub point_data: &'a [PointData<'a>],

@@ -13,9 +13,7 @@ const QOS: &str = "::,10:,:,:,,";
 /// Kind of an endpoint in tokens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Entity {
-    /// A publisher.
     Publisher,
-    /// A subscription.
     Subscription,
     /// A service server.
     Service,

@@ -20,7 +20,6 @@ pub enum Question {
 }
 
 impl Question {
-    /// All.
     pub const ALL: [Self; 3] = [Self::WhatIf, Self::Pressure, Self::Gap];
 
     /// Name of the service after the actuator's, and type.

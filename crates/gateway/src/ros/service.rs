@@ -23,7 +23,6 @@ pub struct Announced<'a> {
     pub number: usize,
     /// Name without the first slash.
     pub name: &'a str,
-    /// Type.
     pub of: MessageType,
 }
 

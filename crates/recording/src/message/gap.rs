@@ -63,7 +63,6 @@ impl GapCounter {
 /// A gap as a message.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct GapMessage {
-    /// The topic.
     pub topic: String,
     /// The number that was expected.
     pub expected_seq: u64,

@@ -111,7 +111,6 @@ impl Queue {
 }
 
 impl QueueSink {
-    /// The topic.
     pub fn topic(&self) -> &Topic {
         &self.topic
     }

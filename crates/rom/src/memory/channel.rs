@@ -56,7 +56,6 @@ impl Channel {
         &self.creeps
     }
 
-    /// The input jumps.
     pub(super) fn jump(&mut self, of: &InputMemory, to: f64) {
         self.input = to;
         if !of.has_lag() {

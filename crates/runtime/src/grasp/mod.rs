@@ -29,7 +29,6 @@ pub fn needed_force_n(spec: &GraspSpec, fingers: usize) -> f64 {
 pub struct StopPoint {
     /// Pressure of all fingers, MPa.
     pub pressure_mpa: f64,
-    /// Its half-width, MPa.
     pub halfwidth_mpa: f64,
 }
 

@@ -104,7 +104,6 @@ impl Answerer {
         self.solver
     }
 
-    /// Default gap, mm.
     pub fn default_gap_mm(&self) -> Option<f64> {
         self.default_gap_mm
     }

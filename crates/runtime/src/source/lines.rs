@@ -7,12 +7,10 @@ pub const MAX_LINE_BYTES: usize = 2048;
 
 /// Why a line is no reading.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what the values are
 pub enum LineError {
     /// Longer than [`MAX_LINE_BYTES`].
     #[error("a line has more than {MAX_LINE_BYTES} bytes")]
     TooLong,
-    /// Not text.
     #[error("a line is not UTF-8")]
     NotText,
     /// A cell is not a number.

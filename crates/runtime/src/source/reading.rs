@@ -76,7 +76,6 @@ pub(super) fn bit(slot: usize) -> u32 {
     1 << number
 }
 
-/// The value of a slot.
 pub(crate) fn value_mut(sample: &mut SensorSample, slot: usize) -> Option<&mut f64> {
     match slot {
         PRESSURE => Some(&mut sample.pressure_mpa),
@@ -159,7 +158,6 @@ impl InputNames {
 #[derive(Debug, Clone, PartialEq)]
 #[allow(clippy::large_enum_variant)] // copied once a reading; a box would allocate in the bridge's loop
 pub enum Poll {
-    /// A reading.
     Reading(Reading),
     /// Nothing before this time after the start, s; infinite for a device, which wakes the bridge when it has something.
     Waiting {

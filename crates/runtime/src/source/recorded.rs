@@ -173,9 +173,7 @@ impl LeftOut {
     }
 }
 
-/// Error in a trace.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what the values are
 pub enum TraceError {
     /// The file could not be read.
     #[error("cannot read the trace: {cause}")]

@@ -42,12 +42,9 @@ fn one() -> u8 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Parity {
-    /// None.
     #[default]
     None,
-    /// Even.
     Even,
-    /// Odd.
     Odd,
 }
 

@@ -77,14 +77,7 @@ pub enum Profile {
         at_s: f64,
     },
     /// `mean + amplitude sin(2 pi f t - pi/2)`: begins at the minimum.
-    Sine {
-        /// Mean, MPa.
-        mean_mpa: f64,
-        /// Amplitude, MPa.
-        amplitude_mpa: f64,
-        /// Frequency, Hz.
-        frequency_hz: f64,
-    },
+    Sine { mean_mpa: f64, amplitude_mpa: f64, frequency_hz: f64 },
 }
 
 impl Profile {

@@ -107,7 +107,6 @@ impl Input {
 pub enum Cell {
     /// Cell, from 1.
     Number(usize),
-    /// Key.
     Key(String),
 }
 

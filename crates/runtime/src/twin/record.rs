@@ -183,7 +183,6 @@ pub struct Event {
     pub input: [u8; 32],
 }
 
-/// Kind of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EventKind {
     /// Readings now end otherwise than before; value: [`wire::Outcome::code`].

@@ -9,7 +9,6 @@ use rom::reconstructor::Reconstructor;
 
 /// Why a running twin cannot continue with what was loaded. It continues with what it has.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what the values are
 pub enum SwapError {
     /// Other actuators, or sensors, than before.
     #[error("the scene has the actuators {new}, this twin runs {running}; restart the twin for that")]
@@ -34,7 +33,6 @@ pub struct Retired {
     pub(super) parts: Vec<Parts>,
     /// Reconstructors, with their bases.
     pub(super) reconstructors: Vec<Reconstructor>,
-    /// Estimators.
     pub(super) estimators: Vec<Estimator>,
 }
 

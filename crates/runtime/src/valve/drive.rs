@@ -47,7 +47,6 @@ impl ValveCounters {
 
 /// Why the valves cannot be driven.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what the values are
 pub enum ValveError {
     /// The topics.
     #[error(transparent)]

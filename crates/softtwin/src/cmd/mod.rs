@@ -47,7 +47,7 @@ macro_rules! commands {
     ($($heading:literal: $($variant:ident => $module:ident),* $(,)?;)*) => {
         /// Sub-command; each variant's text is the doc comment of its `Args`.
         #[derive(clap::Subcommand)]
-        pub enum Command { $($(#[allow(missing_docs)] $variant($module::Args),)*)* }
+        pub enum Command { $($($variant($module::Args),)*)* }
 
         impl Command {
             /// Headings and the names of their commands, in the order of the help.

@@ -24,7 +24,6 @@ pub struct Panel<'a> {
 pub struct Row<'a> {
     /// Heading over the row; empty for none.
     pub heading: String,
-    /// The panels.
     pub panels: Vec<Panel<'a>>,
 }
 
@@ -34,13 +33,11 @@ pub struct Sheet<'a> {
     pub title: String,
     /// Second line.
     pub caption: String,
-    /// The rows.
     pub rows: Vec<Row<'a>>,
     /// Label of the colour bar, with its unit.
     pub bar_label: String,
     /// The colour scale of all panels.
     pub scale: Scale,
-    /// The colours.
     pub map: ColourMap,
     /// Direction of view.
     pub camera: Camera,

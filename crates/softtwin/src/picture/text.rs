@@ -28,7 +28,6 @@ pub struct Style {
     pub size_px: f32,
     /// Bold face.
     pub bold: bool,
-    /// Colour.
     pub colour: Rgb,
     /// Alignment.
     pub align: Align,

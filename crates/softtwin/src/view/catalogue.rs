@@ -179,7 +179,6 @@ impl Catalogue {
         self.models.iter().position(|known| known.hash == hash)
     }
 
-    /// The inputs of a model.
     pub fn inputs(&self, model: usize) -> &[InputSpec] {
         self.models.get(model).map_or(&[], |known| &known.inputs)
     }

@@ -15,7 +15,6 @@ pub const MAX_VIEWERS: usize = 16;
 pub struct Slot {
     /// Larger than that of every earlier frame.
     pub number: u64,
-    /// The message.
     pub message: Bytes,
     /// A notification instead of a frame.
     pub is_text: bool,

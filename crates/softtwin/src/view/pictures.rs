@@ -8,7 +8,6 @@ use axum::routing::get;
 /// A picture with its title.
 #[derive(Clone, Debug)]
 pub struct Picture {
-    /// Title.
     pub title: String,
     /// `image/svg+xml` or `image/png`.
     pub kind: &'static str,

@@ -9,7 +9,6 @@ const MAX_DIAGNOSTICS: usize = 50;
 
 /// Table of finite numbers.
 pub(crate) struct Matrix {
-    /// Rows.
     pub(crate) rows: usize,
     columns: usize,
     values: Vec<f32>,

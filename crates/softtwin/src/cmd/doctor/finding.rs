@@ -18,7 +18,6 @@ pub enum FindingLevel {
 /// The result of one check.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// Subject.
     pub subject: String,
     /// How serious it is.
     pub level: FindingLevel,

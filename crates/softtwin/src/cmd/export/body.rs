@@ -11,7 +11,6 @@ use std::path::Path;
 
 /// A body without its states.
 pub struct Body {
-    /// Nodes.
     pub nodes: usize,
     undeformed: Option<[Vec<f32>; 3]>,
     facets: Vec<[u32; 3]>,

@@ -64,7 +64,6 @@ impl Recorded {
         self.found.div_ceil(self.every)
     }
 
-    /// The header of the first field.
     pub fn first_field(&self) -> Option<&FieldHeader> {
         self.first_field.as_ref()
     }
@@ -74,7 +73,6 @@ impl Recorded {
         self.all_readings().step_by(self.every)
     }
 
-    /// The fields.
     pub fn fields(&self) -> impl Iterator<Item = Result<RecordedField>> {
         self.all_fields().step_by(self.every)
     }

@@ -144,7 +144,6 @@ impl Report<'_> {
     }
 }
 
-/// The material file.
 pub fn material_file(report: &Report<'_>) -> String {
     let law = &report.best.law;
     let [low, high] = report.range;

@@ -13,7 +13,6 @@ use formats::log::{Log, unit};
 pub struct Specimen {
     /// Name of the file.
     pub name: String,
-    /// Kind.
     pub kind: Kind,
     /// All rows in their order: stretch, nominal stress (MPa).
     pub rows: Vec<[f64; 2]>,

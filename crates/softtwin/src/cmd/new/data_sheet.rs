@@ -23,7 +23,6 @@ pub enum Figure {
 pub struct Estimate {
     /// Geometric middle of the interval, MPa.
     pub shear_mpa: f64,
-    /// Interval, MPa.
     pub interval_mpa: [f64; 2],
 }
 
@@ -46,7 +45,6 @@ impl Figure {
         }
     }
 
-    /// The estimate.
     pub fn estimate(self) -> Estimate {
         let between =
             |[low, high]: [f64; 2]| Estimate { shear_mpa: (low * high).sqrt(), interval_mpa: [low, high] };

@@ -17,7 +17,6 @@ const SHORTEST_CAVITY_MM: f64 = 1.0;
 /// Options.
 #[derive(Clone, Copy, Debug)]
 pub struct Shape {
-    /// Chambers.
     pub chambers: usize,
     /// Whole length, mm; by default 9 mm a chamber.
     pub length_mm: Option<f64>,

@@ -10,7 +10,6 @@ use std::path::Path;
 use train::datasheet::DataSheet;
 use train::evaluate::{CaseReport, evaluate};
 
-/// A model and its data sheet.
 pub type Trained = (Model, DataSheet);
 
 /// Mean over cases of the worst node's displacement error (mm) and stress error (MPa), and of the force error (N).

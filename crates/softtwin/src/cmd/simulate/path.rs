@@ -33,9 +33,7 @@ const COLUMNS: [&str; 8] = [
 pub struct Target {
     /// Injected volume at the end (mm3).
     pub volume_mm3: f64,
-    /// Gap (mm).
     pub gap_mm: Option<f64>,
-    /// Points.
     pub points: usize,
     /// Quantities of the actuator with other values than its file's.
     pub settings: Vec<Setting>,

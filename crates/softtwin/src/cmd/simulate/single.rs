@@ -47,7 +47,6 @@ impl Driven {
 pub struct Target {
     /// Pressure or volume at the end.
     pub driven: Driven,
-    /// Gap (mm).
     pub gap_mm: Option<f64>,
     /// Steps from rest.
     pub steps: u32,

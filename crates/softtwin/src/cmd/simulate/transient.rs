@@ -24,7 +24,6 @@ const CHECKPOINT_EVERY: usize = 25;
 /// Most instants of a motion: days of computing, and what memory and the written series hold.
 const MAX_INSTANTS: f64 = 1e6;
 
-/// Options.
 pub struct Options {
     /// The inputs.
     pub trace: PathBuf,

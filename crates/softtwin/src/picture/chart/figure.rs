@@ -30,9 +30,7 @@ pub struct Panel {
 /// How a series looks.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
-    /// A line.
     Line,
-    /// Dots.
     Dots,
     /// Both.
     LineDots,
