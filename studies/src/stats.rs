@@ -1,8 +1,6 @@
 //! Medians of measured values.
 
-/// The middle value (the upper one of two); NaN of nothing.
+/// As [`rom::statistics::median`]; NaN of nothing.
 pub fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
+    rom::statistics::median(values).unwrap_or(f64::NAN)
 }

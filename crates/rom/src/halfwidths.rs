@@ -9,7 +9,8 @@
 
 use crate::inputs::Point;
 use crate::kernel::around::Around;
-use crate::unseen::{self, SMOOTHING, Unseen, quantile};
+use crate::statistics::quantile;
+use crate::unseen::{self, SMOOTHING, Unseen};
 use serde::{Deserialize, Serialize};
 
 /// Standard deviations of a normal distribution within half-widths, which hold for 90 % of the states.
@@ -72,7 +73,7 @@ impl From<[f64; 3]> for Errors {
 impl HalfWidths {
     /// Constant half-widths from the errors of all cases. Cases on the hull represent states near the edge.
     pub fn of_all(errors: &[Errors], coverage: f64) -> Self {
-        let of = |k: usize| quantile(errors.iter().map(|e| e.values()[k]).collect(), coverage);
+        let of = |k: usize| quantile(errors.iter().map(|e| e.values()[k]), coverage);
         Self::new(coverage, [0, 1, 2].map(of))
     }
 

@@ -65,4 +65,5 @@ pub mod regime;
 pub mod rng;
 pub mod session;
 pub mod snapshots;
+pub mod statistics;
 mod unseen;

@@ -12,6 +12,7 @@
 //! state is left out of the `s` of its ratio.
 
 use crate::inputs::{Point, square_distance};
+use crate::statistics::quantile;
 
 /// Scaled distance within which neighbours count alike: the sharpest of those tried by leave-one-out.
 pub(crate) const SMOOTHING: f64 = 0.05;
@@ -111,7 +112,7 @@ impl Unseen<'_> {
 
     /// The conformal quantile of the errors over these means.
     fn factor(&self, means: &[f64]) -> f64 {
-        quantile(self.errors.iter().zip(means).map(|(error, mean)| error / mean).collect(), self.coverage)
+        quantile(self.errors.iter().zip(means).map(|(error, mean)| error / mean), self.coverage)
     }
 
     fn loss(&self, factor: f64, means: &[f64]) -> f64 {
@@ -147,13 +148,6 @@ impl Unseen<'_> {
 
 pub(crate) fn weight(a: &Point, b: &Point, smoothing: f64) -> f64 {
     (square_distance(a, b) + smoothing * smoothing).powi(-2)
-}
-
-/// Conformal quantile; the largest value if there are too few values for the coverage.
-pub(crate) fn quantile(mut values: Vec<f64>, coverage: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let rank = ((values.len() as f64 + 1.0) * coverage).ceil() as usize;
-    values.get(rank.clamp(1, values.len().max(1)) - 1).copied().unwrap_or(f64::NAN)
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@
 
 use super::recording::{Recording, Series};
 use crate::error::Diagnostic;
+use rom::statistics::median;
 
 /// Points of the grid on which files are correlated.
 const GRID: usize = 2000;
@@ -94,13 +95,6 @@ pub(super) fn interleave(
     if lack_outputs {
         fill(outputs);
     }
-}
-
-/// Middle value, of an even number the larger one; `None` without values.
-pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.into_iter().collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 /// Linear interpolation; NaN outside, at missing values and across gaps.

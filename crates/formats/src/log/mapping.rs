@@ -6,6 +6,7 @@ use super::recording::{Recording, Series};
 use super::unit::{self, Quantity};
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
+use rom::statistics::median;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -422,7 +423,7 @@ fn in_order(stamps: &[f64], lines: &[usize]) -> Result<Vec<usize>, Diagnostic> {
     let mut rows: Vec<usize> = (0..stamps.len()).filter(|row| stamps[*row].is_finite()).collect();
     let steps: Vec<f64> = rows.windows(2).map(|pair| stamps[pair[1]] - stamps[pair[0]]).collect();
     let sizes = steps.iter().map(|step| step.abs()).filter(|size| *size > 0.0);
-    let limit = MAX_STEP_BACK * clock::median(sizes).unwrap_or(0.0);
+    let limit = MAX_STEP_BACK * median(sizes).unwrap_or(0.0);
     if rows.is_empty() {
         return Err(Diagnostic::new(
             "time",

@@ -7,7 +7,6 @@ mod mapping;
 mod recording;
 pub mod unit;
 
-pub use clock::median;
 pub use mapping::{Channel, Column, Frame, Further, Mapping, TimeColumn};
 pub use recording::{Recording, Series};
 

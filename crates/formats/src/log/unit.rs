@@ -85,6 +85,13 @@ pub fn known() -> String {
     UNITS.iter().map(|(names, ..)| names[0]).collect::<Vec<_>>().join(", ")
 }
 
+/// A spelling of each unit of a quantity, for messages.
+#[must_use]
+pub fn known_of(quantity: Quantity) -> String {
+    let of_quantity = UNITS.iter().filter(|(_, found, _)| *found == quantity);
+    of_quantity.map(|(names, ..)| names[0]).collect::<Vec<_>>().join(", ")
+}
+
 /// Units that are words or labels as well (`pressure_in`, `chamber_a`): read in brackets only.
 const WORDS: [&str; 3] = ["in", "a", "l"];
 

@@ -33,7 +33,7 @@ use crate::inputs::MAX_INPUTS;
 use crate::model::{BlockKind, Model, ModelError, ModelFileError, ModelHeader, RegimeModel};
 use crate::probe::{MeshPoint, affine_coordinate};
 use crate::snapshots::RegimeKind;
-use crate::unseen::quantile;
+use crate::statistics::quantile;
 use definition::MAX_POINTS;
 use form::Form;
 use item::{Item, Shape, Source, wrapped};

@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
+use formats::log::unit;
 use wire::now_ns;
 
 /// Kind of a measured quantity; each has a base unit.
@@ -26,33 +27,24 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Units by name with their size in the base unit.
-    pub fn units(self) -> &'static [(&'static str, f64)] {
+    fn kind(self) -> unit::Quantity {
         match self {
-            Self::Pressure => &[
-                ("MPa", 1.0),
-                ("kPa", 1e-3),
-                ("Pa", 1e-6),
-                ("bar", 0.1),
-                ("mbar", 1e-4),
-                ("psi", 0.006_894_757_293_168),
-            ],
-            Self::Gap => &[("mm", 1.0), ("um", 1e-3), ("m", 1e3)],
-            Self::Force => &[("N", 1.0), ("mN", 1e-3), ("gf", 0.009_806_65), ("kgf", 9.806_65)],
+            Self::Pressure => unit::Quantity::Pressure,
+            Self::Gap => unit::Quantity::Length,
+            Self::Force => unit::Quantity::Force,
         }
     }
 
     /// Size of `unit` in the base unit; the base unit itself when none is named.
     pub fn factor(self, unit: Option<&str>) -> Option<f64> {
         let Some(unit) = unit else { return Some(1.0) };
-        self.units().iter().find(|(name, _)| *name == unit).map(|(_, factor)| *factor)
+        unit::unit(unit).filter(|(kind, _)| *kind == self.kind()).map(|(_, factor)| factor)
     }
 
     /// Adds a problem if `unit` is not one of this quantity.
     pub fn check_unit(self, unit: Option<&str>, problems: &mut Problems) {
-        let known: Vec<&str> = self.units().iter().map(|(name, _)| *name).collect();
         let (fits, found) = (self.factor(unit).is_some(), format!("`{}`", unit.unwrap_or_default()));
-        problems.expect(fits, "unit", &format!("one of {}", known.join(", ")), found);
+        problems.expect(fits, "unit", &format!("one of {}", unit::known_of(self.kind())), found);
     }
 }
 

@@ -10,8 +10,9 @@ use super::reading::{InputNames, MARKERS, QUANTITIES, value_mut};
 use super::recorded::{self, TraceError};
 use crate::file;
 use formats::file::check_columns;
-use formats::log::{Mapping, median};
+use formats::log::Mapping;
 use formats::{Diagnostic, FormatError};
+use rom::statistics::median;
 use std::path::Path;
 use wire::SensorSample;
 

@@ -3,7 +3,8 @@
 use crate::bench::{self, line, panel, range};
 use crate::picture::{Figure, Mark};
 use crate::{files, output};
-use formats::log::{Log, median, unit};
+use formats::log::{Log, unit};
+use rom::statistics::median;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 

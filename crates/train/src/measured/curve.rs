@@ -1,7 +1,7 @@
 //! The map from inputs to outputs by least squares, chosen on left-out segments, and the modes of the outputs.
 
 use super::data::{
-    COVERAGE, MAX_ROWS, MIN_ROWS, Measured, MeasuredError, OutputReport, Run, mean, range_of, scales,
+    COVERAGE, MAX_ROWS, MIN_ROWS, Measured, MeasuredError, OutputReport, Run, range_of, scales,
 };
 use super::layout::{PRESSURE_NAME, unit_of};
 use super::motion::noise_of;
@@ -11,6 +11,7 @@ use faer::{Mat, Side};
 use rom::inputs::{InputMap, InputSpec, Inputs, PARAMETERS, PRESSURE, Parameter, Point, square_distance};
 use rom::interpolant::{Interpolant, Metric};
 use rom::radial::{KernelKind, Tail};
+use rom::statistics::{mean, median, quantile};
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};
 
@@ -111,7 +112,7 @@ impl Curve {
             .map(|at| Parameter {
                 name: data.inputs[*at].clone(),
                 unit: unit_of(&data.inputs[*at]),
-                nominal: median(rows.iter().map(|row| row.inputs[*at])),
+                nominal: median(rows.iter().map(|row| row.inputs[*at])).unwrap_or(f64::NAN),
             })
             .collect();
         let state = |row: &Row| {
@@ -308,7 +309,7 @@ impl Curve {
 
     /// Half-width of the sizes of the worst outputs, of which `errors` has all.
     pub(super) fn half_width_of_worst(&self, sizes: Vec<f64>, errors: impl Iterator<Item = Vec<f64>>) -> f64 {
-        quantile(sizes) + errors.map(|own| shift(&self.run, &own)).fold(0.0, f64::max)
+        quantile(sizes, COVERAGE) + errors.map(|own| shift(&self.run, &own)).fold(0.0, f64::max)
     }
 
     /// Mean difference of the values on rising and falling at equal predicted values.
@@ -364,18 +365,6 @@ fn rows(data: &Measured) -> Vec<Row> {
     data.runs.iter().enumerate().flat_map(of_run).collect()
 }
 
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
-}
-
-pub(super) fn quantile(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let at = (COVERAGE * (values.len() as f64 + 1.0)).ceil() as usize;
-    values.get(at.clamp(1, values.len().max(1)) - 1).copied().unwrap_or(f64::NAN)
-}
-
 /// Bound of a further run's mean error, from the means of the runs or of the halves of a single one. `run`: number of the run by row.
 fn shift(run: &[usize], errors: &[f64]) -> f64 {
     let runs = run.iter().max().map_or(1, |last| last + 1);
@@ -389,7 +378,7 @@ fn shift(run: &[usize], errors: &[f64]) -> f64 {
 
 /// Half-width from errors on left-out segments: their quantile plus the bound of a further run's mean error.
 pub(super) fn half_width(run: &[usize], errors: &[f64]) -> f64 {
-    quantile(errors.iter().map(|e| e.abs()).collect()) + shift(run, errors)
+    quantile(errors.iter().map(|e| e.abs()), COVERAGE) + shift(run, errors)
 }
 
 /// Fold of a row of a run of `count` rows: settled states are segments of one row.

@@ -181,8 +181,3 @@ pub(super) fn range_of(values: impl IntoIterator<Item = f64>) -> f64 {
         values.into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     (high - low).max(0.0)
 }
-
-pub(super) fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
-    if count > 0.0 { sum / count } else { f64::NAN }
-}

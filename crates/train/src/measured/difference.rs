@@ -8,8 +8,8 @@
 //! `r` is measured minus predicted with the modes' difference, `x` the inputs scaled as in the model, centres `c` the means of cells of the measured states. Segments of the
 //! runs that are left out choose `R` and `lambda`, and decide whether there is an offset at all.
 
-use super::curve::{FOLDS, SEGMENTS, centres, fold, half_width, quantile};
-use super::data::{MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS, mean};
+use super::curve::{FOLDS, SEGMENTS, centres, fold, half_width};
+use super::data::{COVERAGE, MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS};
 use super::layout::coordinate;
 use super::modes::{self, ModesDifference};
 use rom::dense::Dense;
@@ -19,6 +19,7 @@ use rom::inputs::{Inputs, Point};
 use rom::model::{BlockKind, Model, ModelError, ModelFileError};
 use rom::observable::{Correction, Definition, MAX_OBSERVABLES, ObservableKind, Observables, Place};
 use rom::snapshots::RegimeKind;
+use rom::statistics::{mean, quantile};
 use std::collections::BTreeMap;
 
 /// Figures of one output in one regime.
@@ -233,7 +234,7 @@ impl Rows {
             half_width: residual,
             is_kept,
         };
-        let (inputs, difference) = (inputs.clone(), quantile(self.r.iter().map(|r| r.abs()).collect()));
+        let (inputs, difference) = (inputs.clone(), quantile(self.r.iter().map(|r| r.abs()), COVERAGE));
         Some((Correction { regime, inputs, reach, centres, weights, residual, difference }, report))
     }
 

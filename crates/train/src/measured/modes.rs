@@ -8,8 +8,8 @@
 //! the unit. `s_j` is the standard deviation of the coefficient over the training states, the prior of the ridge. Angles are linearised
 //! again at the state found. Segments of the runs that are left out choose `R` and `lambda`, and decide whether there is a difference.
 
-use super::curve::{FOLDS, SEGMENTS, centres, fold, half_width, quantile};
-use super::data::{MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS, mean};
+use super::curve::{FOLDS, SEGMENTS, centres, fold, half_width};
+use super::data::{COVERAGE, MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS};
 use rom::dense::Dense;
 use rom::difference::{FieldDifference, terms};
 use rom::evaluator::Evaluator;
@@ -17,6 +17,7 @@ use rom::inputs::Point;
 use rom::model::{Model, ModelFileError, RegimeModel};
 use rom::observable::Observables;
 use rom::snapshots::{FieldKind, RegimeKind};
+use rom::statistics::{mean, quantile};
 
 /// Most modes.
 const MODES: usize = 4;
@@ -107,7 +108,7 @@ pub(super) fn correct(
                 coefficients: leading.iter().map(|(at, _)| *at).collect(),
                 weights: u.iter().zip(scale).map(|(u, s)| u * s).collect(),
                 residual_mm: half_width(&last.run, &choice.errors),
-                difference_mm: quantile(last.r.iter().map(|r| r.abs()).collect()),
+                difference_mm: quantile(last.r.iter().map(|r| r.abs()), COVERAGE),
             };
             set(model, kind, Some(difference));
         }

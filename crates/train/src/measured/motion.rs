@@ -1,8 +1,9 @@
 //! Columns that move, and the noise of a column.
 
-use super::data::{Measured, MeasuredError, Run, mean};
+use super::data::{Measured, MeasuredError, Run};
 use super::layout::PRESSURE_NAME;
 use rom::inputs::{MAX_INPUTS, PARAMETERS};
+use rom::statistics::mean;
 
 /// Smallest range of an input, as a fraction of the largest in the same unit.
 const LEAST_FRACTION: f64 = 0.05;

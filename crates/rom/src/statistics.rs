@@ -1,0 +1,38 @@
+//! Mean, median and quantile of some numbers: one definition of each for the half-widths, for learning and for the readers of files.
+
+/// Arithmetic mean; NaN without values.
+pub fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (sum, count) = values.into_iter().fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    if count > 0.0 { sum / count } else { f64::NAN }
+}
+
+/// Middle value, of an even number the larger one; `None` without values.
+pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// Value that a further one stays below with the probability `coverage` (conformal quantile): of `n` values the one of rank
+/// `coverage (n + 1)`, the largest if there are too few for the coverage, NaN without values.
+pub fn quantile(values: impl IntoIterator<Item = f64>, coverage: f64) -> f64 {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    let rank = ((values.len() as f64 + 1.0) * coverage).ceil() as usize;
+    values.get(rank.clamp(1, values.len().max(1)) - 1).copied().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_those_of_their_definitions() {
+        assert_eq!((mean([1.0, 2.0, 6.0]), median([3.0, 1.0, 2.0])), (3.0, Some(2.0)));
+        assert_eq!((median([1.0, 2.0]), median([])), (Some(2.0), None));
+        assert!(mean([]).is_nan() && quantile([], 0.9).is_nan());
+        let nineteen = || (1..=19).map(f64::from);
+        assert_eq!((quantile(nineteen(), 0.9), quantile(nineteen(), 0.5)), (18.0, 10.0));
+        assert_eq!(quantile([1.0, 2.0, 3.0], 0.9), 3.0, "three values do not tell 90 %");
+    }
+}
