@@ -62,6 +62,7 @@ impl Analysis {
         Ok(Self { symbolic, unknowns })
     }
 
+    /// Entries of the factor.
     pub(crate) fn factor_entries(&self) -> usize {
         self.symbolic.len_val()
     }

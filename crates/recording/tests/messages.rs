@@ -159,7 +159,7 @@ fn the_json_form_of_a_state_is_fixed() {
          \"pressure_mpa\":0.30000000000000004,\"gap_mm\":null,\"regime\":\"contact\",\"contact_force_n\":null,\
          \"force_halfwidth_n\":0.1,\"force_by_pressure_n_per_mpa\":null,\"force_by_gap_n_per_mm\":null,\
          \"onset_pressure_mpa\":\"Infinity\",\"displacement_halfwidth_mm\":null,\"von_mises_halfwidth_mpa\":null,\
-         \"domain_distance\":null,\"domain_status\":1,\"input_names\":[\"gap_mm\"],\"inputs\":[2.5],\
+         \"domain_distance\":null,\"domain_status\":1,\"input_names\":[\"gap_mm\"],\"inputs\":[2.5],\"outside_by\":[null],\
          \"force_by_input\":[null],\"observable_names\":[],\"observables\":[],\"observable_halfwidths\":[],\"observable_offsets\":[],\"group_sizes\":[2],\"coefficients\":[0.5,-1.5],\"measured_force_n\":null,\
          \"outcome\":\"held: stale\",\"flags\":[\"stale\",\"held\",\"no-data\"],\"flag_bits\":131,\"input_sources\":[\"given\"],\
          \"actuator\":\"finger\",\"model_hash\":\"00000000000000000000000000000000\",\

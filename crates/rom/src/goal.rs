@@ -9,6 +9,7 @@ use crate::inputs::{Inputs, MAX_INPUTS};
 
 /// Steps from each start.
 const STEPS: usize = 80;
+/// Starts.
 const STARTS: usize = 12;
 /// Damping at a start, and where a start is given up.
 const DAMPING: [f64; 2] = [1e-3, 1e9];

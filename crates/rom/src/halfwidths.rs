@@ -119,9 +119,11 @@ impl LocalHalfWidths {
         let mut local = Self::without_factors(dimensions, points, errors, coverage);
         let means: Vec<[f64; 3]> = (0..points.len()).map(|i| mean_of_others(points, errors, i)).collect();
         let least = local.least.values();
-        let ratios =
-            |k: usize| errors.iter().zip(&means).map(|(e, m)| e.values()[k] / m[k].max(least[k])).collect();
-        local.factors = [0, 1, 2].map(|k| quantile(ratios(k), coverage)).into();
+        let factor = |k: usize| {
+            let ratios = errors.iter().zip(&means).map(|(e, m)| e.values()[k] / m[k].max(least[k]));
+            quantile(ratios, coverage)
+        };
+        local.factors = [0, 1, 2].map(factor).into();
         local
     }
 

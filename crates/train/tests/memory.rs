@@ -129,7 +129,7 @@ fn runs_without_use_have_no_result() {
         let time_s = (0..rows).map(f64::from).collect();
         let values: Vec<f64> = (0..rows).map(|row| 0.01 * f64::from(row % 5)).collect();
         let short = Run { time_s, inputs: vec![values.clone()], outputs: vec![values] };
-        let _ = identify(&[short.clone()], true, &[1.0], None);
+        let _ = identify(std::slice::from_ref(&short), true, &[1.0], None);
         assert!(identify(&[Run { outputs: Vec::new(), ..short }], true, &[], None).is_none());
     }
 }

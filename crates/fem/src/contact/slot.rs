@@ -38,6 +38,7 @@ pub(crate) struct SlotWalls {
 /// One touching pair.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SlotContact<'a> {
+    /// The pair.
     pub(crate) pair: &'a Pair,
     /// Unit normal, from the lower wall to the upper one.
     pub(crate) normal: Vec3,

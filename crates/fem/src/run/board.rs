@@ -92,6 +92,7 @@ impl Board {
         again
     }
 
+    /// The state of a solved case.
     pub(super) fn state(&self, case: usize) -> Option<Arc<Solved>> {
         if let Stage::Solved(solved) = &self.stages[case] { Some(Arc::clone(solved)) } else { None }
     }

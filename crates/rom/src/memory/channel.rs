@@ -56,6 +56,7 @@ impl Channel {
         &self.creeps
     }
 
+    /// The input jumps.
     pub(super) fn jump(&mut self, of: &InputMemory, to: f64) {
         self.input = to;
         if !of.has_lag() {

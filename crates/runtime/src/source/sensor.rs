@@ -5,6 +5,7 @@ use super::reading::{
     BridgeWaker, FORCE, GAP, InputNames, MARKERS, NAMED, PRESSURE, QUANTITIES, SensorCounters,
 };
 use crate::problems::Problems;
+use formats::log::unit;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Debug;
@@ -12,7 +13,6 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
-use formats::log::unit;
 use wire::now_ns;
 
 /// Kind of a measured quantity; each has a base unit.

@@ -88,11 +88,13 @@ pub struct Learned {
 /// Reason why nothing can be learned.
 #[derive(Debug, thiserror::Error)]
 pub enum MeasuredError {
+    /// No input moves.
     #[error(
         "no input moves beyond its noise: the recording teaches nothing; record a run in which the pressures change, or check \
          the input columns of the mapping"
     )]
     Still,
+    /// No output moves.
     #[error(
         "no output moves beyond its noise, or the mapping has none: the recording teaches nothing; check `[[output]]` of the mapping"
     )]

@@ -99,5 +99,5 @@ pub(super) fn noise_of(values: &[f64]) -> f64 {
     let mut squares: Vec<f64> = values.windows(3).map(|v| (v[0] - 2.0 * v[1] + v[2]).powi(2)).collect();
     squares.sort_by(f64::total_cmp);
     squares.truncate((CALM.0 * squares.len() as f64).ceil() as usize);
-    if squares.is_empty() { 0.0 } else { (mean(squares.into_iter()) / 6.0).sqrt() / CALM.1 }
+    if squares.is_empty() { 0.0 } else { (mean(squares) / 6.0).sqrt() / CALM.1 }
 }

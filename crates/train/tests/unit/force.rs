@@ -19,8 +19,15 @@ fn region() -> (Vec<Inputs>, InputMap, TrainingRange, Vec<Point>) {
 }
 
 fn fitted(kernel: KernelKind, tail: Tail, scaled: &[Point], values: &[f64]) -> Interpolant {
-    let samples =
-        Samples { dimensions: 1, inputs: scaled, values, outputs: 1, slopes: &[], slope_values: &[] };
+    let samples = Samples {
+        dimensions: 1,
+        inputs: scaled,
+        values,
+        outputs: 1,
+        slopes: &[],
+        slope_values: &[],
+        exact: None,
+    };
     fit(&samples, KernelSpec { kernel, tail }, Metric::IDENTITY, 0.0).expect("fits").interpolant
 }
 

@@ -116,7 +116,8 @@ impl Quality {
             .collect();
         let columns: Vec<usize> =
             (0..3).filter(|column| rows.iter().any(|row| row.1.named()[*column].1.is_some())).collect();
-        let percents: [(&str, fn(&Share) -> [f64; 2]); 2] = [
+        type Percent = fn(&Share) -> [f64; 2];
+        let percents: [(&str, Percent); 2] = [
             ("percent of the largest value", |share| share.percent),
             ("percent of the range", |share| share.percent_of_range),
         ];

@@ -61,7 +61,7 @@ pub fn run(family: &Family, target: &Target, out: Option<&Path>, as_json: bool) 
     let (rest, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
     let begin = Load { injected_mm3: Some(0.0), ..actuator.load(0.0, target.gap_mm) };
     let (start, _) = solver.solve_to(&rest, &begin).map_err(sorted)?;
-    let variant_family = Family { actuator: actuator.clone(), problem: Arc::clone(&problem) };
+    let variant_family = Family { actuator, problem: Arc::clone(&problem) };
     let section = Bending::all(&variant_family).into_iter().next();
     let mut rows: Vec<Row> = Vec::new();
     let mut printed = Ok(());
