@@ -342,7 +342,7 @@ impl<M: Model> Controller<M> {
         let [low, high] = self.limits.range_mpa.map(|end| end - self.bias_mpa);
         let half_mpa = self.settings.half_play_mpa();
         let shift_mpa = self.lags_mpa[1];
-        // Ends of the path, where the wanted pressure in the cavity is an end of the range.
+        // How far the goal may go before the pressure in the cavity would leave the range of the valve.
         let ends = [low - shift_mpa - half_mpa, high - shift_mpa - half_mpa];
         let goal_mpa = ahead.pressure_mpa.min(most_mpa);
         let within_mpa = goal_mpa.clamp(ends[0], ends[1]);

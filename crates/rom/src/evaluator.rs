@@ -405,12 +405,13 @@ impl Evaluator {
         self.coefficients(out, true);
     }
 
-    /// [`Self::differentiate`] where nothing is there to touch, whatever the gap: no onset is searched for.
+    /// Like [`Self::differentiate`] for a body that touches nothing, whatever the gap says: the free regime answers.
     pub fn differentiate_free(&self, inputs: Inputs, out: &mut Evaluation) {
         self.differentiate_at(self.complete_inputs(inputs), OnsetAt::NEVER, out);
     }
 
-    /// [`Self::differentiate`] near the state of the last one: the onset's pressure is that of the search to some 1e-4 mm of gap.
+    /// Like [`Self::differentiate`], but begins the search for the onset where the last call found it. That is faster, and accurate to some
+    /// 1e-4 mm of gap.
     pub fn differentiate_near(&self, inputs: Inputs, last: &mut LastOnset, out: &mut Evaluation) {
         let inputs = self.complete_inputs(inputs);
         out.scratch.reserve(&self.scratch);

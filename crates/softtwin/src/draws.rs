@@ -51,7 +51,7 @@ impl Draws {
         inside.then_some(state)
     }
 
-    /// An input that all samples shared takes no random number: the states of a seed stay the same.
+    /// A constant input consumes no random number, so adding one does not change the other samples of a seed.
     fn within(&mut self, [low, high]: [f64; 2]) -> f64 {
         if low < high { low + (high - low) * self.random.uniform() } else { low }
     }

@@ -79,7 +79,7 @@ pub struct MotionState {
     pub inputs: Inputs,
     /// Amplitudes of the linear modes, mm t^1/2.
     pub amplitudes: Amplitudes,
-    /// Inputs and amplitudes at which the fields are: what loads and linear modes do not resolve follows the pressure with the time
+    /// The state to draw. Motion that the loads and the linear modes cannot represent is approximated: the pressure is filtered with the time
     /// constant of the damping.
     pub shown: (Inputs, Amplitudes),
     /// Inputs whose equilibrium has the stress: those of `shown` with the part of the loads that a relaxing elastomer bears on top.

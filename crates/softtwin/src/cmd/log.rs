@@ -15,7 +15,8 @@ Examples:
   The table as a trace for replay, bridge, plot:
     softtwin log convert run.csv --log log.toml --out trace.csv
 
-The mapping names columns by number or heading. What is not known from the heading stands as a comment and is to be decided.";
+The mapping names columns by number or heading. Columns whose unit could not be read from the heading are \
+written as comments: fill them in by hand.";
 
 /// Describe tables of a bench.
 #[derive(clap::Args)]

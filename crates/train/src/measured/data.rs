@@ -7,7 +7,7 @@ use rom::model::{Model, ModelFileError};
 pub(super) const MIN_STATES: usize = 12;
 /// Largest RMS on left-out segments, as a fraction of that without offset, at which an offset is kept.
 pub(super) const MOST_LEFT: f64 = 0.9;
-/// Distances tried from which on nothing is added, per root of the number of inputs.
+/// Radii tried for an offset, in units of the root of the number of inputs. Beyond its radius from the measured states an offset is exactly 0.
 pub(super) const REACHES: [f64; 3] = [0.2, 0.4, 0.8];
 /// Smoothings tried.
 pub(super) const SMOOTHINGS: [f64; 6] = [1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0];
