@@ -43,8 +43,7 @@ impl<R: Read + Seek> ModelReader<R> {
     /// Loads what a selection needs: its fields (and the coordinates a derived magnitude needs), undeformed mesh,
     /// surface. Nodes are picked when the predictor is made.
     pub fn load(&mut self, selection: &Selection) -> Result<Model, ModelFileError> {
-        let mut header = self.header().clone();
-        header.body = self.body()?;
+        let header = self.header().clone();
         let mut fields = header.resolve_fields(selection.fields.as_deref())?;
         header.resolve_nodes(&selection.nodes)?;
         let derived: Vec<usize> =
@@ -65,7 +64,13 @@ impl<R: Read + Seek> ModelReader<R> {
         };
         let entries: Vec<BlockEntry> = self.blocks().iter().filter(|b| needed(&b.kind)).cloned().collect();
         let blocks = self.read_blocks(&entries)?;
-        Ok(Model { header, blocks })
+        let mut model = Model { header, blocks };
+        // A selection with all coordinates has read what the shapes need; the blocks are not read twice.
+        model.header.body = match body_of(&model) {
+            Some(body) => Some(Arc::new(body)),
+            None => self.body()?,
+        };
+        Ok(model)
     }
 }
 

@@ -3,19 +3,24 @@
 use super::*;
 use std::collections::HashSet;
 
+/// A search that found these states: pressure (MPa) and the gap (mm) that it closes.
+fn found(states: Vec<(f64, f64)>) -> Pressures {
+    Pressures {
+        touching: states.len(),
+        states,
+        displacement_mm: 40.0,
+        angle_deg: 100.0,
+        stretch: 1.5,
+        reason: String::new(),
+    }
+}
+
 #[test]
 fn names_and_states_are_unique_and_contact_states_are_beyond_the_onset() {
     for sag in [0.05, 3.0, 27.0] {
         let states: Vec<(f64, f64)> =
             (0..8).map(|k| (0.01 * f64::from(k), sag + 5.0 * f64::from(k))).collect();
-        let pressures = Pressures {
-            touching: states.len(),
-            states,
-            displacement_mm: 40.0,
-            angle_deg: 100.0,
-            stretch: 1.5,
-            reason: String::new(),
-        };
+        let pressures = found(states);
         for counts in [Counts::FULL, Counts::QUICK] {
             let plan = Plan::touching(&pressures, counts).unwrap();
             let text = fem::cases::to_csv(&plan.cases);
@@ -38,14 +43,7 @@ fn contact_states_are_beyond_a_bent_onset_and_fill_the_region() {
     let clearance = |mpa: f64| 1.0 + 60.0 * (mpa / largest_mpa).powi(3);
     let states: Vec<(f64, f64)> =
         (0..8).map(|k| largest_mpa * f64::from(k) / 7.0).map(|mpa| (mpa, clearance(mpa))).collect();
-    let pressures = Pressures {
-        touching: states.len(),
-        states,
-        displacement_mm: 40.0,
-        angle_deg: 100.0,
-        stretch: 1.5,
-        reason: String::new(),
-    };
+    let pressures = found(states);
     for counts in [Counts::FULL, Counts::QUICK] {
         let plan = Plan::touching(&pressures, counts).unwrap();
         let [lowest, highest] = plan.gaps_mm.unwrap();

@@ -15,7 +15,7 @@ use fem::Family;
 use fem::cases::Case;
 use fem::run::Outcome;
 use rom::halfwidths::Errors;
-use rom::snapshots::{Database, RegimeKind};
+use rom::snapshots::RegimeKind;
 use std::path::Path;
 use train::datasheet::{CaseError, DataSheet};
 
@@ -54,7 +54,8 @@ pub fn solve(
         let data = files::database(database, family.actuator.obstacle_kind())?;
         let (model, sheet) = train::train(&data, &config_of(database)?, &mut |_| ())?;
         // The free states also decide where contact begins: they come first.
-        let asks = |kind: &RegimeKind| worst_share(&data, &sheet, *kind) > GOOD;
+        let values = largest_values(&data);
+        let asks = |kind: &RegimeKind| worst_share(&values, &sheet, *kind) > GOOD;
         let Some(kind) = [RegimeKind::Free, RegimeKind::Contact].into_iter().find(asks) else { break };
         let wanted = AT_ONCE.min(budget.states - added);
         let further: Vec<Case> = places(&data, (&model, &sheet), kind, wanted, SEED)?
@@ -128,9 +129,8 @@ fn untouched(cases: &[Case], outcome: &Outcome) -> Vec<String> {
 }
 
 /// The worst leave-one-out error of a regime inside the training range, as a fraction of the largest displacement or force of all
-/// states.
-fn worst_share(data: &Database, sheet: &DataSheet, kind: RegimeKind) -> f64 {
-    let values = largest_values(data);
+/// states, whose largest values these are.
+fn worst_share(values: &[Errors], sheet: &DataSheet, kind: RegimeKind) -> f64 {
     let largest = |value: fn(&Errors) -> f64| values.iter().map(value).fold(0.0, f64::max);
     let (largest_mm, largest_n) = (largest(|v| v.displacement_mm), largest(|v| v.force_n));
     let largest_mpa = largest(|v| v.stress_mpa);

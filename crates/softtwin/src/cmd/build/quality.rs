@@ -5,6 +5,7 @@ use crate::{files, output};
 use anyhow::Result;
 use rom::halfwidths::Errors;
 use rom::snapshots::{Case, Database, FieldKind, RegimeKind, Split};
+use rom::statistics::mean;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use train::datasheet::CaseError;
@@ -234,7 +235,7 @@ fn shares(
         let mean_and_worst = |by: &dyn Fn(usize) -> f64| {
             let percent: Vec<f64> =
                 errors.iter().map(|(case, error)| 100.0 * value(error) / by(*case)).collect();
-            [percent.iter().sum::<f64>() / percent.len() as f64, percent.iter().copied().fold(0.0, f64::max)]
+            [mean(percent.iter().copied()), percent.iter().copied().fold(0.0, f64::max)]
         };
         let of_case = |case: usize| if of_all { high } else { value(&largest[case]) };
         let percent = mean_and_worst(&of_case);
