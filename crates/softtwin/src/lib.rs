@@ -18,6 +18,7 @@ pub mod options;
 pub mod picture;
 pub mod progress;
 mod recording_data;
+mod report;
 pub mod resources;
 pub mod unknowns;
 pub mod unseen_errors;

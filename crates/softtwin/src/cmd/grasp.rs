@@ -1,8 +1,7 @@
 //! `softtwin grasp`.
 
 use crate::failure::{configuration, usage};
-use crate::live;
-use crate::output;
+use crate::report;
 use recording::message::Json;
 use runtime::config::Scene;
 use runtime::grasp::GraspModel;
@@ -59,22 +58,6 @@ impl Args {
             return Err(usage("--scene: it has no [grasp]"));
         };
         let grasp = model.at(self.pressure_mpa, self.gap_mm.unwrap_or(f64::NAN));
-        if self.json {
-            return output::json(&Json::new(grasp.view()));
-        }
-        output!("scene {} at {:.4} MPa: {}", scene.name, self.pressure_mpa, live::text::grasp(&grasp))?;
-        for (number, (force, _)) in grasp.fingers().enumerate() {
-            output!("  finger {}: {force:.4} +- {:.4} N", number + 1, grasp.force_halfwidth_n)?;
-        }
-        output!(
-            "  needed: {:.4} N each, for {:.1} g at friction {:.3} and safety {:.2}; margin {:+.1} %",
-            grasp.needed_force_n,
-            grasp.mass_kg * 1e3,
-            grasp.friction,
-            grasp.safety,
-            grasp.margin * 100.0
-        )?;
-        output!("  these forces hold it from a friction coefficient of {:.3} on", grasp.needed_friction)?;
-        Ok(())
+        report::print(&Json::new(grasp.view()), self.json)
     }
 }
