@@ -1,5 +1,6 @@
 //! Estimation with readings of a known truth: a twin that follows them, `softtwin calibrate` that fits them.
 
+use rom::evaluator::Query;
 use rom::inputs::Inputs;
 use rom::memory::{InputMemory, Line, Play, Slopes};
 use rom::model::Model;
@@ -67,7 +68,7 @@ fn table_behind(
     let mut text = String::from("t_s,pressure_mpa,measured_force_n");
     text += if with_markers { ",marker1_x_mm,marker1_y_mm,marker1_z_mm\n" } else { "\n" };
     for (k, (t_s, pressure_mpa)) in states.iter().copied().enumerate() {
-        probes.evaluate(Inputs::new(acting_mpa[k], gap_mm), &mut evaluation, &mut at);
+        probes.answer(Inputs::new(acting_mpa[k], gap_mm), Query::GRADIENTS, &mut evaluation, &mut at);
         let measured = pressure_mpa + bias_mpa + 0.0005 * normal();
         let force = evaluation.contact_force_n + zero_n + 0.005 * normal();
         write!(text, "{t_s},{measured},{force}").expect("memory");
@@ -478,7 +479,7 @@ fn inflate(registers: &Mutex<[u16; 6]>, lines_to: SocketAddr, json_to: SocketAdd
             return;
         }
         let pressure_mpa = (0.012 * begin.elapsed().as_secs_f64()).min(0.095);
-        probes.evaluate(Inputs::new(pressure_mpa, Bench::GAP_MM), &mut evaluation, &mut at);
+        probes.answer(Inputs::new(pressure_mpa, Bench::GAP_MM), Query::GRADIENTS, &mut evaluation, &mut at);
         let tip = at[0].position_mm.map(|x| ((x + 0.2 * normal()) as f32).to_bits());
         let words = std::array::from_fn(|word| (tip[word / 2] >> (16 * (1 - word % 2))) as u16);
         *registers.lock().expect("the camera") = words;

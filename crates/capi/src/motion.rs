@@ -51,10 +51,8 @@ pub unsafe extern "C" fn softtwin_motion_step(
         // SAFETY: one number per input by the caller's promise.
         let inputs = model.state(0, unsafe { std::slice::from_raw_parts(inputs, model.width()) })?;
         let refused = |error: &dyn std::fmt::Display| argument(&error.to_string());
-        if !motion.session.evaluator().has_values(&inputs) {
-            let set = motion.session.set_parameters(&inputs, &mut motion.evaluation);
-            set.map_err(|error| refused(&error))?;
-        }
+        let set = motion.session.set_parameters(&inputs, &mut motion.evaluation);
+        set.map_err(|error| refused(&error))?;
         // Only a model that lacks a regime can have no fields after its step.
         let evaluator = motion.session.evaluator();
         let is_whole = [RegimeKind::Free, RegimeKind::Contact].iter().all(|kind| evaluator.has_regime(*kind));

@@ -2,7 +2,7 @@
 
 use crate::inverse::{Model, Point, Quantity};
 use rom::evaluation::Evaluation;
-use rom::evaluator::Evaluator;
+use rom::evaluator::{Evaluator, Query};
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::{ModelError, ModelFileError};
 use rom::observable::Observables;
@@ -183,12 +183,12 @@ impl Model for TwinModel {
         let inputs = self.inputs.with(self.driven, pressure_mpa).with(GAP, gap_mm);
         let (observable, observable_by_pressure) = match &mut self.held {
             Held::Point { probes, position, axis } => {
-                probes.evaluate(inputs, &mut self.evaluation, position.as_mut_slice());
+                probes.answer(inputs, Query::GRADIENTS, &mut self.evaluation, position.as_mut_slice());
                 let [point] = position.as_ref();
                 (point.position_mm[*axis], point.gradient[*axis][self.driven])
             }
             Held::Observable { evaluator, observables, at } => {
-                evaluator.differentiate(inputs, &mut self.evaluation);
+                evaluator.answer(inputs, Query::GRADIENTS, &mut self.evaluation);
                 let by = observables.gradient(*at, &self.evaluation);
                 (observables.value(*at, &self.evaluation).value, by[self.driven])
             }

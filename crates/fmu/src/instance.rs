@@ -3,6 +3,7 @@
 use crate::part::{Part, Stress};
 use crate::variables::{self, FIRST_INPUT, FIRST_OUTPUT, MODEL_FILE, NODES_FILE, Output, Quantity, TIME};
 use rom::evaluation::Evaluation;
+use rom::evaluator::Query;
 use rom::hull::DomainStatus;
 use rom::inertia::stepper::ReadingError;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS};
@@ -134,11 +135,7 @@ impl Instance {
         let now = &mut self.now;
         let begin_s = now.begin_s.unwrap_or(from_s);
         let end_ns = ((end_s - begin_s) * 1e9).round().max(0.0) as u64;
-        if !now.session.evaluator().has_values(&now.inputs) {
-            now.session
-                .set_parameters(&now.inputs, &mut now.evaluation)
-                .map_err(|error| error.to_string())?;
-        }
+        now.session.set_parameters(&now.inputs, &mut now.evaluation).map_err(|error| error.to_string())?;
         let stepped = now.session.step_held(end_ns, now.inputs, &mut now.evaluation);
         stepped.map_err(|error| match error {
             ReadingError::NotLater { .. } => {
@@ -183,7 +180,7 @@ impl Instance {
             now.session
                 .set_parameters(&now.inputs, &mut now.evaluation)
                 .map_err(|error| error.to_string())?;
-            now.session.evaluator().state(now.inputs, &mut now.evaluation);
+            now.session.evaluator().answer(now.inputs, Query::STATE, &mut now.evaluation);
             now.is_current = true;
             self.forget_parts();
         }

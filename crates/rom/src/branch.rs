@@ -12,7 +12,7 @@
 
 use crate::contract::{Output, contracted};
 use crate::evaluation::Evaluation;
-use crate::evaluator::Evaluator;
+use crate::evaluator::{Evaluator, Query};
 use crate::hull::DomainStatus;
 use crate::inputs::{Inputs, PARAMETERS, PRESSURE};
 use crate::model::{Model, ModelError, ModelHeader};
@@ -142,7 +142,8 @@ impl Follower {
         let [begin, end] = header.inputs[input].range;
         let sample = |k: usize| {
             let volume_mm3 = begin + (end - begin) * k as f64 / INTERVALS as f64;
-            evaluator.differentiate(Inputs::new(f64::NAN, f64::NAN).with(input, volume_mm3), &mut evaluation);
+            let inputs = Inputs::new(f64::NAN, f64::NAN).with(input, volume_mm3);
+            evaluator.answer(inputs, Query::GRADIENTS, &mut evaluation);
             let slope = evaluation.coefficient_gradient(input)[place];
             Sample { volume_mm3, pressure_mpa: mean + evaluation.coefficients[place], slope }
         };

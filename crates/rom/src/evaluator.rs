@@ -51,6 +51,49 @@ fn sums<'a>(groups: impl Iterator<Item = &'a GroupModel>) -> Vec<(Sums, Range<us
     groups.chunk_by(joined).map(one).collect()
 }
 
+/// How far an answer goes; each step contains the ones before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Until {
+    /// Regime and onset. Force and gradient are then 0 (NaN for a model without forces), also in contact; coefficients are those of the
+    /// answer before. Less than 1 us for a model without parameters.
+    Regime,
+    /// With the force, its gradient and the half-widths: some 10 % of the cost of the coefficients (outside the training range all of it,
+    /// because the shape is checked there).
+    State,
+    /// With the coefficients.
+    Coefficients,
+    /// With the derivatives of the coefficients, at about twice the cost.
+    Gradients,
+}
+
+/// What is asked of a state besides its inputs. Begin with a constant and change what differs:
+/// `Query { range: false, ..Query::GRADIENTS }`.
+#[derive(Debug)]
+pub struct Query<'a> {
+    /// How far to go.
+    pub until: Until,
+    /// Whether the distance to the training range is wanted, and with it half-widths and refusals. Without it the state counts as
+    /// outside, at a distance of NaN.
+    pub range: bool,
+    /// A regime that answers whatever the onset says: the free one where nothing is there to touch, that of a body in motion. Without
+    /// `near` no onset is searched for, and there is no force that depends on one.
+    pub regime: Option<RegimeKind>,
+    /// Where the search for the onset begins; it becomes that of this state. For states one near the other: faster, and accurate to some
+    /// 1e-4 mm of gap.
+    pub near: Option<&'a mut LastOnset>,
+}
+
+impl Query<'_> {
+    /// Asks for [`Until::Regime`].
+    pub const REGIME: Self = Self { until: Until::Regime, range: true, regime: None, near: None };
+    /// Asks for [`Until::State`].
+    pub const STATE: Self = Self { until: Until::State, ..Self::REGIME };
+    /// Asks for [`Until::Coefficients`].
+    pub const COEFFICIENTS: Self = Self { until: Until::Coefficients, ..Self::REGIME };
+    /// Asks for [`Until::Gradients`].
+    pub const GRADIENTS: Self = Self { until: Until::Gradients, ..Self::REGIME };
+}
+
 /// The small part of a model, made ready to answer. It has no memory: the same inputs always give the same evaluation.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
@@ -287,57 +330,63 @@ impl Evaluator {
         gap_mm.is_finite().then_some(gap_mm)
     }
 
-    /// Evaluates the model at a state; a parameter that the state does not set takes the model's value; an input that the model does not have is NaN in `out`. Allocates nothing when
-    /// [`Self::evaluation`] made `out`. Any state is answered without panic; one that is not a number, or lies outside the
-    /// samples, is flagged as extrapolated. Of the gradients there is that of the force.
+    /// Answers everything but the derivatives of the coefficients: [`Self::answer`] to [`Query::COEFFICIENTS`].
     ///
     /// Across the onset the value is continuous at every gap up to the reach (fields to truncation and smoothing, force
     /// exactly); slopes are not: the tip stops and the force starts, so gradients are those of the side the state is on.
     pub fn evaluate(&self, inputs: Inputs, out: &mut Evaluation) {
-        self.numbers(inputs, out);
-        self.coefficients(out, false);
+        self.answer(inputs, Query::COEFFICIENTS, out);
     }
 
-    /// Regime, onset pressure and position in the training range only: the first part of [`Self::evaluate`]. Force and gradient are then
-    /// 0 (NaN for a model without forces), also in contact; coefficients are those of the call before, half-widths are absent. Less than
-    /// 1 us for a model without parameters.
-    pub fn locate(&self, inputs: Inputs, out: &mut Evaluation) {
-        self.place(self.complete_inputs(inputs), out);
-    }
-
-    /// [`Self::locate`] with the contact force and its gradient, without coefficients: for searches.
-    pub fn force(&self, inputs: Inputs, out: &mut Evaluation) {
-        self.place_with_force(inputs, out);
-    }
-
-    /// [`Self::force`], with the regime that answers and the state over its scaled inputs.
-    fn place_with_force(&self, inputs: Inputs, out: &mut Evaluation) -> Option<(&RegimePart, Point)> {
-        let (at, part) = self.place(self.complete_inputs(inputs), out);
-        let part = part?;
-        let x = part.model.inputs.scale(&out.inputs);
-        force(part, &at, &x, out);
-        refuse(out);
-        Some((part, x))
-    }
-
-    /// [`Self::evaluate`] without the coefficients: for states without fields, about 10 % of the cost (outside the training range all of it,
-    /// because the shape is checked there). [`Self::complete`] adds the coefficients.
-    pub fn state(&self, inputs: Inputs, out: &mut Evaluation) {
-        self.numbers(inputs, out);
-        if self.must_check(out) {
-            self.coefficients(out, false);
-            clear(out);
+    /// Answers a query about a state. A parameter that the state leaves at NaN takes the model's value; an input that the model does not
+    /// have is NaN in `out`. Any state is answered without panic: one that is not a number, or lies outside the samples, is flagged as
+    /// extrapolated. In a regime that was not trained there are no coefficients. Allocates nothing when [`Self::evaluation`] made `out`.
+    pub fn answer(&self, inputs: Inputs, query: Query<'_>, out: &mut Evaluation) {
+        let inputs = self.complete_inputs(inputs);
+        out.scratch.reserve(&self.scratch);
+        let onset = match (query.near, query.regime) {
+            (Some(last), _) => Some(self.onset_near(inputs, last, out)),
+            (None, None) => Some(self.onset_at(&inputs, out)),
+            (None, Some(_)) => None,
+        };
+        let has_onset = onset.is_some();
+        let onset = onset.unwrap_or(OnsetAt::NEVER);
+        out.inputs = inputs;
+        out.regime = query.regime.unwrap_or_else(|| onset.onset.regime(inputs.pressure_mpa()));
+        out.onset_pressure_mpa = self.onset.as_ref().and_then(|_| onset.onset.pressure_mpa());
+        out.flags = Flags { no_force: self.no_force, ..Flags::default() };
+        let without_contact = if self.no_force { f64::NAN } else { 0.0 };
+        (out.contact_force_n, out.force_gradient) = (without_contact, [without_contact; MAX_INPUTS]);
+        let part = self.parts.iter().find(|part| part.model.kind == out.regime);
+        out.halfwidths = HalfWidths::UNKNOWN; // until they are known, also inside
+        if query.range {
+            self.place(
+                part,
+                query.regime.is_some(),
+                self.onset.is_some() && onset.pressure_mpa.is_nan(),
+                out,
+            );
+        } else {
+            out.set_distance(f64::NAN);
+            out.outside_by = [0.0; MAX_INPUTS];
         }
-    }
-
-    /// [`Self::state`] without a look at the shape.
-    fn numbers(&self, inputs: Inputs, out: &mut Evaluation) {
-        let placed = self.place_with_force(inputs, out);
-        // After it: an onset that depends on parameters is solved in this memory.
-        clear(out);
-        match placed {
-            Some((part, x)) => self.halfwidths(part, &x, out),
-            None => out.halfwidths = HalfWidths::UNKNOWN,
+        if query.until == Until::Regime {
+            return;
+        }
+        if let Some(part) = part {
+            let x = part.model.inputs.scale(&inputs);
+            let takes_onset = part.model.force.as_ref().is_some_and(|force| force.times_excess_pressure);
+            if has_onset || !takes_onset {
+                force(part, &onset, &x, out);
+            }
+            refuse(out);
+            self.halfwidths(part, &x, out);
+        }
+        if query.until > Until::State || self.must_check(out) {
+            self.coefficients(out, query.until == Until::Gradients);
+        }
+        if query.until == Until::State {
+            clear(out);
         }
     }
 
@@ -361,7 +410,7 @@ impl Evaluator {
         out.halfwidths = found;
     }
 
-    /// Adds the coefficients to the result of [`Self::state`].
+    /// Adds the coefficients to an answer to [`Query::STATE`], for those who decide by the state whether they need fields.
     pub fn complete(&self, out: &mut Evaluation) {
         if out.coefficients.is_empty() {
             self.coefficients(out, false);
@@ -398,48 +447,9 @@ impl Evaluator {
         }
     }
 
-    /// [`Self::evaluate`] with the derivatives of all coefficients, at about twice the cost: what single points are followed
-    /// with ([`crate::probe`]).
-    pub fn differentiate(&self, inputs: Inputs, out: &mut Evaluation) {
-        self.numbers(inputs, out);
-        self.coefficients(out, true);
-    }
-
-    /// Like [`Self::differentiate`] for a body that touches nothing, whatever the gap says: the free regime answers.
-    pub fn differentiate_free(&self, inputs: Inputs, out: &mut Evaluation) {
-        self.differentiate_at(self.complete_inputs(inputs), OnsetAt::NEVER, out);
-    }
-
-    /// Like [`Self::differentiate`], but begins the search for the onset where the last call found it. That is faster, and accurate to some
-    /// 1e-4 mm of gap.
-    pub fn differentiate_near(&self, inputs: Inputs, last: &mut LastOnset, out: &mut Evaluation) {
-        let inputs = self.complete_inputs(inputs);
-        out.scratch.reserve(&self.scratch);
-        let at = self.onset_near(inputs, last, out);
-        self.differentiate_at(inputs, at, out);
-    }
-
-    /// [`Self::differentiate`] with a known onset, without half-widths and domain.
-    fn differentiate_at(&self, inputs: Inputs, at: OnsetAt, out: &mut Evaluation) {
-        let part = self.regime_at(inputs, &at, out);
-        out.set_distance(f64::NAN);
-        out.outside_by = [0.0; MAX_INPUTS];
-        if let Some(part) = part {
-            force(part, &at, &part.model.inputs.scale(&inputs), out);
-        }
-        self.coefficients(out, true);
-    }
-
     /// Inputs with the model's values for parameters that are not set.
     pub(crate) fn completed(&self, inputs: Inputs) -> Inputs {
         inputs.or(&self.values)
-    }
-
-    /// Coefficients and their derivatives in a given regime, whatever the onset.
-    pub(crate) fn differentiate_as(&self, kind: RegimeKind, inputs: Inputs, out: &mut Evaluation) {
-        out.scratch.reserve(&self.scratch);
-        (out.inputs, out.regime) = (inputs.or(&self.values), kind);
-        self.coefficients(out, true);
     }
 
     /// Contact force of the contact regime and its gradient, negative below the onset; the onset is searched for near the last one.
@@ -454,36 +464,6 @@ impl Evaluator {
         let at = self.onset_near(inputs, last, out);
         let part = self.parts.iter().find(|part| part.model.kind == RegimeKind::Contact)?;
         signed_force(part, &at, &part.model.inputs.scale(&inputs), inputs, out)
-    }
-
-    /// [`Self::evaluate`] in a given regime, whatever the onset, which is sought near that of the last call.
-    pub(crate) fn evaluate_as(
-        &self,
-        kind: RegimeKind,
-        inputs: Inputs,
-        last: &mut LastOnset,
-        out: &mut Evaluation,
-    ) {
-        let inputs = self.complete_inputs(inputs);
-        out.scratch.reserve(&self.scratch);
-        let found = self.onset_near(inputs, last, out);
-        let onset = if kind == RegimeKind::Contact { Onset::Always } else { Onset::Never };
-        let at = OnsetAt { onset, ..found };
-        let part = self.place_at(inputs, &at, out);
-        out.onset_pressure_mpa = self.onset.as_ref().and_then(|_| found.onset.pressure_mpa());
-        if let Some(part) = part.filter(|_| out.flags.refusal.is_some()) {
-            // A jump of the pressure throws the body beyond any load for a moment: what is refused is a place where it is not at rest either.
-            let rest: [f64; MAX_INPUTS] =
-                std::array::from_fn(|at| if at < PARAMETERS { inputs.values()[at] } else { self.values[at] });
-            out.flags.refusal = self.too_far(distance(part, &Inputs::from(rest)));
-        }
-        if let Some(part) = part {
-            let x = part.model.inputs.scale(&inputs);
-            force(part, &at, &x, out);
-            refuse(out);
-            self.halfwidths(part, &x, out);
-        }
-        self.coefficients(out, false);
     }
 
     /// Onset at a state, sought near the last one.
@@ -524,48 +504,34 @@ impl Evaluator {
         (!self.has_no_end && distance > TrainingRange::ANSWERED).then_some(Refusal::TooFar)
     }
 
-    /// Position of a state with all inputs, and its regime.
-    fn place(&self, inputs: Inputs, out: &mut Evaluation) -> (OnsetAt, Option<&RegimePart>) {
-        out.scratch.reserve(&self.scratch);
-        let at = self.onset_at(&inputs, out);
-        (at, self.place_at(inputs, &at, out))
-    }
-
-    /// Regime at a known onset, without its force.
-    fn regime_at(&self, inputs: Inputs, at: &OnsetAt, out: &mut Evaluation) -> Option<&RegimePart> {
-        out.scratch.reserve(&self.scratch);
-        let onset = at.onset;
-        out.inputs = inputs;
-        out.regime = onset.regime(inputs.pressure_mpa());
-        out.onset_pressure_mpa = self.onset.as_ref().and_then(|_| onset.pressure_mpa());
-        let no_force = self.no_force;
-        out.flags = Flags { no_force, ..Flags::default() };
-        let none = if no_force { f64::NAN } else { 0.0 };
-        (out.contact_force_n, out.force_gradient) = (none, [none; MAX_INPUTS]);
-        self.parts.iter().find(|part| part.model.kind == out.regime)
-    }
-
-    /// [`Self::place`] with a known onset.
-    fn place_at(&self, inputs: Inputs, at: &OnsetAt, out: &mut Evaluation) -> Option<&RegimePart> {
-        let part = self.regime_at(inputs, at, out);
-        let missing = inputs.values().iter().zip(self.is_taken).any(|(value, taken)| taken && value.is_nan())
-            || self.onset.is_some() && at.pressure_mpa.is_nan();
-        out.halfwidths = HalfWidths::UNKNOWN; // until they are known, also inside
+    /// Distance of the inputs of `out` from the training range of their regime, infinite where one of them or the onset is missing, and
+    /// whether there is no answer so far outside.
+    fn place(&self, part: Option<&RegimePart>, is_given: bool, has_no_onset: bool, out: &mut Evaluation) {
+        let inputs = out.inputs;
+        let mut taken = inputs.values().iter().zip(self.is_taken);
+        let is_missing = has_no_onset || taken.any(|(value, taken)| taken && value.is_nan());
         out.set_distance(match part {
-            Some(part) if !missing => distance(part, &inputs),
+            Some(part) if !is_missing => distance(part, &inputs),
             _ => f64::INFINITY,
         });
         out.outside_by = part.filter(|_| out.flags.extrapolated).map_or([0.0; MAX_INPUTS], |part| {
-            let of = |at: usize| {
-                let range = part.model.inputs.range(at).filter(|_| self.is_taken[at]);
-                let value = inputs.values()[at];
+            let outside_by = |input: usize| {
+                let range = part.model.inputs.range(input).filter(|_| self.is_taken[input]);
+                let value = inputs.values()[input];
                 // NaN, a value that is missing, is not outside by any number.
                 range.map_or(0.0, |[low, high]| (value - high).max(0.0) + (value - low).min(0.0))
             };
-            std::array::from_fn(of)
+            std::array::from_fn(outside_by)
         });
         out.flags.refusal = self.too_far(out.domain_distance);
-        part
+        if let Some(part) = part.filter(|_| is_given && out.flags.refusal.is_some()) {
+            // A jump of the pressure throws a moving body beyond any load for a moment: what is refused is a place where it is not at rest
+            // either.
+            let rest: [f64; MAX_INPUTS] = std::array::from_fn(|input| {
+                if input < PARAMETERS { inputs.values()[input] } else { self.values[input] }
+            });
+            out.flags.refusal = self.too_far(distance(part, &Inputs::from(rest)));
+        }
     }
 }
 
@@ -631,7 +597,7 @@ fn coefficients(
     if let Some(difference) = &part.model.difference {
         out.difference.resize(part.coefficient_count, 0.0); // within the capacity reserved
         difference.add(x, &mut out.difference, &mut out.gradients);
-        out.coefficients.iter_mut().zip(&out.difference).for_each(|(a, by)| *a += by);
+        out.coefficients.iter_mut().zip(&out.difference).for_each(|(coefficient, by)| *coefficient += by);
     }
     // From scaled axes to the model's inputs: positions only grow, so the last axis moves first.
     for (at, row) in out.gradients.iter_mut().enumerate() {

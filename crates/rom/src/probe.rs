@@ -8,12 +8,11 @@ use crate::affine::Affine;
 use crate::contract::{self, Output};
 use crate::dense::Dense;
 use crate::evaluation::Evaluation;
-use crate::evaluator::Evaluator;
+use crate::evaluator::{Evaluator, Query, Until};
 use crate::inertia::data::InertiaModel;
 use crate::inertia::manifold::Amplitudes;
 use crate::inputs::{Inputs, MAX_INPUTS};
 use crate::model::{BlockKind, Model, ModelError, RegimeModel};
-use crate::regime::LastOnset;
 use crate::snapshots::{FieldKind, RegimeKind};
 use thiserror::Error;
 
@@ -243,35 +242,16 @@ impl Probes {
         self.evaluator.evaluation()
     }
 
-    /// Force, regime and gradients of a state, and the points' positions, one for each point; NaN when the model was not
-    /// trained in its regime. The evaluation's coefficients are no modal coefficients. Allocates nothing.
-    pub fn evaluate(&self, inputs: Inputs, evaluation: &mut Evaluation, out: &mut [ProbePosition]) {
-        self.evaluator.differentiate(inputs, evaluation);
-        self.read(evaluation, out);
-    }
-
-    /// [`Self::evaluate`] where nothing is there to touch, whatever the gap: half the cost, for no onset is searched for.
-    /// Half-widths and domain are left out.
-    pub fn evaluate_free(&self, inputs: Inputs, evaluation: &mut Evaluation, out: &mut [ProbePosition]) {
-        self.evaluator.differentiate_free(inputs, evaluation);
-        self.read(evaluation, out);
-    }
-
-    /// [`Self::evaluate`] of states one near the other: the search for an onset that depends on parameters begins at the last one
-    /// and ends within some 1e-4 mm of gap, mostly after one step. Half-widths and domain are left out.
-    pub fn evaluate_near(
+    /// Force, regime and gradients of a state, as the query asks for them, and the points' positions, one for each point; NaN when the
+    /// model was not trained in its regime. The evaluation's coefficients are no modal coefficients. Allocates nothing.
+    pub fn answer(
         &self,
         inputs: Inputs,
-        last: &mut LastOnset,
+        query: Query<'_>,
         evaluation: &mut Evaluation,
         out: &mut [ProbePosition],
     ) {
-        self.evaluator.differentiate_near(inputs, last, evaluation);
-        self.read(evaluation, out);
-    }
-
-    /// The points of an evaluation.
-    fn read(&self, evaluation: &Evaluation, out: &mut [ProbePosition]) {
+        self.evaluator.answer(inputs, Query { until: Until::Gradients, ..query }, evaluation);
         let rows = self.regimes.iter().find(|(kind, _)| *kind == evaluation.regime);
         let mut rows = rows.map_or(&[][..], |(_, rows)| rows).as_chunks::<3>().0.iter();
         for out in out {

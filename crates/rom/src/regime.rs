@@ -73,7 +73,7 @@ impl OnsetAt {
         Self { onset: Onset::Never, pressure_mpa: f64::INFINITY, gradient: [0.0; MAX_INPUTS] };
 }
 
-/// The onset found last, where a search at a state near it begins ([`crate::probe::Probes::evaluate_near`]).
+/// The onset found last, where a search at a state near it begins ([`crate::evaluator::Query::near`]).
 #[derive(Clone, Debug, Default)]
 pub struct LastOnset(pub(crate) Option<(Inputs, OnsetAt)>);
 

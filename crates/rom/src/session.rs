@@ -5,7 +5,7 @@
 
 use crate::branch::{Followed, Follower};
 use crate::evaluation::Evaluation;
-use crate::evaluator::Evaluator;
+use crate::evaluator::{Evaluator, Query};
 use crate::halfwidths::HalfWidths;
 use crate::inertia::model_motion::ModelMotion;
 use crate::inertia::stepper::ReadingError;
@@ -249,7 +249,7 @@ impl Session {
                 outcome.at_rest |= moved.at_rest;
                 outcome.held |= moved.held;
             }
-            None => self.evaluator.state(filtered.inputs, out),
+            None => self.evaluator.answer(filtered.inputs, Query::STATE, out),
         }
         filtered.describe(out);
         Ok(outcome)

@@ -2,7 +2,7 @@
 
 use crate::synthetic::{self, State};
 use rom::evaluation::{Evaluation, Refusal};
-use rom::evaluator::Evaluator;
+use rom::evaluator::{Evaluator, Query};
 use rom::inputs::Inputs;
 use rom::model::{BlockData, BlockKind, Model, ModelFileError, Selection};
 use rom::model_state::ModelState;
@@ -90,7 +90,7 @@ fn circle_gives_closed_forms_and_derivatives_of_differences() {
         ];
         for (at, expected) in expected.into_iter().enumerate() {
             let mut value = |pressure_mpa: f64| {
-                evaluator.differentiate(Inputs::new(pressure_mpa, f64::INFINITY), &mut evaluation);
+                evaluator.answer(Inputs::new(pressure_mpa, f64::INFINITY), Query::GRADIENTS, &mut evaluation);
                 (observables.value(at, &evaluation), observables.gradient(at, &evaluation)[0])
             };
             let (observed, by_pressure) = value(pressure_mpa);
@@ -176,7 +176,7 @@ fn volume_of_a_chamber_is_the_closed_form_with_its_derivative() {
     let evaluator = Evaluator::new(&model.header).expect("evaluator");
     let mut evaluation = evaluator.evaluation();
     for pressure_mpa in [0.01, 0.05, 0.08] {
-        evaluator.differentiate(Inputs::new(pressure_mpa, f64::INFINITY), &mut evaluation);
+        evaluator.answer(Inputs::new(pressure_mpa, f64::INFINITY), Query::GRADIENTS, &mut evaluation);
         let growth = 1.0 + 0.5 * pressure_mpa / 0.09;
         let expected = 216.0 * growth.powi(3);
         for at in [0, 1] {
@@ -207,9 +207,9 @@ fn a_chamber_that_would_turn_inside_out_is_refused_by_every_way_of_evaluation() 
         let inputs = Inputs::new(pressure_mpa, f64::INFINITY);
         let calls: [&dyn Fn(&mut Evaluation); 4] = [
             &|out| evaluator.evaluate(inputs, out),
-            &|out| evaluator.differentiate(inputs, out),
-            &|out| evaluator.state(inputs, out),
-            &|out| restricted.state(inputs, out),
+            &|out| evaluator.answer(inputs, Query::GRADIENTS, out),
+            &|out| evaluator.answer(inputs, Query::STATE, out),
+            &|out| restricted.answer(inputs, Query::STATE, out),
         ];
         for (way, call) in calls.iter().enumerate() {
             call(&mut out);
@@ -260,7 +260,7 @@ fn measured_offset_is_learned_where_measured_and_zero_elsewhere() {
     }
     assert!((165..=198).contains(&covered), "{covered} of 200");
     let mut value = |pressure_mpa: f64| {
-        evaluator.differentiate(Inputs::new(pressure_mpa, f64::INFINITY), &mut evaluation);
+        evaluator.answer(Inputs::new(pressure_mpa, f64::INFINITY), Query::GRADIENTS, &mut evaluation);
         (observables.value(at, &evaluation), observables.gradient(at, &evaluation)[0])
     };
     let (step, (_, slope)) = (1e-6, value(0.02));
@@ -330,7 +330,7 @@ fn measured_markers_move_the_whole_field_where_measured_and_nowhere_else() {
     let probes = Probes::new(&model, &[MeshPoint::node(&model, node).expect("a node")]).expect("probes");
     let (mut scratch, mut at) = (probes.evaluation(), [ProbePosition::default()]);
     let mut place = |pressure_mpa: f64| {
-        probes.evaluate(Inputs::new(pressure_mpa, f64::INFINITY), &mut scratch, &mut at);
+        probes.answer(Inputs::new(pressure_mpa, f64::INFINITY), Query::GRADIENTS, &mut scratch, &mut at);
         (at[0].position_mm[1], at[0].gradient[1][0])
     };
     let (y, slope) = place(0.02);

@@ -3,8 +3,7 @@
 use crate::synthetic;
 use proptest::prelude::*;
 use rom::evaluation::{Evaluation, Refusal};
-use rom::evaluator::Evaluator;
-use rom::evaluator::RegimeLabels;
+use rom::evaluator::{Evaluator, Query, RegimeLabels};
 use rom::halfwidths::HalfWidths;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, PRESSURE};
@@ -42,7 +41,7 @@ fn state() -> ModelState {
 
 fn ask(evaluator: &Evaluator, pressure_mpa: f64, gap_mm: f64) -> Evaluation {
     let mut evaluation = evaluator.evaluation();
-    evaluator.differentiate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
+    evaluator.answer(Inputs::new(pressure_mpa, gap_mm), Query::GRADIENTS, &mut evaluation);
     evaluation
 }
 
@@ -135,7 +134,7 @@ fn hysteresis_holds_the_label_but_not_the_values() {
     let margin = model().header.hysteresis_mpa;
     let mut evaluation = evaluator.evaluation();
     let mut say = |offset: f64| {
-        evaluator.state(Inputs::new(onset + offset * margin, 30.0), &mut evaluation);
+        evaluator.answer(Inputs::new(onset + offset * margin, 30.0), Query::STATE, &mut evaluation);
         let label = labels.next(&evaluation);
         (label.regime, evaluation.regime, label.held)
     };
@@ -160,7 +159,7 @@ fn state_and_complete_are_bit_identical_to_evaluate() {
         (evaluator.evaluation(), evaluator.evaluation(), evaluator.evaluation());
     for inputs in [Inputs::new(0.06, 20.0), Inputs::new(0.02, f64::INFINITY), Inputs::new(0.11, 9.0)] {
         evaluator.evaluate(inputs, &mut whole);
-        evaluator.state(inputs, &mut parts);
+        evaluator.answer(inputs, Query::STATE, &mut parts);
         assert!(parts.coefficients.is_empty() && !whole.coefficients.is_empty());
         // As text: outside the training range half-widths are NaN.
         let small = |e: &Evaluation| {
@@ -192,13 +191,19 @@ fn states_of_an_untrained_regime_have_no_coefficients() {
     let mut out = evaluator.evaluation();
     let calls: [Call<'_>; 3] = [
         &|inputs, out| evaluator.evaluate(inputs, out),
-        &|inputs, out| evaluator.differentiate(inputs, out),
-        &|inputs, out| evaluator.differentiate_near(inputs, &mut LastOnset::default(), out),
+        &|inputs, out| evaluator.answer(inputs, Query::GRADIENTS, out),
+        &|inputs, out| {
+            evaluator.answer(
+                inputs,
+                Query { range: false, near: Some(&mut LastOnset::default()), ..Query::GRADIENTS },
+                out,
+            )
+        },
     ];
     for call in calls {
         call(free, &mut out);
         assert!(!out.coefficients.is_empty());
-        evaluator.differentiate(free, &mut out);
+        evaluator.answer(free, Query::GRADIENTS, &mut out);
         call(contact, &mut out);
         assert_eq!(out.regime, RegimeKind::Contact);
         assert!(out.coefficients.is_empty() && out.coefficient_gradient(0).is_empty());
@@ -214,7 +219,7 @@ fn locating_a_state_leaves_coefficients_and_clears_the_force() {
     evaluator.evaluate(contact, &mut out);
     let before = out.clone();
     assert!(before.contact_force_n > 0.0);
-    evaluator.locate(contact, &mut out);
+    evaluator.answer(contact, Query::REGIME, &mut out);
     assert_eq!((out.regime, out.domain, out.contact_force_n), (before.regime, before.domain, 0.0));
     assert_eq!(out.coefficients, before.coefficients);
     assert!(out.halfwidths.displacement_mm.is_nan(), "half-widths are those of an evaluation");

@@ -1,6 +1,6 @@
 //! Points of the mesh: their positions are those of the whole field, their derivatives those of differences.
 
-use rom::evaluator::Evaluator;
+use rom::evaluator::{Evaluator, Query};
 use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
 use rom::probe::{MeshPoint, PointError, ProbePosition, Probes, model_tip, tip_node};
@@ -29,9 +29,9 @@ fn positions_match_the_field_and_derivatives_match_differences() {
     let (mut scratch, mut at) = (probes.evaluation(), [ProbePosition::default(); 3]);
     let mut beside = at;
     for (pressure_mpa, gap_mm) in [(0.01, 45.3), (0.05, 30.37), (0.09, 20.21)] {
-        evaluator.differentiate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
+        evaluator.answer(Inputs::new(pressure_mpa, gap_mm), Query::GRADIENTS, &mut evaluation);
         reconstructor.reconstruct_into(&evaluation, &mut fields).expect("fields");
-        probes.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut scratch, &mut at);
+        probes.answer(Inputs::new(pressure_mpa, gap_mm), Query::GRADIENTS, &mut scratch, &mut at);
         let force = (scratch.regime, scratch.contact_force_n, scratch.force_gradient);
         assert_eq!(force, (evaluation.regime, evaluation.contact_force_n, evaluation.force_gradient));
         for (probe, node) in at.iter().zip(nodes) {
@@ -46,7 +46,7 @@ fn positions_match_the_field_and_derivatives_match_differences() {
                 Inputs::new(values[0], values[1]).with(input, values[input] + by)
             };
             let mut difference = |by: f64| {
-                probes.evaluate(moved(by), &mut scratch, &mut beside);
+                probes.answer(moved(by), Query::GRADIENTS, &mut scratch, &mut beside);
                 beside
             };
             let (above, below) = (difference(step), difference(-step));
@@ -101,8 +101,9 @@ fn near_search_matches_full_search_and_free_states_match_no_obstacle() {
         let t = f64::from(step) / 400.0;
         let wave = (40.0 * t).sin();
         let state = Inputs::new(0.01 + 0.075 * t, 42.0 + 3.0 * wave).with(2, 0.8 + 0.05 * (55.0 * t).cos());
-        probes.evaluate(state, &mut scratch, &mut at[0]);
-        probes.evaluate_near(state, &mut last, &mut near, &mut at[1]);
+        probes.answer(state, Query::GRADIENTS, &mut scratch, &mut at[0]);
+        let query = Query { range: false, near: Some(&mut last), ..Query::GRADIENTS };
+        probes.answer(state, query, &mut near, &mut at[1]);
         let force = (near.contact_force_n - scratch.contact_force_n).abs();
         assert!(near.regime == scratch.regime && force < 1e-5, "{state:?}: {force} N");
         let slopes = near.force_gradient.iter().zip(scratch.force_gradient);
@@ -111,8 +112,9 @@ fn near_search_matches_full_search_and_free_states_match_no_obstacle() {
         });
         assert_eq!(at[0], at[1], "{state:?}");
         touched += u32::from(near.regime == RegimeKind::Contact);
-        probes.evaluate(state.with(1, f64::INFINITY), &mut scratch, &mut at[0]);
-        probes.evaluate_free(state, &mut near, &mut at[1]);
+        probes.answer(state.with(1, f64::INFINITY), Query::GRADIENTS, &mut scratch, &mut at[0]);
+        let query = Query { range: false, regime: Some(RegimeKind::Free), ..Query::GRADIENTS };
+        probes.answer(state, query, &mut near, &mut at[1]);
         assert!(near.regime == RegimeKind::Free && near.contact_force_n == 0.0);
         assert_eq!(at[0], at[1], "{state:?}");
     }

@@ -15,6 +15,7 @@ use moving::Body;
 use observed::Observed;
 pub(crate) use observed::measured_observables;
 use rom::evaluation::Evaluation;
+use rom::evaluator::Query;
 use rom::halfwidths::HALFWIDTH_SIGMAS;
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
 use rom::model::{Model, ModelError};
@@ -244,7 +245,7 @@ impl SensorModel {
         let Self { body, probes, onset, evaluation, positions, .. } = self;
         let Some(body) = body else { return 0.0 };
         body.extra_n(|inputs| {
-            probes.evaluate_near(inputs, onset, evaluation, positions);
+            probes.answer(inputs, near(onset), evaluation, positions);
             if evaluation.regime == RegimeKind::Contact { evaluation.contact_force_n } else { f64::NAN }
         })
     }
@@ -286,12 +287,20 @@ impl SensorModel {
     }
 }
 
+/// A state of the filter's search, near the last one.
+fn near(last: &mut LastOnset) -> Query<'_> {
+    Query { range: false, near: Some(last), ..Query::GRADIENTS }
+}
+
+/// A state where nothing is there to touch, whatever the gap.
+const FREE: Query<'static> = Query { range: false, regime: Some(RegimeKind::Free), ..Query::GRADIENTS };
+
 impl estimate::Model for SensorModel {
     fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool {
         let (extra_n, inputs) = (self.extra_n(), self.moving(inputs));
-        self.probes.evaluate_near(inputs, &mut self.onset, &mut self.evaluation, &mut self.positions);
+        self.probes.answer(inputs, near(&mut self.onset), &mut self.evaluation, &mut self.positions);
         if let Some(Observed { evaluator, evaluation, .. }) = &mut self.observed {
-            evaluator.differentiate_near(inputs, &mut self.onset, evaluation);
+            evaluator.answer(inputs, near(&mut self.onset), evaluation);
         }
         self.add_modes();
         self.read(out);
@@ -304,9 +313,9 @@ impl estimate::Model for SensorModel {
 
     fn predict_free(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) {
         let inputs = self.moving(inputs);
-        self.probes.evaluate_free(inputs, &mut self.evaluation, &mut self.positions);
+        self.probes.answer(inputs, FREE, &mut self.evaluation, &mut self.positions);
         if let Some(Observed { evaluator, evaluation, .. }) = &mut self.observed {
-            evaluator.differentiate_free(inputs, evaluation);
+            evaluator.answer(inputs, FREE, evaluation);
         }
         self.add_modes();
         self.read(out);

@@ -3,6 +3,7 @@
 use crate::latency;
 use crate::load::Loaded;
 use crate::publish;
+use rom::evaluator::Query;
 use rom::inputs::{InputSpec, Inputs};
 use rom::snapshots::RegimeKind;
 use serde::Serialize;
@@ -84,10 +85,8 @@ pub fn explain(loaded: &Loaded) -> Explained {
     let mut evaluation = loaded.session.evaluator().evaluation();
     let carried = loaded.spec.state.coefficients;
     let state_us = median_us(|| {
-        loaded.session.evaluator().state(state, &mut evaluation);
-        if carried {
-            loaded.session.evaluator().complete(&mut evaluation);
-        }
+        let query = if carried { Query::COEFFICIENTS } else { Query::STATE };
+        loaded.session.evaluator().answer(state, query, &mut evaluation);
     });
     let actuator = loaded.spec.name.clone();
     let outputs = loaded

@@ -2,7 +2,7 @@
 
 use crate::synthetic::{self, design};
 use rom::evaluation::Evaluation;
-use rom::evaluator::Evaluator;
+use rom::evaluator::{Evaluator, Query};
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::kernel::Precision;
@@ -40,7 +40,7 @@ fn inputs(state: design::State) -> Inputs {
 
 fn ask(evaluator: &Evaluator, state: design::State) -> Evaluation {
     let mut evaluation = evaluator.evaluation();
-    evaluator.differentiate(inputs(state), &mut evaluation);
+    evaluator.answer(inputs(state), Query::GRADIENTS, &mut evaluation);
     evaluation
 }
 
@@ -434,7 +434,7 @@ fn repeated_evaluations_are_equal() {
             (0..50).map(&mut batch).fold(f64::INFINITY, f64::min)
         };
         let us = fastest_us(&|x, out| evaluator.evaluate(x, out));
-        let gradients_us = fastest_us(&|x, out| evaluator.differentiate(x, out));
+        let gradients_us = fastest_us(&|x, out| evaluator.answer(x, Query::GRADIENTS, out));
         let terms = model.regime(RegimeKind::Contact).map_or(0, |r| r.groups[0].surrogate.centre_count());
         println!(
             "{name}: {us:.2} us, {gradients_us:.2} us with all gradients, {} coefficients, {terms} centres",

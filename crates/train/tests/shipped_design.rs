@@ -1,7 +1,7 @@
 //! The shipped model over pressure, gap and five parameters: its inputs, gradients and what mechanics demands of it.
 
 use rom::evaluation::Evaluation;
-use rom::evaluator::Evaluator;
+use rom::evaluator::{Evaluator, Query};
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::Model;
@@ -32,7 +32,7 @@ fn state(number: usize) -> Inputs {
 
 fn ask(evaluator: &Evaluator, inputs: Inputs) -> Evaluation {
     let mut evaluation = evaluator.evaluation();
-    evaluator.differentiate(inputs, &mut evaluation);
+    evaluator.answer(inputs, Query::GRADIENTS, &mut evaluation);
     evaluation
 }
 

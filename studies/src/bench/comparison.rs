@@ -2,7 +2,7 @@
 
 use super::compute::inputs;
 use super::measure::Series;
-use rom::evaluator::Evaluator;
+use rom::evaluator::{Evaluator, Query};
 use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
@@ -75,7 +75,7 @@ pub fn run(model: &Model, plain: &Model, samples: usize) -> anyhow::Result<Compa
     for subject in &mut subjects {
         let mut evaluation = subject.evaluator.evaluation();
         for input in subject.inputs.iter().cycle().take(samples) {
-            subject.state.time(|| subject.evaluator.state(*input, &mut evaluation));
+            subject.state.time(|| subject.evaluator.answer(*input, Query::STATE, &mut evaluation));
         }
     }
     let [model, plain] = subjects.each_ref().map(Subject::cost);

@@ -2,7 +2,7 @@
 
 use super::measure::{Evictor, Series, gbps};
 use anyhow::Context;
-use rom::evaluator::Evaluator;
+use rom::evaluator::{Evaluator, Query};
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::kernel::Precision;
 use rom::model::{BlockKind, Model, Nodes, Selection};
@@ -193,7 +193,7 @@ fn predictions(
     }
     for sample in 0..samples {
         let input = inputs[sample % inputs.len()];
-        state.time(|| evaluator.state(input, &mut evaluation));
+        state.time(|| evaluator.answer(input, Query::STATE, &mut evaluation));
     }
     for sample in 0..samples {
         let input = inputs[sample % inputs.len()];
@@ -230,7 +230,7 @@ fn position(model: &Model, inputs: &[Inputs], samples: usize) -> anyhow::Result<
     let (mut evaluation, mut at) = (probes.evaluation(), [ProbePosition::default()]);
     let mut series = Series::new("position");
     for input in inputs.iter().cycle().take(samples) {
-        series.time(|| probes.evaluate(*input, &mut evaluation, &mut at));
+        series.time(|| probes.answer(*input, Query::GRADIENTS, &mut evaluation, &mut at));
     }
     Ok(series)
 }

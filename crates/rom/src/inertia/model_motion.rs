@@ -8,7 +8,7 @@ use super::stepper::{Motion, MotionSettings, MotionState, Moved, PAST_FRACTION, 
 use crate::clearance::OnsetSolver;
 use crate::contract::{self, Output};
 use crate::evaluation::Evaluation;
-use crate::evaluator::Evaluator;
+use crate::evaluator::{Evaluator, Query};
 use crate::halfwidths::HALFWIDTH_SIGMAS;
 use crate::inputs::{GAP, Inputs, PRESSURE};
 use crate::model::{BlockKind, Model, ModelError, ModelHeader, RegimeModel};
@@ -145,7 +145,8 @@ impl Manifold for ModelManifold {
 
     fn place(&mut self, kind: RegimeKind, inputs: &Inputs) -> Place {
         let kind = self.regime(kind).kind;
-        self.evaluator.differentiate_as(kind, *inputs, &mut self.scratch);
+        let query = Query { range: false, regime: Some(kind), ..Query::GRADIENTS };
+        self.evaluator.answer(*inputs, query, &mut self.scratch);
         let regime = self.regime(kind);
         let mut place = Place {
             position: regime.mean,
@@ -316,12 +317,13 @@ impl ModelMotion {
         if moved.at_rest {
             self.last = LastOnset::default();
         }
-        self.evaluator.evaluate_as(state.regime, state.shown.0, &mut self.last, out);
+        let query = |near| Query { regime: Some(state.regime), near: Some(near), ..Query::COEFFICIENTS };
+        self.evaluator.answer(state.shown.0, query(&mut self.last), out);
         if let Some(Stress { ranges, last, evaluation }) = &mut self.stress {
             if moved.at_rest {
                 *last = LastOnset::default();
             }
-            self.evaluator.evaluate_as(state.regime, state.stressed, last, evaluation);
+            self.evaluator.answer(state.stressed, query(last), evaluation);
             let of_regime = ranges.iter().filter(|(kind, _)| *kind == state.regime);
             for range in of_regime.flat_map(|(_, ranges)| ranges) {
                 out.coefficients[range.clone()].copy_from_slice(&evaluation.coefficients[range.clone()]);

@@ -7,7 +7,7 @@
 
 use super::root::{Root, Sample, Target, first_root};
 use rom::evaluation::Evaluation;
-use rom::evaluator::Evaluator;
+use rom::evaluator::{Evaluator, Query};
 use rom::hull::DomainStatus;
 use rom::inputs::Inputs;
 use rom::model::ModelError;
@@ -196,7 +196,7 @@ impl Solver {
     /// The sampled pressures in contact at a gap, the lowest first.
     fn sampled_pressures(&mut self, gap_mm: f64) -> Option<[f64; 2]> {
         let [lowest, highest] = self.pressure_mpa;
-        self.evaluator.locate(Inputs::new(highest, gap_mm), &mut self.evaluation);
+        self.evaluator.answer(Inputs::new(highest, gap_mm), Query::REGIME, &mut self.evaluation);
         let onset = self.evaluation.onset_pressure_mpa.unwrap_or(lowest).max(lowest);
         self.sampled(Line::AtGap(gap_mm), [onset, highest])
     }
@@ -227,13 +227,13 @@ impl Solver {
     }
 
     fn force(&mut self, line: Line, at: f64) -> f64 {
-        self.evaluator.force(line.inputs(at), &mut self.evaluation);
+        self.evaluator.answer(line.inputs(at), Query::STATE, &mut self.evaluation);
         self.evaluation.contact_force_n
     }
 
     /// Distance to the sampled states in contact; infinite for a state without contact.
     fn distance(&mut self, line: Line, at: f64) -> f64 {
-        self.evaluator.locate(line.inputs(at), &mut self.evaluation);
+        self.evaluator.answer(line.inputs(at), Query::REGIME, &mut self.evaluation);
         let found = &self.evaluation;
         if found.regime == RegimeKind::Contact { found.domain_distance } else { f64::INFINITY }
     }

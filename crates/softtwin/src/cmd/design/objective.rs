@@ -2,6 +2,7 @@
 
 use crate::failure::usage;
 use rom::evaluation::Evaluation;
+use rom::evaluator::Query;
 use rom::goal::Residual;
 use rom::inputs::{Inputs, MAX_INPUTS};
 use rom::model::{Model, Selection};
@@ -124,7 +125,7 @@ impl<'a> Goals<'a> {
 
     /// The model's values of the objectives at some inputs, with their derivatives; `None` if it has no answer.
     pub fn values(&mut self, inputs: Inputs) -> Option<Vec<(f64, [f64; MAX_INPUTS])>> {
-        self.probes.evaluate(inputs, &mut self.at_points, &mut self.positions);
+        self.probes.answer(inputs, Query::GRADIENTS, &mut self.at_points, &mut self.positions);
         let mut positions = self.positions.iter();
         let mut all = Vec::with_capacity(self.objectives.len());
         for objective in self.objectives {

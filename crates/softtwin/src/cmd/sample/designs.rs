@@ -7,7 +7,7 @@ use fem::cases::Case;
 use fem::sample::{onset_pressure_mpa, sequence};
 use formats::database::bottom_nodes;
 use rom::evaluation::Evaluation;
-use rom::evaluator::Evaluator;
+use rom::evaluator::{Evaluator, Query};
 use rom::inputs::{Inputs, PARAMETERS};
 use rom::snapshots::{Database, RegimeKind};
 use train::config::TrainConfig;
@@ -134,7 +134,7 @@ impl Onset {
             Self::Model(out, evaluator, places) => {
                 let at = |inputs: Inputs, (place, value): (&usize, &f64)| inputs.with(*place, *value);
                 let inputs = places.iter().zip(values).fold(Inputs::new(0.0, gap_mm), at);
-                evaluator.locate(inputs, out);
+                evaluator.answer(inputs, Query::REGIME, out);
                 out.onset_pressure_mpa
             }
         }
