@@ -119,7 +119,7 @@ batch() {
     cd "$work"
     softtwin new finger --chambers 1 --length-mm 24 >/dev/null
     softtwin mesh --actuator finger/actuator.toml --size-mm 9 >/dev/null
-    softtwin sample --kind sequence --n 4 --regime free --pressure-mpa 0.01 0.03 --out cases.csv >/dev/null
+    softtwin sample --kind sequence --n 4 --regime free --pressure 0.01 0.03 --out cases.csv >/dev/null
     local run=("$slurm" finger/actuator.toml cases.csv slurm --sensitivities --json)
     for ((task = 0; task < count; task++)); do
         SLURM_ARRAY_TASK_ID=$task SLURM_ARRAY_TASK_COUNT=$count "${run[@]}" >/dev/null

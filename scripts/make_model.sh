@@ -22,7 +22,7 @@ solve_and_check() {
     softtwin sample --actuator "$actuator" --kind sequence --regime contact --n "$sealed" --seed "$seed" --split check --prefix sealed "$@" --out "$folder-sealed.csv"
     { cat "$list" && tail -n +2 "$folder-sealed.csv"; } >"$folder-both.csv"
     softtwin simulate --actuator "$actuator" --cases "$folder-both.csv" --sensitivities --out "$folder"
-    softtwin evaluate --model "$model" --database "$folder" --split check
+    softtwin evaluate "$model" --database "$folder" --split check
 }
 # scattered REGIME N SEED PREFIX --parameter ...: states of as many designs, added to the list.
 scattered() {
@@ -57,7 +57,7 @@ for name in "$@"; do
         scattered contact 100 90514277 r "$@"
         scattered free 19 9 f "$@"
         scattered contact 60 61804470 s "$@"
-        scattered contact 40 31 p --pressure-mpa 0 0.012 "$@"
+        scattered contact 40 31 p --pressure 0 0.012 "$@"
         scattered contact 60 27182818 t "$@"
         solve_and_check design "$list" models/pneunet-design/pneunet-design.twin 60 14142135 "$@"
         continue
@@ -67,13 +67,13 @@ for name in "$@"; do
         softtwin simulate --actuator models/pneunet/actuator.toml --cases models/pneunet/motion/cases.csv --sensitivities --out target/database/motion
         softtwin train --database target/database/motion $(config_of models/pneunet/motion) --inertia models/pneunet/actuator.toml \
             --out models/pneunet/motion/pneunet-motion.twin
-        softtwin evaluate --model models/pneunet/motion/pneunet-motion.twin --database target/database/motion --split check
+        softtwin evaluate models/pneunet/motion/pneunet-motion.twin --database target/database/motion --split check
         continue
     fi
     if [ "$name" = cylinder ]; then
         # A small actuator over a cylinder whose radius is an input; some minutes on one core.
         actuator=models/cylinder/actuator.toml folder=target/database/cylinder
-        over="--regime contact --pressure-mpa 0.01 0.06 --gap-mm 0.2 0.5 --parameter obstacle.radius_mm=10:30"
+        over="--regime contact --pressure 0.01 0.06 --gap 0.2 0.5 --parameter obstacle.radius_mm=10:30"
         mkdir -p target/database
         softtwin mesh --actuator "$actuator" --size-mm 4
         softtwin sample --actuator "$actuator" --kind sequence --n 60 --seed 1 --prefix r $over --out models/cylinder/cases.csv
@@ -81,7 +81,7 @@ for name in "$@"; do
         softtwin train --database "$folder" --out "$folder.twin"
         softtwin sample --actuator "$actuator" --kind sequence --n 20 --seed 20261122 --split check --prefix sealed $over --out models/cylinder/sealed.csv
         softtwin simulate --actuator "$actuator" --cases models/cylinder/sealed.csv --out "$folder-sealed"
-        softtwin evaluate --model "$folder.twin" --database "$folder-sealed" --split check
+        softtwin evaluate "$folder.twin" --database "$folder-sealed" --split check
         continue
     fi
     model="models/$name"

@@ -12,7 +12,7 @@ if [ ! -f "$folder/q/actuator.toml" ]; then
     (cd "$folder" && softtwin new q --chambers 4 --length-mm 48 --width-mm 10 --shear-modulus-mpa 0.2)
     softtwin mesh --actuator "$folder/q/actuator.toml" --size-mm 12.5
 fi
-softtwin sample --kind sequence --n 60 --regime both --pressure-mpa 0 0.04 --gap-mm 3.5 6 --actuator "$folder/q/actuator.toml" \
+softtwin sample --kind sequence --n 60 --regime both --pressure 0 0.04 --gap 3.5 6 --actuator "$folder/q/actuator.toml" \
     --parameter loads.gravity_mm_s2.1=-60000:40000 --out "$folder/cases.csv"
 softtwin simulate --actuator "$folder/q/actuator.toml" --cases "$folder/cases.csv" --sensitivities --out "$folder/database"
 softtwin train --database "$folder/database" --inertia "$folder/q/actuator.toml" --out "$folder/q.twin"
@@ -23,7 +23,7 @@ for trace in "$folder"/traces/*.csv; do
     softtwin simulate --actuator "$folder/q/actuator.toml" --trace "$trace" --out "$folder/motions/$name"
     set -- "$@" "$folder/motions/$name"
 done
-softtwin evaluate --model "$folder/q.twin" --traces "$@"
+softtwin evaluate "$folder/q.twin" --traces "$@"
 
 mkdir -p "$folder/v" "$folder/relaxing" "$folder/across"
 cp -r "$folder/q/." "$folder/v/"
@@ -36,23 +36,23 @@ for name in free landing; do
     softtwin simulate --actuator "$folder/v/actuator.toml" --trace "$folder/relaxing/$name.csv" --out "$folder/relaxed/$name"
     set -- "$@" "$folder/relaxed/$name"
 done
-softtwin evaluate --model "$folder/v.twin" --traces "$@"
+softtwin evaluate "$folder/v.twin" --traces "$@"
 
 across=$folder/across
-softtwin sample --kind sequence --n 48 --regime free --pressure-mpa 0 0.04 --actuator "$folder/q/actuator.toml" \
+softtwin sample --kind sequence --n 48 --regime free --pressure 0 0.04 --actuator "$folder/q/actuator.toml" \
     --parameter loads.gravity_mm_s2.1=-60000:40000 --parameter loads.gravity_mm_s2.2=-50000:50000 --out "$across/cases.csv"
 softtwin simulate --actuator "$folder/q/actuator.toml" --cases "$across/cases.csv" --sensitivities --out "$across/database"
 softtwin train --database "$across/database" --inertia "$folder/q/actuator.toml" --out "$across.twin"
 printf 't_s,pressure_mpa,loads.gravity_mm_s2.2\n0,0.02,0\n0.02,0.02,5000\n0.3,0.02,5000\n0.32,0.035,0\n0.6,0.035,0\n' >"$across/base.csv"
 softtwin simulate --actuator "$folder/q/actuator.toml" --trace "$across/base.csv" --out "$across/motion"
-softtwin evaluate --model "$across.twin" --traces "$across/motion"
+softtwin evaluate "$across.twin" --traces "$across/motion"
 
 # Stiffness from a swing: motions of a softer finger, found by a model whose inputs include the stiffness.
 soft=$folder/soft
 mkdir -p "$soft"
 cp -r "$folder/q/." "$soft/"
 sed -i 's/^mu_mpa = 0.2$/mu_mpa = 0.18/' "$soft/actuator.toml"
-softtwin sample --kind sequence --n 110 --regime free --pressure-mpa 0 0.04 --actuator "$folder/q/actuator.toml" \
+softtwin sample --kind sequence --n 110 --regime free --pressure 0 0.04 --actuator "$folder/q/actuator.toml" \
     --parameter loads.gravity_mm_s2.1=-60000:40000 --parameter elastomer.law.mu_mpa=0.15:0.26 --out "$soft/cases.csv"
 softtwin simulate --actuator "$folder/q/actuator.toml" --cases "$soft/cases.csv" --out "$soft/database"
 softtwin train --database "$soft/database" --inertia "$folder/q/actuator.toml" --out "$soft/soft.twin"

@@ -74,9 +74,9 @@ class Finger:
 
     def ours(self, volume_change, pressure, gap):
         self.file.write_text(actuator(self.bulk, volume_change))
-        plate = [] if gap is None else ["--gap-mm", gap]
+        plate = [] if gap is None else ["--gap", gap]
         out = self.folder / "state.npy"
-        state = self.run("simulate", "--actuator", self.file, "--pressure-mpa", pressure, *plate, "--out", out)
+        state = self.run("simulate", "--actuator", self.file, "--pressure", pressure, *plate, "--out", out)
         return numpy.load(out)[:, :3] - self.points, json.loads(state.splitlines()[-1])["contact_force_n"]
 
     def surfaces(self, elements, faces):

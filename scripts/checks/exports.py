@@ -37,13 +37,13 @@ class Work:
         """The exported state as `predict` writes it: nodes x (x, y, z, displacement, stress)."""
         out = self.folder / f"state{pressure}.npy"
         if not out.exists():
-            self.run("predict", "--model", MODEL, "--pressure-mpa", pressure, "--gap-mm", GAP, "--out", out)
+            self.run("predict", MODEL, "--json", "--pressure", pressure, "--gap", GAP, "--out", out)
         return numpy.load(out)
 
     def sweep(self, name, *more):
         out = self.folder / name
         pressures = ",".join(map(str, PRESSURES))
-        self.run("export", MODEL, "--pressure-mpa", pressures, "--gap-mm", GAP, "--out", out, *more)
+        self.run("export", MODEL, "--pressure", pressures, "--gap", GAP, "--out", out, *more)
         return out
 
 
@@ -69,7 +69,7 @@ def paraview_series(work):
         vector = mesh.point_data["displacement vector [mm]"]
         assert numpy.abs(vector - (mesh.points - reference.points)).max() < 2e-5
     alone = work.folder / "alone.vtu"
-    work.run("predict", "--model", MODEL, "--pressure-mpa", PRESSURES[0], "--gap-mm", GAP, "--out", alone)
+    work.run("predict", MODEL, "--json", "--pressure", PRESSURES[0], "--gap", GAP, "--out", alone)
     same(meshio.read(alone), work.state(PRESSURES[0]), "triangle")
 
 

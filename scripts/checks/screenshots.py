@@ -93,7 +93,7 @@ def settle(page):
 
 def live(stage):
     twin, bridge = stage.twin()
-    view, url = stage.view("--model", MODEL)
+    view, url = stage.view(MODEL)
     return (view, bridge, twin), url, in_contact
 
 
@@ -106,7 +106,7 @@ def cell(stage):
     folder = pathlib.Path(stage.folder.name)
     rows = ["t_s,pressure_mpa,gap_mm,measured_force_n"]
     for k in range(0, 800, 100):
-        answer = stage.run("softtwin", "predict", "--model", MODEL, "--pressure-mpa", str(k / 1e4), "--gap-mm", "40")
+        answer = stage.run("softtwin", "predict", MODEL, "--json", "--pressure", str(k / 1e4), "--gap", "40")
         rows.append((k / 200, k / 1e4, json.loads(answer.stdout)["contact_force_n"]))
     points = rows[1:]
     for k in range(701):
@@ -117,7 +117,7 @@ def cell(stage):
     (folder / "cell.toml").write_text(CELL_SCENE.format(root=pathlib.Path.cwd(), trace=folder / "cell.csv"))
     twin, _ = stage.start("softtwind", "twin", "--scene", folder / "cell.toml", ready="ready:")
     bridge, _ = stage.start("softtwind", "bridge", "--scene", folder / "cell.toml", "--loop", ready="ready:")
-    view, url = stage.view("--model", MODEL)
+    view, url = stage.view(MODEL)
     return (view, bridge, twin), url, in_contact
 
 
@@ -127,7 +127,7 @@ def recording(stage):
     ended = stage.run("softtwin", "record", "--seconds", "6", "--out", path)
     assert ended.returncode == 0, ended.stderr
     stage.end(bridge, twin)
-    view, url = stage.view("--model", MODEL, "--recording", path)
+    view, url = stage.view(MODEL, "--recording", path)
 
     def ready(page):
         wait(lambda: (page.shown("t_s") or 0) > 0.5, "the recording to run", 60)
@@ -151,7 +151,7 @@ def gripper(stage):
 
 
 def whatif(stage):
-    view, url = stage.view("--model", MODEL)
+    view, url = stage.view(MODEL)
 
     def ready(page):
         wait(lambda: page.run("softtwin.state.models.size > 0"), "the model")
@@ -191,7 +191,7 @@ def film(stage, program, path, make_page):
         stage.start("softtwind", "bridge", "--scene", "config/scenes/finger.toml", ready="ready:")
         assert recorder.wait(60) == 0, "the recording failed"
     stage.end(twin)
-    view, url = stage.view("--model", MODEL, "--recording", folder / "run.mcap")
+    view, url = stage.view(MODEL, "--recording", folder / "run.mcap")
     page = make_page(program, url)
     pictures = []
     try:

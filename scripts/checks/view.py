@@ -180,7 +180,7 @@ def hottest(page):
 
 @check
 def a_page_opened_before_the_twin_waits_then_shows_frames_and_says_when_they_stop(stage, program):
-    view, url = stage.view("--model", MODEL)
+    view, url = stage.view(MODEL)
     page = Page(program, url)
     try:
         wait(lambda: "Nothing is published yet" in page.alarm(), "the word that nothing is published")
@@ -219,7 +219,7 @@ def a_page_opened_before_the_twin_waits_then_shows_frames_and_says_when_they_sto
 @check
 def a_lost_graphics_context_is_no_empty_picture_under_live_and_the_page_draws_again(stage, program):
     twin, bridge = stage.twin()
-    view, url = stage.view("--model", MODEL)
+    view, url = stage.view(MODEL)
     page = Page(program, url)
     wait(lambda: page.badge() == "live" and page.frames() > 0, "a live picture", 30)
     page.run("window.isFirstPage = true")
@@ -243,7 +243,7 @@ def a_lost_graphics_context_is_no_empty_picture_under_live_and_the_page_draws_ag
 
 @check
 def what_if_answers_sliders_without_a_twin_and_its_colours_are_the_published_maximum(stage, program):
-    view, url = stage.view("--model", MODEL)
+    view, url = stage.view(MODEL)
     page = Page(program, url)
     try:
         wait(lambda: page.run("softtwin.state.models.size > 0"), "the model")
@@ -256,7 +256,7 @@ def what_if_answers_sliders_without_a_twin_and_its_colours_are_the_published_max
         page.slide("input-pressure", 0.07)
         wait(lambda: page.shown("pressure_mpa") == 0.07, "the slider's new pressure")
         assert page.shown("contact_force_n") > low, "more pressure, more force"
-        answer = json.loads(stage.run("softtwin", "predict", "--model", MODEL, "--pressure-mpa", "0.07", "--gap-mm", "30").stdout)
+        answer = json.loads(stage.run("softtwin", "predict", MODEL, "--json", "--pressure", "0.07", "--gap", "30").stdout)
         assert abs(page.shown("contact_force_n") - answer["contact_force_n"]) < 1e-9, answer
         _, node = hottest(page)
         span = node["range"][1] - node["range"][0]
@@ -278,7 +278,7 @@ def what_if_answers_sliders_without_a_twin_and_its_colours_are_the_published_max
 
 @check
 def what_if_has_a_slider_for_every_input_and_numbers_show_the_parameters(stage, program):
-    view, url = stage.view("--model", "models/pneunet-design/pneunet-design.twin")
+    view, url = stage.view("models/pneunet-design/pneunet-design.twin")
     page = Page(program, url)
     try:
         wait(lambda: page.run("softtwin.state.models.size > 0"), "the model")
@@ -291,8 +291,8 @@ def what_if_has_a_slider_for_every_input_and_numbers_show_the_parameters(stage, 
         page.slide("input-pressure", 0.07)
         page.slide("input-elastomer.law.mu_mpa", 0.7)
         wait(lambda: value() == 0.7, "the slider's stiffness")
-        answer = json.loads(stage.run("softtwin", "predict", "--model", "models/pneunet-design/pneunet-design.twin", "--pressure-mpa", "0.07",
-                                      "--gap-mm", "30", "--set", "elastomer.law.mu_mpa=0.7").stdout)
+        answer = json.loads(stage.run("softtwin", "predict", "models/pneunet-design/pneunet-design.twin", "--json", "--pressure", "0.07",
+                                      "--gap", "30", "--set", "elastomer.law.mu_mpa=0.7").stdout)
         assert abs(page.shown("contact_force_n") - answer["contact_force_n"]) < 1e-9, answer
         numbers = lambda: page.run("[...document.querySelectorAll('.number')].map((box) => box.textContent).join(' | ')").replace(" ", "").replace("−", "-")
         derivative = f"dF{answer['dforce']['elastomer.law.mu_mpa']:.3g}"
@@ -312,7 +312,7 @@ def cavities_and_materials_have_their_colours_and_a_legend_with_pressures(stage,
     part.write_text(text + "[materials.silicone]" + text.split("[elastomer]")[1].split("[pressure_mpa]")[0].replace("[elastomer", "[materials.silicone"))
     made = stage.run("softtwin", "simulate", "--actuator", part, "--cases", cases, "--out", database, seconds=300)
     assert made.returncode == stage.run("softtwin", "train", "--database", database, "--out", model).returncode == 0, made.stderr
-    view, url = stage.view("--model", model)
+    view, url = stage.view(model)
     page = Page(program, url)
     wait(lambda: page.run("softtwin.state.models.size > 0"), "the model")
     page.click("whatif-toggle")
@@ -335,9 +335,9 @@ def the_pictures_of_a_comparison_and_the_curves_of_a_measured_model_are_on_a_pag
                                      '[[output]]\nname = "angle_deg"\ncolumn = "angle"\nunit = "deg"\n')
     run, log, model, out = (str(folder / name) for name in ("run.csv", "log.toml", "mine.twin", "compared"))
     learned = stage.run("softtwin", "learn", run, "--log", log, "--out", model)
-    compared = stage.run("softtwin", "compare", "--model", model, "--recording", run, "--log", log, "--out", out)
+    compared = stage.run("softtwin", "compare", model, "--recording", run, "--log", log, "--out", out)
     assert learned.returncode == compared.returncode == 0, learned.stderr + compared.stderr
-    view, url = stage.view("--model", model, "--compare", out)
+    view, url = stage.view(model, "--compare", out)
     page = Page(program, url)
     try:
         wait(lambda: page.run("!document.getElementById('pictures').hidden"), "the link to the pictures")
@@ -389,7 +389,7 @@ def without_a_model_nodes_are_points_and_a_second_browser_sees_the_same(stage, p
         wait(lambda: page.frames() > 2, "frames", 60)
         assert "drawn as points" in page.run("document.getElementById('notice').textContent")
         page.click("whatif-toggle")
-        assert "softtwin view --model" in page.run("document.getElementById('whatif').textContent"), "what if says what it needs"
+        assert "softtwin view FILE.twin" in page.run("document.getElementById('whatif').textContent"), "what if says what it needs"
         for width, height in screenshots.SIZES:
             page.resize(width, height)
             screenshots.settle(page)
@@ -465,7 +465,7 @@ def a_measured_force_stands_beside_the_predicted_one_and_all_of_it_fits(stage, p
 @check
 def a_page_that_floods_is_shown_the_door_and_one_that_stalls_disturbs_nobody(stage, program):
     twin, bridge = stage.twin()
-    view, url = stage.view("--model", MODEL)
+    view, url = stage.view(MODEL)
     socket = url.replace("http", "ws") + "ws"
     stalled = [WebSocket(socket) for _ in range(3)]
     for page in stalled:
@@ -496,7 +496,7 @@ def a_page_that_floods_is_shown_the_door_and_one_that_stalls_disturbs_nobody(sta
 
 @check
 def ports_paths_hosts_and_tokens_are_guarded(stage, program):
-    view, url = stage.view("--model", MODEL)
+    view, url = stage.view(MODEL)
     port = url.rsplit(":", 1)[1].strip("/")
     taken = stage.run("softtwin", "view", "--port", port)
     assert taken.returncode == 1 and "is a viewer running already" in taken.stderr, taken
@@ -515,7 +515,7 @@ def ports_paths_hosts_and_tokens_are_guarded(stage, program):
     socket.send('{"type":"predict","model":0,"inputs":{"pressure_mpa":-1}}')
     assert "expected a pressure of 0" in next(text for text in messages if text["type"] == "refused")["text"]
     stage.end(view)
-    view, url = stage.view("--model", MODEL, "--bind", "0.0.0.0")
+    view, url = stage.view(MODEL, "--bind", "0.0.0.0")
     token = url.split("token=")[1]
     base = url.split("?")[0].replace("0.0.0.0", "127.0.0.1")
     assert len(token) == 32 and answer(base)[0] == 403 and answer(base + "?token=" + "0" * 32)[0] == 403
@@ -535,7 +535,7 @@ def a_recording_plays_seeks_stops_and_only_those_of_the_folder_open(stage, progr
         ended = stage.run("softtwin", "record", "--seconds", "4", "--out", folder / name)
         assert ended.returncode == 0, ended.stderr
     stage.end(bridge, twin)
-    view, url = stage.view("--model", MODEL, "--recording", str(folder))
+    view, url = stage.view(MODEL, "--recording", str(folder))
     page = Page(program, url)
     try:
         wait(lambda: page.badge() == "recording first.mcap", "the recording's name", 60)

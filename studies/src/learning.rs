@@ -18,7 +18,7 @@ Examples:
     scripts/make_model.sh design
     softtwin-studies learning --model models/pneunet-design/pneunet-design.twin --database target/database/design
   On new states, simulated for it:
-    softtwin evaluate --model models/pneunet/pneunet.twin --actuator models/pneunet/actuator.toml \\
+    softtwin evaluate models/pneunet/pneunet.twin --actuator models/pneunet/actuator.toml \\
       --simulate 400 --seed 7 --database target/unseen
     softtwin-studies learning --model models/pneunet/pneunet.twin --database models/pneunet/database \\
       --unseen target/unseen --fractions 1";

@@ -83,7 +83,7 @@ fn unreachable_force_is_refused_before_any_setpoint() {
     let stage = Stage::new("reach");
     let scene = repository().join("config/scenes/force.toml");
     let twin = Program::twin(&stage, &scene);
-    let line = format!("softtwin hold --scene {} --force-n 9 --gap-mm 30", scene.display());
+    let line = format!("softtwin hold --scene {} --force-n 9 --gap 30", scene.display());
     let (status, said) = Program::shell(&stage, &line).end();
     assert_eq!(status.code(), Some(1), "{said:?}");
     let line = format!("softtwin hold --simulate --scene {} --force-n 9", scene.display());

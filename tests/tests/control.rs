@@ -176,12 +176,12 @@ fn second_owner_is_refused_and_operator_overrides() {
     let owner = wait_valve(&reader, "an owner", |valve| valve.valve_reason == valve_reason::FOLLOWING).owner;
     assert_eq!(unpack_name(&owner), "softtwin-hold");
 
-    let (status, said) = Program::tool(&stage, &["setpoint", "finger", "--pressure-mpa", "0.01"]).ended();
+    let (status, said) = Program::tool(&stage, &["setpoint", "finger", "--pressure", "0.01"]).ended();
     let refusal = format!("(`softtwin-hold`, process {})", holds.id());
     assert!(!status.success() && said.join("\n").contains(&refusal), "{said:?}");
 
     let (status, said) =
-        Program::tool(&stage, &["setpoint", "finger", "--override", "--pressure-mpa", "0.02"]).ended();
+        Program::tool(&stage, &["setpoint", "finger", "--override", "--pressure", "0.02"]).ended();
     assert!(status.success() && said.join("\n").contains("override"), "{said:?}");
     wait_valve(&reader, "the override", |valve| valve.valve_reason == valve_reason::OVERRIDE);
     // The command has ended; the operator's value stays, also without a twin. A device without processor time may not confirm at once.
@@ -422,7 +422,7 @@ fn target_moves_without_letting_go() {
     let closed = |valve: &Valve| (valve.timeouts, valve.interlocks);
     let before = closed(&wait_valve(&valves(&bus), "the valve", |_| true));
     let target = |arguments: &[&str]| {
-        let (status, said) = Program::tool(&stage, &[&["target", "finger"], arguments].concat()).ended();
+        let (status, said) = Program::tool(&stage, &[&["setpoint", "finger"], arguments].concat()).ended();
         assert!(status.success(), "{said:?}");
     };
     target(&["0.2"]);
@@ -440,7 +440,7 @@ fn target_moves_without_letting_go() {
     let sample = Target { boot_id: 3, seq: 1, t_publish_ns: now_ns(), value_count: 1, ..Target::default() };
     owner.publish(sample).unwrap();
     holds.wait_for("finite values");
-    let (status, said) = Program::tool(&stage, &["target", "finger", "0.2"]).ended();
+    let (status, said) = Program::tool(&stage, &["setpoint", "finger", "0.2"]).ended();
     assert!(!status.success() && said.join("\n").contains("`test`"), "{said:?}");
     let (status, said) = holds.stop();
     assert!(status.success(), "{said:?}");
@@ -454,8 +454,7 @@ fn target_moves_without_letting_go() {
 /// A force beyond the limit closes the valve; no new setpoint and no new controller opens it until the operator's release.
 fn tripped_limit_stays_until_its_release(stage: &Stage, rig: &Rig, bus: &Bus) {
     let reader = valves(bus);
-    let drive =
-        |mpa: &str| Program::shell(stage, &format!("exec softtwin setpoint finger --pressure-mpa {mpa}"));
+    let drive = |mpa: &str| Program::shell(stage, &format!("exec softtwin setpoint finger --pressure {mpa}"));
     let is_tripped = |valve: &Valve| valve.valve_interlock & valve_interlock::FORCE != 0;
     let mut owner = drive("0.085");
     let tripped = wait_valve(&reader, "the limit", is_tripped);

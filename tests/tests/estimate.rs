@@ -369,10 +369,10 @@ fn plan_lists_identifying_sensors_and_predicted_deviations() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = write_scene(folder.path(), Stiffness::Known);
     let plan = |extra: &[&str]| {
-        let arguments = ["plan-experiment", "--scene", path(&scene), "--json"];
+        let arguments = ["calibrate", "--plan", "--scene", path(&scene), "--json"];
         json(&Command::new(binary("softtwin")).args(arguments).args(extra).output().expect("softtwin"))
     };
-    let found = plan(&["--gap-mm", "46", "--holds", "5"]);
+    let found = plan(&["--gap", "46", "--holds", "5"]);
     let plans = found["plans"].as_array().expect("plans");
     assert_eq!(plans.len(), 3, "force, markers, both: {found}");
     assert_eq!(plans[2]["identifiable"], true, "{found}");
@@ -402,8 +402,8 @@ fn plan_lists_identifying_sensors_and_predicted_deviations() {
     }
     // The predicted standard deviation falls with the number of readings and of plate positions.
     let sigma = |found: &Value| found["plans"][2]["estimates"]["gap_mm"]["sigma"].as_f64().expect("a number");
-    assert!(sigma(&plan(&["--gap-mm", "46", "--holds", "5", "--readings", "20"])) > sigma(&found));
-    assert!(sigma(&plan(&["--gap-mm", "36", "46", "56", "--holds", "5"])) < sigma(&found) * 1.0001);
+    assert!(sigma(&plan(&["--gap", "46", "--holds", "5", "--readings", "20"])) > sigma(&found));
+    assert!(sigma(&plan(&["--gap", "36", "46", "56", "--holds", "5"])) < sigma(&found) * 1.0001);
 }
 
 #[test]

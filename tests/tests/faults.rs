@@ -414,7 +414,7 @@ fn extreme_numbers_and_clocks_are_rejected_per_reading() {
     let [tables, picture] = ["tables", "run.svg"].map(|name| stage.path(name).display().to_string());
     for arguments in [
         &["export", &out, "--out", &tables][..],
-        &["plot", "recording", "--recording", &out, "--out", &picture],
+        &["draw", &out, "--out", &picture],
         &["echo", "softtwin/finger/state", "--once"],
         &["top", "--once"],
     ] {

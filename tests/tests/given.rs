@@ -50,7 +50,7 @@ fn json(stage: &Stage, arguments: &[&str]) -> Value {
 fn predicted(stage: &Stage, stiffness: f64) -> Value {
     let [pressure, gap, set] =
         [PRESSURE_MPA.to_string(), GAP_MM.to_string(), format!("{STIFFNESS}={stiffness}")];
-    json(stage, &["predict", "--model", MODEL, "--pressure-mpa", &pressure, "--gap-mm", &gap, "--set", &set])
+    json(stage, &["predict", MODEL, "--json", "--pressure", &pressure, "--gap", &gap, "--set", &set])
 }
 
 fn number(value: &Value) -> f64 {
@@ -100,7 +100,7 @@ fn given_parameter_is_used_by_every_command() {
     for (arguments, text) in [
         (&["echo", "softtwin/finger/state", "--once"][..], "elastomer.law.mu_mpa 0.72000 (given, dF "),
         (&["top", "--once"], "elastomer.law.mu_mpa 0.72000 (given, dF "),
-        (&["scene", "explain", "given.toml"], "elastomer.law.mu_mpa = 0.72 MPa (given)"),
+        (&["inspect", "given.toml"], "elastomer.law.mu_mpa = 0.72 MPa (given)"),
         (&["inspect", MODEL], "elastomer.law.mu_mpa = 0.8 MPa nominal"),
     ] {
         let (code, said) = run(&stage, arguments);
@@ -132,9 +132,8 @@ fn the_recording_has_the_value(stage: &Stage, recording: &str) {
     let (code, said) =
         run(stage, &["export", recording, "--model", MODEL, "--every", "1000000", "--out", &replayed]);
     assert_eq!(code, Some(0), "{said}");
-    let state =
-        ["--pressure-mpa", "0.06", "--gap-mm", "40", "--set", "elastomer.law.mu_mpa=0.72", "--out", &exact];
-    let (code, said) = run(stage, &[&["predict", "--model", MODEL], &state[..]].concat());
+    let state = ["--pressure", "0.06", "--gap", "40", "--set", "elastomer.law.mu_mpa=0.72", "--out", &exact];
+    let (code, said) = run(stage, &[&["predict", MODEL, "--json"], &state[..]].concat());
     assert_eq!(code, Some(0), "{said}");
     let [replayed, exact] = [replayed, exact].map(|path| npy::read_f32(Path::new(&path)).unwrap().data);
     assert!(replayed == exact && exact.len() == 5 * 25022, "{} and {} values", replayed.len(), exact.len());

@@ -109,7 +109,7 @@ fn column(path: &Path, name: &str) -> Vec<f64> {
 fn predicted(stage: &Stage, pressures: &[f64]) -> [Vec<f64>; 2] {
     let rows = pressures.iter().enumerate().map(|(i, p)| format!("{},{p},{GAP_MM}\n", 5e-3 * i as f64));
     stage.write("trace.csv", &format!("t_s,pressure_mpa,gap_mm\n{}", rows.collect::<String>()));
-    let line = "predict --model beam.twin --trace trace.csv --step-ms 5 --out series.csv";
+    let line = "predict beam.twin --json --trace trace.csv --step-ms 5 --out series.csv";
     let mut predict = Program::tool(stage, &line.split(' ').collect::<Vec<_>>());
     let (status, said) = predict.end();
     assert!(status.success(), "{said:?}");

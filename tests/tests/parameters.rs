@@ -31,7 +31,7 @@ fn json(folder: &Path, line: &str) -> Value {
 
 /// The stiffness for a force between those of two others, beside it the same state by finite elements.
 fn a_stiffness_is_found_for_a_force(folder: &Path) {
-    let state = "--model finger.twin --pressure-mpa 0.05 --gap-mm 0.5";
+    let state = "finger.twin --pressure 0.05 --gap 0.5";
     let force = |mu: f64| {
         let predicted = json(folder, &format!("predict {state} --set elastomer.law.mu_mpa={mu}"));
         predicted["contact_force_n"].as_f64().expect("a force")
@@ -73,15 +73,15 @@ fn stiffness_is_an_input_of_the_twin() {
         "new finger --chambers 2",
         "mesh --actuator finger/actuator.toml --size-mm 9",
         "sample --actuator finger/actuator.toml --parameter elastomer.law.mu_mpa=0.6:1.0 --regime both --kind sequence --n 40 \
-         --pressure-mpa 0.01 0.06 --gap-mm 0.2 1.0 --out cases.csv",
+         --pressure 0.01 0.06 --gap 0.2 1.0 --out cases.csv",
         "simulate --actuator finger/actuator.toml --cases cases.csv --sensitivities --out database",
         "train --database database --out finger.twin",
     ] {
         done(folder, line);
     }
     for (pressure, gap, mu) in [(0.05, 0.5, 0.72), (0.04, 0.3, 0.9)] {
-        let state = format!("--pressure-mpa {pressure} --gap-mm {gap} --set elastomer.law.mu_mpa={mu}");
-        let predicted = json(folder, &format!("predict --model finger.twin {state} --out predicted.npy"));
+        let state = format!("--pressure {pressure} --gap {gap} --set elastomer.law.mu_mpa={mu}");
+        let predicted = json(folder, &format!("predict finger.twin --json {state} --out predicted.npy"));
         assert_eq!(
             (&predicted["in_domain"], &predicted["inputs"]["elastomer.law.mu_mpa"]),
             (&true.into(), &mu.into())
@@ -105,8 +105,7 @@ fn stiffness_is_an_input_of_the_twin() {
         assert!(worst < 2.0 * halfwidth, "{state}: {worst} mm, {predicted}");
     }
     a_stiffness_is_found_for_a_force(folder);
-    let wrong =
-        softtwin(folder, "predict --model finger.twin --pressure-mpa 0.05 --set elastomer.law.mu=0.7");
+    let wrong = softtwin(folder, "predict finger.twin --json --pressure 0.05 --set elastomer.law.mu=0.7");
     let text = String::from_utf8_lossy(&wrong.stderr).into_owned();
     assert!(!wrong.status.success() && text.contains("did you mean \"elastomer.law.mu_mpa\""), "{text}");
 }

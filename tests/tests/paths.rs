@@ -30,7 +30,7 @@ fn cases() -> Vec<Case> {
         changed.insert(table.into(), named.into());
         changed.to_string()
     };
-    let simulate = "softtwin simulate --actuator FILE --pressure-mpa 0.01 --gap-mm 30";
+    let simulate = "softtwin simulate --actuator FILE --pressure 0.01 --gap 30";
     vec![
         Case { file: "a.toml", text: with("mesh", "part.msh"), paths: &["part.msh"], command: simulate },
         Case { file: "b.toml", text: with("elastomer", "gel.toml"), paths: &["gel.toml"], command: simulate },
@@ -58,7 +58,7 @@ fn cases() -> Vec<Case> {
                    source = { kind = \"replay\", trace = \"trace.csv\", log = \"log.toml\" }\n"
                 .into(),
             paths: &["m.twin"],
-            command: "softtwin scene explain FILE",
+            command: "softtwin inspect FILE",
         },
         Case {
             file: "gateway.toml",

@@ -130,8 +130,8 @@ fn compare_bridges_a_gap_as_predict_does() {
     ];
     stage.write("log.toml", &log.concat());
     for line in [
-        "compare --model beam.twin --recording run.csv --log log.toml --out out --json",
-        "predict --model beam.twin --trace trace.csv --step-ms 1000 --out series.csv",
+        "compare beam.twin --recording run.csv --log log.toml --out out --json",
+        "predict beam.twin --json --trace trace.csv --step-ms 1000 --out series.csv",
     ] {
         let (status, said) = Program::tool(&stage, &line.split(' ').collect::<Vec<_>>()).end();
         assert!(status.success(), "{said:?}");

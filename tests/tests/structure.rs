@@ -97,7 +97,7 @@ fn predicted(stage: &Stage, load_n: f64) -> (Value, Vec<f32>) {
     let set = [format!("load_n={load_n}"), format!("thickness_mm={THICKNESS_MM}")];
     let out = stage.path("state.npy").display().to_string();
     let said =
-        run(stage, &["predict", "--model", "part.twin", "--set", &set[0], "--set", &set[1], "--out", &out]);
+        run(stage, &["predict", "part.twin", "--json", "--set", &set[0], "--set", &set[1], "--out", &out]);
     let array = npy::read_f32(&stage.path("state.npy")).expect("an array");
     let (nodes, fields) = (array.shape[0], array.shape[1]);
     let by_field = (0..fields).flat_map(|k| (0..nodes).map(move |node| node * fields + k));
@@ -181,7 +181,7 @@ fn cantilever_is_served_from_readings_of_its_load() {
     for (arguments, text) in [
         (&["echo", "softtwin/part/state", "--once"][..], "load_n 3.75000 (measured"),
         (&["top", "--once"], "thickness_mm 7.30000 (given"),
-        (&["scene", "explain", "part.toml"], "input load_n measured"),
+        (&["inspect", "part.toml"], "input load_n measured"),
         (&["doctor", "--scene", "part.toml"], "part loaded"),
         (&["get", "softtwin/part/whatif?load_n=2.6"], "load_n 2.60000"),
     ] {

@@ -95,7 +95,7 @@ fn commands_show_published_samples() {
     assert_eq!(info["payload"], format!("softtwin.State.v{}", wire::layout::LAYOUT_VERSION));
     assert_eq!(info["writers"][0], twin.id());
 
-    let (code, said) = run(&stage, &["scene", "explain", "finger.toml", "--json"]);
+    let (code, said) = run(&stage, &["inspect", "finger.toml", "--json"]);
     assert_eq!(code, Some(0), "{said:?}");
     assert_eq!(json(&said)[0][0]["outputs"][1]["nodes"], 10);
 }

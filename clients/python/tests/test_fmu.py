@@ -91,8 +91,8 @@ def test_outputs_agree_with_predict(twin, tmp_path):
         twin.put(pressure_mpa=pressure_mpa, gap_mm=gap_mm)
         twin.fmu.doStep(currentCommunicationPoint=time_s, communicationStepSize=0.01)
         time_s += 0.01
-        gap = [] if np.isinf(gap_mm) else ["--gap-mm", gap_mm]
-        done = tool("predict", "--model", MODEL, "--pressure-mpa", pressure_mpa, *gap, "--out", tmp_path / "state.npy")
+        gap = [] if np.isinf(gap_mm) else ["--gap", gap_mm]
+        done = tool("predict", MODEL, "--json", "--pressure", pressure_mpa, *gap, "--out", tmp_path / "state.npy")
         said, fields = json.loads(done.stdout), np.load(tmp_path / "state.npy")
         assert twin.get("contact_force_n", "force_by_pressure_mpa", "force_by_gap_mm", "domain_distance") == [
             said["contact_force_n"],

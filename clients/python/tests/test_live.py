@@ -215,7 +215,7 @@ def test_a_valve_has_one_owner(stage, converter, with_control):
     holder = rf"\(`driver`, process {os.getpid()}\)"
     with pytest.raises(softtwin.AlreadyPublished, match=holder):
         softtwin.SetpointPublisher("finger", owner="second", bus=stage.bus)
-    second = [str(PROGRAMS / "softtwin"), "setpoint", "finger", "--pressure-mpa", "0.05"]
+    second = [str(PROGRAMS / "softtwin"), "setpoint", "finger", "--pressure", "0.05"]
     said = subprocess.run(second, env=stage.environment(), capture_output=True, text=True)
     assert said.returncode != 0 and re.search(holder, said.stderr), said
     valve.send(0.03, valid_for_s=0.05)  # not renewed

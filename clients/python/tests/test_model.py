@@ -24,8 +24,8 @@ def model():
 
 def predicted(folder, pressure_mpa, gap_mm):
     """Answer of `softtwin predict` at a state, and its fields, shape (fields, nodes)."""
-    gap = [] if np.isinf(gap_mm) else ["--gap-mm", repr(gap_mm)]
-    command = [PROGRAMS / "softtwin", "predict", "--model", MODEL, "--pressure-mpa", repr(pressure_mpa), *gap]
+    gap = [] if np.isinf(gap_mm) else ["--gap", repr(gap_mm)]
+    command = [PROGRAMS / "softtwin", "predict", MODEL, "--json", "--pressure", repr(pressure_mpa), *gap]
     done = subprocess.run([*command, "--out", folder / "state.npy"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout), np.load(folder / "state.npy").T

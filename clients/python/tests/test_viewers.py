@@ -125,7 +125,7 @@ def test_the_colour_scale_for_paraview_spans_all_states(tmp_path):
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
     series = tmp_path / "sweep.pvd"
-    command = [PROGRAMS / "softtwin", "export", MODEL, "--pressure-mpa", "0.02,0.06,0.04", "--gap-mm", "30", "--out", series]
+    command = [PROGRAMS / "softtwin", "export", MODEL, "--pressure", "0.02,0.06,0.04", "--gap", "30", "--out", series]
     assert subprocess.run(command, capture_output=True).returncode == 0
     low, high = script.colour_range(series, "von_mises [MPa]")
     stress = softtwin.Model(MODEL).predict([0.02, 0.06, 0.04], 30.0).von_mises

@@ -177,7 +177,7 @@ fn a_valve_has_one_owner_in_c() {
     owner.wait_for("follows: 0.0200 MPa");
     written("1000");
     let refusal = format!("(`setpoint.c`, process {})", owner.id());
-    let others = [Some(&*program), Some("softtwin setpoint finger --pressure-mpa 0.05"), in_cpp.as_deref()];
+    let others = [Some(&*program), Some("softtwin setpoint finger --pressure 0.05"), in_cpp.as_deref()];
     for second in others.into_iter().flatten() {
         let (status, said) = Program::shell(&stage, second).end();
         assert!(!status.success() && said.join("\n").contains(&refusal), "{second}: {said:?}");

@@ -246,7 +246,7 @@ fn hold_follows_the_target(stage: &Stage, send: impl Fn(u32, &[f64], f64, f64) -
     });
     let setpoints = SetpointReader::attach(&bus, &Topic::setpoint(finger).unwrap()).unwrap();
     let path = scene.display().to_string();
-    let mut holds = Program::tool(stage, &["hold", "--json", "--scene", &path, "--pressure-mpa", "0.03"]);
+    let mut holds = Program::tool(stage, &["hold", "--json", "--scene", &path, "--pressure", "0.03"]);
     let reaches = |mpa: f64| {
         wait_for(&setpoints, "the setpoint", |setpoints| {
             setpoints.newest().unwrap().filter(|setpoint| (setpoint.pressure_mpa - mpa).abs() < 3e-4)

@@ -67,9 +67,12 @@ SIGHUP reads the configuration again, with certificates and users, and reconnect
 
 Exit codes: 0 stopped as asked, 1 run-time failure, 2 usage, 78 configuration.";
 
+/// What the program does, examples, options, notes.
+const HELP: &str = "{about}\n\n{before-help}{usage-heading} {usage}\n\n{all-args}{after-help}";
+
 /// The twins of this machine on a Zenoh network.
 #[derive(Parser)]
-#[command(name = "softtwin-gateway", version, about, before_help = EXAMPLES, after_help = CODES)]
+#[command(name = "softtwin-gateway", version, about, before_help = EXAMPLES, after_help = CODES, help_template = HELP)]
 struct Options {
     /// Configuration file, see config/gateway.toml
     #[arg(long, value_name = "FILE", required_unless_present = "manual")]

@@ -1,6 +1,6 @@
 //! Opening and saving what commands work on, with errors that say whose mistake it was.
 
-use crate::failure::configuration;
+use crate::failure::{configuration, usage};
 use anyhow::{Context, bail};
 use fem::actuator::Actuator;
 use fem::{Family, Problem};
@@ -29,6 +29,13 @@ pub fn model_and_hash(path: &Path) -> anyhow::Result<(Model, [u8; 32])> {
         Model::from_bytes(&bytes).with_context(|| path.display().to_string()).map_err(configuration)?;
     let hash = *bytes.last_chunk::<32>().context("the model file has no hash")?;
     Ok((model, hash))
+}
+
+/// Gives inputs of a model the values of `--set`.
+pub fn set_parameters(model: &mut Model, settings: &[(String, f64)]) -> anyhow::Result<()> {
+    let given = settings.iter().map(|(name, value)| (name.as_str(), *value));
+    model.header.set_parameters(given).map_err(|error| usage(format!("--set: {error}")))?;
+    Ok(())
 }
 
 /// Loads the cases of one scene of a database.

@@ -17,6 +17,7 @@ mod motion;
 pub mod options;
 pub mod picture;
 pub mod progress;
+pub mod range;
 mod recording_data;
 mod report;
 pub mod resources;
@@ -25,5 +26,5 @@ pub mod unseen_errors;
 mod view;
 
 pub use cmd::Command;
-pub use softtwind::{daemon, failure, output, range, shared_files};
+pub use softtwind::{daemon, failure, help, output, shared_files};
 pub use view::is_request as is_page_request;

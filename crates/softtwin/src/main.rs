@@ -7,7 +7,7 @@ use std::process::ExitCode;
 const EXAMPLES: &str = "\
 Example: a recorded pressure trace becomes live fields
   softtwin demo --seconds 10
-  softtwin COMMAND --help      worked examples of every command";
+  softtwin COMMAND --help      what a command does, worked examples, all options";
 
 const CODES: &str = "\
 Exit codes: 0 done, 1 run-time failure, 2 usage, 78 configuration.
@@ -32,9 +32,9 @@ fn parse() -> Cli {
     let command = Cli::command();
     let groups = softtwin::Command::groups(&command);
     let template = format!(
-        "{{before-help}}{{about}}\n\n{{usage-heading}} {{usage}}\n\n{groups}\nOptions:\n{{options}}{{after-help}}"
+        "{{about}}\n\n{{before-help}}{{usage-heading}} {{usage}}\n\n{groups}\nOptions:\n{{options}}{{after-help}}"
     );
-    let mut command = command.help_template(template);
+    let mut command = softtwin::help::with_examples(command).help_template(template);
     let parsed = command.try_get_matches_from_mut(std::env::args_os());
     parsed
         .and_then(|found| Cli::from_arg_matches(&found))

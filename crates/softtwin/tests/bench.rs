@@ -69,7 +69,7 @@ unit = "deg"
 const LEARN: [&str; 7] = ["learn", "run1.csv", "--log", "log.toml", "--out", "mine.twin", "--json"];
 
 fn compare<'a>(recording: &'a str, log: &'a str) -> Vec<&'a str> {
-    vec!["compare", "--model", "mine.twin", "--recording", recording, "--log", log, "--out", "out", "--json"]
+    vec!["compare", "mine.twin", "--recording", recording, "--log", log, "--out", "out", "--json"]
 }
 
 #[test]
@@ -79,18 +79,12 @@ fn twin_of_a_recording_predicts_another_run_within_its_half_widths() {
     bench(folder, "run1.csv", 1, 1.0);
     bench(folder, "run2.csv", 2, 1.0);
     std::fs::write(folder.join("log.toml"), LOG).unwrap();
-    let described = json(
-        folder,
-        &["log", "describe", "run1.csv", "--picture", "columns.svg", "--out", "new.toml", "--json"],
-    );
+    let described =
+        json(folder, &["inspect", "run1.csv", "--picture", "columns.svg", "--out", "new.toml", "--json"]);
     assert_eq!(described["time_column"], 1);
     assert_eq!(described["columns"][2]["constant"], true);
     assert!(folder.join("columns.svg").is_file() && folder.join("new.toml").is_file());
-    assert!(
-        run(folder, &["log", "convert", "run1.csv", "--log", "log.toml", "--out", "trace.csv"])
-            .status
-            .success()
-    );
+    assert!(run(folder, &["export", "run1.csv", "--log", "log.toml", "--out", "trace.csv"]).status.success());
     let trace = std::fs::read_to_string(folder.join("trace.csv")).unwrap();
     assert!(trace.starts_with("t_s,pressure_mpa,idle_mpa,tip_x_mm,tip_y_mm,angle_deg\n"), "{}", &trace[..60]);
     let learned = json(folder, &LEARN);
@@ -109,9 +103,9 @@ fn twin_of_a_recording_predicts_another_run_within_its_half_widths() {
     }
     assert!(folder.join("out/compare.svg").is_file() && folder.join("out/compare.csv").is_file());
     for kind in ["coefficients", "observables"] {
-        assert!(run(folder, &["plot", kind, "--model", "mine.twin", "--out", "curves.svg"]).status.success());
+        assert!(run(folder, &["draw", "mine.twin", "--chart", kind, "--out", "curves.svg"]).status.success());
     }
-    let state = json(folder, &["predict", "--model", "mine.twin", "--pressure-mpa", "0.03"]);
+    let state = json(folder, &["predict", "mine.twin", "--json", "--pressure", "0.03"]);
     assert_eq!(state["in_domain"], true);
     let inspected = json(folder, &["inspect", "mine.twin", "--json"]);
     assert_eq!(inspected["source"], "measured");
@@ -124,8 +118,8 @@ fn outside_what_was_measured_there_is_no_half_width_and_far_outside_no_answer() 
     bench(folder, "run1.csv", 1, 1.0);
     std::fs::write(folder.join("log.toml"), LOG).unwrap();
     json(folder, &LEARN);
-    let predict = ["predict", "--model", "mine.twin"];
-    let near = json(folder, &[&predict[..], &["--pressure-mpa", "0.075"]].concat());
+    let predict = ["predict", "mine.twin", "--json"];
+    let near = json(folder, &[&predict[..], &["--pressure", "0.075"]].concat());
     assert!(near["outputs"]["tip_y_mm"]["value"].is_number(), "{near}");
     assert!(near["outputs"]["tip_y_mm"]["half_width"].is_null(), "{near}");
     let along = |rows: &str| {
@@ -260,7 +254,7 @@ fn memory_of_a_recording_lowers_the_error_on_another_run() {
     let rows = column("run2.csv", "t_s", 1.0).into_iter().zip(column("run2.csv", "p", 1e-3));
     let lines: Vec<String> = rows.map(|(t_s, pressure_mpa)| format!("{t_s},{pressure_mpa}\n")).collect();
     std::fs::write(folder.join("trace.csv"), format!("t_s,pressure_mpa\n{}", lines.concat())).unwrap();
-    let predict = ["predict", "--model", "mine.twin", "--trace", "trace.csv", "--out", "series.csv"];
+    let predict = ["predict", "mine.twin", "--json", "--trace", "trace.csv", "--out", "series.csv"];
     json(folder, &[&predict[..], &["--step-ms", "1000"]].concat());
     let compared = column("out/compare.csv", "tip_y_mm_predicted", 1.0);
     let along = column("series.csv", "tip_y_mm", 1.0);
@@ -327,7 +321,8 @@ fn gap_is_calibrated_by_an_angle_and_shown_before_and_after() {
     }
     let both = [log, "[[input]]\nname = \"gap_mm\"\ncolumn = 3\nunit = \"mm\"\n"].concat();
     std::fs::write(folder.join("both.toml"), both).unwrap();
-    let compare = "compare --model calibrated.toml --before scene.toml --recording run.csv --log both.toml --out out --json";
+    let compare =
+        "compare calibrated.toml --before scene.toml --recording run.csv --log both.toml --out out --json";
     let found = json(folder, &compare.split(' ').collect::<Vec<_>>());
     assert!(found["before"]["bending_angle_deg"]["rms"].is_number(), "{found}");
     std::fs::write(folder.join("other.toml"), scene(36.0).replace("bending_angle", "torsion")).unwrap();
@@ -357,15 +352,13 @@ fn offset_of_a_finite_element_model_is_learned_and_shown() {
     let learn = format!("learn run1.csv --log log.toml --model {FINGER} --out mine.twin --json");
     let learned = json(folder, &learn.split(' ').collect::<Vec<_>>());
     assert_eq!(learned["modes"][0]["kept"], true, "{learned}");
-    let compare = format!(
-        "compare --model mine.twin --before {FINGER} --recording run2.csv --log log.toml --out out --json"
-    );
+    let compare =
+        format!("compare mine.twin --before {FINGER} --recording run2.csv --log log.toml --out out --json");
     let found = json(folder, &compare.split(' ').collect::<Vec<_>>());
     let rms = |of: &str| found[of]["bending_angle_deg"]["rms"].as_f64().unwrap();
     assert!(rms("before") > 4.0 && rms("outputs") < 0.1, "{found}");
     assert_eq!(found["source"], "finite elements");
-    let state =
-        json(folder, &["predict", "--model", "mine.twin", "--pressure-mpa", "0.03", "--gap-mm", "80"]);
+    let state = json(folder, &["predict", "mine.twin", "--json", "--pressure", "0.03", "--gap", "80"]);
     let offset = state["observables"]["bending_angle_deg"]["offset"].as_f64().unwrap();
     assert!((offset - 6.0).abs() < 0.1, "{state}");
     let card = json(folder, &["inspect", "mine.twin", "--card", "json"]);
@@ -391,14 +384,14 @@ fn markers_are_drawn_at_instants() {
         text += &format!("{row},{},{p},{},{},{}\n", 0.05 * f64::from(row), 100.0 - 0.1 * p, -p, 0.01 * p);
     }
     std::fs::write(folder.join("run1.csv"), text).unwrap();
-    assert!(run(folder, &["log", "describe", "run1.csv", "--out", "log.toml"]).status.success());
+    assert!(run(folder, &["inspect", "run1.csv", "--out", "log.toml"]).status.success());
     let proposed = std::fs::read_to_string(folder.join("log.toml")).unwrap();
     assert!(proposed.contains("column = 2\nunit = \"Seconds\""), "frames are not the time: {proposed}");
     json(folder, &LEARN);
     json(folder, &compare("run1.csv", "log.toml"));
     assert!(folder.join("out/body.png").is_file());
-    let drawn = "render --model mine.twin --set p_mpa=0.05 --field displacement --out markers.png";
+    let drawn = "draw mine.twin --set p_mpa=0.05 --field displacement --out markers.png";
     assert!(run(folder, &drawn.split(' ').collect::<Vec<_>>()).status.success());
-    let refused = run(folder, &["render", "--model", "mine.twin", "--out", "stress.png"]);
+    let refused = run(folder, &["draw", "mine.twin", "--out", "stress.png"]);
     assert_eq!(refused.status.code(), Some(2), "a measured model has no stress");
 }

@@ -84,7 +84,7 @@ fn imported_pneunets_states_give_an_accurate_model() {
         folder.path(),
         &["train", "--database", "db", "--config", "train.toml", "--out", "pneunets.twin"],
     );
-    let evaluate = ["evaluate", "--model", "pneunets.twin", "--database", "db", "--split", "test", "--json"];
+    let evaluate = ["evaluate", "pneunets.twin", "--database", "db", "--split", "test", "--json"];
     let found: Value = serde_json::from_str(&succeeds(folder.path(), &evaluate)).expect("JSON");
     let mut judged = 0;
     for regime in found["regimes"].as_array().expect("regimes") {

@@ -31,9 +31,9 @@ fn cantilever_is_imported_trained_evaluated_and_predicted() {
     assert!(whole(&done["largest_displacement_mm"]) && whole(&done["largest_stress_mpa"]), "{done}");
     assert_eq!(done["body"]["remarks"], serde_json::json!([]), "{done}");
     succeeds(dir.path(), &["train", "--database", "db", "--out", "beam.twin"]);
-    succeeds(dir.path(), &["evaluate", "--model", "beam.twin", "--database", "db"]);
+    succeeds(dir.path(), &["evaluate", "beam.twin", "--database", "db"]);
     let question = ["--set", "load_n=2.6", "--set", "thickness_mm=7.3", "--out", "state.csv"];
-    let answer = succeeds(dir.path(), &[&["predict", "--model", "beam.twin"], &question[..]].concat());
+    let answer = succeeds(dir.path(), &[&["predict", "beam.twin", "--json"], &question[..]].concat());
     let answer: Value = serde_json::from_str(&answer).unwrap();
     assert_eq!((&answer["regime"], &answer["in_domain"]), (&"free".into(), &true.into()), "{answer}");
     let table = fs::read_to_string(dir.path().join("state.csv")).unwrap();
@@ -111,7 +111,7 @@ fn jobs_in_folders_are_imported_and_a_state_off_the_curve_is_named() {
     succeeds(dir.path(), &["train", "--database", "db", "--out", "beam.twin", "--json"]);
     let sheet: Value = serde_json::from_slice(&fs::read(dir.path().join("beam.json")).unwrap()).unwrap();
     // Fields that are straight in the input, with a state in the middle: the mode is kept, and states are reproduced.
-    let answer = succeeds(dir.path(), &["predict", "--model", "beam.twin", "--set", "load_n=8"]);
+    let answer = succeeds(dir.path(), &["predict", "beam.twin", "--json", "--set", "load_n=8"]);
     let answer: Value = serde_json::from_str(&answer).unwrap();
     let largest = beam(8.0, 8.0).iter().map(|node| node.2).fold(0.0, f64::max);
     assert!(

@@ -29,7 +29,7 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
     };
     succeed(new);
     succeed("mesh --actuator f/actuator.toml --size-mm 12 --out f/mesh.vtu");
-    let sample = "sample --kind sequence --n 18 --regime free --pressure-mpa 0 0.03 --actuator f/actuator.toml --out c.csv";
+    let sample = "sample --kind sequence --n 18 --regime free --pressure 0 0.03 --actuator f/actuator.toml --out c.csv";
     succeed(&format!(
         "{sample} --parameter loads.gravity_mm_s2.1=-400000:400000 --parameter loads.gravity_mm_s2.2=-400000:400000"
     ));
@@ -38,14 +38,14 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
     succeed("train --database db --out still.twin");
     save("step.csv", "t_s,pressure_mpa\n0,0.01\n0.0005,0.02\n0.08,0.02\n");
     let report: Value = serde_json::from_str(&succeed(
-        "predict --model moves.twin --trace step.csv --out moves.csv --step-ms 0.5",
+        "predict moves.twin --json --trace step.csv --out moves.csv --step-ms 0.5",
     ))
     .unwrap();
     assert_eq!((report["moves"].as_bool(), report["restarts"].as_u64()), (Some(true), Some(0)));
-    succeed("predict --model still.twin --trace step.csv --out still.csv --step-ms 0.5");
+    succeed("predict still.twin --json --trace step.csv --out still.csv --step-ms 0.5");
     // Times in the wrong unit are no hours of computation.
     save("long.csv", "t_s,pressure_mpa\n0,0.01\n1e6,0.02\n");
-    assert_eq!(end_of("predict --model moves.twin --trace long.csv --out long-out.csv").0, 2);
+    assert_eq!(end_of("predict moves.twin --json --trace long.csv --out long-out.csv").0, 2);
     let tip = |file: &str| column(folder, file, "tip_y_mm");
     let (moves, still) = (tip("moves.csv"), tip("still.csv"));
     assert_eq!(moves.len(), still.len());
@@ -61,7 +61,7 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
     );
     let across = ["moves", "still"].map(|model| {
         succeed(&format!(
-            "predict --model {model}.twin --trace side.csv --out side-{model}.csv --step-ms 0.5"
+            "predict {model}.twin --json --trace side.csv --out side-{model}.csv --step-ms 0.5"
         ));
         column(folder, &format!("side-{model}.csv"), "tip_z_mm")
     });
@@ -72,7 +72,7 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
     let relaxing = text.replace("prony = []", "prony = [{ weight = 0.2, time_s = 0.05 }]");
     save("f/relaxing.toml", &relaxing);
     succeed("train --database db --inertia f/relaxing.toml --out late.twin");
-    succeed("predict --model late.twin --trace step.csv --out late.csv --step-ms 0.5");
+    succeed("predict late.twin --json --trace step.csv --out late.csv --step-ms 0.5");
     let late = tip("late.csv");
     let behind = (still[end] - late[end]) / way;
     assert!((behind - 0.2 * (-0.0795_f64 / 0.0625).exp()).abs() < 0.015, "{behind}");
@@ -80,8 +80,7 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
     std::fs::create_dir(folder.join("own")).unwrap();
     std::fs::copy(folder.join("moves.csv"), folder.join("own/series.csv")).unwrap();
     let errors: Value =
-        serde_json::from_str(&succeed("evaluate --model moves.twin --traces own --picture own.svg --json"))
-            .unwrap();
+        serde_json::from_str(&succeed("evaluate moves.twin --traces own --picture own.svg --json")).unwrap();
     assert!(std::fs::read_to_string(folder.join("own.svg")).unwrap().contains("<svg"));
     // The model's own motion lies within its half-widths.
     assert_eq!(errors[0]["coverage"][2], 100.0, "{errors}");
@@ -91,12 +90,11 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
     // Pressures above the model are answered and counted, far above there is no answer. A hole of 3 s is a straight line.
     save("above.csv", "t_s,pressure_mpa\n0,0.01\n0.0005,0.035\n0.02,0.035\n");
     save("far.csv", "t_s,pressure_mpa\n0,0.01\n0.0005,0.3\n0.02,0.3\n");
-    let (code, _, error) =
-        end_of("predict --model moves.twin --trace far.csv --out far-out.csv --step-ms 10");
+    let (code, _, error) = end_of("predict moves.twin --json --trace far.csv --out far-out.csv --step-ms 10");
     assert!(code == 1 && error.contains("pressure_mpa") && !folder.join("far-out.csv").exists(), "{error}");
     save("hole.csv", "t_s,pressure_mpa\n0,0.01\n3,0.02\n3.1,0.02\n");
     let predict = |name: &str| -> Value {
-        let line = format!("predict --model moves.twin --trace {name}.csv --out {name}-out.csv --step-ms 10");
+        let line = format!("predict moves.twin --json --trace {name}.csv --out {name}-out.csv --step-ms 10");
         serde_json::from_str(&succeed(&line)).unwrap()
     };
     let above = predict("above");
@@ -112,7 +110,7 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
     save("back.csv", "t_s,pressure_mpa\n0,0.01\n0.1,0.02\n0.05,0.02\n");
     save("unknown.csv", "t_s,pressure_mpa,valve\n0,0.01,1\n0.1,0.02,1\n");
     for bad in ["back.csv", "unknown.csv"] {
-        let (code, _, error) = end_of(&format!("predict --model moves.twin --trace {bad} --out x.csv"));
+        let (code, _, error) = end_of(&format!("predict moves.twin --json --trace {bad} --out x.csv"));
         assert_eq!(code, 78, "{bad}: {error}");
     }
     let (code, _, error) = end_of("train --database db --inertia c.csv --out x.twin");

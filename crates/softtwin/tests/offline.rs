@@ -132,8 +132,7 @@ fn same_database_gives_the_same_model() {
 fn predict_answers_in_json_and_writes_all_formats() {
     let place = Place::trained();
     for out in ["s.npy", "s.csv", "s.vtu"] {
-        let args =
-            ["predict", "--model", "bar.twin", "--pressure-mpa", "0.044", "--gap-mm", "2.5", "--out", out];
+        let args = ["predict", "bar.twin", "--json", "--pressure", "0.044", "--gap", "2.5", "--out", out];
         let answer = place.run(&args).json();
         assert_eq!(answer["regime"], "contact");
         assert_eq!(answer["in_domain"], true);
@@ -163,7 +162,7 @@ fn predict_answers_in_json_and_writes_all_formats() {
 #[test]
 fn prediction_without_gap_has_no_contact() {
     let place = Place::trained();
-    let answer = place.run(&["predict", "--model", "bar.twin", "--pressure-mpa", "0.0415"]).json();
+    let answer = place.run(&["predict", "bar.twin", "--json", "--pressure", "0.0415"]).json();
     assert_eq!(answer["regime"], "free");
     assert_eq!(answer["contact_force_n"], 0.0);
     assert!(answer["onset_pressure_mpa"].is_null() && answer["gap_mm"].is_null());
@@ -173,7 +172,7 @@ fn prediction_without_gap_has_no_contact() {
 #[test]
 fn prediction_outside_the_training_range_is_flagged() {
     let place = Place::trained();
-    let ran = place.run(&["predict", "--model", "bar.twin", "--pressure-mpa", "0.11"]);
+    let ran = place.run(&["predict", "bar.twin", "--json", "--pressure", "0.11"]);
     let answer = ran.json();
     assert_eq!(answer["in_domain"], false);
     assert_eq!(answer["domain"], "outside");
@@ -182,11 +181,11 @@ fn prediction_outside_the_training_range_is_flagged() {
     }
     assert!(ran.err.contains("pressure_mpa") && ran.err.contains("0.11"), "{}", ran.err);
     // Far outside there is no number at all, in no format.
-    let far = ["predict", "--model", "bar.twin", "--pressure-mpa", "5"];
+    let far = ["predict", "bar.twin", "--json", "--pressure", "5"];
     place.run(&far).refused(1, "pressure_mpa");
     place.run(&[&far[..], &["--out", "far.npy"]].concat()).refused(1, "pressure_mpa");
     assert!(!place.at("far.npy").exists());
-    place.run(&["export", "bar.twin", "--pressure-mpa", "5", "--out", "far.csv"]).refused(1, "pressure_mpa");
+    place.run(&["export", "bar.twin", "--pressure", "5", "--out", "far.csv"]).refused(1, "pressure_mpa");
 }
 
 #[test]
@@ -204,7 +203,7 @@ fn pressure_limit_of_a_build_is_named_by_every_description_of_the_model() {
         let ran = place.run(&[&["inspect", "bar.twin"], options].concat());
         assert!(ran.code == 0 && ran.out.contains(&reason), "{options:?}: {}{}", ran.out, ran.err);
     }
-    let ran = place.run(&["predict", "--model", "bar.twin", "--pressure-mpa", "0.11"]);
+    let ran = place.run(&["predict", "bar.twin", "--json", "--pressure", "0.11"]);
     assert!(ran.err.contains(&reason), "{}", ran.err);
     // A build leaves it with the states: trained on them in whatever way, a model keeps what the build found.
     let own = format!("[limit]\npressure_mpa = 0.1\nreason = \"{reason}\"\nstretch = 3.0\n");
@@ -221,24 +220,15 @@ fn pressure_limit_of_a_build_is_named_by_every_description_of_the_model() {
 #[test]
 fn evaluation_names_worst_case_and_draws() {
     let place = Place::trained();
-    let args = ["evaluate", "--model", "bar.twin", "--database", "db", "--json", "--picture", "e.svg"];
+    let args = ["evaluate", "bar.twin", "--database", "db", "--json", "--picture", "e.svg"];
     let report = place.run(&args).json();
     assert_eq!(report["regimes"][0]["cases"], 1);
     assert_eq!(report["regimes"][0]["fields"][0]["worst_case"], "ft");
     assert!(report["regimes"][0]["mse"].as_f64().unwrap() < 1e-6, "{}", report["regimes"][0]);
     assert_eq!(report["leave_one_out"][0]["regime"], "Free");
     assert!(std::fs::read_to_string(place.at("e.svg")).unwrap().contains("largest error over nodes"));
-    let text = place.run(&[
-        "evaluate",
-        "--model",
-        "bar.twin",
-        "--database",
-        "db",
-        "--split",
-        "all",
-        "--picture",
-        "e.png",
-    ]);
+    let text =
+        place.run(&["evaluate", "bar.twin", "--database", "db", "--split", "all", "--picture", "e.png"]);
     assert!(text.out.contains("regime contact: 31 cases"), "{}", text.out);
     assert!(std::fs::read(place.at("e.png")).unwrap().starts_with(b"\x89PNG"));
 }
@@ -256,8 +246,7 @@ fn measured_errors_set_the_half_widths_of_their_model_only() {
     let cells = formats::vtu::Cells::QuadraticTets(&tets);
     formats::database::write(&place.at("more"), &database, cells).unwrap();
     let evaluate = |model: &str| {
-        let line =
-            ["evaluate", "--model", model, "--database", "more", "--split", "check", "--json", "--errors"];
+        let line = ["evaluate", model, "--database", "more", "--split", "check", "--json", "--errors"];
         place.run(&[&line[..], &["errors.csv"]].concat()).json()
     };
     evaluate("bar.twin");
@@ -269,28 +258,15 @@ fn measured_errors_set_the_half_widths_of_their_model_only() {
     assert!(table.lines().count() > 30, "{table}");
 
     for split in ["train", "all"] {
-        let line = [
-            "evaluate",
-            "--model",
-            "bar.twin",
-            "--database",
-            "more",
-            "--errors",
-            "seen.csv",
-            "--split",
-            split,
-        ];
+        let line = ["evaluate", "bar.twin", "--database", "more", "--errors", "seen.csv", "--split", split];
         place.run(&line).refused(2, "training states among them");
         assert!(!place.at("seen.csv").exists());
     }
 
     let train = ["train", "--database", "db", "--out", "set.twin", "--errors", "errors.csv"];
     assert_eq!(place.run(&train).code, 0);
-    let predict = |model: &str| {
-        place
-            .run(&["predict", "--model", model, "--pressure-mpa", "0.04", "--gap-mm", "2.5", "--json"])
-            .json()
-    };
+    let predict =
+        |model: &str| place.run(&["predict", model, "--pressure", "0.04", "--gap", "2.5", "--json"]).json();
     let (before, after) = (predict("bar.twin"), predict("set.twin"));
     assert_eq!(before["contact_force_n"], after["contact_force_n"], "predictions are unchanged");
     let found = evaluate("set.twin");
@@ -314,18 +290,17 @@ fn measured_errors_set_the_half_widths_of_their_model_only() {
 #[test]
 fn wrong_usage_exits_with_2() {
     let place = Place::trained();
-    let predict = |more: &[&str]| place.run(&[&["predict", "--model", "bar.twin"], more].concat());
-    predict(&["--pressure-mpa", "nan"]).refused(2, "expected a number from 0 to 100");
-    predict(&["--pressure-mpa", "-0.01"]).refused(2, "invalid value '-0.01'");
-    predict(&["--pressure-mpa", "0.01", "--gap-mm", "inf"])
-        .refused(2, "expected a number from -10000 to 10000");
-    predict(&["--pressure-mpa", "0.01", "--out", "s.xlsx"])
+    let predict = |more: &[&str]| place.run(&[&["predict", "bar.twin", "--json"], more].concat());
+    predict(&["--pressure", "nan"]).refused(2, "expected a number from 0 to 100");
+    predict(&["--pressure", "-0.01"]).refused(2, "invalid value '-0.01'");
+    predict(&["--pressure", "0.01", "--gap", "inf"]).refused(2, "expected a number from -10000 to 10000");
+    predict(&["--pressure", "0.01", "--out", "s.xlsx"])
         .refused(2, ".npy, .csv, .vtu, .dat or .xdmf, found xlsx");
-    predict(&["--pressure-mpa", "five"]).refused(2, "invalid value 'five'");
+    predict(&["--pressure", "five"]).refused(2, "invalid value 'five'");
     place.run(&["fly"]).refused(2, "unrecognized subcommand 'fly'");
     place.run(&["train", "--database", "db", "--out", "bar.json"]).refused(2, "use .twin");
     place.run(&["train", "--database", "db", "--out", "missing/bar.twin"]).refused(2, "no folder missing");
-    let check = ["evaluate", "--model", "bar.twin", "--database", "db", "--split", "check"];
+    let check = ["evaluate", "bar.twin", "--database", "db", "--split", "check"];
     place.run(&check).refused(2, "it has 42 train, 2 test, 0 check");
 }
 

@@ -67,8 +67,7 @@ fn make_and_run(label: &str, options: &str) -> Value {
     // Trained again by whatever way, the model has the same observables.
     for (way, out) in [("", "again.twin"), ("--paper", "paper.twin")] {
         done(&stage, &format!("train --database finger/database {way} --out {out}"));
-        let answer =
-            done(&stage, &format!("predict --model {out} --pressure-mpa {pressure} --gap-mm {low} --json"));
+        let answer = done(&stage, &format!("predict {out} --pressure {pressure} --gap {low} --json"));
         let answer: Value = serde_json::from_str(&answer).expect("JSON");
         assert_eq!(answer["observables"].as_object().map(serde_json::Map::len), Some(5), "{way}: {answer}");
         let inspected: Value =
@@ -78,15 +77,12 @@ fn make_and_run(label: &str, options: &str) -> Value {
 
     // The printed commands: ask the model, run the scene.
     let gap = 0.5 * (low + high);
-    let state = format!("--model finger/finger.twin --pressure-mpa {} --gap-mm {gap}", 0.7 * pressure);
+    let state = format!("finger/finger.twin --pressure {} --gap {gap}", 0.7 * pressure);
     let answer: Value =
         serde_json::from_str(&done(&stage, &format!("predict {state} --json"))).expect("JSON");
     assert_eq!((&answer["regime"], &answer["in_domain"]), (&"contact".into(), &true.into()), "{answer}");
     // The angle that was reported is the observable's, as the model has it at that pressure with nothing in the way.
-    let free = format!(
-        "predict --model finger/finger.twin --pressure-mpa {} --gap-mm 10000 --json",
-        built["pressure_mpa"]
-    );
+    let free = format!("predict finger/finger.twin --pressure {} --gap 10000 --json", built["pressure_mpa"]);
     let free: Value = serde_json::from_str(&done(&stage, &free)).expect("JSON");
     let [reported, predicted] = [&built["angle_deg"], &free["observables"]["bending_angle_deg"]["value"]]
         .map(|angle| angle.as_f64().expect("an angle"));
@@ -171,8 +167,8 @@ fn two_opposite_chambers_of_a_mesh_file_bend_either_way_in_the_twin() {
     from_folder_to_live_twin(&stage, "two-chambers");
     let largest = 0.035;
     let tip_y = |upper: f64, lower: f64| -> f64 {
-        let model = "predict --model two-chambers/two-chambers.twin --json";
-        let line = format!("{model} --pressure-mpa {upper} --set pressure_mpa.lower={lower}");
+        let model = "predict two-chambers/two-chambers.twin --json";
+        let line = format!("{model} --pressure {upper} --set pressure_mpa.lower={lower}");
         let answer: Value = serde_json::from_str(&done(&stage, &line)).expect("JSON");
         answer["observables"]["tip_y_mm"]["value"].as_f64().expect("a number")
     };
@@ -180,7 +176,7 @@ fn two_opposite_chambers_of_a_mesh_file_bend_either_way_in_the_twin() {
     assert!(down < rest - 0.3 && up > rest + 0.3, "{rest} {down} {up}");
     let trace = format!("t_s,pressure_mpa,pressure_mpa.lower\n0,{largest},0\n1,0,{largest}\n");
     stage.write("trace.csv", &trace);
-    done(&stage, "predict --model two-chambers/two-chambers.twin --trace trace.csv --out series.csv");
+    done(&stage, "predict two-chambers/two-chambers.twin --json --trace trace.csv --out series.csv");
     let series = std::fs::read_to_string(stage.path("series.csv")).expect("just made");
     let column = |line: &str| line.split(',').nth(5).and_then(|cell| cell.parse::<f64>().ok());
     let heights: Vec<f64> = series.lines().filter_map(column).collect();
@@ -251,7 +247,7 @@ fn every_cavity_has_its_valve(stage: &Stage, largest_mpa: f64) {
     let inside = [0.3, 0.2].map(|share| share * largest_mpa);
     publish(inside[0], inside[1]);
     let setpoint = |cavity: &str, mpa: f64| {
-        Program::shell(stage, &format!("exec softtwin setpoint two {cavity} --pressure-mpa {mpa}"))
+        Program::shell(stage, &format!("exec softtwin setpoint two {cavity} --pressure {mpa}"))
     };
     let upper = setpoint("", inside[0]);
     written(0, inside[0]);
@@ -267,7 +263,7 @@ fn every_cavity_has_its_valve(stage: &Stage, largest_mpa: f64) {
     upper.kill();
     written(0, 0.0);
     written(1, inside[1]);
-    let (code, said, error) = run(stage, "setpoint two --cavity middle --pressure-mpa 0.0");
+    let (code, said, error) = run(stage, "setpoint two --cavity middle --pressure 0.0");
     assert!(code != Some(0) && error.contains("[actuator.valves.middle]"), "{said}{error}");
     lower.kill();
     further_cavity_is_held(stage, &text("\"measured\""), &mut publish, &written, inside);
@@ -285,7 +281,7 @@ fn further_cavity_is_held(
         stage.write("held.toml", &format!("{text}[actuator.control]\ncavity = \"{cavity}\"\n"))
     };
     let path = scene("middle").display().to_string();
-    let (code, said, error) = run(stage, &format!("hold --scene {path} --pressure-mpa 0.001"));
+    let (code, said, error) = run(stage, &format!("hold --scene {path} --pressure 0.001"));
     assert!(code == Some(78) && error.contains("control.cavity") && error.contains("lower"), "{said}{error}");
     let path = scene("lower").display().to_string();
     let (code, said, error) = run(stage, &format!("hold --simulate --scene {path} --force-n 0.1"));
@@ -302,7 +298,7 @@ fn further_cavity_is_held(
 
     let holds = Program::shell(
         stage,
-        &format!("exec softtwin hold --scene {path} --owner test --pressure-mpa {lower_mpa:?}"),
+        &format!("exec softtwin hold --scene {path} --owner test --pressure {lower_mpa:?}"),
     );
     let bus = stage.bus();
     let topic = Topic::valve("two").expect("a name").of_cavity(Some("lower")).expect("a name");
@@ -412,5 +408,5 @@ fn invalid_actuators_are_refused() {
     refused("build finger", 78, "actuator.toml");
     stage.write("finger/actuator.toml", &text.replace("mu_mpa = 0.8", "mu_mpa = 0.002"));
     refused("build finger --size-mm 9", 78, "--hanging");
-    refused("simulate --pressure-mpa 0.01", 2, "--actuator");
+    refused("simulate --pressure 0.01", 2, "--actuator");
 }

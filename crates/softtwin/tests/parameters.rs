@@ -74,16 +74,13 @@ fn exported_states_have_the_mesh_of_their_parameters() {
     done(folder, "train --database db --out beam.twin");
     let set = "--set elastomer.law.mu_mpa=0.7 --set chambers.length_mm=3.3";
     for ending in ["pvd", "csv"] {
-        done(
-            folder,
-            &format!("export beam.twin --pressure-mpa 0.03,0.06 --gap-mm 25 {set} --out s.{ending}"),
-        );
+        done(folder, &format!("export beam.twin --pressure 0.03,0.06 --gap 25 {set} --out s.{ending}"));
     }
     let table = std::fs::read_to_string(folder.join("s.csv")).unwrap();
     let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
     let column = |name: &str| rows[0].iter().position(|found| *found == name).expect(name);
     for (k, pressure) in ["0.03", "0.06"].iter().enumerate() {
-        let state = format!("predict --model beam.twin --pressure-mpa {pressure} --gap-mm 25 {set}");
+        let state = format!("predict beam.twin --json --pressure {pressure} --gap 25 {set}");
         done(folder, &format!("{state} --out p.npy"));
         done(folder, &format!("{state} --out p.vtu"));
         let predicted = npy::read_f32(&folder.join("p.npy")).unwrap().data;
@@ -104,7 +101,7 @@ fn exported_states_have_the_mesh_of_their_parameters() {
     // The states of a database have the mesh of their parameters too.
     done(folder, "export db --case 22 --out case.pvd");
     is_the_predicted(&read_content(&folder.join("case_0000.vtu")).unwrap(), database.snapshot(22), 1e-3);
-    let wrong = "export beam.twin --pressure-mpa 0.03 --out x.pvd --set mu_mpa=0.7";
+    let wrong = "export beam.twin --pressure 0.03 --out x.pvd --set mu_mpa=0.7";
     refused(folder, wrong, 2, &["did you mean \"elastomer.law.mu_mpa\""]);
     refused(folder, "export db --out x.pvd --set elastomer.law.mu_mpa=0.7", 2, &["--set belongs to a model"]);
 }

@@ -23,9 +23,9 @@ fn error_with_json_option_is_one_object_with_a_code() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("bad.toml"), "name = 3").unwrap();
     for (arguments, exit_code, code) in [
-        (&["evaluate", "--model", "none.twin", "--database", ".", "--json"][..], 1, "run_time"),
+        (&["evaluate", "none.twin", "--database", ".", "--json"][..], 1, "run_time"),
         (&["list", "softtwin//state", "--json"][..], 2, "usage"),
-        (&["scene", "explain", "bad.toml", "--json"][..], 78, "configuration"),
+        (&["inspect", "bad.toml", "--json"][..], 78, "configuration"),
     ] {
         let (found, out, err) = run(folder.path(), arguments);
         assert_eq!((found, out.as_str()), (exit_code, ""), "{arguments:?}: {err}");

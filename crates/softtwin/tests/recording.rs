@@ -59,7 +59,7 @@ fn says(output: &Output, code: i32, text: &str) {
 fn recording_is_drawn() {
     let dir = tempfile::tempdir().unwrap();
     record(&dir.path().join("run.mcap"), false);
-    let drawn = softtwin(dir.path(), &["plot", "recording", "--recording", "run.mcap", "--out", "run.svg"]);
+    let drawn = softtwin(dir.path(), &["draw", "run.mcap", "--out", "run.svg"]);
     says(&drawn, 0, "");
     let svg = std::fs::read_to_string(dir.path().join("run.svg")).unwrap();
     for text in
@@ -67,9 +67,9 @@ fn recording_is_drawn() {
     {
         assert!(svg.contains(text), "{text}");
     }
-    says(&softtwin(dir.path(), &["plot", "recording", "--out", "x.svg"]), 2, "--recording");
+    says(&softtwin(dir.path(), &["draw", "--out", "x.svg"]), 2, "<SOURCE>");
     std::fs::write(dir.path().join("no.mcap"), "not a recording").unwrap();
-    let refused = softtwin(dir.path(), &["plot", "recording", "--recording", "no.mcap", "--out", "x.svg"]);
+    let refused = softtwin(dir.path(), &["draw", "no.mcap", "--out", "x.svg"]);
     says(&refused, 78, "expected an MCAP recording");
     // A cause that is in the message already is not said once more.
     let refused = softtwin(dir.path(), &["export", "no.mcap", "--out", "x.npy"]);

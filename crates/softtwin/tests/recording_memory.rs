@@ -102,8 +102,8 @@ fn commands_read_a_long_recording_in_bounded_memory() {
     let commands: [(&[&str], Option<&str>); 5] = [
         (&["export", &source, "--out", &tables, "--key", "softtwin/*/sensor"], None),
         (&["export", &source, "--model", &model, "--every", &every, "--out", &npy], None),
-        (&["plot", "recording", "--recording", &source, "--out", &picture], None),
-        (&["view", "--model", &model, "--recording", &source, "--port", "0"], Some("http://")),
+        (&["draw", &source, "--out", &picture], None),
+        (&["view", &model, "--recording", &source, "--port", "0"], Some("http://")),
         (&["replay", &source, "--actuator", "finger", "--speed", "1e6"], None),
     ];
     for (arguments, until) in commands {

@@ -86,9 +86,8 @@ pub fn bytes(path: &Path) -> Vec<u8> {
 #[test]
 fn single_state_and_path_are_written_and_described() {
     let place = Place::new();
-    let path = place
-        .run("simulate --actuator a.toml --pressure-mpa 0.06 --gap-mm 0.3 --steps 3 --out s.npy")
-        .lines();
+    let path =
+        place.run("simulate --actuator a.toml --pressure 0.06 --gap 0.3 --steps 3 --out s.npy").lines();
     assert_eq!(path.len(), 3);
     let of = |key: &str| path.iter().map(|line| line[key].as_f64().unwrap()).collect::<Vec<_>>();
     assert!(of("cavity_volume_mm3").windows(2).all(|w| w[0] < w[1]));
@@ -99,10 +98,10 @@ fn single_state_and_path_are_written_and_described() {
     assert_eq!(array.shape, [nodes, 5]);
     let largest = array.data.iter().skip(3).step_by(5).copied().fold(0.0, f32::max);
     assert!((f64::from(largest) - of("max_displacement_mm")[2]).abs() < 1.0e-5);
-    let sets = place.run("simulate --actuator a.toml --pressure-mpa 0.06 --gap-mm 0.3 --json").json();
+    let sets = place.run("simulate --actuator a.toml --pressure 0.06 --gap 0.3 --json").json();
     let set = sets["contact_node_set"].as_array().unwrap();
     assert!(!set.is_empty() && Some(set.len() as u64) == sets["contact_nodes"].as_u64(), "{sets}");
-    let free = place.run("simulate --actuator a.toml --pressure-mpa 0.03 --out s.vtu").json();
+    let free = place.run("simulate --actuator a.toml --pressure 0.03 --out s.vtu").json();
     assert_eq!((free["gap_mm"].is_null(), free["contact_force_n"].as_f64()), (true, Some(0.0)));
     let grid = formats::vtu::read(&place.at("s.vtu")).unwrap();
     assert_eq!(grid.points_mm.len(), nodes);
@@ -111,14 +110,14 @@ fn single_state_and_path_are_written_and_described() {
 #[test]
 fn invalid_loads_are_refused_before_any_work() {
     let place = Place::new();
-    place.run("simulate --actuator a.toml --pressure-mpa -0.1").refused(2, "expected a number from 0 to 100");
+    place.run("simulate --actuator a.toml --pressure -0.1").refused(2, "expected a number from 0 to 100");
     place
-        .run("simulate --actuator a.toml --pressure-mpa 0.01 --gap-mm -2")
+        .run("simulate --actuator a.toml --pressure 0.01 --gap -2")
         .refused(2, "outside the undeformed base");
-    place.run("simulate --actuator a.toml --pressure-mpa 0.01 --out s.stl").refused(2, ".vtu");
-    place.run("simulate --actuator b.toml --pressure-mpa 0.01").refused(1, "b.toml");
+    place.run("simulate --actuator a.toml --pressure 0.01 --out s.stl").refused(2, ".vtu");
+    place.run("simulate --actuator b.toml --pressure 0.01").refused(1, "b.toml");
     place.put("b.toml", &crate::actuators::with(&crate::actuators::tiny(), "slots", "floor_mm", "5.0"));
-    place.run("simulate --actuator b.toml --pressure-mpa 0.01").refused(78, "slots.floor_mm");
+    place.run("simulate --actuator b.toml --pressure 0.01").refused(78, "slots.floor_mm");
     place.run("mesh --actuator b.toml").refused(78, "slots.floor_mm");
     place.run("mesh --actuator a.toml --size-mm 0").refused(2, "expected a number from 0.001");
 }
@@ -225,7 +224,7 @@ fn physics(mut line: Value) -> Value {
 #[test]
 fn set_value_equals_the_value_in_the_file() {
     let place = Place::new();
-    let load = "--pressure-mpa 0.06 --gap-mm 0.3 --json";
+    let load = "--pressure 0.06 --gap 0.3 --json";
     let run = |file: &str, more: &str| {
         place.run(&format!("simulate --actuator {file} {load} --out s.npy {more}")).json()
     };
@@ -259,7 +258,7 @@ fn set_value_equals_the_value_in_the_file() {
 fn invalid_names_and_values_are_refused() {
     let place = Place::new();
     let refused = |more: &str, code: i32, part: &str| {
-        place.run(&format!("simulate --actuator a.toml --pressure-mpa 0.01 {more}")).refused(code, part);
+        place.run(&format!("simulate --actuator a.toml --pressure 0.01 {more}")).refused(code, part);
     };
     refused("--set elastomer.law.mu=0.7", 78, "elastomer.law.mu_mpa");
     refused("--set elastomer.law.mu_mpa=-1", 78, "mu_mpa");
@@ -297,7 +296,7 @@ fn database(place: &Place, folder: &str) -> BTreeMap<String, Vec<u8>> {
 #[test]
 fn threads_change_no_byte_of_a_database_over_parameters() {
     let place = Place::new();
-    let line = "sample --kind sequence --n 8 --regime both --pressure-mpa 0.01 0.06 --gap-mm 0.2 0.5 --actuator a.toml \
+    let line = "sample --kind sequence --n 8 --regime both --pressure 0.01 0.06 --gap 0.2 0.5 --actuator a.toml \
                 --parameter elastomer.law.mu_mpa=0.7:0.9 --parameter base.lower_mm=1.8:2.2 --out list.csv";
     assert_eq!(place.run(line).code, Some(0));
     let simulate = |out: &str, more: &str| {
@@ -411,7 +410,7 @@ fn sealed_evaluation_is_reproducible_and_leaves_no_files() {
     let lock = std::fs::File::open(place.at(used)).unwrap();
     lock.lock().unwrap();
     let sealed = |seed: &str| {
-        let line = format!("evaluate --model a.twin --actuator a.toml --sealed 10 --json {seed}");
+        let line = format!("evaluate a.twin --actuator a.toml --sealed 10 --json {seed}");
         let mut command = place.command(&line);
         let output = command.env("TMPDIR", place.at("temporary")).output().unwrap();
         let left: Vec<_> =
@@ -432,7 +431,7 @@ fn sealed_evaluation_is_reproducible_and_leaves_no_files() {
     assert_eq!(sealed("--seed 5").json(), found, "a seed is a set of states");
     assert_ne!(inputs(&sealed("--seed 6").json()), inputs(&found));
     sealed("").refused(2, "--seed");
-    place.run("evaluate --model a.twin --sealed 10 --seed 5").refused(2, "actuator.toml");
+    place.run("evaluate a.twin --sealed 10 --seed 5").refused(2, "actuator.toml");
     place.run("mesh --actuator a.toml --size-mm 5 --json");
     sealed("--seed 5").refused(2, "another mesh");
 }
@@ -456,7 +455,7 @@ fn designs_share_their_parameters_and_onset_points_lie_on_the_onset() {
         [case.pressure_mpa, case.gap_mm.unwrap(), case.settings[0].1, case.settings[1].1]
     };
     let line =
-        "--kind sequence --n 6 --states-per-design 7 --regime both --gap-mm 10 35 --database db --prefix v";
+        "--kind sequence --n 6 --states-per-design 7 --regime both --gap 10 35 --database db --prefix v";
     let list = sample(line);
     assert_eq!(list.len(), 42);
     for design in list.chunks(7) {
@@ -477,7 +476,7 @@ fn designs_share_their_parameters_and_onset_points_lie_on_the_onset() {
     assert_eq!((list[0].name.as_str(), list[41].name.as_str()), ("v01f1", "v06c3"));
     assert!(list.chunks(7).all(|design| design[0].settings != list[9].settings || design[0] == list[7]));
     assert_eq!(sample(line), list, "the same seed gives the same list");
-    let onset = sample("--kind onset --n 12 --gap-mm 22 35 --database db");
+    let onset = sample("--kind onset --n 12 --gap 22 35 --database db");
     assert!(onset.len() > 6, "{} of 12", onset.len());
     for case in &onset {
         let off = state(case)[0] - design::onset_mpa(state(case));
@@ -522,7 +521,8 @@ fn displacement_is_relative_to_the_mesh_of_the_parameters() {
 #[test]
 fn lists_are_sampled_reproducibly_and_can_be_simulated() {
     let place = Place::new();
-    let line = "sample --kind hypercube --n 7 --regime contact --pressure-mpa 0.01 0.06 --gap-mm 0.1 0.5 --out h.csv";
+    let line =
+        "sample --kind hypercube --n 7 --regime contact --pressure 0.01 0.06 --gap 0.1 0.5 --out h.csv";
     assert_eq!(place.run(line).code, Some(0));
     let first = place.read("h.csv");
     place.run(line);
@@ -534,7 +534,7 @@ fn lists_are_sampled_reproducibly_and_can_be_simulated() {
     for (wrong, part) in [
         ("sample --out x.csv", "--kind"),
         ("sample --kind grid --n 0 --out x.csv", "--n"),
-        ("sample --kind grid --n 2 --gap-mm 5 2 --out x.csv", "--gap-mm"),
+        ("sample --kind grid --n 2 --gap 5 2 --out x.csv", "--gap"),
         ("sample --refine 2 --out x", "--database"),
         ("sample --refine 2 --kind grid --database db --out x", "--refine"),
     ] {
@@ -550,7 +550,7 @@ fn a_coarse_mesh_of_the_same_body_is_a_start_only() {
     let fine = text.replace("\"mesh.vtu\"", "\"fine.vtu\"");
     assert_ne!(fine, text);
     place.put("fine.toml", &fine);
-    let line = "simulate --actuator fine.toml --pressure-mpa 0.1 --json";
+    let line = "simulate --actuator fine.toml --pressure 0.1 --json";
     let (alone, started) =
         (place.run(line).json(), place.run(&format!("{line} --coarse-mesh mesh.vtu,mesh.vtu")).json());
     let of = |report: &Value, key: &str| report[key].as_f64().unwrap();

@@ -28,7 +28,7 @@ fn killed_motion_continues_with_the_same_series() {
     let grid = formats::vtu::read(&place.at("whole/fields/0.020000.vtu")).unwrap();
     assert!(grid.points_mm.len() > 1000 && place.at("whole/fields/0.000000.vtu").exists());
     // The first row is the static state.
-    let first = place.run("simulate --actuator a.toml --pressure-mpa 0.02 --gap-mm 0.3").json();
+    let first = place.run("simulate --actuator a.toml --pressure 0.02 --gap 0.3").json();
     let cells: Vec<f64> =
         series.lines().nth(1).unwrap().split(',').map(|cell| cell.parse().unwrap()).collect();
     assert!((cells[3] - first["lowest_point_mm"].as_f64().unwrap()).abs() < 1.0e-4, "{cells:?} {first}");
@@ -72,7 +72,7 @@ fn invalid_traces_and_constants_of_motion_are_refused() {
     refused(plain, "--step-ms 100", 78, "lowest frequency");
     refused(plain, "--fields-s 0.2", 2, "0 to 0.1 s");
     refused("t_s,pressure_mpa\n0,0.02\n1e6,0.02\n", "", 2, "t = 0 s");
-    refused(plain, "--gap-mm 3", 2, "cannot be used with");
+    refused(plain, "--gap 3", 2, "cannot be used with");
     refused(plain, "--set elastomer.density_t_per_mm3=0", 78, "density_t_per_mm3");
     refused(plain, "--set dynamics.beta_s=-1", 78, "beta_s");
     let prony = |value: &str| crate::actuators::with(&crate::actuators::tiny(), "dynamics", "prony", value);

@@ -31,7 +31,7 @@ fn list_of_volumes_gives_the_states_of_the_pressures_found() {
     let snapshots = formats::npy::read_f32(&place.at("db/snapshots.npy")).unwrap();
     assert_eq!(snapshots.shape[2], 6);
     assert!(snapshots.data.iter().skip(5).step_by(6).zip([0; 3]).all(|(p, _)| *p == pressures[0] as f32));
-    let given = format!("simulate --actuator a.toml --pressure-mpa {}", pressures[3]);
+    let given = format!("simulate --actuator a.toml --pressure {}", pressures[3]);
     let volume = place.run(&given).json()["volume_mm3"].as_f64().unwrap();
     assert!((volume - 900.0).abs() < 1.0e-3, "{volume}");
     // Masses of gas in cavity and supply: Boyle's law gives the state of the volume found.
@@ -85,7 +85,7 @@ fn path_through_a_limit_of_pressure_is_a_table_and_a_picture() {
     let solved = place.read("db/cases.csv");
     for (line, volume) in [(14, 700), (15, 2900), (16, 4600)] {
         let answer =
-            place.run(&format!("predict --model m.twin --set volume_mm3={volume} --out s.csv")).json();
+            place.run(&format!("predict m.twin --json --set volume_mm3={volume} --out s.csv")).json();
         let predicted = cell(&place.read("s.csv"), 1, "pressure_mpa");
         let exact = cell(&solved, line, "pressure_mpa");
         println!("{volume} mm3: {predicted} MPa predicted, {exact} MPa solved");
@@ -93,21 +93,21 @@ fn path_through_a_limit_of_pressure_is_a_table_and_a_picture() {
         assert!((answer["pressure_mpa"].as_f64().unwrap() / predicted - 1.0).abs() < 1.0e-6, "{answer}");
         // Along a trace of volumes the pressure is a result too.
         place.put("t.csv", &format!("t_s,volume_mm3\n0,{volume}\n1,900\n"));
-        place.run("predict --model m.twin --trace t.csv --step-ms 1000 --out series.csv").json();
+        place.run("predict m.twin --json --trace t.csv --step-ms 1000 --out series.csv").json();
         let along = cell(&place.read("series.csv"), 1, "pressure_mpa");
         assert!((along / predicted - 1.0).abs() < 1.0e-6, "{along} {predicted}");
     }
     // Along a trace of pressures the volume is the result; beyond the limit there is no state in this model.
     let mpa = 0.5 * limit_mpa;
     place.put("t.csv", &format!("t_s,pressure_mpa\n0,{mpa}\n1,{}\n", 1.1 * limit_mpa));
-    let report = place.run("predict --model m.twin --trace t.csv --step-ms 1000 --out series.csv").json();
+    let report = place.run("predict m.twin --json --trace t.csv --step-ms 1000 --out series.csv").json();
     assert_eq!(
         (&report["limits_passed"], &report["outside_training_range"]),
         (&1.into(), &1.into()),
         "{report}"
     );
     let volume = cell(&place.read("series.csv"), 1, "volume_mm3");
-    let answer = place.run(&format!("predict --model m.twin --set volume_mm3={volume}")).json();
+    let answer = place.run(&format!("predict m.twin --json --set volume_mm3={volume}")).json();
     assert!((answer["pressure_mpa"].as_f64().unwrap() / mpa - 1.0).abs() < 1.0e-5, "{answer}");
     assert_eq!(cell(&place.read("series.csv"), 1, "pressure_mpa"), mpa);
     assert!(
@@ -117,9 +117,9 @@ fn path_through_a_limit_of_pressure_is_a_table_and_a_picture() {
     );
     place.put("t.csv", "t_s,gap_mm\n0,\n1,\n");
     place
-        .run("predict --model m.twin --trace t.csv --out series.csv")
+        .run("predict m.twin --json --trace t.csv --out series.csv")
         .refused(78, "`volume_mm3` or `pressure_mpa`");
     // The same limit at given pressure, named.
-    let beyond = format!("simulate --actuator a.toml --pressure-mpa {}", 1.2 * limit_mpa);
+    let beyond = format!("simulate --actuator a.toml --pressure {}", 1.2 * limit_mpa);
     place.run(&beyond).refused(1, &format!("limit of {limit_mpa:.6}"));
 }

@@ -11,6 +11,7 @@
 pub mod daemon;
 pub mod demo;
 pub mod failure;
+pub mod help;
 pub mod latency;
 pub mod output;
 pub mod range;

@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::help::TEMPLATE;
 use crate::metrics::MetricsOptions;
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
@@ -27,7 +28,7 @@ Examples:
 
 /// Digital twin daemon: readings in, deformed and stressed actuators out, through shared memory.
 #[derive(Debug, Parser)]
-#[command(name = "softtwind", version, about, before_help = EXAMPLES, after_help = CODES, propagate_version = true)]
+#[command(name = "softtwind", version, about, before_help = EXAMPLES, help_template = TEMPLATE, after_help = CODES, propagate_version = true)]
 pub struct Options {
     #[command(subcommand)]
     pub command: Command,
@@ -37,10 +38,10 @@ pub struct Options {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Feed readings (a recorded trace, a simulation) into the sensor topics of a scene.
-    #[command(before_help = BRIDGE)]
+    #[command(before_help = BRIDGE, help_template = TEMPLATE)]
     Bridge(BridgeOptions),
     /// Answer every reading with state and fields of a scene's actuators.
-    #[command(before_help = TWIN)]
+    #[command(before_help = TWIN, help_template = TEMPLATE)]
     Twin(TwinOptions),
 }
 
@@ -79,7 +80,7 @@ pub struct BridgeOptions {
     /// Replay this trace instead of the scene's source (scenes with one actuator)
     #[arg(long, value_name = "CSV")]
     pub trace: Option<PathBuf>,
-    /// Mapping of the columns of the trace, if it is a bench's table (softtwin log describe)
+    /// Mapping of the columns of the trace, if it is a bench's table (softtwin inspect)
     #[arg(long, value_name = "FILE.toml")]
     pub log: Option<PathBuf>,
     /// Factor on the speed of a replay

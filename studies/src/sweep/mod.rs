@@ -94,7 +94,7 @@ impl Args {
         let (folder, actuator, model) = (text(folder), text(&self.actuator), text(&self.model));
         testbed
             .run("softtwin", &["simulate", "--actuator", &actuator, "--cases", &list, "--out", &folder])?;
-        let evaluate = ["evaluate", "--model", &model, "--database", &folder, "--split", "check", "--json"];
+        let evaluate = ["evaluate", &model, "--database", &folder, "--split", "check", "--json"];
         let mut report: Value = serde_json::from_str(&testbed.run("softtwin", &evaluate)?)?;
         serde_json::from_value(report["cases"].take()).context("the evaluation has no cases")
     }

@@ -40,7 +40,7 @@ const TRAILER: u64 = 32;
 /// Description of files that are not models but likely to be passed.
 fn kind(found: &[u8]) -> &'static str {
     match found {
-        [0x89, b'M', b'C', b'A', b'P', ..] => " (a recording: see softtwin plot recording, softtwin replay)",
+        [0x89, b'M', b'C', b'A', b'P', ..] => " (a recording: see softtwin draw, softtwin replay)",
         _ => "",
     }
 }

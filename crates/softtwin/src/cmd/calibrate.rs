@@ -1,6 +1,7 @@
 //! `softtwin calibrate`.
 
 mod memory;
+mod plan;
 
 use crate::failure::{configuration, unexplained, usage};
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
@@ -9,6 +10,7 @@ use crate::{files, memory_report, output};
 use anyhow::{Context, bail};
 use estimate::{Filter, Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
 use memory::Calibration;
+use plan::PlanArgs;
 use rom::inputs::InputSpec;
 use runtime::config::Scene;
 use runtime::estimation::{self, SensorModel, SensorValues};
@@ -27,6 +29,11 @@ Examples:
   With a memory between the measured pressure and the one that acts (line, play, creep), where it explains parts that were left out:
     softtwin calibrate --scene config/scenes/estimate.toml \\
       --recording run.csv --memory finger-memory.twin --out calibrated.toml
+  Before measuring: which four pressures tell gap, gauge bias and stiffness apart, with the load cell, the markers, or both:
+    softtwin calibrate --scene config/scenes/estimate.toml --plan
+  The plate can be moved to three places; two holds of 400 readings each, for a script:
+    softtwin calibrate --scene config/scenes/estimate.toml --plan \\
+      --gap 30 40 50 --holds 2 --readings 400 --json
 
 A table has the columns t_s,pressure_mpa[,gap_mm][,measured_force_n][,marker1_x_mm,marker1_y_mm,marker1_z_mm]... and those of measured \
 inputs and observables by name; an empty cell is a missing value. `identifiable` is false where the recording does not tell a quantity: its value then rests on the \
@@ -34,7 +41,7 @@ prior of the scene. With --json the last thing on standard output is one JSON ob
 Exit code 65: the model does not explain the recording, because more values than --max-rejected contradict the fit, or because \
 what is left over follows time or the direction of the pressure; nothing is saved then without --force.";
 
-/// Fit the unknowns of a scene to a whole recording.
+/// Fit the unknowns of a scene to a recording, or plan the readings that tell them apart.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
@@ -42,8 +49,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml")]
     scene: PathBuf,
     /// Recorded readings: CSV, or MCAP of `softtwin record`.
-    #[arg(long, value_name = "FILE")]
-    recording: PathBuf,
+    #[arg(long, value_name = "FILE", required_unless_present = "plan")]
+    recording: Option<PathBuf>,
     /// Mapping of a table's columns; default: the names of a trace.
     #[arg(long, value_name = "FILE.toml")]
     log: Option<PathBuf>,
@@ -71,6 +78,8 @@ pub struct Args {
     /// One JSON object instead of text.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    plan: PlanArgs,
 }
 
 impl Args {
@@ -78,15 +87,16 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         let scene = Scene::load(&self.scene).map_err(configuration)?;
         let unknowns = Unknowns::load(&scene, &self.scene, self.actuator.as_deref())?;
+        let Some(recording) = &self.recording else { return self.plan.run(unknowns, self.json) };
         let (spec, setup) = (&unknowns.spec, &unknowns.setup);
         let names = spec.input_names();
         let trace = match &self.log {
-            Some(log) => Trace::read_log(&self.recording, log, &names),
-            None => Trace::read_named(&self.recording, self.topic.as_deref(), &names),
+            Some(log) => Trace::read_log(recording, log, &names),
+            None => Trace::read_named(recording, self.topic.as_deref(), &names),
         };
         let trace = trace.map_err(|errors| {
             let messages: Vec<String> = errors.iter().map(ToString::to_string).collect();
-            configuration(anyhow::anyhow!("{}: {}", self.recording.display(), messages.join("\n")))
+            configuration(anyhow::anyhow!("{}: {}", recording.display(), messages.join("\n")))
         })?;
         let good = trace.rows.iter().filter(|reading| reading.status == 0);
         let (named, values) = (MeasuredInputs::new(spec, &unknowns.header.inputs), SensorValues::new(spec));
@@ -175,7 +185,7 @@ impl Args {
         let head = format!(
             "# Made by softtwin calibrate from {} and {}.\n",
             self.scene.display(),
-            self.recording.display()
+            self.recording.as_deref().unwrap_or(Path::new("")).display()
         );
         files::save(out, (head + &text).as_bytes())
     }

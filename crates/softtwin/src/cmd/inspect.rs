@@ -1,5 +1,9 @@
-//! `softtwin inspect`.
+//! `softtwin inspect`: a model here, a scene and a table of a bench in their modules.
 
+mod scene;
+mod table;
+
+use crate::failure::usage;
 use crate::{card, files, output};
 use rom::halfwidths::HalfWidths;
 use rom::hull::TrainingRange;
@@ -13,20 +17,25 @@ const EXAMPLES: &str = "\
 Examples:
     softtwin inspect finger.twin
     softtwin inspect finger.twin --json | python3 -m json.tool
+  What a scene will load, how many bytes, and how long a sample takes, measured here and now:
+    softtwin inspect config/scenes/finger.toml
+  What a table of a bench contains, with a picture of every column and a mapping to complete:
+    softtwin inspect run.csv --out log.toml --picture columns.svg
   The model's card for a catalogue, as a page, or as a submodel of the Asset Administration Shell:
     softtwin inspect finger.twin --card markdown
     softtwin inspect finger.twin --card aas --licence 'CC-BY-4.0'
 
 The data sheet in the same folder (finger.json) names the kernel of every group and the error of every \
-training case when it was left out, and its card (finger.card.json, schema in docs/card.schema.json).";
+training case when it was left out, and its card (finger.card.json, schema in docs/card.schema.json). A mapping names the columns of a table by \
+number or heading; columns whose unit could not be read from the heading are comments in it: fill them in by hand.";
 
-/// Show what a model file holds; every checksum is verified on the way.
+/// Show what a model holds, what a scene will load, or which columns a table has.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Model file.
-    #[arg(value_name = "FILE.twin")]
-    model: PathBuf,
+    /// Model (.twin), whose checksums are verified on the way; scene (.toml); or a bench's table (.csv, .txt, .tsv, .dat).
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
@@ -36,6 +45,12 @@ pub struct Args {
     /// Licence in the card; when left out, that of the card beside the model.
     #[arg(long, value_name = "TEXT", requires = "card")]
     licence: Option<String>,
+    /// Mapping of a table's columns to write.
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "card")]
+    out: Option<PathBuf>,
+    /// Picture of all columns of a table (.svg or .png).
+    #[arg(long, value_name = "FILE", conflicts_with = "card")]
+    picture: Option<PathBuf>,
 }
 
 /// How a card is printed.
@@ -50,11 +65,21 @@ enum CardFormat {
 }
 
 impl Args {
-    /// Prints the model's header.
+    /// Prints what the file holds, by its ending.
     pub fn run(self) -> anyhow::Result<()> {
-        let (model, hash) = files::model_and_hash(&self.model)?;
+        match self.file.extension().and_then(|ending| ending.to_str()) {
+            Some("csv" | "txt" | "tsv" | "dat") if self.card.is_none() => {
+                return table::describe(&self.file, self.out.as_deref(), self.picture.as_deref(), self.json);
+            }
+            _ if self.out.is_some() || self.picture.is_some() => {
+                return Err(usage("--out and --picture belong to a table (.csv, .txt, .tsv, .dat)"));
+            }
+            Some("toml") if self.card.is_none() => return scene::explain_scene(&self.file, self.json),
+            _ => {}
+        }
+        let (model, hash) = files::model_and_hash(&self.file)?;
         if let Some(format) = self.card {
-            let card = card::of(&self.model, &model, &hash, self.licence.as_deref());
+            let card = card::of(&self.file, &model, &hash, self.licence.as_deref());
             let text = match format {
                 CardFormat::Json => format!("{card:#}\n"),
                 CardFormat::Markdown => card::markdown(&card),

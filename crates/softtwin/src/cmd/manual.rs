@@ -16,7 +16,7 @@ Writes DIR/man1 and DIR/completions. The Debian package installs both.";
 
 /// Write man pages and shell completions of softtwin, softtwind and softtwin-demo.
 #[derive(clap::Args)]
-#[command(before_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, hide = true)]
 pub struct Args {
     /// Folder to write into; made when it is missing.
     #[arg(long, value_name = "DIR")]

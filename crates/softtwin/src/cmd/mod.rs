@@ -11,33 +11,27 @@ mod calibrate;
 mod compare;
 mod design;
 mod doctor;
+mod draw;
 mod echo;
 mod evaluate;
 mod export;
 mod get;
-mod grasp;
 mod hold;
 mod import;
 mod inspect;
 mod learn;
 mod list;
-mod log;
 mod manual;
 mod material;
 mod mesh;
 mod new;
 mod pack;
-mod plan_experiment;
-mod plot;
 mod predict;
 mod record;
-mod render;
 mod replay;
 mod sample;
-mod scene;
 mod setpoint;
 mod simulate;
-mod target;
 mod top;
 mod train;
 mod view;
@@ -62,13 +56,14 @@ macro_rules! commands {
 }
 
 commands! {
-    "Run": Demo => demo, Replay => replay, Record => record, Grasp => grasp, Scene => scene, Doctor => doctor,
-        Hold => hold, Tune => tune, Target => target, Setpoint => setpoint, Manual => manual;
-    "Look": Log => log, View => view, Top => top, List => list, Echo => echo, Get => get, Export => export,
-        Plot => plot, Render => render;
-    "Model": Predict => predict, Design => design, Calibrate => calibrate, PlanExperiment => plan_experiment, Train => train, Learn => learn,
-        Compare => compare, Evaluate => evaluate, Inspect => inspect, Pack => pack;
-    "Simulate": New => new, Material => material, Build => build, Mesh => mesh, Sample => sample, Simulate => simulate, Import => import;
+    "Make a model": New => new, Material => material, Build => build, Mesh => mesh, Sample => sample, Simulate => simulate,
+        Import => import, Pack => pack, Train => train, Learn => learn;
+    "Ask a model": Predict => predict, Design => design, Inspect => inspect, Export => export, Draw => draw;
+    "Measure": Evaluate => evaluate, Compare => compare, Calibrate => calibrate;
+    "Run and watch": Demo => demo, View => view, Top => top, List => list, Echo => echo, Get => get, Record => record,
+        Replay => replay, Doctor => doctor;
+    "Drive": Hold => hold, Setpoint => setpoint, Tune => tune;
+    "": Manual => manual;
 }
 
 impl Command {
@@ -86,7 +81,12 @@ impl Command {
         let group = |(heading, names): &(&str, &[&str])| {
             format!("{heading}:\n{}", names.iter().map(line).collect::<String>())
         };
-        Self::GROUPS.iter().map(group).collect::<Vec<_>>().join("\n")
+        Self::GROUPS
+            .iter()
+            .filter(|(heading, _)| !heading.is_empty())
+            .map(group)
+            .collect::<Vec<_>>()
+            .join("\n")
     }
 }
 

@@ -26,7 +26,7 @@ Examples:
     softtwin replay load.csv --actuator part
   All files of a recorder that rotates, as one recording:
     softtwin replay /var/lib/softtwin --actuator finger
-  A table of a bench, with the mapping of its columns (softtwin log describe):
+  A table of a bench, with the mapping of its columns (softtwin inspect):
     softtwin replay run1.csv --log log.toml --actuator finger
   A recording of two actuators: say which one:
     softtwin replay run.mcap --actuator left --topic softtwin/left/sensor

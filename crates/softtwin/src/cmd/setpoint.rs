@@ -1,5 +1,7 @@
 //! `softtwin setpoint`.
 
+mod target;
+
 use crate::live::{DomainArgs, Owner, text};
 use crate::output;
 use anyhow::Context;
@@ -11,28 +13,41 @@ use wire::{Bus, Topic, Valve, ValveReader, WakeSet, Wakeable, WireError};
 
 const EXAMPLES: &str = "\
 Examples:
-  Hold 0.03 MPa as the owner of the valve, until Ctrl-C:
-    softtwin setpoint finger --pressure-mpa 0.03
+  A new target for `softtwin hold`, in the unit of what it holds: at once, with 0.05 units per second, a value every 0.1 s
+    softtwin setpoint finger 0.4
+    softtwin setpoint finger 0.4 --rate 0.05
+    softtwin setpoint finger 0.1 0.2 0.3 0.2 --interval-s 0.1
+  Without a controller: hold 0.03 MPa as the owner of the valve, until Ctrl-C:
+    softtwin setpoint finger --pressure 0.03
   The operator's value, whatever setpoint and interlocks say, until it is released:
-    softtwin setpoint finger --override --pressure-mpa 0.02
+    softtwin setpoint finger --override --pressure 0.02
     softtwin setpoint finger --release
   A further cavity:
-    softtwin setpoint finger --cavity left --pressure-mpa 0.01
+    softtwin setpoint finger --cavity left --pressure 0.01
 
 A release also ends the interlock of a force beyond its limit, for all valves of the actuator, once the force is below it. An override keeps to the valve's range and rate and to nothing else. It ends with --release, or when the bridge ends. \
 What the valve does: softtwin echo softtwin/finger/valve";
 
-/// Drive a valve by hand, or override its owner.
+/// Change what `softtwin hold` holds, drive a valve by hand, or override its owner.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Actuator.
     actuator: String,
+    /// New target of the controller, or the values of a series.
+    #[arg(value_name = "VALUE", allow_negative_numbers = true, conflicts_with_all = ["pressure_mpa", "is_override", "release", "cavity"], value_parser = crate::range::number(-1e6, 1e6))]
+    values: Vec<f64>,
+    /// Speed at which the target is reached from the one before, units per second.
+    #[arg(long, value_name = "PER_S", requires = "values", value_parser = crate::range::number(1e-9, 1e9), conflicts_with = "interval_s")]
+    rate: Option<f64>,
+    /// Time between the values of a series, s.
+    #[arg(long, value_name = "S", requires = "values", value_parser = crate::range::number(1e-3, 1e6))]
+    interval_s: Option<f64>,
     /// Further cavity, the one of the input `pressure_mpa.NAME`.
     #[arg(long, value_name = "NAME")]
     cavity: Option<String>,
-    /// Gauge pressure in MPa.
-    #[arg(long, value_name = "MPA", required_unless_present = "release", value_parser = crate::range::pressure_mpa)]
+    /// Gauge pressure: MPa, or with a unit (50kPa, 0.5bar, 7psi).
+    #[arg(long = "pressure", value_name = "MPA", required_unless_present_any = ["release", "values"], value_parser = crate::range::pressure_mpa)]
     pressure_mpa: Option<f64>,
     /// The operator's value: wins over the owner's setpoint and the interlocks until it is released.
     #[arg(long = "override")]
@@ -58,6 +73,9 @@ impl Args {
     /// Sends setpoints, or one override.
     pub fn run(self) -> anyhow::Result<()> {
         let bus = self.domain.join()?;
+        if !self.values.is_empty() {
+            return self.retarget(&bus);
+        }
         let valves = match ValveReader::open(&bus, &self.topic(Topic::valve)?) {
             Err(WireError::NoSuchTopic { .. }) => anyhow::bail!(
                 "no bridge drives that valve of `{0}`: start `softtwind bridge` with a scene whose actuator `{0}` has [actuator.{1}]",
@@ -106,7 +124,7 @@ impl Args {
 
     /// Setpoints until a signal, each renewed in time; every change of what the valve does is printed.
     fn hold(&self, bus: &Bus, valves: &ValveReader) -> anyhow::Result<()> {
-        let pressure_mpa = self.pressure_mpa.context("--pressure-mpa is missing")?;
+        let pressure_mpa = self.pressure_mpa.context("--pressure is missing")?;
         let mut owner = Owner::new(bus, &self.topic(Topic::setpoint)?, OWNER, VALID)?;
         let stop = runtime::service::stop_flag().context("cannot listen for signals")?;
         let (begin, mut before) = (Instant::now(), None);

@@ -1,6 +1,6 @@
 //! `softtwin view`: the live view in a browser.
 
-use super::plot;
+use super::draw;
 use crate::failure::usage;
 use crate::files;
 use crate::live::DomainArgs;
@@ -28,20 +28,20 @@ const SVG: &str = "image/svg+xml";
 const EXAMPLES: &str = "\
 Examples:
   Everything that twins on this machine publish, on http://127.0.0.1:7411/:
-    softtwin view --model models/pneunet/pneunet.twin
+    softtwin view models/pneunet/pneunet.twin
   A whole scene, every actuator where it stands:
     softtwin view --scene config/scenes/gripper.toml
   Two actuators of several:
-    softtwin view --model finger.twin --key 'softtwin/finger_*/**'
+    softtwin view finger.twin --key 'softtwin/finger_*/**'
   Without a sensor: press \"What if\" and move the sliders:
-    softtwin view --model finger.twin
+    softtwin view finger.twin
   A recording, or a folder of recordings to choose from (the files of a recorder that rotates are one recording):
-    softtwin view --model finger.twin --recording run.mcap
-    softtwin view --model finger.twin --recording /var/lib/softtwin
+    softtwin view finger.twin --recording run.mcap
+    softtwin view finger.twin --recording /var/lib/softtwin
   A measured model with the pictures of its comparison, under /pictures:
-    softtwin view --model mine.twin --compare compared
+    softtwin view mine.twin --compare compared
   For other machines, with a token in the printed address:
-    softtwin view --model finger.twin --bind 0.0.0.0
+    softtwin view finger.twin --bind 0.0.0.0
 
 The surface is drawn when the model that the twin runs is given; without it, nodes are drawn as points.
 Keys: 1-4 views, F fit, space pause, L shading, M mesh lines, T dark, P picture, R record a film.";
@@ -50,9 +50,9 @@ Keys: 1-4 views, F fit, space pause, L shading, M mesh lines, T dark, P picture,
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Model file of an actuator to show; repeat for several.
-    #[arg(long, value_name = "FILE")]
-    model: Vec<PathBuf>,
+    /// Models of the actuators to show.
+    #[arg(value_name = "FILE.twin")]
+    models: Vec<PathBuf>,
     /// Scene file: its models, and where its actuators and blocks stand.
     #[arg(long, value_name = "FILE.toml")]
     scene: Option<PathBuf>,
@@ -93,7 +93,7 @@ impl Args {
     /// The port is in use, a model cannot be read, or a key expression is invalid.
     pub fn run(self) -> Result<()> {
         let key = KeyExpr::new(&self.key).map_err(|error| usage(format!("--key {:?}: {error}", self.key)))?;
-        let catalogue = Arc::new(Catalogue::load(&self.model, self.scene.as_deref())?);
+        let catalogue = Arc::new(Catalogue::load(&self.models, self.scene.as_deref())?);
         let runtime =
             tokio::runtime::Builder::new_current_thread().enable_all().build().context("no web runtime")?;
         runtime.block_on(self.serve(key, catalogue))
@@ -132,7 +132,7 @@ impl Args {
             }
         }
         let curves = |path: &Path| {
-            let figure = plot::observables(&files::model(path)?)?;
+            let figure = draw::observables(&files::model(path)?)?;
             Ok(Picture { title: path.display().to_string(), kind: SVG, content: figure.svg()?.into() })
         };
         pictures.extend(catalogue.measured().map(curves).collect::<Result<Vec<_>>>()?);

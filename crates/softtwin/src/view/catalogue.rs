@@ -206,7 +206,7 @@ impl Catalogue {
         let known = self
             .models
             .get(model)
-            .ok_or_else(|| format!("there is no model {model}; start with --model FILE"))?;
+            .ok_or_else(|| format!("there is no model {model}; start `softtwin view` with its FILE.twin"))?;
         let inputs = known.inputs(values)?;
         let mut prediction = known.prediction.lock().unwrap_or_else(PoisonError::into_inner);
         prediction.answer(inputs, known).map_err(|error| error.to_string())

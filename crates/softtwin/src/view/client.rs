@@ -135,7 +135,7 @@ impl Page<'_> {
             self.send(Message::Binary(Bytes::copy_from_slice(mesh))).await?;
         }
         if !known {
-            let text = "No model was given, so the surface is unknown and nodes are drawn as points. To see the surface: `softtwin view --model FILE.twin`";
+            let text = "No model was given, so the surface is unknown and nodes are drawn as points. To see the surface: `softtwin view FILE.twin`";
             self.notify(&Notification::Notice { text }).await?;
         }
         let mut newest = self.shared.hub.watch();

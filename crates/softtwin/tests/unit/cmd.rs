@@ -9,7 +9,7 @@ const PIPED_WIDTH: usize = 100;
 fn check(command: &clap::Command) {
     let name = command.get_name();
     let text = command.get_before_help().map(ToString::to_string).unwrap_or_default();
-    assert!(text.starts_with("Example"), "{name} --help begins with no example: {text}");
+    assert!(text.starts_with("Example"), "{name} --help has no example: {text}");
     let is_command =
         |line: &&str| ["softtwin", "sudo", "--"].iter().any(|s| line.trim_start().starts_with(s));
     let long = text.lines().filter(is_command).find(|line| line.len() >= PIPED_WIDTH);
@@ -18,7 +18,7 @@ fn check(command: &clap::Command) {
 }
 
 #[test]
-fn every_help_begins_with_examples_without_folded_lines() {
+fn every_help_has_examples_without_folded_lines() {
     let tool = Command::augment_subcommands(clap::Command::new("softtwin").before_help("Example"));
     [tool, softtwind::command(), demo::command()].iter().for_each(check);
 }
@@ -27,5 +27,8 @@ fn every_help_begins_with_examples_without_folded_lines() {
 fn list_of_commands_fits_eighty_columns() {
     let listed = Command::groups(&Command::augment_subcommands(clap::Command::new("softtwin")));
     assert_eq!(listed.lines().find(|line| line.len() > HELP_WIDTH), None, "{listed}");
-    assert!(listed.contains("\n  plan-experiment Say which pressures"), "{listed}");
+    assert!(
+        listed.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   ")).count() <= 30,
+        "{listed}"
+    );
 }

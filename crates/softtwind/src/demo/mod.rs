@@ -27,7 +27,7 @@ Starts `softtwind twin` and `softtwind bridge` in a separate shared-memory domai
 
 /// Watch a recorded pressure trace become live fields through two real processes.
 #[derive(clap::Args)]
-#[command(before_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, help_template = crate::help::TEMPLATE)]
 pub struct Args {
     /// Scene with one actuator [default: config/scenes/finger.toml, which comes with softtwin].
     #[arg(long, value_name = "FILE")]

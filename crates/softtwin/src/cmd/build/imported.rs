@@ -61,7 +61,7 @@ pub fn build(folder: &Folder, database: &Path) -> Result<()> {
         header.actuator
     )?;
     output!("ask it without starting it:")?;
-    output!("  softtwin predict --model {model}{state}")?;
+    output!("  softtwin predict {model}{state}")?;
     Ok(())
 }
 

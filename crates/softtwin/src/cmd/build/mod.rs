@@ -278,10 +278,9 @@ impl Args {
     fn commands(&self, model: &Path, scene: &Path, plan: &Plan) -> Result<()> {
         let (model, scene) = (quoted(model), quoted(scene));
         let pressure = 0.7 * plan.contact_mpa;
-        let gap = plan.gaps_mm.map_or(String::new(), |[a, b]| format!(" --gap-mm {:.1}", 0.5 * (a + b)));
+        let gap = plan.gaps_mm.map_or(String::new(), |[a, b]| format!(" --gap {:.1}", 0.5 * (a + b)));
         let further = plan.cavities.iter().map(|name| format!(" --set {name}={:.4}", 0.5 * pressure));
-        let state =
-            format!("--model {model} --pressure-mpa {pressure:.4}{gap}{}", further.collect::<String>());
+        let state = format!("{model} --pressure {pressure:.4}{gap}{}", further.collect::<String>());
         output!("\nstart it, with readings by formula until the scene has a sensor:")?;
         output!("  softtwind twin --scene {scene}")?;
         output!("  softtwind bridge --scene {scene}")?;
@@ -290,7 +289,7 @@ impl Args {
         )?;
         output!("ask it without starting it, and draw it:")?;
         output!("  softtwin predict {state}")?;
-        output!("  softtwin render {state} --out {}", quoted(&self.folder.join("state.png")))?;
+        output!("  softtwin draw {state} --out {}", quoted(&self.folder.join("state.png")))?;
         Ok(())
     }
 }

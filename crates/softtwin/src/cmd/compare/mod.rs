@@ -24,14 +24,14 @@ use train::measured::place;
 const EXAMPLES: &str = "\
 Examples:
   A model against a run that it has not seen, as a table and as pictures:
-    softtwin compare --model mine.twin --recording run2.csv --log log.toml \\
+    softtwin compare mine.twin --recording run2.csv --log log.toml \\
       --out compared
   The same as one JSON object:
-    softtwin compare --model mine.twin --recording run2.csv --log log.toml \\
+    softtwin compare mine.twin --recording run2.csv --log log.toml \\
       --out compared --json
 
   A scene before and after its calibration, on one page:
-    softtwin compare --model calibrated.toml --before finger.toml \\
+    softtwin compare calibrated.toml --before finger.toml \\
       --recording run2.csv --log log.toml --out compared
 
 A scene stands for its actuator's model with the inputs that it gives, or the priors that it estimates. Outputs are named as in the mapping: `tip_x_mm` is the coordinate x at the node set `tip`; `contact_force_n` is the contact force; \
@@ -43,7 +43,7 @@ Coverage is the fraction of the values within the model's half-widths.";
 #[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Model file, or a scene with one actuator.
-    #[arg(long, value_name = "FILE")]
+    #[arg(value_name = "FILE")]
     model: PathBuf,
     /// Another model file or scene, shown beside it; default: none.
     #[arg(long, value_name = "FILE")]

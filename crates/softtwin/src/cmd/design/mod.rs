@@ -20,11 +20,11 @@ use std::time::Instant;
 const EXAMPLES: &str = "\
 Examples:
   The silicone's stiffness and the wall between the chambers for 0.3 N at a pressure and a gap:
-    softtwin design --model design.twin --pressure-mpa 0.05 --gap-mm 30 \\
+    softtwin design design.twin --pressure 0.05 --gap 30 \\
       --objective force_n=0.3
       --within elastomer.law.mu_mpa=0.6:1.0 --within chambers.length_mm=2.6:3.4
   The tip at a height, and the stress below a limit; finite elements confirm the answer:
-    softtwin design --model design.twin --gap-mm 60 \\
+    softtwin design design.twin --gap 60 \\
       --objective y_mm@110,0,16=-20 --objective 'max_von_mises_mpa<=0.3'
       --within pressure_mpa=0.02:0.08 --within elastomer.law.mu_mpa=0.6:1.0 \\
       --actuator actuator.toml
@@ -39,7 +39,7 @@ the goal is not met within the bounds; the nearest inputs are printed all the sa
 #[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Model file.
-    #[arg(long, value_name = "FILE.twin")]
+    #[arg(value_name = "FILE.twin")]
     model: PathBuf,
     /// Goal: force_n=N, x_mm|y_mm|z_mm@X,Y,Z=MM for the point with these undeformed coordinates, max_von_mises_mpa<=MPA. Repeat
     /// for more.
@@ -48,11 +48,11 @@ pub struct Args {
     /// Input that may vary and its bounds, by its name; within the range that the model was trained over. Repeat for others.
     #[arg(long, value_name = "NAME=LOW:HIGH", required = true, value_parser = range)]
     within: Vec<Parameter>,
-    /// Cavity pressure in MPa, where it does not vary.
-    #[arg(long, value_name = "MPa", allow_negative_numbers = true, value_parser = crate::range::pressure_mpa)]
+    /// Cavity pressure: MPa, or with a unit (50kPa, 0.5bar, 7psi), where it does not vary.
+    #[arg(long = "pressure", value_name = "MPa", allow_negative_numbers = true, value_parser = crate::range::pressure_mpa)]
     pressure_mpa: Option<f64>,
     /// Gap in mm, where it does not vary; no obstacle when left out.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = crate::range::gap_mm)]
+    #[arg(long = "gap", value_name = "MM", allow_negative_numbers = true, value_parser = crate::range::gap_mm)]
     gap_mm: Option<f64>,
     /// Value of a parameter that does not vary; nominal when left out. Repeat for others.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = crate::options::setting)]
@@ -70,8 +70,7 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         objective::check(&self.objectives)?;
         let mut model = files::model(&self.model)?;
-        let given = self.settings.iter().map(|(name, value)| (name.as_str(), *value));
-        model.header.set_parameters(given).map_err(|error| usage(format!("--set: {error}")))?;
+        files::set_parameters(&mut model, &self.settings)?;
         let specs = &model.header.inputs;
         let within = self.bounds(specs)?;
         let start = self.start(specs, &within)?;
@@ -152,7 +151,7 @@ impl Args {
         };
         let pressure_mpa = self.pressure_mpa.or_else(|| middle(PRESSURE));
         let Some(pressure_mpa) = pressure_mpa else {
-            return Err(usage("expected --pressure-mpa, or --within pressure_mpa=LOW:HIGH"));
+            return Err(usage("expected --pressure, or --within pressure_mpa=LOW:HIGH"));
         };
         let gap_mm = self.gap_mm.or_else(|| middle(GAP)).unwrap_or(f64::INFINITY);
         let nominal = |inputs: Inputs, (at, spec): (usize, &InputSpec)| match spec.value {

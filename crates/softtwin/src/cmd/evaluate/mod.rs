@@ -20,22 +20,22 @@ use train::evaluate::{CaseReport, FieldErrors, Report, Summary, evaluate, spread
 const EXAMPLES: &str = "\
 Examples:
   The paper's test cases, which training does not use:
-    softtwin evaluate --model finger.twin --database models/pneunet/database
+    softtwin evaluate finger.twin --database models/pneunet/database
   All held-out states, as JSON, with a picture:
-    softtwin evaluate --model finger.twin \\
+    softtwin evaluate finger.twin \\
       --database models/pneunet/database --split held-out --json \\
       --picture errors.svg
   Sealed evaluation: 200 states over the whole training range, 10 % of them free, simulated, evaluated once and deleted:
-    softtwin evaluate --model models/pneunet/pneunet.twin --sealed 200 \\
+    softtwin evaluate models/pneunet/pneunet.twin --sealed 200 \\
       --seed 20261122
   Errors on 300 more such states, by which training then sets the half-widths:
-    softtwin evaluate --model finger.twin --actuator finger/actuator.toml \\
+    softtwin evaluate finger.twin --actuator finger/actuator.toml \\
       --sealed 300 --seed 31 --errors errors.csv
     softtwin train --database finger/database --errors errors.csv \\
       --out finger.twin
   A model with inertia along motions of the finite elements, and the same model without:
     softtwin simulate --actuator finger/actuator.toml --trace step.csv --out step
-    softtwin evaluate --model finger.twin --traces step --picture step.svg
+    softtwin evaluate finger.twin --traces step --picture step.svg
 
 Normalised: largest error over nodes by the field's largest value in that case. Relative: Eq. (16) with the floor, a fraction \
 of the field's largest value, because stress is exactly 0 at some nodes. Truncation: what the modes cannot represent; \
@@ -46,7 +46,7 @@ interpolation: what the kernels get wrong within the modes.";
 #[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Model file.
-    #[arg(long, value_name = "FILE.twin")]
+    #[arg(value_name = "FILE.twin")]
     model: PathBuf,
     /// Database folder of the same actuator and mesh.
     #[arg(long, value_name = "DIR", required_unless_present_any = ["sealed", "traces"], conflicts_with = "sealed")]

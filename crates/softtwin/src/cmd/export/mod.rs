@@ -6,6 +6,7 @@ mod recorded;
 mod source;
 mod tables;
 
+use crate::bench;
 use crate::failure::usage;
 use crate::files;
 use crate::output;
@@ -14,20 +15,20 @@ pub use body::Body;
 use formats::export::SeriesFormat;
 use recording::TableForm;
 use serde_json::json;
-pub use source::prediction;
 use source::{Options, Source};
+pub use source::{is_recording, prediction};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
   A sweep of predictions for ParaView (one .vtu a state, the .pvd opens them all):
-    softtwin export finger.twin --pressure-mpa 0.01,0.025,0.04,0.055,0.07 \\
-      --gap-mm 40 --out sweep.pvd
+    softtwin export finger.twin --pressure 0.01,0.025,0.04,0.055,0.07 \\
+      --gap 40 --out sweep.pvd
   The same with the inside of the body (the model itself knows its surface only), for Tecplot:
-    softtwin export finger.twin --pressure-mpa 0.01,0.04,0.07 \\
+    softtwin export finger.twin --pressure 0.01,0.04,0.07 \\
       --mesh mesh.vtu --out sweep.dat
   Of a model over parameters, with another wall; the displacement is that from the mesh of this wall:
-    softtwin export design.twin --pressure-mpa 0.05 --gap-mm 40 \\
+    softtwin export design.twin --pressure 0.05 --gap 40 \\
       --set chambers.length_mm=3.2 --out wall.pvd
   Two cases of a database, or all of them as one array (cases x nodes x fields):
     softtwin export models/pneunet/database --case A --case C --out cases.xdmf
@@ -47,6 +48,8 @@ Examples:
   A model for Simulink, Modelica and others, as an FMU of FMI 3.0, with two nodes as outputs (docs/fmi.md):
     softtwin export finger.twin --fmu finger.fmu --node tip=9696 \\
       --node middle=120
+  A table of a bench as a trace for replay, bridge and import: t_s and the names of the mapping
+    softtwin export run.csv --log log.toml --out trace.csv
 
 Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row per node and state), .npy, .fmu (--fmu FILE is the same as --out FILE). \
 VTU files (as field data) and CSV files (as columns) carry every input, the contact force, the observables and the name of the case.";
@@ -55,7 +58,7 @@ VTU files (as field data) and CSV files (as columns) carry every input, the cont
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Source: a model (.twin), a database folder, or a recording (.mcap, or a folder of rotated files).
+    /// Source: a model (.twin), a database folder, a recording (.mcap, or a folder of rotated files), or a bench's table with --log.
     #[arg(value_name = "SOURCE")]
     source: PathBuf,
     /// File to write; its ending says the format. Of a recording also a folder, for tables.
@@ -63,6 +66,9 @@ pub struct Args {
     out: PathBuf,
     #[command(flatten)]
     states: Options,
+    /// Mapping of the columns of a bench's table.
+    #[arg(long, value_name = "FILE.toml")]
+    log: Option<PathBuf>,
     /// Topics of a recording, as a key expression; selects one of several field topics.
     #[arg(long, value_name = "KEY", default_value = "softtwin/**")]
     key: String,
@@ -86,7 +92,13 @@ impl Args {
     /// # Errors
     /// A source that cannot be read, options that do not belong to it, a file that cannot be written.
     pub fn run(self) -> Result<()> {
-        if source::is_recording(&self.source) && self.out.extension().is_none() {
+        if let Some(log) = &self.log {
+            let recording = bench::read(&self.source, &bench::mapping(log)?)?;
+            files::save(&self.out, recording.csv().as_bytes())?;
+            recording.remarks.iter().try_for_each(|remark| output!("  note: {remark}"))?;
+            return Ok(output!("{} rows in {}", recording.time_s.len(), self.out.display())?);
+        }
+        if is_recording(&self.source) && self.out.extension().is_none() {
             let form = if self.fmi { TableForm::Fmi } else { TableForm::Whole };
             return tables::write(&self.source, &self.out, &self.key, form, self.json);
         }

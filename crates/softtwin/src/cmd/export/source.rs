@@ -22,11 +22,11 @@ use wire::layout::{InputValue, field_id};
 /// Which states of a source.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Pressures to predict with a model, in MPa.
-    #[arg(long, value_name = "MPA,...", value_delimiter = ',', value_parser = crate::range::pressure_mpa, help_heading = "State")]
+    /// Pressures to predict with a model: MPa, or with a unit (50kPa, 0.5bar, 7psi).
+    #[arg(long = "pressure", value_name = "MPA,...", value_delimiter = ',', value_parser = crate::range::pressure_mpa, help_heading = "State")]
     pressure_mpa: Vec<f64>,
     /// Gap of a model's predictions, in mm [default: no obstacle].
-    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm, help_heading = "State")]
+    #[arg(long = "gap", value_name = "MM", value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Option<f64>,
     /// Value of a model's parameter, such as elastomer.law.mu_mpa=0.72 [default: nominal].
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, help_heading = "State")]
@@ -76,8 +76,8 @@ impl Source {
             }
         };
         let given = [
-            ("--pressure-mpa", "model", !options.pressure_mpa.is_empty()),
-            ("--gap-mm", "model", options.gap_mm.is_some()),
+            ("--pressure", "model", !options.pressure_mpa.is_empty()),
+            ("--gap", "model", options.gap_mm.is_some()),
             ("--set", "model", !options.set.is_empty()),
             ("--case", "database", !options.case.is_empty()),
             ("--model", "recording", options.model.is_some()),
@@ -95,14 +95,13 @@ impl Source {
 
     fn sweep(options: &Options, path: &Path) -> Result<Self> {
         if options.pressure_mpa.is_empty() {
-            return Err(usage("of a model: which states? give --pressure-mpa P1,P2,... (and --gap-mm)"));
+            return Err(usage("of a model: which states? give --pressure P1,P2,... (and --gap)"));
         }
         let gap_mm = options.gap_mm.unwrap_or(f64::INFINITY);
         let inputs = options.pressure_mpa.iter().map(|&pressure_mpa| Inputs::new(pressure_mpa, gap_mm));
         let readings = (0..).map(f64::from).zip(inputs).step_by(options.every).collect();
         let mut model = files::model(path)?;
-        let given = options.set.iter().map(|(name, value)| (name.as_str(), *value));
-        model.header.set_parameters(given).map_err(|error| usage(format!("--set: {error}")))?;
+        files::set_parameters(&mut model, &options.set)?;
         let fields = model.header.fields.iter().map(|field| field.spec.clone()).collect();
         Ok(Self::Readings { model: Box::new(model), fields, readings })
     }

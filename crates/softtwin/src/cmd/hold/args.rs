@@ -31,7 +31,7 @@ pub struct Args {
     #[command(flatten)]
     pub(super) target: TargetArgs,
     /// Gap that is assumed if the twin's states have none, mm.
-    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm)]
+    #[arg(long = "gap", value_name = "MM", value_parser = crate::range::gap_mm)]
     pub(super) gap_mm: Option<f64>,
     /// Ends after this number of seconds; default: never, or 2 after the end of the trace. It always ends when no reading has come for a second.
     #[arg(long, value_name = "S", value_parser = crate::range::seconds)]
@@ -65,8 +65,8 @@ pub(super) struct TargetArgs {
     /// The model's observable in degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = crate::range::number(-3600.0, 3600.0), help_heading = "Target")]
     pub(super) angle_deg: Option<f64>,
-    /// Pressure, MPa.
-    #[arg(long, value_name = "MPA", value_parser = crate::range::pressure_mpa, help_heading = "Target")]
+    /// Pressure: MPa, or with a unit (50kPa, 0.5bar, 7psi).
+    #[arg(long = "pressure", value_name = "MPA", value_parser = crate::range::pressure_mpa, help_heading = "Target")]
     pub(super) pressure_mpa: Option<f64>,
     /// Series of targets.
     #[arg(long, value_name = "FILE.csv", help_heading = "Target")]

@@ -46,7 +46,7 @@ pub(super) fn run(args: &Args, spec: &ActuatorSpec, held: Held, goal: Option<Goa
     let mut model = held.model()?;
     model.set_inputs(&first.inputs);
     let gap_mm = state_gap_mm(&first, args.gap_mm, &held).context(
-        "the gap is unknown: the twin's states have none; give it to the scene (gap_mm), or --gap-mm",
+        "the gap is unknown: the twin's states have none; give it to the scene (gap_mm), or --gap",
     )?;
     let pressure_mpa = driven_mpa(&first, &held);
     let present = held.quantity.of(&model.at(pressure_mpa, gap_mm), pressure_mpa).0;

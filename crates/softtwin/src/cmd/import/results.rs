@@ -30,7 +30,7 @@ Examples:
       --out db --length-unit mm --stress-unit mpa --field ENER=mJ/mm3
 then
     softtwin train --database db --out beam.twin
-    softtwin predict --model beam.twin --set load_n=1.2 --set thickness_mm=4
+    softtwin predict beam.twin --set load_n=1.2 --set thickness_mm=4
 
 Reads .frd (CalculiX, text), .vtu, .pvd, Abaqus' .inp with a .csv or .npz of the same name, NumPy's .npz, folders of .npy arrays. \
 softtwin-convert (Python client) makes such files of .xdmf, .xplt, .cdb with tables or listings, .rpt and others: docs/import.md. \

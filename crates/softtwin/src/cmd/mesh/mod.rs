@@ -20,7 +20,7 @@ Examples:
   mesh.file = \"mesh.vtu\" and mesh.nodes = 0, then
     cp models/pneunet/actuator.toml short.toml
     softtwin mesh --actuator short.toml --size-mm 4
-    softtwin simulate --actuator short.toml --pressure-mpa 0.05 --out state.vtu
+    softtwin simulate --actuator short.toml --pressure 0.05 --out state.vtu
   What size gives how many nodes:
     softtwin mesh --actuator short.toml --size-mm 2 --out fine.vtu
 

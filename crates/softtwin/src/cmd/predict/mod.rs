@@ -1,14 +1,17 @@
 //! `softtwin predict`: one state, or the motion along a trace.
 
+mod grasp;
 mod trace;
 
 use super::export::{Body, prediction};
 use crate::failure::usage;
-use crate::{files, output};
+use crate::{files, report};
 use anyhow::Context;
 use formats::export::StateFormat;
+use grasp::GraspArgs;
 use rom::branch::pressure_field;
 use rom::evaluation::Evaluation;
+use rom::halfwidths::HalfWidths;
 use rom::hull::DomainStatus;
 use rom::inputs::{Inputs, MAX_INPUTS};
 use rom::model::{Model, ModelHeader, Selection};
@@ -16,46 +19,51 @@ use rom::model_state::ModelState;
 use rom::observable::Observables;
 use rom::reconstructor::Peaks;
 use rom::snapshots::FieldSpec;
+use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
   One state as an array, nodes x fields (x, y, z, displacement, von Mises), float32:
-    softtwin predict --model finger.twin --pressure-mpa 0.05 --gap-mm 40 \\
+    softtwin predict finger.twin --pressure 0.05 --gap 40 \\
       --out state.npy
   For ParaView, with the inside of the body (the model itself knows its surface only):
-    softtwin predict --model finger.twin --pressure-mpa 0.05 --gap-mm 40 \\
+    softtwin predict finger.twin --pressure 0.05 --gap 40 \\
       --mesh mesh.vtu --out state.vtu
   A softer batch of silicone, with a model that was trained over its stiffness:
-    softtwin predict --model design.twin --pressure-mpa 0.05 --gap-mm 40 \\
+    softtwin predict design.twin --pressure 0.05 --gap 40 \\
       --set elastomer.law.mu_mpa=0.7
   No obstacle; only the answer on standard output:
-    softtwin predict --model finger.twin --pressure-mpa 0.05
+    softtwin predict finger.twin --pressure 0.05
   Along a trace (t_s, pressure_mpa; gap_mm and other inputs if given), with the columns of `softtwin simulate --trace`:
-    softtwin predict --model finger.twin --trace swing.csv --out series.csv
+    softtwin predict finger.twin --trace swing.csv --out series.csv
+  Whether a gripper holds its object at a pressure, and from which pressure on it does; or another object:
+    softtwin predict config/scenes/gripper.toml --pressure 79kPa
+    softtwin predict config/scenes/gripper.toml --pressure 50kPa \\
+      --friction 0.3 --mass-g 30
 
-Standard output is one JSON object. `inputs` shows the value of every input that was used, `dforce` the force's derivative by \
+`inputs` shows the value of every input that was used, `dforce` the force's derivative by \
 each in N per unit. `in_domain` is false outside the training states: the answer is then an extrapolation without half-widths \
 (null), and a line on standard error says which input is outside and by how much. Far outside, or where the shape cannot be one of the \
-body, there is no answer: exit code 1. `outputs` has the values of a model of measurements (softtwin learn) with their half-widths.";
+body, there is no answer: exit code 1. An object is held when n mu F >= s m g, with the smallest of the n finger forces as F; a running twin \
+publishes the same as softtwin/<scene>/grasp. `outputs` has the values of a model of measurements (softtwin learn) with their half-widths.";
 
-const NO_PRESSURE: &str =
-    "--pressure-mpa: expected a pressure (the model was trained over pressures), found none";
+const NO_PRESSURE: &str = "--pressure: expected a pressure, found none";
 
-/// Predict one state: force, regime, onset and, with --out, all fields.
+/// Predict a state, a motion or a grasp: force, regime, onset and, with --out, all fields.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Model file.
-    #[arg(long, value_name = "FILE.twin")]
+    /// Model (.twin), or a scene with a gripper (.toml).
+    #[arg(value_name = "FILE")]
     model: PathBuf,
-    /// Cavity pressure in MPa, at least 0; not for a model that was not trained over pressures.
-    #[arg(long, value_name = "MPA", allow_negative_numbers = true, conflicts_with = "trace", value_parser = crate::range::pressure_mpa)]
+    /// Cavity pressure: MPa, or with a unit (50kPa, 0.5bar, 7psi), at least 0; not for a model that was not trained over pressures.
+    #[arg(long = "pressure", value_name = "MPA", allow_negative_numbers = true, conflicts_with = "trace", value_parser = crate::range::pressure_mpa)]
     pressure_mpa: Option<f64>,
     /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out. Not for a model that was not trained over
     /// gaps.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "trace", value_parser = crate::range::gap_mm)]
+    #[arg(long = "gap", value_name = "MM", allow_negative_numbers = true, conflicts_with = "trace", value_parser = crate::range::gap_mm)]
     gap_mm: Option<f64>,
     /// Inputs over time: t_s, pressure_mpa; gap_mm and other inputs of the model, if given. A model with inertia begins at rest under
     /// the first row.
@@ -73,19 +81,24 @@ pub struct Args {
     /// Undeformed mesh (.vtu, .msh, .inp) whose cells the output shall have; the model's surface when left out.
     #[arg(long, value_name = "FILE", requires = "out")]
     mesh: Option<PathBuf>,
-    /// Accepted everywhere; the answer is one JSON object anyway.
+    /// One JSON object instead of text.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    grasp: GraspArgs,
 }
 
 impl Args {
-    /// Predicts and prints one JSON object.
+    /// Predicts and prints what the model says.
     pub fn run(self) -> anyhow::Result<()> {
+        if self.model.extension().is_some_and(|ending| ending == "toml") {
+            let pressure_mpa = self.pressure_mpa.ok_or_else(|| usage(NO_PRESSURE))?;
+            return self.grasp.run(&self.model, pressure_mpa, self.gap_mm, self.json);
+        }
         if let (Some(trace), Some(out)) = (&self.trace, &self.out) {
             let mut model = files::model(&self.model)?;
-            let given = self.settings.iter().map(|(name, value)| (name.as_str(), *value));
-            model.header.set_parameters(given).map_err(|error| usage(format!("--set: {error}")))?;
-            return trace::run(&model, trace, out, self.step_ms);
+            files::set_parameters(&mut model, &self.settings)?;
+            return trace::run(&model, trace, out, self.step_ms, self.json);
         }
         if let Some(out) = &self.out {
             StateFormat::of(out).map_err(usage)?; // before the work, not after it
@@ -93,8 +106,8 @@ impl Args {
         let mut model = files::model(&self.model)?;
         let needs = model.header.needs();
         for (option, is_given, is_taken) in [
-            ("--pressure-mpa", self.pressure_mpa.is_some(), needs.pressure),
-            ("--gap-mm", self.gap_mm.is_some(), needs.gap),
+            ("--pressure", self.pressure_mpa.is_some(), needs.pressure),
+            ("--gap", self.gap_mm.is_some(), needs.gap),
         ] {
             if is_given && !is_taken {
                 let keys: Vec<String> = model.header.taken_inputs().map(|(_, input)| input.key()).collect();
@@ -107,8 +120,7 @@ impl Args {
         }
         let gap_mm = self.gap_mm.unwrap_or(f64::INFINITY);
         let input = Inputs::new(self.pressure_mpa.unwrap_or(f64::NAN), gap_mm);
-        let given = self.settings.iter().map(|(name, value)| (name.as_str(), *value));
-        model.header.set_parameters(given).map_err(|error| usage(format!("--set: {error}")))?;
+        files::set_parameters(&mut model, &self.settings)?;
         let mut state = ModelState::new(&model, &Selection::default())?;
         let peaks = state.update(input);
         let regime = state.evaluation().regime;
@@ -121,14 +133,12 @@ impl Args {
         if self.out.is_some() {
             self.write(&model, &state)?;
         }
-        let mut answer = answer(&model.header, state.evaluation(), &peaks, &observables);
-        if model.is_measured() {
-            answer["outputs"] = measured(&model, &state);
-        }
+        let mut found = Prediction::new(&model.header, state.evaluation(), &peaks, &observables);
+        found.outputs = model.is_measured().then(|| measured(&model, &state));
         if let Some(field) = pressure_field(&model.header) {
-            answer["pressure_mpa"] = json!(state.fields()[field * model.header.node_count]);
+            found.pressure_mpa = Some(f64::from(state.fields()[field * model.header.node_count]));
         }
-        output::json(&answer)
+        report::print(&found, self.json)
     }
 
     fn write(&self, model: &Model, state: &ModelState) -> anyhow::Result<()> {
@@ -167,28 +177,61 @@ fn observed(observables: &Observables, evaluation: &Evaluation) -> Map<String, V
     observables.names().enumerate().map(of).collect()
 }
 
-fn answer(header: &ModelHeader, evaluation: &Evaluation, peaks: &Peaks, observables: &Observables) -> Value {
-    let needs = header.needs();
-    let finite = |value: f64| Some(value).filter(|value| value.is_finite());
-    json!({
-        "inputs": by_input(header, evaluation.inputs.values()),
-        "dforce": by_input(header, &evaluation.force_gradient),
-        "regime": evaluation.regime.name(),
-        "pressure_mpa": finite(evaluation.inputs.pressure_mpa()),
-        "gap_mm": finite(evaluation.inputs.gap_mm()),
-        "contact_force_n": finite(evaluation.contact_force_n),
-        "force_by_pressure_n_per_mpa": finite(evaluation.force_by_pressure_n_per_mpa()).filter(|_| needs.pressure),
-        "force_by_gap_n_per_mm": finite(evaluation.force_by_gap_n_per_mm()).filter(|_| needs.gap),
-        "onset_pressure_mpa": evaluation.onset_pressure_mpa,
-        "in_domain": evaluation.domain == DomainStatus::Inside,
-        "domain": evaluation.domain,
-        "domain_distance": evaluation.domain_distance,
-        "half_widths": evaluation.halfwidths,
-        "observables": observed(observables, evaluation),
-        "max_displacement_mm": peaks.displacement_mm.map(|p| p.value),
-        "max_displacement_node": peaks.displacement_mm.map(|p| p.node),
-        "max_von_mises_mpa": peaks.stress_mpa.map(|p| p.value),
-        "max_von_mises_node": peaks.stress_mpa.map(|p| p.node),
-        "force_clamped": evaluation.flags.force_clamped,
-    })
+/// What a model says about one state; a number is `None` where it is unknown.
+#[derive(Serialize)]
+struct Prediction {
+    regime: &'static str,
+    pressure_mpa: Option<f64>,
+    gap_mm: Option<f64>,
+    contact_force_n: Option<f64>,
+    force_by_pressure_n_per_mpa: Option<f64>,
+    force_by_gap_n_per_mm: Option<f64>,
+    force_clamped: bool,
+    onset_pressure_mpa: Option<f64>,
+    max_displacement_mm: Option<f32>,
+    max_displacement_node: Option<u32>,
+    max_von_mises_mpa: Option<f32>,
+    max_von_mises_node: Option<u32>,
+    in_domain: bool,
+    domain: DomainStatus,
+    domain_distance: f64,
+    half_widths: HalfWidths,
+    /// By the keys of the inputs.
+    inputs: Map<String, Value>,
+    /// Derivative of the contact force by each input, N per unit.
+    dforce: Map<String, Value>,
+    observables: Map<String, Value>,
+    /// Of a model of measurements.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    outputs: Option<Value>,
+}
+
+impl Prediction {
+    fn new(header: &ModelHeader, evaluation: &Evaluation, peaks: &Peaks, observables: &Observables) -> Self {
+        let needs = header.needs();
+        let finite = |value: f64| Some(value).filter(|value| value.is_finite());
+        Self {
+            regime: evaluation.regime.name(),
+            pressure_mpa: finite(evaluation.inputs.pressure_mpa()),
+            gap_mm: finite(evaluation.inputs.gap_mm()),
+            contact_force_n: finite(evaluation.contact_force_n),
+            force_by_pressure_n_per_mpa: finite(evaluation.force_by_pressure_n_per_mpa())
+                .filter(|_| needs.pressure),
+            force_by_gap_n_per_mm: finite(evaluation.force_by_gap_n_per_mm()).filter(|_| needs.gap),
+            force_clamped: evaluation.flags.force_clamped,
+            onset_pressure_mpa: evaluation.onset_pressure_mpa,
+            max_displacement_mm: peaks.displacement_mm.map(|peak| peak.value),
+            max_displacement_node: peaks.displacement_mm.map(|peak| peak.node),
+            max_von_mises_mpa: peaks.stress_mpa.map(|peak| peak.value),
+            max_von_mises_node: peaks.stress_mpa.map(|peak| peak.node),
+            in_domain: evaluation.domain == DomainStatus::Inside,
+            domain: evaluation.domain,
+            domain_distance: evaluation.domain_distance,
+            half_widths: evaluation.halfwidths,
+            inputs: by_input(header, evaluation.inputs.values()),
+            dforce: by_input(header, &evaluation.force_gradient),
+            observables: observed(observables, evaluation),
+            outputs: None,
+        }
+    }
 }

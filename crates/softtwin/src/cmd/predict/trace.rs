@@ -2,7 +2,7 @@
 
 use crate::files::save;
 use crate::motion::{Followed, Trace, follow_measured, follow_shape};
-use crate::output;
+use crate::report;
 use anyhow::Result;
 use formats::table::to_text;
 use formats::trace::SERIES_COLUMNS;
@@ -12,18 +12,18 @@ use serde_json::json;
 use std::path::Path;
 
 /// Predicts along a trace, writes the series and reports.
-pub fn run(model: &Model, trace: &Path, out: &Path, step_ms: f64) -> Result<()> {
+pub fn run(model: &Model, trace: &Path, out: &Path, step_ms: f64, as_json: bool) -> Result<()> {
     let trace = Trace::read(trace, model)?;
     let step_ns = (1e6 * step_ms) as u64;
     if model.is_measured() {
         let (columns, followed) = follow_measured(model, &trace, step_ns)?;
         let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
-        return write(&trace, &columns, &followed, out);
+        return write(&trace, &columns, &followed, out, as_json);
     }
     let followed = follow_shape(model, &trace, step_ns)?;
     let has_volume = !followed.volumes_mm3.is_empty();
     let columns: Vec<&str> = SERIES_COLUMNS.into_iter().chain(has_volume.then_some(VOLUME)).collect();
-    write(&trace, &columns, &followed, out)
+    write(&trace, &columns, &followed, out, as_json)
 }
 
 fn write<Row: AsRef<[f64]>>(
@@ -31,6 +31,7 @@ fn write<Row: AsRef<[f64]>>(
     columns: &[&str],
     followed: &Followed<Row>,
     out: &Path,
+    as_json: bool,
 ) -> Result<()> {
     let cell = |value: &f64| if value.is_finite() { value.to_string() } else { String::new() };
     let row = |(at, row): (usize, &Row)| {
@@ -46,7 +47,7 @@ fn write<Row: AsRef<[f64]>>(
             followed.rows.len()
         );
     }
-    output::json(&json!({
+    let report = json!({
         "rows": followed.rows.len(),
         "seconds": trace.length_s(),
         "moves": followed.moves,
@@ -55,5 +56,6 @@ fn write<Row: AsRef<[f64]>>(
         "restarts": followed.restarts,
         "limits_passed": followed.snaps,
         "state_us_per_ms": 1e3 * followed.state_s / trace.length_s(),
-    }))
+    });
+    report::print(&report, as_json)
 }

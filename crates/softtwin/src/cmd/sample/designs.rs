@@ -70,7 +70,7 @@ impl Designs<'_> {
             let mut loads: Vec<Vec<f64>> = low.into_iter().chain(high).collect();
             anyhow::ensure!(
                 loads.len() == touching,
-                "too few states touch between {pressures:?} MPa and {gaps:?} mm; raise --pressure-mpa or lower --gap-mm"
+                "too few states touch between {pressures:?} MPa and {gaps:?} mm; raise --pressure or lower --gap"
             );
             loads.sort_by(|a, b| b[1].total_cmp(&a[1]));
             let name = |kind: &str, k: usize| format!("{}{:02}{kind}{}", self.prefix, design + 1, k + 1);

@@ -95,10 +95,10 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "train", help_heading = "Sampling")]
     split: Split,
     /// Lower and upper pressure in MPa.
-    #[arg(long, value_name = "MPA", num_args = 2, default_values_t = [0.0, 0.09], value_parser = crate::range::pressure_mpa, help_heading = "State")]
+    #[arg(long = "pressure", value_name = "MPA", num_args = 2, default_values_t = [0.0, 0.09], value_parser = crate::range::pressure_mpa, help_heading = "State")]
     pressure_mpa: Vec<f64>,
     /// Lower and upper gap in mm.
-    #[arg(long, value_name = "MM", num_args = 2, default_values_t = [10.0, 50.0], value_parser = crate::range::gap_mm, help_heading = "State")]
+    #[arg(long = "gap", value_name = "MM", num_args = 2, default_values_t = [10.0, 50.0], value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Vec<f64>,
     /// A parameter and its range: dotted key of actuator.toml, such as elastomer.law.mu_mpa=0.6:1.0. Not of a grid.
     #[arg(long, value_name = "NAME=LOW:HIGH", requires = "actuator", group = "simulated", value_parser = parameters::range, help_heading = "State")]
@@ -189,9 +189,7 @@ impl Args {
             return Err(usage(format!("--n, --n-gaps: expected 1 to {MAX_STATES} states, found {found}")));
         }
         let mut bounds = Vec::new();
-        for (name, range, least) in
-            [("--pressure-mpa", &self.pressure_mpa, 0.0), ("--gap-mm", &self.gap_mm, 1e-6)]
-        {
+        for (name, range, least) in [("--pressure", &self.pressure_mpa, 0.0), ("--gap", &self.gap_mm, 1e-6)] {
             let [low, high] = range[..] else { return Err(usage(format!("{name}: expected two numbers"))) };
             if !(low >= least && high > low && high.is_finite()) {
                 return Err(usage(format!("{name}: expected {least} <= lower < upper, found {low} {high}")));

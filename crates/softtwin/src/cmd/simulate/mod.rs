@@ -21,20 +21,20 @@ const EXAMPLES: &str = "\
 Examples:
   One state as an array, nodes x (x, y, z, displacement, von Mises); force and volume as JSON:
     softtwin simulate --actuator models/pneunet/actuator.toml \\
-      --pressure-mpa 0.05 --gap-mm 40 --out state.npy
+      --pressure 0.05 --gap 40 --out state.npy
   No obstacle, for ParaView:
     softtwin simulate --actuator models/pneunet/actuator.toml \\
-      --pressure-mpa 0.05 --out state.vtu
+      --pressure 0.05 --out state.vtu
   A path from rest in 10 steps, one JSON line a step:
     softtwin simulate --actuator models/pneunet/actuator.toml \\
-      --pressure-mpa 0.07 --gap-mm 40 --steps 10
+      --pressure 0.07 --gap 40 --steps 10
   A given injected volume, the pressure being a result; and the whole path, through its limits of pressure:
     softtwin simulate --actuator block/actuator.toml --volume-mm3 900
     softtwin simulate --actuator block/actuator.toml --volume-mm3 9000 --path --out path
   Softer silicone and a thinner wall:
     softtwin simulate --actuator models/pneunet/actuator.toml \\
       --set elastomer.law.mu_mpa=0.7 --set chambers.length_mm=3.2 \\
-      --pressure-mpa 0.05 --out state.npy
+      --pressure 0.05 --out state.npy
   A whole database, two cases at a time; stop it and start it again as you like:
     softtwin simulate --actuator models/pneunet/actuator.toml \\
       --cases models/pneunet/cases.csv --out database
@@ -60,7 +60,7 @@ pub struct Args {
     #[command(flatten)]
     geometry: ActuatorFile,
     /// Cavity pressure in MPa, at least 0.
-    #[arg(long, value_name = "MPA", allow_negative_numbers = true, required_unless_present_any = ["cases", "trace", "volume_mm3", "gas_mg"], value_parser = crate::range::pressure_mpa, help_heading = "State")]
+    #[arg(long = "pressure", value_name = "MPA", allow_negative_numbers = true, required_unless_present_any = ["cases", "trace", "volume_mm3", "gas_mg"], value_parser = crate::range::pressure_mpa, help_heading = "State")]
     pressure_mpa: Option<f64>,
     /// Injected volume in mm3 in place of the pressure, which is then a result: that of the cavity minus that of the undeformed one.
     #[arg(long, value_name = "MM3", allow_negative_numbers = true, conflicts_with_all = ["pressure_mpa", "cases", "trace"], value_parser = crate::range::number(0.0, MAX_MM3), help_heading = "State")]
@@ -76,7 +76,7 @@ pub struct Args {
     #[arg(long, requires = "volume_mm3", help_heading = "State")]
     path: bool,
     /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with_all = ["cases", "trace"], value_parser = crate::range::gap_mm, help_heading = "State")]
+    #[arg(long = "gap", value_name = "MM", allow_negative_numbers = true, conflicts_with_all = ["cases", "trace"], value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Option<f64>,
     /// Another value of a quantity of the actuator: its dotted key in actuator.toml, such as elastomer.law.mu_mpa=0.72. Geometry
     /// moves the existing mesh. A list of cases has a column for each parameter; this sets the others.
@@ -152,9 +152,9 @@ impl Args {
                     self.coarse_mesh.iter().map(|mesh| files::family_on(&self.geometry.actuator, mesh));
                 single::run(&family, &coarse.collect::<anyhow::Result<Vec<_>>>()?, &target, out.as_deref())
             }
-            _ => Err(usage(
-                "expected --pressure-mpa, --volume-mm3 or --gas-mg, or --cases or --trace with --out",
-            )),
+            _ => {
+                Err(usage("expected --pressure, --volume-mm3 or --gas-mg, or --cases or --trace with --out"))
+            }
         }
     }
 }

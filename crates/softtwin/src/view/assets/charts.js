@@ -14,7 +14,7 @@ const STRIPS = [
   { key: "contact_force_n", beside: "measured_force_n", name: "contact force", unit: "N", digits: 3, why: () => "no state is published, only fields" },
   { key: "gap_mm", name: "gap", unit: "mm", digits: 2, why: () => "no plate: no gap is given or measured" },
   { key: "max_von_mises_mpa", name: "largest von Mises stress", unit: "MPa", digits: 3,
-    why: (mode) => (mode === "recording" ? "not recorded; --model FILE computes it" : "no field with von_mises is published") },
+    why: (mode) => (mode === "recording" ? "not recorded; softtwin view FILE.twin computes it" : "no field with von_mises is published") },
   { key: "latency_ms", name: "latency, sensor to published", unit: "ms", digits: 3, log: true,
     why: (mode) => (mode === "whatif" ? "a prediction here has no sensor" : "readings carry no time stamp") },
 ];

@@ -9,7 +9,7 @@ void main() {
   gl_Position = matrix * vec4(where, 1.0); gl_PointSize = size;
 }`;
 
-// The light of the pictures that `softtwin render` draws: a lamp over the left shoulder, a weaker one from the right.
+// The light of the pictures that `softtwin draw` draws: a lamp over the left shoulder, a weaker one from the right.
 export const BODY_FS = `#version 300 es
 precision highp float;
 uniform sampler2D table; uniform vec3 key; uniform vec3 fill; uniform vec3 eye; uniform float lit; uniform vec4 flat_colour; uniform vec3 plain;

@@ -27,7 +27,7 @@ export class WhatIf {
     toggle.setAttribute("aria-expanded", active);
     box.hidden = !this.active;
     if (this.model) text.textContent = this.active ? `Predicted by ${this.model.name}, no sensor.` : "Predict any state without a sensor.";
-    else text.replaceChildren("This needs a model. End the viewer and start it with one: ", command("softtwin view --model FILE.twin"));
+    else text.replaceChildren("This needs a model. End the viewer and start it with one: ", command("softtwin view FILE.twin"));
     if (this.active) this.request();
   }
 

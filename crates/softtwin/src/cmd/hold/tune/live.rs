@@ -30,7 +30,7 @@ pub(super) fn run(
     let mut wake = WakeSet::new([&states as &dyn Wakeable]);
     let begin = first(&states, &mut wake)?;
     let gap_mm = state_gap_mm(&begin, given_gap_mm, held).context(
-        "the gap is unknown: the twin's states have none; give it to the scene (gap_mm), or --gap-mm",
+        "the gap is unknown: the twin's states have none; give it to the scene (gap_mm), or --gap",
     )?;
     let mut model = held.model()?;
     model.set_inputs(&begin.inputs);

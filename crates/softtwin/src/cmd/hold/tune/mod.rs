@@ -46,7 +46,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     actuator: Option<String>,
     /// Gap that is assumed if the twin's states have none, mm.
-    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm)]
+    #[arg(long = "gap", value_name = "MM", value_parser = crate::range::gap_mm)]
     gap_mm: Option<f64>,
     /// Does not ask.
     #[arg(long)]

@@ -1,18 +1,20 @@
-//! Answers of a model along each of its inputs, the others at the middle of their ranges, without an obstacle.
+//! Charts of what a model has learnt: the force map, singular values, and answers along each of its inputs, the others at the middle of
+//! their ranges, without an obstacle.
 
 use crate::bench::{line, panel};
 use crate::failure::usage;
-use crate::picture::{Figure, Mark};
+use crate::picture::{Axis, Figure, Map, Mark, Panel, Series};
 use anyhow::Result;
 use rom::evaluator::Evaluator;
-use rom::inputs::{GAP, InputAxis, Inputs};
+use rom::inputs::{GAP, InputAxis, Inputs, PRESSURE};
 use rom::model::{Model, RegimeModel, Selection};
 use rom::model_state::ModelState;
 use rom::observable::Observables;
-use rom::snapshots::RegimeKind;
+use rom::regime::OnsetTable;
+use rom::snapshots::{Database, RegimeKind, Split};
 
 /// Steps along an input, as in the force map.
-pub const CELLS: usize = 120;
+const CELLS: usize = 120;
 /// Modal coefficients shown.
 const LEADING: usize = 4;
 
@@ -102,4 +104,87 @@ pub fn observables(model: &Model) -> Result<Figure> {
         }
     }
     Ok(Figure { title: format!("Observables of {}, free regime", model.header.actuator), panels, columns: 2 })
+}
+
+pub fn force_map(model: &Model, database: Option<&Database>) -> Result<Figure> {
+    let contact = model.regime(RegimeKind::Contact).filter(|regime| regime.inputs.dimensions() == 2);
+    let range = |input| contact.and_then(|regime| regime.inputs.range(input));
+    let (Some(pressures), Some(gaps)) = (range(PRESSURE), range(GAP)) else {
+        return Err(usage(
+            "force-map: expected a model with a contact regime over pressure and gap; `softtwin inspect` shows its regimes",
+        ));
+    };
+    let (x, y) = ([0.0, pressures[1]], gaps);
+    let evaluator = Evaluator::new(&model.header)?;
+    let mut evaluation = evaluator.evaluation();
+    let mut values = Vec::with_capacity(CELLS * CELLS);
+    for row in 0..CELLS {
+        for column in 0..CELLS {
+            let centre = |range: [f64; 2], i: usize| {
+                range[0] + (i as f64 + 0.5) / CELLS as f64 * (range[1] - range[0])
+            };
+            evaluator.evaluate(Inputs::new(centre(x, column), centre(y, row)), &mut evaluation);
+            values.push(evaluation.contact_force_n);
+        }
+    }
+    let mut series: Vec<Series> = model.header.onset.iter().map(|table| onset_curve(table, x, y)).collect();
+    for (name, split, colour) in
+        [("training states", Split::Train, 4), ("test and check states", Split::Test, 5)]
+    {
+        let same = |s: Split| (s == Split::Train) == (split == Split::Train);
+        let cases = database
+            .iter()
+            .flat_map(|d| &d.cases)
+            .filter(|c| c.regime == RegimeKind::Contact && same(c.split));
+        let seen = cases.filter_map(|c| Some((c.pressure_mpa, c.gap_mm?)));
+        let points: Vec<(f64, f64)> = seen.filter(|(p, g)| *p <= x[1] && (y[0]..=y[1]).contains(g)).collect();
+        if !points.is_empty() {
+            series.push(Series { name: name.into(), colour, mark: Mark::Dots, points });
+        }
+    }
+    let map = Map { label: "contact force [N]".into(), x, y, columns: CELLS, values };
+    let panel = Panel {
+        title: String::new(),
+        x: Axis::linear("pressure [MPa]"),
+        y: Axis::linear("gap [mm]"),
+        series,
+        map: Some(map),
+    };
+    Ok(Figure::one(&format!("Contact force of {}", model.header.actuator), panel))
+}
+
+fn onset_curve(table: &OnsetTable, x: [f64; 2], y: [f64; 2]) -> Series {
+    let points = table.pressure_mpa.iter().copied().zip(table.gap_mm.iter().copied());
+    let inside = points.filter(|(p, g)| (x[0]..=x[1]).contains(p) && (y[0]..=y[1]).contains(g));
+    Series { name: "onset pressure".into(), colour: 1, mark: Mark::Line, points: inside.collect() }
+}
+
+pub fn singular_values(model: &Model) -> Figure {
+    let panel = |regime: &RegimeModel| Panel {
+        title: format!("Regime {}", regime.kind.name()),
+        x: Axis::linear("mode"),
+        y: Axis::log("singular value / largest"),
+        series: regime
+            .groups
+            .iter()
+            .enumerate()
+            .map(|(i, group)| {
+                let largest = group.singular_values.first().copied().unwrap_or(1.0);
+                let values = group.singular_values.iter().enumerate().filter(|(_, s)| **s > 1e-14 * largest);
+                Series {
+                    name: format!("{} ({} kept)", group.name, group.coefficients.len()),
+                    colour: i,
+                    mark: Mark::LineDots,
+                    points: values.map(|(k, s)| (k as f64 + 1.0, s / largest)).collect(),
+                }
+            })
+            .collect(),
+        map: None,
+    };
+    let panels: Vec<Panel> = model.header.regimes.iter().map(panel).collect();
+    Figure {
+        title: format!("Singular values of {}", model.header.actuator),
+        columns: panels.len().max(1),
+        panels,
+    }
 }

@@ -1,4 +1,4 @@
-//! Tests of `src/cmd/render/args.rs`.
+//! Tests of `src/cmd/draw/args.rs`.
 
 use super::*;
 

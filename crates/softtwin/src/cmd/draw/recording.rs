@@ -123,5 +123,5 @@ fn largest<'a>(
 }
 
 #[cfg(test)]
-#[path = "../../../tests/unit/cmd_plot_recording.rs"]
+#[path = "../../../tests/unit/cmd_draw_recording.rs"]
 mod tests;

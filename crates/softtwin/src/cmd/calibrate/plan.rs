@@ -1,6 +1,7 @@
-//! `softtwin plan-experiment`.
+//! `softtwin calibrate --plan`: a hold is a state that is kept while readings are taken. Of all holds on a grid of pressures and of the
+//! given gaps those are chosen whose readings together shrink the unknowns' joint uncertainty most (D-optimal, on the model's gradients at
+//! the priors). A gap that is estimated is taken to be off by the same amount at every place of the plate.
 
-use crate::failure::configuration;
 use crate::output;
 use crate::unknowns::Unknowns;
 use anyhow::bail;
@@ -8,52 +9,31 @@ use estimate::{ExpectedFit, InputRole, Symmetric};
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, PRESSURE};
-use runtime::config::Scene;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
-
-const EXAMPLES: &str = "\
-Examples:
-  Which four pressures tell gap, gauge bias and stiffness apart, with the load cell, the markers, or both:
-    softtwin plan-experiment --scene config/scenes/estimate.toml
-  The plate can be moved to three places; two holds of 400 readings each, for a script:
-    softtwin plan-experiment --scene config/scenes/estimate.toml \\
-      --gap-mm 30 40 50 --holds 2 --readings 400 --json
-
-A hold is a state that is kept while readings are taken. Of all holds on a grid of pressures and of the given gaps those are chosen \
-whose readings together shrink the unknowns' joint uncertainty most (D-optimal, on the model's gradients at the priors). A gap that is \
-estimated is taken to be off by the same amount at every place of the plate. `condition` is that of the information in units of the \
-priors' standard deviations: a large one means that a combination of unknowns is hardly identifiable.";
 
 /// Pressures of the grid.
 const STEPS: usize = 21;
 
-/// Say which pressures, gaps and sensors would tell the unknowns of a scene apart.
+/// What an experiment may vary.
 #[derive(clap::Args)]
-#[command(before_help = EXAMPLES)]
-pub struct Args {
-    /// Scene with `[actuator.estimate]`, sensors and markers.
-    #[arg(long, value_name = "FILE.toml")]
-    scene: PathBuf,
-    /// The actuator, where the scene has several with unknowns.
-    #[arg(long, value_name = "NAME")]
-    actuator: Option<String>,
+#[command(next_help_heading = "Plan of an experiment")]
+pub struct PlanArgs {
+    /// Before measuring: which holds and sensors would tell the unknowns apart, with the standard deviations to expect.
+    #[arg(long, conflicts_with_all = ["recording", "log", "topic", "out", "memory", "force", "picture"])]
+    pub plan: bool,
     /// Lowest and highest pressure; default: the range of the model.
-    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], value_parser = crate::range::pressure_mpa)]
+    #[arg(long = "pressure", requires = "plan", num_args = 2, value_names = ["LOW", "HIGH"], value_parser = crate::range::pressure_mpa)]
     pressure_mpa: Option<Vec<f64>>,
     /// Places of the plate; default: the prior of the gap, or the scene's gap.
-    #[arg(long, num_args = 1.., value_name = "MM", value_parser = crate::range::gap_mm)]
+    #[arg(long = "gap", requires = "plan", num_args = 1.., value_name = "MM", value_parser = crate::range::gap_mm)]
     gap_mm: Vec<f64>,
     /// Holds to choose (1 to 20).
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = crate::range::count(1, 20))]
+    #[arg(long, requires = "plan", value_name = "N", default_value_t = 4, value_parser = crate::range::count(1, 20))]
     holds: usize,
     /// Readings at each hold (1 to 1000000).
-    #[arg(long, value_name = "N", default_value_t = 200, value_parser = crate::range::count(1, 1_000_000))]
+    #[arg(long, requires = "plan", value_name = "N", default_value_t = 200, value_parser = crate::range::count(1, 1_000_000))]
     readings: usize,
-    /// One JSON object instead of text.
-    #[arg(long)]
-    json: bool,
 }
 
 /// Standard deviations that a choice of sensors reaches.
@@ -83,17 +63,15 @@ struct Predicted {
     identifiable: bool,
 }
 
-impl Args {
+impl PlanArgs {
     /// Chooses, then prints one plan for each set of sensors.
-    pub fn run(self) -> anyhow::Result<()> {
-        let scene = Scene::load(&self.scene).map_err(configuration)?;
-        let mut of = Unknowns::load(&scene, &self.scene, self.actuator.as_deref())?;
+    pub fn run(self, mut of: Unknowns, json: bool) -> anyhow::Result<()> {
         // The plan is one of held states.
         of.setup = of.setup.at_rest();
         let holds = self.candidates(&of)?;
         let plans = sensor_sets(&of).into_iter().map(|blocks| self.plan(&mut of, &holds, blocks));
         let plans: Vec<Plan> = plans.collect::<anyhow::Result<_>>()?;
-        if self.json {
+        if json {
             let best = plans.iter().position(|plan| plan.identifiable);
             return output::json(&serde_json::json!({
                 "plans": plans, "recommended": best, "unknowns": of.setup.unknowns.len(), "readings_per_hold": self.readings,
@@ -121,7 +99,7 @@ impl Args {
         let gaps_mm = if self.gap_mm.is_empty() { vec![base.gap_mm()] } else { self.gap_mm.clone() };
         if gaps_mm.iter().any(|gap| gap.is_nan()) {
             bail!(
-                "--gap-mm: expected the gaps at which readings can be taken, for the scene measures the gap; found none"
+                "--gap: expected the gaps at which readings can be taken, for the scene measures the gap; found none"
             );
         }
         let at = |step: usize| low + (high - low) * step as f64 / (STEPS - 1) as f64;

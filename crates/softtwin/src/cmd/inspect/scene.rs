@@ -1,51 +1,21 @@
-//! `softtwin scene explain`.
+//! `softtwin inspect SCENE.toml`: what a scene will load, how many bytes, and how long a sample takes, measured here and now.
 
 use crate::failure::configuration;
 use crate::output;
 use runtime::config::Scene;
 use runtime::explain::{Explained, explain};
 use runtime::load::load_scene;
-use std::path::PathBuf;
+use std::path::Path;
 
-const EXAMPLES: &str = "\
-Examples:
-  softtwin scene explain config/scenes/finger.toml
-  softtwin scene explain config/scenes/control.toml --json";
-
-/// Look at scenes before they run.
-#[derive(clap::Args)]
-#[command(before_help = EXAMPLES)]
-pub struct Args {
-    #[command(subcommand)]
-    action: Action,
-}
-
-#[derive(clap::Subcommand)]
-enum Action {
-    /// Say what a scene will load, how many bytes, and how long a sample takes, measured here and now.
-    #[command(before_help = EXAMPLES)]
-    Explain {
-        /// Scene file.
-        #[arg(value_name = "FILE")]
-        scene: PathBuf,
-        /// One JSON array.
-        #[arg(long)]
-        json: bool,
-    },
-}
-
-impl Args {
-    /// Explains and ends.
-    pub fn run(self) -> anyhow::Result<()> {
-        let Action::Explain { scene: path, json } = self.action;
-        let scene = Scene::load(&path).map_err(configuration)?;
-        let loaded = load_scene(&scene, &path).map_err(configuration)?;
-        let explained: Vec<Explained> = loaded.iter().map(explain).collect();
-        if json {
-            return output::json(&explained);
-        }
-        explained.iter().try_for_each(print)
+/// Prints what each actuator of a scene loads and costs.
+pub fn explain_scene(path: &Path, json: bool) -> anyhow::Result<()> {
+    let scene = Scene::load(path).map_err(configuration)?;
+    let loaded = load_scene(&scene, path).map_err(configuration)?;
+    let explained: Vec<Explained> = loaded.iter().map(explain).collect();
+    if json {
+        return output::json(&explained);
     }
+    explained.iter().try_for_each(print)
 }
 
 fn print(explained: &Explained) -> anyhow::Result<()> {

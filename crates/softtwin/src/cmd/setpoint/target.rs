@@ -1,38 +1,11 @@
-//! `softtwin target`.
+//! `softtwin setpoint ACTUATOR VALUE...`: a new target for the controller that `softtwin hold` runs.
 
+use super::Args;
 use crate::failure::usage;
-use crate::live::DomainArgs;
 use crate::output;
 use std::time::{Duration, Instant};
 use wire::layout::{TARGET_VALUES_MAX, pack_name, target_kind};
-use wire::{SetpointReader, Target, TargetWriter, Topic, WakeSet, Wakeable, WireError, boot_id, now_ns};
-
-const EXAMPLES: &str = "\
-Examples:
-  A new target for `softtwin hold`, in the unit of what it holds:
-    softtwin target finger 0.4
-  Reached with 0.05 units per second; a series of values every 0.1 s:
-    softtwin target finger 0.4 --rate 0.05
-    softtwin target finger 0.1 0.2 0.3 0.2 --interval-s 0.1";
-
-/// Change what `softtwin hold` holds, without letting go of the valve.
-#[derive(clap::Args)]
-#[command(before_help = EXAMPLES)]
-pub struct Args {
-    /// Actuator.
-    actuator: String,
-    /// One value, or the values of a series.
-    #[arg(required = true, allow_negative_numbers = true, value_parser = crate::range::number(-1e6, 1e6))]
-    values: Vec<f64>,
-    /// Speed at which the value is reached from the target before, units per second.
-    #[arg(long, value_name = "PER_S", value_parser = crate::range::number(1e-9, 1e9), conflicts_with = "interval_s")]
-    rate: Option<f64>,
-    /// Time between the values of a series, s.
-    #[arg(long, value_name = "S", value_parser = crate::range::number(1e-3, 1e6))]
-    interval_s: Option<f64>,
-    #[command(flatten)]
-    domain: DomainArgs,
-}
+use wire::{Bus, SetpointReader, Target, TargetWriter, Topic, WakeSet, Wakeable, WireError, boot_id, now_ns};
 
 /// Name of the owner.
 const OWNER: &str = "softtwin-target";
@@ -41,7 +14,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 
 impl Args {
     /// Sends the target to the controller that listens.
-    pub fn run(self) -> anyhow::Result<()> {
+    pub(super) fn retarget(&self, bus: &Bus) -> anyhow::Result<()> {
         let count = self.values.len();
         let target_kind = match (count, self.rate, self.interval_s) {
             (1, None, None) => target_kind::STEP,
@@ -53,13 +26,12 @@ impl Args {
                 )));
             }
         };
-        let bus = self.domain.join()?;
         let topic = Topic::target(&self.actuator)?;
-        let setpoints = match SetpointReader::open(&bus, &Topic::setpoint(&self.actuator)?) {
+        let setpoints = match SetpointReader::open(bus, &Topic::setpoint(&self.actuator)?) {
             Err(WireError::NoSuchTopic { .. }) => anyhow::bail!("{}", self.no_controller()),
             opened => opened?,
         };
-        let mut writer = TargetWriter::create_named(&bus, &topic, OWNER)?;
+        let mut writer = TargetWriter::create_named(bus, &topic, OWNER)?;
         let mut target = Target {
             boot_id: boot_id(),
             seq: 1,

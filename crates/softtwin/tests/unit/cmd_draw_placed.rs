@@ -1,4 +1,4 @@
-//! Tests of `src/cmd/render/placed.rs` that need its private parts.
+//! Tests of `src/cmd/draw/placed.rs` that need its private parts.
 
 use super::*;
 use crate::picture::camera::{cross, minus};

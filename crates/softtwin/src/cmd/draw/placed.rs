@@ -28,7 +28,7 @@ pub fn scene(args: &Args, path: &Path) -> Result<Canvas> {
     for actuator in &scene.actuators {
         let (min_mm, max_mm) = actuator.gap_mm.range_mm();
         let gap_mm = args.gap_mm.or((min_mm == max_mm).then_some(min_mm)).ok_or_else(|| {
-            usage(format!("--gap-mm: the scene leaves the gap of `{}` open, so give one", actuator.name))
+            usage(format!("--gap: the scene leaves the gap of `{}` open, so give one", actuator.name))
         })?;
         let loaded = LoadedModel::read(&actuator.model)?;
         let state = StateDrawer::new(&loaded, args.field)?.draw_state(pressure, Some(gap_mm))?;
@@ -51,5 +51,5 @@ fn add(whole: &mut Body, body: &Body, place: &PlaceSpec) {
 }
 
 #[cfg(test)]
-#[path = "../../../tests/unit/cmd_render_placed.rs"]
+#[path = "../../../tests/unit/cmd_draw_placed.rs"]
 mod tests;

@@ -1,4 +1,4 @@
-//! Tests of `src/cmd/plot/recording.rs` that need its private parts.
+//! Tests of `src/cmd/draw/recording.rs` that need its private parts.
 
 use super::*;
 use wire::State;

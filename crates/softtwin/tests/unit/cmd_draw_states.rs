@@ -1,4 +1,4 @@
-//! Tests of `src/cmd/render/states.rs`.
+//! Tests of `src/cmd/draw/states.rs`.
 
 use super::*;
 

@@ -1,80 +1,13 @@
-//! `softtwin log`.
+//! `softtwin inspect TABLE`: the columns of a bench's table, and a proposed mapping. Columns whose unit could not be read from the heading
+//! are comments of the mapping, to be filled in by hand.
 
-use crate::bench::{self, line, panel, range};
+use crate::bench::{line, panel, range};
 use crate::picture::{Figure, Mark};
 use crate::{files, output};
 use formats::log::{Log, unit};
 use rom::statistics::median;
 use serde_json::{Value, json};
-use std::path::PathBuf;
-
-const EXAMPLES: &str = "\
-Examples:
-  What a table contains, with a picture of every column and a mapping to complete:
-    softtwin log describe run.csv --out log.toml --picture columns.svg
-  The table as a trace for replay, bridge, plot:
-    softtwin log convert run.csv --log log.toml --out trace.csv
-
-The mapping names columns by number or heading. Columns whose unit could not be read from the heading are \
-written as comments: fill them in by hand.";
-
-/// Describe tables of a bench.
-#[derive(clap::Args)]
-#[command(before_help = EXAMPLES)]
-pub struct Args {
-    #[command(subcommand)]
-    action: Action,
-}
-
-#[derive(clap::Subcommand)]
-enum Action {
-    Describe(Describe),
-    Convert(Convert),
-}
-
-/// Write a table as a trace for replay, bridge, plot and import.
-#[derive(clap::Args)]
-#[command(before_help = EXAMPLES)]
-struct Convert {
-    /// Table.
-    #[arg(value_name = "FILE")]
-    file: PathBuf,
-    /// Mapping of the columns.
-    #[arg(long, value_name = "FILE.toml")]
-    log: PathBuf,
-    /// Trace to write: t_s and the names of the mapping.
-    #[arg(long, value_name = "FILE.csv")]
-    out: PathBuf,
-}
-
-impl Convert {
-    fn run(self) -> anyhow::Result<()> {
-        let recording = bench::read(&self.file, &bench::mapping(&self.log)?)?;
-        files::save(&self.out, recording.csv().as_bytes())?;
-        for remark in &recording.remarks {
-            output!("  note: {remark}")?;
-        }
-        Ok(output!("{} rows in {}", recording.time_s.len(), self.out.display())?)
-    }
-}
-
-/// Show columns and propose a mapping.
-#[derive(clap::Args)]
-#[command(before_help = EXAMPLES)]
-struct Describe {
-    /// Table: comma, semicolon, tab or blanks.
-    #[arg(value_name = "FILE")]
-    file: PathBuf,
-    /// Mapping to write.
-    #[arg(long, value_name = "FILE.toml")]
-    out: Option<PathBuf>,
-    /// Picture of all columns (.svg or .png).
-    #[arg(long, value_name = "FILE")]
-    picture: Option<PathBuf>,
-    /// One JSON object instead of text.
-    #[arg(long)]
-    json: bool,
-}
+use std::path::Path;
 
 /// Properties of a column.
 struct Known {
@@ -119,68 +52,57 @@ const EPOCHS: [(f64, &str); 4] = [(1e17, "ns"), (1e14, "us"), (1e11, "ms"), (1e8
 /// Median step of integers from which they are ms instead of s.
 const MS_STEP: f64 = 2.0;
 
-impl Args {
-    /// Describes the table.
-    pub fn run(self) -> anyhow::Result<()> {
-        match self.action {
-            Action::Describe(args) => args.run(),
-            Action::Convert(args) => args.run(),
-        }
+/// Describes a table and proposes a mapping of its columns.
+pub fn describe(file: &Path, out: Option<&Path>, picture: Option<&Path>, json: bool) -> anyhow::Result<()> {
+    let log = Log::read(file).map_err(files::refusal)?;
+    let columns: Vec<Known> = (0..log.columns.len()).map(|at| Known::of(&log, at)).collect();
+    // A unit of time says more than a name, and a name more than numbers that rise, as those of frames do.
+    let time = (0..columns.len())
+        .filter(|at| columns[*at].time > TimeSign::None)
+        .max_by_key(|at| (columns[*at].time, columns.len() - at));
+    let proposal = proposal(&file.display().to_string(), &columns, time);
+    if let Some(out) = out {
+        files::save(out, proposal.as_bytes())?;
     }
-}
-
-impl Describe {
-    fn run(self) -> anyhow::Result<()> {
-        let log = Log::read(&self.file).map_err(files::refusal)?;
-        let columns: Vec<Known> = (0..log.columns.len()).map(|at| Known::of(&log, at)).collect();
-        // A unit of time says more than a name, and a name more than numbers that rise, as those of frames do.
-        let time = (0..columns.len())
-            .filter(|at| columns[*at].time > TimeSign::None)
-            .max_by_key(|at| (columns[*at].time, columns.len() - at));
-        let proposal = proposal(&self.file.display().to_string(), &columns, time);
-        if let Some(out) = &self.out {
-            files::save(out, proposal.as_bytes())?;
-        }
-        if let Some(picture) = &self.picture {
-            figure(&log, &columns, time).save(picture)?;
-        }
-        if self.json {
-            return output::json(&json!({
-                "rows": log.rows(), "separator": log.separator.to_string(), "first_line": log.lines.first(),
-                "damaged_lines": log.damaged.iter().map(ToString::to_string).collect::<Vec<_>>(),
-                "time_column": time.map(|at| at + 1),
-                "columns": columns.iter().map(Known::json).collect::<Vec<_>>(),
-            }));
-        }
-        let separator = if log.separator == '\t' { "tab".into() } else { format!("`{}`", log.separator) };
-        output!("{} rows from line {}, separator {separator}", log.rows(), log.lines.first().unwrap_or(&0))?;
-        for damaged in log.damaged.iter().take(10) {
-            output!("  left out: {damaged}")?;
-        }
-        for column in &columns {
-            output!("{}", column.text())?;
-        }
-        match time {
-            Some(at) => output!("{}", pace(&log, at))?,
-            None => output!("no column rises throughout: name the time's column or a rate")?,
-        }
-        let unknown = |column: &&Known| {
-            column.quantity.is_none() && Some(column.number) != time.map(|at| at + 1) && !column.is_constant()
-        };
-        let numbers: Vec<String> =
-            columns.iter().filter(unknown).map(|column| column.number.to_string()).collect();
-        if !numbers.is_empty() {
-            output!(
-                "not guessed: unit and meaning of column(s) {}; they are comments of the mapping",
-                numbers.join(", ")
-            )?;
-        }
-        match &self.out {
-            Some(out) => output!("mapping to complete: {}", out.display())?,
-            None => output!("\n{}", proposal.trim_end())?,
-        }
-        Ok(())
+    if let Some(picture) = picture {
+        figure(&log, &columns, time).save(picture)?;
     }
+    if json {
+        return output::json(&json!({
+            "rows": log.rows(), "separator": log.separator.to_string(), "first_line": log.lines.first(),
+            "damaged_lines": log.damaged.iter().map(ToString::to_string).collect::<Vec<_>>(),
+            "time_column": time.map(|at| at + 1),
+            "columns": columns.iter().map(Known::json).collect::<Vec<_>>(),
+        }));
+    }
+    let separator = if log.separator == '\t' { "tab".into() } else { format!("`{}`", log.separator) };
+    output!("{} rows from line {}, separator {separator}", log.rows(), log.lines.first().unwrap_or(&0))?;
+    for damaged in log.damaged.iter().take(10) {
+        output!("  left out: {damaged}")?;
+    }
+    for column in &columns {
+        output!("{}", column.text())?;
+    }
+    match time {
+        Some(at) => output!("{}", pace(&log, at))?,
+        None => output!("no column rises throughout: name the time's column or a rate")?,
+    }
+    let unknown = |column: &&Known| {
+        column.quantity.is_none() && Some(column.number) != time.map(|at| at + 1) && !column.is_constant()
+    };
+    let numbers: Vec<String> =
+        columns.iter().filter(unknown).map(|column| column.number.to_string()).collect();
+    if !numbers.is_empty() {
+        output!(
+            "not guessed: unit and meaning of column(s) {}; they are comments of the mapping",
+            numbers.join(", ")
+        )?;
+    }
+    match out {
+        Some(out) => output!("mapping to complete: {}", out.display())?,
+        None => output!("\n{}", proposal.trim_end())?,
+    }
+    Ok(())
 }
 
 /// Steps of a time column, in its unit: median, smallest and largest, repeated stamps and steps back.
@@ -319,7 +241,7 @@ impl Known {
 
 fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
     let mut text = format!(
-        "# Proposed by softtwin log describe for {file}: check every unit against the picture.\n\n[time]\n"
+        "# Proposed by softtwin inspect for {file}: check every unit against the picture.\n\n[time]\n"
     );
     match time {
         Some(at) if columns[at].counts() => {

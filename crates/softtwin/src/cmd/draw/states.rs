@@ -87,7 +87,7 @@ impl StateDrawer {
             let known: Vec<&str> = fields.iter().map(|field| field.spec.name.as_str()).collect();
             let wanted = if is_measured { "of a marker" } else { shown.name() };
             return Err(usage(format!(
-                "a picture needs the fields x, y, z, {wanted}; the model has {}; `softtwin plot observables` draws curves",
+                "a picture needs the fields x, y, z, {wanted}; the model has {}; `--chart observables` draws curves",
                 known.join(", ")
             )));
         };
@@ -199,13 +199,11 @@ fn rounded_down(value: f64) -> f64 {
 }
 
 /// One case of a database.
-pub fn case(args: &Args) -> Result<Canvas> {
-    let (Some(dir), Some(wanted)) = (&args.database, &args.case) else {
-        return Err(usage("give --model FILE, or --database DIR with --case NAME"));
-    };
+pub fn case(args: &Args, wanted: &str) -> Result<Canvas> {
+    let dir = args.source.as_path();
     for scene in formats::database::obstacle_kinds(dir).map_err(refusal)? {
         let database = files::database(dir, scene)?;
-        if let Some(index) = database.cases.iter().position(|case| case.name == *wanted) {
+        if let Some(index) = database.cases.iter().position(|case| case.name == wanted) {
             let state = drawn_case(&database, index, args.field)?;
             let caption = format!("Finite elements: case {wanted} of {}.", database.actuator);
             return draw(args, &[Group::alone(state)], None, caption);
@@ -281,5 +279,5 @@ pub(super) fn draw(args: &Args, groups: &[Group], headline: Option<&str>, captio
 }
 
 #[cfg(test)]
-#[path = "../../../tests/unit/cmd_render_states.rs"]
+#[path = "../../../tests/unit/cmd_draw_states.rs"]
 mod tests;
