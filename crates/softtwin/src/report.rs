@@ -14,6 +14,8 @@ const SHOWN_NUMBERS: usize = 12;
 
 /// Units as field names end, and as people write them.
 const UNITS: &[(&str, &str)] = &[
+    ("n_per_mpa", "N/MPa"),
+    ("n_per_mm", "N/mm"),
     ("mm", "mm"),
     ("mpa", "MPa"),
     ("kpa", "kPa"),
@@ -238,13 +240,11 @@ fn padded(text: &str, width: usize, is_right: bool) -> String {
 
 /// `largest_force_n` as "largest force [N]".
 fn label(name: &str) -> String {
-    let unit = name.rsplit_once('_').and_then(|(words, end)| {
-        UNITS
-            .iter()
-            .find(|(suffix, _)| *suffix == end)
-            .map(|(_, unit)| format!("{} [{unit}]", words.replace('_', " ")))
-    });
-    unit.unwrap_or_else(|| name.replace('_', " "))
+    let with_unit = |(suffix, unit): &(&str, &str)| {
+        let words = name.strip_suffix(suffix)?.strip_suffix('_')?;
+        Some(format!("{} [{unit}]", words.replace('_', " ")))
+    };
+    UNITS.iter().find_map(with_unit).unwrap_or_else(|| name.replace('_', " "))
 }
 
 fn cell(node: &Node) -> String {

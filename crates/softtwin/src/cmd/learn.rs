@@ -30,7 +30,7 @@ Without --model the model is measured, without mesh. With it, the outputs of the
 of its node sets; they move the leading modes of the field and get offsets for the rest, smooth over the inputs and 0 where nothing was
 measured. Exit code 65: the recording teaches nothing.";
 
-/// Learn a model from measured inputs and outputs, or what a finite-element model lacks.
+/// Make a model of measurements, or correct a finite-element model by them: from recordings of a bench.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {

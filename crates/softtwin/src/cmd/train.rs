@@ -28,7 +28,7 @@ Examples:
 
 Only cases with split = train are used; test and check cases are for `softtwin evaluate`.";
 
-/// Train a model from a database of finite-element states.
+/// Make a model of finite-element states: from the database of an actuator.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {

@@ -38,7 +38,7 @@ A scene stands for its actuator's model with the inputs that it gives, or the pr
 observables have their name. \
 Coverage is the fraction of the values within the model's half-widths.";
 
-/// Compare a model with a recording.
+/// Say how far a model is from a recording of a bench: errors, coverage, pictures.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {

@@ -41,7 +41,7 @@ Normalised: largest error over nodes by the field's largest value in that case. 
 of the field's largest value, because stress is exactly 0 at some nodes. Truncation: what the modes cannot represent; \
 interpolation: what the kernels get wrong within the modes.";
 
-/// Measure a model's errors on cases of a database, truncation and interpolation apart.
+/// Say how far a model is from the finite elements it stands for: its errors on states and motions that it has not seen.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
