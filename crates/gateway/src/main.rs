@@ -1,8 +1,8 @@
 //! `softtwin-gateway`: the twins of this machine on a Zenoh network, under the keys they have locally.
 //!
 //! ```text
-//! domain -> [topic_scan] -> topics -> [messages] states, health, ... : all of them, JSON    -> network
-//!                                  -> [fields]   the newest, at a rate or on demand, f32    -> network
+//! domain -> [topics]   messages (states, health, ...): all of them, JSON                    -> network
+//!                      fields: the newest, at a rate or on demand, f32                      -> network
 //! domain <- [queries]  <- get  softtwin/<actuator>/whatif|pressure|gap?...                  <- network
 //! domain <- [readings] <- put  softtwin/<actuator>/sensor, where the configuration allows it
 //! domain -> [ros]      a node of ROS 2 with its topics, where the configuration asks for it
@@ -12,27 +12,17 @@
 //! never the twin.
 #![forbid(unsafe_code)]
 
-mod clock;
 mod config;
-mod endpoint;
-mod fields;
 mod link;
-mod liveness;
-mod messages;
-mod network;
 mod queries;
 mod readings;
 mod ros;
-mod security;
-mod topic_bridge;
-mod topic_scan;
+mod topics;
 
 use anyhow::Context;
 use clap::{CommandFactory, Parser};
-use config::Config;
-use endpoint::{Endpoint, list};
-use link::{Counters, Link};
-use liveness::Liveness;
+use config::{Config, Endpoint, list};
+use link::{Counters, Link, Liveness};
 use queries::QueryHandler;
 use runtime::config::ConfigError;
 use runtime::{metrics, removed_files, service};
@@ -44,7 +34,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{Duration, Instant};
-use topic_scan::TopicScan;
+use topics::TopicScan;
 use wire::thread_group::ThreadGroup;
 use wire::{Domain, OwnFiles};
 use zenoh::Wait;
@@ -108,7 +98,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
         return clap_mangen::generate_to(page, folder).context(folder.display().to_string());
     };
     let mut config = Config::load(path)?;
-    say(&config);
+    log_config(&config);
     if options.check {
         return Ok(());
     }
@@ -124,7 +114,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
     let mut liveness = Liveness::from_env();
     let ended = loop {
         liveness.forget_threads();
-        let Some(session) = network::open(&config, &program, &mut liveness)? else { break Ok(()) };
+        let Some(session) = link::open_session(&config, &program, &mut liveness)? else { break Ok(()) };
         let link = Link {
             domain: Domain::from_env(),
             session,
@@ -145,7 +135,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
             Err(error) => break Err(error),
         }
         tracing::info!("reloaded: reconnecting");
-        say(&config);
+        log_config(&config);
     };
     service::notify_stopping();
     tracing::info!("ended: {}", counters.line());
@@ -153,8 +143,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
     ended
 }
 
-/// Logs the configuration.
-fn say(config: &Config) {
+fn log_config(config: &Config) {
     tracing::info!(
         "{:?} below `{}`, listens on {}, connects to {}; sends {}, fields every {} ms at most; takes readings for {}, targets for {}; {}",
         config.mode,
@@ -200,21 +189,21 @@ fn serve(
     let mut threads = ThreadGroup::with_program(link.stop.clone());
     let mut thread_link = || Link { is_alive: liveness.add_thread(), ..link.clone() };
     let own = thread_link();
-    threads.start("messages", move |_| Ok(messages::run(&own, &for_messages)?))?;
+    threads.start("messages", move |_| Ok(topics::run_messages(&own, &for_messages)?))?;
     let own = thread_link();
-    threads.start("fields", move |_| Ok(fields::run(&own, &for_fields, period)?))?;
+    threads.start("fields", move |_| Ok(topics::run_fields(&own, &for_fields, period)?))?;
     let own = thread_link();
     threads.start("queries", move |_| Ok(queries::run(&own, &requests)?))?;
-    if let Some(ros2) = config.ros2.clone() {
-        let (to_twins, questions) = ros::questions();
-        let (own, keys) = (thread_link(), config.keys.clone());
-        threads.start("ros2", move |_| Ok(ros::run(&own, &ros2, &keys, period, to_twins)?))?;
-        let own = thread_link();
-        threads.start("ros2-questions", move |_| Ok(ros::ask(&own, &questions)?))?;
-    }
-    if let Some(ros2) = config.ros2.clone().filter(|_| !config.targets.is_empty()) {
-        let (own, targets) = (thread_link(), config.targets.clone());
-        threads.start("ros2-commands", move |_| Ok(ros::commands(&own, &ros2, &targets)?))?;
+    if let Some(ros2) = &config.ros2 {
+        let (to_twins, calls) = ros::calls();
+        let (own, own_ros2, keys) = (thread_link(), ros2.clone(), config.keys.clone());
+        threads.start("ros2", move |_| Ok(ros::run(&own, &own_ros2, &keys, period, to_twins)?))?;
+        let (own, own_ros2) = (thread_link(), ros2.clone());
+        threads.start("ros2-services", move |_| Ok(ros::answer_calls(&own, &own_ros2, &calls)?))?;
+        if !config.targets.is_empty() {
+            let (own, own_ros2, targets) = (thread_link(), ros2.clone(), config.targets.clone());
+            threads.start("ros2-commands", move |_| Ok(ros::run_commands(&own, &own_ros2, &targets)?))?;
+        }
     }
     if !inlets.is_empty() {
         let (own, ros2) = (thread_link(), config.ros2.clone());
@@ -222,7 +211,7 @@ fn serve(
     }
     if !config.listen.is_empty() {
         let (own, ports) = (thread_link(), config.listen.iter().map(Endpoint::port).collect());
-        threads.start("addresses", move |_| Ok(network::limit_addresses(&own, ports)?))?;
+        threads.start("addresses", move |_| Ok(link::limit_addresses(&own, ports)?))?;
     }
     scan.scan(link)?;
     service::notify_ready(&connections(config));
@@ -232,7 +221,7 @@ fn serve(
         if let Some(new) = reread() {
             return Ok(Some(new));
         }
-        thread::sleep(topic_scan::EVERY);
+        thread::sleep(topics::SCAN_EVERY);
         if let Err(error) = scan.scan(link) {
             tracing::warn!("{error:#}");
         }

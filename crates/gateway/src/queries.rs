@@ -1,8 +1,7 @@
 //! Queries from the network, passed to the twins one after the other.
 
-use crate::fields::values;
 use crate::link::Link;
-use crate::topic_bridge::{EncodedSample, Request, accept_requests, refuse, reply};
+use crate::topics::{EncodedSample, Request, accept_requests, little_endian, refuse, reply};
 use recording::message;
 use serde_json::json;
 use std::collections::HashMap;
@@ -27,16 +26,12 @@ pub struct QueryHandler {
 }
 
 impl QueryHandler {
-    /// A handler, and the queries that it takes.
     pub fn new() -> (Self, Receiver<Request>) {
         let (sender, receiver) = sync_channel(QUERIES);
         (Self { sender }, receiver)
     }
 
     /// Takes all kinds of queries for one actuator, as long as the result exists.
-    ///
-    /// # Errors
-    /// When the session is closed.
     pub fn open(&self, link: &Link, actuator: &str) -> anyhow::Result<Vec<Queryable<()>>> {
         let names = query_kind::ALL.iter().map(|kind| format!("softtwin/{actuator}/{}", kind.name));
         names.map(|name| accept_requests(link, &name, self.sender.clone())).collect()
@@ -44,9 +39,6 @@ impl QueryHandler {
 }
 
 /// Answers until the gateway ends.
-///
-/// # Errors
-/// When the shared memory cannot be opened.
 pub fn run(link: &Link, requests: &Receiver<Request>) -> anyhow::Result<()> {
     let mut clients = Clients::open(link)?;
     while link.is_running() {
@@ -69,10 +61,6 @@ pub struct Clients {
 }
 
 impl Clients {
-    /// No clients yet.
-    ///
-    /// # Errors
-    /// When the shared memory cannot be opened.
     pub fn open(link: &Link) -> Result<Self, WireError> {
         Ok(Self { bus: Bus::open(&link.domain)?, by_actuator: HashMap::new() })
     }
@@ -113,5 +101,8 @@ fn encode(sample: &AnswerSample) -> EncodedSample {
     message["fields"] = answer.fields().map(field_id::as_str).collect();
     message["max_von_mises_mpa"] = json!(answer.max_von_mises_mpa);
     message["max_von_mises_node"] = json!(answer.max_von_mises_node);
-    EncodedSample { payload: values(sample.values()), attachment: Some(ZBytes::from(message.to_string())) }
+    EncodedSample {
+        payload: little_endian(sample.values()),
+        attachment: Some(ZBytes::from(message.to_string())),
+    }
 }

@@ -1,8 +1,12 @@
-//! Samples as messages of ROS 2, in SI units.
+//! Samples as messages of ROS 2, in SI units; the surface of a field as a `visualization_msgs/Marker`, each corner of its triangles
+//! coloured by its stress.
 
-use super::cdr::Cdr;
+use super::Ros2;
+use super::wire_format::{Cdr, Reader};
+use runtime::known_model::KnownModel;
+use std::sync::Arc;
 use wire::layout::{field_id, flags, unpack_name, valve_interlock, valve_limit, valve_reason};
-use wire::{FieldHeader, Health, State, Valve};
+use wire::{FieldHeader, FieldSample, Health, State, Topic, Valve};
 
 /// Pascals per megapascal.
 pub const PA_PER_MPA: f64 = 1e6;
@@ -29,25 +33,24 @@ pub fn pressure(state: &State, actuator: &str, time_ns: u64) -> Option<Vec<u8>> 
 
 /// Observables of a state by name, as positions in rad, m, 1/m and m3, with their half-widths as efforts; `None` without observables.
 pub fn observables(state: &State, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
-    let all: Vec<(String, f64, f64)> = state.observables().collect();
-    if all.is_empty() {
-        return None;
-    }
-    Some(joints(&all, &all.iter().map(|one| one.2 * per_unit(&one.0)).collect::<Vec<_>>(), actuator, time_ns))
+    let observables: Vec<(String, f64, f64)> = state.observables().collect();
+    let halfwidths: Vec<f64> =
+        observables.iter().map(|(name, _, halfwidth)| halfwidth * per_unit(name)).collect();
+    (!observables.is_empty()).then(|| joint_state(&observables, &halfwidths, actuator, time_ns))
 }
 
 /// Inputs of a state by name, as positions in Pa, m and what their names state: pressures of all cavities, the gap where there is one.
 pub fn inputs(state: &State, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
     let known = state.inputs().filter(|input| input.value.is_finite());
-    let all: Vec<(String, f64, f64)> = known.map(|input| (input.name, input.value, 0.0)).collect();
-    (!all.is_empty()).then(|| joints(&all, &[], actuator, time_ns))
+    let inputs: Vec<(String, f64, f64)> = known.map(|input| (input.name, input.value, 0.0)).collect();
+    (!inputs.is_empty()).then(|| joint_state(&inputs, &[], actuator, time_ns))
 }
 
-fn joints(all: &[(String, f64, f64)], efforts: &[f64], actuator: &str, time_ns: u64) -> Vec<u8> {
-    let names: Vec<&str> = all.iter().map(|(name, ..)| name.as_str()).collect();
-    let values: Vec<f64> = all.iter().map(|one| one.1 * per_unit(&one.0)).collect();
+fn joint_state(values: &[(String, f64, f64)], efforts: &[f64], actuator: &str, time_ns: u64) -> Vec<u8> {
+    let names: Vec<&str> = values.iter().map(|(name, ..)| name.as_str()).collect();
+    let positions: Vec<f64> = values.iter().map(|(name, value, _)| value * per_unit(name)).collect();
     let message =
-        Cdr::new().header(time_ns, actuator).strings(&names).word(all.len() as u32).doubles(&values);
+        Cdr::new().header(time_ns, actuator).strings(&names).word(names.len() as u32).doubles(&positions);
     message.word(0).word(efforts.len() as u32).doubles(efforts).finish()
 }
 
@@ -60,7 +63,8 @@ fn per_unit(name: &str) -> f64 {
 }
 
 /// Nodes of a field in m, with its other fields; `None` without x, y and z. `O(values)`.
-pub fn points(header: &FieldHeader, values: &[f32], actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
+pub fn points(field: &FieldSample, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
+    let (header, values) = (field.header(), field.values());
     let [x, y, z] = header.coordinates(values)?;
     let columns = header.columns(values);
     let others: Vec<(u8, &[f32])> =
@@ -79,16 +83,15 @@ pub fn points(header: &FieldHeader, values: &[f32], actuator: &str, time_ns: u64
     let mut data = Vec::with_capacity((step * nodes) as usize);
     for node in 0..nodes as usize {
         let place = [x, y, z].map(|column| column[node] * 1e-3);
-        let all = place.into_iter().chain(others.iter().map(|(_, column)| column[node]));
-        data.extend(all.flat_map(f32::to_le_bytes));
+        let columns = place.into_iter().chain(others.iter().map(|(_, column)| column[node]));
+        data.extend(columns.flat_map(f32::to_le_bytes));
     }
     Some(message.byte(0).word(step).word(step * nodes).bytes(&data).byte(1).finish())
 }
 
 /// Health of a twin as one status.
-pub fn diagnostics(health: &Health, actuator: &str, time_ns: u64) -> Vec<u8> {
-    let set: Vec<&str> =
-        flags::ALL.iter().filter(|flag| health.flags & flag.number != 0).map(|flag| flag.name).collect();
+pub fn diagnostics(health: &Health, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
+    let set: Vec<&str> = flags::names(health.flags).collect();
     let is_stale = health.flags & (flags::STALE | flags::NO_DATA) != 0;
     let level = if is_stale {
         STALE
@@ -105,7 +108,7 @@ pub fn diagnostics(health: &Health, actuator: &str, time_ns: u64) -> Vec<u8> {
         ("missed", health.missed.to_string()),
         ("late", health.late.to_string()),
     ];
-    status(level, actuator, &summary, &values, time_ns)
+    Some(status(level, actuator, &summary, &values, time_ns))
 }
 
 /// A `DiagnosticArray` with one status.
@@ -120,21 +123,21 @@ fn status(level: u8, actuator: &str, summary: &str, values: &[(&str, String)], t
 }
 
 /// Written and wanted pressure of a valve, Pa, as positions; NaN: no setpoint.
-pub fn valve(valve: &Valve, actuator: &str, time_ns: u64) -> Vec<u8> {
+pub fn valve(valve: &Valve, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
     let values = [valve.pressure_mpa, valve.wanted_mpa].map(|mpa| mpa * PA_PER_MPA);
     let message = Cdr::new().header(time_ns, actuator).strings(&["pressure_written", "pressure_wanted"]);
-    message.word(values.len() as u32).doubles(&values).word(0).word(0).finish()
+    Some(message.word(values.len() as u32).doubles(&values).word(0).word(0).finish())
 }
 
 /// Why a valve has this value as one status: 0 follows, 1 safe value or override, 2 device error.
-pub fn valve_diagnostics(valve: &Valve, actuator: &str, time_ns: u64) -> Vec<u8> {
+pub fn valve_diagnostics(valve: &Valve, actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
     let level = match valve.valve_reason {
         valve_reason::FOLLOWING => OK,
         valve_reason::DEVICE_ERROR => ERROR,
         _ => WARN,
     };
     let names = |all: wire::layout::Codes, bits: u32| -> String {
-        let set = all.iter().filter(|one| bits & one.number != 0).map(|one| one.name);
+        let set = all.iter().filter(|code| bits & code.number != 0).map(|code| code.name);
         set.collect::<Vec<&str>>().join(", ")
     };
     let values = [
@@ -142,7 +145,124 @@ pub fn valve_diagnostics(valve: &Valve, actuator: &str, time_ns: u64) -> Vec<u8>
         ("limits", names(valve_limit::ALL, valve.valve_limit)),
         ("owner", unpack_name(&valve.owner)),
     ];
-    status(level, actuator, valve_reason::as_str(valve.valve_reason), &values, time_ns)
+    Some(status(level, actuator, valve_reason::as_str(valve.valve_reason), &values, time_ns))
+}
+
+/// Time (ns since 1970) and pressure (Pa) of a `sensor_msgs/FluidPressure`; `None` for other messages.
+pub fn fluid_pressure(bytes: &[u8]) -> Option<(u64, f64)> {
+    let mut reader = Reader::new(bytes)?;
+    let (seconds, nanoseconds) = (reader.word()?, reader.word()?);
+    reader.string()?;
+    let time_ns = u64::from(seconds) * 1_000_000_000 + u64::from(nanoseconds);
+    (nanoseconds < 1_000_000_000).then_some((time_ns, reader.double()?))
+}
+
+/// `Marker.TRIANGLE_LIST`.
+const TRIANGLE_LIST: u32 = 11;
+/// `Marker.ADD`.
+const ADD: u32 = 0;
+/// Metres per millimetre.
+const METRE: f64 = 1e-3;
+/// Colours at no stress, half and full scale, linear in between, with rising lightness.
+const SCALE: [[f32; 3]; 3] = [[0.2, 0.1, 0.5], [0.1, 0.6, 0.6], [1.0, 0.9, 0.2]];
+/// Colour beyond full scale.
+const BEYOND: [f32; 3] = [0.9, 0.1, 0.1];
+/// Colour without a stress.
+const UNKNOWN: [f32; 3] = [0.5; 3];
+
+/// Makes the markers of one field topic.
+pub struct Markers {
+    models: Arc<[KnownModel]>,
+    node_set: Option<String>,
+    full_scale_mpa: f32,
+    /// Model and node count of the last field, and the indices of its triangles' corners; `None` if they cannot be drawn.
+    last: Option<([u8; 16], u32, Option<Vec<u32>>)>,
+}
+
+impl Markers {
+    /// Markers of a field topic; `None` unless it has the whole surface of a known model.
+    pub fn for_topic(topic: &Topic, ros: &Ros2) -> Option<Self> {
+        let node_set = topic.node_set();
+        let is_known = ros.models.iter().any(|model| model.corners(node_set).is_some());
+        is_known.then(|| Self {
+            models: ros.models.clone(),
+            node_set: node_set.map(str::to_owned),
+            full_scale_mpa: ros.marker_full_scale_mpa as f32,
+            last: None,
+        })
+    }
+
+    /// The marker of a field; `None` for an unknown model. `O(triangles)`.
+    pub fn encode(
+        &mut self,
+        header: &FieldHeader,
+        values: &[f32],
+        actuator: &str,
+        time_ns: u64,
+    ) -> Option<Vec<u8>> {
+        let key = (header.model_hash, header.node_count);
+        if self.last.as_ref().is_none_or(|(hash, count, _)| (*hash, *count) != key) {
+            let found = self.corners(header);
+            if found.is_none() {
+                tracing::warn!("{actuator}: no marker: ros2.models has no file of its model");
+            }
+            self.last = Some((key.0, key.1, found));
+        }
+        let corners = self.last.as_ref()?.2.as_ref()?;
+        marker(header, values, corners, self.full_scale_mpa, actuator, time_ns)
+    }
+
+    fn corners(&self, header: &FieldHeader) -> Option<Vec<u32>> {
+        let node_set = self.node_set.as_deref();
+        let model = self.models.iter().find(|model| model.hash == header.model_hash)?;
+        let is_whole = model.nodes(node_set) == Some(header.node_count as usize);
+        model.corners(node_set).filter(|_| is_whole)
+    }
+}
+
+/// A `Marker` of triangles, given by their corners' indices in a field; `None` without x, y and z or with an index out of range.
+fn marker(
+    header: &FieldHeader,
+    values: &[f32],
+    corners: &[u32],
+    full_scale_mpa: f32,
+    actuator: &str,
+    time_ns: u64,
+) -> Option<Vec<u8>> {
+    let [x, y, z] = header.coordinates(values)?;
+    let stress = header.column(values, field_id::VON_MISES);
+    let mut points = Vec::with_capacity(3 * corners.len());
+    let mut colours = Vec::with_capacity(4 * corners.len());
+    for corner in corners {
+        let at = *corner as usize;
+        points.extend([*x.get(at)?, *y.get(at)?, *z.get(at)?].map(|mm| f64::from(mm) * METRE));
+        let [red, green, blue] = colour(stress.map_or(f32::NAN, |stress| stress[at] / full_scale_mpa));
+        colours.extend([red, green, blue, 1.0]);
+    }
+    let message = Cdr::new().header(time_ns, actuator).string(actuator).word(0).word(TRIANGLE_LIST).word(ADD);
+    // Pose: identity. Scale: 1.
+    let message = message.doubles(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]).doubles(&[1.0; 3]);
+    // Common colour (replaced by those of the corners), unlimited lifetime, fixed to its frame.
+    let message = message.floats(&[1.0; 4]).word(0).word(0).byte(1);
+    let message = message.word(corners.len() as u32).doubles(&points);
+    let message = message.word(corners.len() as u32).floats(&colours);
+    // No texture (name, header, format, data, coordinates), caption, mesh (name, file name, data, materials).
+    let message = message.string("").header(0, "").string("").bytes(&[]).word(0).string("").string("");
+    Some(message.string("").bytes(&[]).byte(0).finish())
+}
+
+/// The colour of a stress as a fraction of full scale.
+fn colour(fraction: f32) -> [f32; 3] {
+    if fraction.is_nan() {
+        return UNKNOWN;
+    }
+    if fraction > 1.0 {
+        return BEYOND;
+    }
+    let place = 2.0 * fraction.max(0.0);
+    let (from, to) = if place < 1.0 { (SCALE[0], SCALE[1]) } else { (SCALE[1], SCALE[2]) };
+    let along = if place < 1.0 { place } else { place - 1.0 };
+    [0, 1, 2].map(|k| from[k] * (1.0 - along) + to[k] * along)
 }
 
 #[cfg(test)]

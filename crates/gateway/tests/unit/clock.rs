@@ -1,4 +1,4 @@
-//! Tests of `src/clock.rs` that need its private parts.
+//! Tests of `src/readings.rs` that need its private parts.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! Tests of `src/liveness.rs` that need its private parts.
+//! Tests of `src/link.rs` that need its private parts.
 
 use super::*;
 

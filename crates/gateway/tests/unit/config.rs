@@ -1,4 +1,4 @@
-//! Tests of `src/endpoint.rs` that need its private parts.
+//! Tests of `src/config.rs` that need its private parts.
 
 use super::*;
 

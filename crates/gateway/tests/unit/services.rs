@@ -1,4 +1,4 @@
-//! Tests of `src/ros/question.rs` that need its private parts.
+//! Tests of `src/ros/services.rs` that need its private parts.
 
 use super::*;
 use crate::ros::golden::bytes as golden;
@@ -8,7 +8,7 @@ const REQUEST: &str = include_str!("../golden/what_if_request.hex");
 
 #[test]
 fn requests_are_those_of_another_writer() {
-    let query = Question::WhatIf.read(&golden(REQUEST)).unwrap().unwrap();
+    let query = ServiceKind::WhatIf.query(&golden(REQUEST)).unwrap().unwrap();
     assert_eq!((query.kind, query.pressure_mpa, query.gap_mm), (query_kind::WHATIF, 0.05, 30.0));
     let parameters: Vec<(String, f64)> = query
         .parameters()
@@ -16,11 +16,12 @@ fn requests_are_those_of_another_writer() {
         .collect();
     assert_eq!(parameters, [("a".to_owned(), 1.5), ("elastomer.law.mu_mpa".to_owned(), 0.8)]);
     assert_eq!((query.want_field, query.node_set), (1, pack_name("tip")));
-    let query = Question::Pressure.read(&golden(include_str!("../golden/find_pressure_request.hex")));
+    let query = ServiceKind::Pressure.query(&golden(include_str!("../golden/find_pressure_request.hex")));
     let query = query.unwrap().unwrap();
     assert_eq!((query.kind, query.force_n, query.gap_mm), (query_kind::PRESSURE, 0.3, 30.0));
     assert!(query.pressure_mpa.is_nan() && query.want_field == 0 && query.parameter_count == 0);
-    let query = Question::Gap.read(&golden(include_str!("../golden/find_gap_request.hex"))).unwrap().unwrap();
+    let query =
+        ServiceKind::Gap.query(&golden(include_str!("../golden/find_gap_request.hex"))).unwrap().unwrap();
     assert_eq!((query.kind, query.pressure_mpa, query.force_n), (query_kind::GAP, 0.06, 0.3));
     assert_eq!(query.force_halfwidth_n, 0.01);
 }
@@ -66,11 +67,19 @@ fn responses_are_those_of_another_writer() {
 fn truncated_requests_are_refused_at_every_length() {
     let whole = golden(REQUEST);
     for length in 0..whole.len() - 1 {
-        let refused = Question::WhatIf.read(&whole[..length]).unwrap_err();
-        assert!(refused.contains("what_if") && refused.contains("at most 64"), "{length}: {refused}");
+        assert!(ServiceKind::WhatIf.query(&whole[..length]).is_none(), "{length}");
     }
     let many = Cdr::new().doubles(&[0.05, 30.0]).word(65).finish();
-    assert!(Question::WhatIf.read(&many).is_err());
+    assert!(ServiceKind::WhatIf.query(&many).is_none());
     let long = Cdr::new().doubles(&[0.05, 30.0]).word(0).word(u32::MAX).finish();
-    assert!(Question::WhatIf.read(&long).is_err());
+    assert!(ServiceKind::WhatIf.query(&long).is_none());
+}
+
+#[test]
+fn a_twin_that_has_no_state_is_not_described() {
+    let ros =
+        Ros2 { domain_id: 0, node: "softtwin".into(), models: Vec::new().into(), marker_full_scale_mpa: 0.5 };
+    assert_eq!(trigger_response(true, "{}"), golden(include_str!("../golden/described.hex")));
+    assert_eq!(description(&ros, "finger", None)[4], 0, "success");
+    assert_eq!(description(&ros, "finger", Some(&State::default()))[4], 1, "success");
 }
