@@ -1,8 +1,8 @@
 //! Membership of a program in a shared-memory domain, and the domain's topics.
 
 use crate::leftover::{Places, Watch};
-use crate::port::retry::{self, Refusal};
-use crate::port::segment::require_headroom;
+use crate::port::memory::require_headroom;
+use crate::port::service::{Refusal, within};
 use crate::sys::Ipc;
 use crate::{Domain, KeyExpr, Removed, Topic, WireError};
 use iceoryx2::node::NodeCreationFailure;
@@ -36,7 +36,7 @@ impl Drop for Member {
 }
 
 /// Time that opening a bus waits for programs that create resources, before it continues without a full clean-up. Missing space
-/// is freed on demand, see `port::retry`.
+/// is freed on demand, see `port::service`.
 const SWEEP_PATIENCE: Duration = Duration::from_millis(200);
 
 /// Time that opening a bus tries again while another user takes its names in /dev/shm.
@@ -90,7 +90,7 @@ impl Bus {
             true => Refusal::Passing(cause),
             false => Refusal::Final(WireError::Node { cause }),
         };
-        let node = retry::within(places, "the shared-memory domain", || {
+        let node = within(places, "the shared-memory domain", || {
             NodeBuilder::new()
                 .config(&places.config)
                 .signal_handling_mode(SignalHandlingMode::Disabled)

@@ -25,10 +25,8 @@ mod arrivals;
 mod bus;
 mod domain;
 mod error;
-mod keyexpr;
 pub mod layout;
 mod leftover;
-mod own_files;
 mod port;
 pub mod qos;
 mod selector;
@@ -39,15 +37,13 @@ mod wake;
 
 pub use arrivals::{Arrival, Arrivals};
 pub use bus::{Bus, TopicInfo};
-pub use domain::Domain;
+pub use domain::{Domain, OwnFiles};
 pub use error::WireError;
-pub use keyexpr::{KeyExpr, KeyExprError};
 pub use layout::{
     Answer, Command, Estimate, FieldHeader, Grasp, Health, Outcome, Payload, Query, QueryStatus,
     SensorSample, Setpoint, State, Target, Valve,
 };
 pub use leftover::{Removed, own_folder};
-pub use own_files::OwnFiles;
 pub use port::{
     AnswerSample, AnyReader, AnySample, Carried, CommandReader, CommandWriter, EstimateReader,
     EstimateWriter, FieldLoan, FieldReader, FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader,
@@ -55,7 +51,7 @@ pub use port::{
     SetpointWriter, Stamp, StateReader, StateWriter, TargetReader, TargetWriter, ValveReader, ValveWriter,
     Writer,
 };
-pub use selector::{Selector, SelectorError};
+pub use selector::{KeyExpr, KeyExprError, Selector, SelectorError};
 pub use sys::{background_thread, boot_id, now_ns};
 pub use topic::{Topic, TopicKind};
 pub use wake::{Wake, WakeSet, Wakeable, Waker, Waking};

@@ -98,8 +98,9 @@ fn file_without_a_size_in_use_is_named_within_a_limit() {
     let place = Place::new("empty");
     let bus = Bus::open(&place.domain).unwrap();
     let (path, file) = place.incomplete(&format!("{TYPE}_1.dynamic"));
-    let refused = StateWriter::create(&bus, &topic()).unwrap_err().to_string();
-    assert!(refused.contains(path.to_str().unwrap()) && refused.contains("no size"), "{refused}");
+    let refused = StateWriter::create(&bus, &topic()).unwrap_err();
+    let WireError::InFlux { cause, .. } = &refused else { panic!("{refused}") };
+    assert!(cause.contains(path.to_str().unwrap()), "{refused}");
     drop(file);
     StateWriter::create(&bus, &topic()).unwrap();
 }

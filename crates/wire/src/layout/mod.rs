@@ -14,30 +14,20 @@ macro_rules! layout_version {
 }
 
 mod codes;
-mod driving;
-mod estimate;
-mod grasp;
-mod health;
-mod numbers;
 mod payload;
-mod query;
+mod requests;
 mod topics;
 
-pub use codes::{Code, Codes};
-pub use driving::{Command, Setpoint, TARGET_VALUES_MAX, Target, Valve};
-pub use estimate::{Estimate, UNKNOWNS_MAX};
-pub use grasp::{FINGERS_MAX, Grasp};
-pub use health::{Health, OUTCOME_SLOTS};
-pub use numbers::{
-    InputValue, Outcome, QueryStatus, domain_status, estimate_alarm, estimate_status, field_id, flags,
-    grasp_status, input_source, query_kind, regime, target_kind, value_bits, valve_interlock, valve_limit,
-    valve_reason,
+pub use codes::{
+    Code, Codes, InputValue, Outcome, QueryStatus, domain_status, estimate_alarm, estimate_status, field_id,
+    flags, grasp_status, input_source, query_kind, regime, target_kind, value_bits, valve_interlock,
+    valve_limit, valve_reason,
 };
 pub use payload::{Field, Layout, Number, Payload, Scalar, Show, View};
-pub use query::{Answer, Query};
+pub use requests::{Answer, Command, Query, Setpoint, TARGET_VALUES_MAX, Target, Valve};
 pub use topics::{
-    AGES_MAX, Ages, COEFFICIENTS_MAX, FIELD_SLOTS, FieldHeader, GROUPS_MAX, MARKERS_MAX, Marker,
-    SensorSample, State,
+    AGES_MAX, Ages, COEFFICIENTS_MAX, Estimate, FIELD_SLOTS, FINGERS_MAX, FieldHeader, GROUPS_MAX, Grasp,
+    Health, MARKERS_MAX, Marker, OUTCOME_SLOTS, SensorSample, State, UNKNOWNS_MAX,
 };
 
 /// Version of all layouts. Raised with any change of size, offset or meaning; it is part of every type name.

@@ -1,10 +1,10 @@
-//! The payloads of the way of a reading: the reading, the state, the header of a field.
+//! The payloads of a reading's way: the reading, the state, the header of a field, the estimate; then health and grasp.
 
-use super::numbers::inputs_of;
+use super::codes::inputs_of;
 use super::payload::{Scalar, Value, payload};
 use super::{
-    INPUTS_MAX, InputValue, LAYOUT_VERSION, Outcome, PARAMETERS_MAX, field_id, flags, input_source, regime,
-    set_slot, slot, value_bits,
+    INPUTS_MAX, InputValue, LAYOUT_VERSION, Outcome, PARAMETERS_MAX, estimate_alarm, estimate_status,
+    field_id, flags, grasp_status, input_source, regime, set_slot, slot, value_bits,
 };
 
 /// Most markers of one actuator.
@@ -360,5 +360,226 @@ impl FieldHeader {
     pub fn coordinates<'a>(&self, values: &'a [f32]) -> Option<[&'a [f32]; 3]> {
         let [x, y, z] = [field_id::X, field_id::Y, field_id::Z].map(|id| self.column(values, id));
         Some([x?, y?, z?])
+    }
+}
+
+/// Most quantities that one twin estimates.
+pub const UNKNOWNS_MAX: usize = 8;
+
+payload! {
+    /// Estimated quantities after one reading, with its consistency with model and sensors.
+    Estimate "softtwin.Estimate" {
+        /// Layout version.
+        layout_version: u32 = LAYOUT_VERSION, "";
+        /// Status of the reading.
+        status: u32 = estimate_status::NONE, "", Show::Code(estimate_status::ALL);
+        /// First 16 bytes of the model file's hash.
+        model_hash: [u8; 16] = [0; 16], "", Show::Hex;
+        /// The run of the twin.
+        boot_id: u64 = 0, "", Show::Hex;
+        /// Counts up by one per estimate within a run, beginning at 1.
+        seq: u64 = 0, "";
+        /// The run of the bridge that sent the reading.
+        sensor_boot_id: u64 = 0, "", Show::Hex;
+        /// Sequence number of the reading.
+        sensor_seq: u64 = 0, "";
+        /// When the reading was taken.
+        t_sensor_ns: u64 = 0, "ns";
+        /// When the estimate was sent.
+        t_publish_ns: u64 = 0, "ns";
+        /// Normalised innovation squared of the values used; NaN when none was used.
+        nis: f64 = f64::NAN, "";
+        /// Below this in 2.5 % of all readings where model and sensors are as good as stated.
+        nis_low: f64 = f64::NAN, "";
+        /// Above this in 2.5 % of all readings where model and sensors are as good as stated.
+        nis_high: f64 = f64::NAN, "";
+        /// Measured values of the reading that were used.
+        used_values: u32 = 0, "";
+        /// Measurements rejected as contradictory: bit 0 the force, bit 1 the first marker, bit 2 the second, ...
+        rejected: u32 = 0, "";
+        /// Measurements rejected since the start.
+        rejected_total: u64 = 0, "";
+        /// Quantities that are estimated.
+        unknown_count: u32 = 0, "";
+        /// Bit 0: the readings identify the first quantity, and so on; 0: the value rests on the prior.
+        identifiable: u32 = 0, "";
+        /// Estimated values, in the units of their names.
+        values: [f64; UNKNOWNS_MAX] = [f64::NAN; UNKNOWNS_MAX], "", Show::Counted("unknown_count");
+        /// Standard deviations of the estimated values.
+        sigmas: [f64; UNKNOWNS_MAX] = [f64::NAN; UNKNOWNS_MAX], "", Show::Counted("unknown_count");
+        /// Model inputs that explain the reading best: pressure, gap, then the others in the model's order; NaN: the model does not
+        /// have it. State and fields are those of these inputs.
+        inputs: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
+        /// Inputs of the model.
+        input_count: u32 = 0, "";
+        /// Persistent contradiction of about the last second.
+        alarm: u32 = estimate_alarm::NONE, "", Show::Code(estimate_alarm::ALL);
+        /// Standard deviation of the force that follows from those of the estimated values.
+        force_sigma_n: f64 = f64::NAN, "N";
+        /// Name of the actuator, zero-padded.
+        actuator: [u8; 32] = [0; 32], "", Show::Name;
+        /// Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left.
+        names: [u8; 32 * UNKNOWNS_MAX] = [0; 32 * UNKNOWNS_MAX], "", Show::Names("unknown_count");
+        /// Inputs or quantities of the alarm: bit 0 is the first input (the pressure) or quantity; for measurements the bits of `rejected`.
+        suspects: u32 = 0, "";
+        /// Zero.
+        reserved: u32 = 0, "";
+    }
+    json [
+        seq, sensor_seq, t_sensor_ns, t_publish_ns, status, names, values, sigmas, identifiable, inputs, force_sigma_n, nis,
+        nis_low, nis_high, used_values, rejected, rejected_total, alarm, suspects, actuator, model_hash, boot_id, sensor_boot_id,
+    ]
+}
+
+impl Estimate {
+    /// The name of the quantity at a position.
+    pub fn name(&self, at: usize) -> String {
+        slot(&self.names, at)
+    }
+
+    /// Sets the name of the quantity at a position. Of a name of more than 31 bytes the end is kept, which says more.
+    pub fn set_name(&mut self, at: usize, name: &str) {
+        set_slot(&mut self.names, at, name);
+    }
+}
+
+/// Slots for counters, one per [`Outcome`] and some for later ones.
+pub const OUTCOME_SLOTS: usize = 24;
+
+payload! {
+    /// Counters since the start of the twin and latencies of the last interval. `received` is the sum of all outcomes.
+    Health "softtwin.Health" {
+        /// Layout version.
+        layout_version: u32 = LAYOUT_VERSION, "";
+        /// Set flags as in the newest state.
+        flags: u32 = flags::NO_DATA, "", Show::Flags(flags::ALL);
+        /// First 16 bytes of the model file's hash.
+        model_hash: [u8; 16] = [0; 16], "", Show::Hex;
+        /// The run of the twin.
+        boot_id: u64 = 0, "", Show::Hex;
+        /// Counts up by one per health sample, beginning at 1.
+        seq: u64 = 0, "";
+        /// When it was sent.
+        t_publish_ns: u64 = 0, "ns";
+        /// Time since the twin started.
+        uptime_ns: u64 = 0, "ns";
+        /// The run of the bridge that sent the newest reading; 0: none yet.
+        sensor_boot_id: u64 = 0, "", Show::Hex;
+        /// Readings taken from the sensor topic; the sum of all outcomes.
+        received: u64 = 0, "";
+        /// Readings that never arrived, by gaps in the sequence numbers.
+        missed: u64 = 0, "";
+        /// Restarts of the bridge seen.
+        sensor_restarts: u64 = 0, "";
+        /// Times that the deadline passed without a usable reading.
+        deadline_misses: u64 = 0, "";
+        /// Fields sent over all node sets.
+        fields_sent: u64 = 0, "";
+        /// States sent.
+        states_sent: u64 = 0, "";
+        /// Readings whose field was sent later than the configured limit after their stamp.
+        late: u64 = 0, "";
+        /// Events and lines that are missing in the log: the reporter was behind, or a line could not be written.
+        log_lost: u64 = 0, "";
+        /// Age of the newest good reading.
+        age_ns: u64 = 0, "ns";
+        /// Readings per second over the last interval.
+        rate_hz: f64 = 0.0, "Hz";
+        /// From sensor stamp to sent, over the last interval: median.
+        latency_p50_ns: u64 = 0, "ns";
+        /// From sensor stamp to sent, over the last interval: 99th percentile.
+        latency_p99_ns: u64 = 0, "ns";
+        /// From sensor stamp to sent, over the last interval: slowest.
+        latency_max_ns: u64 = 0, "ns";
+        /// From taking the reading to sent, over the last interval: median.
+        compute_p50_ns: u64 = 0, "ns";
+        /// From taking the reading to sent, over the last interval: 99th percentile.
+        compute_p99_ns: u64 = 0, "ns";
+        /// From taking the reading to sent, over the last interval: slowest.
+        compute_max_ns: u64 = 0, "ns";
+        /// Readings by outcome, indexed by the outcome's number.
+        outcomes: [u64; OUTCOME_SLOTS] = [0; OUTCOME_SLOTS], "", Show::PerCode(Outcome::CODES);
+        /// Name of the actuator, zero-padded.
+        actuator: [u8; 32] = [0; 32], "", Show::Name;
+    }
+    json [
+        seq, t_publish_ns, uptime_ns, received, missed, sensor_restarts, deadline_misses, fields_sent, states_sent, late,
+        log_lost, age_ns, rate_hz, latency_p50_ns, latency_p99_ns, latency_max_ns, compute_p50_ns, compute_p99_ns,
+        compute_max_ns, outcomes, flags, actuator, model_hash, boot_id,
+    ]
+}
+
+const _: () = assert!(Outcome::ALL.len() <= OUTCOME_SLOTS);
+
+impl Health {
+    /// The counter of one outcome.
+    pub fn count(&self, outcome: Outcome) -> u64 {
+        self.outcomes.get(outcome.code() as usize).copied().unwrap_or(0)
+    }
+}
+
+/// Most fingers of one grasp.
+pub const FINGERS_MAX: usize = 8;
+
+payload! {
+    /// The grasp of one scene: `n` fingers hold an object by friction when `n mu min(F) >= s m g`.
+    ///
+    /// The smallest finger force counts for all of them: what one finger pushes more than the others moves the object
+    /// instead of holding it.
+    Grasp "softtwin.Grasp" {
+        /// Layout version.
+        layout_version: u32 = LAYOUT_VERSION, "";
+        /// Set flags of all fingers.
+        flags: u32 = flags::NO_DATA, "", Show::Flags(flags::ALL);
+        /// The run of the twin.
+        boot_id: u64 = 0, "", Show::Hex;
+        /// Counts up by one per grasp within a run, beginning at 1.
+        seq: u64 = 0, "";
+        /// When the oldest of the readings behind it was taken.
+        t_sensor_ns: u64 = 0, "ns";
+        /// When the grasp was sent.
+        t_publish_ns: u64 = 0, "ns";
+        /// Whether the object is held.
+        grasp_status: u32 = grasp_status::UNKNOWN, "", Show::Code(grasp_status::ALL);
+        /// Fingers.
+        finger_count: u32 = 0, "";
+        /// Mass of the object.
+        mass_kg: f64 = f64::NAN, "kg";
+        /// Friction coefficient between finger and object.
+        friction: f64 = f64::NAN, "";
+        /// Safety factor on the weight.
+        safety: f64 = f64::NAN, "";
+        /// Force that each finger must bring: `s m g / (n mu)`.
+        needed_force_n: f64 = f64::NAN, "N";
+        /// Smallest force of a finger.
+        least_force_n: f64 = f64::NAN, "N";
+        /// `least_force_n / needed_force_n - 1`: at least 0 when held.
+        margin: f64 = f64::NAN, "";
+        /// Friction coefficient from which these forces would hold the object: `s m g / (n F)`.
+        needed_friction: f64 = f64::NAN, "";
+        /// Pressure at which the object is first held (all fingers at this pressure); NaN: not within the sampled states.
+        stop_pressure_mpa: f64 = f64::NAN, "MPa";
+        /// Half-width of that pressure.
+        stop_pressure_halfwidth_mpa: f64 = f64::NAN, "MPa";
+        /// Force of each finger; the rest 0.
+        forces_n: [f64; FINGERS_MAX] = [0.0; FINGERS_MAX], "N", Show::Counted("finger_count");
+        /// Pressure of each finger; the rest 0.
+        pressures_mpa: [f64; FINGERS_MAX] = [0.0; FINGERS_MAX], "MPa", Show::Counted("finger_count");
+        /// Half-width of the forces.
+        force_halfwidth_n: f64 = f64::NAN, "N";
+        /// Name of the scene, zero-padded.
+        scene: [u8; 32] = [0; 32], "", Show::Name;
+    }
+    json [
+        seq, t_sensor_ns, t_publish_ns, grasp_status, mass_kg, friction, safety, needed_force_n, least_force_n, margin,
+        needed_friction, stop_pressure_mpa, stop_pressure_halfwidth_mpa, force_halfwidth_n, forces_n, pressures_mpa,
+        flags, scene, boot_id,
+    ]
+}
+
+impl Grasp {
+    /// Force and pressure of each finger.
+    pub fn fingers(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.forces_n.into_iter().zip(self.pressures_mpa).take(self.finger_count as usize)
     }
 }

@@ -5,21 +5,12 @@
 //! programs only. This module removes the incomplete ones, see docs/iceoryx2.md.
 //!
 //! No decision depends on age or process id. A program keeps every created file open (or mapped) while it uses it, and the
-//! operating system closes it at the program's end: [`unused`] queries whether any process has a file open.
+//! operating system closes it at the program's end, so that the operating system can be asked whether a file is in use.
 
-mod claim;
-mod events;
-mod lock;
-mod nodes;
-mod obstacle;
 mod places;
 mod sweep;
-mod unused;
-mod watch;
 
-pub use claim::own_folder;
-pub(crate) use claim::{claimed, ending, number};
-pub(crate) use places::{Places, is_counter_of, process_of};
+pub use places::own_folder;
+pub(crate) use places::{Places, claimed, ending, is_counter_of, number_of_ending, process_of};
 pub use sweep::Removed;
-pub(crate) use unused::names_this_file;
-pub(crate) use watch::Watch;
+pub(crate) use sweep::{Watch, names_this_file};

@@ -1,11 +1,16 @@
-//! Places and names of a shared-memory domain's files.
+//! Names and folders of a shared-memory domain's files.
+//!
+//! In folders that are open to all users (/tmp, /dev/shm) anybody may be the first to make a file of any name. A name there has a number
+//! at its end. Programs of one user agree on the number without a place of their own to write it down: it is that of the file which the
+//! user already has, or else the lowest that nobody has taken. A stranger who takes names beforehand therefore only makes the number
+//! larger.
 
-use super::claim::{claimed, ending, number};
-use crate::sys::SHM_DIR;
-use crate::sys::uid;
+use crate::sys::{SHM_DIR, uid};
 use iceoryx2::prelude::{Config, SemanticString};
-use std::fs::{DirEntry, Metadata};
-use std::os::unix::fs::MetadataExt;
+use std::collections::BTreeSet;
+use std::fs::{DirBuilder, DirEntry, Metadata};
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -142,7 +147,7 @@ impl Places {
         let path = format!("{}{:016x}", self.writer_locks(), hash(topic.as_bytes()));
         let file = name(Path::new(&path));
         let number = claimed(Path::new(SHM_DIR), Metadata::is_file, |found| {
-            number(found.strip_prefix(file)?.strip_suffix(WRITER_LOCK)?)
+            number_of_ending(found.strip_prefix(file)?.strip_suffix(WRITER_LOCK)?)
         });
         PathBuf::from(format!("{path}{}{WRITER_LOCK}", ending(number)))
     }
@@ -160,6 +165,70 @@ fn hash(bytes: &[u8]) -> u64 {
     bytes
         .iter()
         .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+// ---- names that others may have taken ----
+
+/// Tries to make a folder while strangers take the names. They have to be quicker each time.
+const TRIES: u32 = 1000;
+
+/// Number of this user's file among those of `folder` whose names `number_in` recognises; the lowest free number if there is none.
+/// A file of another kind counts as taken, because a stranger can give a file of this user a second name by a hard link.
+pub(crate) fn claimed(
+    folder: &Path,
+    is_kind: fn(&Metadata) -> bool,
+    number_in: impl Fn(&str) -> Option<u32>,
+) -> u32 {
+    let (user, mut own, mut taken) = (uid(), None, BTreeSet::new());
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let Some(number) = entry.file_name().to_str().and_then(&number_in) else { continue };
+        match entry.metadata() {
+            Ok(about) if about.uid() == user && is_kind(&about) => {
+                own = Some(own.map_or(number, |own: u32| own.min(number)))
+            }
+            Ok(_) => drop(taken.insert(number)),
+            Err(_) => {} // gone
+        }
+    }
+    own.unwrap_or_else(|| (0..).find(|number| !taken.contains(number)).unwrap_or_default())
+}
+
+/// The folder `parent/name` of this user alone, which is made if it is missing. Where the name is another user's, a number
+/// follows it.
+///
+/// # Errors
+/// The folder cannot be made.
+pub fn own_folder(parent: &Path, name: &str) -> io::Result<PathBuf> {
+    // A link is not the folder, wherever it leads.
+    let is_own = |path: &Path| {
+        std::fs::symlink_metadata(path).is_ok_and(|found| found.is_dir() && found.uid() == uid())
+    };
+    let first = parent.join(name);
+    if is_own(&first) {
+        return Ok(first);
+    }
+    for _ in 0..TRIES {
+        let number = claimed(parent, Metadata::is_dir, |found| number_of_ending(found.strip_prefix(name)?));
+        let path = parent.join(format!("{name}{}", ending(number)));
+        match DirBuilder::new().mode(0o700).create(&path) {
+            Ok(()) => return Ok(path),
+            Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(error),
+            Err(_) if is_own(&path) => return Ok(path),
+            Err(_) => {} // taken since the look
+        }
+    }
+    Err(io::Error::new(ErrorKind::AlreadyExists, format!("{}: other users take all names", first.display())))
+}
+
+/// The end of a name with this number: nothing for 0, `-1`, `-2` and so on.
+pub(crate) fn ending(number: u32) -> String {
+    if number == 0 { String::new() } else { format!("-{number}") }
+}
+
+/// Reads what [`ending`] writes.
+pub(crate) fn number_of_ending(text: &str) -> Option<u32> {
+    let number = text.strip_prefix('-').map_or(Some(0), |digits| digits.parse().ok())?;
+    (ending(number) == text).then_some(number)
 }
 
 #[cfg(test)]

@@ -1,8 +1,7 @@
 //! Questions and answers: one server a twin, many clients. Nothing here is on the real-time path.
 
-use super::retry::Refusal;
-use super::segment;
-use super::service::{self, EventShape, Missing};
+use super::memory::require_room;
+use super::service::{self, EventShape, Missing, Refusal};
 use crate::bus::Bus;
 use crate::error::WireError;
 use crate::layout::{Answer, Query};
@@ -147,7 +146,7 @@ impl Question<'_> {
     ) -> Result<(), WireError> {
         let needed_bytes = entries as u64 * size_of::<f32>() as u64;
         let server = self.server;
-        segment::require_room(&server.name, needed_bytes)?;
+        require_room(&server.name, needed_bytes)?;
         let loan = self
             .request
             .loan_slice_uninit(entries)

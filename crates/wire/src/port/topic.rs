@@ -1,17 +1,17 @@
-//! Ports of topics. Samples of fixed size are copied; a field is written straight into the memory that the readers map.
+//! Ports of topics. Samples of fixed size are copied; a field is written straight into the memory that the readers map. [`AnyReader`] reads
+//! any kind of topic, for programs that treat all topics alike.
 
-use super::segment;
+use super::memory::{self, WriterLock};
 use super::service::{self, Ends, Missing, PubSub};
-use super::writer_lock::WriterLock;
 use crate::bus::Bus;
 use crate::error::WireError;
 use crate::layout::{
     Command, Estimate, FIELD_SLOTS, FieldHeader, Grasp, Health, LAYOUT_VERSION, Payload, SensorSample,
-    Setpoint, State, Target, Valve,
+    Setpoint, State, Target, Valve, View,
 };
 use crate::qos;
 use crate::sys::{Ipc, now_ns};
-use crate::topic::Topic;
+use crate::topic::{Topic, TopicKind};
 use crate::wake::{Wakeable, Waker, Waking};
 use iceoryx2::port::ReceiveError;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
@@ -117,7 +117,7 @@ impl<P: Carried + ?Sized> WriterPort<P> {
         let publisher = service::retry(bus, topic.name(), || {
             P::publisher(&service, qos, entries).map_err(|error| service::writer_failed(bus, topic, error))
         })?;
-        segment::reserve(&bus.places, topic, publisher.id().value())?;
+        memory::reserve(&bus.places, topic, publisher.id().value())?;
         let notifier = service::notifier(bus, topic)?;
         Ok(Self { topic: topic.clone(), publisher, notifier, _lock: lock })
     }
@@ -147,42 +147,28 @@ pub struct Reader<P: Carried + ?Sized> {
     waker: Waker,
 }
 
-/// Sends readings.
-pub type SensorWriter = Writer<SensorSample>;
-/// Receives readings.
-pub type SensorReader = Reader<SensorSample>;
-/// Sends states.
-pub type StateWriter = Writer<State>;
-/// Receives states.
-pub type StateReader = Reader<State>;
-/// Sends health.
-pub type HealthWriter = Writer<Health>;
-/// Receives health.
-pub type HealthReader = Reader<Health>;
-/// Sends grasps.
-pub type GraspWriter = Writer<Grasp>;
-/// Receives grasps.
-pub type GraspReader = Reader<Grasp>;
-/// Sends estimates.
-pub type EstimateWriter = Writer<Estimate>;
-/// Receives estimates.
-pub type EstimateReader = Reader<Estimate>;
-/// Sends pressure commands.
-pub type CommandWriter = Writer<Command>;
-/// Receives pressure commands.
-pub type CommandReader = Reader<Command>;
-/// Sends setpoints or overrides, under the owner's name.
-pub type SetpointWriter = Writer<Setpoint>;
-/// Receives setpoints or overrides.
-pub type SetpointReader = Reader<Setpoint>;
-/// Sends targets, under the owner's name.
-pub type TargetWriter = Writer<Target>;
-/// Receives targets.
-pub type TargetReader = Reader<Target>;
-/// Sends the values written to a valve.
-pub type ValveWriter = Writer<Valve>;
-/// Receives the values written to a valve.
-pub type ValveReader = Reader<Valve>;
+/// Names of the ports of one kind of topic.
+macro_rules! ports {
+    ($($writer:ident, $reader:ident: $payload:ident, $what:literal;)+) => {
+        $(
+            #[doc = concat!("Sends ", $what, ".")]
+            pub type $writer = Writer<$payload>;
+            #[doc = concat!("Receives ", $what, ".")]
+            pub type $reader = Reader<$payload>;
+        )+
+    };
+}
+ports! {
+    SensorWriter, SensorReader: SensorSample, "readings";
+    StateWriter, StateReader: State, "states";
+    HealthWriter, HealthReader: Health, "health";
+    GraspWriter, GraspReader: Grasp, "grasps";
+    EstimateWriter, EstimateReader: Estimate, "estimates";
+    CommandWriter, CommandReader: Command, "pressure commands";
+    SetpointWriter, SetpointReader: Setpoint, "setpoints or overrides, under the owner's name";
+    TargetWriter, TargetReader: Target, "targets, under the owner's name";
+    ValveWriter, ValveReader: Valve, "values written to a valve";
+}
 /// Receives fields.
 pub type FieldReader = Reader<[f32]>;
 
@@ -389,7 +375,7 @@ impl FieldWriter {
     /// # Errors
     /// I/O errors of reading the mappings.
     pub fn prefault(&self) -> std::io::Result<u64> {
-        segment::prefault(&self.bus.places, self.port.publisher.id().value())
+        memory::prefault(&self.bus.places, self.port.publisher.id().value())
     }
 
     /// The topic.
@@ -455,4 +441,147 @@ fn check_shape(topic: &Topic, header: &FieldHeader, found: usize) -> Result<(), 
         nodes: header.node_count,
         fields: header.field_count,
     })
+}
+
+// ---- any kind of topic ----
+
+macro_rules! kinds {
+    ($($kind:ident: $payload:ident),+) => {
+        /// A reader of any kind of topic.
+        #[derive(Debug)]
+        #[allow(missing_docs)] // the kinds are those of `TopicKind`
+        pub enum AnyReader {
+            $($kind(Reader<$payload>),)+
+            Field(FieldReader),
+        }
+
+        /// A sample of any kind of topic.
+        #[derive(Debug)]
+        #[allow(missing_docs)] // the kinds are those of `TopicKind`
+        #[allow(clippy::large_enum_variant)] // 752 bytes are moved once; a box would allocate for every state
+        pub enum AnySample {
+            $($kind($payload),)+
+            /// A field, still in shared memory.
+            Field(FieldSample),
+        }
+
+        /// Process ids of writers and readers of a topic.
+        pub(super) fn participants(bus: &Bus, topic: &Topic) -> Result<(Vec<u32>, Vec<u32>), WireError> {
+            Ok(match topic.kind() {
+                $(TopicKind::$kind => {
+                    service::processes(&service::sized::<$payload>(bus, topic, Missing::Refuse)?)
+                })+
+                TopicKind::Field => service::processes(&service::slices(bus, topic, Missing::Refuse)?),
+            })
+        }
+
+        impl AnyReader {
+            /// Reads a topic that must exist.
+            ///
+            /// # Errors
+            /// As [`Reader::open`].
+            pub fn open(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
+                Ok(match topic.kind() {
+                    $(TopicKind::$kind => Self::$kind(Reader::open(bus, topic)?),)+
+                    TopicKind::Field => Self::Field(FieldReader::open(bus, topic)?),
+                })
+            }
+
+            /// Reads a topic that may come into being later, woken or not.
+            ///
+            /// # Errors
+            /// As [`Reader::attach`].
+            pub fn attach_as(bus: &Bus, topic: &Topic, waking: Waking) -> Result<Self, WireError> {
+                Ok(match topic.kind() {
+                    $(TopicKind::$kind => Self::$kind(Reader::attach_as(bus, topic, waking)?),)+
+                    TopicKind::Field => Self::Field(FieldReader::attach_as(bus, topic, waking)?),
+                })
+            }
+
+            /// The topic.
+            pub fn topic(&self) -> &Topic {
+                match self {
+                    $(Self::$kind(reader) => reader.topic(),)+
+                    Self::Field(reader) => reader.topic(),
+                }
+            }
+
+            /// The oldest waiting sample, if there is one. Never blocks.
+            ///
+            /// # Errors
+            /// [`WireError::Receive`] when a connection broke.
+            pub fn next(&self) -> Result<Option<AnySample>, WireError> {
+                Ok(match self {
+                    $(Self::$kind(reader) => reader.next()?.map(AnySample::$kind),)+
+                    Self::Field(reader) => reader.next()?.map(AnySample::Field),
+                })
+            }
+
+            /// The newest waiting sample; the older ones are discarded. Never blocks.
+            ///
+            /// # Errors
+            /// As [`Self::next`].
+            pub fn newest(&self) -> Result<Option<AnySample>, WireError> {
+                Ok(match self {
+                    $(Self::$kind(reader) => reader.newest()?.map(AnySample::$kind),)+
+                    Self::Field(reader) => reader.newest()?.map(AnySample::Field),
+                })
+            }
+
+            /// True if a sample is waiting; false on errors, which [`Self::next`] returns. Never blocks, takes nothing.
+            pub fn has_next(&self) -> bool {
+                match self {
+                    $(Self::$kind(reader) => reader.has_next(),)+
+                    Self::Field(reader) => reader.has_next(),
+                }
+            }
+        }
+
+        impl Wakeable for AnyReader {
+            fn waker(&self) -> Waker {
+                match self {
+                    $(Self::$kind(reader) => reader.waker(),)+
+                    Self::Field(reader) => reader.waker(),
+                }
+            }
+        }
+
+        impl AnySample {
+            /// The payload's bytes with what they mean; of a field those of its header.
+            pub fn view(&self) -> View<'_> {
+                match self {
+                    $(Self::$kind(sample) => sample.view(),)+
+                    Self::Field(sample) => sample.header().view(),
+                }
+            }
+        }
+    };
+}
+kinds!(
+    Sensor: SensorSample, State: State, Health: Health, Grasp: Grasp, Command: Command, Estimate: Estimate, Setpoint: Setpoint,
+    Override: Setpoint, Target: Target, Valve: Valve
+);
+
+/// Identity and times of a sample, as its sender wrote them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stamp {
+    /// The run of the sender.
+    pub boot_id: u64,
+    /// Its number within the run.
+    pub seq: u64,
+    /// When the reading behind it was taken, ns of the monotonic clock; 0: there is none.
+    pub t_sensor_ns: u64,
+    /// When it was sent (a reading: taken), ns of the monotonic clock.
+    pub t_publish_ns: u64,
+}
+
+impl AnySample {
+    /// Identity and times.
+    pub fn stamp(&self) -> Stamp {
+        let view = self.view();
+        let whole = |name| view.whole(name).unwrap_or(0);
+        let t_sensor_ns = whole("t_sensor_ns");
+        let t_publish_ns = view.whole("t_publish_ns").unwrap_or(t_sensor_ns);
+        Stamp { boot_id: whole("boot_id"), seq: whole("seq"), t_sensor_ns, t_publish_ns }
+    }
 }

@@ -1,4 +1,4 @@
-//! Tests of `src/layout/query.rs` that need its private parts.
+//! Tests of `src/layout/requests.rs` that need its private parts.
 
 use super::*;
 
