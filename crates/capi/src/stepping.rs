@@ -3,9 +3,9 @@
 use crate::ffi::{argument, call, handle, name, put, take, text, write_handle};
 use crate::model::softtwin_model;
 use crate::status::softtwin_status;
+use control::held::Stepping;
 use control::law::{Cycle, Limited, Reading, Target};
 use control::monitor::Fault;
-use control::stepping::Stepping;
 use rom::inputs::{GAP, MAX_INPUTS};
 use std::ffi::c_char;
 use std::path::Path;

@@ -2,9 +2,9 @@
 
 use crate::live::compile;
 use capi::*;
+use control::held::Stepping;
 use control::inverse::Model as _;
 use control::law::{Cycle, Reading, Target};
-use control::stepping::Stepping;
 use control::twin_model::TwinModel;
 use rom::model::Model;
 use std::ffi::{CStr, CString, c_char};

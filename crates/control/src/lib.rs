@@ -9,8 +9,7 @@
 //! | `inverse` | pressure that gives a force or an observable |
 //! | `twin_model` | force and observable of a trained model |
 //! | `plant` | simulated actuator: delay, line, play, swing, noise |
-//! | `held` | held quantity with its model, settings and limits, from a scene |
-//! | `stepping` | the controller in a loop that is not ours: from a scene's file, by readings with their times |
+//! | `held` | held quantity with its model, settings and limits, from a scene; the controller in a loop that is not ours |
 //! | `trial` | a controller on a plant in simulated time, and what is read off it |
 #![forbid(unsafe_code)]
 
@@ -20,9 +19,6 @@ pub mod law;
 pub mod monitor;
 mod plan;
 pub mod plant;
-mod program;
 pub mod settings;
-mod shape;
-pub mod stepping;
 pub mod trial;
 pub mod twin_model;

@@ -10,9 +10,10 @@
 //! force limit and observables are linear. Each cycle moves the last plan on, predicts along it with derivatives, and solves one quadratic
 //! program for the change (real-time iteration); the plan's first command is given.
 
-use crate::program::Program;
+use crate::law::{Plays, lag};
 use crate::settings::{Limits, Settings};
-use crate::shape::Plays;
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
 use rom::memory::MAX_PLAYS;
 
 /// Stages of the horizon.
@@ -47,7 +48,7 @@ pub(crate) struct Knot {
 
 /// Pressures known at a cycle.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Now {
+pub(crate) struct PlanInput {
     /// Pressure in the cavity and the state of the play there.
     pub(crate) cavity_mpa: f64,
     pub(crate) plays: Plays,
@@ -63,15 +64,15 @@ pub(crate) struct Now {
     pub(crate) most_mpa: f64,
 }
 
-/// A value and its derivatives by the moves.
+/// A value and its derivatives by the moves (a dual number).
 #[derive(Debug, Clone, Copy)]
-struct Moved {
+struct Dual {
     value: f64,
     by: [f64; MOVES],
 }
 
-impl Moved {
-    fn still(value: f64) -> Self {
+impl Dual {
+    fn constant(value: f64) -> Self {
         Self { value, by: [0.0; MOVES] }
     }
 
@@ -156,7 +157,7 @@ impl Planner {
     }
 
     /// The next command; `None` where the program has no solution within its iterations.
-    pub(crate) fn command(&mut self, settings: &Settings, now: &Now, dt_s: f64) -> Option<f64> {
+    pub(crate) fn command(&mut self, settings: &Settings, now: &PlanInput, dt_s: f64) -> Option<f64> {
         self.observe(settings, now, dt_s);
         let start = self.at_the_valve(settings, now);
         self.move_on(dt_s);
@@ -170,7 +171,7 @@ impl Planner {
     }
 
     /// Moves the swing's state to the time of the reading.
-    fn observe(&mut self, settings: &Settings, now: &Now, dt_s: f64) {
+    fn observe(&mut self, settings: &Settings, now: &PlanInput, dt_s: f64) {
         let behind_mpa = now.plays.output(&settings.play, now.cavity_mpa);
         let input_mpa = 0.5 * (self.before_mpa + behind_mpa);
         self.before_mpa = behind_mpa;
@@ -184,8 +185,8 @@ impl Planner {
     }
 
     /// Cavity, play and swing when the next command reaches the valve.
-    fn at_the_valve(&self, settings: &Settings, now: &Now) -> Start {
-        let mut start = Start { cavity_mpa: now.cavity_mpa, plays: now.plays, swing: self.swing };
+    fn at_the_valve(&self, settings: &Settings, now: &PlanInput) -> PlanStart {
+        let mut start = PlanStart { cavity_mpa: now.cavity_mpa, plays: now.plays, swing: self.swing };
         let (mut back, mut past_s) = (0, 0.0);
         while back < SENT - 1 && past_s < settings.delay_s {
             past_s += self.sent[(self.newest + SENT - back) % SENT][1];
@@ -196,8 +197,7 @@ impl Planner {
             let [command_mpa, given_s] = self.sent[(self.newest + SENT - at) % SENT];
             let step_s = given_s.min(left_s);
             left_s -= step_s;
-            start.cavity_mpa =
-                crate::shape::lag(start.cavity_mpa, command_mpa - now.bias_mpa, settings.line, step_s);
+            start.cavity_mpa = lag(start.cavity_mpa, command_mpa - now.bias_mpa, settings.line, step_s);
             let input_mpa = start.plays.follow(&settings.play, start.cavity_mpa);
             start.swing = swung(settings, start.swing, input_mpa, step_s);
         }
@@ -224,13 +224,13 @@ impl Planner {
     }
 
     /// States the program: prediction along the plan, weights, limits.
-    fn state(&mut self, settings: &Settings, now: &Now, start: Start, dt_s: f64) {
+    fn state(&mut self, settings: &Settings, now: &PlanInput, start: PlanStart, dt_s: f64) {
         self.program.clear();
-        let mut along = Along::new(settings, &start, self.stage_s);
+        let mut along = Prediction::new(settings, &start, self.stage_s);
         let mut stage = 0;
-        let mut last = Moved::still(now.command_mpa);
+        let mut last = Dual::constant(now.command_mpa);
         for (at, stages) in BLOCKS.iter().enumerate() {
-            let mut command = Moved::still(self.moves_mpa[at]);
+            let mut command = Dual::constant(self.moves_mpa[at]);
             command.by[at] = 1.0;
             self.limit(&command, &last, at, dt_s);
             self.square(&command.mixed(1.0, &last, -1.0), MOVE_WEIGHT.sqrt());
@@ -240,7 +240,7 @@ impl Planner {
                 let reference_mpa = self.reference(time_s);
                 let away = now.shift_mpa + self.away_mpa * (-time_s / settings.approach_s).exp();
                 let after = along.swing[0];
-                self.square(&after.mixed(1.0, &Moved::still(reference_mpa + away), -1.0), 1.0);
+                self.square(&after.mixed(1.0, &Dual::constant(reference_mpa + away), -1.0), 1.0);
                 if settings.swing_hz > 0.0 {
                     self.square(&before.mixed(1.0, &after, -1.0), SWING_WEIGHT.sqrt());
                 }
@@ -259,7 +259,7 @@ impl Planner {
     }
 
     /// Range of a move, and its rate from the one before.
-    fn limit(&mut self, command: &Moved, last: &Moved, at: usize, dt_s: f64) {
+    fn limit(&mut self, command: &Dual, last: &Dual, at: usize, dt_s: f64) {
         let [low, high] = self.limits.range_mpa.map(|end| (end - command.value) / UNIT_MPA);
         let by = |column: usize| f64::from(u8::from(column == at));
         self.program.add_row(high, by);
@@ -273,7 +273,7 @@ impl Planner {
         self.program.add_row(down, |column| -by(column));
     }
 
-    fn square(&mut self, residual: &Moved, weight: f64) {
+    fn square(&mut self, residual: &Dual, weight: f64) {
         let mut by = [0.0; UNKNOWNS];
         by.iter_mut().zip(&residual.by).for_each(|(mine, theirs)| *mine = weight * theirs);
         self.program.add_square(&by, weight * residual.value / UNIT_MPA);
@@ -293,7 +293,7 @@ const MAX_ITERATIONS: u32 = 40;
 
 /// Begin of a prediction.
 #[derive(Debug, Clone, Copy)]
-struct Start {
+struct PlanStart {
     cavity_mpa: f64,
     plays: Plays,
     swing: [f64; 2],
@@ -309,18 +309,18 @@ fn swung(settings: &Settings, [at, speed]: [f64; 2], input_mpa: f64, dt_s: f64) 
 }
 
 /// A prediction on its way, with derivatives.
-struct Along<'a> {
+struct Prediction<'a> {
     settings: &'a Settings,
     stage_s: f64,
     swing_step: Option<Swing>,
-    cavity: Moved,
-    plays: [Moved; MAX_PLAYS],
-    before: Moved,
-    swing: [Moved; 2],
+    cavity: Dual,
+    plays: [Dual; MAX_PLAYS],
+    before: Dual,
+    swing: [Dual; 2],
 }
 
-impl<'a> Along<'a> {
-    fn new(settings: &'a Settings, start: &Start, stage_s: f64) -> Self {
+impl<'a> Prediction<'a> {
+    fn new(settings: &'a Settings, start: &PlanStart, stage_s: f64) -> Self {
         let before = start.plays.output(&settings.play, start.cavity_mpa);
         let swing_step =
             (settings.swing_hz > 0.0).then(|| Swing::new(settings.swing_hz, settings.swing_damping, stage_s));
@@ -328,16 +328,16 @@ impl<'a> Along<'a> {
             settings,
             stage_s,
             swing_step,
-            cavity: Moved::still(start.cavity_mpa),
-            plays: start.plays.states().map(Moved::still),
-            before: Moved::still(before),
-            swing: start.swing.map(Moved::still),
+            cavity: Dual::constant(start.cavity_mpa),
+            plays: start.plays.states().map(Dual::constant),
+            before: Dual::constant(before),
+            swing: start.swing.map(Dual::constant),
         }
     }
 
     /// One stage; returns the pressure before the swing.
-    fn step(&mut self, command: &Moved, bias_mpa: f64) -> Moved {
-        let into = command.mixed(1.0, &Moved::still(bias_mpa), -1.0);
+    fn step(&mut self, command: &Dual, bias_mpa: f64) -> Dual {
+        let into = command.mixed(1.0, &Dual::constant(bias_mpa), -1.0);
         let line = self.settings.line;
         let time_s = if into.value >= self.cavity.value { line.fill_s } else { line.empty_s };
         let stays = (-self.stage_s / time_s).exp();
@@ -345,14 +345,14 @@ impl<'a> Along<'a> {
         let mut output = self.cavity;
         for (play, state) in self.settings.play.iter().zip(&mut self.plays) {
             // Within the play the output does not move; its derivative is that at the end to which the cavity moves, which leads there.
-            *state = Moved { value: play.follow(state.value, self.cavity.value), by: self.cavity.by };
+            *state = Dual { value: play.follow(state.value, self.cavity.value), by: self.cavity.by };
             output = output.mixed(1.0, &state.mixed(1.0, &self.cavity, -1.0), play.weight);
         }
         let input = self.before.mixed(0.5, &output, 0.5);
         self.before = output;
         let [at, speed] = &self.swing;
         self.swing = match &self.swing_step {
-            None => [output, Moved::still(0.0)],
+            None => [output, Dual::constant(0.0)],
             Some(Swing([to, of])) => {
                 let away = at.mixed(1.0, &input, -1.0);
                 [input.mixed(1.0, &away.mixed(to[0], speed, to[1]), 1.0), away.mixed(of[0], speed, of[1])]
@@ -360,6 +360,85 @@ impl<'a> Along<'a> {
         };
         output
     }
+}
+
+// ---- the quadratic program: its unknowns are few, its rows dense ----
+
+/// `min z' H z / 2 + g' z` subject to `rows z <= bounds`.
+#[derive(Debug)]
+pub(crate) struct Program {
+    size: usize,
+    /// Column by column.
+    pub(crate) hessian: Vec<f64>,
+    pub(crate) gradient: Vec<f64>,
+    rows: Vec<f64>,
+    bounds: Vec<f64>,
+}
+
+impl Program {
+    pub(crate) fn new(size: usize) -> Self {
+        let (hessian, gradient) = (vec![0.0; size * size], vec![0.0; size]);
+        Self { size, hessian, gradient, rows: Vec::new(), bounds: Vec::new() }
+    }
+
+    /// Without terms and rows.
+    pub(crate) fn clear(&mut self) {
+        self.hessian.fill(0.0);
+        self.gradient.fill(0.0);
+        self.rows.clear();
+        self.bounds.clear();
+    }
+
+    /// Adds half of the square of `residual + by z`.
+    pub(crate) fn add_square(&mut self, by: &[f64], residual: f64) {
+        for (column, of_column) in by.iter().enumerate().filter(|(_, value)| **value != 0.0) {
+            self.gradient[column] += of_column * residual;
+            for (row, of_row) in by.iter().enumerate() {
+                self.hessian[column * self.size + row] += of_column * of_row;
+            }
+        }
+    }
+
+    /// Adds `row z <= bound`; rows with an infinite bound are left out.
+    pub(crate) fn add_row(&mut self, bound: f64, row: impl Fn(usize) -> f64) {
+        if bound < f64::INFINITY {
+            self.rows.extend((0..self.size).map(row));
+            self.bounds.push(bound);
+        }
+    }
+
+    /// The optimum; `None` without one after `max_iterations`. Allocates.
+    pub(crate) fn solve(&self, max_iterations: u32) -> Option<Vec<f64>> {
+        let upper = |row: usize, column: usize| {
+            if row <= column { self.hessian[column * self.size + row] } else { 0.0 }
+        };
+        let hessian = sparse(self.size, self.size, upper);
+        let rows = sparse(self.bounds.len(), self.size, |row, column| self.rows[row * self.size + column]);
+        let settings =
+            DefaultSettings { verbose: false, max_iter: max_iterations, ..DefaultSettings::default() };
+        let cones = [NonnegativeConeT(self.bounds.len())];
+        let mut solver =
+            DefaultSolver::new(&hessian, &self.gradient, &rows, &self.bounds, &cones, settings).ok()?;
+        solver.solve();
+        let is_solved = matches!(solver.solution.status, SolverStatus::Solved | SolverStatus::AlmostSolved);
+        (is_solved && solver.solution.x.iter().all(|value| value.is_finite())).then_some(solver.solution.x)
+    }
+}
+
+/// Entries other than 0, by columns.
+fn sparse(rows: usize, columns: usize, value: impl Fn(usize, usize) -> f64) -> CscMatrix<f64> {
+    let (mut starts, mut places, mut values) = (vec![0], Vec::new(), Vec::new());
+    for column in 0..columns {
+        for row in 0..rows {
+            let entry = value(row, column);
+            if entry != 0.0 {
+                places.push(row);
+                values.push(entry);
+            }
+        }
+        starts.push(values.len());
+    }
+    CscMatrix::new(rows, columns, starts, places, values)
 }
 
 #[cfg(test)]

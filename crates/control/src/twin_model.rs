@@ -12,7 +12,7 @@ use rom::snapshots::RegimeKind;
 /// Force and observable of a model.
 #[derive(Debug)]
 pub struct TwinModel {
-    held: Held,
+    held: ObservableSource,
     evaluation: Evaluation,
     /// Inputs other than pressure and gap; NaN: the model's default.
     inputs: Inputs,
@@ -24,9 +24,8 @@ pub struct TwinModel {
     observable_grows: bool,
 }
 
-/// Source of the observable.
 #[derive(Debug)]
-enum Held {
+enum ObservableSource {
     /// A coordinate of a point.
     Point { probes: Box<Probes>, position: Box<[ProbePosition; 1]>, axis: usize },
     /// One of the model's observables.
@@ -93,7 +92,7 @@ impl TwinModel {
         let probes = Probes::new(model, std::slice::from_ref(point))?;
         let evaluation = probes.evaluation();
         let position = Box::new([ProbePosition::default()]);
-        let held = Held::Point { probes: Box::new(probes), position, axis: axis.min(2) };
+        let held = ObservableSource::Point { probes: Box::new(probes), position, axis: axis.min(2) };
         Ok(Self::of_held(model, held, evaluation))
     }
 
@@ -110,7 +109,7 @@ impl TwinModel {
         })?;
         let evaluator = Evaluator::new(&model.header)?.for_search();
         let evaluation = evaluator.evaluation();
-        let held = Held::Observable { evaluator: Box::new(evaluator), observables, at };
+        let held = ObservableSource::Observable { evaluator: Box::new(evaluator), observables, at };
         Ok(Self::of_held(model, held, evaluation))
     }
 
@@ -137,7 +136,7 @@ impl TwinModel {
         })
     }
 
-    fn of_held(model: &rom::model::Model, held: Held, evaluation: Evaluation) -> Self {
+    fn of_held(model: &rom::model::Model, held: ObservableSource, evaluation: Evaluation) -> Self {
         let range_mpa = model.header.inputs[PRESSURE].range;
         let inputs = Inputs::new(f64::NAN, f64::NAN);
         let taken = model.header.taken_inputs().map(|(at, _)| at).collect();
@@ -182,12 +181,12 @@ impl Model for TwinModel {
     fn at(&mut self, pressure_mpa: f64, gap_mm: f64) -> Point {
         let inputs = self.inputs.with(self.driven, pressure_mpa).with(GAP, gap_mm);
         let (observable, observable_by_pressure) = match &mut self.held {
-            Held::Point { probes, position, axis } => {
+            ObservableSource::Point { probes, position, axis } => {
                 probes.answer(inputs, Query::GRADIENTS, &mut self.evaluation, position.as_mut_slice());
                 let [point] = position.as_ref();
                 (point.position_mm[*axis], point.gradient[*axis][self.driven])
             }
-            Held::Observable { evaluator, observables, at } => {
+            ObservableSource::Observable { evaluator, observables, at } => {
                 evaluator.answer(inputs, Query::GRADIENTS, &mut self.evaluation);
                 let by = observables.gradient(*at, &self.evaluation);
                 (observables.value(*at, &self.evaluation).value, by[self.driven])

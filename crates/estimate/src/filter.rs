@@ -1,19 +1,20 @@
 //! Iterated extended Kalman filter over readings.
-
-mod motion;
+//!
+//! Beside the filter are three parts of its state. A *trend* is the value of a measured input that changes steadily, from all its readings.
+//! *Rewind* keeps estimates from before a contact that was detected late. The *motion* of a swing is carried from reading to reading.
 
 use crate::identify::{self, Identifiability};
-use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector};
-use crate::memory::{CYCLES_S, Pattern, widened};
-use crate::normal::{chi_squared_quantile, truncated, upper_tail};
-use crate::outcome::{Alarm, Estimate, Status, Update};
-use crate::reading::{Prior, ReadingProblem, Side};
-use crate::rewind::Rewind;
-use crate::search::{Asked, Explained, LastSeen, MAX_PREDICTIONS, Prospect, innovation};
-use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, PASTS, Setup, SetupError};
-use crate::swing::excluded_gap_mm;
-use crate::trend::Trend;
-use crate::watch::Watch;
+use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector, chi_squared_quantile, truncated, upper_tail};
+use crate::reading::{
+    Explanation, LastPredictions, MAX_PREDICTIONS, Predictor, Prior, Prospect, ReadingProblem, Side,
+    innovation,
+};
+use crate::setup::{
+    Alarm, Estimate, InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, MotionState, PASTS, Setup,
+    SetupError, Status, Swing, Update,
+};
+use crate::swing::{Passage, excluded_gap_mm, moving_inputs};
+use crate::watch::{CYCLES_S, Pattern, Watch, widened};
 
 /// Quantiles of the normal distribution around 95 % of its mass.
 const BAND_Z: f64 = 1.959_964;
@@ -48,7 +49,7 @@ pub struct Filter {
     toward_contact: f64,
     identifiability: Identifiability,
     /// Last predictions, from which the next search starts; `None` only during an update.
-    seen: Option<Box<LastSeen>>,
+    seen: Option<Box<LastPredictions>>,
     /// Estimates from before a contact that is not detected yet.
     before: Rewind,
     /// Largest errors of the measured inputs by their past, at the last reading.
@@ -188,7 +189,7 @@ impl Filter {
     fn explain(&mut self, measurement: &Measurement, model: &mut impl Model) -> Update {
         let Some(mut prior) = self.prior() else { return self.unchanged(Status::NotConverged, measurement) };
         let mut seen = self.seen.take().unwrap_or_default();
-        let mut asked = Asked { model, left: MAX_PREDICTIONS, seen: &mut seen };
+        let mut asked = Predictor { model, left: MAX_PREDICTIONS, seen: &mut seen };
         let mut explained = self.best(measurement, &prior, &mut asked);
         // With too few predictions left the next reading rewinds.
         let is_first = explained.as_ref().is_some_and(|explained| self.begins_contact(explained));
@@ -294,7 +295,7 @@ impl Filter {
     }
 
     /// True if a solution is a contact whose gap is not identifiable yet.
-    fn begins_contact(&self, explained: &Explained) -> bool {
+    fn begins_contact(&self, explained: &Explanation) -> bool {
         let gap = self.setup.gap_unknown();
         explained.side == Side::Contact && gap.is_some_and(|gap| !self.identifiability.is_identifiable(gap))
     }
@@ -303,9 +304,9 @@ impl Filter {
     fn rewound<M: Model>(
         &mut self,
         measurement: &Measurement,
-        explained: &Explained,
-        asked: &mut Asked<'_, M>,
-    ) -> Option<(Prior, Explained)> {
+        explained: &Explanation,
+        asked: &mut Predictor<'_, M>,
+    ) -> Option<(Prior, Explanation)> {
         let unknown = self.setup.gap_unknown()?;
         let before = self.before.before_contact(explained.states[unknown])?;
         let now = (self.mean, self.covariance);
@@ -347,8 +348,8 @@ impl Filter {
         &mut self,
         measurement: &Measurement,
         prior: &Prior,
-        asked: &mut Asked<'_, M>,
-    ) -> Option<Explained> {
+        asked: &mut Predictor<'_, M>,
+    ) -> Option<Explanation> {
         let (spread, all) = (self.spread(), |_: Prospect| true);
         let on = |side: Side| self.problem(measurement, prior, side);
         let Some(unknown) = self.setup.gap_unknown() else {
@@ -399,7 +400,7 @@ impl Filter {
         let before = prior.information.cholesky()?.ln_determinant();
         let present = on(Side::Free).present().count();
         let least = before + chi_squared_quantile(present.saturating_sub(prior.information.size()), MIN_Z);
-        let is_worth = |open: &Explained, contact: Prospect| {
+        let is_worth = |open: &Explanation, contact: Prospect| {
             // Consecutive readings that only a contact explains completely add up.
             let partly = open.rejected.count_ones() > contact.rejected.count_ones();
             contact.evidence + if partly { 0.0 } else { needed } < open.evidence + against_open
@@ -415,11 +416,11 @@ impl Filter {
     /// readings completely. `against_open` is the prior's evidence against no contact.
     fn likelier(
         &mut self,
-        open: Option<Explained>,
-        touching: Option<Explained>,
+        open: Option<Explanation>,
+        touching: Option<Explanation>,
         against_open: f64,
         needed: f64,
-    ) -> Option<Explained> {
+    ) -> Option<Explanation> {
         match (open, touching) {
             (Some(open), Some(touching)) => {
                 let toward = open.evidence + against_open - touching.evidence;
@@ -456,10 +457,10 @@ impl Filter {
         &mut self,
         measurement: &Measurement,
         prior: &Prior,
-        explained: &Explained,
+        explained: &Explanation,
         model: &mut impl Model,
     ) -> Option<Update> {
-        let Explained { side, rejected, converged, .. } = *explained;
+        let Explanation { side, rejected, converged, .. } = *explained;
         let mut problem = self.problem(measurement, prior, side);
         problem.leave_out(rejected);
         let used = problem.weights.iter().filter(|w| **w > 0.0).count();
@@ -507,7 +508,7 @@ impl Filter {
         &mut self,
         weights: &[f64; MAX_ROWS],
         lasting: &[f64; MAX_ROWS],
-        explained: &Explained,
+        explained: &Explanation,
         gain: &Cholesky,
     ) {
         let (count, linear) = (self.setup.unknowns.len(), &explained.linear);
@@ -559,3 +560,199 @@ impl Filter {
         }
     }
 }
+
+// ---- motion between the readings ----
+
+/// Consecutive readings with a contradiction after which a motion is unknown.
+const LOST_AFTER: u32 = 3;
+
+impl Filter {
+    /// True if no obstacle is known.
+    fn is_open(&self) -> bool {
+        let gap = self.setup.gap_unknown();
+        gap.is_some_and(|gap| !self.in_contact && !self.identifiability.is_identifiable(gap))
+    }
+
+    /// Carries the motion to a reading. A motion that begins there has load and rate of the priors.
+    fn carry(&mut self, measurement: &mut Measurement, model: &mut impl Model) {
+        let Some(swing) = self.setup.swing else { return };
+        let carried = self.last.as_ref().and_then(|from| {
+            let passage = Passage { setup: &self.setup, from, to: measurement, is_open: self.is_open() };
+            passage.carry(&self.mean, &self.covariance, model)
+        });
+        let places = [swing.load, swing.rate];
+        match &carried {
+            Some(carried) => {
+                carried.spread(&swing, &mut self.covariance);
+                places.iter().zip(carried.states).for_each(|(at, value)| {
+                    let [low, high] = self.setup.unknowns[*at].range;
+                    self.mean[*at] = value.clamp(low, high);
+                });
+                measurement.load_by_input = carried.by_reading;
+                for pattern in &mut self.memory {
+                    let errors = carried.errors(pattern.sensitivity(), pattern.difference());
+                    places.iter().zip(errors).for_each(|(at, error)| pattern.set(*at, error));
+                }
+            }
+            None => {
+                self.lose_motion(swing);
+                places.iter().for_each(|at| self.mean[*at] = self.setup.unknowns[*at].prior);
+            }
+        }
+    }
+
+    /// Makes load and rate of a motion as unknown as before any reading.
+    fn lose_motion(&mut self, swing: Swing) {
+        for at in [swing.load, swing.rate] {
+            let sigma = self.setup.unknowns[at].sigma;
+            self.covariance.replace(at, sigma * sigma);
+            self.memory.iter_mut().for_each(|pattern| pattern.set(at, 0.0));
+        }
+    }
+
+    /// Gives the motion at a reading to the model.
+    fn settle(&mut self, measurement: &Measurement, update: &Update, model: &mut impl Model) {
+        let Some(swing) = self.setup.swing else { return };
+        if update.status == Status::Used {
+            self.in_contact = update.in_contact;
+        }
+        let is_explained = update.status == Status::Used && update.rejected == 0;
+        self.unexplained = if is_explained { 0 } else { self.unexplained + 1 };
+        if self.unexplained == LOST_AFTER {
+            self.unexplained = 0;
+            self.lose_motion(swing);
+        }
+        let inputs = moving_inputs(&self.setup, measurement, &self.mean, self.is_open());
+        model.settle(
+            &MotionState { t_s: measurement.t_s, inputs, rate: self.mean[swing.rate] },
+            self.in_contact,
+        );
+        self.last = Some(*measurement);
+    }
+}
+
+// ---- estimates from before a contact that was detected late ----
+//
+// A contact begins with small forces and shifts. The filter requires much evidence for it while the gap is unknown; until then the
+// unknowns absorb it as a stiffer actuator or a biased gauge. Estimates are therefore stored while the lowest point approaches a possible
+// obstacle. When a contact shows its gap, those from before it are restored.
+
+/// Largest number of stored estimates.
+const REWIND_MAX: usize = 64;
+/// Descent of the lowest point between two stored estimates, mm.
+const SPACING_MM: f64 = 0.5;
+/// Distance of the lowest point from the obstacle, mm, from which on an estimate is from before a contact.
+const CLEARANCE_MM: f64 = 1.5;
+
+/// One stored estimate.
+#[derive(Clone, Copy, Debug)]
+struct Before {
+    t_s: f64,
+    mean: Vector,
+    covariance: Symmetric,
+    /// Largest gap that readings without contact had excluded (mm).
+    gap_floor_mm: f64,
+}
+
+/// Last estimates, the newest last. The capacity is allocated once.
+#[derive(Debug)]
+struct Rewind(Vec<Before>);
+
+/// Clones with full capacity.
+impl Clone for Rewind {
+    fn clone(&self) -> Self {
+        let mut out = Self::new();
+        out.0.extend_from_slice(&self.0);
+        out
+    }
+}
+
+impl Rewind {
+    fn new() -> Self {
+        Self(Vec::with_capacity(REWIND_MAX))
+    }
+
+    /// Stores an estimate if the lowest point is lower than at the last one.
+    fn keep(&mut self, t_s: f64, mean: &Vector, covariance: &Symmetric, gap_floor_mm: f64) {
+        // The bound falls if the gap drifts, and restarts after a contact: lower estimates are outdated.
+        while self.0.last().is_some_and(|last| last.gap_floor_mm > gap_floor_mm + SPACING_MM) {
+            self.0.pop();
+        }
+        if self.0.last().is_some_and(|last| gap_floor_mm < last.gap_floor_mm + SPACING_MM) {
+            return;
+        }
+        if self.0.len() == REWIND_MAX {
+            self.0.remove(0);
+        }
+        self.0.push(Before { t_s, mean: *mean, covariance: *covariance, gap_floor_mm });
+    }
+
+    /// Last estimate from before a contact with an obstacle at `gap_mm`.
+    fn before_contact(&self, gap_mm: f64) -> Option<Before> {
+        self.0.iter().rev().find(|kept| kept.gap_floor_mm <= gap_mm - CLEARANCE_MM).copied()
+    }
+
+    /// Removes all estimates, when a contact has begun.
+    fn forget(&mut self) {
+        self.0.clear();
+    }
+}
+
+// ---- a measured input that changes steadily ----
+//
+// State: value `u` and rate `r`, a Kalman filter whose rate walks at random (in `t` seconds by `change sqrt(t)`):
+//
+//     u' = u + dt r      covariance of what is added over dt: change^2 [[dt^3 / 3, dt^2 / 2], [dt^2 / 2, dt]]
+//     r' = r
+//
+// The unknowns are estimated from the readings themselves, so that no reading counts twice; the trend affects the outputs only.
+
+/// Deviation, in standard deviations, beyond which a value is a step and restarts the trend.
+const STEP: f64 = 4.0;
+
+/// Last value and rate, with their covariance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Trend {
+    t_s: f64,
+    state: [f64; 2],
+    /// Variance of the value, covariance, variance of the rate.
+    covariance: [f64; 3],
+}
+
+impl Trend {
+    /// Trend from one value with its variance.
+    fn new(t_s: f64, value: f64, variance: f64, change: f64) -> Self {
+        Self { t_s, state: [value, 0.0], covariance: [variance, 0.0, change * change] }
+    }
+
+    /// Trend after a value with its variance; `before` is the trend of the earlier values, `change` the standard deviation of the
+    /// rate's change per second.
+    fn follow(before: Option<Self>, t_s: f64, value: f64, variance: f64, change: f64) -> Self {
+        let Some(before) = before else { return Self::new(t_s, value, variance, change) };
+        let Self { state: [u, r], covariance: [a, b, c], .. } = before;
+        let (dt, q) = (t_s - before.t_s, change * change);
+        let predicted = [u + dt * r, r];
+        let [a, b, c] =
+            [a + dt * (2.0 * b + dt * c) + q * dt.powi(3) / 3.0, b + dt * c + q * dt * dt / 2.0, c + q * dt];
+        let (off, spread) = (value - predicted[0], a + variance);
+        let is_on_the_way = off * off <= STEP * STEP * spread; // false for NaN
+        if !is_on_the_way {
+            return Self::new(t_s, value, variance, change);
+        }
+        let gain = [a / spread, b / spread];
+        let state = [predicted[0] + gain[0] * off, predicted[1] + gain[1] * off];
+        Self { t_s, state, covariance: [a - gain[0] * a, b - gain[0] * b, c - gain[1] * b] }
+    }
+
+    fn value(&self) -> f64 {
+        self.state[0]
+    }
+
+    fn variance(&self) -> f64 {
+        self.covariance[0]
+    }
+}
+
+#[cfg(test)]
+#[path = "../tests/unit/filter.rs"]
+mod tests;

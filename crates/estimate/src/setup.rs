@@ -1,4 +1,5 @@
-//! Setup of an estimation: measured, given and estimated quantities, and the model's interface.
+//! Setup of an estimation: measured, given and estimated quantities, the model's interface; and what comes out: estimates, the outcome of a
+//! reading, alarms.
 
 use crate::matrix::{MAX_STATES, Symmetric, Vector};
 use thiserror::Error;
@@ -373,7 +374,7 @@ pub struct Predicted {
 
 /// Motion at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moving {
+pub struct MotionState {
     /// Time (s).
     pub t_s: f64,
     /// Inputs, with the moving load; an infinite gap where no obstacle is known.
@@ -384,7 +385,7 @@ pub struct Moving {
 
 /// Motion after a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Arrived {
+pub struct MotionEnd {
     /// Inertial load.
     pub load: f64,
     /// Velocity along its tangent, as a rate of the load.
@@ -415,10 +416,75 @@ pub trait Model {
 
     /// Motion from a state near the last one of [`Self::settle`] to a time with these inputs, whose load is that at rest or any. `None` if no
     /// motion leads there: the body is at rest then.
-    fn step(&mut self, _from: &Moving, _t_s: f64, _inputs: &[f64; MAX_INPUTS]) -> Option<Arrived> {
+    fn step(&mut self, _from: &MotionState, _t_s: f64, _inputs: &[f64; MAX_INPUTS]) -> Option<MotionEnd> {
         None
     }
 
     /// Adopts the state at the end of the last [`Self::step`] as the one from which the next begins.
-    fn settle(&mut self, _at: &Moving, _in_contact: bool) {}
+    fn settle(&mut self, _at: &MotionState, _in_contact: bool) {}
+}
+
+/// Status of a reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// The estimate takes it into account.
+    Used,
+    /// A measured input is missing or not a number; nothing changed.
+    InputMissing,
+    /// Its time is not later than the previous reading's; nothing changed.
+    NotLater,
+    /// The search for the estimate did not converge, or the model has no finite value there; nothing changed.
+    NotConverged,
+    /// Too many of its values contradict the model and the estimate; nothing changed.
+    NotExplained,
+}
+
+/// Outcome of one reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Update {
+    pub status: Status,
+    /// True if the search ended with a small step. If false for a used reading, the predictions were used up
+    /// ([`crate::MAX_PREDICTIONS`]) and the estimate is the tangent's.
+    pub converged: bool,
+    /// Model inputs that explain the reading best; for a measured input that changes steadily, from all its readings.
+    pub inputs: [f64; MAX_INPUTS],
+    /// True if the reading indicates contact.
+    pub in_contact: bool,
+    /// Values used.
+    pub used: usize,
+    /// Rejection blocks of contradictory values, one bit each.
+    pub rejected: u32,
+    /// Normalised innovation squared of the values used: chi-squared with `used` degrees if filter and sensors agree.
+    pub nis: f64,
+    /// Its range of 95 % probability.
+    pub nis_band: [f64; 2],
+    /// Persistent contradiction.
+    pub alarm: Option<Alarm>,
+}
+
+/// Estimate of an unknown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    pub value: f64,
+    /// Standard deviation.
+    pub sigma: f64,
+    /// True if the readings identify it.
+    pub identifiable: bool,
+}
+
+/// Persistent contradiction.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+pub enum Alarm {
+    /// Measured inputs (one bit each) that contradict the other sensors: the measured value is not the value in the actuator.
+    #[error("a measured input contradicts the other sensors")]
+    Input(u32),
+    /// Blocks of measured values (one bit each) that contradict the others and the model.
+    #[error("a sensor contradicts the others")]
+    Sensor(u32),
+    /// Identifiable unknowns (one bit each) more than 4 standard deviations from their priors.
+    #[error("an estimate is far from its prior")]
+    Unknown(u32),
+    /// The model does not explain the readings.
+    #[error("the model does not explain the readings")]
+    NotExplained,
 }

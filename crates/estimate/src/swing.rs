@@ -6,7 +6,7 @@
 //! an impulse, which is process noise. Further process noise is an error of the frequency, and what an impact loses.
 
 use crate::matrix::{MAX_STATES, Symmetric, Vector};
-use crate::setup::{MAX_INPUTS, Measurement, Model, Moving, Setup, Swing};
+use crate::setup::{MAX_INPUTS, Measurement, Model, MotionState, Setup, Swing};
 
 /// Differences of an unknown in the quotients, in its standard deviations: the first one that lands or leaves where the states do.
 const DIFFERENCES: [f64; 4] = [0.1, -0.1, 0.01, -0.01];
@@ -19,7 +19,7 @@ const IMPACT: f64 = 0.3;
 
 /// Step of a motion with its derivatives.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Carried {
+pub(crate) struct CarriedMotion {
     /// Load and rate at the reading.
     pub(crate) states: [f64; 2],
     /// Their derivatives with respect to the unknowns before.
@@ -52,9 +52,9 @@ impl Passage<'_> {
         states: &Vector,
         covariance: &Symmetric,
         model: &mut impl Model,
-    ) -> Option<Carried> {
+    ) -> Option<CarriedMotion> {
         let swing = self.setup.swing?;
-        let start = |states: &Vector| Moving {
+        let start = |states: &Vector| MotionState {
             t_s: self.from.t_s,
             inputs: self.inputs(self.from, states),
             rate: states[swing.rate],
@@ -135,7 +135,7 @@ impl Passage<'_> {
             add_square(&mut noise, [half_s * of_impact, of_impact], 1.0);
         }
         let arrived = model.step(&from, self.to.t_s, &to)?;
-        Some(Carried { states: [arrived.load, arrived.rate], by, noise, drive, by_reading })
+        Some(CarriedMotion { states: [arrived.load, arrived.rate], by, noise, drive, by_reading })
     }
 }
 
@@ -176,7 +176,7 @@ pub(crate) fn excluded_gap_mm(
     onset_mm(&less).min(onset_mm(&more))
 }
 
-impl Carried {
+impl CarriedMotion {
     /// Covariance at the reading.
     pub(crate) fn spread(&self, swing: &Swing, covariance: &mut Symmetric) {
         let places = [swing.load, swing.rate];

@@ -8,8 +8,8 @@ pub use moving::filter;
 use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, PRESSURE_BIAS, Sigmas};
 use crate::measured::MeasuredInputs;
 use estimate::{
-    Alarm, Arrived, Filter, InputRole, MAX_INPUTS, Measurement, Moving, PASTS, Predicted, Row, Setup, Status,
-    Swing, Unknown, Update,
+    Alarm, Filter, InputRole, MAX_INPUTS, Measurement, MotionEnd, MotionState, PASTS, Predicted, Row, Setup,
+    Status, Swing, Unknown, Update,
 };
 use moving::Body;
 use observed::Observed;
@@ -329,11 +329,11 @@ impl estimate::Model for SensorModel {
         self.onset.inside_mm(&self.moving(inputs))
     }
 
-    fn step(&mut self, from: &Moving, t_s: f64, inputs: &[f64; MAX_INPUTS]) -> Option<Arrived> {
+    fn step(&mut self, from: &MotionState, t_s: f64, inputs: &[f64; MAX_INPUTS]) -> Option<MotionEnd> {
         self.body.as_mut()?.step(from, t_s, inputs)
     }
 
-    fn settle(&mut self, at: &Moving, in_contact: bool) {
+    fn settle(&mut self, at: &MotionState, in_contact: bool) {
         if let Some(body) = &mut self.body {
             body.settle(at, in_contact);
         }

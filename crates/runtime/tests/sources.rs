@@ -192,11 +192,11 @@ fn wrong_specifications_are_refused_with_all_problems() {
     let missing = SourceSpec::replay_of("no-such-file.csv".into())
         .open(Path::new("."), &InputNames::default())
         .unwrap_err();
-    assert!(missing[0].contains("cannot read the trace"), "{missing:?}");
+    assert!(missing[0].contains("no-such-file.csv"), "{missing:?}");
     let folder = folder();
     let nothing = ReplaySpec { trace: "trace.csv".into(), from_s: 9.0, ..ReplaySpec::default() };
     let problems = SourceSpec::Replay(nothing).open(folder.path(), &InputNames::default()).unwrap_err();
-    assert!(problems[0].contains("no row of the trace lies within 9"), "{problems:?}");
+    assert!(problems[0].contains("source.from_s") && problems[0].contains("trace.csv"), "{problems:?}");
 }
 
 #[test]
@@ -271,17 +271,14 @@ fn named_inputs_are_columns_of_a_trace() {
     assert!(first.pressure_mpa.is_nan() && first.measured_force_n == 7.0);
     assert!(second.inputs[0] == f64::NEG_INFINITY && second.inputs[1].is_nan());
     let problems = Trace::parse_named("t_s,pressure_mpa,load_n\n0,0.1,1\n", &names).unwrap_err();
-    assert_eq!(
-        problems[0].to_string(),
-        "line 1: the column `shift_mm` is missing; expected `t_s,load_n,shift_mm`, found `t_s,pressure_mpa,load_n`"
-    );
+    assert!(problems[0].to_string().contains("`shift_mm`"), "{problems:?}");
     let problems = Trace::parse_named("t_s,load_n,shift_mm\n0,1,\n", &names).unwrap_err();
-    assert!(problems[0].to_string().contains("line 2, column `shift_mm`: expected a number"), "{problems:?}");
+    assert!(problems[0].to_string().contains("line 2, column `shift_mm`"), "{problems:?}");
     let unnamed = Trace::parse("t_s,pressure_mpa,load_n\n0,0.1,1\n").unwrap();
     assert_eq!(unnamed.rows[0].input_count, 0, "other columns are ignored");
     let source = SourceSpec::Simulate(SimulateSpec::default());
     let refused = source.open(Path::new("."), &names).unwrap_err();
-    assert!(refused[0].contains("expected one that can have load_n"), "{refused:?}");
+    assert!(refused[0].contains("load_n"), "{refused:?}");
 }
 
 #[test]

@@ -24,5 +24,23 @@ pub enum TrainError {
     #[error(
         "the onset pressure cannot be derived: {0}; add coordinate fields, or train one regime by leaving the other's cases out"
     )]
-    Onset(String),
+    Onset(#[from] OnsetError),
+}
+
+/// Why the onset pressure cannot be derived from the free model.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs)] // the messages say what the values are
+pub enum OnsetError {
+    /// A coordinate is missing.
+    #[error("no field is the coordinate along axis {axis}")]
+    NoCoordinate { axis: u8 },
+    /// The pressure moves the actuator away from the obstacle.
+    #[error(
+        "expected a `pressure_mpa` that moves the actuator towards the obstacle, found one that lifts it by {by_mm:.3} mm; give the \
+         surface of the cavity that lowers it the name `cavity`"
+    )]
+    Lifts { by_mm: f64 },
+    /// Pressure hardly changes the depth over the obstacle.
+    #[error("the free model reaches only {count} depth(s) over the obstacle (x {x_mm:?} mm, z {z_mm:?} mm)")]
+    TooFewDepths { count: usize, x_mm: [f64; 2], z_mm: [f64; 2] },
 }

@@ -49,7 +49,7 @@ mod regime;
 pub mod select;
 mod sort;
 
-pub use error::TrainError;
+pub use error::{OnsetError, TrainError};
 
 use crate::config::TrainConfig;
 use crate::datasheet::DataSheet;

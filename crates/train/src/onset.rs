@@ -2,7 +2,7 @@
 //! table over the gap, with parameters a solver.
 
 use crate::config::TrainConfig;
-use crate::error::TrainError;
+use crate::error::{OnsetError, TrainError};
 use crate::group::Plan;
 use crate::regime::{OnsetModel, Part};
 use crate::sort::Sorted;
@@ -31,12 +31,11 @@ pub(crate) fn derive(
     free: &Part,
     sorted: &Sorted,
 ) -> Result<OnsetModel, TrainError> {
-    let missing = |axis: u8| TrainError::Onset(format!("no field is the coordinate along axis {axis}"));
-    let [x, y, z] = [0, 1, 2].map(|axis| database.coordinate(axis).ok_or_else(|| missing(axis)));
+    let [x, y, z] = [0, 1, 2].map(|axis| database.coordinate(axis).ok_or(OnsetError::NoCoordinate { axis }));
     let coordinates = [x?, y?, z?];
     let obstacle = config.obstacle.unwrap_or(database.obstacle);
     let nominal: Vec<f64> = database.parameters.iter().map(|p| p.nominal).collect();
-    let at = |pressure: f64, parameters: &[f64]| {
+    let inputs_at = |pressure: f64, parameters: &[f64]| {
         let inputs = Inputs::new(pressure, 0.0);
         parameters.iter().enumerate().fold(inputs, |inputs, (i, v)| inputs.with(PARAMETERS + i, *v))
     };
@@ -45,7 +44,7 @@ pub(crate) fn derive(
     let mut highest = f64::NEG_INFINITY;
     for step in 0..=STEPS {
         let pressure = max_mpa * step as f64 / STEPS as f64;
-        let heights = Heights::new(plan, free, coordinates, &obstacle, &at(pressure, &nominal));
+        let heights = Heights::new(plan, free, coordinates, &obstacle, &inputs_at(pressure, &nominal));
         let lowest = heights.lowest();
         highest = highest.max(lowest);
         // Only a new lowest point closes a gap that was open before: the table stays monotone.
@@ -57,19 +56,11 @@ pub(crate) fn derive(
     if let (Some(at_rest), Some(deepest)) = (gaps.first(), gaps.last())
         && deepest - at_rest < LIFTING * (highest + at_rest)
     {
-        return Err(TrainError::Onset(format!(
-            "expected a `pressure_mpa` that moves the actuator towards the obstacle, found one that lifts it by {:.3} mm; give the \
-             surface of the cavity that lowers it the name `cavity`",
-            highest + at_rest
-        )));
+        return Err(OnsetError::Lifts { by_mm: highest + at_rest }.into());
     }
     if gaps.len() < 2 {
-        return Err(TrainError::Onset(format!(
-            "the free model reaches only {} depth(s) over the obstacle (x {:?} mm, z {:?} mm)",
-            gaps.len(),
-            obstacle.x_mm,
-            obstacle.z_mm
-        )));
+        let Footprint { x_mm, z_mm, .. } = obstacle;
+        return Err(OnsetError::TooFewDepths { count: gaps.len(), x_mm, z_mm }.into());
     }
     let table = OnsetTable::new(gaps, pressures);
     if free.inputs.axes.iter().all(|axis| axis.input == PRESSURE) {
@@ -83,7 +74,7 @@ pub(crate) fn derive(
     for parameters in sampled {
         for step in 0..=COARSE_STEPS {
             let pressure = max_mpa * step as f64 / COARSE_STEPS as f64;
-            let heights = Heights::new(plan, free, coordinates, &obstacle, &at(pressure, parameters));
+            let heights = Heights::new(plan, free, coordinates, &obstacle, &inputs_at(pressure, parameters));
             let lowest = heights.lowest();
             crossings += usize::from(heights.y.iter().any(|y| *y < lowest - NEAR_MM));
             for (near, (y, above)) in near.iter_mut().zip(heights.y.iter().zip(&heights.above)) {

@@ -216,7 +216,7 @@ fn unset_parameters_take_defaults_that_can_be_set_by_name() {
     assert_eq!(Some(table), header.onset.as_ref());
     assert!((table.sag_mm() - design::depth_mm([0.0, 0.0, 0.7, 3.0])).abs() < 0.05, "{}", table.sag_mm());
     let refused = header.set_parameters([("elastomer.law.mu_mp", 0.7)]).expect_err("unknown");
-    assert!(refused.to_string().contains("did you mean \"elastomer.law.mu_mpa\"?"), "{refused}");
+    assert!(refused.to_string().contains("\"elastomer.law.mu_mpa\""), "{refused}");
     let refused = header.set_parameters([("chambers.length_mm", f64::NAN)]).expect_err("NaN");
     assert!(matches!(refused, ModelError::NotFinite { .. }));
     assert_eq!(header.inputs[2].value, Some(0.7), "nothing was taken from a refused call");
@@ -276,16 +276,8 @@ fn irrelevant_and_equivalent_inputs_are_reported() {
     }
     database.parameters.push(third.clone());
     let (_, sheet) = train(&database, &quick(), &mut |_| {}).expect("trains");
-    assert!(
-        sheet.remarks.iter().any(|r| r.contains("sheet.colour") && r.contains("changes nothing")),
-        "{:?}",
-        sheet.remarks
-    );
-    assert!(
-        !sheet.remarks.iter().any(|r| r.contains("mu_mpa") && r.contains("changes nothing")),
-        "{:?}",
-        sheet.remarks
-    );
+    assert!(sheet.remarks.iter().any(|r| r.starts_with("sheet.colour")), "{:?}", sheet.remarks);
+    assert!(!sheet.remarks.iter().any(|r| r.starts_with("elastomer.law.mu_mpa")), "{:?}", sheet.remarks);
     // The same softness by two parameters: only their sum is seen.
     third.name = "elastomer.law.twin_mpa".into();
     let mut states = design::states(0, count);
@@ -300,7 +292,7 @@ fn irrelevant_and_equivalent_inputs_are_reported() {
     }
     database.parameters.push(third);
     let (_, sheet) = train(&database, &quick(), &mut |_| {}).expect("trains");
-    let reported = |r: &String| r.contains("mu_mpa") && r.contains("twin_mpa") && r.contains("same");
+    let reported = |r: &String| r.contains("mu_mpa") && r.contains("twin_mpa");
     assert!(sheet.remarks.iter().any(reported), "{:?}", sheet.remarks);
 }
 
@@ -387,7 +379,9 @@ fn duplicate_state_with_other_derivatives_is_trained_without_them() {
     let at = known.rows.iter().position(|row| row.case == 80 && row.input == 2).expect("differentiated");
     known.values[at * entries..(at + 1) * entries].iter_mut().for_each(|v| *v *= 2.0);
     let (_, sheet) = train(&database, &quick(), &mut |_| {}).expect("trains");
-    assert!(sheet.remarks.iter().any(|r| r.contains("other derivatives")), "{:?}", sheet.remarks);
+    let names = [twice, 80].map(|case| database.cases[case].name.as_str());
+    let named = sheet.remarks.iter().filter(|r| names.iter().all(|name| r.contains(name))).count();
+    assert_eq!(named, 2, "merged, and without derivatives: {:?}", sheet.remarks);
 }
 
 /// Nominal coverage of 90 %: overall and in every quarter of pressure and stiffness.

@@ -1,5 +1,4 @@
 use super::*;
-use crate::program::Program;
 use rom::memory::{Line, Play};
 
 fn settings() -> Settings {
@@ -8,12 +7,12 @@ fn settings() -> Settings {
 }
 
 /// Pressures behind the swing along moves.
-fn along(settings: &Settings, moves_mpa: &[f64; MOVES]) -> Vec<Moved> {
-    let start = Start { cavity_mpa: 0.02, plays: Plays::at(0.02), swing: [0.019, 0.01] };
-    let mut along = Along::new(settings, &start, 0.02);
+fn along(settings: &Settings, moves_mpa: &[f64; MOVES]) -> Vec<Dual> {
+    let start = PlanStart { cavity_mpa: 0.02, plays: Plays::at(0.02), swing: [0.019, 0.01] };
+    let mut along = Prediction::new(settings, &start, 0.02);
     let mut all = Vec::new();
     for (at, stages) in BLOCKS.iter().enumerate() {
-        let mut command = Moved::still(moves_mpa[at]);
+        let mut command = Dual::constant(moves_mpa[at]);
         command.by[at] = 1.0;
         for _ in 0..*stages {
             along.step(&command, 1e-3);
@@ -105,7 +104,7 @@ fn command_beyond_the_range_has_no_plan_within_the_rate() {
     let limits = Limits { rate_mpa_per_s: 0.1, ..Limits::default() };
     let mut planner = Planner::new(&settings(), &limits);
     planner.start(0.02, 0.02, 0.0);
-    let now = |command_mpa: f64| Now {
+    let now = |command_mpa: f64| PlanInput {
         cavity_mpa: 0.02,
         plays: Plays::at(0.02),
         bias_mpa: 0.0,

@@ -3,8 +3,8 @@
 
 use crate::model::{Finger, GAP, PRESSURE, Random, STIFFNESS, setup_with_middle};
 use estimate::{
-    Arrived, Estimate, Filter, InputRole, MAX_INPUTS, Measurement, Model, Moving, Predicted, Setup, Status,
-    Swing, Unknown,
+    Estimate, Filter, InputRole, MAX_INPUTS, Measurement, Model, MotionEnd, MotionState, Predicted, Setup,
+    Status, Swing, Unknown,
 };
 use std::f64::consts::TAU;
 
@@ -83,7 +83,7 @@ impl Model for Swinging {
         Finger.onset_gap_mm(&at)
     }
 
-    fn step(&mut self, from: &Moving, t_s: f64, inputs: &[f64; MAX_INPUTS]) -> Option<Arrived> {
+    fn step(&mut self, from: &MotionState, t_s: f64, inputs: &[f64; MAX_INPUTS]) -> Option<MotionEnd> {
         let (base_s, base) = self.base?;
         let pressure = from.inputs[PRESSURE];
         let position_mpa = pressure + (from.inputs[LOAD] - REST) / PER_MPA;
@@ -91,10 +91,10 @@ impl Model for Swinging {
         let has_changed =
             body.step([pressure, inputs[PRESSURE]], [inputs[GAP], inputs[STIFFNESS]], t_s - base_s);
         self.arrived = body;
-        Some(Arrived { load: body.load(inputs[PRESSURE]), rate: body.rate, has_changed })
+        Some(MotionEnd { load: body.load(inputs[PRESSURE]), rate: body.rate, has_changed })
     }
 
-    fn settle(&mut self, at: &Moving, in_contact: bool) {
+    fn settle(&mut self, at: &MotionState, in_contact: bool) {
         self.base = Some((at.t_s, Body { touches: in_contact, ..self.arrived }));
     }
 }

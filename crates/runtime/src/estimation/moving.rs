@@ -1,6 +1,6 @@
 //! States that readings do not contain: pasts of the inputs' memory, motion of the body.
 
-use estimate::{Arrived, MAX_INPUTS, Measurement, Moving, PASTS, Setup, Unknown};
+use estimate::{MAX_INPUTS, Measurement, MotionEnd, MotionState, PASTS, Setup, Unknown};
 use rom::evaluation::Evaluation;
 use rom::inertia::model_motion::ModelMotion;
 use rom::inertia::stepper::{Kept, Moved, Reached};
@@ -170,7 +170,12 @@ impl Body {
         self.loads.iter().fold(Inputs::from(*inputs), |inputs, (input, rest)| inputs.with(*input, *rest))
     }
 
-    pub(super) fn step(&mut self, from: &Moving, t_s: f64, inputs: &[f64; MAX_INPUTS]) -> Option<Arrived> {
+    pub(super) fn step(
+        &mut self,
+        from: &MotionState,
+        t_s: f64,
+        inputs: &[f64; MAX_INPUTS],
+    ) -> Option<MotionEnd> {
         let end = self.at_rest(inputs);
         if !end.pressure_mpa().is_finite() || end.gap_mm().is_nan() {
             return None;
@@ -190,10 +195,10 @@ impl Body {
         let Reached { moved, has_changed } = stepper.arrive(t_ns, &end, STEP_NS);
         let [load, rate] = stepper.swing()?;
         (self.moved, self.extra_n) = (Some(moved), None);
-        (!moved.at_rest).then_some(Arrived { load, rate, has_changed })
+        (!moved.at_rest).then_some(MotionEnd { load, rate, has_changed })
     }
 
-    pub(super) fn settle(&mut self, at: &Moving, in_contact: bool) {
+    pub(super) fn settle(&mut self, at: &MotionState, in_contact: bool) {
         let inputs = self.at_rest(&at.inputs);
         if self.base.is_none() {
             self.begin_s = at.t_s;

@@ -97,9 +97,9 @@ fn a_line_counts_when_its_reply_is_the_right_one() {
     assert_eq!(device.write(0.045), Ok(()));
     assert_eq!(lines.recv().unwrap(), (0, "SP 45.00".to_owned()));
     let refused = device.write(0.05).unwrap_err();
-    assert!(refused.contains("begins with `OK`, the device sent `ERR`"), "{refused}");
+    assert!(refused.contains("`OK`") && refused.contains("`ERR`"), "{refused}");
     let silent = device.write(0.05).unwrap_err();
-    assert!(silent.contains("no answer within 2000 ms"), "{silent}");
+    assert!(silent.contains("2000 ms"), "{silent}");
     assert_eq!(device.write(0.05), Ok(()));
     let connections: Vec<usize> = lines.try_iter().map(|(number, _)| number).collect();
     assert_eq!(connections, [0, 1, 2], "after a failure the connection is reopened");
