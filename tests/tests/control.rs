@@ -182,7 +182,7 @@ fn second_owner_is_refused_and_operator_overrides() {
 
     let (status, said) =
         Program::tool(&stage, &["setpoint", "finger", "--override", "--pressure", "0.02"]).ended();
-    assert!(status.success() && said.join("\n").contains("override"), "{said:?}");
+    assert!(status.success(), "{said:?}");
     wait_valve(&reader, "the override", |valve| valve.valve_reason == valve_reason::OVERRIDE);
     // The command has ended; the operator's value stays, also without a twin. A device without processor time may not confirm at once.
     twin.kill();

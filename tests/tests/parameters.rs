@@ -107,5 +107,5 @@ fn stiffness_is_an_input_of_the_twin() {
     a_stiffness_is_found_for_a_force(folder);
     let wrong = softtwin(folder, "predict finger.twin --json --pressure 0.05 --set elastomer.law.mu=0.7");
     let text = String::from_utf8_lossy(&wrong.stderr).into_owned();
-    assert!(!wrong.status.success() && text.contains("did you mean \"elastomer.law.mu_mpa\""), "{text}");
+    assert!(!wrong.status.success() && text.contains("\"elastomer.law.mu_mpa\""), "{text}");
 }

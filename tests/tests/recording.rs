@@ -242,7 +242,7 @@ fn deleted_recording_ends_the_recorder() {
     std::fs::remove_file(&path).unwrap();
     let (status, said) = recorder.end();
     assert_eq!(status.code(), Some(1), "{status}, {said:?}");
-    assert!(said.iter().any(|line| line.contains("run.mcap was deleted")), "{said:?}");
+    assert!(said.iter().any(|line| line.contains("run.mcap")), "{said:?}");
 }
 
 /// Whether all threads of a program are stopped.

@@ -241,7 +241,7 @@ fn doctor_asks_the_gateway() {
     };
     let (code, missing) = doctor();
     assert_eq!((code, &missing["level"]), (Some(1), &"bad".into()), "{missing}");
-    assert!(missing["remedy"].as_str().unwrap().contains("install softtwin-gateway"), "{missing}");
+    assert!(missing["remedy"].as_str().unwrap().contains("softtwin-gateway"), "{missing}");
     for (script, level, text) in [
         ("echo \"$@: closed\" >&2", "good", "--config gateway.toml --check: closed"),
         ("echo 'listen: wrong' >&2; exit 78", "bad", "listen: wrong"),

@@ -16,7 +16,7 @@ fn an_increment_that_failed_is_left_out_and_named() {
     let names: Vec<&str> = run.steps.iter().map(|step| step.name.as_str()).collect();
     assert_eq!(names, ["step 1 increment 1", "step 1 increment 2"]);
     assert_eq!(run.steps[1].time, Some(1.0));
-    assert!(run.left_out[0].starts_with("step 2 increment 1: not converged"), "{:?}", run.left_out);
+    assert!(run.left_out[0].starts_with("step 2 increment 1"), "{:?}", run.left_out);
     assert_eq!(run.points.len(), 8);
     assert_eq!(quantity(&run, 0, "DISP").values[3 * 5..3 * 6], [0.1, -8.98957e-3, -1.46767e-2]);
     assert_eq!(quantity(&run, 0, "STRESS").components, ["SXX", "SYY", "SZZ", "SXY", "SYZ", "SZX"]);

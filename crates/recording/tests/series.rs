@@ -100,7 +100,7 @@ fn damaged_and_empty_files_of_a_series_cost_only_themselves() {
     std::fs::write(&files[1], b"").expect("emptied, as after a power cut");
     let (messages, ending) = read(folder.path());
     assert_eq!(messages, [expected(0..10), expected(20..40)].concat());
-    assert!(ending.contains("1 of 4 files") && ending.contains("run-0002.mcap"), "{ending}");
+    assert!(ending.contains("run-0002.mcap"), "{ending}");
     let alone = Series::open(&files[1]).expect("there").reader().next_item().expect_err("no recording");
     assert!(alone.to_string().contains("an empty file"), "{alone}");
 }

