@@ -64,6 +64,9 @@ pub enum FormatError {
         /// Errors in file order; never empty.
         diagnostics: Vec<Diagnostic>,
     },
+    /// The content cannot be used, for a reason that is a sentence of its own.
+    #[error("{path}: {reason}")]
+    Refused { path: PathBuf, reason: String },
 }
 
 impl FormatError {
@@ -75,6 +78,11 @@ impl FormatError {
     /// I/O error on writing.
     pub fn write(path: &Path, source: io::Error) -> Self {
         Self::Io { action: "write", path: path.into(), source }
+    }
+
+    /// A file that cannot be used: what was expected, what was found, and what helps.
+    pub fn refused(path: &Path, reason: impl Display) -> Self {
+        Self::Refused { path: path.into(), reason: reason.to_string() }
     }
 
     /// A single diagnostic.

@@ -13,6 +13,7 @@ mod reading;
 mod sag;
 mod shape;
 mod surfaces;
+mod template;
 
 pub use file::{
     Actuator, Base, Body, Chambers, Channels, Fixed, Loads, MeshSettings, ObstacleBody, ObstacleShape, Shape,
@@ -22,6 +23,7 @@ pub use file::{
 pub use inventory::NamedPart;
 pub use parameters::{Setting, unit};
 pub use shape::{mesh_quality, moved_nodes};
+pub use template::{NewActuator, NewMaterial, cross_section};
 
 #[cfg(test)]
 pub(crate) use surfaces::locate;

@@ -1,6 +1,7 @@
 //! Material files: the elastomer of an actuator with the tests behind it.
 
 use super::Elastomer;
+use super::specimen::FittedSpecimens;
 use formats::{Diagnostic, FormatError, file};
 use serde::Deserialize;
 use std::path::Path;
@@ -75,4 +76,45 @@ impl MaterialFile {
             }
         }
     }
+}
+
+/// Bulk modulus of a material file, MPa: rubber.
+const BULK_MPA: f64 = 2000.0;
+
+/// A number with six significant digits.
+fn number(value: f64) -> f64 {
+    format!("{value:.5e}").parse().unwrap_or(value)
+}
+
+/// The text of a material file for the law of some tests.
+pub fn material_text(fitted: &FittedSpecimens, density_t_per_mm3: f64) -> String {
+    let law = &fitted.best.law;
+    let [low, high] = fitted.range;
+    let mut out = format!(
+        "# Made by `softtwin material fit`. In actuator.toml: [elastomer] file = \"this file\" in place of its other keys.\n\
+         layout = 1\n\n[elastomer]\nbulk_mpa = {BULK_MPA:?}                # K\ndensity_t_per_mm3 = {:e}\n\
+         stretch_range = [{:?}, {:?}]   # of a bar, reached by the tests; stable {}\n\n[elastomer.law]\nlaw = \"{}\"\n",
+        density_t_per_mm3,
+        number(low),
+        number(high),
+        fitted.best.stability(),
+        law.name().to_lowercase()
+    );
+    for ((name, value), half_width) in law.constants().iter().zip(&fitted.best.half_widths) {
+        let interval = half_width.map_or_else(|| "open".into(), |h| format!("+- {h:.1e} (95 %)"));
+        out += &format!("{name} = {:?}   # {interval}\n", number(*value));
+    }
+    out += &format!(
+        "\n[fit]\nrms_percent = {:?}          # of the largest stress\n",
+        number(100.0 * fitted.best.error)
+    );
+    for specimen in &fitted.specimens {
+        out += &format!(
+            "\n[[fit.tests]]\nfile = {}\ntest = \"{}\"\nrms_percent = {:?}\n",
+            toml::Value::from(specimen.name.as_str()),
+            specimen.kind.word(),
+            number(specimen.test.error_percent(law)[0])
+        );
+    }
+    out
 }

@@ -37,6 +37,11 @@ impl Test {
         [(sum / self.points.len().max(1) as f64).sqrt(), largest]
     }
 
+    /// [`Self::error_mpa`] in % of the largest stress.
+    pub fn error_percent(&self, law: &Hyperelastic) -> [f64; 2] {
+        self.error_mpa(law).map(|mpa| 100.0 * mpa / self.largest_mpa())
+    }
+
     /// Modulus of the specimen over that of a law.
     fn modulus(&self, law: &Hyperelastic) -> f64 {
         let products = |p: &[f64; 2]| {
@@ -167,6 +172,12 @@ fn solve_with_moduli(family: Family, tests: &[Test], reach: f64) -> Option<(Hype
 const EQUAL: f64 = 0.001;
 
 impl Fitted {
+    /// Up to which stretch the law is stable, in words.
+    pub fn stability(&self) -> String {
+        let at_all = || "at every stretch".into();
+        self.stable_to.map_or_else(at_all, |stretch| format!("to a stretch of {stretch:.2}"))
+    }
+
     /// The better one: by the error over parts left out; among equals (10 %, or 0.1 % of the largest stress) the law that is stable
     /// everywhere, then the one with fewer constants.
     pub fn best(mut fitted: Vec<Self>) -> Option<Self> {

@@ -4,20 +4,28 @@
 //! `I = J^(-2/3) tr(F^T F)`, or a sum of powers of the principal stretches of `J^(-1/3) F`.
 
 mod check;
+mod columns;
 mod file;
 mod film;
 pub mod fit;
 mod law;
 mod least_squares;
 mod principal;
+pub mod silicone;
+mod specimen;
 mod tension;
 
 pub use check::MaterialError;
-pub use file::{FitRecord, MaterialFile, TestRecord};
+pub use columns::{
+    CurveOrigin, DeformationQuantity, LoadQuantity, LoadingBranch, TestColumn, TestDescription, TestKind,
+    read_list,
+};
+pub use file::{FitRecord, MaterialFile, TestRecord, material_text};
 pub use film::{Fibres, Film, Isotropic};
 pub use law::Hyperelastic;
 pub(crate) use law::{Dependence, Power};
 pub(crate) use principal::{Principal, is_stable_invariant};
+pub use specimen::{FittedSpecimens, Specimen};
 pub use tension::Deformation;
 pub(crate) use tension::{invariant as bar_invariant, stretch_at as bar_stretch};
 

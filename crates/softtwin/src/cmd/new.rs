@@ -1,18 +1,12 @@
 //! `softtwin new`: a folder with a commented actuator file.
 
-mod data_sheet;
-mod shape;
-mod silicone;
-mod text;
-
 use crate::failure::usage;
 use crate::files::{quoted, refusal, save};
-use crate::output;
+use crate::{output, report};
 use anyhow::{Context, Result};
-use data_sheet::Figure;
-use fem::actuator::Actuator;
-use shape::{Entry, Shape};
-use silicone::{SILICONES, Silicone};
+use fem::actuator::{Actuator, NewActuator, NewMaterial, cross_section};
+use fem::material::silicone::{HardnessFigure, SILICONES, Silicone, named};
+use serde::Serialize;
 use std::fmt::Display;
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::PathBuf;
@@ -55,7 +49,7 @@ pub struct Args {
     wall_mm: Option<f64>,
     /// Silicone: with a public tension test dragon-skin-30, -20, -10-medium, ecoflex-00-50, -00-30, -00-10, the printed ninjaflex; by published
     /// constants alone reference, elastosil-m4601. Your own tests: `softtwin material fit`.
-    #[arg(long, value_name = "NAME", value_parser = silicone::named, help_heading = "Material")]
+    #[arg(long, value_name = "NAME", value_parser = named, help_heading = "Material")]
     silicone: Option<&'static Silicone>,
     /// Instead: a neo-Hookean silicone of this shear modulus in MPa (0.005 to 10).
     #[arg(long, value_name = "MPA", conflicts_with = "silicone", value_parser = crate::range::number(0.005, 10.0), help_heading = "Material")]
@@ -77,6 +71,28 @@ pub struct Args {
     hanging: bool,
 }
 
+/// The new folder.
+#[derive(Serialize)]
+struct NewReport {
+    actuator: PathBuf,
+    chambers: usize,
+    length_mm: f64,
+    thinnest_wall_mm: f64,
+    cavity_length_mm: f64,
+    pitch_mm: f64,
+    wall_mm: f64,
+    shear_modulus_mpa: f64,
+    /// Where it may be, if only a data sheet is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shear_interval_mpa: Option<[f64; 2]>,
+    silicone: String,
+    /// Of the tip under its own weight, by beam theory; `None` of one that hangs.
+    sag_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sag_interval_mm: Option<[f64; 2]>,
+    remarks: Vec<String>,
+}
+
 impl Args {
     /// Makes the folder and says what to do next.
     ///
@@ -84,16 +100,25 @@ impl Args {
     /// The folder is not empty or the shape cannot be built; I/O errors.
     pub fn run(mut self) -> Result<()> {
         let name = self.name()?;
+        let folder = quoted(&self.folder);
         if std::fs::read_dir(&self.folder).is_ok_and(|mut entries| entries.next().is_some()) {
             return Err(usage(format!(
                 "{}: expected a new or an empty folder, found one with files; choose another, or change its actuator.toml and run \
-                 `softtwin build {}`",
-                self.folder.display(),
-                quoted(&self.folder)
+                 `softtwin build {folder}`",
+                self.folder.display()
             )));
         }
         self.ask()?;
-        let text = self.text(&name)?;
+        let new = NewActuator {
+            name: &name,
+            chambers: self.chambers.unwrap_or(11),
+            length_mm: self.length_mm,
+            width_mm: self.width_mm.unwrap_or(20.0),
+            wall_mm: self.wall_mm.unwrap_or(WALL_MM),
+            hanging: self.hanging,
+            material: self.material(),
+        };
+        let text = new.text(&folder).map_err(usage)?;
         // The same checks as when it is read: a shape that cannot be built never reaches the disk.
         let path = self.folder.join("actuator.toml");
         let actuator = Actuator::parse(&text).map_err(|diagnostics| {
@@ -101,83 +126,65 @@ impl Args {
         })?;
         formats::file::create_folder(&self.folder)?;
         save(&path, text.as_bytes())?;
+        report::print(&self.report(path, &actuator, new.wall_mm)?, false)
+    }
+
+    fn report(&self, path: PathBuf, actuator: &Actuator, wall_mm: f64) -> Result<NewReport> {
         let shape = actuator.shape().context("the new actuator has no boxes")?;
-        let (chambers, length_mm) = (shape.chambers.count, shape.base.length_mm);
-        output!(
-            "{}: {chambers} chambers, {length_mm} mm long, thinnest wall {:.2} mm",
-            path.display(),
-            shape.thinnest_wall_mm()
-        )?;
-        output!("cross-section through a chamber, mm:\n{}", shape::cross_section(&shape))?;
+        let length_mm = shape.base.length_mm;
         let [first, last] = shape.chambers.along_mm(0);
-        output!(
-            "along x: cavities {:.2} mm long, {} mm apart, walls {:.2} mm",
-            last - first,
-            shape.chambers.pitch_mm,
-            self.wall_mm.unwrap_or(WALL_MM)
-        )?;
-        self.print_material(&actuator)?;
-        self.print_sag(&actuator, length_mm)?;
-        output!("look at it and change what you like, then make its twin:")?;
-        output!("  softtwin build {} --quick    few states, for a first look", quoted(&self.folder))?;
-        output!("  softtwin build {}            for use", quoted(&self.folder))?;
-        Ok(())
-    }
-
-    /// Figure of a data sheet.
-    fn figure(&self) -> Option<Figure> {
-        let shore_a = self.shore_a.map(Figure::ShoreA);
-        shore_a.or(self.shore_00.map(Figure::Shore00)).or(self.modulus_100_mpa.map(Figure::Modulus100))
-    }
-
-    fn print_material(&self, actuator: &Actuator) -> Result<()> {
-        let shear = actuator.elastomer.law.shear_modulus_mpa();
-        match (self.figure(), actuator.elastomer.shear_interval_mpa) {
-            (Some(figure), Some([low, high])) => {
-                output!(
-                    "silicone: initial shear modulus {shear:.4} MPa, anywhere from {low:.4} to {high:.4} MPa ({}); a tension test to the \
-                     strains of use narrows it most: softtwin material fit",
-                    figure.source()
-                )?;
-            }
-            _ if self.shear_modulus_mpa.is_some() => {
-                output!("silicone: neo-Hookean, shear modulus {shear} MPa, as given")?
-            }
-            _ => {
-                let silicone = self.silicone.unwrap_or(&SILICONES[0]);
-                output!(
-                    "silicone: {}, initial shear modulus {shear:.4} MPa; {}",
-                    silicone.name,
-                    silicone.evidence()
-                )?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Sag under the actuator's weight, by beam theory.
-    fn print_sag(&self, actuator: &Actuator, length_mm: f64) -> Result<()> {
+        let (shear, interval) =
+            (actuator.elastomer.law.shear_modulus_mpa(), actuator.elastomer.shear_interval_mpa);
+        let sag = |factor: f64| actuator.sag_estimate_mm(factor).filter(|_| !self.hanging);
+        let folder = quoted(&self.folder);
+        let mut remarks = vec![format!("cross-section through a chamber, mm:\n{}", cross_section(&shape))];
         if self.hanging {
-            output!("it hangs: its weight pulls along it")?;
-            return Ok(());
+            remarks.push("it hangs: its weight pulls along it".into());
+        } else if sag(1.0).is_some_and(|sag_mm| sag_mm > HANGING_SHARE * length_mm) {
+            remarks.push("--hanging mounts it vertically, where it does not sag".into());
         }
-        let estimate = |factor: f64| actuator.sag_estimate_mm(factor).unwrap_or(f64::NAN);
-        let sag = estimate(1.0);
-        let band = actuator.elastomer.shear_interval_mpa.map_or_else(String::new, |interval| {
-            let shear = actuator.elastomer.law.shear_modulus_mpa();
-            let [most, least] = interval.map(|mpa| estimate(mpa / shear));
-            format!(" ({least:.0} to {most:.0} mm over the interval of its silicone)")
-        });
-        let share = sag / length_mm;
-        let advice = if share > HANGING_SHARE {
-            "; --hanging mounts it vertically, where it does not sag"
-        } else {
-            ""
-        };
-        output!(
-            "own weight: the tip sags by about {sag:.1} mm of {length_mm:.0} mm{band} by beam theory{advice}"
-        )?;
-        Ok(())
+        remarks.push(format!(
+            "look at it and change what you like, then make its twin:\n  softtwin build {folder} --quick    few states, for a first look\n  \
+             softtwin build {folder}            for use"
+        ));
+        Ok(NewReport {
+            actuator: path,
+            chambers: shape.chambers.count,
+            length_mm,
+            thinnest_wall_mm: shape.thinnest_wall_mm(),
+            cavity_length_mm: last - first,
+            pitch_mm: shape.chambers.pitch_mm,
+            wall_mm,
+            shear_modulus_mpa: shear,
+            shear_interval_mpa: interval,
+            silicone: match self.material() {
+                NewMaterial::DataSheet(figure, _) => {
+                    let narrows =
+                        "a tension test to the strains of use narrows it most: softtwin material fit";
+                    format!("{}; {narrows}", figure.source())
+                }
+                NewMaterial::Shear(_) => "neo-Hookean, as given".into(),
+                NewMaterial::Published(silicone) => format!("{}; {}", silicone.name, silicone.evidence()),
+            },
+            sag_mm: sag(1.0),
+            sag_interval_mm: interval.and_then(|[low, high]| Some([sag(high / shear)?, sag(low / shear)?])),
+            remarks,
+        })
+    }
+
+    fn material(&self) -> NewMaterial {
+        match (self.figure(), self.shear_modulus_mpa) {
+            (Some(figure), _) => NewMaterial::DataSheet(figure, self.elongation_percent),
+            (None, Some(shear_mpa)) => NewMaterial::Shear(shear_mpa),
+            (None, None) => NewMaterial::Published(self.silicone.unwrap_or(&SILICONES[0])),
+        }
+    }
+
+    /// The figure of a data sheet, if one was given.
+    fn figure(&self) -> Option<HardnessFigure> {
+        let shore_a = self.shore_a.map(HardnessFigure::ShoreA);
+        let shore = shore_a.or(self.shore_00.map(HardnessFigure::Shore00));
+        shore.or(self.modulus_100_mpa.map(HardnessFigure::Modulus100))
     }
 
     fn name(&self) -> Result<String> {
@@ -210,66 +217,9 @@ impl Args {
             )?;
         }
         let name: String = ask("silicone", SILICONES[0].name.to_owned())?;
-        self.silicone = Some(silicone::named(&name).map_err(usage)?);
+        self.silicone = Some(named(&name).map_err(usage)?);
         Ok(())
     }
-
-    fn text(&self, name: &str) -> Result<String> {
-        let shape = Shape {
-            chambers: self.chambers.unwrap_or(11),
-            length_mm: self.length_mm,
-            width_mm: self.width_mm.unwrap_or(20.0),
-            wall_mm: self.wall_mm.unwrap_or(WALL_MM),
-        };
-        let mut entries: Vec<Entry> = shape.entries().map_err(usage)?;
-        let silicone = self.silicone.unwrap_or(&SILICONES[0]);
-        let mut elastomer = String::new();
-        let law = match (self.figure(), self.shear_modulus_mpa) {
-            (Some(figure), _) => {
-                let estimate = figure.estimate();
-                let [low, high] = estimate.interval_mpa.map(rounded);
-                elastomer = format!(
-                    "shear_interval_mpa = [{low:?}, {high:?}] # MPa, of the initial shear modulus, by the data sheet\n"
-                );
-                if let Some(percent) = self.elongation_percent {
-                    elastomer += &format!(
-                        "stretch_range = [1.0, {:?}]      # to the elongation at break\n",
-                        rounded(1.0 + 0.01 * percent)
-                    );
-                }
-                let mu = rounded(estimate.shear_mpa);
-                format!("# {}.\nlaw = \"neo-hookean\"\nmu_mpa = {mu:?}\n", figure.source())
-            }
-            (None, Some(mu)) => {
-                format!("# Own constant: a neo-Hookean silicone.\nlaw = \"neo-hookean\"\nmu_mpa = {mu:?}\n")
-            }
-            (None, None) => {
-                let lines: String =
-                    silicone.law.iter().map(|(key, value)| format!("{key} = {value}\n")).collect();
-                entries.push(("elastomer", "density_t_per_mm3", silicone.density_t_per_mm3.into()));
-                if let Some(test) = &silicone.test {
-                    elastomer =
-                        format!("stretch_range = [1.0, {:?}]        # of a bar, fitted\n", test.stretch);
-                }
-                format!("# {}: {}.\n{lines}", silicone.name, silicone.evidence())
-            }
-        };
-        entries.push(("", "name", format!("\"{name}\"")));
-        if self.hanging {
-            entries.push(("loads", "gravity_mm_s2", "[9810.0, 0.0, 0.0]".into()));
-        }
-        let folder = quoted(&self.folder);
-        let heading = format!(
-            "# {name}: a soft pneumatic actuator, begun by `softtwin new`. `softtwin build {folder}` makes its mesh, its states and its\n\
-             # twin. After a change here run it again.\n#\n"
-        );
-        Ok(text::compose(&heading, &entries, [&elastomer, &law], 2.0 * shape.wall_mm))
-    }
-}
-
-/// Three significant digits.
-fn rounded(value: f64) -> f64 {
-    format!("{value:.2e}").parse().unwrap_or(value)
 }
 
 /// Asks for a value on the terminal; an empty line takes the one in brackets.

@@ -1,7 +1,7 @@
-//! Tests of `src/cmd/new/silicone.rs`.
+//! Tests of `src/material/silicone.rs`.
 
 use super::*;
-use fem::material::{Deformation, Hyperelastic};
+use crate::material::{Deformation, Hyperelastic};
 
 fn law(silicone: &Silicone) -> Hyperelastic {
     let lines: String = silicone.law.iter().map(|(key, value)| format!("{key} = {value}\n")).collect();
@@ -44,4 +44,29 @@ fn silicones_follow_their_tension_tests() {
         }
     }
     assert!(SILICONES.iter().all(|s| s.test.is_some() || s.evidence().contains("no public test")));
+}
+
+#[test]
+fn intervals_contain_the_silicones_with_public_tests() {
+    for (figure, name) in [
+        (HardnessFigure::ShoreA(10.0), "dragon-skin-10-medium"),
+        (HardnessFigure::ShoreA(30.0), "dragon-skin-30"),
+        (HardnessFigure::ShoreA(20.0), "dragon-skin-20"),
+        (HardnessFigure::Modulus100(0.338), "dragon-skin-20"),
+        (HardnessFigure::Modulus100(0.055), "ecoflex-00-10"),
+        (HardnessFigure::Shore00(10.0), "ecoflex-00-10"),
+        (HardnessFigure::Shore00(30.0), "ecoflex-00-30"),
+        (HardnessFigure::Shore00(50.0), "ecoflex-00-50"),
+        (HardnessFigure::Modulus100(0.151), "dragon-skin-10-medium"),
+        (HardnessFigure::Modulus100(0.593), "dragon-skin-30"),
+        (HardnessFigure::Modulus100(0.069), "ecoflex-00-30"),
+        (HardnessFigure::Modulus100(0.083), "ecoflex-00-50"),
+    ] {
+        let shear = SILICONES.iter().find(|s| s.name == name).unwrap().shear_mpa;
+        let ShearEstimate { shear_mpa, interval_mpa: [low, high] } = figure.estimate();
+        assert!((low..high).contains(&shear), "{figure:?}: {shear} in {low} to {high}");
+        assert!((0.45..2.2).contains(&(shear_mpa / shear)), "{figure:?}: {shear_mpa} for {shear}");
+    }
+    // Gent's figure for 50 A: E = 2.5 MPa.
+    assert!((3.0 * gent_mpa(50.0) - 2.456).abs() < 0.01);
 }

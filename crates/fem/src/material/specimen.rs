@@ -1,19 +1,21 @@
-//! A tensile test as stretches and nominal stresses: which rows are fitted, and what was left out.
+//! A test of a silicone, from a testing machine's table to stretches and nominal stresses: which rows are fitted, and what was left out.
+//! Then the law of several tests, with what is suspicious about them.
 
-use super::columns;
-use super::description::{Branch, Description, Extension, Kind, Load, Origin};
-use crate::failure::configuration;
-use crate::files::refusal;
-use anyhow::{Result, anyhow};
-use fem::material::fit::Test;
-use fem::material::{Deformation, Hyperelastic};
+use super::columns::{
+    self, CurveOrigin, DeformationQuantity, LoadQuantity, LoadingBranch, TestDescription, TestKind,
+};
+use super::fit::{self, Family, Fitted, Test, stretch_range};
+use super::{Deformation, Hyperelastic};
+use formats::FormatError;
 use formats::log::{Log, unit};
+use rom::statistics::{mean, median};
 
 /// A test that was read.
 pub struct Specimen {
     /// Name of the file.
     pub name: String,
-    pub kind: Kind,
+    /// What was done to it.
+    pub kind: TestKind,
     /// All rows in their order: stretch, nominal stress (MPa).
     pub rows: Vec<[f64; 2]>,
     /// Rows that are fitted.
@@ -80,10 +82,10 @@ impl Specimen {
     ///
     /// # Errors
     /// I/O errors; a table whose columns are not known; too few rows.
-    pub fn read(description: &Description, max_strain: f64) -> Result<Self> {
+    pub fn read(description: &TestDescription, max_strain: f64) -> Result<Self, FormatError> {
         let path = &description.file;
-        let error = |text: String| configuration(anyhow!("{}: {text}", path.display()));
-        let log = Log::read(path).map_err(refusal)?;
+        let error = |text: String| FormatError::refused(path, text);
+        let log = Log::read(path)?;
         let deformation = columns::deformation(&log, &description.deformation).map_err(error)?;
         let load = columns::load(&log, &description.load).map_err(error)?;
         let mut notes = vec![deformation.note.clone(), load.note.clone()];
@@ -96,7 +98,8 @@ impl Specimen {
         }
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         let head = Head::of(&log);
-        let needs_length = matches!(deformation.quantity, Extension::Displacement | Extension::Length);
+        let needs_length =
+            matches!(deformation.quantity, DeformationQuantity::Displacement | DeformationQuantity::Length);
         if let (None, Some(length_mm)) = (description.length_mm, head.length_mm)
             && needs_length
         {
@@ -107,7 +110,7 @@ impl Specimen {
             description.length_mm.or(head.length_mm).ok_or_else(missing)
         };
         if let (None, Some(area_mm2)) = (description.area_mm2, head.area_mm2)
-            && load.quantity == Load::Force
+            && load.quantity == LoadQuantity::Force
         {
             notes.push(format!(
                 "cross-section {area_mm2:.4} mm2 from the head of the file; --area-mm2 states it"
@@ -118,19 +121,19 @@ impl Specimen {
             description.area_mm2.or(head.area_mm2).ok_or_else(missing)
         };
         let stretch: Box<dyn Fn(f64) -> f64> = match deformation.quantity {
-            Extension::Strain => Box::new(|v| 1.0 + v),
-            Extension::TrueStrain => Box::new(f64::exp),
-            Extension::Stretch => Box::new(|v| v),
-            Extension::Displacement => {
+            DeformationQuantity::Strain => Box::new(|v| 1.0 + v),
+            DeformationQuantity::TrueStrain => Box::new(f64::exp),
+            DeformationQuantity::Stretch => Box::new(|v| v),
+            DeformationQuantity::Displacement => {
                 let length = length()?;
                 Box::new(move |v| 1.0 + v / length)
             }
-            Extension::Length => {
+            DeformationQuantity::Length => {
                 let length = length()?;
                 Box::new(move |v| v / length)
             }
         };
-        let area_mm2 = if load.quantity == Load::Force { area()? } else { 1.0 };
+        let area_mm2 = if load.quantity == LoadQuantity::Force { area()? } else { 1.0 };
         let values = log.columns[deformation.index].iter().zip(&log.columns[load.index]);
         let finite: Vec<[f64; 2]> = values
             .map(|(d, l)| [d * deformation.factor, l * load.factor / area_mm2])
@@ -145,11 +148,12 @@ impl Specimen {
         }
         let (kind, why) = description.test.map_or_else(|| guessed(&name, &log), |kind| (kind, ""));
         if !why.is_empty() {
-            notes.push(format!("a {} test, {why}; --test states it", kind_name(kind)));
+            notes.push(format!("a {} test, {why}; --test states it", kind.word()));
         }
-        let is_strain = !matches!(deformation.quantity, Extension::Stretch | Extension::Length);
+        let is_strain =
+            !matches!(deformation.quantity, DeformationQuantity::Stretch | DeformationQuantity::Length);
         let sum: f64 = finite.iter().map(|row| row[0]).sum();
-        let sign = if kind == Kind::Compression && is_strain && sum > 0.0 { -1.0 } else { 1.0 };
+        let sign = if kind == TestKind::Compression && is_strain && sum > 0.0 { -1.0 } else { 1.0 };
         let mut rows: Vec<[f64; 2]> = finite.iter().map(|row| [stretch(sign * row[0]), row[1]]).collect();
         if rows.iter().any(|row| row[0].is_nan() || row[0] <= 0.0) {
             return Err(error(
@@ -161,11 +165,11 @@ impl Specimen {
             rows.iter_mut().for_each(|row| row[1] = -row[1]);
             notes.push("compression with positive loads: their sign is changed".into());
         }
-        if load.quantity == Load::TrueStress {
+        if load.quantity == LoadQuantity::TrueStress {
             rows.iter_mut().for_each(|row| row[1] /= row[0]);
         }
         let (branch, loops) = branch(&rows, description.branch, &mut notes);
-        let origin = Zero::of(kind.deformation(), &branch);
+        let origin = OriginFit::of(kind.deformation(), &branch);
         let zeroed = |rows: Vec<[f64; 2]>| {
             rows.into_iter().map(|row| origin.applied(row, description.origin)).collect()
         };
@@ -207,29 +211,21 @@ impl Specimen {
     }
 }
 
-/// `uniaxial`.
-pub fn kind_name(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Compression => "compression",
-        other => other.deformation().name(),
-    }
-}
-
 /// Kind by the file's name and headings.
-fn guessed(name: &str, log: &Log) -> (Kind, &'static str) {
+fn guessed(name: &str, log: &Log) -> (TestKind, &'static str) {
     let text = format!("{name} {}", log.headings.join(" ")).to_lowercase();
     let has = |words: &[&str]| words.iter().any(|word| text.contains(word));
     match () {
-        () if has(&["planar", "pure shear", "pure_shear", "pureshear"]) => (Kind::Planar, "by its name"),
-        () if has(&["biax", "bi-ax", "bubble", "bulge", "balloon"]) => (Kind::Biaxial, "by its name"),
-        () if has(&["compress"]) => (Kind::Compression, "by its name"),
-        () if has(&["uniax", "tens", "strip", "d412", "iso37"]) => (Kind::Uniaxial, "by its name"),
-        () => (Kind::Uniaxial, "assumed"),
+        () if has(&["planar", "pure shear", "pure_shear", "pureshear"]) => (TestKind::Planar, "by its name"),
+        () if has(&["biax", "bi-ax", "bubble", "bulge", "balloon"]) => (TestKind::Biaxial, "by its name"),
+        () if has(&["compress"]) => (TestKind::Compression, "by its name"),
+        () if has(&["uniax", "tens", "strip", "d412", "iso37"]) => (TestKind::Uniaxial, "by its name"),
+        () => (TestKind::Uniaxial, "assumed"),
     }
 }
 
 /// Rows of the wanted branch, and the fraction of energy lost in the first and last loop.
-fn branch(rows: &[[f64; 2]], wanted: Branch, notes: &mut Vec<String>) -> (Vec<[f64; 2]>, Vec<f64>) {
+fn branch(rows: &[[f64; 2]], wanted: LoadingBranch, notes: &mut Vec<String>) -> (Vec<[f64; 2]>, Vec<f64>) {
     let reach: Vec<f64> = rows.iter().map(|row| row[0].ln().abs()).collect();
     let turns = turns(&reach);
     let branches: Vec<(usize, usize)> = turns.windows(2).map(|pair| (pair[0], pair[1])).collect();
@@ -261,7 +257,7 @@ fn branch(rows: &[[f64; 2]], wanted: Branch, notes: &mut Vec<String>) -> (Vec<[f
             notes.push("the deformation only decreases: the rows are taken as one curve".into());
             rows.iter().rev().copied().collect()
         }
-        (false, Branch::First) => {
+        (false, LoadingBranch::First) => {
             let mut farthest = -1.0;
             let mut further = |at: &usize| {
                 let is_further = reach[*at] > farthest;
@@ -272,13 +268,13 @@ fn branch(rows: &[[f64; 2]], wanted: Branch, notes: &mut Vec<String>) -> (Vec<[f
             let first = branches[loading[0]].0;
             (first..rows.len()).filter(|at| further(at)).map(|at| rows[at]).collect()
         }
-        (false, Branch::Last) => {
+        (false, LoadingBranch::Last) => {
             let (from, to) = branches[loading[loading.len() - 1]];
             rows[from..=to].to_vec()
         }
     };
     if chosen.len() < rows.len() && !loading.is_empty() {
-        let what = if wanted == Branch::First { "first loading" } else { "last loading" };
+        let what = if wanted == LoadingBranch::First { "first loading" } else { "last loading" };
         notes.push(format!("{what}: {} of {} rows", chosen.len(), rows.len()));
     }
     (chosen, loops)
@@ -354,14 +350,14 @@ fn usable(
 
 /// Strain at which the stress of the first rows extrapolates to 0, and stress (MPa) to which it extrapolates at no strain, by a neo-Hookean
 /// law.
-struct Zero {
+struct OriginFit {
     slack: f64,
     stress_mpa: f64,
     largest_mpa: f64,
 }
 
-impl Zero {
-    /// Zeros if too few rows are near the origin.
+impl OriginFit {
+    /// OriginFits if too few rows are near the origin.
     fn of(deformation: Deformation, rows: &[[f64; 2]]) -> Self {
         let largest_mpa = rows.iter().map(|row| row[1].abs()).fold(0.0, f64::max);
         let first: Vec<&[f64; 2]> = rows.iter().filter(|p| p[0].max(1.0 / p[0]) <= FIRST_STRETCH).collect();
@@ -384,23 +380,21 @@ impl Zero {
         let shifts = (-150..=150).map(|k| 0.001 * f64::from(k));
         let slack = shifts.min_by(|a, b| error(*a).total_cmp(&error(*b))).unwrap_or(0.0);
         let model: Vec<f64> = first.iter().map(|p| unit(p, 0.0)).collect();
-        let n = first.len() as f64;
-        let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / n;
-        let (m, p) = (mean(&mut model.iter().copied()), mean(&mut first.iter().map(|p| p[1])));
+        let (m, p) = (mean(model.iter().copied()), mean(first.iter().map(|p| p[1])));
         let slope = model.iter().zip(&first).map(|(v, q)| (v - m) * (q[1] - p)).sum::<f64>()
             / model.iter().map(|v| (v - m).powi(2)).sum::<f64>();
         Self { slack, stress_mpa: p - slope * m, largest_mpa }
     }
 
-    fn applied(&self, [stretch, stress_mpa]: [f64; 2], origin: Origin) -> [f64; 2] {
+    fn applied(&self, [stretch, stress_mpa]: [f64; 2], origin: CurveOrigin) -> [f64; 2] {
         match origin {
-            Origin::Table => [stretch, stress_mpa],
-            Origin::Slack => [stretch / (1.0 + self.slack), stress_mpa],
-            Origin::Load => [stretch, stress_mpa - self.stress_mpa],
+            CurveOrigin::Table => [stretch, stress_mpa],
+            CurveOrigin::Slack => [stretch / (1.0 + self.slack), stress_mpa],
+            CurveOrigin::Load => [stretch, stress_mpa - self.stress_mpa],
         }
     }
 
-    fn note(&self, origin: Origin) -> Option<String> {
+    fn note(&self, origin: CurveOrigin) -> Option<String> {
         let off = self.stress_mpa.abs() / self.largest_mpa;
         let found = format!(
             "the stress begins at a strain of {:.1} %, or with {:.2e} MPa at no strain",
@@ -408,12 +402,101 @@ impl Zero {
             self.stress_mpa
         );
         match origin {
-            Origin::Table if off > OFFSET => {
+            CurveOrigin::Table if off > OFFSET => {
                 Some(format!("{found}: slack, or an offset of the load; --origin slack or load removes it"))
             }
-            Origin::Table => None,
-            Origin::Slack => Some(format!("{found}: the strain is shifted")),
-            Origin::Load => Some(format!("{found}: the stress is shifted")),
+            CurveOrigin::Table => None,
+            CurveOrigin::Slack => Some(format!("{found}: the strain is shifted")),
+            CurveOrigin::Load => Some(format!("{found}: the stress is shifted")),
         }
     }
+}
+
+/// Ratio of initial shear moduli of two tests of one material that is no scatter.
+const MISMATCH: f64 = 2.5;
+/// Stretch up to which initial shear moduli are compared.
+const INITIAL_STRETCH: f64 = 1.5;
+/// Initial shear moduli of elastomers, MPa: from gels to hard polyurethane.
+const SHEAR_MPA: [f64; 2] = [5e-4, 12.0];
+
+/// The law of some tests.
+pub struct FittedSpecimens {
+    /// The tests; the stresses of those of the shape only are divided by their modulus.
+    pub specimens: Vec<Specimen>,
+    /// All laws that were fitted.
+    pub candidates: Vec<Fitted>,
+    /// The chosen one.
+    pub best: Fitted,
+    /// Stretches of a bar that the tests reach.
+    pub range: [f64; 2],
+    /// Suspicions about units, cross-sections and kinds of the tests.
+    pub remarks: Vec<String>,
+}
+
+impl FittedSpecimens {
+    /// Fits these families and chooses one law; `None` if no constants are stable over the tests.
+    pub fn new(mut specimens: Vec<Specimen>, families: &[Family]) -> Option<Self> {
+        let tests: Vec<Test> = specimens.iter().map(|specimen| specimen.test.clone()).collect();
+        let candidates = fit::fit_all(families, &tests);
+        let best = Fitted::best(candidates.clone())?;
+        specimens.iter_mut().zip(&best.moduli).for_each(|(specimen, modulus)| specimen.divide(*modulus));
+        let remarks = remarks(&specimens, &best);
+        Some(Self { specimens, candidates, best, range: stretch_range(&tests), remarks })
+    }
+}
+
+fn remarks(specimens: &[Specimen], best: &Fitted) -> Vec<String> {
+    let mut remarks = Vec::new();
+    let shear = best.law.shear_modulus_mpa();
+    if !(SHEAR_MPA[0]..=SHEAR_MPA[1]).contains(&shear) {
+        remarks.push(format!(
+            "initial shear modulus {shear:.3e} MPa: elastomers have {} to {} MPa; check the unit of the load (kPa, psi, MPa), the \
+             cross-section and the unit of the deformation",
+            SHEAR_MPA[0], SHEAR_MPA[1]
+        ));
+    }
+    let moduli: Vec<f64> = specimens.iter().map(|specimen| initial_shear_mpa(&specimen.test)).collect();
+    let median = median(moduli.iter().copied().filter(|m| m.is_finite())).unwrap_or(f64::NAN);
+    for (specimen, modulus) in specimens.iter().zip(&moduli) {
+        let ratio = modulus / median;
+        if ratio.is_finite() && !(1.0 / MISMATCH..=MISMATCH).contains(&ratio) {
+            remarks.push(format!(
+                "{}: initial shear modulus {modulus:.4} MPa, {ratio:.3} times that of the others ({median:.4} MPa); check its unit, \
+                 cross-section and kind",
+                specimen.name
+            ));
+        }
+    }
+    for (at, specimen) in specimens.iter().enumerate().filter(|(_, specimen)| specimen.is_load_assumed) {
+        if specimens.len() == 1 {
+            remarks.push(
+                "whether the stress is nominal or true is not identifiable from one test; --load states it"
+                    .into(),
+            );
+            continue;
+        }
+        let mut tests: Vec<Test> = specimens.iter().map(|s| s.test.clone()).collect();
+        tests[at].points.iter_mut().for_each(|p| p[1] /= p[0]);
+        let other = fit::fit(best.family, &tests).map_or(f64::INFINITY, |fitted| fitted.error);
+        if other < 0.5 * best.error {
+            remarks.push(format!(
+                "{} ({}): taken as true stress the error would fall from {:.2} to {:.2} %; if it is, state --load true-stress",
+                specimen.name,
+                specimen.kind.word(),
+                100.0 * best.error,
+                100.0 * other
+            ));
+        }
+    }
+    remarks
+}
+
+fn initial_shear_mpa(test: &Test) -> f64 {
+    let points: Vec<[f64; 2]> =
+        test.points.iter().copied().filter(|p| p[0].max(1.0 / p[0]) <= INITIAL_STRETCH).collect();
+    let part = Test { points, ..test.clone() };
+    if part.points.len() < 3 {
+        return f64::NAN;
+    }
+    fit::fit(Family::NeoHookean, &[part]).map_or(f64::NAN, |fitted| fitted.law.shear_modulus_mpa())
 }
