@@ -38,6 +38,19 @@ pub struct Case {
 }
 
 impl Case {
+    /// A state of the nominal actuator to train on: free without a gap, otherwise in contact.
+    pub fn new(name: impl Into<String>, pressure_mpa: f64, gap_mm: Option<f64>) -> Self {
+        Self {
+            name: name.into(),
+            regime: if gap_mm.is_some() { "contact" } else { "free" }.into(),
+            split: "train".into(),
+            pressure_mpa,
+            volume_mm3: None,
+            gap_mm,
+            settings: Vec::new(),
+        }
+    }
+
     /// The gap as a cell of a table: empty when free.
     pub(crate) fn gap_cell(&self) -> String {
         self.gap_mm.map_or(String::new(), |gap| gap.to_string())
@@ -51,6 +64,11 @@ impl Case {
         cells.extend(self.settings.iter().map(|(_, value)| value.to_string()));
         cells
     }
+}
+
+/// A value in whole parts of a unit, for shorter lists.
+pub(crate) fn rounded(value: f64, parts_per_unit: f64) -> f64 {
+    (value * parts_per_unit).round() / parts_per_unit
 }
 
 /// True if the volume is given in place of the pressure.

@@ -4,6 +4,7 @@
 
 pub mod actuator;
 mod algebra;
+mod bending;
 pub mod cases;
 mod config;
 mod contact;
@@ -12,6 +13,7 @@ mod element;
 mod energy;
 mod family;
 pub mod gas;
+pub mod inertia;
 mod krylov;
 mod linear;
 mod mass;
@@ -21,6 +23,7 @@ mod newton;
 mod ordering;
 mod output;
 mod path;
+pub mod plan;
 mod problem;
 mod recovery;
 pub mod run;
@@ -36,6 +39,7 @@ mod transfer;
 pub mod transient;
 mod vibration;
 
+pub use bending::{Bending, observables};
 pub use config::{
     ContactSettings, GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2, Load, NewtonSettings, ProblemConfig,
 };

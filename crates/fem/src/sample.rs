@@ -1,4 +1,4 @@
-//! Sampling of states: Latin hypercubes, grids, points along the contact onset, and points at a model's largest errors.
+//! Sampling of states: Latin hypercubes, grids, and points along the contact onset.
 
 use rom::rng::Rng;
 
@@ -102,40 +102,6 @@ pub fn onset(n: usize, clearances: &[(f64, f64)], gaps: [f64; 2]) -> Vec<Vec<f64
     }
     let gaps = grid(&[n], &[[low, high]]);
     gaps.iter().filter_map(|gap| Some(vec![onset_pressure_mpa(&table, gap[0])?, gap[0]])).collect()
-}
-
-/// Sample with the error of a model trained without it, in any unit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct InfillError {
-    /// Scaled inputs.
-    pub at: [f64; 2],
-    /// Leave-one-out error, 0 or more.
-    pub error: f64,
-}
-
-/// Indices of the `n` candidates (fewer when there are fewer) with the largest expected error, largest first.
-///
-/// One after another: the candidate with the largest `(error of the nearest sample) x (distance to it)`, as in
-/// cross-validation Voronoi sampling. A chosen candidate then counts as a sample with its neighbour's error, so that the next one is
-/// elsewhere. `O(n x candidates x samples)`.
-pub fn infill(n: usize, samples: &[InfillError], candidates: &[[f64; 2]]) -> Vec<usize> {
-    let mut samples = samples.to_vec();
-    let mut chosen = Vec::new();
-    for _ in 0..n.min(candidates.len()) {
-        let expected = |at: &[f64; 2]| -> Option<(f64, f64)> {
-            let distance = |s: &InfillError| (s.at[0] - at[0]).hypot(s.at[1] - at[1]);
-            let nearest = samples.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-            Some((nearest.error * distance(nearest), nearest.error))
-        };
-        let open = (0..candidates.len()).filter(|i| !chosen.contains(i));
-        let best = open
-            .filter_map(|i| expected(&candidates[i]).map(|(expected, error)| (i, expected, error)))
-            .max_by(|a, b| a.1.total_cmp(&b.1));
-        let Some((index, _, error)) = best else { break };
-        samples.push(InfillError { at: candidates[index], error });
-        chosen.push(index);
-    }
-    chosen
 }
 
 /// Lowest pressure (MPa) at which the clearance reaches `gap` (mm); `table` as the clearances of [`onset`], by rising pressure.

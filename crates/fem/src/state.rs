@@ -1,6 +1,6 @@
 //! Solved state, the start of a continuation and the source of the output.
 
-use crate::algebra::Vec3;
+use crate::algebra::{Vec3, norm};
 use crate::config::Load;
 use crate::element::membrane::Plane;
 
@@ -15,4 +15,11 @@ pub struct State {
     pub sheet_resultants_n_per_mm: Vec<[Plane; 3]>,
     /// The loads this state is in equilibrium with.
     pub load: Load,
+}
+
+impl State {
+    /// Largest displacement of a node (mm).
+    pub fn largest_displacement_mm(&self) -> f64 {
+        self.displacement_mm.iter().map(|u| norm(*u)).fold(0.0, f64::max)
+    }
 }

@@ -14,7 +14,31 @@ pub struct Stretches {
     pub beyond: f64,
 }
 
+/// Fraction of the elastomer's volume that may be beyond the range of its law: re-entrant corners are.
+const MAX_BEYOND: f64 = 0.01;
+
+impl Stretches {
+    /// True if more of the elastomer than re-entrant corners is stretched beyond the range of its law.
+    pub fn is_beyond(&self) -> bool {
+        self.beyond > MAX_BEYOND
+    }
+}
+
 impl Problem {
+    /// A line about a state that reaches beyond the range of its law; `None` within it.
+    pub fn stretch_warning(&self, stretches: Stretches) -> Option<String> {
+        let ranges = self.config().elastomers.iter().filter_map(|elastomer| elastomer.stretch_range);
+        let ranges: Vec<String> = ranges.map(|[low, high]| format!("{low} to {high}")).collect();
+        stretches.is_beyond().then(|| {
+            format!(
+                "{:.0} % of the elastomer is stretched beyond the range of its law ({}), up to {:.2}: its stress there is extrapolated",
+                100.0 * stretches.beyond,
+                ranges.join("; "),
+                stretches.largest
+            )
+        })
+    }
+
     /// Stretches of a state at the Gauss points.
     pub fn stretches(&self, state: &State) -> Stretches {
         let (mut largest, mut beyond, mut volume) = (3.0_f64, 0.0, 0.0);

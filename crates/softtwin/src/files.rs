@@ -3,6 +3,8 @@
 use crate::failure::{configuration, usage};
 use anyhow::{Context, bail};
 use fem::actuator::Actuator;
+use fem::plan::PlanError;
+use fem::run::RunError;
 use fem::{Family, Problem};
 use formats::database::{self, ObstacleKind};
 pub use formats::file::quoted;
@@ -13,6 +15,7 @@ use rom::reconstructor::{Peaks, ReconstructError};
 use rom::snapshots::Database;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use train::TrainError;
 use train::datasheet::DataSheet;
 
 /// Loads a whole model.
@@ -73,6 +76,17 @@ pub fn refusal(error: FormatError) -> anyhow::Error {
     }
 }
 
+/// What the user asked for or gave is a configuration error; a state that cannot be solved is not.
+pub fn not_planned(error: PlanError) -> anyhow::Error {
+    match error {
+        PlanError::Files(error) => refusal(error),
+        PlanError::Refused(_)
+        | PlanError::Run(RunError::Variant { .. })
+        | PlanError::Train(TrainError::Database(_) | TrainError::Config(_)) => configuration(error),
+        _ => error.into(),
+    }
+}
+
 /// Replaces a file as a whole: a reader sees the old one or the new one, never a part.
 pub fn save(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     Ok(file::replace(path, bytes)?)
@@ -81,6 +95,11 @@ pub fn save(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 /// The data sheet's place: beside the model, `.json` instead of `.twin`.
 pub fn data_sheet(model: &Path) -> PathBuf {
     model.with_extension("json")
+}
+
+/// The data sheet beside a model; none without one.
+pub fn read_data_sheet(model: &Path) -> Option<DataSheet> {
+    serde_json::from_slice(&std::fs::read(data_sheet(model)).ok()?).ok()
 }
 
 /// Writes the data sheet of a model to its place.

@@ -7,9 +7,7 @@
 mod bench;
 mod card;
 mod cmd;
-pub mod draws;
 pub mod files;
-mod inertia;
 mod live;
 mod load;
 mod memory_report;
@@ -22,7 +20,6 @@ mod recording_data;
 mod report;
 pub mod resources;
 pub mod unknowns;
-pub mod unseen_errors;
 mod view;
 
 pub use cmd::Command;

@@ -4,10 +4,12 @@ pub use rom::kernel::Precision;
 pub use rom::observable::{Definition, ObservableKind, Place};
 pub use rom::radial::{KernelKind, Tail};
 
+use formats::{FormatError, file};
 use rom::model::PressureLimit;
 use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// Grouping of fields for the POD.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -266,3 +268,41 @@ impl RegimeConfig {
         problems
     }
 }
+
+/// Name of a database's own training configuration, which `softtwin build` writes with the observables of the actuator.
+pub const OWN_CONFIG: &str = "train.toml";
+
+impl TrainConfig {
+    /// Reads a configuration of which any key may be left out.
+    ///
+    /// # Errors
+    /// I/O errors; keys or values that are unknown.
+    pub fn read(path: &Path) -> Result<Self, FormatError> {
+        let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
+        parse(&text).map_err(|error| FormatError::refused(path, error))
+    }
+
+    /// The configuration that a database is trained with unless another one is named: its own, or the defaults.
+    ///
+    /// # Errors
+    /// Those of [`Self::read`].
+    pub fn of_database(folder: &Path) -> Result<Self, FormatError> {
+        let own = folder.join(OWN_CONFIG);
+        if own.is_file() { Self::read(&own) } else { Ok(Self::default()) }
+    }
+}
+
+fn parse(text: &str) -> Result<TrainConfig, toml::de::Error> {
+    let mut config: TrainConfig = toml::from_str(text)?;
+    let table: toml::Table = toml::from_str(text)?;
+    // A table of a regime takes its defaults from the contact's, and these kernels are not the free regime's.
+    let are_named = table.get("free").is_some_and(|free| free.get("kernels").is_some());
+    if !are_named {
+        config.free.kernels = TrainConfig::default().free.kernels;
+    }
+    Ok(config)
+}
+
+#[cfg(test)]
+#[path = "../tests/unit/config.rs"]
+mod tests;

@@ -31,6 +31,7 @@ mod assemble;
 pub mod calibration;
 pub mod config;
 pub mod datasheet;
+pub mod draws;
 mod error;
 pub mod evaluate;
 #[doc(hidden)] // for tests/numerics.rs and tests/slopes.rs, as pod and select
@@ -44,10 +45,13 @@ mod observables;
 mod onset;
 #[doc(hidden)]
 pub mod pod;
+pub mod quality;
+pub mod refinement;
 mod regime;
 #[doc(hidden)]
 pub mod select;
 mod sort;
+pub mod unseen_errors;
 
 pub use error::{OnsetError, TrainError};
 

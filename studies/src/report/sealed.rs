@@ -4,9 +4,10 @@
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::RegimeKind;
-use softtwin::{files, unseen_errors};
+use softtwin::files;
 use std::path::Path;
 use train::evaluate::spread;
+use train::unseen_errors;
 
 /// Limits of the errors: mean, 95th percentile, largest of normalised displacement and stress, of the force per largest force.
 pub const ERRORS: [[f64; 3]; 3] = [[2e-4, 6e-4, 3e-3], [5e-3, 1.2e-2, 2e-2], [2e-4, 6e-4, 2e-3]];

@@ -8,7 +8,7 @@ use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::Model;
 use rom::snapshots::RegimeKind;
 use serde::Serialize;
-use softtwin::draws::Draws;
+use train::draws::Draws;
 
 /// Step between two states that are compared, as a fraction of an input's range.
 const STEP: f64 = 2e-3;

@@ -9,9 +9,9 @@ use extent::Extent;
 use rom::model::Model;
 use rom::snapshots::RegimeKind;
 use serde_json::{Value, json};
-use softtwin::draws::Draws;
 use softtwin::{files, output, range};
 use std::path::{Path, PathBuf};
+use train::draws::Draws;
 
 const EXAMPLES: &str = "\
 Examples:

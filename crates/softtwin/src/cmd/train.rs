@@ -1,19 +1,20 @@
 //! `softtwin train`.
 
 use crate::failure::{configuration, usage};
-use crate::inertia::Body;
+use crate::files::{self, refusal};
 use crate::options::ObstacleArg;
 use crate::progress::Progress;
-use crate::{card, files, output, unseen_errors};
+use crate::{card, output};
 use anyhow::Context;
+use fem::inertia::{InertiaError, InertialBody};
 use formats::database::ObstacleKind;
 use rom::snapshots::{Database, Split};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use train::TrainError;
 use train::config::TrainConfig;
 use train::datasheet::{DataSheet, FitSheet, RegimeSheet};
+use train::{TrainError, unseen_errors};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -86,18 +87,22 @@ impl Args {
         }
         let config = self.config()?;
         if let Some(errors) = &self.errors {
-            unseen_errors::check(errors)?; // before the training, which takes minutes
+            unseen_errors::check(errors).map_err(refusal)?; // before the training, which takes minutes
         }
         let mut progress = Progress::new(self.json);
         progress.step("reading the database");
         let obstacle = self.obstacle.map_or_else(|| only_obstacle(&self.database), ObstacleKind::from);
         let mut database = files::database(&self.database, obstacle)?;
         let started = Instant::now();
-        let body = self.inertia.as_ref().map(|actuator| Body::read(&database, actuator)).transpose()?;
+        let body = self.inertia.as_ref().map(|path| {
+            let (actuator, problem) = files::actuator(path)?;
+            InertialBody::new(&database, actuator, problem).map_err(no_inertia)
+        });
+        let body = body.transpose()?;
         let mut vibrations = Vec::new();
         if let Some(body) = &body {
             progress.step("vibrations of the actuator");
-            (database.vibrations, vibrations) = body.vibrations(&database)?;
+            (database.vibrations, vibrations) = body.vibrations(&database).map_err(no_inertia)?;
         }
         let trained = train::train(&database, &config, &mut |step| progress.step(step));
         let (mut model, mut sheet) = trained.map_err(|e| match e {
@@ -105,11 +110,11 @@ impl Args {
             other => other.into(),
         })?;
         if let Some(errors) = &self.errors {
-            unseen_errors::calibrate(errors, &mut model, &mut sheet)?;
+            unseen_errors::calibrate(errors, &mut model, &mut sheet).map_err(refusal)?;
         }
         if let Some(body) = &body {
             progress.step("reduced mass");
-            vibrations.extend(body.add_to(&mut model, &database)?);
+            vibrations.extend(body.add_to(&mut model, &database).map_err(no_inertia)?);
         }
         let training_s = started.elapsed().as_secs_f64();
         // The sheet of a file names the chosen candidate only; the others are the larger part of it.
@@ -130,9 +135,9 @@ impl Args {
     }
 
     fn config(&self) -> anyhow::Result<TrainConfig> {
-        let own = config_of(&self.database)?;
+        let own = TrainConfig::of_database(&self.database).map_err(refusal)?;
         let named = match &self.config {
-            Some(path) => read(path)?,
+            Some(path) => TrainConfig::read(path).map_err(refusal)?,
             None if self.paper => TrainConfig::paper(),
             None => return Ok(own),
         };
@@ -142,43 +147,13 @@ impl Args {
     }
 }
 
-/// The configuration that a database is trained with unless another one is named: its own `train.toml`, which `softtwin build` writes
-/// with the observables, or the defaults.
-pub(super) fn config_of(database: &Path) -> anyhow::Result<TrainConfig> {
-    let own = database.join(OWN_CONFIG);
-    if own.is_file() { read(&own) } else { Ok(TrainConfig::default()) }
-}
-
-/// Name of a database's own training configuration.
-pub(super) const OWN_CONFIG: &str = "train.toml";
-
-/// Gives a database that continues another one the same training configuration.
-pub(super) fn copy_config(from: &Path, to: &Path) -> anyhow::Result<()> {
-    let own = from.join(OWN_CONFIG);
-    if own.is_file() {
-        files::save(&to.join(OWN_CONFIG), &std::fs::read(own)?)?;
+/// The wrong actuator is wrong usage, one that cannot be reduced a configuration error; a state that is not found is neither.
+fn no_inertia(error: InertiaError) -> anyhow::Error {
+    match error {
+        InertiaError::NoLoad { .. } | InertiaError::OtherActuator { .. } => usage(error),
+        InertiaError::Prony(_) | InertiaError::Train(_) => configuration(error),
+        _ => error.into(),
     }
-    Ok(())
-}
-
-fn read(path: &Path) -> anyhow::Result<TrainConfig> {
-    let place = || path.display().to_string();
-    let text = runtime::file::read_text(path, runtime::file::MAX_TEXT_BYTES)
-        .with_context(place)
-        .map_err(configuration)?;
-    parse(&text).with_context(place).map_err(configuration)
-}
-
-/// A configuration of which any key may be left out.
-fn parse(text: &str) -> Result<TrainConfig, toml::de::Error> {
-    let mut config: TrainConfig = toml::from_str(text)?;
-    let table: toml::Table = toml::from_str(text)?;
-    // A table of a regime takes its defaults from the contact's, and these kernels are not the free regime's.
-    let are_named = table.get("free").is_some_and(|free| free.get("kernels").is_some());
-    if !are_named {
-        config.free.kernels = TrainConfig::default().free.kernels;
-    }
-    Ok(config)
 }
 
 /// Files that were written.
@@ -242,7 +217,3 @@ fn regime_json(regime: &RegimeSheet) -> serde_json::Value {
         "force": regime.force.as_ref().map(fit),
     })
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/cmd_train.rs"]
-mod tests;

@@ -1,37 +1,44 @@
 //! A twin of states that another program solved: model, its errors, and a scene that replays a sweep of the first input that varies.
 
-use super::folder::Folder;
-use super::quality::Quality;
+use super::folder::{Folder, QualityReport, quality_report};
 use crate::files::{self, quoted, refusal, save};
-use crate::output;
 use crate::progress::Doing;
+use crate::{output, report};
 use anyhow::{Context, Result};
 use formats::database::obstacle_kinds;
 use rom::inputs::{GAP, InputSpec, PARAMETERS};
-use serde_json::json;
+use serde::Serialize;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Rows of the sweep, there and back, and the time between two (s).
 const ROWS: usize = 200;
 const PERIOD_S: f64 = 0.05;
 
-/// Whether a folder holds a database.
-pub fn is_database(folder: &Path) -> bool {
-    folder.join("database.toml").is_file()
+/// A twin of imported states.
+#[derive(Serialize)]
+struct ImportedReport {
+    model: PathBuf,
+    scene: PathBuf,
+    sweep: PathBuf,
+    inputs: Vec<String>,
+    notes: Vec<String>,
+    quality: QualityReport,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    remarks: Vec<String>,
 }
 
 /// Trains on an existing database, reports the model's errors and how the twin is started.
 ///
 /// # Errors
 /// The database cannot be read or trained on; I/O errors.
-pub fn build(folder: &Folder, database: &Path) -> Result<()> {
+pub fn build(folder: &Folder<'_>, database: &Path) -> Result<()> {
     let kinds = obstacle_kinds(database).map_err(refusal)?;
     let kind = kinds.first().copied().with_context(|| format!("{}: no states", database.display()))?;
     let doing = Doing::default();
     let _heartbeat = doing.heartbeat();
-    let (model, notes) = folder.train(database, kind, &doing)?;
-    let quality = Quality::of(&model, database, &folder.path.join("errors.png"))?;
+    let (model, notes, data) = folder.train(database, kind, &doing)?;
+    let quality = folder.quality(&model, &data)?;
     let header = files::model(&model)?.header;
     // An input without a range is one that no state had.
     let inputs: Vec<(usize, &InputSpec)> = header
@@ -42,27 +49,22 @@ pub fn build(folder: &Folder, database: &Path) -> Result<()> {
         .collect();
     let (scene, sweep) = (folder.path.join("scene.toml"), folder.path.join("sweep.csv"));
     save(&sweep, sweep_text(&inputs).as_bytes())?;
-    folder.save_scene(&scene, &scene_text(&header.actuator, &inputs))?;
-    if folder.json {
-        return output::json(&json!({
-            "model": model, "scene": scene, "notes": notes, "sweep": sweep, "quality": quality,
-            "inputs": inputs.iter().map(|(_, input)| input.key()).collect::<Vec<_>>(),
-        }));
+    folder.replace("scene", &scene, &scene_text(&header.actuator, &inputs))?;
+    let more_states = "more simulations near these states: softtwin import results";
+    let (quality, mut remarks) = quality_report(quality, more_states, folder.json);
+    if !folder.json {
+        let options: String = inputs.iter().map(option).collect();
+        let (model, scene, name) = (quoted(&model), quoted(&scene), &header.actuator);
+        remarks.push(format!(
+            "start it, with the readings of {} until the scene has a sensor:\n  softtwind twin --scene {scene}\n  softtwind bridge \
+             --scene {scene} --loop\n  softtwin view --scene {scene}      in a browser; or: softtwin echo 'softtwin/{name}/state'\nask it \
+             without starting it:\n  softtwin predict {model}{options}",
+            sweep.display()
+        ));
+        output!("")?;
     }
-    quality.print()?;
-    quality.print_warnings("more simulations near these states: softtwin import results")?;
-    let state: String = inputs.iter().fold(String::new(), |text, input| text + &option(input));
-    let (model, scene) = (quoted(&model), quoted(&scene));
-    output!("\nstart it, with the readings of {} until the scene has a sensor:", sweep.display())?;
-    output!("  softtwind twin --scene {scene}")?;
-    output!("  softtwind bridge --scene {scene} --loop")?;
-    output!(
-        "  softtwin view --scene {scene}      in a browser; or: softtwin echo 'softtwin/{}/state'",
-        header.actuator
-    )?;
-    output!("ask it without starting it:")?;
-    output!("  softtwin predict {model}{state}")?;
-    Ok(())
+    let inputs = inputs.iter().map(|(_, input)| input.key()).collect();
+    report::print(&ImportedReport { model, scene, sweep, inputs, notes, quality, remarks }, folder.json)
 }
 
 /// Place of the input that is swept: the first that varies.

@@ -2,34 +2,25 @@
 
 mod folder;
 mod imported;
-mod infill;
-mod plan;
-mod pressures;
-mod quality;
 mod scene;
 
 use super::mesh::write_grid;
 use super::simulate::batch;
-use super::simulate::section::Bending;
 use crate::failure::{configuration, usage};
-use crate::files::{self, quoted, refusal, save};
+use crate::files::{self, not_planned, quoted, refusal, save};
 use crate::progress::Doing;
-use crate::{output, range, resources};
+use crate::{output, range, report, resources};
 use anyhow::Result;
-use fem::Family;
 use fem::actuator::Actuator;
 use fem::cases::{Case, to_csv};
+use fem::plan::{Budget, Counts, Notice, Plan, Pressures, find, landings, solve_and_refine};
 use fem::run::{Run, Store, fingerprint};
-use folder::{Folder, OwnConfig};
-use plan::{Budget, Counts, Plan, landings};
-use pressures::Pressures;
-use quality::Quality;
+use fem::{Family, observables};
+use folder::{Folder, OwnConfig, QualityReport, quality_report};
 use rom::model::PressureLimit;
-use serde_json::json;
-use std::collections::BTreeMap;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use train::config::{Definition, ObservableKind, Place};
 
 const EXAMPLES: &str = "\
 Example: a first look at a new finger, then the twin for use
@@ -73,42 +64,29 @@ const OWN_MESH: &str = "mesh.vtu";
 /// Longest edge of an element by the thinnest wall of a chamber: elements that are longer and flatter fold before they bend.
 const COARSEST: f64 = 5.0;
 
-/// Farthest that the nearest node may be from a point of an observable (mm), as the model's own limit is.
-const NEAR_MM: f64 = 4.0;
-
-/// Observables of every actuator: its bending angles and the place of its tip. Of a finger also the angle of its chord, in place of the
-/// tip's z, and the volume of its chambers.
-fn observables(family: &Family) -> BTreeMap<String, Definition> {
-    let problem = &family.problem;
-    let of = |kind, points, axis| Definition { kind, points, axis };
-    let mut all: BTreeMap<String, Definition> = Bending::all(family)
-        .into_iter()
-        .map(|bending| (bending.name.to_owned(), bending.definition(problem)))
-        .collect();
-    let shape = family.actuator.shape();
-    let tip = match &shape {
-        Some(shape) => Place::At([shape.base.length_mm, shape.base_mm(), 0.0]),
-        None => tip_place(family),
-    };
-    let axes = [("tip_x_mm", [1.0, 0.0, 0.0]), ("tip_y_mm", [0.0, 1.0, 0.0]), ("tip_z_mm", [0.0, 0.0, 1.0])];
-    for (name, axis) in axes.into_iter().take(if shape.is_some() { 2 } else { 3 }) {
-        all.insert(name.into(), of(ObservableKind::Position, vec![tip.clone()], Some(axis)));
-    }
-    if let Some(shape) = shape {
-        let chord = vec![Place::At([0.0, shape.base_mm(), 0.0]), tip];
-        all.insert("chord_angle_deg".into(), of(ObservableKind::ChordAngle, chord, None));
-        all.insert("chamber_volume_mm3".into(), of(ObservableKind::Volume, Vec::new(), None));
-    }
-    all
-}
-
-/// The centroid of the end face; where that is in a hole, or far from every node, the mean of the face's nodes.
-fn tip_place(family: &Family) -> Place {
-    let mesh = family.problem.mesh();
-    let end = mesh.end_face();
-    let distance = |x: &[f64; 3]| x.iter().zip(end.centroid_mm).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
-    let is_near = mesh.nodes_mm.iter().any(|x| distance(x) <= NEAR_MM * NEAR_MM);
-    if end.is_solid && is_near { Place::At(end.centroid_mm) } else { Place::Set("tip".into()) }
+/// A twin that was built.
+#[derive(Serialize)]
+struct BuildReport {
+    model: PathBuf,
+    scene: PathBuf,
+    notes: Vec<String>,
+    states: usize,
+    failed: usize,
+    reused: usize,
+    pressure_mpa: f64,
+    pressure_reason: String,
+    /// Over the interval of a shear modulus that was not measured.
+    pressure_interval_mpa: Option<[f64; 2]>,
+    largest_stretch: f64,
+    displacement_mm: f64,
+    angle_deg: f64,
+    contact_pressure_mpa: f64,
+    gap_mm: Option<[f64; 2]>,
+    quality: QualityReport,
+    seconds: f64,
+    cpu_seconds: Option<f64>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    remarks: Vec<String>,
 }
 
 impl Args {
@@ -117,66 +95,37 @@ impl Args {
     /// # Errors
     /// The actuator cannot be built or solved, with what to change; I/O errors.
     pub fn run(self) -> Result<()> {
-        let began = Instant::now();
         let path = self.folder.join("actuator.toml");
         let database = self.folder.join("database");
         let folder = Folder { path: &self.folder, json: self.json };
-        if !path.is_file() {
-            if imported::is_database(&database) {
-                return imported::build(&folder, &database);
-            }
-            let (name, folder, database) = (self.folder.display(), quoted(&self.folder), quoted(&database));
-            return Err(usage(format!(
-                "{name}: expected a folder with actuator.toml, which `softtwin new {folder}` makes, or with an imported database: \
-                 `softtwin import results ... --out {database}`"
-            )));
+        if path.is_file() {
+            return self.build(&folder, &path, &database);
         }
-        let actuator = Actuator::read(&path).map_err(refusal)?;
-        if let Some((file, material)) = Actuator::material(&path).map_err(refusal)? {
+        if database.join("database.toml").is_file() {
+            return imported::build(&folder, &database);
+        }
+        let (name, folder, database) = (self.folder.display(), quoted(&self.folder), quoted(&database));
+        Err(usage(format!(
+            "{name}: expected a folder with actuator.toml, which `softtwin new {folder}` makes, or with an imported database: \
+             `softtwin import results ... --out {database}`"
+        )))
+    }
+
+    fn build(&self, folder: &Folder<'_>, path: &Path, database: &Path) -> Result<()> {
+        let began = Instant::now();
+        let actuator = Actuator::read(path).map_err(refusal)?;
+        if let Some((file, material)) = Actuator::material(path).map_err(refusal)? {
             folder.say("material", &format!("{}: {}", file.display(), material.summary()))?;
         }
         folder.say("mesh", &self.mesh(&actuator)?)?;
         let doing = Doing::default();
         let _heartbeat = doing.heartbeat();
         doing.begin("analysing the mesh");
-        let family = files::family(&path)?;
-        let actuator = &family.actuator;
-        let pressures = self.pressures(&folder, &family, &doing)?;
-        doing.end();
-        let interval = material_interval(actuator, &pressures);
-        if let Some([low, high]) = interval {
-            let [softest, stiffest] = actuator.elastomer.shear_interval_mpa.unwrap_or([f64::NAN; 2]);
-            folder.say(
-                "material",
-                &format!(
-                    "no constants of this silicone were measured: {:.0} mm need anything from {low:.2e} to {high:.2e} MPa (shear modulus \
-                     {softest} to {stiffest} MPa); a tension test narrows it most (softtwin material fit)",
-                    pressures.displacement_mm
-                ),
-            )?;
-        }
-        let counts = if self.quick { Counts::QUICK } else { Counts::FULL };
-        let mut plan = Plan::new(actuator, &pressures, counts)?;
+        let family = files::family(path)?;
+        let pressures = self.pressures(folder, &family, &doing)?;
+        let interval_mpa = pressures.interval_mpa(&family.actuator.elastomer);
         let options = batch::Options { threads: self.threads, sensitivities: false, settings: Vec::new() };
-        if let (false, Some(gaps_mm)) = (plan.cavities.is_empty(), plan.gaps_mm) {
-            let free: Vec<Case> = plan.cases.iter().filter(|case| case.gap_mm.is_none()).cloned().collect();
-            let solved = batch::solve(&family, &free, &database, &options)?.solved;
-            let (free, clearances_mm): (Vec<Case>, Vec<f64>) =
-                solved.iter().map(|(at, solved)| (free[*at].clone(), solved.clearance_mm)).unzip();
-            plan.cases.extend(landings(&free, &clearances_mm, gaps_mm));
-        }
-        let list = self.folder.join("cases.csv");
-        save(&list, to_csv(&plan.cases).as_bytes())?;
-        let gaps =
-            plan.gaps_mm.map_or("no obstacle".into(), |[low, high]| format!("gaps {low} to {high} mm"));
-        // States over the pressures of several cavities are a sample of the whole range; nothing is added to them.
-        let further =
-            if plan.cavities.is_empty() { counts.further } else { Budget { states: 0, cpu_s: 0.0 } };
-        let more = match further.states {
-            0 => String::new(),
-            states => format!(", and at most {states} more where the errors ask for them"),
-        };
-        folder.say("states", &format!("{}{more}, in {}, {gaps}", plan.cases.len(), list.display()))?;
+        let (mut plan, further) = self.plan(folder, &family, &pressures, (database, &options))?;
         let ranges =
             family.problem.config().elastomers.iter().filter_map(|elastomer| elastomer.stretch_range);
         let limit = PressureLimit {
@@ -185,45 +134,66 @@ impl Args {
             // Corners of the states found are stretched beyond the laws' range.
             stretch: ranges.map(|range| range[1]).fold(pressures.stretch.max(1.0), f64::max),
         };
-        folder.save_config(&database, &OwnConfig { observables: observables(&family), limit })?;
-        let outcome = infill::solve(&family, &mut plan, (&database, &options), further, |text| {
+        folder.save_config(database, &OwnConfig { observables: observables(&family), limit })?;
+        let outcome = solve_and_refine(
+            &family,
+            &mut plan,
+            (database, further),
+            &mut |cases| batch::solve(&family, cases, database, &options),
+            // Where the system does not tell, the number of states alone ends the search.
+            &|| resources::cpu_s("self").unwrap_or(0.0),
             // What a reader of the output misses when it is closed is a progress line.
-            let _ = folder.say("states", text);
-        })?;
-        save(&list, to_csv(&plan.cases).as_bytes())?;
-        let states = plan.cases.len();
+            &mut |text| drop(folder.say("states", &text)),
+        )
+        .map_err(not_planned)?;
+        save(&self.folder.join("cases.csv"), to_csv(&plan.cases).as_bytes())?;
         for (index, reason) in &outcome.failed {
             folder.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
         }
         doing.begin("training");
-        let (model, notes) = folder.train(&database, actuator.obstacle_kind(), &doing)?;
+        let (model, notes, data) = folder.train(database, family.actuator.obstacle_kind(), &doing)?;
         doing.begin("measuring the model");
-        let quality = Quality::of(&model, &database, &self.folder.join("errors.png"))?;
-        let scene = self.folder.join("scene.toml");
-        folder.save_scene(&scene, &scene::text(&family, &plan, &pressures))?;
-        let seconds = began.elapsed().as_secs_f64();
-        let cpu_s = resources::cpu_s("self");
-        if self.json {
-            return output::json(&json!({
-                "model": model, "scene": scene, "notes": notes, "states": states, "failed": outcome.failed.len(),
-                "reused": outcome.reused, "pressure_mpa": pressures.largest_mpa(), "pressure_reason": pressures.reason,
-                "pressure_interval_mpa": interval, "largest_stretch": pressures.stretch,
-                "displacement_mm": pressures.displacement_mm, "angle_deg": pressures.angle_deg, "contact_pressure_mpa": plan.contact_mpa, "gap_mm": plan.gaps_mm, "quality": quality, "seconds": seconds, "cpu_seconds": cpu_s,
-            }));
-        }
-        quality.print()?;
-        Quality::print_limits()?;
-        quality.print_warnings(&match self.quick {
+        let more_states = match self.quick {
             true => format!("more states: softtwin build {}", quoted(&self.folder)),
             false => format!(
                 "more states: softtwin sample --refine 8 --database {} --actuator {} --out finer",
-                quoted(&database),
-                quoted(&path)
+                quoted(database),
+                quoted(path)
             ),
-        })?;
-        self.commands(&model, &scene, &plan)?;
-        output!("done in {seconds:.0} s, {:.0} s of processor time", cpu_s.unwrap_or(f64::NAN))?;
-        Ok(())
+        };
+        let quality = folder.quality(&model, &data)?;
+        let (quality, mut remarks) = quality_report(quality, &more_states, self.json);
+        let scene = self.folder.join("scene.toml");
+        folder.replace("scene", &scene, &scene::text(&family, &plan, &pressures))?;
+        if !self.json {
+            let elements = "the finite elements themselves: mesh about 4 % (docs/fem.md), and whatever the silicone's constants are off";
+            remarks.push(elements.into());
+            remarks.push(self.commands(&model, &scene, &plan));
+        }
+        let report = BuildReport {
+            model,
+            scene,
+            notes,
+            states: plan.cases.len(),
+            failed: outcome.failed.len(),
+            reused: outcome.reused,
+            pressure_mpa: pressures.largest_mpa(),
+            pressure_reason: pressures.reason,
+            pressure_interval_mpa: interval_mpa,
+            largest_stretch: pressures.stretch,
+            displacement_mm: pressures.displacement_mm,
+            angle_deg: pressures.angle_deg,
+            contact_pressure_mpa: plan.contact_mpa,
+            gap_mm: plan.gaps_mm,
+            quality,
+            seconds: began.elapsed().as_secs_f64(),
+            cpu_seconds: resources::cpu_s("self"),
+            remarks,
+        };
+        if !self.json {
+            output!("")?;
+        }
+        report::print(&report, self.json)
     }
 
     /// Makes the mesh, unless the actuator names one of the user's own.
@@ -260,46 +230,81 @@ impl Args {
         ))
     }
 
-    fn pressures(&self, folder: &Folder, family: &Family, doing: &Doing) -> Result<Pressures> {
+    fn pressures(&self, folder: &Folder<'_>, family: &Family, doing: &Doing) -> Result<Pressures> {
         let store = Store::new(&self.folder.join("database/states"), fingerprint(&family.problem))?;
         let run = Run { family, store, threads: 1, sensitivities: false, searches_behind_limits: false };
-        let found = pressures::find(&run, doing, |text| {
+        let mut notice = |notice| match notice {
+            Notice::Begins(what) => doing.begin(what),
             // What a reader of the output misses when it is closed is a progress line.
-            let _ = folder.say("pressures", text);
-        })?;
-        let largest = found.largest_mpa();
+            Notice::Found(text) => drop(folder.say("pressures", &text)),
+        };
+        let found = find(&run, &mut notice).map_err(not_planned)?;
+        doing.end();
+        let (largest_mpa, stretch) = (found.largest_mpa(), found.stretch);
         folder.say(
             "pressures",
-            &format!("0 to {largest} MPa, stretches to {:.2}: {}", found.stretch, found.reason),
+            &format!("0 to {largest_mpa} MPa, stretches to {stretch:.2}: {}", found.reason),
         )?;
+        let elastomer = &family.actuator.elastomer;
+        if let (Some([low, high]), Some([softest, stiffest])) =
+            (found.interval_mpa(elastomer), elastomer.shear_interval_mpa)
+        {
+            folder.say(
+                "material",
+                &format!(
+                    "no constants of this silicone were measured: {:.0} mm need anything from {low:.2e} to {high:.2e} MPa (shear modulus \
+                     {softest} to {stiffest} MPa); a tension test narrows it most (softtwin material fit)",
+                    found.displacement_mm
+                ),
+            )?;
+        }
         Ok(found)
     }
 
-    fn commands(&self, model: &Path, scene: &Path, plan: &Plan) -> Result<()> {
-        let (model, scene) = (quoted(model), quoted(scene));
-        let pressure = 0.7 * plan.contact_mpa;
+    /// The states to solve, and how many may be added to them.
+    fn plan(
+        &self,
+        folder: &Folder<'_>,
+        family: &Family,
+        pressures: &Pressures,
+        (database, options): (&Path, &batch::Options),
+    ) -> Result<(Plan, Budget)> {
+        let counts = if self.quick { Counts::QUICK } else { Counts::FULL };
+        let mut plan = Plan::new(&family.actuator, pressures, counts).map_err(not_planned)?;
+        if let (false, Some(gaps_mm)) = (plan.cavities.is_empty(), plan.gaps_mm) {
+            let free: Vec<Case> = plan.cases.iter().filter(|case| case.gap_mm.is_none()).cloned().collect();
+            let solved = batch::solve(family, &free, database, options).map_err(not_planned)?.solved;
+            let (free, clearances_mm): (Vec<Case>, Vec<f64>) =
+                solved.iter().map(|(at, solved)| (free[*at].clone(), solved.clearance_mm)).unzip();
+            plan.cases.extend(landings(&free, &clearances_mm, gaps_mm));
+        }
+        let list = self.folder.join("cases.csv");
+        save(&list, to_csv(&plan.cases).as_bytes())?;
+        // States over the pressures of several cavities are a sample of the whole range; nothing is added to them.
+        let further =
+            if plan.cavities.is_empty() { counts.further } else { Budget { states: 0, cpu_s: 0.0 } };
+        let more = match further.states {
+            0 => String::new(),
+            states => format!(", and at most {states} more where the errors ask for them"),
+        };
+        let gaps =
+            plan.gaps_mm.map_or("no obstacle".into(), |[low, high]| format!("gaps {low} to {high} mm"));
+        folder.say("states", &format!("{}{more}, in {}, {gaps}", plan.cases.len(), list.display()))?;
+        Ok((plan, further))
+    }
+
+    /// How the twin is started, asked and drawn.
+    fn commands(&self, model: &Path, scene: &Path, plan: &Plan) -> String {
+        let (model, scene, pressure) = (quoted(model), quoted(scene), 0.7 * plan.contact_mpa);
         let gap = plan.gaps_mm.map_or(String::new(), |[a, b]| format!(" --gap {:.1}", 0.5 * (a + b)));
         let further = plan.cavities.iter().map(|name| format!(" --set {name}={:.4}", 0.5 * pressure));
-        let state = format!("{model} --pressure {pressure:.4}{gap}{}", further.collect::<String>());
-        output!("\nstart it, with readings by formula until the scene has a sensor:")?;
-        output!("  softtwind twin --scene {scene}")?;
-        output!("  softtwind bridge --scene {scene}")?;
-        output!(
-            "  softtwin view --scene {scene}      in a browser; or: softtwin demo --scene {scene} --seconds 10"
-        )?;
-        output!("ask it without starting it, and draw it:")?;
-        output!("  softtwin predict {state}")?;
-        output!("  softtwin draw {state} --out {}", quoted(&self.folder.join("state.png")))?;
-        Ok(())
+        let state =
+            format!("{model} --pressure {pressure:.4}{gap}{}", further.collect::<String>());
+        let picture = quoted(&self.folder.join("state.png"));
+        format!(
+            "start it, with readings by formula until the scene has a sensor:\n  softtwind twin --scene {scene}\n  softtwind bridge --scene \
+             {scene}\n  softtwin view --scene {scene}      in a browser; or: softtwin demo --scene {scene} --seconds 10\nask it without \
+             starting it, and draw it:\n  softtwin predict {state}\n  softtwin draw {state} --out {picture}"
+        )
     }
-}
-
-/// Largest pressure (MPa) over the interval of the shear modulus: the elastomer's stresses and the pressure scale together; the weight
-/// and the sheet, which does not stretch, are left out.
-fn material_interval(actuator: &Actuator, pressures: &Pressures) -> Option<[f64; 2]> {
-    let shear = actuator.elastomer.law.shear_modulus_mpa();
-    actuator
-        .elastomer
-        .shear_interval_mpa
-        .map(|interval| interval.map(|mpa| pressures.largest_mpa() * mpa / shear))
 }

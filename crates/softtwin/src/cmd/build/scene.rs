@@ -1,8 +1,7 @@
 //! The scene file of a new twin.
 
-use super::plan::{Plan, TOGETHER};
-use super::pressures::Pressures;
 use fem::Family;
+use fem::plan::{Plan, Pressures, TOGETHER};
 
 /// Its text: readings by formula through the pressures of the contact states, until a sensor takes their place.
 pub fn text(family: &Family, plan: &Plan, pressures: &Pressures) -> String {

@@ -4,10 +4,10 @@ mod confirm;
 mod objective;
 
 use super::predict::by_input;
-use super::sample::parameters::{Parameter, range};
 use crate::failure::usage;
 use crate::{files, output};
 use anyhow::{Context, bail};
+use fem::plan::Parameter;
 use objective::{Goals, Objective};
 use rom::goal::{Found, reach};
 use rom::hull::{DomainStatus, TrainingRange};
@@ -46,7 +46,7 @@ pub struct Args {
     #[arg(long = "objective", value_name = "GOAL", required = true)]
     objectives: Vec<Objective>,
     /// Input that may vary and its bounds, by its name; within the range that the model was trained over. Repeat for others.
-    #[arg(long, value_name = "NAME=LOW:HIGH", required = true, value_parser = range)]
+    #[arg(long, value_name = "NAME=LOW:HIGH", required = true, value_parser = clap::value_parser!(Parameter))]
     within: Vec<Parameter>,
     /// Cavity pressure: MPa, or with a unit (50kPa, 0.5bar, 7psi), where it does not vary.
     #[arg(long = "pressure", value_name = "MPa", allow_negative_numbers = true, value_parser = crate::range::pressure_mpa)]

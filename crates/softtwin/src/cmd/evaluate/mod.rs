@@ -7,7 +7,7 @@ mod traces;
 
 use crate::options::ObstacleArg;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
-use crate::{files, output, unseen_errors};
+use crate::{files, output};
 use formats::database::ObstacleKind;
 use rom::inputs::{GAP, InputSpec, PRESSURE};
 use rom::model::{Model, ModelHeader};
@@ -148,7 +148,7 @@ impl Args {
 
     fn show(&self, model: &Model, report: &Report) -> anyhow::Result<()> {
         if let Some(path) = &self.errors {
-            unseen_errors::write(path, model, &report.cases)?;
+            train::unseen_errors::write(path, model, &report.cases).map_err(files::refusal)?;
         }
         let left_out = leave_one_out(&files::data_sheet(&self.model));
         if let Some(path) = &self.picture {

@@ -2,7 +2,6 @@
 
 use super::Args;
 use crate::cmd::simulate::batch;
-use crate::draws::Draws;
 use crate::failure::usage;
 use crate::files;
 use fem::Family;
@@ -15,6 +14,7 @@ use std::fs::{File, TryLockError};
 use std::io::ErrorKind;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use train::draws::Draws;
 use train::evaluate::evaluate;
 
 /// Beginning of the names of the folders in which states are computed.
@@ -61,7 +61,7 @@ impl Args {
     fn solve(&self, family: &Family, cases: &[Case], folder: &Path) -> anyhow::Result<()> {
         let threads = self.threads;
         let options = batch::Options { threads, sensitivities: false, settings: Vec::new() };
-        let outcome = batch::solve(family, cases, folder, &options)?;
+        let outcome = batch::solve(family, cases, folder, &options).map_err(files::not_planned)?;
         for (index, reason) in &outcome.failed {
             tracing::warn!("state {} could not be simulated: {reason}", cases[*index].name);
         }

@@ -1,20 +1,16 @@
 //! `softtwin sample`: lists of cases to simulate, and cases where a trained model is least sure.
 
-mod designs;
-mod gain;
-pub(super) mod parameters;
-pub(super) mod refine;
-mod regime;
+mod refine;
 
 use crate::failure::usage;
-use crate::files::{self, save};
-use crate::output;
-use designs::{Designs, Onset};
+use crate::files::{self, not_planned, save};
+use crate::report;
 use fem::cases::{Case, to_csv};
+use fem::plan::{Designs, ListRegime, Onset, Parameter, check_corners};
 use fem::sample;
 use formats::database::ObstacleKind;
 use refine::{Refinement, Target};
-use regime::Regime;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -63,6 +59,30 @@ enum Kind {
     Onset,
 }
 
+/// Regimes a list can be for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Regime {
+    /// Pressure alone.
+    Free,
+    /// Pressure and gap, over a plate.
+    Contact,
+    /// Pressure and gap, before a block.
+    Gripper,
+    /// Pressure and gap over a plate; every fourth state free.
+    Both,
+}
+
+impl From<Regime> for ListRegime {
+    fn from(regime: Regime) -> Self {
+        match regime {
+            Regime::Free => Self::Free,
+            Regime::Contact => Self::Contact,
+            Regime::Gripper => Self::Gripper,
+            Regime::Both => Self::Both,
+        }
+    }
+}
+
 /// Splits a list can be for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Split {
@@ -101,8 +121,8 @@ pub struct Args {
     #[arg(long = "gap", value_name = "MM", num_args = 2, default_values_t = [10.0, 50.0], value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Vec<f64>,
     /// A parameter and its range: dotted key of actuator.toml, such as elastomer.law.mu_mpa=0.6:1.0. Not of a grid.
-    #[arg(long, value_name = "NAME=LOW:HIGH", requires = "actuator", group = "simulated", value_parser = parameters::range, help_heading = "State")]
-    parameter: Vec<parameters::Parameter>,
+    #[arg(long, value_name = "NAME=LOW:HIGH", requires = "actuator", group = "simulated", value_parser = clap::value_parser!(Parameter), help_heading = "State")]
+    parameter: Vec<Parameter>,
     /// Seed of the hypercube or the sequence.
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Computing")]
     seed: u64,
@@ -120,6 +140,13 @@ pub struct Args {
     refinement: Refinement,
 }
 
+/// A list that was written.
+#[derive(Serialize)]
+struct ListReport<'a> {
+    out: &'a Path,
+    cases: usize,
+}
+
 /// More states than this would take months to simulate.
 const MAX_STATES: usize = 100_000;
 
@@ -127,7 +154,7 @@ impl Args {
     /// Chooses and writes the list.
     pub fn run(self) -> anyhow::Result<()> {
         if let (true, Some(database)) = (self.refinement.is_wanted(), &self.database) {
-            let (out, regime, seed) = (self.out.as_path(), self.regime, self.seed);
+            let (out, regime, seed) = (self.out.as_path(), self.regime.into(), self.seed);
             return self.refinement.run(&Target { database, out, regime, seed });
         }
         let (Some(kind), Some(n)) = (self.kind, self.n) else {
@@ -138,7 +165,8 @@ impl Args {
             if kind == Kind::Grid {
                 return Err(usage("--parameter: expected --kind hypercube, sequence or onset"));
             }
-            parameters::check(self.refinement.actuator.as_deref().unwrap_or(Path::new("")), &self.parameter)?;
+            let family = files::family(self.refinement.actuator.as_deref().unwrap_or(Path::new("")))?;
+            check_corners(&family, &self.parameter).map_err(not_planned)?;
             bounds.extend(self.parameter.iter().map(|p| p.range));
         }
         if let Some(states) = self.states_per_design {
@@ -159,8 +187,7 @@ impl Args {
 
     fn write(&self, cases: &[Case]) -> anyhow::Result<()> {
         save(&self.out, to_csv(cases).as_bytes())?;
-        output!("{}: {} cases", self.out.display(), cases.len())?;
-        Ok(())
+        report::print(&ListReport { cases: cases.len(), out: &self.out }, false)
     }
 
     fn designs(&self, count: usize, states: usize) -> anyhow::Result<Vec<Case>> {
@@ -174,12 +201,12 @@ impl Args {
             split: self.split(),
             seed: self.seed,
         };
-        designs.cases(onset)
+        designs.cases(onset).map_err(not_planned)
     }
 
     fn known_onset(&self, path: &Path) -> anyhow::Result<Onset> {
         let names: Vec<&str> = self.parameter.iter().map(|p| p.name.as_str()).collect();
-        Onset::of(&files::database(path, ObstacleKind::Plate)?, &names)
+        Onset::of(&files::database(path, ObstacleKind::Plate)?, &names).map_err(not_planned)
     }
 
     /// One range a dimension: pressure, and gap unless free.
@@ -245,7 +272,9 @@ impl Args {
             _ => "",
         };
         let purpose = if self.split == Split::Check { "-check" } else { "" };
-        self.prefix.clone().unwrap_or_else(|| format!("{}{kind}{purpose}", self.regime.name()))
+        self.prefix
+            .clone()
+            .unwrap_or_else(|| format!("{}{kind}{purpose}", ListRegime::from(self.regime).name()))
     }
 
     fn split(&self) -> &'static str {
@@ -255,11 +284,11 @@ impl Args {
     fn case(&self, index: usize, point: &[f64]) -> Case {
         let name = format!("{}{:03}", self.prefix(), index + 1);
         let (load, values) = point.split_at(point.len() - self.parameter.len());
-        let regime = self.regime.of(index);
+        let regime = ListRegime::from(self.regime).of(index);
         let mut case = regime.case(
             name,
             self.split(),
-            (load[0], load.get(1).copied().filter(|_| regime != Regime::Free)),
+            (load[0], load.get(1).copied().filter(|_| regime != ListRegime::Free)),
         );
         let rounded = |value: f64| (value * 1e9).round() / 1e9;
         case.settings =

@@ -1,14 +1,14 @@
 //! A list of cases to a database folder, with progress, checkpoints and a report.
 
-use super::stretch::MAX_BEYOND;
-use crate::failure::{configuration, usage};
-use crate::files::refusal;
+use crate::failure::usage;
+use crate::files::{not_planned, refusal};
 use crate::progress::Heartbeat;
 use crate::{output, resources};
 use fem::Family;
 use fem::actuator::Setting;
 use fem::cases::{self, Case};
-use fem::run::{self, Event, Outcome, Run, RunError, Store, fingerprint};
+use fem::plan::PlanError;
+use fem::run::{self, Event, Outcome, Run, Store, fingerprint};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use serde_json::{Value, json};
 use std::io::{IsTerminal, Write};
@@ -38,7 +38,7 @@ pub fn run(family: &Family, list: &Path, out: &Path, options: &Options, as_json:
         ));
     }
     let began = Instant::now();
-    let outcome = solve(family, &cases, out, options)?;
+    let outcome = solve(family, &cases, out, options).map_err(not_planned)?;
     let seconds = began.elapsed().as_secs_f64();
     let report = report(&cases, &outcome, &Reached::of(family, &cases, &outcome)?, seconds);
     if as_json {
@@ -59,7 +59,7 @@ pub fn run(family: &Family, list: &Path, out: &Path, options: &Options, as_json:
 }
 
 /// Solves what is not yet there, under a progress bar, and writes the folder.
-pub fn solve(family: &Family, cases: &[Case], out: &Path, options: &Options) -> anyhow::Result<Outcome> {
+pub fn solve(family: &Family, cases: &[Case], out: &Path, options: &Options) -> Result<Outcome, PlanError> {
     let store = Store::new(&out.join("states"), fingerprint(&family.problem))?;
     // A log gets lines instead of a bar.
     let bar = ProgressBar::new(cases.len() as u64);
@@ -69,10 +69,11 @@ pub fn solve(family: &Family, cases: &[Case], out: &Path, options: &Options) -> 
         // A bar that cannot be written must not end the work.
         let _ = out.write_str(&held(&of_bar).rest());
     };
-    bar.set_style(
-        ProgressStyle::with_template("{bar:30} {pos}/{len} cases, {elapsed} elapsed{rest}  {msg}")?
-            .with_key("rest", rest),
-    );
+    if let Ok(style) =
+        ProgressStyle::with_template("{bar:30} {pos}/{len} cases, {elapsed} elapsed{rest}  {msg}")
+    {
+        bar.set_style(style.with_key("rest", rest));
+    }
     bar.enable_steady_tick(TICK);
     let wants_lines = !std::io::stderr().is_terminal();
     let of_lines = Arc::clone(&pace);
@@ -92,15 +93,12 @@ pub fn solve(family: &Family, cases: &[Case], out: &Path, options: &Options) -> 
             let _ = writeln!(std::io::stderr(), "{line}");
         }
     });
-    let outcome = outcome.map_err(|error| match error {
-        RunError::Variant { .. } => configuration(error),
-        _ => error.into(),
-    })?;
+    let outcome = outcome?;
     bar.finish_and_clear();
     let derivatives = |case: &Case| run.derivatives(case);
     let derivatives: Option<&dyn Fn(&Case) -> _> =
         if options.sensitivities { Some(&derivatives) } else { None };
-    run::write(out, family, cases, &outcome.solved, derivatives).map_err(refusal)?;
+    run::write(out, family, cases, &outcome.solved, derivatives)?;
     Ok(outcome)
 }
 
@@ -211,7 +209,7 @@ impl Reached {
             let problem = family.problem_of(&family.variant(&case.settings)?)?;
             let stretches = problem.stretches(&solved.state);
             this.largest = this.largest.max(stretches.largest);
-            if stretches.beyond > MAX_BEYOND {
+            if stretches.is_beyond() {
                 this.beyond.push(case.name.clone());
             }
         }

@@ -2,9 +2,7 @@
 
 pub mod batch;
 mod path;
-pub mod section;
 mod single;
-pub mod stretch;
 mod transient;
 
 use crate::failure::usage;

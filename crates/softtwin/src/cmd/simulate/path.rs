@@ -1,14 +1,12 @@
 //! An equilibrium path over the injected volume, through limits of the pressure: table, limits, picture.
 
-use super::section::Bending;
 use super::single::sorted;
-use super::stretch;
 use crate::failure::configuration;
 use crate::output;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use anyhow::Context;
 use fem::actuator::Setting;
-use fem::{Family, Limit, Load, PathPoint, PathSettings, Problem, Solver, Stretches, limits};
+use fem::{Bending, Family, Limit, Load, PathPoint, PathSettings, Problem, Solver, Stretches, limits};
 use formats::file;
 use formats::table::to_text;
 use serde_json::{Value, json};
@@ -89,9 +87,8 @@ pub fn run(family: &Family, target: &Target, out: Option<&Path>, as_json: bool) 
     if let Some(dir) = out {
         write(dir, &rows, &found).context("the path was not written")?;
     }
-    let beyond =
-        rows.iter().map(|row| row.stretches).find(|stretches| stretches.beyond > stretch::MAX_BEYOND);
-    let warning = beyond.and_then(|stretches| stretch::warning(&problem, stretches));
+    let beyond = rows.iter().map(|row| row.stretches).find(|stretches| stretches.is_beyond());
+    let warning = beyond.and_then(|stretches| problem.stretch_warning(stretches));
     if as_json {
         return output::json(&json!({
             "points": rows.iter().map(Row::json).collect::<Vec<_>>(),
@@ -126,14 +123,13 @@ pub fn run(family: &Family, target: &Target, out: Option<&Path>, as_json: bool) 
 impl Row {
     fn of(problem: &Problem, section: Option<&Bending>, point: &PathPoint, before: Option<&Self>) -> Self {
         let u = &point.state.displacement_mm;
-        let squared = |u: &[f64; 3]| u.iter().map(|v| v * v).sum::<f64>();
         let near = before.map_or(0.0, |row| row.angle_deg);
         let angle_deg = section.map_or(f64::NAN, |section| section.angle_deg(problem, u, near));
         Self {
             volume_mm3: point.injected_mm3,
             pressure_mpa: point.pressure_mpa(),
             angle_deg,
-            displacement_mm: u.iter().map(squared).fold(0.0, f64::max).sqrt(),
+            displacement_mm: point.state.largest_displacement_mm(),
             stretches: problem.stretches(&point.state),
             negative_eigenvalues: point.negative_eigenvalues,
             is_stable: [point.is_stable_at_pressure(), point.is_stable_at_volume()],

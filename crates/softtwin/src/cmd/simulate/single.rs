@@ -1,6 +1,5 @@
 //! One state, or a path of states from rest.
 
-use super::stretch;
 use crate::failure::{configuration, usage};
 use crate::output;
 use crate::progress::Doing;
@@ -93,7 +92,7 @@ pub fn run(family: &Family, coarse: &[Family], target: &Target, out: Option<&Pat
         let stretches = problem.stretches(&state);
         described["largest_stretch"] = json!(stretches.largest);
         described["beyond_law_percent"] = json!(100.0 * stretches.beyond);
-        if let Some(warning) = stretch::warning(&problem, stretches) {
+        if let Some(warning) = problem.stretch_warning(stretches) {
             tracing::warn!("{warning}");
         }
         if let Some((least, mean)) = quality {

@@ -1,4 +1,4 @@
-//! Tests of `src/cmd/build/quality.rs`.
+//! Tests of `src/quality.rs`.
 
 use super::{shares, too_large};
 use rom::halfwidths::Errors;

@@ -1,7 +1,6 @@
-//! Tests of `src/cmd/train.rs`.
+//! Tests of `src/config.rs`.
 
-use super::parse;
-use train::config::TrainConfig;
+use super::{TrainConfig, parse};
 
 #[test]
 fn omitted_kernels_are_those_of_the_regime() {

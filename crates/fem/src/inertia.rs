@@ -1,19 +1,21 @@
 //! Inertia of a trained model from the finite elements of its actuator.
 
-use crate::failure::{configuration, usage};
-use crate::files;
-use anyhow::Result;
-use fem::actuator::Actuator;
-use fem::{BodyMass, Load, Problem, Solver};
+use crate::actuator::Actuator;
+use crate::config::Load;
+use crate::linear::LinearError;
+use crate::problem::Problem;
+use crate::solver::{SolveError, Solver};
+use crate::vibration::{self, BodyMass, VibrationError};
 use rom::inertia::data::MotionWidths;
 use rom::inertia::manifold::MAX_LINEAR_MODES;
 use rom::inertia::model_motion::ModelMotion;
 use rom::inputs::{Inputs, PARAMETERS, PRESSURE};
 use rom::memory::{Creep, InputMemory, MemorySpec, PronyTerm, Slopes, filter};
-use rom::model::{BlockKind, Model};
+use rom::model::{BlockKind, Model, ModelError, ModelFileError};
 use rom::snapshots::{Case, Database, RegimeKind, Split, Vibration};
-use std::path::Path;
+use rom::statistics::median;
 use std::sync::Arc;
+use train::TrainError;
 use train::inertia::{Mass, Nodal, reduce};
 use train::memory::slopes;
 
@@ -37,35 +39,63 @@ const LONGEST_GAP_S: f64 = 1.0;
 /// Length of the inner steps, ns.
 const STEP_NS: u64 = 500_000;
 
+/// Why a model gets no inertia.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say what the values are
+pub enum InertiaError {
+    /// The cases of the database vary no inertial load.
+    #[error(
+        "--inertia: expected a column {name} in the database's cases, found none; `softtwin sample --parameter {name}=LOW:HIGH` makes one"
+    )]
+    NoLoad { name: &'static str },
+    /// The actuator is not that of the database.
+    #[error("--inertia: expected the actuator of the database, with {expected} nodes, found {found}")]
+    OtherActuator { expected: usize, found: usize },
+    /// The relaxation of its elastomer cannot be used.
+    #[error("dynamics.prony: {0}")]
+    Prony(String),
+    /// The model could not be reduced.
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    /// A state could not be solved.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+    /// A factor does not fit into memory.
+    #[error(transparent)]
+    Memory(#[from] LinearError),
+    /// Vibrations could not be found.
+    #[error(transparent)]
+    Vibration(#[from] VibrationError),
+    /// The inertia does not fit the model.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The inertia cannot be written.
+    #[error(transparent)]
+    File(#[from] ModelFileError),
+}
+
 /// Mass and loads of the actuator of a database.
-pub struct Body {
+pub struct InertialBody {
     actuator: Actuator,
     problem: Arc<Problem>,
     mass: BodyMass,
     axes: Vec<usize>,
 }
 
-impl Body {
-    /// Reads the actuator of a database whose cases vary an inertial load.
+impl InertialBody {
+    /// The actuator of a database whose cases vary an inertial load.
     ///
     /// # Errors
-    /// No load varies between the cases; the actuator cannot be read.
-    pub fn read(database: &Database, actuator: &Path) -> Result<Self> {
+    /// No load varies between the cases; another actuator.
+    pub fn new(database: &Database, actuator: Actuator, problem: Arc<Problem>) -> Result<Self, InertiaError> {
         let varies = |axis: &usize| database.parameters.iter().any(|p| p.name == LOADS[*axis]);
         let axes: Vec<usize> = ORDER.into_iter().filter(varies).collect();
         if axes.is_empty() {
-            return Err(usage(format!(
-                "--inertia: expected a column {} in the database's cases, found none; `softtwin sample --parameter {}=LOW:HIGH` \
-                 makes one",
-                LOADS[1], LOADS[1]
-            )));
+            return Err(InertiaError::NoLoad { name: LOADS[1] });
         }
-        let (actuator, problem) = files::actuator(actuator)?;
-        let (found, expected) = (problem.mesh().nodes_mm.len(), database.node_count);
+        let (expected, found) = (database.node_count, problem.mesh().nodes_mm.len());
         if found != expected {
-            return Err(usage(format!(
-                "--inertia: expected the actuator of the database, with {expected} nodes, found {found}"
-            )));
+            return Err(InertiaError::OtherActuator { expected, found });
         }
         Ok(Self { actuator, mass: BodyMass::new(Arc::clone(&problem)), problem, axes })
     }
@@ -74,14 +104,14 @@ impl Body {
     ///
     /// # Errors
     /// A state cannot be solved or is not stable.
-    pub fn vibrations(&self, database: &Database) -> Result<(Vec<Vibration>, Vec<String>)> {
+    pub fn vibrations(&self, database: &Database) -> Result<(Vec<Vibration>, Vec<String>), InertiaError> {
         let (mut vibrations, mut lines) = (Vec::new(), Vec::new());
         let unit_loads: Vec<Nodal> = self.axes.iter().map(|axis| self.unit_load(*axis)).collect();
         let total_t: f64 = self.mass.node_mass_t().iter().sum();
         for regime in [RegimeKind::Free, RegimeKind::Contact] {
             let Some(case) = middle(database, regime) else { continue };
             let found = self.slowest(&self.load(database, case))?;
-            let vibration = |found: fem::Vibration| Vibration {
+            let vibration = |found: vibration::Vibration| Vibration {
                 regime,
                 rate_rad_s: found.rate_rad_s,
                 shape_mm: by_axis(&found.shape_mm),
@@ -118,7 +148,7 @@ impl Body {
     ///
     /// # Errors
     /// Model and database do not fit.
-    pub fn add_to(&self, model: &mut Model, database: &Database) -> Result<Vec<String>> {
+    pub fn add_to(&self, model: &mut Model, database: &Database) -> Result<Vec<String>, InertiaError> {
         let times = |v: &[f64]| by_axis(&self.mass.times(&by_node(v)));
         let mass = Mass {
             loads: self.axes.iter().map(|axis| (LOADS[*axis], self.unit_load(*axis))).collect(),
@@ -127,7 +157,7 @@ impl Body {
             step_ns: STEP_NS,
             prony: self.prony(),
         };
-        let reduced = reduce(model, database, &mass).map_err(configuration)?;
+        let reduced = reduce(model, database, &mass)?;
         let line = |(kind, part): &(RegimeKind, f64)| {
             format!("{}: {:.2} % of a linear mode is not in the model's modes", kind.name(), 100.0 * part)
         };
@@ -153,15 +183,14 @@ impl Body {
     }
 
     /// Load filter of the relaxing elastomer on the pressure.
-    fn filter(&self, model: &Model, database: &Database) -> Result<MemorySpec> {
-        let creep = filter(&self.prony())
-            .map_err(|reason| configuration(anyhow::anyhow!("dynamics.prony: {reason}")))?;
+    fn filter(&self, model: &Model, database: &Database) -> Result<MemorySpec, InertiaError> {
+        let creep = filter(&self.prony()).map_err(InertiaError::Prony)?;
         let range = model.header.inputs[PRESSURE].range;
         let states: Vec<Inputs> = width_cases(database).into_iter().map(inputs_of).collect();
         let slopes = slopes(model, &states, PRESSURE, range);
         let (line, orifice, play) = (None, None, Vec::new());
-        let of = InputMemory { input: PRESSURE, range, line, orifice, play, creep, slopes };
-        Ok(MemorySpec { inputs: vec![of], max_gap_s: LONGEST_GAP_S })
+        let pressure = InputMemory { input: PRESSURE, range, line, orifice, play, creep, slopes };
+        Ok(MemorySpec { inputs: vec![pressure], max_gap_s: LONGEST_GAP_S })
     }
 
     /// Force of a unit of the load along an axis on each node.
@@ -182,7 +211,7 @@ impl Body {
         load
     }
 
-    fn slowest(&self, load: &Load) -> Result<Vec<fem::Vibration>> {
+    fn slowest(&self, load: &Load) -> Result<Vec<vibration::Vibration>, InertiaError> {
         let mut solver = Solver::new(Arc::clone(&self.problem))?;
         let (rest, _) = solver.gravity_equilibrium(load.gravity_mm_s2)?;
         let (state, _) = solver.solve_to(&rest, load)?;
@@ -203,7 +232,7 @@ fn inputs_of(case: &Case) -> Inputs {
 }
 
 /// Half-widths of a motion: fractions of what a swing changes in displacement, stress and contact force.
-fn widths(model: &Model, database: &Database, load_input: usize) -> Result<MotionWidths> {
+fn widths(model: &Model, database: &Database, load_input: usize) -> Result<MotionWidths, InertiaError> {
     let Some(mut motion) = ModelMotion::new(model)? else { return Ok(MotionWidths::default()) };
     let range = model.header.inputs[load_input].range;
     let mut changes: [Vec<f64>; 3] = Default::default();
@@ -217,10 +246,7 @@ fn widths(model: &Model, database: &Database, load_input: usize) -> Result<Motio
             changes[k].extend((amplitude > 0.0 && (k < 2 || touches)).then_some(slope / amplitude));
         }
     }
-    let per_mm = changes.map(|mut values| {
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or_default()
-    });
+    let per_mm = changes.map(|values| median(values).unwrap_or_default());
     let times = |fractions: [f64; 3]| std::array::from_fn(|k| fractions[k] * per_mm[k]);
     Ok(MotionWidths { swing: times(SWING), impact: times(IMPACT), past: per_mm })
 }

@@ -1,10 +1,9 @@
 //! Several states of each of many designs: what a design's free states cost is shared by all of its states.
 
-use super::parameters::Parameter;
-use crate::failure::configuration;
-use anyhow::Context;
-use fem::cases::Case;
-use fem::sample::{onset_pressure_mpa, sequence};
+use super::PlanError;
+use super::lists::Parameter;
+use crate::cases::{Case, rounded};
+use crate::sample::{onset_pressure_mpa, sequence};
 use formats::database::bottom_nodes;
 use rom::evaluation::Evaluation;
 use rom::evaluator::{Evaluator, Query};
@@ -47,7 +46,7 @@ pub struct Designs<'a> {
 
 impl Designs<'_> {
     /// The states, design after design, the free ones first, then from the farthest obstacle to the nearest.
-    pub fn cases(&self, mut onset: Option<Onset>) -> anyhow::Result<Vec<Case>> {
+    pub fn cases(&self, mut onset: Option<Onset>) -> Result<Vec<Case>, PlanError> {
         let [pressures, gaps] = self.loads;
         let ranges: Vec<[f64; 2]> = self.parameters.iter().map(|p| p.range).collect();
         let at = |share: f64| pressures[0] + share * (pressures[1] - pressures[0]);
@@ -68,10 +67,11 @@ impl Designs<'_> {
             let low = low_draws.by_ref().filter(&mut touches).take(1).collect::<Vec<_>>();
             let high = draws.by_ref().filter(&mut touches).take(touching - low.len());
             let mut loads: Vec<Vec<f64>> = low.into_iter().chain(high).collect();
-            anyhow::ensure!(
-                loads.len() == touching,
-                "too few states touch between {pressures:?} MPa and {gaps:?} mm; raise --pressure or lower --gap"
-            );
+            if loads.len() < touching {
+                return Err(PlanError::Database(format!(
+                    "too few states touch between {pressures:?} MPa and {gaps:?} mm; raise --pressure or lower --gap"
+                )));
+            }
             loads.sort_by(|a, b| b[1].total_cmp(&a[1]));
             let name = |kind: &str, k: usize| format!("{}{:02}{kind}{}", self.prefix, design + 1, k + 1);
             let free = free.iter().enumerate().map(|(k, p)| self.case(name("f", k), (*p, None), values));
@@ -84,16 +84,11 @@ impl Designs<'_> {
 
     /// A case, rounded to 1e-6 of the units (gaps to 1e-4 mm) for shorter lists.
     fn case(&self, name: String, (pressure_mpa, gap_mm): (f64, Option<f64>), values: &[f64]) -> Case {
-        let rounded = |value: f64, per_unit: f64| (value * per_unit).round() / per_unit;
         let settings = self.parameters.iter().zip(values);
         Case {
-            name,
-            regime: if gap_mm.is_some() { "contact" } else { "free" }.into(),
             split: self.split.into(),
-            pressure_mpa: rounded(pressure_mpa, 1e6),
-            volume_mm3: None,
-            gap_mm: gap_mm.map(|gap| rounded(gap, 1e4)),
             settings: settings.map(|(p, value)| (p.name.clone(), rounded(*value, 1e6))).collect(),
+            ..Case::new(name, rounded(pressure_mpa, 1e6), gap_mm.map(|gap| rounded(gap, 1e4)))
         }
     }
 }
@@ -108,20 +103,23 @@ pub enum Onset {
 
 impl Onset {
     /// Reads it off a database; `names` are the parameters of the states it is wanted for.
-    pub fn of(database: &Database, names: &[&str]) -> anyhow::Result<Self> {
+    pub fn of(database: &Database, names: &[&str]) -> Result<Self, PlanError> {
         if database.parameters.is_empty() {
-            let mut table =
-                clearances(database).context("the onset needs the undeformed mesh and a field y")?;
+            let needs = || PlanError::Database("the onset needs the undeformed mesh and a field y".into());
+            let mut table = clearances(database).ok_or_else(needs)?;
             table.sort_by(|a, b| a.0.total_cmp(&b.0));
             return Ok(Self::OneDesign(table));
         }
         let known: Vec<&str> = database.parameters.iter().map(|p| p.name.as_str()).collect();
         let place = |name: &&str| {
             let place = known.iter().position(|known| known == name).map(|at| PARAMETERS + at);
-            place.with_context(|| format!("the database has no parameter {name}, only {}", known.join(", ")))
+            let known = known.join(", ");
+            place.ok_or_else(|| {
+                PlanError::Database(format!("the database has no parameter {name}, only {known}"))
+            })
         };
-        let places = names.iter().map(place).collect::<Result<_, _>>()?;
-        let trained = train::train(database, &TrainConfig::default(), &mut |_| ()).map_err(configuration)?;
+        let places = names.iter().map(place).collect::<Result<_, PlanError>>()?;
+        let trained = train::train(database, &TrainConfig::default(), &mut |_| ())?;
         let evaluator = Evaluator::new(&trained.0.header)?;
         Ok(Self::Model(evaluator.evaluation().into(), evaluator.into(), places))
     }

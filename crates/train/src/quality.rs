@@ -1,37 +1,41 @@
 //! How good a new twin is, in figures that say what they mean.
 
-use crate::cmd::evaluate;
-use crate::{files, output};
-use anyhow::Result;
+use crate::datasheet::{CaseError, DataSheet};
+use crate::evaluate::{self, EvaluateError, Report};
 use rom::halfwidths::Errors;
+use rom::model::Model;
 use rom::snapshots::{Case, Database, FieldKind, RegimeKind, Split};
 use rom::statistics::mean;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
-use train::datasheet::CaseError;
+use std::path::PathBuf;
 
 /// Percent above which an error of a state that was never trained on is said at the end.
 const TOO_LARGE_PERCENT: f64 = 5.0;
 
 /// Errors of a quantity at the worst node of a state: mean over the states and worst of them.
 #[derive(Debug, Serialize)]
-struct Share {
+pub struct Share {
     /// Percent of the largest value of the state; of a force, of the largest of all.
-    percent: [f64; 2],
+    pub percent: [f64; 2],
     /// Percent of what such largest values range over in the database.
-    percent_of_range: [f64; 2],
+    pub percent_of_range: [f64; 2],
     /// The worst state.
-    worst_case: String,
+    pub worst_case: String,
 }
 
 /// Errors of the states of one regime; `None` of a quantity that the model does not have.
 #[derive(Debug, Serialize)]
-struct Shares {
-    regime: RegimeKind,
-    states: usize,
-    displacement: Option<Share>,
-    stress: Option<Share>,
-    force: Option<Share>,
+pub struct Shares {
+    /// The regime.
+    pub regime: RegimeKind,
+    /// Number of states.
+    pub states: usize,
+    /// Of the displacement.
+    pub displacement: Option<Share>,
+    /// Of the von Mises stress.
+    pub stress: Option<Share>,
+    /// Of the contact force.
+    pub force: Option<Share>,
 }
 
 impl Shares {
@@ -45,25 +49,27 @@ impl Shares {
 /// Errors on held-out states, and by leaving out each training state in turn.
 #[derive(Debug, Serialize)]
 pub struct Quality {
-    held_back: Vec<Shares>,
-    leave_one_out: Vec<Shares>,
+    /// Of states that were never trained on.
+    pub held_back: Vec<Shares>,
+    /// Of training states, each left out in turn.
+    pub leave_one_out: Vec<Shares>,
     /// What is wrong with the model as far as its own figures tell.
-    warnings: Vec<String>,
-    /// `None` without held-out states.
-    picture: Option<PathBuf>,
+    pub warnings: Vec<String>,
+    /// Picture of the errors, if one was drawn.
+    pub picture: Option<PathBuf>,
 }
 
 impl Quality {
-    /// Measures a model on the held-out states of its database and draws the errors by state.
+    /// Measures a model on the held-out states of its database; also the report on these states, if there are any.
     ///
     /// # Errors
-    /// Files that cannot be read or written.
-    pub fn of(model: &Path, database: &Path, picture: &Path) -> Result<Self> {
-        let loaded = files::model(model)?;
-        let kinds = formats::database::obstacle_kinds(database).map_err(files::refusal)?;
-        let data = files::database(database, kinds[0])?;
-        let largest = largest_values(&data);
-        let sheet = evaluate::read_data_sheet(&files::data_sheet(model));
+    /// A model that was trained on another mesh.
+    pub fn new(
+        model: &Model,
+        sheet: Option<&DataSheet>,
+        data: &Database,
+    ) -> Result<(Self, Option<Report>), EvaluateError> {
+        let largest = largest_values(data);
         let sheets = || sheet.iter().flat_map(|sheet| &sheet.regimes);
         let left_out = sheets().filter_map(|regime| {
             // Leaving out a state at the edge measures extrapolation.
@@ -76,98 +82,62 @@ impl Quality {
             shares(regime.kind, &data.cases, &largest, &errors.collect::<Vec<_>>())
         });
         let leave_one_out = left_out.collect();
-        let mut warnings: Vec<String> =
-            sheets().filter_map(|regime| Some(regime.force_violation.as_ref()?.to_string())).collect();
+        let violations = sheets().filter_map(|regime| Some(regime.force_violation.as_ref()?.to_string()));
+        let mut this =
+            Self { held_back: Vec::new(), leave_one_out, warnings: violations.collect(), picture: None };
         let held_back = |case: &usize| data.cases[*case].split != Split::Train;
         let cases: Vec<usize> = (0..data.cases.len()).filter(held_back).collect();
         if cases.is_empty() {
-            return Ok(Self { held_back: Vec::new(), leave_one_out, warnings, picture: None });
+            return Ok((this, None));
         }
-        let report = train::evaluate::evaluate(&loaded, &data, &cases)?;
-        evaluate::picture(&report).save(picture)?;
-        let held_back: Vec<Shares> = report
-            .regimes
-            .iter()
-            .filter_map(|summary| {
-                let own = cases
-                    .iter()
-                    .zip(&report.cases)
-                    .filter(|(_, case)| case.is_of(summary.regime) && !summary.outside.contains(&case.case));
-                let errors: Vec<(usize, Errors)> = own.map(|(index, case)| (*index, case.errors)).collect();
-                shares(summary.regime, &data.cases, &largest, &errors)
-            })
-            .collect();
-        warnings.extend(held_back.iter().flat_map(too_large));
-        Ok(Self { held_back, leave_one_out, warnings, picture: Some(picture.into()) })
+        let report = evaluate::evaluate(model, data, &cases)?;
+        for summary in &report.regimes {
+            let own = cases
+                .iter()
+                .zip(&report.cases)
+                .filter(|(_, case)| case.is_of(summary.regime) && !summary.outside.contains(&case.case));
+            let errors: Vec<(usize, Errors)> = own.map(|(index, case)| (*index, case.errors)).collect();
+            this.held_back.extend(shares(summary.regime, &data.cases, &largest, &errors));
+        }
+        this.warnings.extend(this.held_back.iter().flat_map(too_large));
+        Ok((this, Some(report)))
     }
+}
 
-    /// Prints the figures.
-    pub fn print(&self) -> Result<()> {
-        output!(
-            "\nhow far it is from the finite elements it was trained on, at the worst node of a state, mean and worst:"
-        )?;
-        let rows: Vec<(String, &Shares)> = self
-            .held_back
-            .iter()
-            .map(|shares| ("never trained on", shares))
-            .chain(self.leave_one_out.iter().map(|shares| ("left out in turn", shares)))
-            .map(|(how, shares)| {
-                (format!("{} {} states, {how}", shares.states, shares.regime.name()), shares)
-            })
-            .collect();
-        let columns: Vec<usize> =
-            (0..3).filter(|column| rows.iter().any(|row| row.1.named()[*column].1.is_some())).collect();
-        type Percent = fn(&Share) -> [f64; 2];
-        let percents: [(&str, Percent); 2] = [
-            ("percent of the largest value", |share| share.percent),
-            ("percent of the range", |share| share.percent_of_range),
-        ];
-        for (title, percent) in percents {
-            let names = ["displacement", "stress", "contact force"];
-            let heading: String = columns.iter().map(|column| format!("{:>18}", names[*column])).collect();
-            output!("  {title:<38}{heading}")?;
-            for (states, shares) in &rows {
-                let cell = |column: &usize| {
-                    let share = shares.named()[*column].1;
-                    let text = share.map(percent).map(|[mean, worst]| format!("{mean:.2}, {worst:.2} %"));
-                    format!("{:>18}", text.unwrap_or("-".into()))
-                };
-                output!("  {states:<38}{}", columns.iter().map(cell).collect::<String>())?;
+/// Errors of one regime as a row of a table: percent of the largest value, at the worst node of a state.
+#[derive(Debug, Serialize)]
+pub struct QualityRow {
+    regime: &'static str,
+    states: usize,
+    tested: &'static str,
+    displacement_percent: Option<f64>,
+    displacement_worst_percent: Option<f64>,
+    stress_percent: Option<f64>,
+    stress_worst_percent: Option<f64>,
+    force_percent: Option<f64>,
+    force_worst_percent: Option<f64>,
+}
+
+impl Quality {
+    /// The errors as a table.
+    pub fn rows(&self) -> Vec<QualityRow> {
+        let row = |tested, shares: &Shares| {
+            let [displacement, stress, force] = [&shares.displacement, &shares.stress, &shares.force]
+                .map(|share| share.as_ref().map_or([None; 2], |share| share.percent.map(Some)));
+            QualityRow {
+                regime: shares.regime.name(),
+                states: shares.states,
+                tested,
+                displacement_percent: displacement[0],
+                displacement_worst_percent: displacement[1],
+                stress_percent: stress[0],
+                stress_worst_percent: stress[1],
+                force_percent: force[0],
+                force_worst_percent: force[1],
             }
-        }
-        output!(
-            "  largest value: of the state, of a force of all states; range: of these values over all states"
-        )?;
-        match &self.picture {
-            Some(picture) => output!("  errors by state: {}", picture.display())?,
-            None => output!("  no held-out state (split = test): the error is from leave-one-out only")?,
-        }
-        Ok(())
-    }
-
-    /// Prints what is wrong with the model, last before it is started; nothing if all is well.
-    ///
-    /// # Errors
-    /// A closed output.
-    pub fn print_warnings(&self, remedy: &str) -> Result<()> {
-        if self.warnings.is_empty() {
-            return Ok(());
-        }
-        output!("\nnot good enough yet:")?;
-        self.warnings.iter().try_for_each(|warning| output!("  {warning}"))?;
-        output!("  {remedy}")?;
-        Ok(())
-    }
-
-    /// Limits of these figures for an actuator solved by this program.
-    ///
-    /// # Errors
-    /// A closed output.
-    pub fn print_limits() -> Result<()> {
-        output!(
-            "  the finite elements themselves: mesh about 4 % (docs/fem.md), and whatever the silicone's constants are off"
-        )?;
-        Ok(())
+        };
+        let held_back = self.held_back.iter().map(|shares| row("never trained on", shares));
+        held_back.chain(self.leave_one_out.iter().map(|shares| row("left out in turn", shares))).collect()
     }
 }
 
@@ -257,5 +227,5 @@ fn shares(
 }
 
 #[cfg(test)]
-#[path = "../../../tests/unit/cmd_build_quality.rs"]
+#[path = "../tests/unit/quality.rs"]
 mod tests;

@@ -1,13 +1,12 @@
 //! The pressures that suit an actuator: solved upwards until it bends as far as wanted, or until nothing more is found.
 
-use crate::cmd::simulate::section::Bending;
-use crate::cmd::simulate::stretch::MAX_BEYOND;
-use crate::failure::configuration;
-use crate::progress::Doing;
-use anyhow::{Context, Result};
-use fem::Family;
-use fem::cases::Case;
-use fem::run::{Event, Outcome, Run, Solved};
+use super::{Notice, PlanError};
+use crate::bending::Bending;
+use crate::cases::Case;
+use crate::family::Family;
+use crate::material::Elastomer;
+use crate::run::{Outcome, Run, Solved};
+use std::fmt::{self, Display};
 
 /// Rotation of the end section at the largest pressure, degrees.
 const WANTED_DEG: f64 = 180.0;
@@ -39,7 +38,7 @@ const FEWEST: usize = 3;
 const LIGHTER: &str = "let it hang (loads.gravity_mm_s2 = [9810.0, 0.0, 0.0], `softtwin new --hanging`), make it shorter or take a \
                        stiffer silicone";
 
-/// Result.
+/// The free states that suit an actuator, up to its largest pressure.
 #[derive(Debug)]
 pub struct Pressures {
     /// Free states from rest to the largest pressure: pressure (MPa), distance at which a plate just clears it (mm).
@@ -62,19 +61,12 @@ impl Pressures {
     pub fn largest_mpa(&self) -> f64 {
         self.states.last().map_or(0.0, |state| state.0)
     }
-}
 
-/// A free training state.
-pub fn free_case(name: &str, pressure_mpa: f64) -> Case {
-    let (regime, split) = ("free".into(), "train".into());
-    Case {
-        name: name.into(),
-        regime,
-        split,
-        pressure_mpa,
-        volume_mm3: None,
-        gap_mm: None,
-        settings: Vec::new(),
+    /// The largest pressure (MPa) over the interval of an unmeasured shear modulus: the elastomer's stresses and the pressure scale
+    /// together; the weight and the sheet, which does not stretch, are left out.
+    pub fn interval_mpa(&self, elastomer: &Elastomer) -> Option<[f64; 2]> {
+        let shear_mpa = elastomer.law.shear_modulus_mpa();
+        elastomer.shear_interval_mpa.map(|interval| interval.map(|mpa| self.largest_mpa() * mpa / shear_mpa))
     }
 }
 
@@ -90,67 +82,69 @@ fn free_length_mm(family: &Family) -> f64 {
 ///
 /// # Errors
 /// No equilibrium under gravity, or a sag that leaves nothing to bend.
-pub fn find(run: &Run<'_>, doing: &Doing, mut say: impl FnMut(&str)) -> Result<Pressures> {
+pub fn find(run: &Run<'_>, notice: &mut dyn FnMut(Notice)) -> Result<Pressures, PlanError> {
     let length = free_length_mm(run.family);
-    let mut list = vec![free_case("rest", 0.0)];
-    doing.begin("solving under gravity");
-    let outcome = run.solve(&list, &quiet).map_err(|error| {
-        configuration(anyhow::anyhow!("{error}. It may be too soft to carry its weight: {LIGHTER}"))
+    let mut list = vec![Case::new("rest", 0.0, None)];
+    notice(Notice::Begins("solving under gravity".into()));
+    let outcome = run.solve(&list, &|_| ()).map_err(|error| {
+        PlanError::Refused(format!("{error}. It may be too soft to carry its weight: {LIGHTER}"))
     })?;
-    let rest = last(&outcome, 0).context("the state at rest is missing")?;
-    let sag = largest_mm(rest);
+    let rest = last(&outcome, 0).ok_or(PlanError::Gravity)?;
+    let sag = rest.state.largest_displacement_mm();
     if sag > MAX_SAG_SHARE * length {
-        return Err(configuration(anyhow::anyhow!(
+        return Err(PlanError::Refused(format!(
             "it sags by {sag:.0} mm of {length:.0} mm under its own weight, which leaves nothing to bend: {LIGHTER}"
         )));
     }
-    say(&format!("rest: sags by {sag:.1} mm"));
+    notice(Notice::Found(format!("rest: sags by {sag:.1} mm")));
     let problem = &run.family.problem;
     let section = Bending::all(run.family).into_iter().next();
     let angle = |solved: &Solved, near: f64| {
         section.as_ref().map_or(f64::NAN, |s| s.angle_deg(problem, &solved.state.displacement_mm, near))
     };
     let mut states = vec![(0.0, rest.clearance_mm)];
-    let mut way = Way { displacement_mm: sag, angle_deg: angle(rest, 0.0), length_mm: length };
-    let (begin, mut failures, mut touching) = (way, 0, None);
+    let mut travel = Travel { displacement_mm: sag, angle_deg: angle(rest, 0.0), length_mm: length };
+    let (begin, mut failures, mut touching) = (travel, 0, None);
     // What the search has learnt not to go beyond: a limit of the pressure, and the lowest pressure without a state.
     let (mut limit_mpa, mut failed_mpa) = (None, f64::INFINITY);
     let mut stretch = problem.stretches(&rest.state).largest;
     let mut step = FIRST_SHARE * run.family.actuator.elastomer.law.shear_modulus_mpa();
     let reason = loop {
         let pressure = rounded(states[states.len() - 1].0 + step);
-        list.push(free_case(&format!("p{}", list.len()), pressure));
-        doing.begin(format!("solving at {pressure} MPa"));
-        let outcome = run.solve(&list, &quiet)?;
+        list.push(Case::new(format!("p{}", list.len()), pressure, None));
+        notice(Notice::Begins(format!("solving at {pressure} MPa")));
+        let outcome = run.solve(&list, &|_| ())?;
         let Some(solved) = last(&outcome, list.len() - 1) else {
             list.pop();
             let before = states[states.len() - 1].0;
             if let Some(found_mpa) = outcome.limit_mpa {
                 step = NEAR_LIMIT * found_mpa - before;
-                say(&format!("{pressure} MPa: beyond a limit of the pressure at {found_mpa:.6} MPa"));
+                notice(Notice::Found(format!(
+                    "{pressure} MPa: beyond a limit of the pressure at {found_mpa:.6} MPa"
+                )));
                 // Once right before a limit: a state that is not found there either is not looked for again.
                 if limit_mpa.replace(found_mpa).is_none() && step > (1.0 - NEAR_LIMIT) * found_mpa {
                     continue;
                 }
-                break at_limit(found_mpa, &way);
+                break at_limit(found_mpa, &travel);
             }
             failures += 1;
             failed_mpa = failed_mpa.min(pressure);
             let reason = outcome.failed.last().map_or("", |(_, reason)| reason.as_str());
-            say(&format!("{pressure} MPa: {reason}"));
+            notice(Notice::Found(format!("{pressure} MPa: {reason}")));
             if failures == FAILURES || before >= NEAR_FAILURE * failed_mpa {
                 break format!("no state was found at {pressure} MPa: {reason}");
             }
             step = 0.5 * (failed_mpa - before);
             continue;
         };
-        let now = Way {
-            displacement_mm: largest_mm(solved),
-            angle_deg: angle(solved, way.angle_deg),
+        let now = Travel {
+            displacement_mm: solved.state.largest_displacement_mm(),
+            angle_deg: angle(solved, travel.angle_deg),
             length_mm: length,
         };
         let stretches = problem.stretches(&solved.state);
-        if stretches.beyond > MAX_BEYOND && states.len() >= FEWEST {
+        if stretches.is_beyond() && states.len() >= FEWEST {
             list.pop();
             break format!(
                 "at {pressure} MPa {:.0} % of the silicone is beyond the stretches over which its law was fitted",
@@ -158,12 +152,12 @@ pub fn find(run: &Run<'_>, doing: &Doing, mut say: impl FnMut(&str)) -> Result<P
             );
         }
         stretch = stretches.largest;
-        say(&format!("{pressure} MPa: {now}"));
+        notice(Notice::Found(format!("{pressure} MPa: {now}")));
         let (before, reached) =
-            if now.bends() { (way.turned(), now.turned()) } else { (way.moved(), now.moved()) };
+            if now.bends() { (travel.turned(), now.turned()) } else { (travel.moved(), now.moved()) };
         let slope = (reached - before) / (pressure - states[states.len() - 1].0);
         states.push((pressure, solved.clearance_mm));
-        way = now;
+        travel = now;
         if touching.is_none() && now.moved() >= ENOUGH {
             touching = Some(states.len());
         }
@@ -171,7 +165,7 @@ pub fn find(run: &Run<'_>, doing: &Doing, mut say: impl FnMut(&str)) -> Result<P
             break now.to_string();
         }
         if let Some(limit_mpa) = limit_mpa {
-            break at_limit(limit_mpa, &way);
+            break at_limit(limit_mpa, &travel);
         }
         if pressure >= NEAR_FAILURE * failed_mpa {
             break format!("no state was found at {failed_mpa} MPa: {now}");
@@ -185,13 +179,15 @@ pub fn find(run: &Run<'_>, doing: &Doing, mut say: impl FnMut(&str)) -> Result<P
         step = if slope > 0.0 { (wanted / slope).min(3.0 * step) } else { 2.0 * step };
         step = step.min(0.5 * (failed_mpa - pressure));
     };
-    anyhow::ensure!(states.len() >= FEWEST, "only {} pressures could be solved ({reason})", states.len() - 1);
+    if states.len() < FEWEST {
+        return Err(PlanError::FewPressures { found: states.len() - 1, reason });
+    }
     let touching = touching.unwrap_or(states.len());
     Ok(Pressures {
         states,
         touching,
-        displacement_mm: way.displacement_mm,
-        angle_deg: way.angle_deg,
+        displacement_mm: travel.displacement_mm,
+        angle_deg: travel.angle_deg,
         stretch,
         reason,
     })
@@ -199,14 +195,14 @@ pub fn find(run: &Run<'_>, doing: &Doing, mut say: impl FnMut(&str)) -> Result<P
 
 /// How far a state has bent or moved.
 #[derive(Clone, Copy)]
-struct Way {
+struct Travel {
     displacement_mm: f64,
     /// NaN without an end section.
     angle_deg: f64,
     length_mm: f64,
 }
 
-impl Way {
+impl Travel {
     /// Fraction of the wanted rotation.
     fn turned(&self) -> f64 {
         self.angle_deg.abs() / WANTED_DEG
@@ -223,8 +219,8 @@ impl Way {
     }
 }
 
-impl std::fmt::Display for Way {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl Display for Travel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let share = 100.0 * self.displacement_mm / self.length_mm;
         write!(
             f,
@@ -234,19 +230,12 @@ impl std::fmt::Display for Way {
     }
 }
 
-fn at_limit(limit_mpa: f64, way: &Way) -> String {
-    format!("the pressure has a limit of {limit_mpa:.6} MPa, before which {way}")
+fn at_limit(limit_mpa: f64, travel: &Travel) -> String {
+    format!("the pressure has a limit of {limit_mpa:.6} MPa, before which {travel}")
 }
-
-fn quiet(_: Event<'_>) {}
 
 fn last(outcome: &Outcome, index: usize) -> Option<&Solved> {
     outcome.solved.iter().find(|(found, _)| *found == index).map(|(_, solved)| solved.as_ref())
-}
-
-fn largest_mm(solved: &Solved) -> f64 {
-    let squared = |u: &[f64; 3]| u.iter().map(|v| v * v).sum::<f64>();
-    solved.state.displacement_mm.iter().map(squared).fold(0.0, f64::max).sqrt()
 }
 
 /// Three significant digits: pressures that people can read.

@@ -1,4 +1,4 @@
-//! Tests of `src/cmd/build/plan.rs`.
+//! Tests of `src/plan/states.rs`.
 
 use super::*;
 use std::collections::HashSet;
@@ -23,8 +23,8 @@ fn names_and_states_are_unique_and_contact_states_are_beyond_the_onset() {
         let pressures = found(states);
         for counts in [Counts::FULL, Counts::QUICK] {
             let plan = Plan::touching(&pressures, counts).unwrap();
-            let text = fem::cases::to_csv(&plan.cases);
-            assert_eq!(fem::cases::parse(&text).unwrap(), plan.cases, "names or loads collide");
+            let text = crate::cases::to_csv(&plan.cases);
+            assert_eq!(crate::cases::parse(&text).unwrap(), plan.cases, "names or loads collide");
             let names: HashSet<&str> = plan.cases.iter().map(|case| case.name.as_str()).collect();
             assert!(names.contains("rest") && names.contains("largest") && names.contains("check01"));
             for case in plan.cases.iter().filter(|case| case.gap_mm.is_some()) {
@@ -63,7 +63,8 @@ fn contact_states_are_beyond_a_bent_onset_and_fill_the_region() {
 /// States without force move towards the largest pressure; one that is there already is left out.
 #[test]
 fn states_that_touch_nothing_are_pressed_further() {
-    let case = |name: &str, pressure_mpa: f64| Case { gap_mm: Some(9.0), ..free_case(name, pressure_mpa) };
+    let case =
+        |name: &str, pressure_mpa: f64| Case { gap_mm: Some(9.0), ..Case::new(name, pressure_mpa, None) };
     let mut cases = vec![case("a", 0.01), case("b", 0.02), case("c", 0.05)];
     press(&mut cases, &["a".to_owned(), "c".to_owned()], 0.05);
     assert_eq!(cases, [case("a", 0.014), case("b", 0.02)]);

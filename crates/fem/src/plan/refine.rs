@@ -4,46 +4,45 @@
 //! is trained on what there is, and where the worst of its leave-one-out errors is too large, the states that should reduce it most are
 //! solved and the model is trained again.
 
-use super::plan::{Budget, Plan, press, rounded};
-use super::quality::largest_values;
-use crate::cmd::sample::refine::places;
-use crate::cmd::simulate::batch;
-use crate::cmd::train::config_of;
-use crate::{files, resources};
-use anyhow::Result;
-use fem::Family;
-use fem::cases::Case;
-use fem::run::Outcome;
-use rom::halfwidths::Errors;
+use super::PlanError;
+use super::states::{Budget, Plan, press};
+use crate::cases::{self, Case, rounded};
+use crate::family::Family;
+use crate::run::{self, Event, Outcome, Run, Store, fingerprint};
+use formats::database;
 use rom::snapshots::RegimeKind;
 use std::path::Path;
-use train::datasheet::{CaseError, DataSheet};
+use train::config::TrainConfig;
+use train::quality::largest_values;
+use train::refinement::{places, worst_share};
 
 /// States added at a time.
 const AT_ONCE: usize = 4;
 /// Worst leave-one-out error, as a fraction of the largest displacement or force, that asks for no further state. Leaving a state out
 /// over-states the error by a factor of two to four.
 const GOOD: f64 = 0.015;
-/// Weight of the stress in that comparison: at the worst node it depends on single elements, and more states reduce its error least.
-const STRESS_WEIGHT: f64 = 0.3;
 /// Rounds in which contact states without force are pressed further.
 const PRESSED: usize = 3;
 /// Seed of the places among which the further states are chosen.
 const SEED: u64 = 5;
 
-/// Solves the plan's states, then those that the errors ask for within the budget, which the plan gets. `say` gets a line for each
-/// change of the plan.
+/// Solves cases and writes them as the database, at least those that are not yet there.
+type Solve<'a> = &'a mut dyn FnMut(&[Case]) -> Result<Outcome, PlanError>;
+
+/// Solves the plan's states, then those that the errors ask for within the budget, which the plan gets. `solve` writes the states to the
+/// folder `database`, `cpu_s` is the processor time of the process so far, and `say` gets a line for each change of the plan.
 ///
 /// # Errors
 /// I/O errors; states that cannot be trained on.
-pub fn solve(
+pub fn solve_and_refine(
     family: &Family,
     plan: &mut Plan,
-    (database, options): (&Path, &batch::Options),
-    budget: Budget,
-    mut say: impl FnMut(&str),
-) -> Result<Outcome> {
-    let mut outcome = touching(family, plan, (database, options), &mut say)?;
+    (folder, budget): (&Path, Budget),
+    solve: Solve<'_>,
+    cpu_s: &dyn Fn() -> f64,
+    say: &mut dyn FnMut(String),
+) -> Result<Outcome, PlanError> {
+    let mut outcome = touching(plan, solve, say)?;
     let (mut added, mut longest_s) = (0, 0.0_f64);
     while added < budget.states {
         let before_s = cpu_s();
@@ -51,8 +50,8 @@ pub fn solve(
         if before_s + longest_s > budget.cpu_s {
             break;
         }
-        let data = files::database(database, family.actuator.obstacle_kind())?;
-        let (model, sheet) = train::train(&data, &config_of(database)?, &mut |_| ())?;
+        let data = database::read(folder, family.actuator.obstacle_kind())?;
+        let (model, sheet) = train::train(&data, &TrainConfig::of_database(folder)?, &mut |_| ())?;
         // The free states also decide where contact begins: they come first.
         let values = largest_values(&data);
         let asks = |kind: &RegimeKind| worst_share(&values, &sheet, *kind) > GOOD;
@@ -60,14 +59,10 @@ pub fn solve(
         let wanted = AT_ONCE.min(budget.states - added);
         let further: Vec<Case> = places(&data, (&model, &sheet), kind, wanted, SEED)?
             .iter()
-            .map(|place| Case {
-                name: String::new(),
-                regime: kind.name().into(),
-                split: "train".into(),
-                pressure_mpa: rounded(place.pressure_mpa(), 1e7),
-                volume_mm3: None,
-                gap_mm: Some(rounded(place.gap_mm(), 1e4)).filter(|gap| gap.is_finite()),
-                settings: Vec::new(),
+            .map(|place| {
+                let gap_mm = Some(rounded(place.gap_mm(), 1e4)).filter(|gap| gap.is_finite());
+                let case = Case::new("", rounded(place.pressure_mpa(), 1e7), gap_mm);
+                Case { regime: kind.name().into(), ..case }
             })
             // A place is asked for again if its state was not found.
             .filter(|case| {
@@ -79,46 +74,36 @@ pub fn solve(
         if further.is_empty() {
             break;
         }
-        say(&format!("{} more {} states, where the errors ask for them", further.len(), kind.name()));
+        say(format!("{} more {} states, where the errors ask for them", further.len(), kind.name()));
         for case in further {
             added += 1;
             plan.cases.push(Case { name: format!("further{added:02}"), ..case });
         }
-        outcome = touching(family, plan, (database, options), &mut say)?;
+        outcome = touching(plan, solve, say)?;
         longest_s = longest_s.max(cpu_s() - before_s);
     }
     Ok(outcome)
 }
 
-/// Processor time of this process so far; 0 where the system does not tell, and then the number of states alone ends the search.
-fn cpu_s() -> f64 {
-    resources::cpu_s("self").unwrap_or(0.0)
-}
-
 /// Solves the plan's states. Contact states that turn out to touch nothing are pressed further, at last left out: without force they
 /// are no contact states, to learn from or to check with.
-fn touching(
-    family: &Family,
-    plan: &mut Plan,
-    (database, options): (&Path, &batch::Options),
-    say: &mut impl FnMut(&str),
-) -> Result<Outcome> {
+fn touching(plan: &mut Plan, solve: Solve<'_>, say: &mut dyn FnMut(String)) -> Result<Outcome, PlanError> {
     for round in 0..=PRESSED {
-        let outcome = batch::solve(family, &plan.cases, database, options)?;
+        let outcome = solve(&plan.cases)?;
         let untouched = untouched(&plan.cases, &outcome);
         if untouched.is_empty() {
             return Ok(outcome);
         }
         let names = untouched.join(", ");
         if round < PRESSED {
-            say(&format!("{} touch nothing and are pressed further: {names}", untouched.len()));
+            say(format!("{} touch nothing and are pressed further: {names}", untouched.len()));
             press(&mut plan.cases, &untouched, plan.contact_mpa);
         } else {
-            say(&format!("{} touch nothing and are left out: {names}", untouched.len()));
+            say(format!("{} touch nothing and are left out: {names}", untouched.len()));
             plan.cases.retain(|case| !untouched.contains(&case.name));
         }
     }
-    batch::solve(family, &plan.cases, database, options)
+    solve(&plan.cases)
 }
 
 /// Names of the solved contact states without force.
@@ -128,19 +113,31 @@ fn untouched(cases: &[Case], outcome: &Outcome) -> Vec<String> {
     without.map(|(case, _)| case.name.clone()).collect()
 }
 
-/// The worst leave-one-out error of a regime inside the training range, as a fraction of the largest displacement or force of all
-/// states, whose largest values these are.
-fn worst_share(values: &[Errors], sheet: &DataSheet, kind: RegimeKind) -> f64 {
-    let largest = |value: fn(&Errors) -> f64| values.iter().map(value).fold(0.0, f64::max);
-    let (largest_mm, largest_n) = (largest(|v| v.displacement_mm), largest(|v| v.force_n));
-    let largest_mpa = largest(|v| v.stress_mpa);
-    let share =
-        |error: f64, largest: f64| if largest > 0.0 && error.is_finite() { error / largest } else { 0.0 };
-    let of_case = |error: &CaseError| {
-        let stress = STRESS_WEIGHT * share(error.stress_mpa, largest_mpa);
-        share(error.displacement_mm, largest_mm).max(share(error.force_n, largest_n)).max(stress)
+/// Solves further cases, near the states that a simulation left beside the database, and writes the database with them to `out`. Returns
+/// the names of those that were solved.
+///
+/// # Errors
+/// I/O errors; a database of another layout or mesh.
+pub fn add_states(
+    (database, out): (&Path, &Path),
+    family: &Family,
+    further: &[Case],
+    threads: usize,
+    notify: &(dyn Fn(Event<'_>) + Sync),
+) -> Result<Vec<String>, PlanError> {
+    let known = database.join("states");
+    let (folder, mut list) = if known.is_dir() {
+        (known, cases::read(&database.join("cases.csv"))?)
+    } else {
+        (out.join("states"), Vec::new())
     };
-    let regimes = sheet.regimes.iter().filter(|regime| regime.kind == kind);
-    let inner = regimes.flat_map(|regime| &regime.leave_one_out).filter(|error| !error.on_hull);
-    inner.map(of_case).fold(0.0, f64::max)
+    let before = list.len();
+    list.extend_from_slice(further);
+    let store = Store::new(&folder, fingerprint(&family.problem))?;
+    let run = Run { family, store, threads, sensitivities: false, searches_behind_limits: false };
+    let solved = run.solve(&list, notify)?.solved;
+    let solved: Vec<_> =
+        solved.into_iter().filter_map(|(at, state)| Some((at.checked_sub(before)?, state))).collect();
+    run::extend(database, out, family, further, &solved)?;
+    Ok(solved.iter().map(|(at, _)| further[*at].name.clone()).collect())
 }

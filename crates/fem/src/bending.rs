@@ -1,10 +1,14 @@
-//! Bending angles: by how much the section at the free end has turned about an axis across the body, against the first section.
+//! What is observed of an actuator: the place of its tip, and bending angles, by how much the section at the free end has turned about an axis across the body, against the first section.
 //!
 //! `simulate` and `build` measure them on finite elements, a model as observables. Both go through the four nodes chosen here, so that a
 //! pressure that `build` reports for 90 degrees gives 90 degrees in the model.
 
-use fem::{EndFace, Family, Problem};
+use crate::algebra::{cross, dot, sub};
+use crate::family::Family;
+use crate::mesh::EndFace;
+use crate::problem::Problem;
 use rom::observable::{Definition, ObservableKind, Place};
+use std::collections::BTreeMap;
 
 /// Sections narrower than this fraction of the free length have no direction.
 const NARROWEST: f64 = 1.0e-3;
@@ -71,7 +75,7 @@ impl Bending {
                 let x = problem.mesh().nodes_mm[n];
                 [0, 1, 2].map(|k| x[k] + moved * u[n][k])
             });
-            let (first, last) = (minus(b, a), minus(d, c));
+            let (first, last) = (sub(b, a), sub(d, c));
             let across = dot(first, last) - dot(first, self.about) * dot(last, self.about);
             dot(self.about, cross(first, last)).atan2(across)
         };
@@ -102,18 +106,44 @@ fn extremes(problem: &Problem, nodes: &[u32], axis: usize, narrowest_mm: f64) ->
 
 fn nearest(problem: &Problem, at_mm: [f64; 3]) -> usize {
     let places = &problem.mesh().nodes_mm;
-    let square = |n: usize| -> f64 { dot(minus(places[n], at_mm), minus(places[n], at_mm)) };
+    let square = |n: usize| -> f64 { dot(sub(places[n], at_mm), sub(places[n], at_mm)) };
     (0..places.len()).min_by(|a, b| square(*a).total_cmp(&square(*b))).unwrap_or(0)
 }
 
-fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+/// Farthest that the nearest node may be from a point of an observable (mm), as the model's own limit is.
+const NEAR_MM: f64 = 4.0;
+
+/// Observables of every actuator: its bending angles and the place of its tip. Of a finger also the angle of its chord, in place of the
+/// tip's z, and the volume of its chambers.
+pub fn observables(family: &Family) -> BTreeMap<String, Definition> {
+    let problem = &family.problem;
+    let definition = |kind, points, axis| Definition { kind, points, axis };
+    let mut all: BTreeMap<String, Definition> = Bending::all(family)
+        .into_iter()
+        .map(|bending| (bending.name.to_owned(), bending.definition(problem)))
+        .collect();
+    let shape = family.actuator.shape();
+    let tip = match &shape {
+        Some(shape) => Place::At([shape.base.length_mm, shape.base_mm(), 0.0]),
+        None => tip_place(family),
+    };
+    let axes = [("tip_x_mm", [1.0, 0.0, 0.0]), ("tip_y_mm", [0.0, 1.0, 0.0]), ("tip_z_mm", [0.0, 0.0, 1.0])];
+    for (name, axis) in axes.into_iter().take(if shape.is_some() { 2 } else { 3 }) {
+        all.insert(name.into(), definition(ObservableKind::Position, vec![tip.clone()], Some(axis)));
+    }
+    if let Some(shape) = shape {
+        let chord = vec![Place::At([0.0, shape.base_mm(), 0.0]), tip];
+        all.insert("chord_angle_deg".into(), definition(ObservableKind::ChordAngle, chord, None));
+        all.insert("chamber_volume_mm3".into(), definition(ObservableKind::Volume, Vec::new(), None));
+    }
+    all
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+/// The centroid of the end face; where that is in a hole, or far from every node, the mean of the face's nodes.
+fn tip_place(family: &Family) -> Place {
+    let mesh = family.problem.mesh();
+    let end = mesh.end_face();
+    let distance = |x: &[f64; 3]| x.iter().zip(end.centroid_mm).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+    let is_near = mesh.nodes_mm.iter().any(|x| distance(x) <= NEAR_MM * NEAR_MM);
+    if end.is_solid && is_near { Place::At(end.centroid_mm) } else { Place::Set("tip".into()) }
 }

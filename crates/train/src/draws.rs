@@ -1,13 +1,27 @@
 //! Random states inside the training range of a model.
 
-use anyhow::Context;
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, PRESSURE};
-use rom::model::Model;
+use rom::model::{Model, ModelError};
 use rom::rng::Rng;
 use rom::snapshots::RegimeKind;
+use thiserror::Error;
+
+/// Why no states can be drawn from a model.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum DrawsError {
+    /// It has no such regime.
+    #[error("the model has no regime {0} to draw states from")]
+    NoRegime(&'static str),
+    /// Its regime has other inputs.
+    #[error("the regime {0} takes no pressure")]
+    NoPressure(&'static str),
+    /// It cannot predict.
+    #[error(transparent)]
+    Predict(#[from] ModelError),
+}
 
 /// Draws states evenly over the box around a regime's samples and keeps those in its training range.
 #[derive(Debug)]
@@ -26,16 +40,14 @@ impl Draws {
     ///
     /// # Errors
     /// The model has no such regime, or the regime takes no pressure.
-    pub fn new(model: &Model, kind: RegimeKind, seed: u64) -> anyhow::Result<Self> {
-        let regime = model
-            .regime(kind)
-            .with_context(|| format!("the model has no regime {} to draw states from", kind.name()))?;
+    pub fn new(model: &Model, kind: RegimeKind, seed: u64) -> Result<Self, DrawsError> {
+        let regime = model.regime(kind).ok_or(DrawsError::NoRegime(kind.name()))?;
         let evaluator = Evaluator::new(&model.header)?;
         Ok(Self {
             evaluation: evaluator.evaluation(),
             evaluator,
             kind,
-            pressure_mpa: regime.inputs.range(PRESSURE).context("the regime takes no pressure")?,
+            pressure_mpa: regime.inputs.range(PRESSURE).ok_or(DrawsError::NoPressure(kind.name()))?,
             gap_mm: regime.inputs.range(GAP),
             random: Rng::new(seed),
         })

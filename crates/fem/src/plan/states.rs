@@ -1,15 +1,16 @@
 //! One complete list of states: rest, maximum, free, contact from the onset to the maximum, and held-out states.
 
-use super::pressures::{Pressures, free_case};
-use anyhow::{Context, Result};
-use fem::actuator::Actuator;
-use fem::cases::Case;
-use fem::sample::latin_hypercube;
+use super::PlanError;
+use super::pressures::Pressures;
+use crate::actuator::Actuator;
+use crate::cases::{Case, rounded};
+use crate::sample::latin_hypercube;
 use rom::regime::OnsetTable;
 
 /// How much may be added to a plan.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
+    /// States.
     pub states: usize,
     /// Processor time of the whole build after which no state is added, s.
     pub cpu_s: f64,
@@ -79,7 +80,7 @@ impl Plan {
     ///
     /// # Errors
     /// An actuator that never comes nearer to a plate.
-    pub fn new(actuator: &Actuator, pressures: &Pressures, counts: Counts) -> Result<Self> {
+    pub fn new(actuator: &Actuator, pressures: &Pressures, counts: Counts) -> Result<Self, PlanError> {
         let cavities: Vec<String> =
             actuator.pressure_mpa.keys().map(|name| format!("pressure_mpa.{name}")).collect();
         let mut plan = match &actuator.obstacle {
@@ -98,43 +99,37 @@ impl Plan {
         Ok(Self { cavities, ..plan })
     }
 
-    fn touching(pressures: &Pressures, counts: Counts) -> Result<Self> {
+    fn touching(pressures: &Pressures, counts: Counts) -> Result<Self, PlanError> {
         let clearances = rising(&pressures.states[..pressures.touching]);
         let (sag, reach) = (clearances[0].1, clearances[clearances.len() - 1].1);
         let largest = clearances[clearances.len() - 1].0;
         let gaps_mm = [(0.4 * sag).max(0.1 * reach), sag + 0.8 * (reach - sag)].map(|gap| rounded(gap, 1e3));
-        anyhow::ensure!(
-            gaps_mm[1] - gaps_mm[0] > 0.1,
-            "pressure moves its underside by {:.2} mm only, so no plate can be reached; check sheet and support",
-            reach - sag
-        );
+        if gaps_mm[1] - gaps_mm[0] <= 0.1 {
+            return Err(PlanError::NoReach { moved_mm: reach - sag });
+        }
         // The onset as the model will have it: a monotone cubic through the free states. Straight lines between states that lie far
         // apart put the first states behind the onset before it.
         let onset = OnsetTable::new(
             clearances.iter().map(|state| state.1).collect(),
             clearances.iter().map(|state| state.0).collect(),
         );
-        let at = |gap: f64, share: f64| -> Result<(f64, f64)> {
-            let onset_mpa = onset.onset(gap).pressure_mpa().context("no onset")?;
+        let at = |gap: f64, share: f64| -> Result<(f64, f64), PlanError> {
+            let onset_mpa =
+                onset.onset(gap).pressure_mpa().ok_or(PlanError::NoReach { moved_mm: reach - sag })?;
             Ok((rounded(onset_mpa + share * (largest - onset_mpa), 1e7), gap))
         };
         let mut cases = free(pressures, counts);
         let mut add = |name: &str, split: &str, points: Vec<(f64, f64)>| {
             cases.extend(points.into_iter().enumerate().map(|(k, (pressure_mpa, gap))| Case {
-                name: format!("{name}{:02}", k + 1),
-                regime: "contact".into(),
                 split: split.into(),
-                pressure_mpa,
-                volume_mm3: None,
-                gap_mm: Some(gap),
-                settings: Vec::new(),
+                ..Case::new(format!("{name}{:02}", k + 1), pressure_mpa, Some(gap))
             }));
         };
         let gap = |share: f64| rounded(gaps_mm[0] + share * (gaps_mm[1] - gaps_mm[0]), 1e4);
-        let edge = |share: f64| -> Result<Vec<(f64, f64)>> {
+        let edge = |share: f64| -> Result<Vec<(f64, f64)>, PlanError> {
             (0..counts.edge).map(|k| at(gap(k as f64 / (counts.edge - 1) as f64), share)).collect()
         };
-        let cube = |n: usize, seed: u64| -> Result<Vec<(f64, f64)>> {
+        let cube = |n: usize, seed: u64| -> Result<Vec<(f64, f64)>, PlanError> {
             let bounds = [[BEHIND_ONSET, 1.0], [0.0, 1.0]];
             latin_hypercube(n, &bounds, seed).into_iter().map(|p| at(gap(p[1]), p[0])).collect()
         };
@@ -147,7 +142,7 @@ impl Plan {
             at(gaps_mm[k % 2], share)
         });
         add("onset", "train", onset);
-        add("side", "train", side.collect::<Result<_>>()?);
+        add("side", "train", side.collect::<Result<_, PlanError>>()?);
         add("contact", "train", cube(counts.inner, 1)?);
         add("maximum", "train", edge(1.0)?);
         add("check", "check", cube(counts.check, 2)?);
@@ -201,7 +196,7 @@ fn combined(cavities: &[String], largest_mpa: f64, counts: Counts) -> Vec<Case> 
     let case = |name: String, split: &str, shares: &[f64]| {
         let mpa: Vec<f64> = shares.iter().map(|share| rounded(share * TOGETHER * largest_mpa, 1e7)).collect();
         let settings = cavities.iter().cloned().zip(mpa[1..].iter().copied()).collect();
-        Case { split: split.into(), settings, ..free_case(&name, mpa[0]) }
+        Case { split: split.into(), settings, ..Case::new(name, mpa[0], None) }
     };
     let axes = cavities.len() + 1;
     let alone = |k: usize, share: f64| -> Vec<f64> {
@@ -240,10 +235,13 @@ fn free(pressures: &Pressures, counts: Counts) -> Vec<Case> {
         k => format!("free{k:02}"),
     };
     let mut cases: Vec<Case> =
-        found.iter().enumerate().map(|(k, p)| free_case(&name(k), rounded(*p, 1e7))).collect();
+        found.iter().enumerate().map(|(k, p)| Case::new(name(k), rounded(*p, 1e7), None)).collect();
     for (k, at) in [last / 3, 2 * last / 3].into_iter().enumerate() {
         let between = rounded(0.5 * (found[at] + found[at + 1]), 1e7);
-        cases.push(Case { split: "check".into(), ..free_case(&format!("freecheck{:02}", k + 1), between) });
+        cases.push(Case {
+            split: "check".into(),
+            ..Case::new(format!("freecheck{:02}", k + 1), between, None)
+        });
     }
     cases
 }
@@ -259,11 +257,6 @@ fn rising(states: &[(f64, f64)]) -> Vec<(f64, f64)> {
     rising
 }
 
-/// A value in whole parts of a unit.
-pub fn rounded(value: f64, per_unit: f64) -> f64 {
-    (value * per_unit).round() / per_unit
-}
-
 #[cfg(test)]
-#[path = "../../../tests/unit/cmd_build_plan.rs"]
+#[path = "../../tests/unit/plan.rs"]
 mod tests;
