@@ -79,7 +79,7 @@ fn middle(input: &InputSpec) -> f64 {
 /// How `softtwin predict` is given the middle of an input's range.
 fn option((at, input): &(usize, &InputSpec)) -> String {
     match *at {
-        at if at < PARAMETERS => format!(" --{} {:.4}", input.key().replace('_', "-"), middle(input)),
+        at if at < PARAMETERS => format!(" --{} {:.4}", ["pressure", "gap"][at], middle(input)),
         _ => format!(" --set {}={:.4}", input.key(), middle(input)),
     }
 }

@@ -298,8 +298,7 @@ impl Args {
         let (model, scene, pressure) = (quoted(model), quoted(scene), 0.7 * plan.contact_mpa);
         let gap = plan.gaps_mm.map_or(String::new(), |[a, b]| format!(" --gap {:.1}", 0.5 * (a + b)));
         let further = plan.cavities.iter().map(|name| format!(" --set {name}={:.4}", 0.5 * pressure));
-        let state =
-            format!("{model} --pressure {pressure:.4}{gap}{}", further.collect::<String>());
+        let state = format!("{model} --pressure {pressure:.4}{gap}{}", further.collect::<String>());
         let picture = quoted(&self.folder.join("state.png"));
         format!(
             "start it, with readings by formula until the scene has a sensor:\n  softtwind twin --scene {scene}\n  softtwind bridge --scene \
