@@ -4,6 +4,7 @@ use rom::inertia::data::InertiaModel;
 use rom::inputs::Parameter;
 use rom::memory::{InputMemory, MemorySpec, PronyTerm, Slopes, filter};
 use rom::model::{BlockKind, Model};
+use rom::rng::Rng;
 use rom::snapshots::{
     Case, Database, FieldKind, FieldSpec, Footprint, NodeSet, RegimeKind, Split, Vibration,
 };
@@ -161,4 +162,39 @@ pub fn relaxing_bytes() -> Vec<u8> {
     model.set_record(BlockKind::Inertia, &inertia).expect("a record");
     model.set_record(BlockKind::Memory, &memory).expect("a record");
     model.to_bytes().expect("a file")
+}
+
+/// What a sensor of the beam sends.
+#[derive(Clone, Copy, Debug)]
+pub struct BeamReading {
+    /// The actuator was switched off and on again before it.
+    pub restarts: bool,
+    /// Time of the measurement, ns.
+    pub t_ns: u64,
+    /// The pressure; not always a number that a body can have.
+    pub pressure_mpa: f64,
+}
+
+/// Random readings: most 1 to 20 ms apart, some after a gap that is bridged, held or too long for a motion to go on, some late, some not a
+/// number, some after a restart.
+pub fn readings(seed: u64) -> Vec<BeamReading> {
+    let (mut random, mut t_ns) = (Rng::new(seed), 0);
+    let mut reading = |k: usize| {
+        let kind = if k < 3 { 99 } else { random.below(40) };
+        let before_ns = t_ns;
+        t_ns += match kind {
+            0 => 200_000_000,
+            1 => 400_000_000,
+            2 => 1_500_000_000,
+            _ => 1_000_000 + random.below(19_000_001) as u64,
+        };
+        let pressure_mpa = match kind {
+            3 | 4 => f64::NAN,
+            5 => 1e200,
+            _ => 0.15 * random.uniform(),
+        };
+        let late_ns = before_ns - (random.below(20) as u64).min(before_ns);
+        BeamReading { restarts: kind == 6, t_ns: if kind == 7 { late_ns } else { t_ns }, pressure_mpa }
+    };
+    (0..400).map(&mut reading).collect()
 }

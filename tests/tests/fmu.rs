@@ -3,7 +3,7 @@
 use fmu as _; // the library with the functions below
 use rom::inertia::data::InertiaModel;
 use rom::inputs::Inputs;
-use rom::model::{BlockKind, Model, Selection};
+use rom::model::{BlockKind, Model, Nodes, Selection};
 use rom::reconstructor::Reconstructor;
 use rom::session::{Gaps, Session};
 use std::ffi::{CString, c_char, c_void};
@@ -123,10 +123,13 @@ impl Importer {
     }
 
     fn set(&self, pressure_mpa: f64) {
+        assert_eq!(self.try_to_set(pressure_mpa), OK);
+    }
+
+    fn try_to_set(&self, pressure_mpa: f64) -> i32 {
         let values = [pressure_mpa, 20.0];
         // SAFETY: two references and two values.
-        let status = unsafe { fmi3SetFloat64(self.instance, INPUTS.as_ptr(), 2, values.as_ptr(), 2) };
-        assert_eq!(status, OK);
+        unsafe { fmi3SetFloat64(self.instance, INPUTS.as_ptr(), 2, values.as_ptr(), 2) }
     }
 
     fn step(&self, from_s: f64, step_s: f64) -> i32 {
@@ -240,4 +243,57 @@ fn long_steps_of_an_fmu_swing_on() {
     let rest = importer.tip_y();
     let (once, often) = (after(1), after(400));
     assert!((once - often).abs() < 0.01 * (once - rest).abs(), "{once} {often} {rest}");
+}
+
+#[test]
+fn steps_of_an_fmu_are_those_of_the_session_over_random_readings() {
+    let model = Model::from_bytes(&moving::relaxing_bytes()).unwrap();
+    let stage = Stage::new("fmurandom");
+    let importer = Importer::open(&stage, &moving::relaxing_bytes());
+    let mut session = Session::new(&model, Gaps::Recorded).unwrap();
+    // What the FMU sums: a kernel adds the modes of other nodes and fields in another order.
+    let names = model.header.fields.iter().map(|field| field.spec.name.clone());
+    let fields = Some(names.filter(|name| name != "von_mises").collect());
+    let reconstructor =
+        Reconstructor::new(&model, &Selection { fields, nodes: Nodes::List(vec![2]) }).unwrap();
+    let (mut evaluation, mut fields) = (session.evaluation(), vec![0.0; reconstructor.entries()]);
+    let (mut last_s, mut begin_s, mut inputs) = (0.0, None, Inputs::new(0.0, 20.0));
+    let (mut answered, mut refused) = (0, 0);
+    for reading in moving::readings(4) {
+        if reading.restarts {
+            // SAFETY: instantiated, not freed.
+            assert_eq!(unsafe { fmi3Reset(importer.instance) }, OK);
+            session.restart();
+            begin_s = None;
+            (inputs, last_s) = (Inputs::new(0.0, 20.0), 1e-9 * reading.t_ns as f64 - 1e-3);
+            importer.set(0.0);
+        }
+        if reading.pressure_mpa.is_nan() {
+            assert_eq!(importer.try_to_set(reading.pressure_mpa), ERROR);
+        } else {
+            importer.set(reading.pressure_mpa);
+            inputs = Inputs::new(reading.pressure_mpa, 20.0);
+        }
+        let step_s = 1e-9 * reading.t_ns as f64 - last_s;
+        if step_s <= 0.0 {
+            assert_eq!(importer.step(last_s, step_s - 1e-9), ERROR, "{reading:?}");
+            refused += 1;
+            continue;
+        }
+        let end_s = last_s + step_s;
+        let end_ns = ((end_s - begin_s.unwrap_or(last_s)) * 1e9).round() as u64;
+        let stepped = session.step_held(end_ns, inputs, &mut evaluation);
+        assert_eq!(importer.step(last_s, step_s), if stepped.is_ok() { OK } else { ERROR }, "{reading:?}");
+        if stepped.is_err() {
+            refused += 1;
+            continue;
+        }
+        begin_s = begin_s.or(Some(last_s));
+        last_s = end_s;
+        if reconstructor.reconstruct_into(&evaluation, &mut fields).is_ok() {
+            assert_eq!(importer.tip_y(), f64::from(fields[1]), "{reading:?}");
+            answered += 1;
+        }
+    }
+    assert!(answered > 300 && refused > 10, "{answered} {refused}");
 }

@@ -228,3 +228,22 @@ fn source_of_several_sensors_does_not_allocate() {
     }
     assert!(with_gap > 100, "{with_gap} of {readings} readings had a value of the other sensor");
 }
+
+#[test]
+fn steps_of_a_session_do_not_allocate() {
+    let model = Model::from_bytes(&moving::relaxing_bytes()).unwrap();
+    for gaps in [Gaps::Live, Gaps::Recorded] {
+        let mut session = Session::new(&model, gaps).unwrap();
+        let mut out = session.evaluation();
+        let readings = moving::readings(5);
+        let before = COUNT.get();
+        for reading in &readings {
+            if reading.restarts {
+                session.restart();
+            }
+            // Refused readings do not allocate either.
+            let _ = session.step(reading.t_ns, Inputs::new(reading.pressure_mpa, 20.0), &mut out);
+        }
+        assert_eq!(COUNT.get(), before);
+    }
+}

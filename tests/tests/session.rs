@@ -1,6 +1,7 @@
 //! A model along readings: whoever steps it, gaps of a recording are straight lines, and a refused reading changes nothing.
 
 use rom::evaluation::Evaluation;
+use rom::halfwidths::HalfWidths;
 use rom::inertia::data::InertiaModel;
 use rom::inputs::Inputs;
 use rom::model::{BlockKind, Model};
@@ -79,6 +80,39 @@ fn readings_that_are_taken_and_not_answered_are_remembered() {
             assert_eq!(bits(&out), bits(&of_every), "reading {k}");
         }
     }
+}
+
+/// A recording that has no gaps is answered as it was live, but for half-widths: a twin does not know that a recording begins at rest.
+#[test]
+fn answers_live_and_from_a_recording_are_the_same_until_a_gap() {
+    let model = relaxing();
+    let sessions = [Gaps::Live, Gaps::Recorded].map(|gaps| Session::new(&model, gaps).unwrap());
+    let outs = sessions.each_ref().map(Session::evaluation);
+    let [(mut live, mut of_live), (mut recorded, mut of_recorded)] =
+        sessions.into_iter().zip(outs).collect::<Vec<_>>().try_into().unwrap();
+    let (mut last_ns, mut answered) = (0, 0);
+    for reading in [1, 2, 3].into_iter().flat_map(moving::readings) {
+        if reading.restarts || reading.t_ns > last_ns + 250_000_000 || reading.t_ns + 1_000_000_000 < last_ns
+        {
+            live.restart();
+            recorded.restart();
+        }
+        let inputs = Inputs::new(reading.pressure_mpa, GAP_MM);
+        let before = bits(&of_live);
+        let stepped = live.step(reading.t_ns, inputs, &mut of_live);
+        assert_eq!(recorded.step(reading.t_ns, inputs, &mut of_recorded), stepped, "{reading:?}");
+        if stepped.is_err() {
+            assert_eq!(bits(&of_live), before);
+            continue;
+        }
+        last_ns = reading.t_ns;
+        for out in [&mut of_live, &mut of_recorded] {
+            out.halfwidths = HalfWidths::default();
+        }
+        assert_eq!(bits(&of_live), bits(&of_recorded), "{reading:?}");
+        answered += 1;
+    }
+    assert!(answered > 900, "{answered}");
 }
 
 #[test]

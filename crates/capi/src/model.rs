@@ -4,19 +4,16 @@ use crate::ffi::{Failure, argument, call, name, put, take, text, write_handle};
 use crate::status::softtwin_status;
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
-use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS, Needs, PRESSURE};
 use rom::model::{BlockKind, Model, ModelReader, Nodes, Selection};
 use rom::observable::{MAX_OBSERVABLES, Observables};
-use rom::reconstructor::Peaks;
-use rom::reconstructor::Reconstructor;
+use rom::reconstructor::{Peak, Peaks, Reconstructor};
 use std::borrow::Cow;
 use std::ffi::{CStr, CString, c_char};
 use std::fs::File;
 use std::mem::MaybeUninit;
 use std::path::Path;
 use std::sync::Arc;
-use wire::layout::domain_status;
 
 #[repr(C)]
 pub struct softtwin_model_input {
@@ -59,7 +56,7 @@ pub struct softtwin_model_info {
 }
 
 #[repr(C)]
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub struct softtwin_prediction {
     contact_force_n: f64,
     force_gradient: [f64; MAX_INPUTS],
@@ -203,7 +200,7 @@ impl softtwin_model {
     }
 
     pub(crate) fn prediction(&self, evaluation: &Evaluation, peaks: &Peaks) -> softtwin_prediction {
-        prediction(evaluation, self.evaluator.onset().is_some(), peaks, &self.observables)
+        prediction(evaluation, peaks, &self.observables)
     }
 
     /// The state at `values`, one for each input; NaN is the model's value of a parameter.
@@ -230,46 +227,23 @@ impl softtwin_model {
     }
 }
 
-fn prediction(
-    e: &Evaluation,
-    has_onset: bool,
-    peaks: &Peaks,
-    observables: &Observables,
-) -> softtwin_prediction {
-    let peak = |found: Option<rom::reconstructor::Peak>| {
-        found.map_or((f64::NAN, u32::MAX), |peak| (f64::from(peak.value), peak.node))
-    };
-    let (displacement, stress) = (peak(peaks.displacement_mm), peak(peaks.stress_mpa));
-    let observed = |at| observables.value(at, e);
-    softtwin_prediction {
-        contact_force_n: e.contact_force_n,
-        force_gradient: e.force_gradient,
-        onset_pressure_mpa: match e.onset_pressure_mpa {
-            Some(onset_mpa) => onset_mpa,
-            None if has_onset => f64::INFINITY,
-            None => f64::NAN,
-        },
-        force_halfwidth_n: e.halfwidths.force_n,
-        displacement_halfwidth_mm: e.halfwidths.displacement_mm,
-        von_mises_halfwidth_mpa: e.halfwidths.stress_mpa,
-        coverage: e.halfwidths.coverage,
-        domain_distance: e.domain_distance,
-        max_displacement_mm: displacement.0,
-        max_von_mises_mpa: stress.0,
-        max_displacement_node: displacement.1,
-        max_von_mises_node: stress.1,
-        regime: e.regime.number(),
-        domain_status: match e.domain {
-            DomainStatus::Inside => domain_status::INSIDE,
-            DomainStatus::Near => domain_status::NEAR_EDGE,
-            DomainStatus::Outside => domain_status::OUTSIDE,
-        },
-        force_clamped: e.flags.force_clamped.into(),
-        reserved: 0,
+fn prediction(evaluation: &Evaluation, peaks: &Peaks, observables: &Observables) -> softtwin_prediction {
+    let peak =
+        |found: Option<Peak>| found.map_or((f64::NAN, u32::MAX), |peak| (peak.value.into(), peak.node));
+    let observed = |at| observables.value(at, evaluation);
+    let mut out = softtwin_prediction {
         observables: std::array::from_fn(|at| observed(at).value),
         observable_halfwidths: std::array::from_fn(|at| observed(at).halfwidth),
         observable_offsets: std::array::from_fn(|at| observed(at).offset),
-    }
+        force_gradient: evaluation.force_gradient,
+        coverage: evaluation.halfwidths.coverage,
+        force_clamped: evaluation.flags.force_clamped.into(),
+        ..softtwin_prediction::default()
+    };
+    rom::numbers!(out, evaluation);
+    (out.max_displacement_mm, out.max_displacement_node) = peak(peaks.displacement_mm);
+    (out.max_von_mises_mpa, out.max_von_mises_node) = peak(peaks.stress_mpa);
+    out
 }
 
 /// # Safety

@@ -47,10 +47,10 @@ impl Drop for Opened {
 }
 
 #[test]
-fn motion_in_c_is_that_of_the_model_and_refused_steps_change_nothing() {
-    let stage = Stage::with_model("capimotion", moving::model_bytes());
+fn motion_in_c_is_that_of_the_session_over_random_readings() {
+    let stage = Stage::with_model("capimotion", &moving::relaxing_bytes());
     let path = CString::new(stage.path("beam.twin").to_str().unwrap()).unwrap();
-    let model = Model::from_bytes(moving::model_bytes()).unwrap();
+    let model = Model::from_bytes(&moving::relaxing_bytes()).unwrap();
     let reconstructor = Reconstructor::new(&model, &Selection::default()).unwrap();
     let mut expected = vec![0.0; reconstructor.entries()];
     let mut opened = Opened { model: null_mut(), motion: null_mut(), values: expected.clone() };
@@ -60,25 +60,26 @@ fn motion_in_c_is_that_of_the_model_and_refused_steps_change_nothing() {
         let status = softtwin_motion_open(opened.model, &raw mut opened.motion);
         assert_eq!(status, softtwin_status::SOFTTWIN_OK);
     }
-    let mut moving = Session::new(&model, Gaps::Live).unwrap();
-    let mut evaluation = moving.evaluation();
-    let mut lowest = [f32::INFINITY; 2];
-    for lowest in &mut lowest {
-        for k in 0..60_u64 {
-            let pressure_mpa = if k < 3 { 0.02 } else { 0.12 };
-            let inputs = Inputs::new(pressure_mpa, 20.0);
-            moving.step(5_000_000 * k, inputs, &mut evaluation).unwrap();
-            reconstructor.reconstruct_into(&evaluation, &mut expected).unwrap();
-            assert_eq!(opened.step(5_000_000 * k, pressure_mpa), softtwin_status::SOFTTWIN_OK);
-            assert_eq!(opened.values, expected, "step {k}");
-            *lowest = opened.values.iter().copied().fold(*lowest, f32::min);
-            for (t_ns, pressure_mpa) in [(5_000_000 * k, 0.2), (u64::MAX, f64::NAN)] {
-                assert_eq!(opened.step(t_ns, pressure_mpa), softtwin_status::SOFTTWIN_ARGUMENT);
-            }
+    let mut session = Session::new(&model, Gaps::Live).unwrap();
+    let mut evaluation = session.evaluation();
+    let (mut answered, mut refused) = (0, 0);
+    for reading in [1, 2, 3].into_iter().flat_map(moving::readings) {
+        if reading.restarts || reading.t_ns < 20_000_000 {
+            session.restart();
+            // SAFETY: the motion is open.
+            unsafe { softtwin_motion_reset(opened.motion) };
         }
-        moving.restart();
-        // SAFETY: the motion is open.
-        unsafe { softtwin_motion_reset(opened.motion) };
+        let stepped = session.step(reading.t_ns, Inputs::new(reading.pressure_mpa, 20.0), &mut evaluation);
+        let has_fields =
+            stepped.is_ok() && reconstructor.reconstruct_into(&evaluation, &mut expected).is_ok();
+        let status = match (stepped.is_ok(), has_fields) {
+            (true, true) => softtwin_status::SOFTTWIN_OK,
+            (true, false) => softtwin_status::SOFTTWIN_REFUSED,
+            (false, _) => softtwin_status::SOFTTWIN_ARGUMENT,
+        };
+        assert_eq!(opened.step(reading.t_ns, reading.pressure_mpa), status, "{reading:?}");
+        assert!(!has_fields || opened.values == expected, "{reading:?}");
+        (answered, refused) = (answered + u32::from(has_fields), refused + u32::from(stepped.is_err()));
     }
-    assert_eq!(lowest[0].to_bits(), lowest[1].to_bits());
+    assert!(answered > 900 && refused > 50, "{answered} {refused}");
 }

@@ -2,9 +2,8 @@
 
 use crate::part::{Part, Stress};
 use crate::variables::{self, FIRST_INPUT, FIRST_OUTPUT, MODEL_FILE, NODES_FILE, Output, Quantity, TIME};
-use rom::evaluation::Evaluation;
+use rom::evaluation::{Evaluation, NUMBERS};
 use rom::evaluator::Query;
-use rom::hull::DomainStatus;
 use rom::inertia::stepper::ReadingError;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS};
 use rom::model::{ModelReader, Selection};
@@ -217,13 +216,8 @@ impl Instance {
         self.update()?;
         let found = &self.now.evaluation;
         Ok(match quantity {
-            Quantity::Force => found.contact_force_n,
+            Quantity::Number(at) => (NUMBERS[at].value)(found),
             Quantity::ForceBy(input) => found.force_gradient[input],
-            Quantity::Onset => found.onset_pressure_mpa.unwrap_or(f64::INFINITY),
-            Quantity::ForceHalfwidth => found.halfwidths.force_n,
-            Quantity::DisplacementHalfwidth => found.halfwidths.displacement_mm,
-            Quantity::StressHalfwidth => found.halfwidths.stress_mpa,
-            Quantity::DomainDistance => found.domain_distance,
             Quantity::MaxStress => match &mut self.stress {
                 Some(stress) => stress.largest_mpa(found)?.into(),
                 None => f64::NAN,
@@ -239,7 +233,6 @@ impl Instance {
             }
             Quantity::Observable(at) => self.observed(at).map_or(f64::NAN, |found| found.value),
             Quantity::ObservableHalfwidth(at) => self.observed(at).map_or(f64::NAN, |found| found.halfwidth),
-            Quantity::DomainStatus | Quantity::Regime => return Err("an Int32".into()),
         })
     }
 
@@ -250,14 +243,8 @@ impl Instance {
 
     /// An output that is an Int32.
     pub(crate) fn integer(&mut self, reference: u32) -> Result<i32, String> {
-        let quantity = self.quantity(reference, true)?;
+        let Quantity::Number(at) = self.quantity(reference, true)? else { return Err("no Int32".into()) };
         self.update()?;
-        let domain = match self.now.evaluation.domain {
-            DomainStatus::Inside => 0,
-            DomainStatus::Near => 1,
-            DomainStatus::Outside => 2,
-        };
-        let regime = self.now.evaluation.regime.number() as i32;
-        Ok(if quantity == Quantity::Regime { regime } else { domain })
+        Ok((NUMBERS[at].value)(&self.now.evaluation) as i32)
     }
 }

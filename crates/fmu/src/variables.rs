@@ -1,9 +1,9 @@
 //! Variables of an FMU: inputs and outputs with their value references, shared by the export and the running library.
 
+use rom::evaluation::NUMBERS;
 use rom::inputs::{GAP, InputSpec};
 use rom::model::{Model, ModelHeader};
 use rom::observable::Observables;
-use rom::snapshots::FieldKind;
 
 /// The model in an FMU's resources.
 pub const MODEL_FILE: &str = "model.twin";
@@ -52,22 +52,14 @@ pub(crate) fn read_nodes(text: &str) -> Result<Vec<ChosenNode>, String> {
 /// Quantity of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Quantity {
-    Force,
+    /// One of [`NUMBERS`], by its position.
+    Number(usize),
     /// Derivative of the force with respect to the input at this position.
     ForceBy(usize),
-    Onset,
-    ForceHalfwidth,
-    DisplacementHalfwidth,
-    StressHalfwidth,
-    DomainDistance,
     MaxStress,
     /// An observable of the model, by its position.
     Observable(usize),
     ObservableHalfwidth(usize),
-    /// 0 inside, 1 near the edge, 2 outside.
-    DomainStatus,
-    /// 1 free, 2 contact.
-    Regime,
     /// A field at a chosen node, by their positions.
     AtNode {
         field: usize,
@@ -78,7 +70,7 @@ pub(crate) enum Quantity {
 impl Quantity {
     /// True for an Int32.
     pub(crate) fn is_integer(self) -> bool {
-        matches!(self, Self::DomainStatus | Self::Regime)
+        matches!(self, Self::Number(at) if NUMBERS[at].unit.is_empty())
     }
 }
 
@@ -96,54 +88,16 @@ pub(crate) fn outputs(header: &ModelHeader, observables: &Observables, nodes: &[
     let mut add = |name: String, unit: String, about: &'static str, quantity| {
         all.push(Output { name, unit, about, quantity });
     };
-    let has_force = header.has_forces();
-    let has_stress = header.fields.iter().any(|field| field.spec.kind == FieldKind::Stress);
-    if has_force {
-        add("contact_force_n".into(), "N".into(), "Contact force", Quantity::Force);
+    for (at, number) in NUMBERS.iter().enumerate().filter(|(_, number)| header.has_number(number)) {
+        add(number.key.into(), number.unit.into(), number.about, Quantity::Number(at));
     }
-    for (at, input) in header.taken_inputs().filter(|_| has_force) {
+    for (at, input) in header.taken_inputs().filter(|_| header.has_forces()) {
         let (name, unit) = (format!("force_by_{}", input.key()), format!("N/{}", input.unit));
         add(name, unit, "Derivative of the contact force", Quantity::ForceBy(at));
     }
-    for (name, unit, about, quantity) in [
-        (
-            "onset_pressure_mpa",
-            "MPa",
-            "Pressure at which contact begins; infinite: out of reach",
-            Quantity::Onset,
-        ),
-        (
-            "force_halfwidth_n",
-            "N",
-            "Half-width of the force; NaN outside the training states",
-            Quantity::ForceHalfwidth,
-        ),
-        (
-            "displacement_halfwidth_mm",
-            "mm",
-            "Half-width of the worst node; NaN outside",
-            Quantity::DisplacementHalfwidth,
-        ),
-        (
-            "von_mises_halfwidth_mpa",
-            "MPa",
-            "Half-width of the worst node; NaN outside",
-            Quantity::StressHalfwidth,
-        ),
-        ("domain_distance", "1", "Distance to the training states, inputs scaled", Quantity::DomainDistance),
-        ("max_von_mises_mpa", "MPa", "Largest von Mises stress of all nodes", Quantity::MaxStress),
-        ("domain_status", "", "0 inside the training states, 1 near, 2 outside", Quantity::DomainStatus),
-        ("regime", "", "1 free, 2 contact", Quantity::Regime),
-    ] {
-        let is_known = match quantity {
-            Quantity::Onset => header.onset.is_some(),
-            Quantity::ForceHalfwidth => has_force,
-            Quantity::StressHalfwidth | Quantity::MaxStress => has_stress,
-            _ => true,
-        };
-        if is_known {
-            add(name.into(), unit.into(), about, quantity);
-        }
+    if header.has_stress() {
+        let (name, about) = ("max_von_mises_mpa", "Largest von Mises stress of all nodes");
+        add(name.into(), "MPa".into(), about, Quantity::MaxStress);
     }
     for (at, (name, unit)) in observables.names().zip(observables.units()).enumerate() {
         add(name.into(), unit.into(), "Observable of the shape", Quantity::Observable(at));

@@ -20,6 +20,8 @@ pub struct Flags {
     pub snapped: bool,
     /// The past does not determine the branch ([`crate::branch`]).
     pub branch_unknown: bool,
+    /// The model has no onset.
+    pub no_onset: bool,
     /// Why there is no answer; force, gradients and coefficients are then NaN.
     pub refusal: Option<Refusal>,
 }
@@ -53,8 +55,8 @@ pub struct Evaluation {
     pub contact_force_n: f64,
     /// Derivative of the force with respect to each input, in N per unit of the input.
     pub force_gradient: [f64; MAX_INPUTS],
-    /// Onset pressure of this gap in MPa: 0 if the actuator's weight closes the gap, `None` if out of reach or if the
-    /// model has no onset.
+    /// Onset pressure of this gap in MPa: 0 if the actuator's weight closes the gap, `None` if out of reach or if the model has no
+    /// onset ([`Flags::no_onset`]).
     pub onset_pressure_mpa: Option<f64>,
     /// Position of the state with respect to the training range of its regime.
     pub domain: DomainStatus,
@@ -130,4 +132,71 @@ impl Evaluation {
     pub fn force_by_gap_n_per_mm(&self) -> f64 {
         self.force_gradient[GAP]
     }
+}
+
+/// What a model must have so that a [`Number`] has a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NumberNeeds {
+    /// Every model has the number.
+    Nothing,
+    /// Contact forces.
+    Forces,
+    /// A von Mises stress.
+    Stress,
+    /// An onset of contact.
+    Onset,
+}
+
+/// A number that the evaluations of all models have, or of those that were trained for it.
+#[derive(Clone, Copy, Debug)]
+pub struct Number {
+    /// Name with the unit, as in every payload.
+    pub key: &'static str,
+    /// Unit; empty for a whole number.
+    pub unit: &'static str,
+    /// What it is, for people.
+    pub about: &'static str,
+    /// What a model must have for it ([`crate::model::ModelHeader::has_number`]).
+    pub needs: NumberNeeds,
+    /// Its value; NaN where it is not known.
+    pub value: fn(&Evaluation) -> f64,
+}
+
+/// All of them. [`numbers`](crate::numbers) is the list that payloads and this table are made of.
+pub const NUMBERS: &[Number] = crate::numbers!(@list table ());
+
+/// Writes all [`NUMBERS`] of an evaluation into the fields of a payload that have their keys as names, whatever the fields' types:
+/// `numbers!(state, &evaluation)`. A number that is added to the list has to be in every payload; the compiler names those without it.
+#[macro_export]
+macro_rules! numbers {
+    (@fill ($to:expr, $from:expr) $($key:ident, $unit:expr, $about:expr, $needs:ident, $e:ident => $value:expr;)*) => {{
+        let from: &$crate::evaluation::Evaluation = $from;
+        $($to.$key = { let $e = from; $value } as _;)*
+    }};
+    (@table () $($key:ident, $unit:expr, $about:expr, $needs:ident, $e:ident => $value:expr;)*) => {
+        &[$(Number {
+            key: stringify!($key),
+            unit: $unit,
+            about: $about,
+            needs: NumberNeeds::$needs,
+            value: |$e| $value,
+        }),*]
+    };
+    (@list $what:ident $context:tt) => {
+        $crate::numbers! { @$what $context
+            contact_force_n, "N", "Contact force", Forces, e => e.contact_force_n;
+            onset_pressure_mpa, "MPa", "Pressure at which contact begins; infinite: out of reach", Onset,
+                e => e.onset_pressure_mpa.unwrap_or(if e.flags.no_onset { f64::NAN } else { f64::INFINITY });
+            force_halfwidth_n, "N", "Half-width of the force; NaN outside the training states", Forces,
+                e => e.halfwidths.force_n;
+            displacement_halfwidth_mm, "mm", "Half-width of the worst node; NaN outside", Nothing,
+                e => e.halfwidths.displacement_mm;
+            von_mises_halfwidth_mpa, "MPa", "Half-width of the worst node; NaN outside", Stress,
+                e => e.halfwidths.stress_mpa;
+            domain_distance, "1", "Distance to the training states, inputs scaled", Nothing, e => e.domain_distance;
+            domain_status, "", "0 inside the training states, 1 near, 2 outside", Nothing, e => f64::from(e.domain.number());
+            regime, "", "1 free, 2 contact", Nothing, e => f64::from(e.regime.number());
+        }
+    };
+    ($to:expr, $from:expr) => { $crate::numbers!(@list fill ($to, $from)) };
 }

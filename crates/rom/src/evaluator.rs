@@ -354,7 +354,7 @@ impl Evaluator {
         out.inputs = inputs;
         out.regime = query.regime.unwrap_or_else(|| onset.onset.regime(inputs.pressure_mpa()));
         out.onset_pressure_mpa = self.onset.as_ref().and_then(|_| onset.onset.pressure_mpa());
-        out.flags = Flags { no_force: self.no_force, ..Flags::default() };
+        out.flags = Flags { no_force: self.no_force, no_onset: self.onset.is_none(), ..Flags::default() };
         let without_contact = if self.no_force { f64::NAN } else { 0.0 };
         (out.contact_force_n, out.force_gradient) = (without_contact, [without_contact; MAX_INPUTS]);
         let part = self.parts.iter().find(|part| part.model.kind == out.regime);

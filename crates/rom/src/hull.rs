@@ -19,6 +19,17 @@ pub enum DomainStatus {
     Outside,
 }
 
+impl DomainStatus {
+    /// Number in states, fields, answers and FMUs.
+    pub fn number(self) -> u32 {
+        match self {
+            Self::Inside => 0,
+            Self::Near => 1,
+            Self::Outside => 2,
+        }
+    }
+}
+
 impl Display for DomainStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

@@ -1,5 +1,6 @@
 //! Default parameter values of a model.
 
+use crate::evaluation::{Number, NumberNeeds};
 use crate::evaluator::Evaluator;
 use crate::halfwidths::HalfWidths;
 use crate::inputs::{GAP, InputSpec, Needs, PARAMETERS, PRESSURE, nearest_name};
@@ -46,6 +47,16 @@ impl ModelHeader {
     /// True if the model has a von Mises stress.
     pub fn has_stress(&self) -> bool {
         self.fields.iter().any(|field| field.spec.kind == FieldKind::Stress)
+    }
+
+    /// True if the evaluations of the model have a number.
+    pub fn has_number(&self, number: &Number) -> bool {
+        match number.needs {
+            NumberNeeds::Nothing => true,
+            NumberNeeds::Forces => self.has_forces(),
+            NumberNeeds::Stress => self.has_stress(),
+            NumberNeeds::Onset => self.onset.is_some(),
+        }
     }
 
     /// Half-widths of the quantities that the model has; NaN for the others.

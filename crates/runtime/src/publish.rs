@@ -18,22 +18,14 @@ macro_rules! write_evaluation {
         let description: &Description = $description;
         let known = |is_known: bool, value: f64| if is_known { value } else { f64::NAN };
         $payload.flags = flags_of(e);
+        rom::numbers!($payload, e);
         $payload.pressure_mpa = e.inputs.pressure_mpa();
         $payload.gap_mm = e.inputs.gap_mm();
-        $payload.regime = e.regime.number();
         $payload.inputs = contents.of_inputs(e.inputs.values());
         $payload.force_by_input = contents.of_inputs(&e.force_gradient);
-        $payload.contact_force_n = e.contact_force_n;
         $payload.force_by_pressure_n_per_mpa =
             known(contents.needs.pressure, e.force_by_pressure_n_per_mpa());
         $payload.force_by_gap_n_per_mm = known(contents.needs.gap, e.force_by_gap_n_per_mm());
-        $payload.onset_pressure_mpa =
-            known(contents.has_onset, e.onset_pressure_mpa.unwrap_or(f64::INFINITY));
-        $payload.force_halfwidth_n = e.halfwidths.force_n as f32;
-        $payload.displacement_halfwidth_mm = e.halfwidths.displacement_mm as f32;
-        $payload.von_mises_halfwidth_mpa = e.halfwidths.stress_mpa as f32;
-        $payload.domain_distance = e.domain_distance as f32;
-        $payload.domain_status = domain_number(e.domain);
         $payload.outside_by = contents.of_inputs(&e.outside_by);
         $payload.coefficient_count = e.coefficients.len().min(COEFFICIENTS_MAX) as u32;
         $payload.coefficients = [0.0; COEFFICIENTS_MAX];
@@ -81,7 +73,6 @@ pub(crate) struct Contents {
     /// Position of each of them in the model's inputs.
     positions: [usize; INPUTS_MAX],
     pub(crate) needs: Needs,
-    has_onset: bool,
 }
 
 impl Contents {
@@ -92,8 +83,7 @@ impl Contents {
             set_slot(&mut names, to, &input.key());
             count += 1;
         }
-        let (needs, has_onset) = (evaluator.needs(), evaluator.onset().is_some());
-        Self { count, names, positions, needs, has_onset }
+        Self { count, names, positions, needs: evaluator.needs() }
     }
 
     /// Positions in the model's inputs, in the order of the payload's.
@@ -251,14 +241,6 @@ fn flags_of(evaluation: &Evaluation) -> u32 {
         (flags::BRANCH_UNKNOWN, evaluation.flags.branch_unknown),
     ];
     bits.iter().filter(|(_, set)| *set).map(|(bit, _)| bit).sum()
-}
-
-fn domain_number(status: DomainStatus) -> u32 {
-    match status {
-        DomainStatus::Inside => 0,
-        DomainStatus::Near => 1,
-        DomainStatus::Outside => 2,
-    }
 }
 
 /// A field topic of a running twin.
