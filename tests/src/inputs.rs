@@ -181,7 +181,7 @@ fn npy_seed() -> Vec<u8> {
 /// A trace in CSV, also as one of a measured input.
 pub fn trace(bytes: &[u8]) {
     for names in [InputNames::default(), InputNames::new(["gap_mm"])] {
-        if let Ok(trace) = Trace::parse_named(&String::from_utf8_lossy(bytes), &names) {
+        if let Ok(trace) = Trace::parse_named(String::from_utf8_lossy(bytes), &names) {
             assert!(
                 trace.rows.windows(2).all(|pair| pair[0].t_trace_s <= pair[1].t_trace_s),
                 "rows out of order"

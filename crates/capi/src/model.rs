@@ -5,12 +5,11 @@ use crate::status::softtwin_status;
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS, Needs, PRESSURE};
-use rom::model::{BlockKind, Model, ModelReader, Nodes, Selection};
+use rom::model::{BlockKind, Model, Nodes, Selection};
 use rom::observable::{MAX_OBSERVABLES, Observables};
 use rom::reconstructor::{Peak, Peaks, Reconstructor};
 use std::borrow::Cow;
 use std::ffi::{CStr, CString, c_char};
-use std::fs::File;
 use std::mem::MaybeUninit;
 use std::path::Path;
 use std::sync::Arc;
@@ -256,17 +255,9 @@ pub unsafe extern "C" fn softtwin_model_open(
     call(|| {
         // SAFETY: by the caller's promise.
         let path = unsafe { name(path) }?;
-        let unreadable = |error: &dyn std::fmt::Display| argument(&format!("{path}: {error}"));
-        // Asked before the file is opened: opening a pipe waits for its writer.
-        if !Path::new(path).metadata().map_err(|e| unreadable(&e))?.is_file() {
-            return Err(unreadable(&"expected a model file, found a folder, device or pipe"));
-        }
-        let file = File::open(path).map_err(|e| unreadable(&e))?;
-        let mut reader = ModelReader::open(file).map_err(|e| unreadable(&e))?;
-        let all = Selection::default();
-        let model = Arc::new(reader.load(&all).map_err(|e| unreadable(&e))?);
+        let (model, _) = Model::read(Path::new(path)).map_err(|e| argument(&format!("{path}: {e}")))?;
         // SAFETY: by the caller's promise.
-        unsafe { write_handle(out, softtwin_model::new(model, &all)?) }
+        unsafe { write_handle(out, softtwin_model::new(Arc::new(model), &Selection::default())?) }
     })
 }
 

@@ -5,7 +5,7 @@
 use crate::actuator::Setting;
 use crate::config::MAX_MPA;
 use formats::database::{REGIMES, SPLITS};
-use formats::table::{Row, Table, to_text};
+use formats::table::{Table, TableRow, to_text};
 use formats::{Diagnostic, FormatError, collect};
 pub(crate) use rom::branch::VOLUME;
 use rom::snapshots::RegimeKind;
@@ -127,7 +127,7 @@ fn checked(table: &Table) -> Result<Vec<Case>, Vec<Diagnostic>> {
 }
 
 fn case(
-    row: &Row<'_>,
+    row: &TableRow<'_>,
     at: &[usize; 5],
     by_volume: bool,
     parameters: &[(usize, &String)],

@@ -6,11 +6,10 @@ use rom::evaluation::{Evaluation, NUMBERS};
 use rom::evaluator::Query;
 use rom::inertia::stepper::ReadingError;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS};
-use rom::model::{ModelReader, Selection};
+use rom::model::Model;
 use rom::observable::{Observables, Observed};
 use rom::session::{Gaps, Session};
 use rom::snapshots::FieldKind;
-use std::fs::File;
 use std::path::Path;
 
 /// Everything that changes in an instance: the state that an importer saves and restores.
@@ -45,12 +44,10 @@ impl Instance {
         let at = |name: &str, error: &dyn std::fmt::Display| {
             format!("{}: {error}; export the FMU again", resources.join(name).display())
         };
-        let file = File::open(resources.join(MODEL_FILE)).map_err(|e| at(MODEL_FILE, &e))?;
-        let mut reader = ModelReader::open(file).map_err(|e| at(MODEL_FILE, &e))?;
-        let model = reader.load(&Selection::default()).map_err(|e| at(MODEL_FILE, &e))?;
+        let (model, hash) = Model::read(resources.join(MODEL_FILE)).map_err(|e| at(MODEL_FILE, &e))?;
         let text = std::fs::read_to_string(resources.join(NODES_FILE)).map_err(|e| at(NODES_FILE, &e))?;
         let nodes = variables::read_nodes(&text).map_err(|e| at(NODES_FILE, &e))?;
-        let expected = variables::token(&reader.hash(), &nodes);
+        let expected = variables::token(&hash, &nodes);
         if token != expected {
             return Err(format!(
                 "instantiation token: expected {expected}, found {token}; modelDescription.xml belongs to another model"

@@ -27,13 +27,17 @@ pub fn check_columns(line: usize, columns: usize) -> Result<(), Diagnostic> {
 }
 
 /// First bytes of files that are no text, with what they are.
-const MAGIC: [(&[u8], &str); 7] = [
+const MAGIC: [(&[u8], &str); 8] = [
     (&[0x1f, 0x8b], "a gzip archive; unpack it first (gunzip)"),
-    (b"PK\x03\x04", "a zip archive or a workbook; unpack it, or export the sheet as CSV"),
+    (
+        b"PK\x03\x04",
+        "a zip archive or a workbook; unpack it, or export the sheet as CSV (pandas.read_excel(FILE).to_csv(OUT, index=False))",
+    ),
     (b"\xfd7zXZ", "an xz archive; unpack it first (unxz)"),
     (&[0x28, 0xb5, 0x2f, 0xfd], "a zstd archive; unpack it first (unzstd)"),
     (b"BZh", "a bzip2 archive; unpack it first (bunzip2)"),
-    (b"TDSm", "a TDMS file; export it as text"),
+    (b"TDSm", "a TDMS file; write it as CSV (nptdms.TdmsFile(FILE).as_dataframe().to_csv(OUT))"),
+    (b"#ROSBAG", "a ROS bag; write its topics as CSV (rosbags, or ros2 bag convert)"),
     (b"\x89HDF", "an HDF5 file; export its table as CSV"),
 ];
 /// Bytes from which text is told from other content, and the part of control characters that text has at most.

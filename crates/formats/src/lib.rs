@@ -17,6 +17,7 @@ pub mod packed;
 pub mod results;
 pub mod table;
 pub mod trace;
+pub mod unit;
 pub mod vtu;
 
 pub use error::{Diagnostic, FormatError, collect};

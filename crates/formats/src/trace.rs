@@ -1,6 +1,6 @@
 //! Traces: named inputs over time, and the series of a motion, which is a trace with results.
 
-use crate::table::{Row, Table};
+use crate::table::{Table, TableRow};
 use crate::{Diagnostic, collect};
 
 /// Columns of the series that a motion writes.
@@ -99,7 +99,7 @@ pub fn around<Row>(rows: &[Row], time_s: impl Fn(&Row) -> f64, t_s: f64) -> ([&R
 }
 
 fn read_row(
-    row: &Row<'_>,
+    row: &TableRow<'_>,
     (time, columns): (usize, &[(usize, &str)]),
     before: Option<f64>,
     first: Option<&Vec<f64>>,

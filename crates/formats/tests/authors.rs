@@ -59,11 +59,7 @@ fn both_layouts_give_the_same_database_as_ours() {
 fn wrong_cells_are_named() {
     for (file, text, part) in [
         ("free.csv", "1,2\n3,x\n", "line 2, column 2: expected a finite number, found `x`"),
-        (
-            "free.csv",
-            "1,2\n3\n4,5\n6,7\n8,9\n",
-            "line 2: expected 2 columns, one a case in the parameter list, found 1",
-        ),
+        ("free.csv", "1,2\n3\n4,5\n6,7\n8,9\n", "line 2: expected 2 cells, found 1"),
         ("free.csv", "1,2\n3,4\n", "rows: expected 5 a node (X, Y, Z, U, S), found 2"),
         ("free.csv", "1,nan\n", "found `nan`"),
         ("free.csv", "", "rows: expected at least one, found none"),

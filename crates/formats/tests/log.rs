@@ -1,11 +1,17 @@
 //! Tables of benches: layouts, mappings, and what is reported of them.
 
+use formats::Diagnostic;
 use formats::log::{Log, Mapping};
+use formats::table::TableForm;
 use proptest::prelude::*;
 use std::path::Path;
 
+fn parse(text: &str) -> Result<Log, Diagnostic> {
+    Log::parse(text, &TableForm::default())
+}
+
 fn same(text: &str, headings: &[&str]) {
-    let log = Log::parse(text).unwrap();
+    let log = parse(text).unwrap();
     assert_eq!(log.headings, headings, "{text:?}");
     assert_eq!(log.columns, [[0.0, 0.5, 1.0], [1.5, 2.5, -3.0]], "{text:?}");
     assert!(log.damaged.is_empty(), "{text:?}: {:?}", log.damaged);
@@ -40,71 +46,70 @@ fn lines_with_labels_are_rows() {
         |heading: &str| format!("{heading}00:00:00.000 -> 1.5\n00:00:00.500 -> 2.5\n00:00:01.000 -> -3\n");
     same(&clocks(""), &["", ""]);
     same(&clocks("00:00:00.000 -> p\n"), &["time", "p"]);
-    let last = Log::parse("t:0,p:1\nt:1,p:2\nt:2,p:3\nt:3,p").unwrap();
+    let last = parse("t:0,p:1\nt:1,p:2\nt:2,p:3\nt:3,p").unwrap();
     assert_eq!((last.rows(), last.damaged.len()), (3, 1), "{last:?}");
-    let head = Log::parse("Width;6;mm\nWidth, cm\nt;p\n0;1\n1;2\n").unwrap();
+    let head = parse("Width;6;mm\nWidth, cm\nt;p\n0;1\n1;2\n").unwrap();
     assert_eq!(head.parameters, [("Width (mm)".to_owned(), 6.0)]);
 }
 
 #[test]
 fn clocks_are_seconds() {
-    let log = Log::parse("2023-01-10T23:59:59.5Z,1\n2023-01-11T00:00:00Z,2\n2023-01-11T02:00:01+02:00,3\n")
-        .unwrap();
+    let log =
+        parse("2023-01-10T23:59:59.5Z,1\n2023-01-11T00:00:00Z,2\n2023-01-11T02:00:01+02:00,3\n").unwrap();
     let steps: Vec<f64> = log.columns[0].windows(2).map(|t| t[1] - t[0]).collect();
     assert_eq!(steps, [0.5, 1.0]);
     assert_eq!(log.columns[0][1], 1_673_395_200.0);
-    assert_eq!(Log::parse("00:00:23.50\t1\n00:01:00.00\t2\n").unwrap().columns[0], [23.5, 60.0]);
+    assert_eq!(parse("00:00:23.50\t1\n00:01:00.00\t2\n").unwrap().columns[0], [23.5, 60.0]);
 }
 
 #[test]
 fn headings_of_motion_capture_and_instruments_are_joined() {
     let motive = "Format,1.2,Take,3\n\n,,Marker,,,Marker,,\n,,tip,,,mid,,\nFrame,Time (s),X,Y,Z,X,Y,Z\n0,0,1,2,3,4,5,6\n1,0.1,1,2,3,4,5,6\n";
-    let log = Log::parse(motive).unwrap();
+    let log = parse(motive).unwrap();
     assert_eq!(
         log.headings[1..6],
         ["Time (s)", "Marker tip X", "Marker tip Y", "Marker tip Z", "Marker mid X"]
     );
     let labview = "LabVIEW Measurement\t\nVersion\t2\n***End***\t\nSamples\t1200\t1200\nDate\t2021/06/03\t2021/06/03\n\
                    Delta_X\t0.05\t0.05\n***End***\t\t\nX_Value\tPressure (kPa)\tAngle\tComment\n0\t1\t2\n0.1\t2\t3\n0.2\t3\t4\n";
-    let log = Log::parse(labview).unwrap();
+    let log = parse(labview).unwrap();
     assert_eq!(log.headings, ["X_Value", "Pressure (kPa)", "Angle"]);
     assert_eq!((log.rows(), log.columns[0][2], log.separator), (3, 0.2, '\t'));
     assert!(!log.damaged.is_empty(), "rows among the parameters are named");
     let units = labview.replace("Samples\t1200\t1200", "Y_Unit_Label\tV\tdeg");
-    assert_eq!(Log::parse(&units).unwrap().headings, ["X_Value", "Pressure (kPa)", "Angle [deg]"]);
+    assert_eq!(parse(&units).unwrap().headings, ["X_Value", "Pressure (kPa)", "Angle [deg]"]);
     let metres = motive.replace("Take,3", "Length Units,Meters");
-    assert_eq!(Log::parse(&metres).unwrap().headings[2], "Marker tip X [Meters]");
+    assert_eq!(parse(&metres).unwrap().headings[2], "Marker tip X [Meters]");
     let tracked =
         "scorer,net,net,net\nparts,tip,tip,tip\ncoords,x,y,likelihood\n0,1.5,2,0.9\n1,1,2,0.9\n2,1,2,0.9\n";
-    assert_eq!(Log::parse(tracked).unwrap().headings[1..3], ["tip x", "tip y"]);
+    assert_eq!(parse(tracked).unwrap().headings[1..3], ["tip x", "tip y"]);
 }
 
 #[test]
 fn commas_between_quotes_are_decimal_or_thousands_by_the_file() {
-    let german = Log::parse("\"Zeit [ms]\",\"Druck\"\n\"0,5\",\"30,063\"\n\"50,0\",\"1,5\"\n").unwrap();
+    let german = parse("\"Zeit [ms]\",\"Druck\"\n\"0,5\",\"30,063\"\n\"50,0\",\"1,5\"\n").unwrap();
     assert_eq!(german.columns, [[0.5, 50.0], [30.063, 1.5]]);
-    let english = Log::parse("t,p\n0.5,\"1,234.5\"\n1.5,\"12,000.5\"\n").unwrap();
+    let english = parse("t,p\n0.5,\"1,234.5\"\n1.5,\"12,000.5\"\n").unwrap();
     assert_eq!(english.columns[1], [1234.5, 12_000.5]);
-    assert_eq!(Log::parse("0;1.234,5\n1;-1.000.000,25\n").unwrap().columns[1], [1234.5, -1_000_000.25]);
+    assert_eq!(parse("0;1.234,5\n1;-1.000.000,25\n").unwrap().columns[1], [1234.5, -1_000_000.25]);
 }
 
 #[test]
 fn clocks_with_halves_of_the_day_are_seconds() {
-    let log =
-        Log::parse("5/4/2023 11:59:59.5 AM,1\n5/4/2023 12:00:00 PM,2\n5/4/2023 1:00:00 PM,3\n").unwrap();
+    let log = parse("5/4/2023 11:59:59.5 AM,1\n5/4/2023 12:00:00 PM,2\n5/4/2023 1:00:00 PM,3\n").unwrap();
     let steps: Vec<f64> = log.columns[0].windows(2).map(|t| t[1] - t[0]).collect();
     assert_eq!(steps, [0.5, 3600.0]);
-    assert_eq!(Log::parse("12:00:01 AM\t1\n12:00:02 AM\t1\n").unwrap().columns[0], [1.0, 2.0]);
+    assert_eq!(parse("12:00:01 AM\t1\n12:00:02 AM\t1\n").unwrap().columns[0], [1.0, 2.0]);
 }
 
 #[test]
 fn damaged_lines_and_missing_values_are_reported() {
-    let log = Log::parse("t,p\n0,1\n1,nan\n2,\n3,broken,4\nt,p\n4,5\n5").unwrap();
+    let log = parse("t,p\n0,1\n1,nan\n2,\n3,broken,4\nt,p\n4,5\n5").unwrap();
     assert_eq!(log.lines, [2, 3, 4, 7]);
     assert!(log.columns[1][1].is_nan() && log.columns[1][2].is_nan());
     let places: Vec<&str> = log.damaged.iter().map(|d| d.place.as_str()).collect();
     assert_eq!(places, ["line 5", "line 6", "line 8"]);
-    assert!(Log::parse("only words\n").is_err());
+    assert!(parse("only words\n").is_err());
 }
 
 #[test]
@@ -116,7 +121,7 @@ fn encodings_of_spreadsheets_are_read() {
     let narrow: Vec<u8> = text.chars().map(|c| c as u8).collect();
     for bytes in [text.as_bytes().to_vec(), [&[0xff, 0xfe], &wide[..]].concat(), narrow] {
         std::fs::write(&path, bytes).unwrap();
-        let log = Log::read(&path).unwrap();
+        let log = Log::read(&path, &TableForm::default()).unwrap();
         assert_eq!((log.headings[1].as_str(), log.rows()), ("angle (\u{b0})", 2));
     }
 }
@@ -125,7 +130,7 @@ fn encodings_of_spreadsheets_are_read() {
 fn rows_are_in_order_of_time_and_a_second_run_is_refused() {
     let channel = "[[input]]\nname = \"pressure_mpa\"\ncolumn = 2\nunit = \"MPa\"\n";
     let mapping = mapping(&format!("{TIME}{channel}")).unwrap();
-    let apply = |text: &str| mapping.apply(&Log::parse(text).unwrap(), Path::new("run.csv"));
+    let apply = |text: &str| mapping.apply(&parse(text).unwrap(), Path::new("run.csv"));
     let sorted = apply("0,1\n20,3\n10,2\nnan,7\n30,4\n").unwrap();
     assert_eq!(
         (&sorted.time_s[..], &sorted.inputs[0].values[..]),
@@ -217,7 +222,7 @@ fn topics_written_at_different_instants_are_interpolated() {
     let text = "time = { column = 1, unit = \"ms\" }\n[[input]]\nname = \"p_mpa\"\ncolumn = \"/p/data[0]\"\nunit = \"MPa\"\n\
                 [[output]]\nname = \"x_mm\"\ncolumn = 3\nunit = \"mm\"\nconfidence = 4\n";
     let read =
-        |table: &str, text: &str| mapping(text).unwrap().apply(&Log::parse(table).unwrap(), Path::new("run"));
+        |table: &str, text: &str| mapping(text).unwrap().apply(&parse(table).unwrap(), Path::new("run"));
     let found = read(&table, text).unwrap();
     assert!((found.inputs[0].values[7] - 7.0).abs() < 1e-12 && found.outputs[0].values[7] == 7.0);
     assert!(
@@ -241,7 +246,7 @@ fn frame_moves_a_camera_plane_and_refuses_a_rotation_out_of_it() {
             marker("x", 2),
             marker("y", 3)
         );
-        mapping(&text).unwrap().apply(&Log::parse("0,10,20\n1,11,20\n").unwrap(), Path::new("run.csv"))
+        mapping(&text).unwrap().apply(&parse("0,10,20\n1,11,20\n").unwrap(), Path::new("run.csv"))
     };
     let turned = frame("[[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]").unwrap();
     assert_eq!([turned.outputs[0].values[0], turned.outputs[1].values[0]], [-19.0, 12.0]);
@@ -289,7 +294,7 @@ fn columns_become_quantities() {
         rotation = [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
         origin_mm = [100.0, 0.0, 0.0]
     "#;
-    let log = Log::parse("t,p,counts,u,y\n500,1,4,8,1\n1500,1,4,8,1\n2500,11,6,8,2\n").unwrap();
+    let log = parse("t,p,counts,u,y\n500,1,4,8,1\n1500,1,4,8,1\n2500,11,6,8,2\n").unwrap();
     let found = mapping(&format!("{TIME}{channels}")).unwrap().apply(&log, Path::new("run.csv")).unwrap();
     assert_eq!(found.time_s, [0.0, 1.0, 2.0]);
     assert_eq!(found.inputs[0].values[1], 0.0);
@@ -333,7 +338,7 @@ fn wrong_mappings_are_refused() {
         let found = mapping(&text).unwrap_err();
         assert!(found.contains(part), "{part} is not in {found}");
     }
-    let log = Log::parse("0,1\n1,2\n").unwrap();
+    let log = parse("0,1\n1,2\n").unwrap();
     for column in ["7", "0", "\"q\""] {
         let mapping = mapping(&channel("pressure_mpa", column, "unit = \"kPa\"")).unwrap();
         assert!(mapping.apply(&log, Path::new("run.csv")).is_err(), "{column}");
@@ -352,21 +357,21 @@ fn files_that_are_no_tables_are_refused_with_a_short_message() {
         [(archive, "gzip"), (noise, "binary"), (format!("a\n{wide}\n").into_bytes(), "line 2")]
     {
         std::fs::write(&path, bytes).unwrap();
-        let found = Log::read(&path).unwrap_err().to_string();
+        let found = Log::read(&path, &TableForm::default()).unwrap_err().to_string();
         assert!(found.contains(part) && found.len() < 2000, "{part}: {} bytes", found.len());
     }
     std::fs::write(&path, format!("t_s,{wide}\n0,{wide}\n")).unwrap();
     let found = formats::table::Table::read(&path, true).unwrap_err().to_string();
     assert!(found.contains("columns") && found.len() < 2000, "{} bytes", found.len());
     // A heading of any length in a table that is one.
-    let log = Log::parse(&format!("t,{}\n0,1\n1,2\n", "x".repeat(1_000_000))).unwrap();
+    let log = parse(&format!("t,{}\n0,1\n1,2\n", "x".repeat(1_000_000))).unwrap();
     let mapping =
         mapping(&format!("{TIME}[[input]]\nname = \"p_mpa\"\ncolumn = \"q\"\nunit = \"kPa\"\n")).unwrap();
     let found = mapping.apply(&log, Path::new("run.csv")).unwrap_err().to_string();
     assert!(found.contains("`q`") && found.len() < 5000, "{} bytes", found.len());
     // Degrees and micro signs of Latin-1 stay text.
     std::fs::write(&path, b"t (s),T (\xb0C)\n0,1\n1,2\n").unwrap();
-    assert_eq!(Log::read(&path).unwrap().rows(), 2);
+    assert_eq!(Log::read(&path, &TableForm::default()).unwrap().rows(), 2);
 }
 
 #[test]
@@ -393,7 +398,7 @@ fn faults_of_sensors_and_clocks_are_remarked() {
         })
         .collect();
     let mapping = mapping(&format!("{TIME}{channels}")).unwrap();
-    let found = mapping.apply(&Log::parse(&text).unwrap(), Path::new("run.csv")).unwrap();
+    let found = mapping.apply(&parse(&text).unwrap(), Path::new("run.csv")).unwrap();
     for part in [
         "time: 1 repeated stamps, the first in line 21",
         "time: 1 stamps before the one above (sorted), the first in line 31",
@@ -435,7 +440,7 @@ proptest! {
             channel("output", "tip_x_mm", "tip", "cm"),
         ))
         .unwrap();
-        let apply = |table: &str| mapping.apply(&Log::parse(table).unwrap(), Path::new("run.csv"));
+        let apply = |table: &str| mapping.apply(&parse(table).unwrap(), Path::new("run.csv"));
         let found = apply(&table(&order)).unwrap();
         let series = [(&found.inputs[0].values, 1e-3), (&found.inputs[1].values, 0.1), (&found.outputs[0].values, 10.0)];
         for (column, (found, factor)) in (1..4).zip(series) {
@@ -446,4 +451,85 @@ proptest! {
         }
         prop_assert!(apply(&table(&[&order[..], &[twice]].concat())).is_err(), "{} twice", headings[twice]);
     }
+}
+
+/// `2.100` is 2.1 or 2100: the other numbers tell, or nobody does.
+#[test]
+fn groups_of_thousands_are_told_by_the_table_or_the_column_has_no_values() {
+    let last = |text: &str| *parse(text).unwrap().columns[1].last().unwrap();
+    assert_eq!(last("t;f\n0,5;976\n1,5;2.100\n"), 2100.0);
+    assert_eq!(last("t\tf\n0.5\t976\n1.5\t2,100\n"), 2100.0);
+    assert_eq!(last("t,f\n0.5,976\n1.5,\"2,100\"\n"), 2100.0);
+    assert_eq!(last("t;f\n0.5;976\n1.5;2'100\n"), 2100.0);
+    assert_eq!(last("t;f\n0,5;976\n1,5;2\u{202f}100,5\n"), 2100.5);
+    assert_eq!(last("t;f\n1;1.250\n2;2.100\n"), 2.1);
+    let doubtful = parse("t;f\n1;976\n2;2.100\n").unwrap();
+    assert!(doubtful.doubts[1].is_some() && doubtful.columns[1].iter().all(|v| v.is_nan()));
+    assert!(parse("t;f\n1;0,5\n2;0.5\n").unwrap().doubts[1].is_some());
+    let said = TableForm { decimal: Some(','), ..TableForm::default() };
+    assert_eq!(Log::parse("t;f\n1;976\n2;2.100\n", &said).unwrap().columns[1], [976.0, 2100.0]);
+    let remarks = parse("t;f\n0,5;976\n1,5;2.100\n").unwrap().remarks;
+    assert_eq!(remarks.len(), 1, "{remarks:?}");
+}
+
+#[test]
+fn headings_of_rows_with_names_are_refused_until_the_mapping_tells() {
+    let table = "\"strain\",\"stress\"\n\"1\",0.01,0.002\n\"2\",0.02,0.004\n";
+    assert_eq!(parse(table).unwrap_err().place, "line 1");
+    let form = |row_names| TableForm { row_names: Some(row_names), ..TableForm::default() };
+    assert_eq!(Log::parse(table, &form(true)).unwrap().headings, ["", "strain", "stress"]);
+    assert_eq!(Log::parse(table, &form(false)).unwrap().headings, ["strain", "stress", ""]);
+    // A separator at the end of each row is no column, an empty cell at its begin is one.
+    assert_eq!(parse("t;p\n0;1;\n1;2;\n").unwrap().headings, ["t", "p", ""]);
+    let named = parse("\tt\tp\n0\t0.5\t1\n1\t1.5\t2\n").unwrap();
+    assert_eq!(
+        (&named.headings[1..], &named.columns[1][..]),
+        (&["t".into(), "p".into()][..], &[0.5, 1.5][..])
+    );
+    assert_eq!(parse("t\ta\tb\n0\t1\t2\n1\t1\t\n2\t\t\n").unwrap().rows(), 3);
+    let inches = parse("Time (s),Extension (\"),Load (lbf)\n0,1,2\n1,2,3\n").unwrap();
+    assert_eq!(inches.headings, ["Time (s)", "Extension (\")", "Load (lbf)"]);
+}
+
+#[test]
+fn dates_and_clocks_are_read_by_their_column() {
+    let span = |rows: [&str; 2]| {
+        let log = parse(&format!("{},1\n{},2\n", rows[0], rows[1])).unwrap();
+        log.columns[0][1] - log.columns[0][0]
+    };
+    assert_eq!(span(["09/03/2024 23:59:59", "10/03/2024 00:00:00"]), 1.0);
+    assert_eq!(span(["3/9/2024 23:59:59", "3/10/2024 00:00:00"]), 1.0);
+    assert_eq!(span(["31/01/2024 23:59:59", "01/02/2024 00:00:00"]), 1.0);
+    assert_eq!(span(["00:59.5", "01:00.0"]), 0.5);
+    assert_eq!(span(["10:00:00:500", "10:00:01:000"]), 0.5);
+    let doubt = |text: &str| parse(text).unwrap().doubts[0].is_some();
+    assert!(doubt("12:30,1\n12:31,2\n") && doubt("03/03/2024 10:00:00,1\n05/05/2024 10:00:00,2\n"));
+    let glued = parse("t=0ms P=30.0kPa\nt=20ms P=31.0kPa\n").unwrap();
+    assert_eq!((glued.headings[0].as_str(), &glued.columns[1][..]), ("t [ms]", &[30.0, 31.0][..]));
+}
+
+#[test]
+fn angles_are_continued_and_lost_markers_are_missing() {
+    let text = format!(
+        "{TIME}[[input]]\nname = \"pressure_mpa\"\ncolumn = 2\nunit = \"kPa\"\n[[output]]\nname = \"angle_deg\"\ncolumn = 3\nunit = \"deg\"\n\
+         [[output]]\nname = \"tip_x_mm\"\ncolumn = 4\nunit = \"mm\"\n[[output]]\nname = \"tip_y_mm\"\ncolumn = 5\nunit = \"mm\"\n"
+    );
+    let mapping = mapping(&text).unwrap();
+    let mut table = String::new();
+    for row in 0..100_i32 {
+        let angle = f64::from((row * 3 + 180) % 360 - 180);
+        let (x, y) = match row {
+            40..50 => (0.0, 0.0),
+            60..75 => (60.5, 30.25),
+            _ => (f64::from(row) + 0.5, 0.5 * f64::from(row) + 0.25),
+        };
+        table += &format!("{row},{row},{angle},{x},{y}\n");
+    }
+    let found = mapping.apply(&parse(&table).unwrap(), Path::new("run.csv")).unwrap();
+    assert_eq!(found.outputs[0].values[99], 297.0);
+    let missing: Vec<usize> = (0..100).filter(|row| found.outputs[1].values[*row].is_nan()).collect();
+    assert_eq!(missing, (40..50).chain(61..75).collect::<Vec<_>>());
+    assert!(found.outputs[2].values[41].is_nan() && found.outputs[2].values[39] == 19.75);
+    let backwards = mapping.apply(&parse("3,1,1,1,1\n2,1,1,1,1\n1,1,1,1,1\n").unwrap(), Path::new("run.csv"));
+    assert!(backwards.is_err());
 }

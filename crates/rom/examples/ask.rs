@@ -6,7 +6,7 @@ use rom::model_state::ModelState;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("expected the path of a model file")?;
-    let model = Model::from_bytes(&std::fs::read(path)?)?;
+    let (model, _) = Model::read(path)?;
     let mut state = ModelState::new(&model, &Selection::default())?;
     state.update(Inputs::new(0.06, 17.0))?; // MPa, mm
     let answer = state.evaluation();

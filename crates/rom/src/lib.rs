@@ -20,7 +20,7 @@
 //! use rom::{evaluator::Evaluator, inputs::Inputs, model::{Model, Selection}, reconstructor::Reconstructor};
 //!
 //! # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet/pneunet.twin");
-//! let model = Model::from_bytes(&std::fs::read(path)?)?; // `softtwin train` writes such a file
+//! let (model, _) = Model::read(path)?; // `softtwin train` writes such a file
 //! let evaluator = Evaluator::new(&model.header)?;
 //! let reconstructor = Reconstructor::new(&model, &Selection::default())?;
 //! let mut evaluation = evaluator.evaluation();

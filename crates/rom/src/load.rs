@@ -1,20 +1,54 @@
 //! Models from files: which blocks a selection needs, and which shapes the body can have.
 
 use crate::body::{Body, MAX_STRETCH, RegimeShapes};
-use crate::model::{BlockEntry, BlockKind, Model, ModelFileError, ModelReader, Selection};
+use crate::model::{BlockEntry, BlockKind, MAX_MODEL_BYTES, Model, ModelFileError, ModelReader, Selection};
 use crate::observable::Observables;
 use crate::probe::{MeshPoint, affine_coordinate};
 use crate::snapshots::FieldKind;
+use std::fs::File;
 use std::io::{Read, Seek};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Edges of the surface that are followed.
 const EDGES: usize = 64;
 
 impl Model {
+    /// The whole model from a file, every checksum verified, and the file's hash, whose first half states and fields carry.
+    ///
+    /// # Errors
+    /// I/O errors; what is no regular file or too long for a model; a damaged model.
+    pub fn read(path: impl AsRef<Path>) -> Result<(Self, [u8; 32]), ModelFileError> {
+        let mut bytes = Vec::new();
+        // A file that grows while it is read ends at the limit too.
+        model_file(path.as_ref())?.take(MAX_MODEL_BYTES).read_to_end(&mut bytes)?;
+        let mut reader = ModelReader::of_bytes(&bytes)?;
+        Ok((reader.load(&Selection::default())?, reader.hash()))
+    }
+
     /// The whole model from bytes, every checksum verified.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelFileError> {
         ModelReader::of_bytes(bytes)?.load(&Selection::default())
+    }
+}
+
+/// Opens a model file. It is asked what it is first, because opening a pipe would wait for its writer.
+fn model_file(path: &Path) -> Result<File, ModelFileError> {
+    let metadata = path.metadata()?;
+    match metadata.len() {
+        _ if !metadata.is_file() => Err(ModelFileError::NoFile),
+        found if found > MAX_MODEL_BYTES => Err(ModelFileError::TooLarge { found }),
+        _ => Ok(File::open(path)?),
+    }
+}
+
+impl ModelReader<File> {
+    /// Opens a model file and reads its header; blocks are read as they are asked for.
+    ///
+    /// # Errors
+    /// As [`Model::read`]; blocks are checked when they are read.
+    pub fn open_file(path: &Path) -> Result<Self, ModelFileError> {
+        Self::open(model_file(path)?)
     }
 }
 

@@ -1,6 +1,5 @@
 //! Inputs and surface of a model file, for programs other than the twin. No modes are read.
 
-use crate::file::{self, MAX_MODEL_BYTES};
 use crate::load::first;
 use rom::inputs::InputSpec;
 use rom::model::{BlockData, BlockKind, ModelReader};
@@ -39,8 +38,7 @@ impl KnownModel {
     /// # Errors
     /// Why the file cannot be read, or is no model.
     pub fn read(path: &Path) -> Result<Self, String> {
-        let file = file::open(path, MAX_MODEL_BYTES).map_err(|error| format!("cannot open: {error}"))?;
-        let mut reader = ModelReader::open(file).map_err(|error| error.to_string())?;
+        let mut reader = ModelReader::open_file(path).map_err(|error| error.to_string())?;
         let hash = first(&reader.hash());
         let entry = reader.blocks().iter().find(|entry| entry.kind == BlockKind::Surface).cloned();
         let blocks = reader.read_blocks(entry.as_slice()).map_err(|error| error.to_string())?;

@@ -2,7 +2,6 @@
 
 use crate::config::{self, ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Scene};
 use crate::estimation::{Estimator, SensorModel, measured_observables};
-use crate::file;
 use rom::branch;
 use rom::evaluation::Evaluation;
 use rom::model::{
@@ -110,9 +109,7 @@ pub fn load_scene(scene: &Scene, path: &Path) -> Result<Vec<Loaded>, ConfigError
 /// All problems of its model and its outputs.
 pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String>> {
     let at = |text: String| vec![format!("model: {text} ({})", model_path.display())];
-    let file =
-        file::open(model_path, file::MAX_MODEL_BYTES).map_err(|error| at(format!("cannot open: {error}")))?;
-    let mut reader = ModelReader::open(file).map_err(|error| at(error.to_string()))?;
+    let mut reader = ModelReader::open_file(model_path).map_err(|error| at(error.to_string()))?;
     let model_hash = first(&reader.hash());
     let mut header = reader.header().clone();
     header.body = reader.body().map_err(|error| at(error.to_string()))?;

@@ -1,7 +1,7 @@
 //! Opening and saving what commands work on, with errors that say whose mistake it was.
 
 use crate::failure::{configuration, usage};
-use anyhow::{Context, bail};
+use anyhow::bail;
 use fem::actuator::Actuator;
 use fem::plan::PlanError;
 use fem::run::RunError;
@@ -9,7 +9,7 @@ use fem::{Family, Problem};
 use formats::database::{self, ObstacleKind};
 pub use formats::file::quoted;
 use formats::{FormatError, file};
-use rom::model::{MAX_MODEL_BYTES, Model};
+use rom::model::{Model, ModelFileError};
 use rom::model_state::ModelState;
 use rom::reconstructor::{Peaks, ReconstructError};
 use rom::snapshots::Database;
@@ -25,13 +25,16 @@ pub fn model(path: &Path) -> anyhow::Result<Model> {
 
 /// Loads a whole model with the hash at the file's end, whose first half is in the headers of its fields.
 pub fn model_and_hash(path: &Path) -> anyhow::Result<(Model, [u8; 32])> {
-    let bytes = file::read_bytes(path, MAX_MODEL_BYTES)
-        .map_err(refusal)
-        .with_context(|| format!("cannot read the model {}; `softtwin train` makes one", path.display()))?;
-    let model =
-        Model::from_bytes(&bytes).with_context(|| path.display().to_string()).map_err(configuration)?;
-    let hash = *bytes.last_chunk::<32>().context("the model file has no hash")?;
-    Ok((model, hash))
+    Model::read(path).map_err(|error| {
+        let is_missing = matches!(error, ModelFileError::Io(_));
+        let place = path.display();
+        let context = match is_missing {
+            true => format!("cannot read the model {place}; `softtwin train` makes one"),
+            false => place.to_string(),
+        };
+        let error = anyhow::Error::new(error).context(context);
+        if is_missing { error } else { configuration(error) }
+    })
 }
 
 /// Gives inputs of a model the values of `--set`.

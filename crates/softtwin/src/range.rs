@@ -1,6 +1,6 @@
 //! Parsers of arguments: numbers with their ranges, pressures and lengths also with a unit.
 
-use formats::log::unit::{Quantity, unit};
+use formats::unit::{Quantity, unit};
 pub use softtwind::range::{number, seconds};
 
 /// Largest pressure of an argument, MPa: only wrong units exceed it.

@@ -248,7 +248,7 @@ fn memory_of_a_recording_lowers_the_error_on_another_run() {
         let table = formats::table::Table::read(&folder.join(file), true).unwrap();
         let at = table.column(name).unwrap();
         // A half-width is empty where the run goes beyond what was measured.
-        let value = |row: formats::table::Row| row.optional_number(at).unwrap().unwrap_or(f64::NAN);
+        let value = |row: formats::table::TableRow| row.optional_number(at).unwrap().unwrap_or(f64::NAN);
         table.rows().map(|row| factor * value(row)).collect()
     };
     let rows = column("run2.csv", "t_s", 1.0).into_iter().zip(column("run2.csv", "p", 1e-3));

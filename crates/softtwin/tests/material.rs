@@ -186,7 +186,7 @@ fn bad_tables_have_defined_outcomes() {
     write("blank.csv", rows(4.0, |l| format!("{},{}", l - 1.0, bar_mpa(l))));
     write("force.csv", table("strain,Force (N)"));
     write("short.csv", "strain,stress_mpa\n0.1,0.01\n0.2,0.02\n".into());
-    write("below.csv", format!("strain,stress_mpa\n{}", rows(4.0, |l| format!("{},{}", -l, -bar_mpa(l)))));
+    write("below.csv", format!("strain,stress_mpa\n{}", rows(3.0, |l| format!("{},{}", -l, -bar_mpa(l)))));
     write(
         "kpa.csv",
         format!("strain,stress_mpa\n{}", rows(4.0, |l| format!("{},{}", l - 1.0, 1e3 * bar_mpa(l)))),

@@ -3,7 +3,7 @@
 use crate::calibration::{self, UnseenState};
 use crate::datasheet::DataSheet;
 use crate::evaluate::CaseReport;
-use formats::table::{Row, Table, to_text};
+use formats::table::{Table, TableRow, to_text};
 use formats::{FormatError, file};
 use rom::halfwidths::Errors;
 use rom::hull::DomainStatus;
@@ -70,7 +70,7 @@ pub fn read(path: &Path, model: &Model) -> Result<Vec<UnseenState>, FormatError>
     let (regime, [displacement, stress, force, predictions]) = (column("regime")?, ERRORS.map(column));
     let (errors, predictions) = ([displacement?, stress?, force?], predictions?);
     let names: Vec<_> = header.regimes.iter().map(|r| (r.kind.name(), r.kind)).collect();
-    let state = |row: Row<'_>| {
+    let state = |row: TableRow<'_>| {
         if row.text(predictions) != hash {
             return Err(row.diagnostic(
                 predictions,

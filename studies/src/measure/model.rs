@@ -43,7 +43,7 @@ impl Args {
     /// Measures and prints.
     pub fn run(self) -> anyhow::Result<()> {
         let path = model()?;
-        let model = Model::from_bytes(&std::fs::read(&path)?)?;
+        let model = Model::read(&path)?.0;
         let mut state = ModelState::new(&model, &Selection::default())?;
         let library = program("softtwind")?.with_file_name("libcapi.so");
         let mut python = Command::new(PYTHON);

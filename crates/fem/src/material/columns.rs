@@ -1,8 +1,9 @@
 //! Which column of a test's table holds what: what its description says, and what its headings tell.
 
 use super::Deformation;
-use formats::log::{Column, Log, unit};
-use formats::{Diagnostic, FormatError, file};
+use formats::log::{Column, Log};
+use formats::table::TableForm;
+use formats::{Diagnostic, FormatError, file, unit};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -140,6 +141,9 @@ impl<Q> TestColumn<Q> {
 pub struct TestDescription {
     /// The table.
     pub file: PathBuf,
+    /// What the table leaves open.
+    #[serde(default)]
+    pub table: TableForm,
     /// TestKind; by default from the file's name.
     pub test: Option<TestKind>,
     /// Weight of the test's error.
@@ -218,8 +222,10 @@ pub(super) struct ChosenColumn<Q> {
     pub(super) note: String,
 }
 
-/// Largest engineering strain without a unit; larger ones are percent.
-const LARGEST_STRAIN: f64 = 20.0;
+/// Largest engineering strain that a column without a unit may reach to be a number: few elastomers reach more.
+const LARGEST_STRAIN: f64 = 3.0;
+/// Engineering strain that no elastomer reaches: a column without a unit is in percent. Between the two, the unit has to be given.
+const LEAST_PERCENT: f64 = 20.0;
 
 /// Column of the deformation.
 ///
@@ -251,7 +257,13 @@ pub(super) fn deformation(
                     "unit of a strain: expected 1 or %, found `{other}`; give --deformation-unit"
                 ));
             }
-            None if largest > LARGEST_STRAIN => (0.01, format!("%, as it reaches {largest:.0}")),
+            None if largest > LARGEST_STRAIN && largest <= LEAST_PERCENT => {
+                return Err(format!(
+                    "column {} `{heading}` reaches {largest:.2} and has no unit; say --deformation-unit 1 or --deformation-unit %",
+                    index + 1
+                ));
+            }
+            None if largest > LEAST_PERCENT => (0.01, format!("%, as it reaches {largest:.0}")),
             None => (1.0, format!("1, as it reaches {largest:.2}")),
         },
     };
@@ -311,19 +323,41 @@ fn column<Q: Copy>(
     let roles: Vec<Option<(u32, Q)>> = log.headings.iter().map(|heading| role(heading)).collect();
     if let Some(column) = &given.column {
         let index = index(log, column, what)?;
-        return Ok((index, roles[index].map(|(_, quantity)| quantity)));
+        return match &log.doubts[index] {
+            Some(doubt) => Err(format!("column {}: {doubt}", index + 1)),
+            None => Ok((index, roles[index].map(|(_, quantity)| quantity))),
+        };
     }
-    let found = roles
-        .iter()
-        .enumerate()
-        .filter_map(|(index, role)| role.map(|(rank, quantity)| (rank, index, quantity)));
-    let best = found.min_by_key(|(rank, index, _)| (*rank, *index));
-    best.map(|(_, index, quantity)| (index, Some(quantity))).ok_or_else(|| {
-        format!(
-            "no heading names the {what}; found {}; give --{what}-column, --{what} and --{what}-unit",
+    // A channel that was not connected is exported as zeros or empty cells: it is no candidate.
+    let moves = |index: &usize| {
+        let mut values = log.columns[*index].iter().filter(|v| v.is_finite());
+        let first = values.next();
+        log.doubts[*index].is_some() || values.any(|v| Some(v) != first)
+    };
+    let candidates: Vec<(usize, u32, Q)> = (0..roles.len())
+        .filter(moves)
+        .filter_map(|index| roles[index].map(|(rank, quantity)| (index, rank, quantity)))
+        .collect();
+    let least = candidates.iter().map(|(_, rank, _)| *rank).min();
+    let best: Vec<_> = candidates.iter().filter(|(_, rank, _)| Some(*rank) == least).collect();
+    match best[..] {
+        [(index, _, quantity)] => match &log.doubts[*index] {
+            Some(doubt) => Err(format!("column {}: {doubt}", index + 1)),
+            None => Ok((*index, Some(*quantity))),
+        },
+        [] => Err(format!(
+            "no heading of a column whose values change names the {what}; found {}; give --{what}-column, --{what} and --{what}-unit",
             columns(log)
-        )
-    })
+        )),
+        ref several => {
+            let numbers: Vec<String> = several.iter().map(|(index, ..)| (index + 1).to_string()).collect();
+            Err(format!(
+                "columns {} may be the {what}; found {}; give --{what}-column",
+                numbers.join(", "),
+                columns(log)
+            ))
+        }
+    }
 }
 
 /// Position of a column by its number, or by its heading in any case, with or without the unit.
@@ -400,7 +434,7 @@ fn unit_of(heading: &str) -> Option<String> {
 fn extension(heading: &str) -> Option<(u32, DeformationQuantity)> {
     let lower = heading.to_lowercase();
     let has = |words: &[&str]| words.iter().any(|word| lower.contains(word));
-    if has(&["rate", "energy", "speed", "lateral", "transverse", "width", "stress", "time"]) {
+    if has(&["rate", "energy", "speed", "lateral", "transverse", "quer", "width", "stress", "time"]) {
         return None;
     }
     let is_length = unit_of(heading)

@@ -7,7 +7,8 @@ use super::columns::{
 use super::fit::{self, Family, Fitted, Test, stretch_range};
 use super::{Deformation, Hyperelastic};
 use formats::FormatError;
-use formats::log::{Log, unit};
+use formats::log::Log;
+use formats::unit;
 use rom::statistics::{mean, median};
 
 /// A test that was read.
@@ -70,6 +71,9 @@ const SAME_STRETCH: f64 = 1e-6;
 const TURN: f64 = 0.05;
 /// Fraction of the largest stress below which a specimen that is pulled on has failed.
 const FAILED: f64 = 0.8;
+/// Stretch from which a test does not begin at rest, and fraction of the largest stress below which it is not loaded.
+const FAR_FROM_REST: f64 = 1.15;
+const UNLOADED: f64 = 0.1;
 /// Stretch of the rows from which the origin is found.
 const FIRST_STRETCH: f64 = 1.3;
 /// Fraction of the stress of the first rows above which a specimen is taut.
@@ -85,7 +89,7 @@ impl Specimen {
     pub fn read(description: &TestDescription, max_strain: f64) -> Result<Self, FormatError> {
         let path = &description.file;
         let error = |text: String| FormatError::refused(path, text);
-        let log = Log::read(path)?;
+        let log = Log::read(path, &description.table)?;
         let deformation = columns::deformation(&log, &description.deformation).map_err(error)?;
         let load = columns::load(&log, &description.load).map_err(error)?;
         let mut notes = vec![deformation.note.clone(), load.note.clone()];
@@ -146,7 +150,10 @@ impl Specimen {
                 log.rows()
             ));
         }
-        let (kind, why) = description.test.map_or_else(|| guessed(&name, &log), |kind| (kind, ""));
+        let (kind, why) = match description.test {
+            Some(kind) => (kind, ""),
+            None => guessed(&name, &log).map_err(error)?,
+        };
         if !why.is_empty() {
             notes.push(format!("a {} test, {why}; --test states it", kind.word()));
         }
@@ -164,6 +171,14 @@ impl Specimen {
         if compressed && rows.iter().map(|row| row[1]).sum::<f64>() > 0.0 {
             rows.iter_mut().for_each(|row| row[1] = -row[1]);
             notes.push("compression with positive loads: their sign is changed".into());
+        }
+        if description.origin == CurveOrigin::Table
+            && let Some(begin) = begins_stretched(&rows)
+        {
+            return Err(error(format!(
+                "expected a test that begins near no strain, found a stretch of {begin:.2} with hardly any load; an elongation that counts from \
+                 100 % is --deformation stretch, a distance of grips needs its first value as --length-mm, and --origin slack removes slack"
+            )));
         }
         if load.quantity == LoadQuantity::TrueStress {
             rows.iter_mut().for_each(|row| row[1] /= row[0]);
@@ -212,16 +227,33 @@ impl Specimen {
 }
 
 /// Kind by the file's name and headings.
-fn guessed(name: &str, log: &Log) -> (TestKind, &'static str) {
+///
+/// # Errors
+/// A kind that no law is fitted to.
+fn guessed(name: &str, log: &Log) -> Result<(TestKind, &'static str), String> {
     let text = format!("{name} {}", log.headings.join(" ")).to_lowercase();
     let has = |words: &[&str]| words.iter().any(|word| text.contains(word));
-    match () {
-        () if has(&["planar", "pure shear", "pure_shear", "pureshear"]) => (TestKind::Planar, "by its name"),
-        () if has(&["biax", "bi-ax", "bubble", "bulge", "balloon"]) => (TestKind::Biaxial, "by its name"),
-        () if has(&["compress"]) => (TestKind::Compression, "by its name"),
-        () if has(&["uniax", "tens", "strip", "d412", "iso37"]) => (TestKind::Uniaxial, "by its name"),
-        () => (TestKind::Uniaxial, "assumed"),
-    }
+    let kind = match () {
+        () if has(&["planar", "pure shear", "pure_shear", "pureshear"]) => TestKind::Planar,
+        () if has(&["shear", "torsion"]) => {
+            return Err("expected uniaxial, planar (pure shear), biaxial or compression, found a test of simple shear or torsion by its \
+                        name; if it is one of these kinds, say --test"
+                .into());
+        }
+        () if has(&["biax", "bi-ax", "bubble", "bulge", "balloon"]) => TestKind::Biaxial,
+        () if has(&["compress"]) => TestKind::Compression,
+        () if has(&["uniax", "tens", "strip", "d412", "iso37"]) => TestKind::Uniaxial,
+        () => return Ok((TestKind::Uniaxial, "assumed")),
+    };
+    Ok((kind, "by its name"))
+}
+
+/// The least stretch of a test in which the specimen is stretched from the beginning, but not loaded: its origin is another one.
+fn begins_stretched(rows: &[[f64; 2]]) -> Option<f64> {
+    let reach = |row: &[f64; 2]| row[0].ln().abs();
+    let [stretch, stress] = rows.iter().min_by(|a, b| reach(a).total_cmp(&reach(b)))?;
+    let most = rows.iter().map(|row| row[1].abs()).fold(0.0, f64::max);
+    (stretch.ln().abs() > FAR_FROM_REST.ln() && stress.abs() < UNLOADED * most).then_some(*stretch)
 }
 
 /// Rows of the wanted branch, and the fraction of energy lost in the first and last loop.

@@ -124,7 +124,7 @@ fn read_rows(path: &Path, manifest: &Manifest, cases: &[Row]) -> Result<Vec<Sens
 }
 
 fn one(
-    row: &table::Row<'_>,
+    row: &table::TableRow<'_>,
     columns: [usize; 3],
     cases: &HashMap<&str, usize>,
     inputs: &[(&str, usize)],

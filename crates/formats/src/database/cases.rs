@@ -78,7 +78,7 @@ pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<Row>, FormatE
     let (mut cases, mut diagnostics, mut seen) = (Vec::new(), Vec::new(), HashMap::new());
     for row in table.rows() {
         let Some(case) = case(&row, &columns, &mut diagnostics) else { continue };
-        if let Some(first) = seen.insert(row.text(columns.name), row.place()) {
+        if let Some(first) = seen.insert(row.text(columns.name).to_owned(), row.place()) {
             let place = format!("{}, column case", row.place());
             let found = format!("`{}` of {first}", case.case.name);
             diagnostics.push(Diagnostic::new(place, "a name used once", found));
@@ -131,7 +131,7 @@ fn columns(table: &Table, manifest: &Manifest) -> Result<Columns, Vec<Diagnostic
     }
 }
 
-fn case(row: &table::Row<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Option<Row> {
+fn case(row: &table::TableRow<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Option<Row> {
     collect(row.check_width(false), diagnostics)?;
     let parameters: Vec<f64> =
         at.parameters.iter().filter_map(|column| collect(row.number(*column), diagnostics)).collect();

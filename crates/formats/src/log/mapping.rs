@@ -3,9 +3,10 @@
 use super::Log;
 use super::clock;
 use super::recording::{Recording, Series};
-use super::unit::{self, Quantity};
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
+use crate::table::TableForm;
+use crate::unit::{self, Quantity};
 use rom::statistics::median;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -15,6 +16,9 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mapping {
+    /// What the tables leave open.
+    #[serde(default)]
+    pub table: TableForm,
     /// Time of the rows.
     pub time: TimeColumn,
     /// Inputs of a model.
@@ -61,7 +65,7 @@ pub enum Column {
 #[serde(deny_unknown_fields)]
 pub struct TimeColumn {
     pub column: Option<Column>,
-    /// `s`, `ms`, `us`, `ns`.
+    /// `s`, `ms`, `us`, `ns`, `min`, `h`, `d`.
     pub unit: Option<String>,
     /// Rows per second of a log without time, or counts of the column per second.
     pub rate_hz: Option<f64>,
@@ -146,6 +150,15 @@ const MAX_STEP_BACK: f64 = 20.0;
 /// Share of the rows at one extreme value from which a column counts as saturated, and the fewest in a row.
 const SATURATED_SHARE: f64 = 0.02;
 const SATURATED_RUN: usize = 8;
+/// Median steps that a marker jumps at least to the zeros of a lost one; times the usual run of equal positions from which it is held; and the part
+/// of an input's range by which that moves meanwhile.
+const JUMP: f64 = 10.0;
+const HELD_RUNS: f64 = 4.0;
+const INPUT_MOVES: f64 = 0.02;
+/// Gap in time that is remarked, median steps.
+const LONG_GAP: f64 = 1000.0;
+/// Share of the stamps that step back from which the column is no time.
+const UNORDERED: f64 = 1.0 / 3.0;
 
 impl Mapping {
     /// Reads `log.toml`.
@@ -155,6 +168,7 @@ impl Mapping {
     pub fn read(path: &Path) -> Result<Self, FormatError> {
         let mapping: Self = file::read_toml(path, "[time], [[input]], [[output]] with name, column, unit")?;
         let mut errors = Vec::new();
+        let _ = collect(mapping.table.check(), &mut errors);
         let further = mapping.file.iter().flat_map(|file| file.input.iter().chain(&file.output));
         let channels: Vec<&Channel> = mapping.input.iter().chain(&mapping.output).chain(further).collect();
         for channel in &channels {
@@ -200,17 +214,18 @@ impl Mapping {
             let expected = format!("{} files of the mapping, joined by `+`", 1 + self.file.len());
             return Err(FormatError::one(run, Diagnostic::new("recording", expected, paths.len())));
         }
-        let first = self.apply(&Log::read(&paths[0])?, &paths[0])?;
+        let first = self.apply(&Log::read(&paths[0], &self.table)?, &paths[0])?;
         let mut further = Vec::new();
         for (file, path) in self.file.iter().zip(&paths[1..]) {
             let mapping = Self {
+                table: self.table.clone(),
                 time: file.time.clone(),
                 input: file.input.clone(),
                 output: file.output.clone(),
                 frame: self.frame.clone(),
                 file: Vec::new(),
             };
-            further.push((mapping.apply(&Log::read(path)?, path)?, file.offset_s));
+            further.push((mapping.apply(&Log::read(path, &self.table)?, path)?, file.offset_s));
         }
         clock::join(first, further).map_err(|found| FormatError::one(run, found))
     }
@@ -225,17 +240,25 @@ impl Mapping {
         if log.damaged.len() > 5 {
             remarks.push(format!("{} damaged lines in all; they are left out", log.damaged.len()));
         }
+        remarks.extend(log.remarks.iter().cloned());
         let stamps = collect(self.time.seconds(log), &mut errors).unwrap_or_default();
         remarks.extend(time_remarks(&stamps, &log.lines));
         let rows = collect(in_order(&stamps, &log.lines), &mut errors).unwrap_or_default();
         let time_s: Vec<f64> = rows.iter().map(|row| stamps[*row] - stamps[rows[0]]).collect();
+        let lost = self.lost_markers(log, &rows, &mut remarks);
         let mut series = |channels: &[Channel]| -> Vec<Series> {
-            let one = |channel: &Channel| {
-                let values = collect(channel.values(log, &rows, &time_s), &mut errors)?;
+            let quantity = |channel: &Channel| {
+                let mut values = collect(channel.values(log, &rows, &time_s), &mut errors)?;
+                if let Some((_, lost)) =
+                    lost.iter().find(|(marker, _)| marker_of(&channel.name) == Some(marker.as_str()))
+                {
+                    lost.iter().for_each(|row| values[*row] = f64::NAN);
+                }
+                remarks.extend(unwrap(&channel.name, &mut values));
                 remarks.extend(value_remarks(&channel.name, &values));
                 Some(Series { name: channel.name.clone(), values })
             };
-            channels.iter().filter_map(one).collect()
+            channels.iter().filter_map(quantity).collect()
         };
         let (mut inputs, mut outputs) = (series(&self.input), series(&self.output));
         clock::interleave(&time_s, &mut inputs, &mut outputs, &mut remarks);
@@ -244,6 +267,42 @@ impl Mapping {
         }
         let start_s = rows.first().map_or(0.0, |row| stamps[*row]);
         FormatError::check(Recording { start_s, time_s, inputs, outputs, remarks }, path, errors)
+    }
+}
+
+impl Mapping {
+    /// By marker of the outputs, the places in `rows` at which it was lost.
+    fn lost_markers(
+        &self,
+        log: &Log,
+        rows: &[usize],
+        remarks: &mut Vec<String>,
+    ) -> Vec<(String, Vec<usize>)> {
+        let columns = |channels: &mut dyn Iterator<Item = &Channel>| -> Vec<&[f64]> {
+            channels.filter_map(|channel| channel.column.find(log, &channel.name).ok()).collect()
+        };
+        let inputs = columns(&mut self.input.iter());
+        let markers: BTreeSet<&str> =
+            self.output.iter().filter_map(|channel| marker_of(&channel.name)).collect();
+        let mut all = Vec::new();
+        for marker in markers {
+            let own = self.output.iter().filter(|channel| marker_of(&channel.name) == Some(marker));
+            let coordinates = columns(&mut own.into_iter());
+            if coordinates.len() < 2 {
+                continue;
+            }
+            let lost = lost_rows(&coordinates, &inputs, rows);
+            if let Some(first) = lost.first() {
+                remarks.push(format!(
+                    "{marker}: lost in {} rows (all coordinates are 0 or repeat the last position while inputs move), which count as missing, \
+                     the first in line {}",
+                    lost.len(),
+                    log.lines[rows[*first]]
+                ));
+                all.push((marker.to_owned(), lost));
+            }
+        }
+        all
     }
 }
 
@@ -270,6 +329,9 @@ impl Column {
                 }
             }
         };
+        if let Some(doubt) = at.and_then(|at| log.doubts.get(at)?.as_ref()) {
+            return Err(Diagnostic::new(what, "a column that can be read in one way", doubt));
+        }
         let found = at.and_then(|at| log.columns.get(at)).map(Vec::as_slice);
         found.ok_or_else(|| {
             let found = format!("{} columns with the headings {:?}", log.columns.len(), log.headings);
@@ -288,7 +350,13 @@ impl TimeColumn {
             (Some(_), unit, None) => {
                 let spelling = unit.as_deref().unwrap_or("s");
                 let found = unit::unit(spelling).filter(|(quantity, _)| *quantity == Quantity::Time);
-                let wrong = || Diagnostic::new("time.unit", "s, ms, us or ns", format!("`{spelling}`"));
+                let wrong = || {
+                    Diagnostic::new(
+                        "time.unit",
+                        format!("one of {}", unit::known_of(Quantity::Time)),
+                        format!("`{spelling}`"),
+                    )
+                };
                 found.map(|(_, factor)| factor).ok_or_else(wrong)
             }
             (_, None, Some(rate_hz)) => within("time.rate_hz", rate_hz, RATE_HZ).map(|()| 1.0 / rate_hz),
@@ -388,14 +456,10 @@ impl Frame {
 
     /// Moves the markers. A camera's plane has two of the three coordinates: the rotation must then stay in that plane.
     fn apply(&self, outputs: &mut [Series]) -> Result<(), Diagnostic> {
-        const AXES: [&str; 3] = ["x", "y", "z"];
-        let marker = |series: &Series| {
-            let stem = series.name.strip_suffix("_mm")?;
-            AXES.iter().find_map(|axis| stem.strip_suffix(&format!("_{axis}"))).map(str::to_owned)
-        };
-        let markers: BTreeSet<String> = outputs.iter().filter_map(marker).collect();
+        let markers: BTreeSet<String> =
+            outputs.iter().filter_map(|series| marker_of(&series.name)).map(str::to_owned).collect();
         for marker in markers {
-            let place = |axis: &&str| outputs.iter().position(|s| s.name == format!("{marker}_{axis}_mm"));
+            let place = |axis: &char| outputs.iter().position(|s| s.name == format!("{marker}_{axis}_mm"));
             let places: Vec<Option<usize>> = AXES.iter().map(place).collect();
             let mixes = |to: usize, from: usize| {
                 (places[to].is_none() != places[from].is_none()) && self.rotation[to][from].abs() > RIGID
@@ -418,6 +482,88 @@ impl Frame {
     }
 }
 
+const AXES: [char; 3] = ['x', 'y', 'z'];
+
+/// `tip` of `tip_x_mm`.
+fn marker_of(name: &str) -> Option<&str> {
+    let (marker, axis) = name.strip_suffix("_mm")?.rsplit_once('_')?;
+    (axis.len() == 1 && axis.contains(AXES)).then_some(marker)
+}
+
+/// Rows in which the position of a marker is no measurement: cameras write a marker that they do not see as 0, 0, 0 or repeat its last position.
+///
+/// Zeros count where the position jumps to them, repeated positions where they are longer than the marker's other ones (a camera that is slower
+/// than the table repeats each position) and the inputs move meanwhile.
+fn lost_rows(coordinates: &[&[f64]], inputs: &[&[f64]], rows: &[usize]) -> Vec<usize> {
+    let is_same = |a: usize, b: usize| coordinates.iter().all(|values| values[a] == values[b]);
+    let distance = |a: usize, b: usize| {
+        coordinates.iter().map(|values| (values[a] - values[b]).powi(2)).sum::<f64>().sqrt()
+    };
+    let size = |row: usize| coordinates.iter().map(|values| values[row].powi(2)).sum::<f64>().sqrt();
+    let range = |values: &mut dyn Iterator<Item = f64>| {
+        let ends = values.filter(|v| v.is_finite());
+        let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        (high - low).max(0.0)
+    };
+    let moved = |run: &[usize]| {
+        inputs.iter().any(|values| {
+            let of_run = range(&mut run.iter().map(|row| values[*row]));
+            of_run > INPUT_MOVES * range(&mut values.iter().copied())
+        })
+    };
+    let runs: Vec<&[usize]> = rows.chunk_by(|a, b| is_same(*a, *b)).collect();
+    let usual = median(runs.iter().map(|run| run.len() as f64)).unwrap_or(1.0);
+    let step = median(rows.windows(2).map(|pair| distance(pair[0], pair[1])).filter(|d| *d > 0.0));
+    let jump = JUMP * step.unwrap_or(f64::INFINITY);
+    let mut lost = Vec::new();
+    let mut before = 0;
+    for run in &runs {
+        let behind = before + run.len();
+        let beside = [before.checked_sub(1), Some(behind)];
+        let mut beside = beside.into_iter().flatten().filter_map(|at| rows.get(at));
+        let is_zero = size(run[0]) == 0.0 && beside.any(|row| size(*row) > jump);
+        let is_held = run.len() >= SATURATED_RUN && run.len() as f64 > HELD_RUNS * usual && moved(run);
+        if is_zero || is_held {
+            // The first of repeated positions was measured.
+            lost.extend(before + usize::from(!is_zero)..behind);
+        }
+        before = behind;
+    }
+    lost
+}
+
+/// Continues an angle that is written as -180 to 180 or 0 to 360 degrees beyond its ends; returns the remark.
+fn unwrap(name: &str, values: &mut [f64]) -> Option<String> {
+    let turn = match name.rsplit('_').next() {
+        Some("deg") => 360.0,
+        Some("rad") => std::f64::consts::TAU,
+        _ => return None,
+    };
+    let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    let steps = || finite.windows(2).map(|pair| (pair[1] - pair[0]).abs() / turn);
+    let wraps = steps().filter(|step| *step > 0.75).count();
+    if wraps == 0 {
+        return None;
+    }
+    if steps().any(|step| (0.25..=0.75).contains(&step)) {
+        return Some(format!(
+            "{name}: {wraps} steps of nearly a full turn, left as they are because other steps are large too"
+        ));
+    }
+    let (mut turns, mut last) = (0.0, f64::NAN);
+    for value in values.iter_mut().filter(|value| value.is_finite()) {
+        let step = *value - last;
+        last = *value;
+        if step.abs() > 0.75 * turn {
+            turns -= step.signum();
+        }
+        *value += turns * turn;
+    }
+    Some(format!(
+        "{name}: {wraps} steps of nearly a full turn; the angle is continued beyond them by turns of {turn:.5}"
+    ))
+}
+
 /// Rows with a stamp, in order of time.
 fn in_order(stamps: &[f64], lines: &[usize]) -> Result<Vec<usize>, Diagnostic> {
     let mut rows: Vec<usize> = (0..stamps.len()).filter(|row| stamps[*row].is_finite()).collect();
@@ -430,6 +576,11 @@ fn in_order(stamps: &[f64], lines: &[usize]) -> Result<Vec<usize>, Diagnostic> {
             "a column with times",
             "none in any row; is it a column of words?",
         ));
+    }
+    let back = steps.iter().filter(|step| **step < 0.0).count();
+    if back as f64 > UNORDERED * steps.len() as f64 {
+        let found = format!("{back} of {} stamps before the one above", steps.len());
+        return Err(Diagnostic::new("time", "a column that rises; name another one in [time]", found));
     }
     if let Some(at) = steps.iter().position(|step| *step < -limit) {
         let found = format!("a step back by {:.3} s in line {}", -steps[at], lines[rows[at + 1]]);
@@ -455,6 +606,9 @@ fn time_remarks(time_s: &[f64], lines: &[usize]) -> Vec<String> {
     report("repeated stamps", &|step| step == 0.0);
     report("stamps before the one above (sorted)", &|step| step < 0.0);
     report("missing stamps (left out)", &|step: f64| step.is_nan());
+    let median = median(time_s.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0));
+    let long = LONG_GAP * median.unwrap_or(f64::INFINITY);
+    report("gaps of more than 1000 median steps", &|step| step > long);
     remarks
 }
 

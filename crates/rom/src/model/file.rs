@@ -60,6 +60,9 @@ pub enum ModelFileError {
     /// Shorter than it says.
     #[error("the model file is truncated: {what} needs {expected} bytes, found {found}; copy it again")]
     Truncated { what: String, expected: u64, found: u64 },
+    /// Something that could be read for ever.
+    #[error("expected a model file, found a folder, device or pipe")]
+    NoFile,
     /// Longer than any model.
     #[error("expected a model file of at most {MAX_MODEL_BYTES} bytes, found {found}")]
     TooLarge { found: u64 },

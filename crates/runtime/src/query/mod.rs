@@ -9,7 +9,6 @@ mod solve;
 pub use solve::{NoSolution, Solution, Solver};
 
 use crate::config::{self, ActuatorSpec, ConfigError, Gap, Queries, Scene, StateSpec};
-use crate::file;
 use crate::load::{Description, Loaded, LoadedOutput, load};
 use crate::measured::MeasuredInputs;
 use crate::publish::{self, Contents};
@@ -232,10 +231,8 @@ impl Answerer {
 }
 
 fn header(path: &Path) -> Result<ModelHeader, Vec<String>> {
-    let at = |text: String| vec![format!("model: {text} ({})", path.display())];
-    let file =
-        file::open(path, file::MAX_MODEL_BYTES).map_err(|error| at(format!("cannot open: {error}")))?;
-    let reader = ModelReader::open(file).map_err(|error| at(error.to_string()))?;
+    let reader = ModelReader::open_file(path);
+    let reader = reader.map_err(|error| vec![format!("model: {error} ({})", path.display())])?;
     Ok(reader.header().clone())
 }
 

@@ -1,4 +1,4 @@
-//! Lines of text: numbers between separators, or a JSON object.
+//! Lines of text: numbers between `;`, tabs or `, `, or where there is none of these between blanks; or a JSON object.
 
 use serde_json::{Map, Value};
 
@@ -36,8 +36,9 @@ pub enum LineError {
 /// Cells of a line.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cells {
-    /// Numbers between separators; `None` where there is nothing.
-    Numbers(Vec<Option<f64>>),
+    /// Numbers between separators; `None` where there is nothing. What is no number is an error for who needs it: a device may send its name, a clock or a
+    /// status as well.
+    Numbers(Vec<Result<Option<f64>, LineError>>),
     /// A JSON object.
     Json(Map<String, Value>),
 }
@@ -45,7 +46,7 @@ pub enum Cells {
 /// Takes one line without its end apart. `None` for empty lines and comments (`#`).
 pub fn parse_cells(line: &[u8], comma_separates: bool) -> Result<Option<Cells>, LineError> {
     let Some(text) = text_of(line)? else { return Ok(None) };
-    if text.starts_with('{') {
+    if text.trim_start().starts_with('{') {
         let object = serde_json::from_str(text);
         return object.map(|object| Some(Cells::Json(object))).map_err(json_error);
     }
@@ -56,10 +57,12 @@ pub fn parse_cells(line: &[u8], comma_separates: bool) -> Result<Option<Cells>, 
         "" => Ok(None),
         cell => cell.parse().map(Some).map_err(|_| not_a_number(cell)),
     };
-    text.split([',', ';', '\t'])
-        .map(number)
-        .collect::<Result<_, _>>()
-        .map(|cells| Some(Cells::Numbers(cells)))
+    const SEPARATORS: [char; 3] = [',', ';', '\t'];
+    let cells = match text.contains(SEPARATORS) {
+        true => text.split(SEPARATORS).map(number).collect(),
+        false => text.split_whitespace().map(number).collect(),
+    };
+    Ok(Some(Cells::Numbers(cells)))
 }
 
 fn not_a_number(cell: &str) -> LineError {
@@ -75,8 +78,9 @@ fn text_of(line: &[u8]) -> Result<Option<&str>, LineError> {
     if line.len() > MAX_LINE_BYTES {
         return Err(LineError::TooLong);
     }
-    let text = std::str::from_utf8(line).map_err(|_| LineError::NotText)?.trim();
-    Ok((!text.is_empty() && !text.starts_with('#')).then_some(text))
+    // A tab at either end is a separator beside an empty cell.
+    let text = std::str::from_utf8(line).map_err(|_| LineError::NotText)?.trim_matches([' ', '\r', '\0']);
+    Ok((!text.trim().is_empty() && !text.trim_start().starts_with('#')).then_some(text))
 }
 
 /// Whether a comma between two digits may be a decimal comma: nothing else in the line is a decimal point, or something else

@@ -1,6 +1,7 @@
 //! Traces from recordings: readings bit-identical to the published ones. A recording is a file or a folder of rotated files.
 
 use crate::file;
+use formats::Diagnostic;
 use recording::message::decode_reading;
 use recording::{Item, Message, ReadItems, RunClock, Series, SeriesReader, Stamps};
 use std::collections::BTreeSet;
@@ -146,7 +147,7 @@ impl Rows {
         match (&self.topic, self.number == 0) {
             (Some(topic), true) => Err(TraceError::NoSuchTopic { topic: topic.clone(), found }),
             (None, _) if found.contains(',') => Err(TraceError::SeveralTopics { found }),
-            (None, true) => Err(TraceError::Empty { what: "readings" }),
+            (None, true) => Err(TraceError::Empty),
             _ => Ok(()),
         }
     }
@@ -178,28 +179,13 @@ pub enum TraceError {
     /// The file could not be read.
     #[error("cannot read the trace: {cause}")]
     Unreadable { cause: String },
-    /// No header or no rows.
     #[error(
-        "the trace has no {what}; expected the header `t_s,pressure_mpa,gap_mm` and at least one row, or a recording with readings"
+        "the trace has no row; expected the header `t_s,pressure_mpa,gap_mm` and at least one row, or a recording with readings"
     )]
-    Empty {
-        /// `header`, `rows` or `readings`.
-        what: &'static str,
-    },
-    /// A required column is missing.
-    #[error("line {line}: the column `{column}` is missing; expected `{expected}`, found `{found}`")]
-    MissingColumn { line: usize, column: String, expected: String, found: String },
-    /// Two columns with one name.
-    #[error("line {line}: expected each column once, found `{column}` twice; remove or rename one of them")]
-    ColumnTwice { line: usize, column: String },
-    /// A quantity in another unit than the one that is read.
-    #[error(
-        "line {line}: expected the column `{expected}`, found `{found}`; convert its values and name it so"
-    )]
-    AnotherUnit { line: usize, found: String, expected: &'static str },
-    /// A cell is not a number.
-    #[error("line {line}, column `{column}`: expected a number, found `{found}`")]
-    NotANumber { line: usize, column: String, found: String },
+    Empty,
+    /// The table: a column, a cell, or the order of time.
+    #[error("{0}")]
+    Table(Diagnostic),
     /// A message of a recording that is no reading.
     #[error("reading {number} of the recording cannot be read: {cause}")]
     NotAReading { number: usize, cause: String },
@@ -214,7 +200,4 @@ pub enum TraceError {
         "the recording has more than {limit} readings; record with --rotate-minutes and replay the part you need"
     )]
     TooManyRows { limit: usize },
-    /// Time is not finite or runs backwards.
-    #[error("line {line}: time goes from {before} s to {found} s; expected rows in order of time")]
-    TimeOrder { line: usize, before: f64, found: f64 },
 }

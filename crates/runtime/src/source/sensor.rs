@@ -5,7 +5,7 @@ use super::reading::{
     BridgeWaker, FORCE, GAP, InputNames, MARKERS, NAMED, PRESSURE, QUANTITIES, SensorCounters,
 };
 use crate::problems::Problems;
-use formats::log::unit;
+use formats::unit;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Debug;

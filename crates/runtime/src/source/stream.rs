@@ -148,8 +148,9 @@ impl Pick {
         for (position, Picked { cell, is_marker }) in self.0.iter().enumerate() {
             let number = match (cell, &cells) {
                 (Cell::Number(number), Cells::Numbers(cells)) => match cells.get(number - 1) {
-                    Some(Some(number)) => *number,
-                    Some(None) if *is_marker => f64::NAN,
+                    Some(Ok(Some(number))) => *number,
+                    Some(Ok(None)) if *is_marker => f64::NAN,
+                    Some(Err(error)) => return Err(error.clone()),
                     _ => return Err(LineError::NoCell { cell: *number, found: cells.len() }),
                 },
                 (Cell::Key(key), Cells::Json(object)) => match object.get(key) {

@@ -9,9 +9,9 @@
 use super::reading::{InputNames, MARKERS, QUANTITIES, value_mut};
 use super::recorded::{self, TraceError};
 use crate::file;
-use formats::file::check_columns;
 use formats::log::Mapping;
-use formats::{Diagnostic, FormatError};
+use formats::table::{Table, TableRow};
+use formats::{Diagnostic, FormatError, collect, unit};
 use rom::statistics::median;
 use std::path::Path;
 use wire::SensorSample;
@@ -81,7 +81,7 @@ impl Trace {
             let cause = format!("expected a table as text or a recording, found {found}");
             return Err(vec![TraceError::Unreadable { cause }]);
         }
-        Self::parse_named(&String::from_utf8_lossy(&bytes), inputs)
+        Self::parse_named(String::from_utf8_lossy(&bytes), inputs)
     }
 
     /// Reads a table of a bench with the mapping of its columns (`log.toml`): the mapping's quantities are the columns of the trace.
@@ -96,7 +96,7 @@ impl Trace {
         for remark in &recording.remarks {
             tracing::warn!("{}: {remark}", path.display());
         }
-        Self::parse_named(&recording.csv(), inputs)
+        Self::parse_named(recording.csv(), inputs)
     }
 
     /// Parses a trace's text.
@@ -111,37 +111,29 @@ impl Trace {
     ///
     /// # Errors
     /// As [`Self::read`].
-    pub fn parse_named(text: &str, inputs: &InputNames) -> Result<Self, Vec<TraceError>> {
-        let mut lines = text
-            .trim_start_matches('\u{feff}')
-            .lines()
-            .enumerate()
-            .map(|(index, line)| (index + 1, line.trim()))
-            .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-        let (header_line, header) = lines.next().ok_or_else(|| vec![TraceError::Empty { what: "header" }])?;
-        let columns = Columns::find(header_line, header, inputs)?;
+    pub fn parse_named(text: impl Into<String>, inputs: &InputNames) -> Result<Self, Vec<TraceError>> {
+        let table = Table::parse(text, true).map_err(|wrong| vec![TraceError::Table(wrong)])?;
+        let all = |wrong: Vec<Diagnostic>| {
+            wrong.into_iter().take(MAX_PROBLEMS).map(TraceError::Table).collect::<Vec<_>>()
+        };
+        let columns = Columns::find(&table, inputs).map_err(all)?;
         let mut problems = Vec::new();
         let mut rows: Vec<SensorSample> = Vec::new();
         let mut line_of = Vec::new();
-        for (line, text) in lines {
-            match columns.row(line, text, rows.last().map(|row| row.t_trace_s)) {
-                Ok(row) => {
-                    rows.push(row);
-                    line_of.push(line);
-                }
-                Err(problem) => problems.push(problem),
-            }
+        for row in table.rows() {
+            let before_s = rows.last().map_or(f64::NEG_INFINITY, |row| row.t_trace_s);
+            let Some(sample) = collect(columns.sample(&row, before_s), &mut problems) else { continue };
+            rows.push(sample);
+            line_of.push(row.line);
             if problems.len() >= MAX_PROBLEMS {
                 break;
             }
         }
-        if rows.is_empty() && problems.is_empty() {
-            problems.push(TraceError::Empty { what: "rows" });
+        match (problems.is_empty(), rows.is_empty()) {
+            (false, _) => Err(all(problems)),
+            (true, true) => Err(vec![TraceError::Empty]),
+            (true, false) => Ok(Self::of_rows(rows, line_of)),
         }
-        if !problems.is_empty() {
-            return Err(problems);
-        }
-        Ok(Self::of_rows(rows, line_of))
     }
 
     /// Adds what is known about time as a whole.
@@ -210,52 +202,32 @@ fn is_gap(step_s: f64, period_s: f64) -> bool {
 /// The column that is read, for one of the same quantity in another unit (`pressure_kpa`, `gap`): its values would be taken for
 /// absent or for a model's input.
 pub fn in_another_unit(column: &str) -> Option<&'static str> {
-    const UNITS: [&str; 14] =
-        ["mpa", "kpa", "pa", "bar", "mbar", "psi", "mm", "cm", "m", "um", "in", "n", "mn", "gf"];
+    use unit::Quantity::{Force, Length, Pressure};
+    let is_unit = |text: &str| {
+        unit::unit(text).is_some_and(|(quantity, _)| matches!(quantity, Pressure | Length | Force))
+    };
     let mut known = ["pressure_mpa", "gap_mm", "measured_force_n"].into_iter().chain(marker_columns());
     let stem = |name: &str| {
         let lower = name.to_ascii_lowercase();
-        let cut =
-            lower.rsplit_once('_').filter(|(_, unit)| UNITS.contains(unit)).map(|(stem, _)| stem.to_owned());
+        let cut = lower.rsplit_once('_').filter(|(_, unit)| is_unit(unit)).map(|(stem, _)| stem.to_owned());
         cut.unwrap_or(lower)
     };
     known.find(|known| *known != column && stem(known) == stem(column))
 }
 
 impl Columns {
-    fn find(line: usize, header: &str, names: &InputNames) -> Result<Self, Vec<TraceError>> {
-        let too_many = |error: Diagnostic| vec![TraceError::Unreadable { cause: error.to_string() }];
-        check_columns(line, header.split(',').count()).map_err(too_many)?;
-        let columns = || header.split(',').map(str::trim);
-        let place = |name: &str| columns().position(|column| column == name);
-        let twice = |at: usize, column: &str| {
-            let is_again = !column.is_empty() && place(column) != Some(at);
-            is_again.then(|| TraceError::ColumnTwice { line, column: column.chars().take(40).collect() })
-        };
-        let needed =
-            ["t_s"].into_iter().chain(names.iter()).chain(names.has_no_input().then_some("pressure_mpa"));
-        let missing = |column: &str| TraceError::MissingColumn {
-            line,
-            column: column.to_owned(),
-            expected: match names.has_no_input() {
-                true => "t_s,pressure_mpa,gap_mm".into(),
-                false => ["t_s"].into_iter().chain(names.iter()).collect::<Vec<_>>().join(","),
-            },
-            found: header.chars().take(80).collect(),
-        };
-        let another = |column: &str| {
+    fn find(table: &Table, names: &InputNames) -> Result<Self, Vec<Diagnostic>> {
+        let header = table.header();
+        let place = |name: &str| header.iter().position(|column| column == name);
+        let needed = (["t_s"].into_iter().chain(names.iter()))
+            .chain(names.has_no_input().then_some("pressure_mpa"))
+            .filter_map(|name| table.column(name).err());
+        let in_another_unit = header.iter().filter_map(|column| {
             let expected = in_another_unit(column).filter(|_| !names.iter().any(|name| name == column))?;
-            (place(expected).is_none()).then(|| TraceError::AnotherUnit {
-                line,
-                found: column.chars().take(40).collect(),
-                expected,
-            })
-        };
-        let problems: Vec<TraceError> = (needed.filter(|column| place(column).is_none()).map(missing))
-            .chain(columns().filter_map(another))
-            .chain(columns().enumerate().filter_map(|(at, column)| twice(at, column)))
-            .take(MAX_PROBLEMS)
-            .collect();
+            let expected = format!("the column `{expected}`; convert its values and name it so");
+            Some(Diagnostic::new("header", expected, format!("`{column}`")))
+        });
+        let problems: Vec<Diagnostic> = needed.chain(in_another_unit).collect();
         match (place("t_s"), problems.is_empty()) {
             (Some(t_s), true) => Ok(Self {
                 t_s,
@@ -270,42 +242,35 @@ impl Columns {
         }
     }
 
-    fn row(&self, line: usize, text: &str, before: Option<f64>) -> Result<SensorSample, TraceError> {
-        let cell = |column: &str, place: usize| {
-            let found = text.split(',').nth(place).unwrap_or("").trim();
-            found.parse::<f64>().map_err(|_| TraceError::NotANumber {
-                line,
-                column: column.to_owned(),
-                found: found.chars().take(40).collect(),
-            })
-        };
+    fn sample(&self, row: &TableRow<'_>, before_s: f64) -> Result<SensorSample, Diagnostic> {
+        let optional = |place: Option<usize>| place.map_or(Ok(f64::NAN), |place| row.any_number(place));
         // A marker that was not seen, or an angle that was not found, leaves its cells empty.
-        let is_empty = |place: usize| text.split(',').nth(place).is_some_and(|cell| cell.trim().is_empty());
-        let optional = |column, place: Option<usize>| place.map_or(Ok(f64::NAN), |place| cell(column, place));
-        let mut row = SensorSample {
-            t_trace_s: cell("t_s", self.t_s)?,
-            pressure_mpa: optional("pressure_mpa", self.pressure_mpa)?,
-            gap_mm: optional("gap_mm", self.gap_mm)?,
-            measured_force_n: optional("measured_force_n", self.measured_force_n)?,
+        let or_nan =
+            |place: usize| if row.text(place).is_empty() { Ok(f64::NAN) } else { row.any_number(place) };
+        let mut sample = SensorSample {
+            t_trace_s: row.any_number(self.t_s)?,
+            pressure_mpa: optional(self.pressure_mpa)?,
+            gap_mm: optional(self.gap_mm)?,
+            measured_force_n: optional(self.measured_force_n)?,
             ..self.names.sample()
         };
-        for ((slot, column), name) in (MARKERS..).zip(&self.markers).zip(marker_columns()) {
+        for (slot, column) in (MARKERS..).zip(&self.markers) {
             let Some(place) = *column else { continue };
-            if let Some(value) = value_mut(&mut row, slot) {
-                *value = if is_empty(place) { f64::NAN } else { cell(name, place)? };
+            if let Some(value) = value_mut(&mut sample, slot) {
+                *value = or_nan(place)?;
             }
-            row.marker_values = 3 * ((slot - MARKERS) as u32 / 3) + 3;
+            sample.marker_values = 3 * ((slot - MARKERS) as u32 / 3) + 3;
         }
-        let named = self.inputs.iter().zip(self.names.iter()).enumerate();
-        for (value, (at, (place, name))) in row.inputs.iter_mut().zip(named) {
-            let is_missing = self.names.is_optional(at) && is_empty(*place);
-            *value = if is_missing { f64::NAN } else { cell(name, *place)? };
+        for (at, (value, place)) in sample.inputs.iter_mut().zip(&self.inputs).enumerate() {
+            *value = if self.names.is_optional(at) { or_nan(*place)? } else { row.any_number(*place)? };
         }
-        let before = before.unwrap_or(f64::NEG_INFINITY);
-        if !row.t_trace_s.is_finite() || row.t_trace_s < before {
-            return Err(TraceError::TimeOrder { line, before, found: row.t_trace_s });
+        if !sample.t_trace_s.is_finite() || sample.t_trace_s < before_s {
+            return Err(row.diagnostic(
+                self.t_s,
+                &format!("a finite time, not before {before_s} s, that of the row above"),
+            ));
         }
-        Ok(row)
+        Ok(sample)
     }
 }
 

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 fn cells(line: &str, comma_separates: bool) -> Result<Option<Vec<Option<f64>>>, LineError> {
     Ok(match parse_cells(line.as_bytes(), comma_separates)? {
-        Some(Cells::Numbers(numbers)) => Some(numbers),
+        Some(Cells::Numbers(numbers)) => Some(numbers.into_iter().collect::<Result<_, _>>()?),
         Some(Cells::Json(_)) | None => None,
     })
 }
@@ -24,7 +24,11 @@ fn lines_are_split_into_numbers_or_read_as_json() {
     let json = parse_cells(br#"{"pressure": 0.03, "serial": "A7"}"#, false);
     assert!(matches!(json, Ok(Some(Cells::Json(object))) if object.len() == 2));
     assert_eq!(cells("# started", true), Ok(None));
-    assert_eq!(cells("ERR 7", true), Err(LineError::NotANumber { found: "ERR 7".into() }));
+    assert_eq!(cells("ERR 7", true), Err(LineError::NotANumber { found: "ERR".into() }));
+    assert_eq!(numbers("+014.70 +025.00  000.00"), [14.7, 25.0, 0.0]);
+    assert_eq!(cells("\t30.25\t5", false), Ok(Some(vec![None, Some(30.25), Some(5.0)])));
+    let Ok(Some(Cells::Numbers(mixed))) = parse_cells(b"A;14.7;OK", false) else { panic!("cells") };
+    assert!(mixed[0].is_err() && mixed[1] == Ok(Some(14.7)) && mixed[2].is_err());
     assert_eq!(parse_cells(b"\xff\xfe", true), Err(LineError::NotText));
     assert!(matches!(parse_cells(b"{\"gap\": }", true), Err(LineError::Json { .. })));
 }
@@ -50,7 +54,7 @@ fn line_without_end_has_bounded_memory_and_is_one_error() {
     assert!(found == [Err(LineError::TooLong)], "reported before its end");
     assert!(buffer.line.capacity() < 4 * MAX_LINE_BYTES);
     buffer.split(b"\n0.5\n", |line| found.push(parse_cells(line, false)));
-    assert_eq!(found, [Err(LineError::TooLong), Ok(Some(Cells::Numbers(vec![Some(0.5)])))]);
+    assert_eq!(found, [Err(LineError::TooLong), Ok(Some(Cells::Numbers(vec![Ok(Some(0.5))])))]);
 }
 
 proptest! {
@@ -62,7 +66,7 @@ proptest! {
         for part in text.as_bytes().chunks(piece) {
             buffer.split(part, |line| found.push(parse_cells(line, false).unwrap().unwrap()));
         }
-        let expected: Vec<Cells> = values.iter().map(|value| Cells::Numbers(vec![Some(*value)])).collect();
+        let expected: Vec<Cells> = values.iter().map(|value| Cells::Numbers(vec![Ok(Some(*value))])).collect();
         prop_assert_eq!(found, expected);
     }
 

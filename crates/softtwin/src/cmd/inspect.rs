@@ -33,7 +33,7 @@ number or heading; columns whose unit could not be read from the heading are com
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Model (.twin), whose checksums are verified on the way; scene (.toml); or a bench's table (.csv, .txt, .tsv, .dat).
+    /// Model (.twin), whose checksums are verified on the way; scene (.toml); or a bench's table (any other ending).
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Print one JSON object instead of text.
@@ -68,11 +68,11 @@ impl Args {
     /// Prints what the file holds, by its ending.
     pub fn run(self) -> anyhow::Result<()> {
         match self.file.extension().and_then(|ending| ending.to_str()) {
-            Some("csv" | "txt" | "tsv" | "dat") if self.card.is_none() => {
+            Some(ending) if !["twin", "toml"].contains(&ending) && self.card.is_none() => {
                 return table::describe(&self.file, self.out.as_deref(), self.picture.as_deref(), self.json);
             }
             _ if self.out.is_some() || self.picture.is_some() => {
-                return Err(usage("--out and --picture belong to a table (.csv, .txt, .tsv, .dat)"));
+                return Err(usage("--out and --picture belong to a table"));
             }
             Some("toml") if self.card.is_none() => return scene::explain_scene(&self.file, self.json),
             _ => {}

@@ -12,6 +12,7 @@ use fem::material::{
     TestColumn, TestDescription, TestKind, material_text, read_list,
 };
 use formats::log::Column;
+use formats::table::TableForm;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -38,6 +39,7 @@ FILE is a table of a test (any separator, with or without headings), or a .toml 
   load = { column = 3, quantity = \"force\", unit = \"N\" }
   length_mm = 11.0
   area_mm2 = 150.0
+  table = { decimal = \",\" }  # also separator, row_names, dates
   weight = 0.5
   shape_only = true      # a specimen of another modulus, which is fitted
 In actuator.toml: [elastomer] file = \"silicone.toml\". Exit code 65: no law explains the tests.";
@@ -321,6 +323,7 @@ impl FitArgs {
             }
             all.push(TestDescription {
                 file: file.clone(),
+                table: TableForm::default(),
                 test: self.test.get(if self.test.len() == 1 { 0 } else { at }).copied(),
                 weight: 1.0,
                 shape_only: false,

@@ -5,7 +5,7 @@ use crate::{files, output};
 use anyhow::{Context, Result};
 use fmu::{ChosenNode, IDENTIFIER, MODEL_FILE, NODES_FILE};
 use formats::file;
-use rom::model::Model;
+use rom::model::{MAX_MODEL_BYTES, Model};
 use rom::probe::model_tip;
 use serde_json::json;
 use std::io::{Cursor, Write};
@@ -40,7 +40,7 @@ pub fn chosen(text: &str) -> Result<ChosenNode, String> {
 
 /// Writes the archive.
 pub fn write(source: &Path, out: &Path, mut nodes: Vec<ChosenNode>, as_json: bool) -> Result<()> {
-    let bytes = file::read_bytes(source, 4 << 30).map_err(files::refusal)?;
+    let bytes = file::read_bytes(source, MAX_MODEL_BYTES).map_err(files::refusal)?;
     let place = || source.display().to_string();
     let model = Model::from_bytes(&bytes).with_context(place).map_err(configuration)?;
     if nodes.is_empty() && model.is_measured() {

@@ -30,7 +30,7 @@ impl Goal {
             return Err(usage(format!("--trace {}: expected t_s and one of {expected}", path.display())));
         };
         let (time, value) = (table.column("t_s").map_err(place)?, table.column(name).map_err(place)?);
-        let row = |row: formats::table::Row<'_>| Ok([row.number(time)?, row.number(value)?]);
+        let row = |row: formats::table::TableRow<'_>| Ok([row.number(time)?, row.number(value)?]);
         let points: Result<Vec<[f64; 2]>, _> = table.rows().map(row).collect();
         let points = points.map_err(place)?;
         if points.is_empty() || points.windows(2).any(|pair| pair[1][0] <= pair[0][0]) {

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use formats::database::SPLITS;
 use formats::file::named_in;
 use formats::results::Run;
-use formats::table::{Row, Table};
+use formats::table::{Table, TableRow};
 use rom::snapshots::Split;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -110,9 +110,10 @@ impl Source<'_> {
     pub(super) fn unused(&self, paths: &[PathBuf]) -> Vec<String> {
         let Some((place, table)) = &self.table else { return Vec::new() };
         let Ok(file) = table.column("file") else { return Vec::new() };
-        let is_unused = |row: &Row<'_>| !paths.iter().any(|path| is_of(row.text(file), path));
-        let what =
-            |row: Row<'_>| format!("{}, {}: {} was not given", place.display(), row.place(), row.text(file));
+        let is_unused = |row: &TableRow<'_>| !paths.iter().any(|path| is_of(row.text(file), path));
+        let what = |row: TableRow<'_>| {
+            format!("{}, {}: {} was not given", place.display(), row.place(), row.text(file))
+        };
         table.rows().filter(is_unused).map(what).collect()
     }
 
@@ -134,7 +135,7 @@ impl Source<'_> {
 }
 
 /// The words and numbers of a row.
-fn read_row(table: &Table, row: &Row<'_>, labels: &mut Labels) -> Result<()> {
+fn read_row(table: &Table, row: &TableRow<'_>, labels: &mut Labels) -> Result<()> {
     row.check_width(false).map_err(|e| anyhow!("{e}"))?;
     for (column, name) in table.header().iter().enumerate() {
         let cell = row.text(column);

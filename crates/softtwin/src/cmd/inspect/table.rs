@@ -4,7 +4,9 @@
 use crate::bench::{line, panel, range};
 use crate::picture::{Figure, Mark};
 use crate::{files, output};
-use formats::log::{Log, unit};
+use formats::log::Log;
+use formats::table::TableForm;
+use formats::unit;
 use rom::statistics::median;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -20,6 +22,9 @@ struct Known {
     missing: usize,
     /// Median step, if all values are integers.
     integer_step: Option<f64>,
+    /// Days of a spreadsheet, if it is the time.
+    is_in_days: bool,
+    doubt: Option<String>,
     time: TimeSign,
 }
 
@@ -29,8 +34,10 @@ enum TimeSign {
     None,
     /// The first column, which rises.
     Rises,
-    Named,
+    /// It rises and has a unit of time, but another name.
     Unit,
+    Named,
+    NamedWithUnit,
 }
 
 /// Words of headings without a unit: input or output, and unit of the name.
@@ -45,18 +52,23 @@ const WORDS: [(&[&str], &str, &str); 5] = [
 const WANTED: [&str; 7] = ["command", "cmd", "desired", "target", "wanted", "setpoint", "soll"];
 /// Words of the confidence of a tracked position.
 const CONFIDENCE: [&str; 2] = ["likelihood", "confidence"];
+/// Ends of headings of absolute pressures.
+const ABSOLUTE: [&str; 3] = ["(a)", "abs", "psia"];
 /// Beginnings of headings of times.
 const TIME_NAMES: [&str; 8] = ["time", "t_", "zeit", "temps", "tiempo", "elapsed", "stamp", "date"];
 /// Units of times since 1970 by their size: ns from 1973 on, us, ms, s.
 const EPOCHS: [(f64, &str); 4] = [(1e17, "ns"), (1e14, "us"), (1e11, "ms"), (1e8, "s")];
+/// Days since 1900 of the years 1968 to 2064, as spreadsheets write times; the steps of a log are fractions of a day.
+const SPREADSHEET_DAYS: [f64; 2] = [25_000.0, 60_000.0];
+const LONGEST_STEP_DAYS: f64 = 0.01;
 /// Median step of integers from which they are ms instead of s.
 const MS_STEP: f64 = 2.0;
 
 /// Describes a table and proposes a mapping of its columns.
 pub fn describe(file: &Path, out: Option<&Path>, picture: Option<&Path>, json: bool) -> anyhow::Result<()> {
-    let log = Log::read(file).map_err(files::refusal)?;
+    let log = Log::read(file, &TableForm::default()).map_err(files::refusal)?;
     let columns: Vec<Known> = (0..log.columns.len()).map(|at| Known::of(&log, at)).collect();
-    // A unit of time says more than a name, and a name more than numbers that rise, as those of frames do.
+    // The name of a time with a unit of time says most; numbers that rise, as those of frames do, least.
     let time = (0..columns.len())
         .filter(|at| columns[*at].time > TimeSign::None)
         .max_by_key(|at| (columns[*at].time, columns.len() - at));
@@ -135,11 +147,18 @@ impl Known {
             finite.len() == values.len() && finite.windows(2).all(|pair| pair[1] >= pair[0]) && high > low;
         let is_integer = finite.iter().all(|v| v.fract() == 0.0);
         let steps = finite.windows(2).map(|pair| pair[1] - pair[0]);
-        let integer_step = if is_integer { median(steps) } else { None };
+        let step = median(steps);
+        let integer_step = step.filter(|_| is_integer);
+        let is_in_days = low >= SPREADSHEET_DAYS[0]
+            && high <= SPREADSHEET_DAYS[1]
+            && step.is_some_and(|step| step > 0.0 && step <= LONGEST_STEP_DAYS);
         let lower = heading.to_lowercase();
         let is_named = lower == "t" || TIME_NAMES.iter().any(|name| lower.starts_with(name));
         let time = match quantity {
-            Some(unit::Quantity::Time) => TimeSign::Unit,
+            Some(unit::Quantity::Time) if is_named => TimeSign::NamedWithUnit,
+            Some(unit::Quantity::Time) if rises || heading.len() == unit.as_deref().map_or(0, str::len) => {
+                TimeSign::Unit
+            }
             None if is_named && !finite.is_empty() => TimeSign::Named,
             None if at == 0 && rises => TimeSign::Rises,
             _ => TimeSign::None,
@@ -153,6 +172,8 @@ impl Known {
             high,
             missing: values.len() - finite.len(),
             integer_step,
+            is_in_days,
+            doubt: log.doubts[at].clone(),
             time,
         }
     }
@@ -212,6 +233,9 @@ impl Known {
     }
 
     fn text(&self) -> String {
+        if let Some(doubt) = &self.doubt {
+            return format!("{:>4}  {:<28} not read: {doubt}", self.number, self.heading);
+        }
         if self.low > self.high {
             return format!("{:>4}  {:<28} no value", self.number, self.heading);
         }
@@ -235,7 +259,7 @@ impl Known {
     fn json(&self) -> Value {
         let finite = |v: f64| Some(v).filter(|v| v.is_finite());
         json!({"column": self.number, "heading": self.heading, "unit": self.unit, "min": finite(self.low), "max": finite(self.high),
-            "missing": self.missing, "constant": self.is_constant()})
+            "missing": self.missing, "constant": self.is_constant(), "doubt": self.doubt})
     }
 }
 
@@ -249,11 +273,14 @@ fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
                 &format!("column = {} # counts rows or frames:\nrate_hz = 0 # of them per second\n", at + 1);
         }
         Some(at) => {
-            let spelling = columns[at].unit.as_deref().filter(|_| columns[at].time == TimeSign::Unit);
+            let has_unit = matches!(columns[at].time, TimeSign::Unit | TimeSign::NamedWithUnit);
+            let spelling = columns[at].unit.as_deref().filter(|_| has_unit);
+            let of_days = Some("d").filter(|_| columns[at].is_in_days);
             let of_size = EPOCHS.iter().find(|(from, _)| columns[at].low >= *from).map(|(_, unit)| *unit);
             let of_step = columns[at].integer_step.filter(|step| *step >= MS_STEP).map(|_| "ms");
-            let known = spelling.or(of_size).or(of_step).unwrap_or("s");
-            let note = if spelling.is_some() { "" } else { " # not in the heading: s, ms, us or ns" };
+            let known = spelling.or(of_days).or(of_size).or(of_step).unwrap_or("s");
+            let note =
+                if spelling.is_some() { "" } else { " # not in the heading: ns, us, ms, s, min, h or d" };
             text += &format!("column = {}\nunit = \"{known}\"{note}\n", at + 1);
         }
         None => {
@@ -303,6 +330,9 @@ fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
             None if column.counts() => "counts rows",
             None => "input or output and unit not known",
             _ if column.is_in_pixels() => "size of a pixel not known",
+            _ if column.quantity.is_none() && column.has(&ABSOLUTE) => {
+                "an absolute pressure: offset = -0.1013 MPa in its unit makes it one above the atmosphere's"
+            }
             _ if column.quantity.is_none() => "unit not known",
             _ => "",
         };

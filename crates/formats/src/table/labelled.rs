@@ -1,38 +1,32 @@
-//! Lines of serial monitors and of JSON as rows: `t:20,p:1.5`, `20 ms, P = 1.5 kPa`, `{"t": 20, "p": 1.5}`, `10:12:13.1 -> 1.5,2`.
+//! Lines of serial monitors and of JSON as rows: `t:20,p:1.5`, `t=20ms P=1.5kPa`, `20 ms, P = 1.5 kPa`, `{"t": 20, "p": 1.5}`, `10:12:13.1 -> 1.5,2`.
 
-use super::cell::is_content;
+use super::lines;
+use super::number::is_content;
+use crate::unit;
 
 /// Lines that decide whether the file has labels.
 const PROBE: usize = 200;
 /// Between the clock of a serial monitor and its line.
 const ARROW: &str = " -> ";
 
-/// Lines of a file with labels.
-pub(super) struct Labelled {
-    /// Label of each column.
-    pub labels: Vec<String>,
-    /// Number and text of each line, tabs between the values; lines without the labels are unchanged.
-    pub lines: Vec<(usize, String)>,
-}
-
-/// The lines as rows; `None` unless most of the first lines have the same labels.
-pub(super) fn rows(lines: &[(usize, &str)]) -> Option<Labelled> {
-    let content = || lines.iter().filter(|(_, line)| is_content(line));
+/// The label of each column, and the text with tabs between the values; `None` unless most of the first lines have the same labels. Lines without the
+/// labels are unchanged.
+pub(super) fn rows(text: &str) -> Option<(Vec<String>, String)> {
+    let all = || lines(text).map(|(_, place)| text[place].trim());
     let probe: Vec<Option<(Vec<String>, String)>> =
-        content().take(PROBE).map(|(_, line)| row(line)).collect();
+        all().filter(|line| is_content(line)).take(PROBE).map(row).collect();
     let votes = |labels: &[String]| probe.iter().flatten().filter(|(own, _)| own == labels).count();
     let (labels, _) = probe.iter().flatten().max_by_key(|(own, _)| votes(own))?;
     if 2 * votes(labels) <= probe.len() {
         return None;
     }
-    let one = |(number, line): &(usize, &str)| {
+    let rewritten = |line: &str| {
         let values = row(line).filter(|(own, _)| own == labels).map(|(_, values)| values);
         // Headings behind the clock have none.
         let headings = || line.split_once(ARROW).map(|(_, rest)| format!("time\t{}", cells(rest).join("\t")));
-        (*number, values.or_else(headings).unwrap_or_else(|| (*line).to_owned()))
+        values.or_else(headings).unwrap_or_else(|| line.to_owned())
     };
-    let lines = lines.iter().map(one).collect();
-    Some(Labelled { labels: labels.clone(), lines })
+    Some((labels.clone(), all().map(rewritten).collect::<Vec<_>>().join("\n")))
 }
 
 /// Labels and values of a line; `None` if it has neither labels nor a clock with an arrow.
@@ -65,13 +59,20 @@ fn cells(rest: &str) -> Vec<&str> {
 fn label(cell: &str) -> Option<(String, &str)> {
     let (name, value) = cell.split_once([':', '=']).unwrap_or(("", cell));
     let [name, value] = [name, value].map(|text| text.trim().trim_matches('"'));
-    let (value, unit) = value.split_once(char::is_whitespace).unwrap_or((value, ""));
+    let (value, unit) = value.split_once(char::is_whitespace).or_else(|| glued(value)).unwrap_or((value, ""));
     let unit = unit.trim();
     let is_named =
         name.starts_with(char::is_alphabetic) || (name.is_empty() && !unit.is_empty() && is_number(value));
     let is_unit = unit.is_empty() || (is_number(value) && !unit.contains(char::is_whitespace));
     let name = if unit.is_empty() { name.to_owned() } else { format!("{name} [{unit}]").trim().to_owned() };
     (is_named && is_unit && !value.is_empty()).then_some((name, value))
+}
+
+/// Number and unit of `20ms`.
+fn glued(value: &str) -> Option<(&str, &str)> {
+    let begin = value.rfind(|c: char| c.is_ascii_digit() || c == '.')? + 1;
+    let (number, spelling) = (&value[..begin], &value[begin..]);
+    (is_number(number) && unit::unit(spelling).is_some()).then_some((number, spelling))
 }
 
 fn is_number(cell: &str) -> bool {

@@ -13,15 +13,12 @@
 //! fields = { x = "X.csv", y = "Y.csv", z = "Z.csv", displacement = "U.csv", von_mises = "S.csv" }  # or a file per field
 //! ```
 
-mod matrix;
-mod parameters;
-
 use super::arrays;
-use super::cases::{ObstacleKind, REGIMES};
-use crate::error::{Diagnostic, FormatError};
+use super::cases::{ObstacleKind, REGIMES, SPLITS};
+use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
-use matrix::Matrix;
-use rom::snapshots::{Case, Database, FieldSpec, RegimeKind};
+use crate::table::{Table, TableRow};
+use rom::snapshots::{Case, Database, FieldSpec, RegimeKind, Split};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -30,7 +27,7 @@ pub(crate) const FILE: &str = "authors.toml";
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Description {
+struct AuthorsFile {
     actuator: String,
     mesh: Option<String>,
     set: Vec<Set>,
@@ -78,7 +75,7 @@ impl Fields {
 pub(crate) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, FormatError> {
     let path = dir.join(FILE);
     let wrong = |diagnostic| FormatError::one(&path, diagnostic);
-    let description: Description = file::read_toml(&path, "the keys of authors.toml")?;
+    let description: AuthorsFile = file::read_toml(&path, "the keys of authors.toml")?;
     let mut all = Collected::default();
     for set in &description.set {
         let (kind, regime) = set.kind().map_err(wrong)?;
@@ -121,7 +118,7 @@ impl Collected {
     ) -> Result<(), FormatError> {
         let place = format!("[[set]] {}", set.regime);
         let first = self.cases.len();
-        let cases = parameters::read(&dir.join(&set.parameters), regime, first)?;
+        let cases = read_parameters(&dir.join(&set.parameters), regime, first)?;
         let (nodes, snapshots) = match (&set.stacked, &set.fields) {
             (Some(file), None) => stacked(&dir.join(file), cases.len())?,
             (None, Some(fields)) => per_field(dir, fields, cases.len())?,
@@ -176,4 +173,103 @@ fn per_field(dir: &Path, fields: &Fields, cases: usize) -> Result<(usize, Vec<f3
         }
     }
     Ok((nodes, snapshots))
+}
+
+/// Number of errors after which reading stops.
+const MAX_DIAGNOSTICS: usize = 50;
+
+/// Rows and columns of finite numbers, without a header.
+struct Matrix {
+    rows: usize,
+    columns: usize,
+    values: Vec<f32>,
+}
+
+impl Matrix {
+    /// Reads a table with `columns` columns.
+    fn read(path: &Path, columns: usize) -> Result<Self, FormatError> {
+        let numbers: Vec<String> = (1..=columns).map(|column| column.to_string()).collect();
+        let numbers: Vec<&str> = numbers.iter().map(String::as_str).collect();
+        let table = Table::read_without_header(path, &numbers, file::MAX_DATA_BYTES)?;
+        let (mut values, mut diagnostics, mut rows) = (Vec::new(), Vec::new(), 0);
+        for row in table.rows() {
+            if collect(row.check_width(false), &mut diagnostics).is_some() {
+                let cells = (0..columns).map(|column| collect(row.number(column), &mut diagnostics));
+                values.extend(cells.map(|value| value.unwrap_or_default() as f32));
+            }
+            if diagnostics.len() >= MAX_DIAGNOSTICS {
+                break;
+            }
+            rows += 1;
+        }
+        if rows == 0 && diagnostics.is_empty() {
+            diagnostics.push(Diagnostic::new("rows", "at least one", "none"));
+        }
+        FormatError::check(Self { rows, columns, values }, path, diagnostics)
+    }
+
+    fn at(&self, row: usize, column: usize) -> f32 {
+        self.values[row * self.columns + column]
+    }
+
+    fn column(&self, column: usize) -> impl Iterator<Item = f32> + '_ {
+        self.values.iter().skip(column).step_by(self.columns).copied()
+    }
+}
+
+/// Columns by name; a list without a header has the first three in this order.
+const COLUMNS: [&str; 4] = ["pressure_mpa", "gap_mm", "contact_force_n", "split"];
+
+/// Reads the list; cases are named by their number from `first` on.
+fn read_parameters(path: &Path, regime: RegimeKind, first: usize) -> Result<Vec<Case>, FormatError> {
+    let mut table = Table::read(path, false)?;
+    if table.header().first().is_some_and(|cell| cell.parse::<f64>().is_ok()) {
+        table = Table::read_without_header(path, &COLUMNS[..3], file::MAX_TEXT_BYTES)?;
+    }
+    let mut diagnostics = Vec::new();
+    for name in table.header().iter().filter(|name| !COLUMNS.contains(&name.as_str())) {
+        diagnostics.push(Diagnostic::new("header", format!("columns of {COLUMNS:?}"), format!("`{name}`")));
+    }
+    let needed = if regime == RegimeKind::Contact { 3 } else { 1 };
+    for name in &COLUMNS[..needed] {
+        collect(table.column(name), &mut diagnostics);
+    }
+    let mut cases = Vec::new();
+    // A wrong header makes every row an error.
+    if diagnostics.is_empty() {
+        let columns = COLUMNS.map(|name| table.column(name).ok());
+        for row in table.rows() {
+            cases.extend(parameter_case(&row, &columns, regime, first + cases.len(), &mut diagnostics));
+        }
+    }
+    if cases.is_empty() && diagnostics.is_empty() {
+        diagnostics.push(Diagnostic::new("rows", "at least one case", "none"));
+    }
+    FormatError::check(cases, path, diagnostics)
+}
+
+fn parameter_case(
+    row: &TableRow<'_>,
+    [pressure, gap, force, split]: &[Option<usize>; 4],
+    regime: RegimeKind,
+    number: usize,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<Case> {
+    collect(row.check_width(true), diagnostics)?;
+    let split = split.filter(|column| !row.text(*column).is_empty());
+    let split = split.map_or(Ok(Split::Train), |column| row.choice(column, &SPLITS));
+    let contact = regime == RegimeKind::Contact;
+    let mut value = |column: &Option<usize>| collect(row.number((*column)?), diagnostics);
+    let pressure_mpa = value(pressure);
+    let gap_mm = if contact { value(gap).map(Some) } else { Some(None) };
+    let contact_force_n = if contact { value(force) } else { Some(0.0) };
+    Some(Case {
+        name: number.to_string(),
+        regime,
+        split: collect(split, diagnostics)?,
+        pressure_mpa: pressure_mpa?,
+        gap_mm: gap_mm?,
+        contact_force_n: contact_force_n?,
+        parameters: Vec::new(),
+    })
 }

@@ -1,4 +1,4 @@
-//! Units of bench logs as factors to MPa, mm, N, rad, s, V, A, mm^3 and 1/mm.
+//! The table of units: factors of what files, sensors and options may state to MPa, mm, N, rad, s, V, A, mm^3 and 1/mm.
 //!
 //! A table instead of a package: `uom` checks units at compile time and reads none of a file's spellings; the others bring a language
 //! of expressions. The test holds the factors.
@@ -44,7 +44,7 @@ const UNITS: &[(&[&str], Quantity, f64)] = &[
     (&["cm", "centimeters"], Quantity::Length, 10.0),
     (&["m", "meters"], Quantity::Length, 1000.0),
     (&["um", "\u{b5}m", "\u{3bc}m"], Quantity::Length, 1e-3),
-    (&["in", "inch"], Quantity::Length, 25.4),
+    (&["in", "inch", "\""], Quantity::Length, 25.4),
     (&["n"], Quantity::Force, 1.0),
     (&["mn"], Quantity::Force, 1e-3),
     (&["kn"], Quantity::Force, 1e3),
@@ -58,6 +58,8 @@ const UNITS: &[(&[&str], Quantity, f64)] = &[
     (&["us", "\u{b5}s", "\u{3bc}s", "usec", "microseconds", "micros"], Quantity::Time, 1e-6),
     (&["ns", "nsec", "nanoseconds"], Quantity::Time, 1e-9),
     (&["min", "minutes"], Quantity::Time, 60.0),
+    (&["h", "hour", "hours"], Quantity::Time, 3600.0),
+    (&["d", "day", "days"], Quantity::Time, 86_400.0),
     (&["v", "volts"], Quantity::Voltage, 1.0),
     (&["mv"], Quantity::Voltage, 1e-3),
     (&["a"], Quantity::Current, 1.0),
@@ -93,22 +95,39 @@ pub fn known_of(quantity: Quantity) -> String {
 }
 
 /// Units that are words or labels as well (`pressure_in`, `chamber_a`): read in brackets only.
-const WORDS: [&str; 3] = ["in", "a", "l"];
+const WORDS: [&str; 6] = ["in", "a", "l", "d", "h", "day"];
 
 /// Unit of pixels, whose size a mapping states.
 pub const PIXELS: &str = "px";
 
-/// Spelling of the unit that a heading contains: in brackets, as its last word (`pressure_kpa`) or, of a time, alone (`millis`); pixels
-/// included. A bracketed number is an index (`data[1]`).
+/// Spelling of the unit that a heading contains: in brackets, behind its last `_`, blank or `/` (`pressure_kpa`, `p/kPa`) or, of a time, alone (`millis`);
+/// pixels included. A bracketed number is an index (`data[1]`), a unit behind `/` and another unit is a rate (`deg/s`, `L/min`), and a
+/// pressure that is said to be absolute has none of these units, which are of pressures above the atmosphere's.
 #[must_use]
 pub fn in_heading(heading: &str) -> Option<&str> {
     let is_known = |spelling: &&str| match unit(spelling) {
         Some((quantity, _)) => quantity != Quantity::Number || spelling.parse::<u32>().is_err(),
         None => spelling.trim().eq_ignore_ascii_case(PIXELS),
     };
-    let bracketed = heading.rfind(['(', '[']).map(|at| heading[at + 1..].trim_end_matches([')', ']', ' ']));
-    let last = heading.rsplit(['_', ' ', '/']).next().filter(|last| last.len() < heading.len());
-    let last = last.filter(|last| !WORDS.contains(&last.to_lowercase().as_str()));
+    let bracket = heading.rfind(['(', '[']);
+    let bracketed = bracket.map(|at| heading[at + 1..].trim_end_matches([')', ']', ' ']));
+    let last_word = |text: &'_ str| -> Option<usize> { text.rfind(['_', ' ', '/']).map(|at| at + 1) };
+    // `bar(a)`, `kPa (g)`: the bracket says against what the pressure is measured.
+    if let Some((at, reference)) =
+        bracket.zip(bracketed).filter(|(_, b)| b.len() == 1 && b.contains(['a', 'A', 'g', 'G']))
+    {
+        let before = heading[..at].trim_end();
+        let word = &before[last_word(before).unwrap_or(0)..];
+        if unit(word).is_some_and(|(quantity, _)| quantity == Quantity::Pressure) {
+            return Some(word).filter(|_| reference.eq_ignore_ascii_case("g"));
+        }
+    }
+    let last = last_word(heading).filter(|at| {
+        let before = &heading[..at - 1];
+        let divided = &before[last_word(before).unwrap_or(0)..];
+        !heading[at - 1..].starts_with('/') || unit(divided).is_none()
+    });
+    let last = last.map(|at| &heading[at..]).filter(|last| !WORDS.contains(&last.to_lowercase().as_str()));
     let alone = Some(heading).filter(|h| h.len() > 3 && unit(h).is_some_and(|(q, _)| q == Quantity::Time));
     [bracketed, last, alone].into_iter().flatten().find(is_known)
 }
@@ -132,6 +151,15 @@ mod tests {
         assert_eq!(in_heading("tip x (px)"), Some("px"));
         assert_eq!((in_heading("/pressure/data[1]"), in_heading("millis")), (None, Some("millis")));
         assert!((factor("mmHg") * 750.062 - 0.1).abs() < 1e-6 && (factor("1/m") - 1e-3).abs() < 1e-12);
+        assert_eq!(
+            (in_heading("gyro x deg/s"), in_heading("Flow L/min"), in_heading("p/kPa")),
+            (None, None, Some("kPa"))
+        );
+        assert_eq!(
+            (in_heading("P1 bar(a)"), in_heading("psi (A)"), in_heading("P kPa(g)")),
+            (None, None, Some("kPa"))
+        );
+        assert_eq!((in_heading("Time (h)"), in_heading("point_d")), (Some("h"), None));
         assert_eq!(unit("furlong"), None);
     }
 }
