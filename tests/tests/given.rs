@@ -100,8 +100,8 @@ fn given_parameter_is_used_by_every_command() {
     for (arguments, text) in [
         (&["echo", "softtwin/finger/state", "--once"][..], "elastomer.law.mu_mpa 0.72000 (given, dF "),
         (&["top", "--once"], "elastomer.law.mu_mpa 0.72000 (given, dF "),
-        (&["inspect", "given.toml"], "elastomer.law.mu_mpa = 0.72 MPa (given)"),
-        (&["inspect", MODEL], "elastomer.law.mu_mpa = 0.8 MPa nominal"),
+        (&["inspect", "given.toml", "--json"], r#""value":0.72,"from":"given""#),
+        (&["inspect", MODEL, "--json"], r#""nominal":0.8"#),
     ] {
         let (code, said) = run(&stage, arguments);
         assert!(code == Some(0) && said.contains(text), "{arguments:?}: {said}");

@@ -49,7 +49,7 @@ fn recorder_killed_at_any_call_does_not_delay_the_twin() {
     let bus = stage.bus();
     wait_state(&states(&bus), "a fresh state", fresh);
     let command = vec!["softtwin", "record", "--out", "run.mcap", "--seconds", "0.1"];
-    Subject { command, ready: "messages in" }.withstands(&stage, || {});
+    Subject { command, ready: "written" }.withstands(&stage, || {});
 }
 
 /// The shared-memory domain has the same files after many readers were killed during their start.

@@ -2,7 +2,8 @@
 //! (`--json`) or as text for people. Both are made of the same fields in the same order, so neither can say what the other does not.
 //!
 //! In the text, the name of a field becomes its label: `largest_force_n` reads "largest force [N]". A field `title` is the first line and a
-//! field `remarks`, a list of sentences, comes last. Scalars form an aligned list, lists of objects a table, objects a section.
+//! field `remarks`, a list of sentences, comes last. Scalars form an aligned list, lists of objects a table, objects a section;
+//! an object whose fields are all objects of scalars is a table with the names in its first column.
 
 use crate::output;
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
@@ -162,6 +163,9 @@ fn object_lines(fields: &[(String, Node)], indent: &str, lines: &mut Vec<String>
         }
         lines.push(format!("{indent}{}", label(name)));
         match node {
+            Node::Object(rows) if rows.len() > 1 && rows.iter().all(|(_, row)| is_row(row)) => {
+                table_lines(rows.iter().map(|(name, row)| (Some(label(name)), row)), &deeper, lines);
+            }
             Node::Object(fields) => object_lines(fields, &deeper, lines),
             Node::List(items) => list_lines(items, &deeper, lines),
             _ => {}
@@ -178,29 +182,40 @@ fn object_lines(fields: &[(String, Node)], indent: &str, lines: &mut Vec<String>
 
 /// A list whose items are objects of scalars is a table; other items follow one another.
 fn list_lines(items: &[Node], indent: &str, lines: &mut Vec<String>) {
-    let is_row =
-        |item: &Node| matches!(item, Node::Object(fields) if fields.iter().all(|(_, node)| is_scalar(node)));
     if items.is_empty() {
         lines.push(format!("{indent}none"));
     } else if items.iter().all(is_row) {
-        table_lines(items, indent, lines);
+        table_lines(items.iter().map(|row| (None, row)), indent, lines);
     } else {
-        for item in items {
+        for (at, item) in items.iter().enumerate() {
+            if at > 0 && !is_scalar(item) {
+                lines.push(String::new());
+            }
             match item {
                 Node::Object(fields) => object_lines(fields, indent, lines),
-                Node::List(items) => list_lines(items, indent, lines),
+                Node::List(items) if !is_scalar(item) => list_lines(items, indent, lines),
                 scalar => lines.push(format!("{indent}{}", cell(scalar))),
             }
         }
     }
 }
 
-fn table_lines(rows: &[Node], indent: &str, lines: &mut Vec<String>) {
-    let fields = |row: &Node| match row {
-        Node::Object(fields) => fields.iter().map(|(name, node)| (name.clone(), cell(node))).collect(),
-        _ => Vec::new(),
+fn is_row(node: &Node) -> bool {
+    matches!(node, Node::Object(fields) if fields.iter().all(|(_, node)| is_scalar(node)))
+}
+
+/// Rows with their names, if they have any, in the first column.
+fn table_lines<'a>(
+    rows: impl Iterator<Item = (Option<String>, &'a Node)>,
+    indent: &str,
+    lines: &mut Vec<String>,
+) {
+    let fields = |(name, row): (Option<String>, &Node)| {
+        let named = name.map(|name| (String::new(), name)).into_iter();
+        let Node::Object(fields) = row else { return named.collect() };
+        named.chain(fields.iter().map(|(name, node)| (name.clone(), cell(node)))).collect()
     };
-    let rows: Vec<Vec<(String, String)>> = rows.iter().map(fields).collect();
+    let rows: Vec<Vec<(String, String)>> = rows.map(fields).collect();
     let mut names: Vec<&String> = Vec::new(); // rows may leave out fields
     for (name, _) in rows.iter().flatten() {
         if !names.contains(&name) {

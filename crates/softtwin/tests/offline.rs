@@ -227,9 +227,18 @@ fn evaluation_names_worst_case_and_draws() {
     assert!(report["regimes"][0]["mse"].as_f64().unwrap() < 1e-6, "{}", report["regimes"][0]);
     assert_eq!(report["leave_one_out"][0]["regime"], "Free");
     assert!(std::fs::read_to_string(place.at("e.svg")).unwrap().contains("largest error over nodes"));
-    let text =
-        place.run(&["evaluate", "bar.twin", "--database", "db", "--split", "all", "--picture", "e.png"]);
-    assert!(text.out.contains("regime contact: 31 cases"), "{}", text.out);
+    let text = place.run(&[
+        "evaluate",
+        "bar.twin",
+        "--database",
+        "db",
+        "--split",
+        "all",
+        "--picture",
+        "e.png",
+        "--json",
+    ]);
+    assert_eq!(text.json()["regimes"][1]["cases"], 31);
     assert!(std::fs::read(place.at("e.png")).unwrap().starts_with(b"\x89PNG"));
 }
 

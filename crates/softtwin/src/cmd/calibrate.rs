@@ -6,7 +6,7 @@ mod plan;
 use crate::failure::{configuration, unexplained, usage};
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::unknowns::Unknowns;
-use crate::{files, memory_report, output};
+use crate::{files, memory_report, report};
 use anyhow::{Context, bail};
 use estimate::{Filter, Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
 use memory::Calibration;
@@ -16,8 +16,11 @@ use runtime::config::Scene;
 use runtime::estimation::{self, SensorModel, SensorValues};
 use runtime::measured::MeasuredInputs;
 use runtime::source::Trace;
-use serde_json::{Map, Value, json};
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use train::memory::Identified;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -82,6 +85,9 @@ pub struct Args {
     plan: PlanArgs,
 }
 
+/// Correlation from which two unknowns can hardly be told apart.
+const ALIKE: f64 = 0.9;
+
 impl Args {
     /// Fits, then prints the estimates.
     pub fn run(self) -> anyhow::Result<()> {
@@ -132,20 +138,9 @@ impl Args {
         if let Some(picture) = &self.picture {
             figure(&setup, &readings, &curves).save(picture)?;
         }
-        if self.json {
-            let mut summary = summary(&setup, &fit, readings.len(), &structures, &reasons);
-            if let Some(found) = &found {
-                summary["memory"] = memory_report::as_json(found);
-                summary["remarks"] = json!(found.remarks);
-            }
-            output::json(&summary)?;
-        } else {
-            output!("{}", text(&setup, &fit, readings.len()))?;
-            if let Some(found) = &found {
-                memory_report::print(found)?;
-                found.remarks.iter().try_for_each(|remark| output!("  note: {remark}"))?;
-            }
-        }
+        let memory = found.as_ref();
+        let summary = Summary::new(&setup, &fit, readings.len(), &structures, &reasons, memory);
+        report::print(&summary, self.json)?;
         if !fit.converged {
             bail!(
                 "the fit did not converge: the model does not explain the recording with these sensors; look at the residuals \
@@ -229,74 +224,74 @@ fn reasons(fit: &Fit, structures: &[(String, Structure)], driving: &str, max_rej
     reasons
 }
 
-fn summary(
-    setup: &Setup,
-    fit: &Fit,
+/// What the command found.
+#[derive(Serialize)]
+struct Summary<'a> {
     readings: usize,
-    structures: &[(String, Structure)],
-    reasons: &[String],
-) -> Value {
-    let residuals: Map<String, Value> = structures
-        .iter()
-        .map(|(name, found)| {
-            let value = json!({"rms": found.rms, "systematic": found.systematic, "loop_share": found.loop_share,
-                "lag_s": found.lag_s, "drift_per_s": found.drift_per_s});
-            (name.clone(), value)
-        })
-        .collect();
-    let estimates: Map<String, Value> = setup.unknowns.iter().zip(&fit.estimates).map(|(unknown, estimate)| {
-        let value = json!({"value": estimate.value, "sigma": estimate.sigma, "identifiable": estimate.identifiable});
-        (unknown.name.clone(), value)
-    }).collect();
-    let count = setup.unknowns.len();
-    let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
-    let correlations: Vec<Value> = pairs
-        .map(|(a, b)| json!([setup.unknowns[a].name, setup.unknowns[b].name, fit.correlation(a, b)]))
-        .collect();
-    json!({
-        "estimates": estimates,
-        "chi2_per_dof": fit.chi2_per_dof,
-        "converged": fit.converged,
-        "correlations": correlations,
-        "readings": readings,
-        "values_used": fit.used,
-        "outliers": fit.outliers,
-        "readings_skipped": fit.skipped,
-        "residuals": residuals,
-        "is_explained": reasons.is_empty(),
-        "unexplained": reasons,
-    })
+    readings_skipped: usize,
+    values_used: usize,
+    outliers: usize,
+    chi2_per_dof: f64,
+    converged: bool,
+    is_explained: bool,
+    estimates: BTreeMap<&'a str, Value>,
+    residuals: BTreeMap<&'a str, Value>,
+    /// Pairs of unknowns.
+    correlations: Vec<(&'a str, &'a str, f64)>,
+    unexplained: &'a [String],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    memory: Option<Value>,
+    remarks: Vec<String>,
 }
 
-fn text(setup: &Setup, fit: &Fit, readings: usize) -> String {
-    let mut out = format!(
-        "{readings} readings, {} values used, {} outliers, {} readings skipped; chi2 per degree of freedom {:.2}\n",
-        fit.used, fit.outliers, fit.skipped, fit.chi2_per_dof
-    );
-    for (unknown, estimate) in setup.unknowns.iter().zip(&fit.estimates) {
-        let note = if estimate.identifiable {
-            ""
-        } else {
-            "  not identifiable from this recording: rests on the prior"
-        };
-        out += &format!(
-            "  {:28} {:12.6} +- {:.6}   (prior {} +- {}){note}\n",
-            unknown.name, estimate.value, estimate.sigma, unknown.prior, unknown.sigma
-        );
-    }
-    for a in 0..setup.unknowns.len() {
-        for b in a + 1..setup.unknowns.len() {
-            let correlation = fit.correlation(a, b);
-            if correlation.abs() > 0.9 {
-                let names = (&setup.unknowns[a].name, &setup.unknowns[b].name);
-                out += &format!(
-                    "  {} and {} can hardly be told apart: correlation {correlation:.3}\n",
-                    names.0, names.1
-                );
-            }
+impl<'a> Summary<'a> {
+    fn new(
+        setup: &'a Setup,
+        fit: &Fit,
+        readings: usize,
+        structures: &'a [(String, Structure)],
+        unexplained: &'a [String],
+        memory: Option<&Identified>,
+    ) -> Self {
+        let both = || setup.unknowns.iter().zip(&fit.estimates);
+        let estimates = both().map(|(unknown, estimate)| {
+            let value = json!({"value": estimate.value, "sigma": estimate.sigma, "identifiable": estimate.identifiable,
+                "prior": unknown.prior, "prior_sigma": unknown.sigma});
+            (unknown.name.as_str(), value)
+        });
+        let residuals = structures.iter().map(|(name, found)| {
+            let value = json!({"rms": found.rms, "systematic": found.systematic, "loop_share": found.loop_share,
+                "lag_s": found.lag_s, "drift_per_s": found.drift_per_s});
+            (name.as_str(), value)
+        });
+        let count = setup.unknowns.len();
+        let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
+        let name = |at: usize| setup.unknowns[at].name.as_str();
+        let correlations: Vec<_> = pairs.map(|(a, b)| (name(a), name(b), fit.correlation(a, b))).collect();
+        let mut remarks = memory.map_or_else(Vec::new, |found| found.remarks.clone());
+        for (unknown, _) in both().filter(|(_, estimate)| !estimate.identifiable) {
+            remarks
+                .push(format!("{}: not identifiable from this recording, rests on the prior", unknown.name));
+        }
+        for (a, b, correlation) in correlations.iter().filter(|pair| pair.2.abs() > ALIKE) {
+            remarks.push(format!("{a} and {b} can hardly be told apart: correlation {correlation:.3}"));
+        }
+        Self {
+            readings,
+            readings_skipped: fit.skipped,
+            values_used: fit.used,
+            outliers: fit.outliers,
+            chi2_per_dof: fit.chi2_per_dof,
+            converged: fit.converged,
+            is_explained: unexplained.is_empty(),
+            estimates: estimates.collect(),
+            residuals: residuals.collect(),
+            correlations,
+            unexplained,
+            memory: memory.map(memory_report::as_json),
+            remarks,
         }
     }
-    out.trim_end().to_owned()
 }
 
 /// Predictions for each reading, by measured quantity.

@@ -4,11 +4,14 @@ mod scene;
 mod table;
 
 use crate::failure::usage;
-use crate::{card, files, output};
-use rom::halfwidths::HalfWidths;
+use crate::{card, files, output, report};
 use rom::hull::TrainingRange;
-use rom::model::{Model, ModelHeader, RegimeModel};
+use rom::inputs::InputSpec;
+use rom::model::{Model, ModelHeader, OutputField, PressureLimit, RegimeModel};
+use rom::regime::OnsetTable;
+use serde::Serialize;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use train::datasheet::{DataSheet, FitSheet};
 use wire::layout::hex;
@@ -87,35 +90,75 @@ impl Args {
             };
             return Ok(output!("{}", text.trim_end())?);
         }
-        if self.json { output::json(&as_json(&model)) } else { text(&model) }
+        report::print(&Contents::of(&model), self.json)
     }
 }
 
-fn as_json(model: &Model) -> Value {
-    let header = &model.header;
-    json!({
-        "actuator": header.actuator,
-        "source": if model.is_measured() { "measured" } else { "finite elements" },
-        "node_count": header.node_count,
-        "inputs": header.taken_inputs().map(|(_, i)| json!({
-            "name": i.key(), "unit": i.unit, "min": finite(i.range[0]), "max": finite(i.range[1]), "nominal": i.value }))
-            .collect::<Vec<_>>(),
-        "database_hash": hex(&header.database_hash),
-        "fields": header.fields.iter().map(|f| json!({
-            "name": f.spec.name, "unit": f.spec.unit, "derived": f.magnitude_of.is_some() })).collect::<Vec<_>>(),
-        "node_sets": header.node_sets.iter().map(|s| (s.name.clone(), json!(s.nodes.len())))
-            .collect::<serde_json::Map<_, _>>(),
-        "hysteresis_mpa": header.hysteresis_mpa,
-        "pressure_limit": header.limit,
-        "sag_mm": header.onset.as_ref().map(|t| t.sag_mm()),
-        "reach_mm": header.onset.as_ref().map(|t| t.reach_mm()),
-        "regimes": header.regimes.iter().map(|r| (r.kind.name().to_owned(), regime_json(header, r)))
-            .collect::<serde_json::Map<_, _>>(),
-        "outputs": train::measured::outputs(model).into_iter()
-            .map(|output| (output.name, json!({ "half_width": output.half_width })))
-            .collect::<serde_json::Map<_, _>>(),
-        "bytes": bytes(model),
-    })
+/// What a model file holds.
+#[derive(Serialize)]
+struct Contents<'a> {
+    actuator: &'a str,
+    source: &'static str,
+    node_count: usize,
+    bytes: usize,
+    database_hash: String,
+    hysteresis_mpa: f64,
+    /// Largest gap at which the body touches by its weight, and smallest at which it never touches.
+    sag_mm: Option<f64>,
+    reach_mm: Option<f64>,
+    pressure_limit: Option<&'a PressureLimit>,
+    inputs: Vec<ContentsInput<'a>>,
+    fields: Vec<Value>,
+    node_sets: BTreeMap<&'a str, usize>,
+    regimes: BTreeMap<&'static str, Value>,
+    outputs: BTreeMap<String, Value>,
+}
+
+#[derive(Serialize)]
+struct ContentsInput<'a> {
+    name: String,
+    unit: &'a str,
+    min: Option<f64>,
+    max: Option<f64>,
+    nominal: Option<f64>,
+}
+
+impl<'a> Contents<'a> {
+    fn of(model: &'a Model) -> Self {
+        let header = &model.header;
+        let input = |(_, input): (usize, &'a InputSpec)| ContentsInput {
+            name: input.key(),
+            unit: &input.unit,
+            min: finite(input.range[0]),
+            max: finite(input.range[1]),
+            nominal: input.value,
+        };
+        let field = |field: &OutputField| {
+            let derived = field.magnitude_of.is_some();
+            json!({"name": field.spec.name, "unit": field.spec.unit, "derived": derived})
+        };
+        let outputs = train::measured::outputs(model).into_iter();
+        Self {
+            actuator: &header.actuator,
+            source: if model.is_measured() { "measured" } else { "finite elements" },
+            node_count: header.node_count,
+            bytes: model.blocks.iter().map(|(_, block)| block.byte_count()).sum(),
+            database_hash: hex(&header.database_hash),
+            hysteresis_mpa: header.hysteresis_mpa,
+            sag_mm: header.onset.as_ref().map(OnsetTable::sag_mm),
+            reach_mm: header.onset.as_ref().map(OnsetTable::reach_mm),
+            pressure_limit: header.limit.as_ref(),
+            inputs: header.taken_inputs().map(input).collect(),
+            fields: header.fields.iter().map(field).collect(),
+            node_sets: header.node_sets.iter().map(|set| (set.name.as_str(), set.nodes.len())).collect(),
+            regimes: header
+                .regimes
+                .iter()
+                .map(|regime| (regime.kind.name(), regime_json(header, regime)))
+                .collect(),
+            outputs: outputs.map(|output| (output.name, json!({"half_width": output.half_width}))).collect(),
+        }
+    }
 }
 
 fn finite(value: f64) -> Option<f64> {
@@ -126,7 +169,10 @@ fn regime_json(header: &ModelHeader, regime: &RegimeModel) -> Value {
     json!({
         "inputs": regime.inputs.axes.iter().map(|a| json!({
             "name": header.inputs[a.input].key(), "min": a.min, "max": a.max })).collect::<Vec<_>>(),
+        "domain": domain(regime),
         "modes": regime.groups.iter().map(|g| (g.name.clone(), json!(g.coefficients.len())))
+            .collect::<serde_json::Map<_, _>>(),
+        "centres": regime.groups.iter().map(|g| (g.name.clone(), json!(g.surrogate.centre_count())))
             .collect::<serde_json::Map<_, _>>(),
         "kernels": regime.groups.iter().map(|g| (g.name.clone(), json!(g.surrogate.kernel)))
             .collect::<serde_json::Map<_, _>>(),
@@ -137,94 +183,18 @@ fn regime_json(header: &ModelHeader, regime: &RegimeModel) -> Value {
     })
 }
 
-fn text(model: &Model) -> anyhow::Result<()> {
-    let header = &model.header;
-    let fields: Vec<String> =
-        header.fields.iter().map(|f| format!("{} [{}]", f.spec.name, f.spec.unit)).collect();
-    let source = if model.is_measured() { " (measured)" } else { "" };
-    output!("actuator    {}{source}", header.actuator)?;
-    output!("fields      {} on {} nodes", fields.join(", "), header.node_count)?;
-    if let Some(limit) = &header.limit {
-        output!("limit       {} MPa: {}", limit.pressure_mpa, limit.reason)?;
+/// What counts as inside the training range.
+fn domain(regime: &RegimeModel) -> String {
+    match &regime.domain {
+        TrainingRange::Interval(_) => "the interval of its samples".into(),
+        TrainingRange::Product { reach, .. } if regime.inputs.operating() == 0 => {
+            format!("the ranges of its inputs, within {reach:.2} of a sample")
+        }
+        TrainingRange::Product { reach, .. } => format!(
+            "the hull of its samples over pressure and gap, the ranges of the parameters, within {reach:.2} of a sample"
+        ),
+        hull => format!("the convex hull of its samples, {} vertices", hull.vertex_count()),
     }
-    let sets: Vec<String> =
-        header.node_sets.iter().map(|s| format!("{} ({})", s.name, s.nodes.len())).collect();
-    output!("node sets   {}", if sets.is_empty() { "none".into() } else { sets.join(", ") })?;
-    output!("database    blake3 {}", hex(&header.database_hash))?;
-    output!("size        {:.1} MB", bytes(model) as f64 / 1e6)?;
-    for input in header.inputs.iter().filter(|input| input.value.is_some()) {
-        let (range, nominal) = (input.range, input.value.unwrap_or(f64::NAN));
-        output!(
-            "parameter   {} = {nominal} {} nominal, trained {} .. {}",
-            input.key(),
-            input.unit,
-            range[0],
-            range[1]
-        )?;
-    }
-    if let Some(onset) = &header.onset {
-        let (sag, reach) = (onset.sag_mm(), onset.reach_mm());
-        output!("onset       by its weight up to gap {sag:.2} mm; never beyond {reach:.2} mm")?;
-    }
-    for regime in &header.regimes {
-        output!("\nregime {}", regime.kind.name())?;
-        for axis in &regime.inputs.axes {
-            let [min, max] = [axis.min, axis.max].map(|v| (v * 1e4).round() / 1e4);
-            output!("  {:<12} {min} .. {max}", header.inputs[axis.input].key())?;
-        }
-        let domain = match &regime.domain {
-            TrainingRange::Interval(_) => "the interval of its samples".into(),
-            TrainingRange::Product { reach, .. } if regime.inputs.operating() == 0 => {
-                format!("the ranges of its inputs, within {reach:.2} of a sample")
-            }
-            TrainingRange::Product { reach, .. } => format!(
-                "the hull of its samples over pressure and gap, the ranges of the parameters, within {reach:.2} of a sample"
-            ),
-            hull => format!("the convex hull of its samples, {} vertices", hull.vertex_count()),
-        };
-        output!("  domain       {domain}")?;
-        for group in &regime.groups {
-            let (modes, kernel) = (group.coefficients.len(), &group.surrogate);
-            output!(
-                "  {:<12} {modes:>2} modes, {} centres, {}, {}",
-                group.name,
-                kernel.centre_count(),
-                kernel.kernel,
-                kernel.tail
-            )?;
-        }
-        if let Some(force) = &regime.force {
-            let fit = &force.surrogate;
-            output!("  {:<12} {} centres, {}, {}", "force", fit.centre_count(), fit.kernel, fit.tail)?;
-        }
-        if let Some(of) = &regime.difference {
-            output!(
-                "  {:<12} {:>2} modes, {} centres, +- {:.3} mm where measured, {:.3} elsewhere",
-                "measured",
-                of.coefficients.len(),
-                of.centres.len(),
-                of.residual_mm,
-                of.difference_mm
-            )?;
-        }
-        let halfwidths = regime.halfwidths;
-        if model.is_measured() {
-            for output in train::measured::outputs(model) {
-                let (share, width) = (halfwidths.coverage * 100.0, output.half_width);
-                output!("  {share:.0} % within  {} +- {width:.4}", output.name)?;
-            }
-            continue;
-        }
-        let HalfWidths { coverage, displacement_mm, stress_mpa, force_n } =
-            header.known_halfwidths(halfwidths);
-        let widths =
-            [("displacement", displacement_mm, "mm"), ("stress", stress_mpa, "MPa"), ("force", force_n, "N")];
-        let known = widths.iter().filter(|(_, value, _)| !value.is_nan());
-        let known: Vec<String> =
-            known.map(|(name, value, unit)| format!("{name} {value:.2e} {unit}")).collect();
-        output!("  {:.0} % within  {}", coverage * 100.0, known.join(", "))?;
-    }
-    Ok(())
 }
 
 /// The choices of a data sheet as a table.
@@ -270,8 +240,4 @@ fn fit_line(fit: &FitSheet) -> String {
         "{:<14}{:>5}  {kernel:<32}{:>10.1e}{:>15.2e}{:>14.1e}",
         fit.name, fit.modes, fit.condition, fit.leave_one_out, fit.truncation_error
     )
-}
-
-fn bytes(model: &Model) -> usize {
-    model.blocks.iter().map(|(_, block)| block.byte_count()).sum()
 }

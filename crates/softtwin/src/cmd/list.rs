@@ -1,8 +1,9 @@
 //! `softtwin list`.
 
 use crate::live::{self, DomainArgs, Latencies, PercentilesUs, Readers};
-use crate::output;
+use crate::{output, report};
 use recording::GapCounter;
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 use wire::layout::flags;
@@ -59,25 +60,12 @@ impl Args {
             return if self.json { output::json(&Vec::<()>::new()) } else { Ok(()) };
         }
         let topics = live::find(&bus, &key)?;
-        match (self.json, self.long) {
-            (true, false) => output::json(&topics.iter().map(row).collect::<Vec<_>>()),
-            (false, false) => table(&topics),
-            (_, true) => self.describe(&bus, &topics),
+        if self.long {
+            let long =
+                topics.iter().map(|info| LongRow::of(&bus, info)).collect::<anyhow::Result<Vec<_>>>()?;
+            return report::print(&long, self.json);
         }
-    }
-
-    fn describe(&self, bus: &Bus, topics: &[TopicInfo]) -> anyhow::Result<()> {
-        let mut rows = Vec::new();
-        for info in topics {
-            let newest = newest(bus, info)?;
-            if self.json {
-                let last = newest.as_ref().map(live::sample_json).transpose()?;
-                rows.push(long_row(info, last));
-            } else {
-                print(info, newest.as_ref().map(live::text::sample))?;
-            }
-        }
-        if self.json { output::json(&rows) } else { Ok(()) }
+        report::print(&topics.iter().map(TopicRow::of).collect::<Vec<_>>(), self.json)
     }
 
     fn measure(&self, mut readers: Readers) -> anyhow::Result<()> {
@@ -108,63 +96,56 @@ fn type_of(info: &TopicInfo) -> &str {
     if info.header_type.starts_with("softtwin.") { &info.header_type } else { &info.payload_type }
 }
 
-fn table(topics: &[TopicInfo]) -> anyhow::Result<()> {
-    let width = topics.iter().map(|info| info.topic.name().len()).max().unwrap_or(0).max(5);
-    output!("{:width$}  {:24}  {:>8}  {:>7}", "TOPIC", "TYPE", "WRITER", "READERS")?;
-    for info in topics {
-        let writer = info.writers.first().map_or("none".to_owned(), |pid| format!("pid {pid}"));
-        let (name, readers) = (info.topic.name(), info.readers.len());
-        output!("{name:width$}  {:24}  {writer:>8}  {readers:>7}", type_of(info))?;
+/// A topic with the processes at its ends.
+#[derive(Serialize)]
+struct TopicRow<'a> {
+    topic: &'a str,
+    #[serde(rename = "type")]
+    type_name: &'a str,
+    writers: &'a [u32],
+    readers: &'a [u32],
+}
+
+impl<'a> TopicRow<'a> {
+    fn of(info: &'a TopicInfo) -> Self {
+        Self {
+            topic: info.topic.name(),
+            type_name: type_of(info),
+            writers: &info.writers,
+            readers: &info.readers,
+        }
     }
-    Ok(())
 }
 
-fn row(info: &TopicInfo) -> Value {
-    json!({
-        "topic": info.topic.name(),
-        "type": type_of(info),
-        "writers": info.writers,
-        "readers": info.readers,
-    })
+#[derive(Serialize)]
+struct LongRow<'a> {
+    #[serde(flatten)]
+    row: TopicRow<'a>,
+    payload: &'a str,
+    header: &'a str,
+    element_bytes: usize,
+    qos: Value,
+    last: Option<Value>,
 }
 
-fn long_row(info: &TopicInfo, last: Option<Value>) -> Value {
-    let qos = qos::of(info.topic.kind());
-    let mut row = row(info);
-    row["payload"] = json!(info.payload_type);
-    row["header"] = json!(info.header_type);
-    row["element_bytes"] = json!(info.payload_bytes);
-    row["qos"] = json!({
-        "max_readers": qos.max_readers,
-        "buffer": qos.buffer,
-        "max_borrowed": qos.max_borrowed,
-        "history": qos.history,
-        "samples_reserved": qos.samples_in_use(),
-    });
-    row["last"] = json!(last);
-    row
-}
-
-fn print(info: &TopicInfo, newest: Option<String>) -> anyhow::Result<()> {
-    let qos = qos::of(info.topic.kind());
-    let list = |ids: &[u32]| match ids {
-        [] => "none".to_owned(),
-        ids => ids.iter().map(|id| format!("pid {id}")).collect::<Vec<_>>().join(", "),
-    };
-    output!("{}", info.topic.name())?;
-    output!("  payload   {} ({} bytes per element)", info.payload_type, info.payload_bytes)?;
-    if info.header_type.starts_with("softtwin.") {
-        output!("  header    {}", info.header_type)?;
+impl<'a> LongRow<'a> {
+    fn of(bus: &Bus, info: &'a TopicInfo) -> anyhow::Result<Self> {
+        let qos = qos::of(info.topic.kind());
+        Ok(Self {
+            row: TopicRow::of(info),
+            payload: &info.payload_type,
+            header: &info.header_type,
+            element_bytes: info.payload_bytes,
+            qos: json!({
+                "max_readers": qos.max_readers,
+                "buffer": qos.buffer,
+                "max_borrowed": qos.max_borrowed,
+                "history": qos.history,
+                "samples_reserved": qos.samples_in_use(),
+            }),
+            last: newest(bus, info)?.as_ref().map(live::sample_json).transpose()?,
+        })
     }
-    output!("  writer    {}", list(&info.writers))?;
-    output!("  readers   {} (at most {})", list(&info.readers), qos.max_readers)?;
-    output!(
-        "  queue     {} per reader, {} kept for late readers, {} reserved",
-        qos.buffer,
-        qos.history,
-        qos.samples_in_use()
-    )?;
-    newest.map_or(Ok(()), |newest| Ok(output!("  last      {newest}")?))
 }
 
 /// Last sample of a topic that keeps one for late readers.

@@ -2,7 +2,7 @@
 
 use crate::failure::usage;
 use crate::live::DomainArgs;
-use crate::output;
+use crate::report;
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 use recording::{FreeSpace, RecordSummary, Recorder, RecorderOptions, Retention, RotateOptions};
@@ -189,32 +189,17 @@ impl Args {
 
     fn report(&self, summary: &RecordSummary) -> Result<()> {
         let files: Vec<String> = summary.files.files.iter().map(|path| path.display().to_string()).collect();
-        if self.json {
-            return output::json(&json!({
-                "messages": summary.messages,
-                "missing": summary.missing,
-                "dropped": summary.dropped,
-                "errors": summary.errors,
-                "skipped": summary.skipped,
-                "written": summary.files.messages,
-                "files": files,
-                "files_removed": summary.files.removed,
-            }));
-        }
-        for (topic, count) in &summary.messages {
-            output!("{topic}  {count} messages")?;
-        }
-        output!(
-            "{} published samples never arrived, {} were dropped before the disk",
-            summary.missing,
-            summary.dropped
-        )?;
-        if !summary.skipped.is_empty() {
-            let topics: Vec<&str> = summary.skipped.keys().map(String::as_str).collect();
-            output!("{} topics of another version were skipped: {}", topics.len(), topics.join(", "))?;
-        }
-        output!("{} messages in {}", summary.files.messages, files.join(", "))?;
-        Ok(())
+        let found = json!({
+            "messages": summary.messages,
+            "missing": summary.missing,
+            "dropped": summary.dropped,
+            "errors": summary.errors,
+            "skipped": summary.skipped,
+            "written": summary.files.messages,
+            "files": files,
+            "files_removed": summary.files.removed,
+        });
+        report::print(&found, self.json)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::failure::{configuration, usage};
 use crate::live::DomainArgs;
-use crate::{bench, output};
+use crate::{bench, output, report};
 use anyhow::{Result, anyhow};
 use runtime::bridge::{Bridge, BridgeCounters};
 use runtime::source::{InputNames, Poll, Reading, ReplaySpec, Source, SourceSpec, in_another_unit};
@@ -104,11 +104,7 @@ impl Args {
         } else {
             self.play(&bus, source, &stop)?
         };
-        if self.json {
-            output::json(&json!({"sent": sent}))
-        } else {
-            Ok(output!("{sent} readings sent to {topic}")?)
-        }
+        report::print(&json!({"sent": sent}), self.json)
     }
 
     fn play(&self, bus: &Bus, source: Box<dyn Source>, stop: &AtomicBool) -> Result<u64> {

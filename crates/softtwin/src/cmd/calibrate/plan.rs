@@ -2,7 +2,7 @@
 //! given gaps those are chosen whose readings together shrink the unknowns' joint uncertainty most (D-optimal, on the model's gradients at
 //! the priors). A gap that is estimated is taken to be off by the same amount at every place of the plate.
 
-use crate::output;
+use crate::report;
 use crate::unknowns::Unknowns;
 use anyhow::bail;
 use estimate::{ExpectedFit, InputRole, Symmetric};
@@ -34,6 +34,16 @@ pub struct PlanArgs {
     /// Readings at each hold (1 to 1000000).
     #[arg(long, requires = "plan", value_name = "N", default_value_t = 200, value_parser = crate::range::count(1, 1_000_000))]
     readings: usize,
+}
+
+/// What the command found: a plan for each choice of sensors, fewest sensors first.
+#[derive(Serialize)]
+struct Plans {
+    readings_per_hold: usize,
+    unknowns: usize,
+    /// Position of the first plan that identifies everything.
+    recommended: Option<usize>,
+    plans: Vec<Plan>,
 }
 
 /// Standard deviations that a choice of sensors reaches.
@@ -71,13 +81,10 @@ impl PlanArgs {
         let holds = self.candidates(&of)?;
         let plans = sensor_sets(&of).into_iter().map(|blocks| self.plan(&mut of, &holds, blocks));
         let plans: Vec<Plan> = plans.collect::<anyhow::Result<_>>()?;
-        if json {
-            let best = plans.iter().position(|plan| plan.identifiable);
-            return output::json(&serde_json::json!({
-                "plans": plans, "recommended": best, "unknowns": of.setup.unknowns.len(), "readings_per_hold": self.readings,
-            }));
-        }
-        plans.iter().try_for_each(print)
+        let recommended = plans.iter().position(|plan| plan.identifiable);
+        let found =
+            Plans { readings_per_hold: self.readings, unknowns: of.setup.unknowns.len(), recommended, plans };
+        report::print(&found, json)
     }
 
     /// States of the grid that lie among the model's samples, with all their inputs.
@@ -181,27 +188,4 @@ fn correlations(of: &Unknowns, fit: &ExpectedFit) -> Vec<(String, String, f64)> 
     let unknowns = &of.setup.unknowns;
     let pairs = (0..unknowns.len()).flat_map(|a| (a + 1..unknowns.len()).map(move |b| (a, b)));
     pairs.map(|(a, b)| (unknowns[a].name.clone(), unknowns[b].name.clone(), fit.correlation(a, b))).collect()
-}
-
-fn print(plan: &Plan) -> anyhow::Result<()> {
-    let summary =
-        if plan.identifiable { "all unknowns are identifiable" } else { "not all unknowns are identifiable" };
-    output!(
-        "{}: {summary}; rank {} of {}, condition {:.1e}",
-        plan.sensors.join(", "),
-        plan.rank,
-        plan.estimates.len(),
-        plan.condition
-    )?;
-    for hold in &plan.holds {
-        output!("  hold {:8.5} MPa  gap {:6.2} mm", hold.pressure_mpa, hold.gap_mm)?;
-    }
-    for (name, estimate) in &plan.estimates {
-        let note = if estimate.identifiable { "" } else { "   not identifiable: rests on the prior" };
-        output!("  {name:28} +- {:.6}   (prior +- {}){note}", estimate.sigma, estimate.prior_sigma)?;
-    }
-    for (a, b, correlation) in plan.correlations.iter().filter(|pair| pair.2.abs() > 0.9) {
-        output!("  {a} and {b} can hardly be told apart: correlation {correlation:.3}")?;
-    }
-    Ok(())
 }

@@ -7,7 +7,7 @@ use crate::bench::{self, confusion, inputs_at, line, match_inputs, panel, range}
 use crate::failure::configuration;
 use crate::motion::follow_rows;
 use crate::picture::{Figure, Mark};
-use crate::{files, output};
+use crate::{files, output, report};
 use anyhow::Context;
 use formats::log::Recording;
 use rom::evaluation::Evaluation;
@@ -16,7 +16,8 @@ use rom::model::{BlockKind, Model, Selection};
 use rom::observable::Observables;
 use rom::reconstructor::Reconstructor;
 use rom::snapshots::FieldKind;
-use serde_json::{Map, Value, json};
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use subject::Subject;
 use train::measured::place;
@@ -105,67 +106,40 @@ impl Args {
         if let Some(picture) = body::picture(&subject, &recording, &places, &self.at_s)? {
             picture.write_png(&self.out.join("body.png"))?;
         }
-        let results = statistics_json(&outputs);
-        let markers = markers(&outputs);
-        if self.json {
-            let mut all = json!({"source": source(model), "rows": rows, "outputs": results, "markers": markers,
-                "remarks": remarks});
-            if self.before.is_some() {
-                all["before"] = statistics_json(&before).into();
-            }
-            return output::json(&all);
+        let found = Comparison {
+            source: source(model),
+            rows,
+            outputs: statistics(&outputs),
+            before: self.before.is_some().then(|| statistics(&before)),
+            markers: markers(&outputs),
+            remarks,
+        };
+        report::print(&found, self.json)?;
+        if !self.json {
+            output!("pictures and table: {}", self.out.display())?;
         }
-        output!("model: {}; {rows} rows", source(model))?;
-        output!(
-            "  {:<20}{:>10}{:>10}{:>10}{:>10}{:>12}{:>10}{:>8}{:>10}",
-            "output",
-            "RMS",
-            "95 %",
-            "largest",
-            "range",
-            "RMS/range",
-            "bias",
-            "gain",
-            "coverage"
-        )?;
-        let named = |of: &Compared, note: &str| format!("{}{note}", of.name);
-        let earlier = before.iter().map(|of| (of, named(of, " before")));
-        for (output, name) in outputs.iter().map(|of| (of, named(of, ""))).chain(earlier) {
-            let s = output.statistics();
-            output!(
-                "  {:<20}{:>10.4}{:>10.4}{:>10.4}{:>10.4}{:>10.1} %{:>10.4}{:>8.3}{:>8.0} %",
-                name,
-                s.rms,
-                s.p95,
-                s.max,
-                s.range,
-                100.0 * s.rms / s.range,
-                s.bias,
-                s.gain,
-                100.0 * s.coverage
-            )?;
-        }
-        for (name, marker) in &markers {
-            output!(
-                "  {name}: position RMS {:.3} mm, {:.1} % of the length of its range",
-                marker["rms_mm"].as_f64().unwrap_or(f64::NAN),
-                marker["share"].as_f64().unwrap_or(f64::NAN) * 100.0
-            )?;
-        }
-        for remark in &remarks {
-            output!("  note: {remark}")?;
-        }
-        output!("pictures and table: {}", self.out.display())?;
         Ok(())
     }
+}
+
+/// What the command found.
+#[derive(Serialize)]
+struct Comparison {
+    source: &'static str,
+    rows: usize,
+    outputs: BTreeMap<String, Statistics>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    before: Option<BTreeMap<String, Statistics>>,
+    markers: BTreeMap<String, Marker>,
+    remarks: Vec<String>,
 }
 
 fn source(model: &Model) -> &'static str {
     if model.is_measured() { "measured" } else { "finite elements" }
 }
 
-fn statistics_json(outputs: &[Compared]) -> Map<String, Value> {
-    outputs.iter().map(|o| (o.name.clone(), o.json())).collect()
+fn statistics(outputs: &[Compared]) -> BTreeMap<String, Statistics> {
+    outputs.iter().map(|output| (output.name.clone(), output.statistics())).collect()
 }
 
 /// The comparison with another model.
@@ -284,6 +258,7 @@ fn compare(
 }
 
 /// Statistics of an output.
+#[derive(Serialize)]
 struct Statistics {
     rms: f64,
     p95: f64,
@@ -333,24 +308,26 @@ impl Compared {
         let (of_m, of_p) = (|m: f64, _: f64| m - mean_m, |_: f64, p: f64| p - mean_p);
         product(&of_m, &of_p) / (product(&of_m, &of_m) * product(&of_p, &of_p)).sqrt()
     }
-
-    fn json(&self) -> Value {
-        let s = self.statistics();
-        json!({"rms": s.rms, "p95": s.p95, "max": s.max, "range": s.range, "coverage": s.coverage, "bias": s.bias, "gain": s.gain})
-    }
 }
 
-/// Position error of the markers with three coordinates, and its share of the diagonal of their range.
-fn markers(outputs: &[Compared]) -> Map<String, Value> {
-    let mut found = Map::new();
+/// Position error of a marker with three coordinates, and its share of the diagonal of its range.
+#[derive(Serialize)]
+struct Marker {
+    rms_mm: f64,
+    range_mm: f64,
+    share: f64,
+}
+
+fn markers(outputs: &[Compared]) -> BTreeMap<String, Marker> {
+    let mut found = BTreeMap::new();
     for x in outputs.iter().filter(|output| output.name.ends_with("_x_mm")) {
         let marker = x.name.trim_end_matches("_x_mm");
         let axis = |axis: &str| outputs.iter().find(|output| output.name == format!("{marker}_{axis}_mm"));
         let all: Vec<Statistics> =
             [Some(x), axis("y"), axis("z")].iter().flatten().map(|o| o.statistics()).collect();
-        let norm = |of: &dyn Fn(&Statistics) -> f64| all.iter().map(|s| of(s).powi(2)).sum::<f64>().sqrt();
-        let (rms, length) = (norm(&|s| s.rms), norm(&|s| s.range));
-        found.insert(marker.into(), json!({"rms_mm": rms, "range_mm": length, "share": rms / length}));
+        let norm = |value: fn(&Statistics) -> f64| all.iter().map(|s| value(s).powi(2)).sum::<f64>().sqrt();
+        let (rms_mm, range_mm) = (norm(|s| s.rms), norm(|s| s.range));
+        found.insert(marker.into(), Marker { rms_mm, range_mm, share: rms_mm / range_mm });
     }
     found
 }

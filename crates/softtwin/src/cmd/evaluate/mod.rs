@@ -7,15 +7,16 @@ mod traces;
 
 use crate::options::ObstacleArg;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
-use crate::{files, output};
+use crate::{files, output, report};
 use formats::database::ObstacleKind;
-use rom::inputs::{GAP, InputSpec, PRESSURE};
-use rom::model::{Model, ModelHeader};
+use rom::halfwidths::Errors;
+use rom::hull::DomainStatus;
+use rom::model::Model;
 use rom::snapshots::{Database, RegimeKind, Split};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use train::datasheet::{CaseError, DataSheet};
-use train::evaluate::{CaseReport, FieldErrors, Report, Summary, evaluate, spread};
+use train::evaluate::{CaseReport, Report, Summary, evaluate, spread};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -157,7 +158,11 @@ impl Args {
         if self.json {
             return output::json(&Printed { report, leave_one_out: left_out });
         }
-        text(&model.header, report, &left_out)
+        let cases = report.cases.iter().map(CaseRow::of).collect();
+        report::print(
+            &Shown { floor: report.floor, regimes: &report.regimes, cases, leave_one_out: left_out },
+            false,
+        )
     }
 }
 
@@ -171,6 +176,45 @@ struct Printed<'a> {
     #[serde(flatten)]
     report: &'a Report,
     leave_one_out: Vec<LeftOut>,
+}
+
+/// What people read: a line for each case in place of the errors of all its fields.
+#[derive(Serialize)]
+struct Shown<'a> {
+    floor: f64,
+    regimes: &'a [Summary],
+    cases: Vec<CaseRow<'a>>,
+    leave_one_out: Vec<LeftOut>,
+}
+
+#[derive(Serialize)]
+struct CaseRow<'a> {
+    case: &'a str,
+    regime: RegimeKind,
+    pressure_mpa: f64,
+    gap_mm: Option<f64>,
+    domain: DomainStatus,
+    displacement_error_mm: f64,
+    stress_error_mpa: f64,
+    force_error_n: f64,
+    mse: f64,
+}
+
+impl<'a> CaseRow<'a> {
+    fn of(case: &'a CaseReport) -> Self {
+        let Errors { displacement_mm, stress_mpa, force_n, .. } = case.errors;
+        Self {
+            case: &case.case,
+            regime: case.regime,
+            pressure_mpa: case.pressure_mpa,
+            gap_mm: case.gap_mm,
+            domain: case.domain,
+            displacement_error_mm: displacement_mm,
+            stress_error_mpa: stress_mpa,
+            force_error_n: force_n,
+            mse: case.mse,
+        }
+    }
 }
 
 /// Leave-one-out errors of a regime's training cases: mean, 95th percentile, maximum over cases of the worst node's.
@@ -213,112 +257,6 @@ fn leave_one_out(sheet: &Path) -> Vec<LeftOut> {
         }
     };
     sheet.regimes.iter().map(of).collect()
-}
-
-fn text(header: &ModelHeader, report: &Report, left_out: &[LeftOut]) -> anyhow::Result<()> {
-    for summary in &report.regimes {
-        regime_text(header, report, summary)?;
-    }
-    for left in left_out {
-        output!(
-            "\nleave-one-out on {} training cases, regime {} (mean / 95 % / max of the worst node)",
-            left.cases,
-            left.regime.name()
-        )?;
-        for (name, values) in [
-            ("displacement mm", Some(left.displacement_mm)),
-            ("stress MPa", left.stress_mpa),
-            ("force N", left.force_n),
-        ] {
-            let Some(values) = values else { continue };
-            output!("  {name:<18}{:>10.2e}{:>10.2e}{:>10.2e}", values[0], values[1], values[2])?;
-        }
-    }
-    Ok(())
-}
-
-fn regime_text(header: &ModelHeader, report: &Report, summary: &Summary) -> anyhow::Result<()> {
-    let all: Vec<&CaseReport> = report.cases.iter().filter(|c| c.is_of(summary.regime)).collect();
-    let cases: Vec<&CaseReport> =
-        all.iter().filter(|c| !summary.outside.contains(&c.case)).copied().collect();
-    output!("\nregime {}: {} cases, MSE (Eq. 15) {:.2e}", summary.regime.name(), summary.cases, summary.mse)?;
-    output!(
-        "  {:<14}{:^27}{:^27}{:>11}{:>14}  worst",
-        "field",
-        "normalised %",
-        format!("relative %, floor {}", report.floor),
-        "truncation",
-        "interpolation"
-    )?;
-    for (f, field) in summary.fields.iter().enumerate() {
-        let column =
-            |get: fn(&FieldErrors) -> f64| cases.iter().map(move |c| get(&c.fields[f])).fold(0.0, f64::max);
-        let mean = cases.iter().map(|c| c.fields[f].relative_mean).sum::<f64>() / cases.len().max(1) as f64;
-        let apart = |get: fn(&FieldErrors) -> Option<f64>| {
-            let values: Option<Vec<f64>> = cases.iter().map(|c| get(&c.fields[f])).collect();
-            values.map_or("derived".into(), |v| format!("{:.2e}", v.into_iter().fold(0.0, f64::max)))
-        };
-        output!(
-            "  {:<14}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>11}{:>14}  case {} node {}",
-            field.field,
-            percent(field.normalised[0]),
-            percent(field.normalised[1]),
-            percent(field.normalised[2]),
-            percent(mean),
-            percent(column(|e| e.relative_p95)),
-            percent(column(|e| e.relative_max)),
-            apart(|e| e.truncation_max),
-            apart(|e| e.interpolation_max),
-            field.worst_case,
-            field.worst_node
-        )?;
-    }
-    if summary.regime == RegimeKind::Contact && header.has_forces() {
-        let [mean, p95, max] = summary.force_normalised.map(percent);
-        output!("  {:<14}{mean:>9}{p95:>9}{max:>9}  of the largest force", "force")?;
-    }
-    let covered = ["displacement", "stress", "force"]
-        .iter()
-        .zip(summary.coverage)
-        .filter(|(_, share)| share.is_finite());
-    let covered: Vec<String> =
-        covered.map(|(name, share)| format!("{name} {:.0} %", share * 100.0)).collect();
-    output!("  within the half-widths: {}", covered.join(", "))?;
-    if !summary.outside.is_empty() {
-        output!("  outside the training range, not in the figures above: {}", summary.outside.join(", "))?;
-    }
-    for case in &all {
-        let worst = |label: &str, name: &str| {
-            let field = case.fields.iter().find(|field| field.field == name)?;
-            Some(format!("{label} {} %", percent(field.normalised)))
-        };
-        let force =
-            || case.force_relative.map_or("force none".into(), |error| format!("force {} %", percent(error)));
-        let errors: Vec<String> = [worst("displacement", "displacement"), worst("stress", "von_mises")]
-            .into_iter()
-            .chain([header.has_forces().then(force)])
-            .flatten()
-            .collect();
-        output!("  case {:<6} {}{}: {}", case.case, place(header, case), case.domain, errors.join(", "))?;
-    }
-    Ok(())
-}
-
-/// The inputs that the model has, each followed by a comma.
-fn place(header: &ModelHeader, case: &CaseReport) -> String {
-    let one = |(at, input): (usize, &InputSpec)| match at {
-        PRESSURE => format!("P {:.6} MPa, ", case.pressure_mpa),
-        GAP => {
-            let gap = case.gap_mm.map_or("no obstacle".into(), |gap| format!("gap {gap:.3} mm"));
-            format!("{gap:>14}, ")
-        }
-        _ => format!("{} {:.6}, ", input.key(), case.inputs.values()[at]),
-    };
-    header.taken_inputs().map(one).collect()
-}
-
-fn percent(share: f64) -> String {
-    format!("{:.3}", share * 100.0)
 }
 
 /// Normalised errors by case, one panel per regime.

@@ -1,9 +1,9 @@
 //! A recording as CSV tables, one for each topic.
 
 use crate::failure::{configuration, usage};
-use crate::output;
+use crate::report;
 use anyhow::{Context, Result};
-use recording::{ExportError, Exported, Series, TableForm, export_csv};
+use recording::{ExportError, Series, TableForm, export_csv};
 use serde_json::json;
 use std::path::Path;
 use wire::KeyExpr;
@@ -24,24 +24,7 @@ pub fn write(recording: &Path, folder: &Path, key: &str, form: TableForm, json: 
         error => error.into(),
     })?;
     let ending = reader.ending();
-    if json {
-        let rows: serde_json::Map<String, serde_json::Value> =
-            exported.rows.iter().map(|(path, rows)| (path.display().to_string(), json!(rows))).collect();
-        return output::json(&json!({"rows": rows, "left_out": exported.left_out, "ending": ending}));
-    }
-    report(&exported, key, &ending)
-}
-
-fn report(exported: &Exported, key: &str, ending: &str) -> Result<()> {
-    for (path, rows) in &exported.rows {
-        output!("{}  {rows} rows", path.display())?;
-    }
-    if exported.rows.is_empty() {
-        output!("nothing in the recording matches {key}")?;
-    }
-    if exported.left_out > 0 {
-        output!("{} messages are no JSON objects and were left out", exported.left_out)?;
-    }
-    output!("the recording is {ending}")?;
-    Ok(())
+    let rows: serde_json::Map<String, serde_json::Value> =
+        exported.rows.iter().map(|(path, rows)| (path.display().to_string(), json!(rows))).collect();
+    report::print(&json!({"rows": rows, "left_out": exported.left_out, "ending": ending}), json)
 }

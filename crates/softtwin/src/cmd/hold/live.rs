@@ -5,7 +5,7 @@ use super::goal::Goal;
 use super::held::refuse_out_of_reach;
 use super::sensors::{Sensors, driven_mpa};
 use crate::live::{Latencies, Owner};
-use crate::output;
+use crate::report;
 use anyhow::{Context, bail, ensure};
 use control::held::Held;
 use control::inverse::{Model, Quantity};
@@ -56,11 +56,7 @@ pub(super) fn run(args: &Args, spec: &ActuatorSpec, held: Held, goal: Option<Goa
     let ended = held_loop.run(&states, &mut wake);
     let released = held_loop.owner.send(f64::NAN, 0);
     let report = held_loop.report();
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output!("{}", text(&report))?;
-    }
+    report::print(&report, args.json)?;
     ended.and(released)
 }
 
@@ -293,19 +289,6 @@ impl<'a> Loop<'a> {
             "reading_to_written_us": (!self.written.is_empty()).then(|| self.written.percentiles_us()),
         })
     }
-}
-
-fn text(report: &Value) -> String {
-    let number = |key: &str| report[key].as_f64().unwrap_or(f64::NAN);
-    let by = report["measured_by"].as_str().unwrap_or("model only");
-    let unit = report["unit"].as_str().unwrap_or_default();
-    format!(
-        "held {:.4} {unit} of {:.4} {unit} ({by}), error {:+.4} {unit}{}",
-        number("followed"),
-        number("target"),
-        number("final_error"),
-        if report["is_limited"] == true { ", limited" } else { "" }
-    )
 }
 
 /// The first state with a reading: its gap and inputs decide what is in reach.

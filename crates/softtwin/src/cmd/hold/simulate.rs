@@ -3,8 +3,8 @@
 use super::args::Args;
 use super::goal::Goal;
 use super::held::refuse_out_of_reach;
-use crate::output;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use crate::report;
 use control::held::Held;
 use control::inverse::{Model, Quantity};
 use control::law::Controller;
@@ -54,17 +54,12 @@ pub(super) fn run(args: &Args, spec: &ActuatorSpec, held: Held, goal: &Goal) -> 
     if let Some(out) = &args.out {
         picture(&held, &nominal).save(out)?;
     }
-    if args.json {
-        let rows: serde_json::Map<String, Value> =
-            rows.into_iter().map(|(name, row)| (name.into(), row)).collect();
-        return output::json(
-            &json!({ "held": held.name, "unit": held.unit, "gap_mm": gap_mm, "plants": rows }),
-        );
-    }
-    for (name, row) in rows {
-        output!("{}", text(name, held.unit, &row))?;
-    }
-    Ok(())
+    let plants: serde_json::Map<String, Value> =
+        rows.into_iter().map(|(name, row)| (name.into(), row)).collect();
+    report::print(
+        &json!({ "held": held.name, "unit": held.unit, "gap_mm": gap_mm, "plants": plants }),
+        args.json,
+    )
 }
 
 /// The plant that the settings describe, with errors and the factors of a change.
@@ -131,30 +126,6 @@ fn row(held: &Held, moments: &[Moment], steps: &[StepFigures]) -> Value {
         "range_mpa": [low, high],
         "fault": moments.iter().find_map(|moment| moment.fault),
     })
-}
-
-fn text(name: &str, unit: &str, row: &Value) -> String {
-    let number = |value: &Value| value.as_f64().map_or("-".into(), |value| format!("{value:.2}"));
-    let mut out = format!(
-        "{name}: error {:.4} {unit} (root mean square), force {:.3} N below its limit{}\n",
-        row["rms_error"].as_f64().unwrap_or(f64::NAN),
-        row["force_below_limit_n"].as_f64().unwrap_or(f64::NAN),
-        row["fault"].as_str().map_or_else(String::new, |fault| format!(", fault {fault}"))
-    );
-    for step in row["steps"].as_array().into_iter().flatten() {
-        let value = |key: &str| step[key].as_f64().unwrap_or(f64::NAN);
-        out += &format!(
-            "  {:.3} to {:.3} {unit}: rise {} s, overshoot {:.1} %, settled {} s, error at the end {:+.4} {unit}, swing after 1 s {:.1} %\n",
-            step["step"][0].as_f64().unwrap_or(f64::NAN),
-            step["step"][1].as_f64().unwrap_or(f64::NAN),
-            number(&step["rise_s"]),
-            100.0 * value("overshoot"),
-            number(&step["settling_s"]),
-            value("final_error"),
-            100.0 * value("residual")
-        );
-    }
-    out.trim_end().to_owned()
 }
 
 fn picture(held: &Held, moments: &[Moment]) -> Figure {

@@ -3,12 +3,12 @@
 
 use crate::bench::{line, panel, range};
 use crate::picture::{Figure, Mark};
-use crate::{files, output};
+use crate::{files, output, report};
 use formats::log::Log;
 use formats::table::TableForm;
 use formats::unit;
 use rom::statistics::median;
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::path::Path;
 
 /// Properties of a column.
@@ -79,42 +79,81 @@ pub fn describe(file: &Path, out: Option<&Path>, picture: Option<&Path>, json: b
     if let Some(picture) = picture {
         figure(&log, &columns, time).save(picture)?;
     }
-    if json {
-        return output::json(&json!({
-            "rows": log.rows(), "separator": log.separator.to_string(), "first_line": log.lines.first(),
-            "damaged_lines": log.damaged.iter().map(ToString::to_string).collect::<Vec<_>>(),
-            "time_column": time.map(|at| at + 1),
-            "columns": columns.iter().map(Known::json).collect::<Vec<_>>(),
-        }));
-    }
-    let separator = if log.separator == '\t' { "tab".into() } else { format!("`{}`", log.separator) };
-    output!("{} rows from line {}, separator {separator}", log.rows(), log.lines.first().unwrap_or(&0))?;
-    for damaged in log.damaged.iter().take(10) {
-        output!("  left out: {damaged}")?;
-    }
-    for column in &columns {
-        output!("{}", column.text())?;
-    }
-    match time {
-        Some(at) => output!("{}", pace(&log, at))?,
-        None => output!("no column rises throughout: name the time's column or a rate")?,
-    }
-    let unknown = |column: &&Known| {
-        column.quantity.is_none() && Some(column.number) != time.map(|at| at + 1) && !column.is_constant()
+    let found = Description {
+        rows: log.rows(),
+        first_line: log.lines.first().copied(),
+        separator: log.separator.to_string(),
+        time_column: time.map(|at| at + 1),
+        damaged_lines: log.damaged.iter().map(ToString::to_string).collect(),
+        columns: columns.iter().map(ColumnRow::of).collect(),
+        remarks: remarks(&log, &columns, time),
     };
-    let numbers: Vec<String> =
-        columns.iter().filter(unknown).map(|column| column.number.to_string()).collect();
-    if !numbers.is_empty() {
-        output!(
-            "not guessed: unit and meaning of column(s) {}; they are comments of the mapping",
-            numbers.join(", ")
-        )?;
-    }
+    report::print(&found, json)?;
     match out {
+        _ if json => {}
         Some(out) => output!("mapping to complete: {}", out.display())?,
         None => output!("\n{}", proposal.trim_end())?,
     }
     Ok(())
+}
+
+/// What the table contains.
+#[derive(Serialize)]
+struct Description<'a> {
+    rows: usize,
+    first_line: Option<usize>,
+    separator: String,
+    time_column: Option<usize>,
+    damaged_lines: Vec<String>,
+    columns: Vec<ColumnRow<'a>>,
+    remarks: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct ColumnRow<'a> {
+    column: usize,
+    heading: &'a str,
+    unit: Option<&'a str>,
+    min: Option<f64>,
+    max: Option<f64>,
+    missing: usize,
+    constant: bool,
+    /// Why it was not read.
+    doubt: Option<&'a str>,
+}
+
+impl<'a> ColumnRow<'a> {
+    fn of(column: &'a Known) -> Self {
+        let finite = |value: f64| Some(value).filter(|value| value.is_finite());
+        Self {
+            column: column.number,
+            heading: &column.heading,
+            unit: column.unit.as_deref(),
+            min: finite(column.low),
+            max: finite(column.high),
+            missing: column.missing,
+            constant: column.is_constant(),
+            doubt: column.doubt.as_deref(),
+        }
+    }
+}
+
+/// How regular the time is, and what could not be guessed.
+fn remarks(log: &Log, columns: &[Known], time: Option<usize>) -> Vec<String> {
+    let pace = time
+        .map_or("no column rises throughout: name the time's column or a rate".into(), |at| pace(log, at));
+    let is_unknown = |column: &&Known| {
+        column.quantity.is_none() && Some(column.number) != time.map(|at| at + 1) && !column.is_constant()
+    };
+    let unknown: Vec<String> =
+        columns.iter().filter(is_unknown).map(|column| column.number.to_string()).collect();
+    let unknown = (!unknown.is_empty()).then(|| {
+        format!(
+            "not guessed: unit and meaning of column(s) {}; they are comments of the mapping",
+            unknown.join(", ")
+        )
+    });
+    [Some(pace), unknown].into_iter().flatten().collect()
 }
 
 /// Steps of a time column, in its unit: median, smallest and largest, repeated stamps and steps back.
@@ -230,36 +269,6 @@ impl Known {
 
     fn is_constant(&self) -> bool {
         self.low >= self.high
-    }
-
-    fn text(&self) -> String {
-        if let Some(doubt) = &self.doubt {
-            return format!("{:>4}  {:<28} not read: {doubt}", self.number, self.heading);
-        }
-        if self.low > self.high {
-            return format!("{:>4}  {:<28} no value", self.number, self.heading);
-        }
-        let unit = self.unit.as_ref().map_or("unit not known".into(), |unit| format!("unit {unit}?"));
-        let mut text = format!(
-            "{:>4}  {:<28} {:>12.5} .. {:<12.5} {unit}",
-            self.number, self.heading, self.low, self.high
-        );
-        if self.time > TimeSign::None {
-            text += ", time?";
-        }
-        if self.is_constant() {
-            text += ", constant";
-        }
-        if self.missing > 0 {
-            text += &format!(", {} missing", self.missing);
-        }
-        text
-    }
-
-    fn json(&self) -> Value {
-        let finite = |v: f64| Some(v).filter(|v| v.is_finite());
-        json!({"column": self.number, "heading": self.heading, "unit": self.unit, "min": finite(self.low), "max": finite(self.high),
-            "missing": self.missing, "constant": self.is_constant(), "doubt": self.doubt})
     }
 }
 

@@ -9,8 +9,8 @@ use super::held;
 use super::simulate;
 use crate::failure::{configuration, usage};
 use crate::live::DomainArgs;
-use crate::output;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use crate::{output, report};
 use control::held::Held;
 use control::inverse::{Model, Quantity};
 use control::law::{Controller, Target};
@@ -96,7 +96,7 @@ impl Args {
             "control": control_keys(&found), "predicted": predicted, "unknown": found.remarks,
             "scene": (!self.simulate).then(|| self.scene.display().to_string()),
         });
-        if self.json { output::json(&report) } else { Ok(output!("{}", text(&report))?) }
+        report::print(&report, self.json)
     }
 
     fn simulated(&self, held: &Held) -> anyhow::Result<(Vec<Row>, Experiment, f64)> {
@@ -160,31 +160,6 @@ fn predicted(held: &Held, found: &Found, experiment: &Experiment, gap_mm: f64) -
 fn control_keys(found: &Found) -> Value {
     let keys = scene::keys(&found.settings);
     keys.into_iter().map(|(key, value)| (key.to_owned(), value)).collect::<serde_json::Map<_, _>>().into()
-}
-
-fn text(report: &Value) -> String {
-    let mut out =
-        format!("{} cycles in {:.0} s\n", report["rows"], report["seconds"].as_f64().unwrap_or(f64::NAN));
-    for part in ["line", "delay_s", "play", "swing", "gauge_noise_mpa", "noise"] {
-        if !report["found"][part].is_null() {
-            out += &format!("  {part}: {}\n", report["found"][part]);
-        }
-    }
-    for remark in report["unknown"].as_array().into_iter().flatten() {
-        out += &format!("  not known: {}\n", remark.as_str().unwrap_or_default());
-    }
-    out += &format!("[actuator.control] {}\n", report["control"]);
-    for step in report["predicted"]["steps"].as_array().into_iter().flatten() {
-        out += &format!(
-            "  predicted {:.3} to {:.3} {}: overshoot {:.1} %, settled {} s\n",
-            step["step"][0].as_f64().unwrap_or(f64::NAN),
-            step["step"][1].as_f64().unwrap_or(f64::NAN),
-            report["unit"].as_str().unwrap_or_default(),
-            100.0 * step["overshoot"].as_f64().unwrap_or(f64::NAN),
-            step["settling_s"].as_f64().map_or("-".to_owned(), |settling_s| format!("{settling_s:.2}"))
-        );
-    }
-    out.trim_end().to_owned()
 }
 
 /// Command and gauge over time, and the quantity over the gauge.
