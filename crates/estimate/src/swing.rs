@@ -200,10 +200,10 @@ impl CarriedMotion {
 
     /// Errors of load and rate at the reading, from errors of the unknowns before and a difference of the first measured input.
     pub(crate) fn errors(&self, before: &Vector, difference: f64) -> [f64; 2] {
-        let of = |k: usize| {
+        let error = |k: usize| {
             let carried: f64 = self.by[k].iter().zip(before).map(|(by, s)| by * s).sum();
             carried + self.drive[k] * difference
         };
-        [of(0), of(1)]
+        [error(0), error(1)]
     }
 }

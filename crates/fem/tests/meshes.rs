@@ -42,7 +42,7 @@ fn grid_size_sets_the_number_of_elements_and_invalid_sizes_are_refused() {
     assert!(tets(3.0) > tets(9.0) && tets(1.5) > 4 * tets(3.0));
     for size in [0.0, -1.0, f64::NAN, 0.01] {
         let list = actuator.grid_mesh(size, 1).unwrap_err();
-        assert!(list[0].to_string().contains("element size"), "{list:?}");
+        assert!(list[0].place.contains("size"), "{list:?}");
     }
 }
 

@@ -5,7 +5,7 @@ use crate::datasheet::{Candidate, CaseError, DataSheet, FieldSheet, FitSheet, In
 use crate::error::TrainError;
 use crate::group::{GroupFit, Plan};
 use crate::regime::{OnsetModel, Part};
-use crate::sort::{Sorted, varying};
+use crate::sort::{TrainingCases, varying};
 use faer::Mat;
 use rom::inputs::{InputMap, InputSpec, Inputs, MAX_INPUTS, PARAMETERS};
 use rom::interpolant::Interpolant;
@@ -157,7 +157,7 @@ fn fit_sheet(
 ///
 /// # Errors
 /// [`TrainError::Database`] with the inputs by name.
-pub(crate) fn check_spread(database: &Database, sorted: &Sorted) -> Result<(), TrainError> {
+pub(crate) fn check_spread(database: &Database, sorted: &TrainingCases) -> Result<(), TrainError> {
     let mut problems = Vec::new();
     for kind in [RegimeKind::Free, RegimeKind::Contact] {
         let (cases, inputs) = (sorted.of(kind), varying(database, kind));

@@ -2,11 +2,19 @@
 //! probability. Half-widths from leave-one-out are slightly too large, since it removes a neighbour of every case.
 
 use crate::datasheet::DataSheet;
+use crate::error::TrainError;
+use crate::group::Plan;
+use crate::regime::Part;
+use crate::sort::TrainingCases;
+use faer::Mat;
+use rom::evaluator::Evaluator;
 use rom::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
 use rom::hull::DomainStatus;
 use rom::inputs::{Inputs, Point};
-use rom::model::Model;
-use rom::snapshots::RegimeKind;
+use rom::model::{Model, ModelError, modes_within};
+use rom::observable::OnMesh;
+use rom::reconstructor::BasisOptions;
+use rom::snapshots::{Database, RegimeKind};
 use thiserror::Error;
 
 /// Smallest number of states from which a regime's half-widths are set: with fewer the quantile of 90 % is little more than the largest error.
@@ -71,4 +79,68 @@ pub fn calibrate(
         }
     }
     if most < MIN_STATES { Err(CalibrationError::TooFew { found: most }) } else { Ok(()) }
+}
+
+// ---- leave-one-out errors of the observables, as ratios to the bound that the displacement's half-width gives ----
+
+/// Ratio of each case by regime and observable.
+pub(crate) type Ratios = Vec<(RegimeKind, Vec<Vec<f64>>)>;
+
+/// The ratios of a trained model.
+pub(crate) fn observable_ratios(
+    database: &Database,
+    plan: &Plan,
+    parts: &[Part],
+    sorted: &TrainingCases,
+    model: &Model,
+    on_mesh: &OnMesh,
+) -> Result<Ratios, TrainError> {
+    let refused = |error: ModelError| TrainError::Config(vec![error.to_string()]);
+    let evaluator = Evaluator::new(&model.header).map_err(refused)?;
+    let mut evaluation = evaluator.evaluation();
+    let mut found = Vec::new();
+    for part in parts {
+        let cases = sorted.of(part.kind);
+        let Some(errors) = coordinate_errors(database, plan, part, cases.len()) else { continue };
+        let mut own: Vec<Vec<f64>> = vec![Vec::with_capacity(cases.len()); on_mesh.count()];
+        for (i, &case) in cases.iter().enumerate() {
+            evaluator.evaluate(database.cases[case].inputs(), &mut evaluation);
+            if evaluation.halfwidths.displacement_mm.is_nan() {
+                continue; // outside, which a training case is only without its regime's inputs
+            }
+            let width = evaluation.halfwidths.displacement_mm.max(f64::MIN_POSITIVE);
+            let snapshot = database.snapshot(case);
+            let count = database.fields.len();
+            let there = |node: usize| [0, 1, 2].map(|k| f64::from(snapshot[node * count + errors[k].0]));
+            let left_out = |node: usize| {
+                let x = there(node);
+                [0, 1, 2].map(|k| x[k] - errors[k].1[(errors[k].2 + node, i)])
+            };
+            for (at, ratios) in own.iter_mut().enumerate() {
+                let ((value, reach), (predicted, _)) =
+                    (on_mesh.measure(at, there), on_mesh.measure(at, left_out));
+                let ratio = on_mesh.difference(at, value, predicted).abs() / (reach * width);
+                ratios.extend(Some(ratio).filter(|ratio| ratio.is_finite()));
+            }
+        }
+        found.push((part.kind, own));
+    }
+    Ok(found)
+}
+
+/// Per axis: field, leave-one-out errors of its group with the modes of a default reconstruction, and its first row there.
+fn coordinate_errors(
+    database: &Database,
+    plan: &Plan,
+    part: &Part,
+    cases: usize,
+) -> Option<[(usize, Mat<f64>, usize); 3]> {
+    let of_axis = |axis: u8| {
+        let field = database.coordinate(axis)?;
+        let (group, at) = plan.find(field)?;
+        let fit = &part.groups[group];
+        let used = modes_within(&fit.choice.leave_one_out, BasisOptions::ACCEPTED_ERROR);
+        Some((field, fit.error_fields(cases, used), at * database.node_count))
+    };
+    Some([of_axis(0)?, of_axis(1)?, of_axis(2)?])
 }

@@ -45,12 +45,12 @@ impl Plan {
         let groups = match config.grouping {
             Grouping::Joint => vec![Group { name: "joint".into(), fields, coordinates: false }],
             Grouping::PerField => {
-                let one = |&f: &usize| Group {
+                let group_of_field = |&f: &usize| Group {
                     name: database.fields[f].name.clone(),
                     fields: vec![f],
                     coordinates: matches!(database.fields[f].kind, FieldKind::Coordinate(_)),
                 };
-                fields.iter().map(one).collect()
+                fields.iter().map(group_of_field).collect()
             }
         };
         Self { groups, magnitude_of }
@@ -138,13 +138,13 @@ fn weigh_onset(y: &mut Mat<f64>, columns: Columns, centre: Centre) {
 }
 
 /// A decomposed group that waits for its kernel.
-pub(crate) struct Decomposed {
+pub(crate) struct DecomposedGroup {
     compact: Compact,
     pod: Pod,
     task: Task,
 }
 
-impl Decomposed {
+impl DecomposedGroup {
     /// Decomposes `snapshots`.
     pub fn new(
         group: &Group,
@@ -182,7 +182,7 @@ impl Decomposed {
 /// Chooses kernels and modes: coordinates together, every other group for itself. The order of the groups is kept.
 pub(crate) fn fit_groups(
     plan: &Plan,
-    decomposed: Vec<Decomposed>,
+    decomposed: Vec<DecomposedGroup>,
     states: States,
     regime: &str,
     config: &RegimeConfig,
@@ -240,8 +240,9 @@ impl GroupFit {
     /// Coefficients of the group's stacked fields: their best approximation by the modes kept.
     pub fn project(&self, fields: &[f64]) -> Vec<f64> {
         let deviation: Vec<f64> = fields.iter().zip(&self.compact.mean).map(|(y, mean)| y - mean).collect();
-        let one = |k: usize| self.basis.col_as_slice(k).iter().zip(&deviation).map(|(phi, y)| phi * y).sum();
-        (0..self.choice.modes).map(one).collect()
+        let coefficient =
+            |k: usize| self.basis.col_as_slice(k).iter().zip(&deviation).map(|(phi, y)| phi * y).sum();
+        (0..self.choice.modes).map(coefficient).collect()
     }
 
     /// Leave-one-out error fields of the first `cases` states, one column per case: data minus prediction, closed form. The

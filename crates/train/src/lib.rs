@@ -41,7 +41,6 @@ mod group;
 pub mod inertia;
 pub mod measured;
 pub mod memory;
-mod observables;
 mod onset;
 #[doc(hidden)]
 pub mod pod;
@@ -109,7 +108,7 @@ pub fn train(
     if !config.observables.is_empty() {
         progress("half-widths of the observables");
         let on_mesh = OnMesh::new(&model, &config.observables).map_err(TrainError::Config)?;
-        let ratios = observables::ratios(database, &plan, &parts, &sorted, &model, &on_mesh)?;
+        let ratios = calibration::observable_ratios(database, &plan, &parts, &sorted, &model, &on_mesh)?;
         let observables = on_mesh.reduced(&model, &ratios, config.coverage).map_err(TrainError::Config)?;
         let put = model.set_record(BlockKind::Observables, &observables);
         put.map_err(|error| TrainError::Config(vec![error.to_string()]))?;

@@ -5,7 +5,7 @@ use crate::config::TrainConfig;
 use crate::error::{OnsetError, TrainError};
 use crate::group::Plan;
 use crate::regime::{OnsetModel, Part};
-use crate::sort::Sorted;
+use crate::sort::TrainingCases;
 use rom::clearance::OnsetSolver;
 use rom::inputs::{Inputs, PARAMETERS, PRESSURE};
 use rom::model::Clearance;
@@ -29,7 +29,7 @@ pub(crate) fn derive(
     config: &TrainConfig,
     plan: &Plan,
     free: &Part,
-    sorted: &Sorted,
+    sorted: &TrainingCases,
 ) -> Result<OnsetModel, TrainError> {
     let [x, y, z] = [0, 1, 2].map(|axis| database.coordinate(axis).ok_or(OnsetError::NoCoordinate { axis }));
     let coordinates = [x?, y?, z?];

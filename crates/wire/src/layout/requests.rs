@@ -237,12 +237,13 @@ impl Answer {
 
     /// The inputs that are outside the values of the training, and by how much, for people; `None` if none is by itself.
     pub fn outside(&self) -> Option<String> {
-        let one = |(input, by): (InputValue, &f64)| {
+        let description = |(input, by): (InputValue, &f64)| {
             let side = if *by > 0.0 { "above the largest" } else { "below the smallest" };
             format!("{} is {} {side} trained value", input.name, by.abs())
         };
         let is_outside = |(_, by): &(InputValue, &f64)| by.abs() > 0.0;
-        let found: Vec<String> = self.inputs().zip(&self.outside_by).filter(is_outside).map(one).collect();
+        let found: Vec<String> =
+            self.inputs().zip(&self.outside_by).filter(is_outside).map(description).collect();
         (!found.is_empty()).then(|| found.join(", "))
     }
 
