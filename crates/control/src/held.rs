@@ -169,7 +169,6 @@ impl Description {
 /// A quantity with the model that gives it.
 #[derive(Debug)]
 pub struct Held {
-    /// Kind.
     pub quantity: Quantity,
     /// Column of the target: `force_n`, `tip_y_mm`, `pressure_mpa`, or an observable of the model.
     pub name: String,

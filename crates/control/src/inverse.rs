@@ -25,7 +25,6 @@ pub trait Model {
     fn observable_grows(&self) -> bool;
 }
 
-/// The controlled quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// The contact force, N: grows with the pressure, from the onset on.
@@ -47,7 +46,6 @@ impl Quantity {
     }
 }
 
-/// An answer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inverse {
     /// The pressure, MPa; an end of the model's range where the value lies beyond it.

@@ -21,7 +21,6 @@ use crate::plan::{PlanInput, Planner};
 use crate::settings::{GaugeAt, LawKind, Limits, Settings, TARGET_FRACTION};
 use rom::memory::{Line, MAX_PLAYS, Play};
 
-/// Wanted value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     /// In N, MPa, or the observable's unit.
@@ -64,7 +63,6 @@ pub struct Cycle {
     pub correction_mpa: f64,
     /// The valve's error, MPa.
     pub bias_mpa: f64,
-    /// Which limits bind.
     pub limited: Limited,
     /// The predictive law had no plan in time: the command is that of the inverse.
     pub is_fallback: bool,
@@ -72,7 +70,6 @@ pub struct Cycle {
     pub fault: Option<Fault>,
 }
 
-/// Limits that bind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Limited {
     /// The target is beyond the force limit.

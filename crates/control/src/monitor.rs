@@ -17,7 +17,6 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::NoResponse => "no-response",

@@ -25,7 +25,6 @@ pub struct PlantSpec {
     pub play: Vec<Play>,
     /// Frequency of the swing, Hz; 0: none.
     pub swing_hz: f64,
-    /// Its damping ratio.
     pub swing_damping: f64,
     /// Time from command to valve, s.
     pub delay_s: f64,

@@ -50,7 +50,6 @@ pub struct Settings {
     pub delay_s: f64,
     /// Lowest frequency of the swing, Hz; 0: none.
     pub swing_hz: f64,
-    /// Its damping ratio.
     pub swing_damping: f64,
     /// Place of the gauge.
     pub gauge_at: GaugeAt,

@@ -21,7 +21,6 @@ impl<M: Model> Law for Controller<M> {
 /// Circumstances of a trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trial {
-    /// Followed quantity.
     pub quantity: Quantity,
     /// The quantity is measured: by a load cell, or a camera.
     pub is_measured: bool,
@@ -69,7 +68,6 @@ pub struct Loop<L, B> {
 }
 
 impl<L: Law, B: Body> Loop<L, B> {
-    /// Both at rest.
     pub fn new(law: L, plant: Plant<B>, trial: Trial) -> Self {
         Self { law, plant, trial, shown: None, time_s: 0.0 }
     }

@@ -56,7 +56,6 @@ pub const OUT_OF_REACH_MM: f64 = 1e4;
 pub enum TwinModelError {
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The tip.
     #[error("tip: {0}")]
     Point(#[from] PointError),
     #[error(transparent)]

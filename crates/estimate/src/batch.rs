@@ -43,7 +43,6 @@ pub struct Fit {
     /// Squares of residuals and noise over their variances, without outliers, divided by the values used minus the unknowns; about 1
     /// if the standard deviations of model and sensors are right.
     pub chi2_per_dof: f64,
-    /// Measured values used.
     pub used: usize,
     /// Measured values of blocks that contradict the fit.
     pub outliers: usize,

@@ -644,7 +644,6 @@ const SPACING_MM: f64 = 0.5;
 /// Distance of the lowest point from the obstacle, mm, from which on an estimate is from before a contact.
 const CLEARANCE_MM: f64 = 1.5;
 
-/// One stored estimate.
 #[derive(Clone, Copy, Debug)]
 struct Before {
     t_s: f64,

@@ -15,7 +15,6 @@ pub(crate) const MAX_SIGMA_RATIO: f64 = 1.0 / 3.0;
 /// An unknown is unidentifiable too if fixing the unidentifiable ones reduces its variance below this fraction.
 const MIN_CONDITIONAL_VARIANCE: f64 = 0.5;
 
-/// Identifiability per unknown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Identifiability {
     identifiable: [bool; MAX_STATES],

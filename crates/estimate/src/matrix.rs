@@ -31,7 +31,6 @@ impl Symmetric {
         out
     }
 
-    /// Number of states.
     pub fn size(&self) -> usize {
         self.size
     }

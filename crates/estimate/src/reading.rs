@@ -45,7 +45,6 @@ pub(crate) struct ReadingProblem<'a> {
     pub(crate) weights: [f64; MAX_ROWS],
 }
 
-/// Linearised prediction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Linear {
     /// `z - h`, 0 for a missing value.

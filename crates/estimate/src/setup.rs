@@ -18,7 +18,6 @@ const HELD: f64 = 1e-3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unknown {
     pub name: String,
-    /// Prior value.
     pub prior: f64,
     /// Standard deviation of the prior.
     pub sigma: f64,
@@ -38,7 +37,6 @@ impl Unknown {
 /// Source of a model input's value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum InputRole {
-    /// Constant.
     Given(f64),
     /// Estimated: position in the unknowns.
     Estimated(usize),
@@ -127,9 +125,7 @@ pub struct Setup {
 pub struct SetupError {
     /// Place of the error.
     pub place: String,
-    /// Accepted values.
     pub expected: &'static str,
-    /// Value found.
     pub found: String,
 }
 
@@ -386,7 +382,6 @@ pub struct MotionState {
 /// Motion after a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionEnd {
-    /// Inertial load.
     pub load: f64,
     /// Velocity along its tangent, as a rate of the load.
     pub rate: f64,
@@ -450,7 +445,6 @@ pub struct Update {
     pub inputs: [f64; MAX_INPUTS],
     /// True if the reading indicates contact.
     pub in_contact: bool,
-    /// Values used.
     pub used: usize,
     /// Rejection blocks of contradictory values, one bit each.
     pub rejected: u32,

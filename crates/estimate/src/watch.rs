@@ -101,7 +101,6 @@ pub(crate) struct Watch {
     seen: [f64; MAX_ROWS],
     /// Rejection values per block.
     rejected: [f64; MAX_ROWS],
-    /// Readings used.
     used: f64,
     /// Noise per measured input in the readings used, in standard deviations.
     noise: Vector,
@@ -258,7 +257,6 @@ const SIGNIFICANT: f64 = 6.0;
 /// Smallest amplitude that contradicts measurements.
 const MIN_AMPLITUDE: f64 = 0.15;
 
-/// Kind of memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Play,

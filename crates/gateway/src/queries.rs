@@ -16,7 +16,6 @@ use zenoh::query::{Query, Queryable};
 const QUERIES: usize = 64;
 /// Longest wait for a twin.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Longest sleep.
 const TICK: Duration = Duration::from_millis(100);
 
 /// Takes queries on the network and passes them to the thread that answers them.

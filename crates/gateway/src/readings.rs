@@ -17,7 +17,6 @@ const READINGS: usize = 1024;
 const MAX_BYTES: usize = 4096;
 /// Interval of retries for a topic that another program writes.
 const RETRY: Duration = Duration::from_secs(1);
-/// Longest sleep.
 const TICK: Duration = Duration::from_millis(100);
 
 /// One message as it arrived.
@@ -96,7 +95,6 @@ fn subscribe(
     network(subscriber.allowed_origin(Locality::Remote).wait())
 }
 
-/// One sensor topic.
 struct Inlet {
     topic: Topic,
     writer: Option<SensorWriter>,

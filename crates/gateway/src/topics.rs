@@ -125,7 +125,6 @@ const LINGER: Duration = Duration::from_secs(5);
 /// Local name and query of a request.
 pub type Request = (String, Query);
 
-/// One sample, encoded.
 #[derive(Debug, Clone)]
 pub struct EncodedSample {
     /// JSON, or the values of a field.

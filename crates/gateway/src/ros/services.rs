@@ -33,7 +33,6 @@ const CALLS: usize = 64;
 const MAX_NAMES: usize = 64;
 /// Longest wait of a request for a state of its twin.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Longest sleep.
 const TICK: Duration = Duration::from_millis(100);
 /// Interval of looks for the first state.
 const PACE: Duration = Duration::from_millis(2);
@@ -283,7 +282,6 @@ fn trigger_response(is_success: bool, message: &str) -> Vec<u8> {
 
 // ---- a service in the graph ----
 
-/// Largest request.
 const MAX_BYTES: usize = 64 * 1024;
 
 /// A service in the graph while it exists.
@@ -296,7 +294,6 @@ pub struct Service {
 pub struct Call {
     actuator: String,
     kind: ServiceKind,
-    /// CDR.
     request: Vec<u8>,
     number: i64,
     client: Gid,
