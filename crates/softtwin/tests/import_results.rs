@@ -145,7 +145,7 @@ fn missing_inputs_are_requested_by_name() {
     assert!(with(&["--pattern", "beam_f{load_n}.vtu"]).contains("beam_f2_t7.vtu"));
     assert!(with(&["--pattern", "{load}_t{t}.vtu"]).contains("load"));
     assert!(with(&["--pattern", "beam_f{load}_t{thickness_mm}.vtu"]).contains("load"));
-    assert!(with(&["--ramp", "load_n=2"]).contains("load_n"));
+    assert!(with(&["--ramp", "load_n=2"]).contains("--ramp"));
     assert!(with(&[&pattern[..], &["--field", "heat=K"]].concat()).contains("heat"));
     table("file,load_n\nother.vtu,1\n");
     assert!(with(&["--inputs", "inputs.csv"]).contains("beam_f2_t7.vtu"));
