@@ -14,20 +14,13 @@
 mod bus;
 mod ffi;
 mod model;
-mod motion;
-mod query;
 mod reader;
-mod status;
 mod stepping;
-mod waiter;
 mod writer;
 
 pub use bus::*;
+pub use ffi::{softtwin_last_error, softtwin_layout_version, softtwin_now_ns, softtwin_status};
 pub use model::*;
-pub use motion::*;
-pub use query::*;
 pub use reader::*;
-pub use status::*;
 pub use stepping::*;
-pub use waiter::*;
 pub use writer::*;

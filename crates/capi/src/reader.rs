@@ -1,8 +1,7 @@
 //! Readers of topics: payloads of fixed size are copied, fields are not.
 
 use crate::bus::softtwin_bus;
-use crate::ffi::{Failure, argument, call, handle, name, put, take, text, write_handle};
-use crate::status::softtwin_status;
+use crate::ffi::{Failure, argument, call, handle, name, put, softtwin_status, take, text, write_handle};
 use std::cell::RefCell;
 use std::ffi::{c_char, c_int, c_void};
 use std::mem::MaybeUninit;

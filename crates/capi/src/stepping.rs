@@ -1,8 +1,7 @@
 //! The controller in a loop of the caller: from a model and a scene's file, stepped by readings with their times, without a bus.
 
-use crate::ffi::{argument, call, handle, name, put, take, text, write_handle};
+use crate::ffi::{argument, call, handle, name, put, softtwin_status, take, text, write_handle};
 use crate::model::softtwin_model;
-use crate::status::softtwin_status;
 use control::held::Stepping;
 use control::law::{Cycle, Limited, Reading, Target};
 use control::monitor::Fault;

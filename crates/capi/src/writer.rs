@@ -1,9 +1,8 @@
 //! Writers: readings in place of a bridge, pressure commands, setpoints of a valve's owner, targets of its controller.
 
 use crate::bus::softtwin_bus;
-use crate::ffi::{argument, call, handle, name, take, text, write_handle};
+use crate::ffi::{argument, call, handle, name, softtwin_status, take, text, write_handle};
 use crate::reader::topic;
-use crate::status::softtwin_status;
 use std::ffi::c_char;
 use wire::layout::{PARAMETERS_MAX, TARGET_VALUES_MAX, pack_name, target_kind};
 use wire::{

@@ -95,7 +95,7 @@ fn the_header_declares_the_functions_of_the_code() {
 #[test]
 fn the_statuses_of_the_header_are_those_of_the_code() {
     let header = read(&here().join("include/softtwin.h"));
-    let code = read(&here().join("src/status.rs"));
+    let code = read(&here().join("src/ffi.rs"));
     let statuses: Vec<&str> = code
         .lines()
         .map(str::trim)

@@ -1,10 +1,134 @@
-//! `modelDescription.xml`.
+//! Variables of an FMU, inputs and outputs with their value references, and `modelDescription.xml`, which names them.
 
-use crate::variables::{ChosenNode, FIRST_INPUT, FIRST_OUTPUT, TIME, outputs, start};
-use rom::model::{BlockKind, Model, ModelFileError};
+use rom::evaluation::NUMBERS;
+use rom::inputs::{GAP, InputSpec};
+use rom::model::{BlockKind, Model, ModelFileError, ModelHeader};
 use rom::observable::Observables;
 use std::collections::BTreeSet;
 use std::fmt::Write;
+
+/// The model in an FMU's resources.
+pub const MODEL_FILE: &str = "model.twin";
+/// The chosen nodes in an FMU's resources: a line `NAME NUMBER` each.
+pub const NODES_FILE: &str = "nodes.txt";
+
+/// Value reference of the time.
+pub(crate) const TIME: u32 = 0;
+/// Value reference of the first input.
+pub(crate) const FIRST_INPUT: u32 = 1;
+/// Value reference of the first output.
+pub(crate) const FIRST_OUTPUT: u32 = 100;
+
+/// A node whose fields are outputs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ChosenNode {
+    /// Name before the field's (`tip`).
+    pub name: String,
+    /// Its number in the model, from 0.
+    pub node: u32,
+}
+
+/// Content of [`NODES_FILE`].
+pub fn nodes_text(nodes: &[ChosenNode]) -> String {
+    nodes.iter().map(|chosen| format!("{} {}\n", chosen.name, chosen.node)).collect()
+}
+
+/// Instantiation token, which identifies a description's resources: the hash at the end of the model file, and the nodes.
+pub fn token(model_file: &[u8], nodes: &[ChosenNode]) -> String {
+    let hash = model_file.last_chunk::<32>().copied().unwrap_or_default();
+    let hash: String = hash.iter().map(|byte| format!("{byte:02x}")).collect();
+    nodes.iter().fold(hash, |token, chosen| format!("{token};{} {}", chosen.name, chosen.node))
+}
+
+/// Parses [`NODES_FILE`].
+pub(crate) fn read_nodes(text: &str) -> Result<Vec<ChosenNode>, String> {
+    let chosen = |(at, line): (usize, &str)| {
+        let parts = line.split_once(' ').and_then(|(name, node)| Some((name, node.parse().ok()?)));
+        let (name, node) =
+            parts.ok_or(format!("{NODES_FILE}, line {}: expected NAME NUMBER, found {line:?}", at + 1))?;
+        Ok(ChosenNode { name: name.into(), node })
+    };
+    text.lines().enumerate().map(chosen).collect()
+}
+
+/// Quantity of an output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Quantity {
+    /// One of [`NUMBERS`], by its position.
+    Number(usize),
+    /// Derivative of the force with respect to the input at this position.
+    ForceBy(usize),
+    MaxStress,
+    /// An observable of the model, by its position.
+    Observable(usize),
+    ObservableHalfwidth(usize),
+    /// A field at a chosen node, by their positions.
+    AtNode {
+        field: usize,
+        chosen: usize,
+    },
+}
+
+impl Quantity {
+    /// True for an Int32.
+    pub(crate) fn is_integer(self) -> bool {
+        matches!(self, Self::Number(at) if NUMBERS[at].unit.is_empty())
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Output {
+    pub name: String,
+    pub unit: String,
+    pub about: &'static str,
+    pub quantity: Quantity,
+}
+
+/// The outputs in the order of their value references.
+pub(crate) fn outputs(header: &ModelHeader, observables: &Observables, nodes: &[ChosenNode]) -> Vec<Output> {
+    let mut all = Vec::new();
+    let mut add = |name: String, unit: String, about: &'static str, quantity| {
+        all.push(Output { name, unit, about, quantity });
+    };
+    for (at, number) in NUMBERS.iter().enumerate().filter(|(_, number)| header.has_number(number)) {
+        add(number.key.into(), number.unit.into(), number.about, Quantity::Number(at));
+    }
+    for (at, input) in header.taken_inputs().filter(|_| header.has_forces()) {
+        let (name, unit) = (format!("force_by_{}", input.key()), format!("N/{}", input.unit));
+        add(name, unit, "Derivative of the contact force", Quantity::ForceBy(at));
+    }
+    if header.has_stress() {
+        let (name, about) = ("max_von_mises_mpa", "Largest von Mises stress of all nodes");
+        add(name.into(), "MPa".into(), about, Quantity::MaxStress);
+    }
+    for (at, (name, unit)) in observables.names().zip(observables.units()).enumerate() {
+        add(name.into(), unit.into(), "Observable of the shape", Quantity::Observable(at));
+        let halfwidth = format!("{name}_halfwidth");
+        add(
+            halfwidth,
+            unit.into(),
+            "Its half-width; NaN outside the training states",
+            Quantity::ObservableHalfwidth(at),
+        );
+    }
+    for (chosen, node) in nodes.iter().enumerate() {
+        for (field, output) in header.fields.iter().enumerate() {
+            let (name, unit) = (format!("{}.{}", node.name, output.spec.name), output.spec.unit.clone());
+            add(name, unit, "Field at a chosen node", Quantity::AtNode { field, chosen });
+        }
+    }
+    all
+}
+
+/// Initial values of the inputs: pressure 0, the largest training gap, the model's parameters.
+pub(crate) fn start(model: &Model) -> Vec<f64> {
+    let start = |(at, input): (usize, &InputSpec)| match input.value {
+        Some(value) => value,
+        None if at == GAP && input.range[1].is_finite() => input.range[1],
+        None => 0.0,
+    };
+    model.header.inputs.iter().enumerate().map(start).collect()
+}
 
 /// Name of the library in `binaries/PLATFORM`, without its ending.
 pub const IDENTIFIER: &str = "softtwin";

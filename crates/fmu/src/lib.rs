@@ -14,13 +14,8 @@ mod description;
 #[allow(non_snake_case)] // names of FMI
 mod ffi;
 mod instance;
-mod part;
-#[allow(non_snake_case)]
-mod unsupported;
-mod variables;
 
-pub use description::{IDENTIFIER, describe};
+pub use description::{ChosenNode, IDENTIFIER, MODEL_FILE, NODES_FILE, describe, nodes_text, token};
 
 /// Declarations of the exported functions in C.
 pub const DECLARATIONS: &str = include_str!("../softtwin_fmi3.h");
-pub use variables::{ChosenNode, MODEL_FILE, NODES_FILE, nodes_text, token};

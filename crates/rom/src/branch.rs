@@ -66,7 +66,7 @@ enum Place {
 
 /// Volume that belongs to a pressure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Followed {
+pub struct BranchState {
     /// Pressure, MPa.
     pub pressure_mpa: f64,
     /// Injected volume, mm3; that of the last limit if there is no state behind it.
@@ -79,7 +79,7 @@ pub struct Followed {
     pub is_unknown: bool,
 }
 
-impl Followed {
+impl BranchState {
     /// Adds pressure, flags and position in the training range to the evaluation at this volume.
     pub fn describe(&self, out: &mut Evaluation) {
         out.inputs = out.inputs.with(PRESSURE, self.pressure_mpa);
@@ -198,7 +198,7 @@ impl Follower {
     }
 
     /// Moves to a reading of the time `t_ns`, before which the pressure went straight to that of its inputs (finite), and sets their volume.
-    pub fn advance(&mut self, t_ns: u64, inputs: &mut Inputs) -> Followed {
+    pub fn advance(&mut self, t_ns: u64, inputs: &mut Inputs) -> BranchState {
         let pressure_mpa = inputs.pressure_mpa();
         let is_gap = t_ns.saturating_sub(self.last_ns) as f64 * 1e-9 > self.max_gap_s;
         let pasts = [self.begin(pressure_mpa, false), self.begin(pressure_mpa, true)];
@@ -253,7 +253,7 @@ impl Follower {
         }
     }
 
-    fn followed(&self, places: [Place; 3], pressure_mpa: f64) -> Followed {
+    fn followed(&self, places: [Place; 3], pressure_mpa: f64) -> BranchState {
         let is_unknown = places[1..].iter().any(|place| *place != places[0]);
         let (branch, is_behind, at_mpa) = match places[0] {
             Place::On(branch) => (branch, false, pressure_mpa),
@@ -261,7 +261,7 @@ impl Follower {
                 (branch, true, self.branches[branch].ends_mpa()[usize::from(is_above)])
             }
         };
-        Followed {
+        BranchState {
             pressure_mpa,
             volume_mm3: self.branches[branch].volume_mm3(at_mpa),
             branch,

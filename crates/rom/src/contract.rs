@@ -122,13 +122,13 @@ fn weighed(old: &RegimeModel, outputs: &[Output]) -> Interpolant {
 /// The outputs' part of rows over all coefficients.
 fn summed(old: &RegimeModel, rows: &[f64], outputs: &[&Output]) -> Vec<f64> {
     let rows = rows.chunks_exact(old.coefficient_count().max(1));
-    let one = |row: &[f64], output: &Output| -> f64 {
+    let weighted_sum = |row: &[f64], output: &Output| -> f64 {
         let part = |(group, weights): &(usize, Vec<f64>)| {
             dot(weights, &row[old.groups[*group].coefficients.clone()])
         };
         output.parts.iter().map(part).sum()
     };
-    rows.flat_map(|row| outputs.iter().map(move |output| one(row, output))).collect()
+    rows.flat_map(|row| outputs.iter().map(move |output| weighted_sum(row, output))).collect()
 }
 
 /// The measured difference of the outputs.

@@ -90,10 +90,10 @@ mod tests {
 
     #[test]
     fn difference_and_its_derivative_end_without_a_jump_at_the_reach_and_are_exactly_zero_beyond() {
-        let at = |v: f64| -> Point { std::array::from_fn(|axis| if axis == 0 { v } else { 0.0 }) };
+        let point = |v: f64| -> Point { std::array::from_fn(|axis| if axis == 0 { v } else { 0.0 }) };
         let difference = FieldDifference {
             reach: 0.3,
-            centres: vec![at(0.1), at(0.4)],
+            centres: vec![point(0.1), point(0.4)],
             coefficients: vec![1],
             weights: vec![2.0, -0.7],
             residual_mm: 0.1,
@@ -102,7 +102,7 @@ mod tests {
         let found = |x: f64| {
             let (mut coefficients, mut rows) = ([0.0; 2], <[Vec<f64>; MAX_INPUTS]>::default());
             rows[0] = vec![0.0; 2];
-            difference.add(&at(x), &mut coefficients, &mut rows);
+            difference.add(&point(x), &mut coefficients, &mut rows);
             assert_eq!((coefficients[0], rows[0][0]), (0.0, 0.0));
             (coefficients[1], rows[0][1])
         };
@@ -114,7 +114,7 @@ mod tests {
         assert!(value.abs() < 1e-10 && slope.abs() < 1e-7 && value != 0.0, "{value} {slope}");
         for x in [-0.201, 0.701, 2.0] {
             assert_eq!(found(x), (0.0, 0.0), "{x}");
-            assert_eq!((difference.share(&at(x)), difference.half_width_mm(&at(x))), (0.0, 1.0));
+            assert_eq!((difference.share(&point(x)), difference.half_width_mm(&point(x))), (0.0, 1.0));
         }
     }
 }

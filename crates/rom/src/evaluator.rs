@@ -1,4 +1,15 @@
-//! Inputs -> regime, coefficients, force, gradients, half-widths, domain. Nothing is allocated after construction.
+//! The small half of a model: inputs in; regime, contact force and modal coefficients out.
+//!
+//! When a finger meets a plate, its tip stops and a force begins. No smooth interpolant follows that kink, so a model has two *regimes* with
+//! modes and interpolants of their own. The free regime depends on the pressure, the contact regime on pressure and gap; either may depend
+//! on parameters as well. The *onset* `P_c(gap)` separates them: the pressure at which the lowest point of the free finger reaches the
+//! plate. It is a table over the gap ([`crate::regime`]) or, where it depends on parameters, solved from the free regime for each state
+//! ([`crate::clearance`]). The contact force is interpolated as `F = (P - P_c) h(P, gap)` and is therefore exactly zero at the onset.
+//!
+//! A [`Query`] says how far an [`Evaluation`] is filled: onset and regime, force and half-widths, modal coefficients (of which
+//! [`crate::reconstructor`] makes the fields), their derivatives. The evaluation has room for all results and for the scratch values in
+//! between, so that an answer allocates nothing: the twin's loop has to answer in a bounded time. Nothing is written into the evaluator, so
+//! threads can share it if each brings its own evaluation. Only [`Evaluator::set_parameters`] and [`Evaluator::restrict`] allocate.
 
 use crate::body::Body;
 use crate::clearance::OnsetSolver;
@@ -41,14 +52,14 @@ impl RegimePart {
 /// Consecutive groups with one kernel, summed in one pass, with the range of their coefficients.
 fn sums<'a>(groups: impl Iterator<Item = &'a GroupModel>) -> Vec<(Sums, Range<usize>)> {
     let groups: Vec<&GroupModel> = groups.collect();
-    let joined = |a: &&GroupModel, b: &&GroupModel| {
+    let can_be_merged = |a: &&GroupModel, b: &&GroupModel| {
         a.coefficients.end == b.coefficients.start && a.surrogate.shares_kernel_with(&b.surrogate)
     };
-    let one = |groups: &[&GroupModel]| {
-        let all: Vec<&Interpolant> = groups.iter().map(|group| &group.surrogate).collect();
-        (Sums::new(&all), groups[0].coefficients.start..groups[groups.len() - 1].coefficients.end)
+    let merged_sums = |groups: &[&GroupModel]| {
+        let interpolants: Vec<&Interpolant> = groups.iter().map(|group| &group.surrogate).collect();
+        (Sums::new(&interpolants), groups[0].coefficients.start..groups[groups.len() - 1].coefficients.end)
     };
-    groups.chunk_by(joined).map(one).collect()
+    groups.chunk_by(can_be_merged).map(merged_sums).collect()
 }
 
 /// How far an answer goes; each step contains the ones before.
@@ -128,7 +139,10 @@ impl Evaluator {
     pub fn new(header: &ModelHeader) -> Result<Self, ModelError> {
         header.check().map_err(ModelError::Inconsistent)?;
         let mut values = [f64::NAN; MAX_INPUTS];
-        values.iter_mut().zip(&header.inputs).for_each(|(v, input)| *v = input.value.unwrap_or(f64::NAN));
+        values
+            .iter_mut()
+            .zip(&header.inputs)
+            .for_each(|(default, input)| *default = input.value.unwrap_or(f64::NAN));
         let mut is_taken = [false; MAX_INPUTS];
         header.taken_inputs().for_each(|(at, _)| is_taken[at] = true);
         let parts: Vec<RegimePart> = header.regimes.iter().cloned().map(RegimePart::new).collect();
@@ -257,8 +271,8 @@ impl Evaluator {
         if let Some(solver) = &self.solver {
             scratch.scratch.reserve(&self.scratch);
             let table = solver.table(&Inputs::new(0.0, 0.0).or(&self.values), scratch);
-            let what = || "the free model sinks at no pressure at these parameters".to_owned();
-            self.onset = Some(table.ok_or_else(|| ModelError::Inconsistent(what()))?);
+            let reason = || "the free model sinks at no pressure at these parameters".to_owned();
+            self.onset = Some(table.ok_or_else(|| ModelError::Inconsistent(reason()))?);
         }
         Ok(())
     }
@@ -286,8 +300,8 @@ impl Evaluator {
     /// A state with the defaults of its parameters, and NaN for an input that the model does not have.
     fn complete_inputs(&self, inputs: Inputs) -> Inputs {
         let inputs = inputs.or(&self.values);
-        let absent = (0..self.inputs.len()).filter(|at| !self.is_taken[*at]);
-        absent.fold(inputs, |inputs, at| inputs.with(at, f64::NAN))
+        let ignored = (0..self.inputs.len()).filter(|at| !self.is_taken[*at]);
+        ignored.fold(inputs, |inputs, at| inputs.with(at, f64::NAN))
     }
 
     /// Onset pressure over gap, with parameters at their default values; `None` for a model of one regime.
@@ -307,14 +321,14 @@ impl Evaluator {
 
     /// The onset at a state.
     fn onset_at(&self, inputs: &Inputs, scratch: &mut Evaluation) -> OnsetAt {
-        let constant = |onset| OnsetAt { onset, pressure_mpa: 0.0, gradient: [0.0; MAX_INPUTS] };
+        let fixed_onset = |onset| OnsetAt { onset, pressure_mpa: 0.0, gradient: [0.0; MAX_INPUTS] };
         match (&self.solver, &self.onset, self.parts.first()) {
             (Some(solver), table, _) => {
                 solver.onset(inputs, table.as_ref().map(|table| (table, self.has_values(inputs))), scratch)
             }
             (None, Some(table), _) => table.at(inputs.gap_mm()),
-            (None, None, Some(part)) if part.model.kind == RegimeKind::Contact => constant(Onset::Always),
-            (None, None, _) => constant(Onset::Never),
+            (None, None, Some(part)) if part.model.kind == RegimeKind::Contact => fixed_onset(Onset::Always),
+            (None, None, _) => fixed_onset(Onset::Never),
         }
     }
 
@@ -396,18 +410,19 @@ impl Evaluator {
             return;
         }
         let local = part.model.local_halfwidths.as_ref();
-        let mut found = local.map_or(part.model.halfwidths, |local| local.at(x));
-        out.difference_mm = part.model.difference.as_ref().map_or(0.0, |of| of.half_width_mm(x));
+        let mut widths = local.map_or(part.model.halfwidths, |local| local.at(x));
+        out.difference_mm =
+            part.model.difference.as_ref().map_or(0.0, |difference| difference.half_width_mm(x));
         if out.difference_mm > 0.0 {
-            found.displacement_mm = found.displacement_mm.hypot(out.difference_mm);
+            widths.displacement_mm = widths.displacement_mm.hypot(out.difference_mm);
         }
         if self.no_force {
-            found.force_n = f64::NAN;
+            widths.force_n = f64::NAN;
         }
         if self.no_stress {
-            found.stress_mpa = f64::NAN;
+            widths.stress_mpa = f64::NAN;
         }
-        out.halfwidths = found;
+        out.halfwidths = widths;
     }
 
     /// Adds the coefficients to an answer to [`Query::STATE`], for those who decide by the state whether they need fields.
@@ -602,7 +617,7 @@ fn coefficients(
     // From scaled axes to the model's inputs: positions only grow, so the last axis moves first.
     for (at, row) in out.gradients.iter_mut().enumerate() {
         match map.axes.get(at) {
-            Some(axis) => row.iter_mut().for_each(|d| *d /= axis.max - axis.min),
+            Some(axis) => row.iter_mut().for_each(|slope| *slope /= axis.max - axis.min),
             None => row.fill(0.0),
         }
     }

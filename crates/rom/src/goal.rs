@@ -88,10 +88,10 @@ fn square(residuals: &[Residual]) -> f64 {
 
 impl Descent<'_> {
     fn inputs(&self, x: &[f64]) -> Inputs {
-        let one = |inputs: Inputs, ((input, [low, high]), x): (&(usize, [f64; 2]), &f64)| {
+        let with_input = |inputs: Inputs, ((input, [low, high]), x): (&(usize, [f64; 2]), &f64)| {
             inputs.with(*input, (low + x * (high - low)).clamp(*low, *high))
         };
-        self.within.iter().zip(x).fold(self.start, one)
+        self.within.iter().zip(x).fold(self.start, with_input)
     }
 
     fn run(&mut self, mut x: Vec<f64>) -> Option<(f64, Inputs, Vec<Residual>)> {

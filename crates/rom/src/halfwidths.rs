@@ -6,11 +6,23 @@
 //! error over the inputs: `s(x)` is the mean of the cases' residuals `e_j`, weighted by `1 / (|x - x_j|^2 + h^2)^2`; the
 //! ratios `e_i / s_i(x_i)`, with `s_i` the mean without case `i`, have a conformal quantile `q`, and the half-width at `x` is
 //! `q s(x)`. Leave-one-out removes a neighbour of every case, so the half-widths are slightly too large.
+//!
+//! # From the errors of held-out states
+//!
+//! These errors scatter more than leave-one-out errors, and there may be too many for one evaluation. A
+//! half-width is therefore `q s(x)`, where `s(x)` is the mean of values `s_j` at some of the states, the places (`LocalHalfWidths::at`), and
+//! ```text
+//! s_j = g_j sum_i e_i / (d_ij^2 + h^2)^2 / sum_i 1 / (d_ij^2 + h^2)^2      over all states i, d_ij from place j
+//! g_j = (q_j / q_0)^(n_j / (n_j + 10))
+//! ```
+//! `h` gives the least quantile loss, the proper score of a quantile. `q_0` is the conformal quantile of the ratios
+//! `e_i / s(x_i)` with all `g = 1`, `q_j` their weighted quantile around place `j`, among as many states as `n_j` equal weights would be: where the
+//! errors scatter more than elsewhere, half-widths are wider. `q` is the conformal quantile of the ratios with these `g`. The error of a
+//! state is left out of the `s` of its ratio.
 
-use crate::inputs::Point;
+use crate::inputs::{Point, square_distance};
 use crate::kernel::around::Around;
 use crate::statistics::quantile;
-use crate::unseen::{self, SMOOTHING, Unseen};
 use serde::{Deserialize, Serialize};
 
 /// Standard deviations of a normal distribution within half-widths, which hold for 90 % of the states.
@@ -73,8 +85,8 @@ impl From<[f64; 3]> for Errors {
 impl HalfWidths {
     /// Constant half-widths from the errors of all cases. Cases on the hull represent states near the edge.
     pub fn of_all(errors: &[Errors], coverage: f64) -> Self {
-        let of = |k: usize| quantile(errors.iter().map(|e| e.values()[k]), coverage);
-        Self::new(coverage, [0, 1, 2].map(of))
+        let width = |k: usize| quantile(errors.iter().map(|e| e.values()[k]), coverage);
+        Self::new(coverage, [0, 1, 2].map(width))
     }
 
     fn new(coverage: f64, [displacement_mm, stress_mpa, force_n]: [f64; 3]) -> Self {
@@ -104,12 +116,14 @@ pub struct LocalHalfWidths {
 impl LocalHalfWidths {
     /// Half-widths with all factors 1; `points` are the cases or the places.
     fn without_factors(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
-        let of = |k: usize| -> Vec<f64> { errors.iter().map(|e| e.values()[k]).collect() };
+        let errors_of = |k: usize| -> Vec<f64> { errors.iter().map(|e| e.values()[k]).collect() };
         Self {
             coverage,
             inputs: (0..dimensions).flat_map(|i| points.iter().map(move |x| x[i])).collect(),
-            errors: [of(0), of(1), of(2)],
-            least: [0, 1, 2].map(|k| (MIN_FRACTION * quantile(of(k), 0.5)).max(f64::MIN_POSITIVE)).into(),
+            errors: [errors_of(0), errors_of(1), errors_of(2)],
+            least: [0, 1, 2]
+                .map(|k| (MIN_FRACTION * quantile(errors_of(k), 0.5)).max(f64::MIN_POSITIVE))
+                .into(),
             factors: [1.0; 3].into(),
         }
     }
@@ -127,9 +141,9 @@ impl LocalHalfWidths {
         local
     }
 
-    /// Calibrates on the errors of held-out states at these scaled inputs ([`unseen`](crate::unseen)). Cost `O(states)`.
+    /// Calibrates on the errors of held-out states at these scaled inputs ([`Unseen`]). Cost `O(states)`.
     pub fn of_unseen(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
-        let places = unseen::places(points);
+        let places = places(points);
         let of_places: Vec<Point> = places.iter().map(|place| points[*place]).collect();
         let mut local = Self::without_factors(dimensions, &of_places, errors, coverage);
         let mut factors = [0.0; 3];
@@ -161,11 +175,147 @@ impl LocalHalfWidths {
 fn mean_of_others(points: &[Point], errors: &[Errors], without: usize) -> [f64; 3] {
     let (mut weights, mut sums) = (0.0, [0.0; 3]);
     for (_, (point, errors)) in points.iter().zip(errors).enumerate().filter(|(case, _)| *case != without) {
-        let weight = unseen::weight(point, &points[without], SMOOTHING);
+        let weight = weight(point, &points[without], SMOOTHING);
         weights += weight;
         sums.iter_mut().zip(errors.values()).for_each(|(sum, error)| *sum += weight * error);
     }
     sums.map(|sum| if weights > 0.0 { sum / weights } else { 0.0 })
+}
+
+/// Scaled distance within which neighbours count alike: the sharpest of those tried by leave-one-out.
+const SMOOTHING: f64 = 0.05;
+/// Most places: on the shipped model more give no better half-widths, and each costs an evaluation some 2 ns.
+const MAX_PLACES: usize = 128;
+/// Scaled distances tried for `h`.
+const SMOOTHINGS: [f64; 4] = [SMOOTHING, 0.1, 0.2, 0.4];
+/// Scaled distance within which states have about equal weight in the quantile of a place.
+const AROUND: f64 = 0.2;
+/// Number of states around a place at which its quantile has half its weight.
+const HALF: f64 = 10.0;
+
+/// The values at the places and the factor on their mean.
+struct Scale {
+    pub at_places: Vec<f64>,
+    pub factor: f64,
+}
+
+/// States spread over all: the first, then each time the one farthest from those before it.
+fn places(points: &[Point]) -> Vec<usize> {
+    let mut nearest = vec![f64::INFINITY; points.len()];
+    let mut places = Vec::new();
+    while places.len() < MAX_PLACES {
+        let farthest = (0..points.len()).rev().max_by(|a, b| nearest[*a].total_cmp(&nearest[*b]));
+        let Some(place) = farthest.filter(|place| nearest[*place] > 0.0) else { break };
+        places.push(place);
+        for (nearest, point) in nearest.iter_mut().zip(points) {
+            *nearest = nearest.min(square_distance(point, &points[place]));
+        }
+    }
+    places
+}
+
+/// States, their errors of one quantity, and the places among them.
+struct Unseen<'a> {
+    pub points: &'a [Point],
+    pub places: &'a [usize],
+    pub errors: &'a [f64],
+    /// Lower limit of a mean.
+    pub least: f64,
+    /// Nominal coverage.
+    pub coverage: f64,
+}
+
+impl Unseen<'_> {
+    /// Values and factor of this quantity. Cost `O(states x places)`.
+    pub fn scale(&self) -> Scale {
+        let candidates = SMOOTHINGS.map(|smoothing| self.smoothed(smoothing));
+        let scored = candidates.into_iter().map(|(at_places, left_out)| {
+            let factor = self.factor(&left_out);
+            (self.loss(factor, &left_out), factor, at_places, left_out)
+        });
+        let Some((_, factor, at_places, left_out)) = scored.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return Scale { at_places: Vec::new(), factor: f64::NAN };
+        };
+        let ratios: Vec<f64> = self.errors.iter().zip(&left_out).map(|(e, mean)| e / mean).collect();
+        let wider: Vec<f64> =
+            (0..self.places.len()).map(|place| self.wider(place, &ratios, factor)).collect();
+        let of_state = |(state, mean): (usize, &f64)| {
+            (mean * self.mean_at(state, |place| wider[place]).unwrap_or(1.0)).max(self.least)
+        };
+        let left_out: Vec<f64> = left_out.iter().enumerate().map(of_state).collect();
+        let at_places = at_places.iter().zip(&wider).map(|(mean, wider)| mean * wider).collect();
+        Scale { at_places, factor: self.factor(&left_out) }
+    }
+
+    /// The mean error around each place, and what the mean over places is at each state with its error in none of them.
+    fn smoothed(&self, smoothing: f64) -> (Vec<f64>, Vec<f64>) {
+        let sums = |place: &usize| {
+            let weights = self.points.iter().map(|point| weight(point, &self.points[*place], smoothing));
+            weights.zip(self.errors).fold((0.0, 0.0), |(all, sum), (w, error)| (all + w, sum + w * error))
+        };
+        let sums: Vec<(f64, f64)> = self.places.iter().map(sums).collect();
+        let left_out = |state: usize| {
+            let without = |place: usize| {
+                let own = weight(&self.points[state], &self.points[self.places[place]], smoothing);
+                (sums[place].1 - own * self.errors[state]) / (sums[place].0 - own)
+            };
+            self.mean_at(state, without).unwrap_or(0.0).max(self.least)
+        };
+        (
+            sums.iter().map(|(weights, sum)| sum / weights).collect(),
+            (0..self.points.len()).map(left_out).collect(),
+        )
+    }
+
+    /// The mean over the places around a state, without the state itself; `None` without another place.
+    fn mean_at(&self, state: usize, value: impl Fn(usize) -> f64) -> Option<f64> {
+        let (mut weights, mut sum) = (0.0, 0.0);
+        for (place, at) in self.places.iter().enumerate().filter(|(_, at)| **at != state) {
+            let w = weight(&self.points[state], &self.points[*at], SMOOTHING);
+            weights += w;
+            sum += w * value(place);
+        }
+        (weights > 0.0).then(|| sum / weights)
+    }
+
+    /// The conformal quantile of the errors over these means.
+    fn factor(&self, means: &[f64]) -> f64 {
+        quantile(self.errors.iter().zip(means).map(|(error, mean)| error / mean), self.coverage)
+    }
+
+    fn loss(&self, factor: f64, means: &[f64]) -> f64 {
+        let of_state = |(error, mean): (&f64, &f64)| {
+            let beyond = error - factor * mean;
+            beyond * if beyond > 0.0 { self.coverage } else { self.coverage - 1.0 }
+        };
+        self.errors.iter().zip(means).map(of_state).sum()
+    }
+
+    /// `g` of a place.
+    fn wider(&self, place: usize, ratios: &[f64], factor: f64) -> f64 {
+        let at = &self.points[self.places[place]];
+        let mut around: Vec<(f64, f64)> = ratios
+            .iter()
+            .zip(self.points)
+            .map(|(ratio, point)| (*ratio, weight(point, at, AROUND)))
+            .collect();
+        around.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (sum, squares) =
+            around.iter().fold((0.0, 0.0), |(sum, squares), (_, w)| (sum + w, squares + w * w));
+        let mut below = 0.0;
+        let reached = around.iter().find(|(_, w)| {
+            below += w;
+            below >= self.coverage * sum
+        });
+        let found = reached.map_or(0.0, |(ratio, _)| ratio / factor);
+        let count = sum * sum / squares;
+        // Without an error around the place the ratio is undefined.
+        if found > 0.0 && found.is_finite() { found.powf(count / (count + HALF)) } else { 1.0 }
+    }
+}
+
+fn weight(a: &Point, b: &Point, smoothing: f64) -> f64 {
+    (square_distance(a, b) + smoothing * smoothing).powi(-2)
 }
 
 #[cfg(test)]
@@ -189,7 +339,7 @@ mod tests {
         let mut rng = Rng::new(7);
         let (points, errors) = drawn(&mut rng, 900);
         let local = LocalHalfWidths::of_unseen(2, &points, &errors, 0.9);
-        assert_eq!(local.errors[0].len(), unseen::MAX_PLACES);
+        assert_eq!(local.errors[0].len(), MAX_PLACES);
         let (points, errors) = drawn(&mut rng, 4000);
         let mut within = [[0.0; 2]; 2];
         for (point, errors) in points.iter().zip(&errors) {
@@ -211,5 +361,17 @@ mod tests {
         let at = Point::default();
         let alike = LocalHalfWidths::of_unseen(1, &[at; 20], &[[1.0, 2.0, 0.0].into(); 20], 0.9).at(&at);
         assert!((alike.displacement_mm, alike.stress_mpa) == (1.0, 2.0), "{alike:?}");
+    }
+
+    #[test]
+    fn places_are_spread_and_distinct() {
+        let point_at = |x: f64| {
+            let mut point = Point::default();
+            point[0] = x;
+            point
+        };
+        assert_eq!(places(&[0.2, 0.0, 1.0, 0.2, 0.5].map(point_at)), [0, 2, 4, 1]);
+        assert_eq!(places(&[point_at(0.3); 5]), [0]);
+        assert!(places(&[]).is_empty());
     }
 }

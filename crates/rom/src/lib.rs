@@ -66,4 +66,3 @@ pub mod rng;
 pub mod session;
 pub mod snapshots;
 pub mod statistics;
-mod unseen;

@@ -369,14 +369,14 @@ fn moving(model: &Model) -> Vec<(usize, f64)> {
 
 /// Changes of the undeformed mesh with these inputs; their coefficients come behind those of the modes.
 fn shifts<'a>(model: &'a Model, moving: &[(usize, f64)], first: usize) -> Vec<Shift<'a>> {
-    let one = |(at, (input, from)): (usize, &(usize, f64))| {
+    let shift = |(at, (input, from)): (usize, &(usize, f64))| {
         let along = |axis| {
             let kind = BlockKind::UndeformedBy { input: *input as u32, axis, from_bits: from.to_bits() };
             model.f32_block(kind)
         };
         Shift { coefficient: first + at, axes: [0, 1, 2].map(along) }
     };
-    moving.iter().enumerate().map(one).collect()
+    moving.iter().enumerate().map(shift).collect()
 }
 
 /// Describes the selected fields of a regime to the kernel and lets it lay them out. Coordinates a derived magnitude
@@ -429,10 +429,10 @@ fn source<'a>(
         if values.len() == expected { Ok(values) } else { Err(missing()) }
     };
     if let Some(axes) = model.header.fields[field].magnitude_of {
-        let at = |axis: usize| order.iter().position(|f| *f == axis).unwrap_or(usize::MAX);
+        let position = |axis: usize| order.iter().position(|f| *f == axis).unwrap_or(usize::MAX);
         let rest = |axis| block(BlockKind::Undeformed(axis));
         let rest = [rest(0)?, rest(1)?, rest(2)?];
-        return Ok(Source::Magnitude { coordinates: axes.map(at), rest, shifts: shifts.to_vec() });
+        return Ok(Source::Magnitude { coordinates: axes.map(position), rest, shifts: shifts.to_vec() });
     }
     let group = regime.group_of(field);
     let (first, used) =

@@ -3,7 +3,7 @@
 //! A reading passes through the memory of the inputs, then the branch of a model over volumes, then the motion of the body, and is
 //! evaluated there. A session refuses a reading before anything moves, so that the next one finds it as it was.
 
-use crate::branch::{Followed, Follower};
+use crate::branch::{BranchState, Follower};
 use crate::evaluation::Evaluation;
 use crate::evaluator::{Evaluator, Query};
 use crate::halfwidths::HalfWidths;
@@ -48,7 +48,7 @@ pub struct FilteredInputs {
     t_ns: u64,
     /// Half-widths that come from the spread; `None` without memory.
     halfwidths: Option<HalfWidths>,
-    followed: Option<Followed>,
+    followed: Option<BranchState>,
     at_rest: bool,
     held: bool,
 }

@@ -1,6 +1,6 @@
 //! The branches of a balloon under pressure against its closed form: a thin sphere of Mooney-Rivlin rubber, of unit radius.
 
-use rom::branch::{Followed, Follower, Sample};
+use rom::branch::{BranchState, Follower, Sample};
 use rom::inputs::Inputs;
 use std::f64::consts::PI;
 
@@ -38,7 +38,7 @@ fn end(mut from: f64, mut to: f64, holds: impl Fn(f64) -> bool) -> f64 {
     from
 }
 
-fn follow(follower: &mut Follower, t_s: f64, pressure_mpa: f64) -> Followed {
+fn follow(follower: &mut Follower, t_s: f64, pressure_mpa: f64) -> BranchState {
     let mut inputs = Inputs::new(pressure_mpa, f64::INFINITY);
     let found = follower.advance((t_s * 1e9) as u64, &mut inputs);
     assert_eq!(inputs.values()[INPUT], found.volume_mm3);

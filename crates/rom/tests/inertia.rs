@@ -3,7 +3,7 @@
 use rom::inertia::manifold::{
     Amplitudes, Coordinates, InertialLoad, LinearMode, MAX_LOADS, Manifold, Place, PlateForce, Tangents,
 };
-use rom::inertia::stepper::{Motion, MotionSettings, Moved, ReadingError};
+use rom::inertia::stepper::{Motion, MotionSettings, MotionStep, ReadingError};
 use rom::inputs::Inputs;
 use rom::memory::PronyTerm;
 use rom::snapshots::RegimeKind;
@@ -87,7 +87,7 @@ impl Manifold for Spring {
 }
 
 /// Position of the spring's mass.
-fn at(spring: &mut Spring, moved: &Moved) -> f64 {
+fn at(spring: &mut Spring, moved: &MotionStep) -> f64 {
     spring.place(RegimeKind::Free, &moved.state.inputs).position[0]
 }
 
@@ -531,7 +531,7 @@ fn results_do_not_depend_on_how_readings_are_cut_and_repeat_bit_identically() {
         let (before, part) = (t_ns / 10_000_000 * 10_000_000, (t_ns % 10_000_000) as f64 * 1e-7);
         (1.0 - part) * swing(before) + part * swing(before + 10_000_000)
     };
-    let run = |times: &[u64]| -> Vec<Moved> {
+    let run = |times: &[u64]| -> Vec<MotionStep> {
         let mut motion = Motion::new(Pair::new(), settings(500_000, 2e-3));
         motion.advance(0, &reading(line(0), GAP_MM)).unwrap();
         let all = times.iter().map(|t| (*t, motion.advance(*t, &reading(line(*t), GAP_MM)).unwrap()));

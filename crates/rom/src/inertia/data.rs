@@ -46,11 +46,16 @@ pub struct MotionWidths {
 impl MotionWidths {
     /// Half-widths at a path and amplitudes of impact and past (mm), at a coverage.
     pub fn at(&self, amplitudes_mm: [f64; 3], coverage: f64) -> HalfWidths {
-        let of = |k: usize| {
+        let half_width = |k: usize| {
             let [swing, impact, past] = amplitudes_mm;
             (self.swing[k] * swing).hypot(self.impact[k] * impact).hypot(self.past[k] * past)
         };
-        HalfWidths { coverage, displacement_mm: of(0), stress_mpa: of(1), force_n: of(2) }
+        HalfWidths {
+            coverage,
+            displacement_mm: half_width(0),
+            stress_mpa: half_width(1),
+            force_n: half_width(2),
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use super::data::{InertiaModel, MotionWidths, RegimeInertia, StoredLoad, StoredM
 use super::manifold::{
     Amplitudes, Coordinates, InertialLoad, LinearMode, MAX_LOADS, Manifold, Place, PlateForce, Tangents, dot,
 };
-use super::stepper::{Motion, MotionSettings, MotionState, Moved, PAST_FRACTION, ReadingError};
+use super::stepper::{Motion, MotionSettings, MotionState, MotionStep, PAST_FRACTION, ReadingError};
 use crate::clearance::OnsetSolver;
 use crate::contract::{self, Output};
 use crate::evaluation::Evaluation;
@@ -206,11 +206,15 @@ struct Stress {
 impl Stress {
     fn new(header: &ModelHeader, evaluation: Evaluation) -> Self {
         let is_stress = |field: &usize| header.fields[*field].spec.kind == FieldKind::Stress;
-        let of = |regime: &RegimeModel| {
+        let stress_ranges = |regime: &RegimeModel| {
             let groups = regime.groups.iter().filter(|group| group.fields.iter().all(is_stress));
             (regime.kind, groups.map(|group| group.coefficients.clone()).collect())
         };
-        Self { ranges: header.regimes.iter().map(of).collect(), last: LastOnset::default(), evaluation }
+        Self {
+            ranges: header.regimes.iter().map(stress_ranges).collect(),
+            last: LastOnset::default(),
+            evaluation,
+        }
     }
 }
 
@@ -244,14 +248,16 @@ impl ModelMotion {
             held_after_ns: HELD_AFTER_NS,
             restart_after_ns: RESTART_AFTER_NS,
         };
-        let of = |r: &RegimeInertia| (r.kind, r.modes.iter().map(|mode| mode.coefficients.clone()).collect());
+        let linear_modes = |regime: &RegimeInertia| {
+            (regime.kind, regime.modes.iter().map(|mode| mode.coefficients.clone()).collect())
+        };
         let evaluator = Evaluator::new(&model.header)?;
         let relaxes = !inertia.prony.is_empty();
         Ok(Some(Self {
             motion: Motion::new(manifold, settings).relaxing(&inertia.prony),
             stress: relaxes.then(|| Stress::new(&model.header, evaluator.evaluation())),
             evaluator,
-            modes: inertia.regimes.iter().map(of).collect(),
+            modes: inertia.regimes.iter().map(linear_modes).collect(),
             last: LastOnset::default(),
             widths: inertia.widths,
         }))
@@ -292,7 +298,7 @@ impl ModelMotion {
         t_ns: u64,
         inputs: Inputs,
         out: &mut Evaluation,
-    ) -> Result<Moved, ReadingError> {
+    ) -> Result<MotionStep, ReadingError> {
         let moved = self.motion.advance(t_ns, &self.evaluator.completed(inputs))?;
         self.evaluate(&moved, out);
         Ok(moved)
@@ -312,7 +318,7 @@ impl ModelMotion {
     }
 
     /// Evaluates a moving state. Allocates nothing.
-    pub fn evaluate(&mut self, moved: &Moved, out: &mut Evaluation) {
+    pub fn evaluate(&mut self, moved: &MotionStep, out: &mut Evaluation) {
         let state = &moved.state;
         if moved.at_rest {
             self.last = LastOnset::default();

@@ -83,7 +83,7 @@ pub(super) struct Step<'a> {
 
 /// Result of a step.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stepped {
+pub(super) struct StepEnd {
     pub instant: Instant,
     pub position: Coordinates,
     pub velocity: Coordinates,
@@ -195,7 +195,7 @@ pub(super) fn step(
     now: &Instant,
     position: &Coordinates,
     next: &Inputs,
-) -> Option<Stepped> {
+) -> Option<StepEnd> {
     let Step { regime, prony, h, damping_s, .. } = *step;
     let relaxation = Relaxing::new(prony, h, now);
     let rest: Unknowns = std::array::from_fn(|i| 0.5 * (step.rest[0][i] + step.rest[1][i]));
@@ -232,7 +232,7 @@ pub(super) fn step(
             let (tangents, of_pressure) = (place.tangents, space.nearest(&place.by_pressure));
             let instant = Instant { at, tangents, of_pressure, elastic, momenta, rates, relaxing };
             let position = std::array::from_fn(|i| position[i] + moved[i]);
-            return Some(Stepped { instant, position, velocity });
+            return Some(StepEnd { instant, position, velocity });
         }
     }
     None

@@ -7,12 +7,8 @@
 //! onset, amplitudes by projection of the position, momenta those of the velocity tested with the tangents of contact. **Leaving**: a
 //! step whose contact force is negative is repeated free, in the same way. Projection never adds kinetic energy.
 
-mod set;
-
-pub use set::{Kept, Reached};
-
 use super::manifold::{Amplitudes, Coordinates, Manifold, Tangents, dot};
-use super::momenta::{Instant, Space, Step, Stepped, Unknowns, amplitudes, rest, step, with_loads};
+use super::momenta::{Instant, Space, Step, StepEnd, Unknowns, amplitudes, rest, step, with_loads};
 use crate::inputs::{Inputs, PRESSURE};
 use crate::memory::{MAX_PRONY, PronyTerm};
 use crate::snapshots::RegimeKind;
@@ -59,7 +55,7 @@ pub enum ReadingError {
 
 /// Outcome of a reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moved {
+pub struct MotionStep {
     /// State of the motion at the reading.
     pub state: MotionState,
     /// Largest distance of a load from its training range since the last reading, as a fraction of it; 0 inside.
@@ -201,7 +197,7 @@ impl<M: Manifold> Motion<M> {
     ///
     /// # Errors
     /// [`ReadingError`]; the motion is unchanged.
-    pub fn advance(&mut self, t_ns: u64, inputs: &Inputs) -> Result<Moved, ReadingError> {
+    pub fn advance(&mut self, t_ns: u64, inputs: &Inputs) -> Result<MotionStep, ReadingError> {
         self.check(t_ns, inputs)?;
         let Some((mut now, mut clock)) = self.now else { return Ok(self.begin(t_ns, inputs)) };
         let gap_ns = t_ns - clock.last_ns;
@@ -226,7 +222,7 @@ impl<M: Manifold> Motion<M> {
                 clock = Clock { last_ns: t_ns, last: *inputs, ..clock };
                 self.now = Some((now, clock));
                 let state = self.state(&shown);
-                return Ok(Moved { state, load_distance, held, at_rest: false });
+                return Ok(MotionStep { state, load_distance, held, at_rest: false });
             }
             let next = self.step(&now, h_ns, &between(at_ns + h_ns));
             let Some(next) = next.filter(|next| self.outside(next) <= FAR) else {
@@ -249,7 +245,7 @@ impl<M: Manifold> Motion<M> {
     }
 
     /// At rest under the reading's inputs.
-    fn begin(&mut self, t_ns: u64, inputs: &Inputs) -> Moved {
+    fn begin(&mut self, t_ns: u64, inputs: &Inputs) -> MotionStep {
         self.manifold.forget();
         let still = Amplitudes::default();
         let is_free = self.manifold.clearance_mm(inputs, &still) >= 0.0;
@@ -282,7 +278,7 @@ impl<M: Manifold> Motion<M> {
         };
         self.now = Some((now, Clock { begin_ns: t_ns, steps: 0, last_ns: t_ns, last: inputs }));
         let state = self.state(&now);
-        Moved { state, load_distance: self.outside(&now), held: false, at_rest: true }
+        MotionStep { state, load_distance: self.outside(&now), held: false, at_rest: true }
     }
 
     fn state(&self, now: &Now) -> MotionState {
@@ -354,10 +350,11 @@ impl<M: Manifold> Motion<M> {
         let damping_s = self.settings.damping_s;
         let (prony, terms) = (self.prony, self.terms);
         let rest = [&now.inputs, next].map(|inputs| rest(self.manifold.loads(), inputs));
-        let of = |regime| Step { regime, prony: &prony[..terms], h: step_ns as f64 * 1e-9, damping_s, rest };
-        let stepped = step(&mut self.manifold, &of(now.regime), &now.instant, &now.position, next)?;
-        let rate = |of: fn(&Inputs) -> f64| {
-            let change = of(next) - of(&now.inputs);
+        let step_in =
+            |regime| Step { regime, prony: &prony[..terms], h: step_ns as f64 * 1e-9, damping_s, rest };
+        let stepped = step(&mut self.manifold, &step_in(now.regime), &now.instant, &now.position, next)?;
+        let rate = |value: fn(&Inputs) -> f64| {
+            let change = value(next) - value(&now.inputs);
             if change.is_finite() { change / (step_ns as f64 * 1e-9) } else { 0.0 }
         };
         let rates = [rate(Inputs::pressure_mpa), rate(Inputs::gap_mm)];
@@ -374,8 +371,8 @@ impl<M: Manifold> Motion<M> {
         let ahead_mpa = late_mpa + kept * (now.ahead_mpa - late_mpa);
         let relaxing_mpa =
             self.relaxed(&now.relaxing_mpa, next.pressure_mpa() - now.inputs.pressure_mpa(), h);
-        let moved = |regime, stepped: Stepped, (force_n, relaxed_n), faded| {
-            let Stepped { instant, position, velocity } = stepped;
+        let moved = |regime, stepped: StepEnd, (force_n, relaxed_n), faded| {
+            let StepEnd { instant, position, velocity } = stepped;
             Now {
                 regime,
                 instant,
@@ -396,7 +393,7 @@ impl<M: Manifold> Motion<M> {
             RegimeKind::Free => RegimeKind::Contact,
             RegimeKind::Contact => RegimeKind::Free,
         };
-        let changed = of(regime);
+        let changed = step_in(regime);
         let instant = self.arrival(now, &changed)?;
         let other = step(&mut self.manifold, &changed, &instant, &now.position, next)?;
         if regime == RegimeKind::Free && self.penetrates(next, &other.instant) {
@@ -417,7 +414,7 @@ impl<M: Manifold> Motion<M> {
             RegimeKind::Contact => [path, impact.hypot(dot(&lost, &lost).sqrt() / rate), past],
             RegimeKind::Free => faded,
         };
-        Some(moved(regime, Stepped { instant: arrived, ..other }, force_n, faded))
+        Some(moved(regime, StepEnd { instant: arrived, ..other }, force_n, faded))
     }
 
     /// Circular frequency of the slowest linear mode of contact, or of the motion where it has none, rad/s.
@@ -427,7 +424,7 @@ impl<M: Manifold> Motion<M> {
     }
 
     /// Path, and amplitudes of impacts and of an unknown past, after a step.
-    fn faded(&self, now: &Now, stepped: &Stepped, step_ns: u64) -> [f64; 3] {
+    fn faded(&self, now: &Now, stepped: &StepEnd, step_ns: u64) -> [f64; 3] {
         let h = step_ns as f64 * 1e-9;
         let periods = |rate: f64| rate * h / std::f64::consts::TAU;
         let square = self.square_rate(&now.instant);
@@ -488,4 +485,134 @@ impl<M: Manifold> Motion<M> {
         // A body that does not yield moves with no load.
         if size > 0.0 { (dot(unit, tangent) / size).abs().max(f64::MIN_POSITIVE) } else { f64::MAX }
     }
+}
+
+/// Motion at the end of [`Motion::arrive`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionArrival {
+    /// Outcome of the reading.
+    pub moved: MotionStep,
+    /// The body landed or left on the way, or touches without force.
+    pub has_changed: bool,
+}
+
+/// A motion at an instant.
+#[derive(Clone, Copy, Debug)]
+pub struct SavedMotion(Option<(Now, Clock)>);
+
+/// A motion whose load and velocity are set: an estimator corrects them at each reading, and tries others.
+impl<M: Manifold> Motion<M> {
+    /// The motion at its last instant, for [`Self::restore`].
+    pub fn keep(&self) -> SavedMotion {
+        SavedMotion(self.now)
+    }
+
+    /// Returns to an instant.
+    pub fn restore(&mut self, kept: &SavedMotion) {
+        self.now = kept.0;
+    }
+
+    /// Regime; `None` before the first reading.
+    pub fn regime(&self) -> Option<RegimeKind> {
+        self.now.as_ref().map(|(now, _)| now.regime)
+    }
+
+    /// Time of the last reading, ns; `None` before the first.
+    pub fn last_ns(&self) -> Option<u64> {
+        self.now.as_ref().map(|(_, clock)| clock.last_ns)
+    }
+
+    /// First load (mm/s2) and velocity along its tangent as a rate of the load (mm/s3); `None` before the first reading.
+    pub fn swing(&self) -> Option<[f64; 2]> {
+        self.now.as_ref().map(|(now, _)| [now.instant.at[0], load_rate(&now.instant)])
+    }
+
+    /// Moves to a reading, at which a new grid of steps begins. Steps are equal and at most `longest_ns`. A first reading, one after a long
+    /// gap and one to which no motion leads begin at rest. A reading that is not later than the last changes nothing.
+    pub fn arrive(&mut self, t_ns: u64, inputs: &Inputs, longest_ns: u64) -> MotionArrival {
+        let Some((mut now, clock)) = self.now else { return self.begun(t_ns, inputs) };
+        let gap_ns = t_ns.saturating_sub(clock.last_ns);
+        if gap_ns > self.settings.restart_after_ns {
+            return self.begun(t_ns, inputs);
+        }
+        let held = gap_ns > self.settings.held_after_ns;
+        let count = gap_ns.div_ceil(longest_ns.max(1));
+        let at_ns = |step: u64| (u128::from(gap_ns) * u128::from(step) / u128::from(count)) as u64;
+        let (mut load_distance, mut has_changed) = (0.0_f64, false);
+        for step in 1..=count {
+            let next = match held {
+                _ if step == count => *inputs,
+                true => clock.last,
+                false => clock.last.between(inputs, at_ns(step) as f64 / gap_ns as f64),
+            };
+            let stepped = self.step(&now, at_ns(step) - at_ns(step - 1), &next);
+            let Some(stepped) = stepped.filter(|next| self.outside(next) <= FAR) else {
+                return self.begun(t_ns, inputs);
+            };
+            load_distance = load_distance.max(self.outside(&stepped));
+            has_changed |= stepped.regime != now.regime;
+            has_changed |= stepped.regime == RegimeKind::Contact && stepped.force_n <= 0.0;
+            now = stepped;
+        }
+        let last_ns = clock.last_ns.max(t_ns);
+        self.now = Some((now, Clock { begin_ns: last_ns, steps: 0, last_ns, last: now.inputs }));
+        let moved = MotionStep { state: self.state(&now), load_distance, held, at_rest: false };
+        MotionArrival { moved, has_changed }
+    }
+
+    fn begun(&mut self, t_ns: u64, inputs: &Inputs) -> MotionArrival {
+        MotionArrival { moved: self.begin(t_ns, inputs), has_changed: false }
+    }
+
+    /// Sets regime, inputs (their loads are those at rest), first load and velocity along it at the last instant. Further loads, and the
+    /// amplitudes of the linear modes within a regime, stay. `None` before the first reading.
+    pub fn set(
+        &mut self,
+        regime: RegimeKind,
+        inputs: &Inputs,
+        [load, to_rate]: [f64; 2],
+    ) -> Option<MotionState> {
+        let (now, clock) = self.now?;
+        let (stays, loads) = (regime == now.regime, self.manifold.loads().len());
+        let kept = |i: usize| if stays || i < loads { now.instant.at[i] } else { 0.0 };
+        let mut at: Unknowns = std::array::from_fn(kept);
+        at[0] = load;
+        let place = self.manifold.place(regime, &with_loads(self.manifold.loads(), inputs, &at));
+        let mut position = place.position;
+        for (mode, y) in self.manifold.modes(regime).iter().zip(&at[loads..]) {
+            position.iter_mut().zip(&mode.shape).for_each(|(q, phi)| *q += phi * y);
+        }
+        let more = to_rate - load_rate(&now.instant);
+        let [along, ..] = place.tangents;
+        let velocity: Coordinates = std::array::from_fn(|i| now.velocity[i] + more * along[i]);
+        let space = self.space(regime, &place.tangents);
+        let mut momenta = if stays { now.instant.momenta } else { space.tested(&velocity) };
+        let mut rates = [0.0; _];
+        if stays {
+            let added = space.tested(&along.map(|t| more * t));
+            momenta.iter_mut().zip(added).for_each(|(p, added)| *p += added);
+            rates = now.instant.rates;
+            rates[0] += more;
+        }
+        momenta[0] = to_rate * dot(&along, &along);
+        let (elastic, of_pressure) = (space.elastic(), space.nearest(&place.by_pressure));
+        let tangents = place.tangents;
+        let instant = Instant { at, tangents, of_pressure, elastic, momenta, rates, ..now.instant };
+        let force_n = match regime {
+            RegimeKind::Free => 0.0,
+            RegimeKind::Contact => {
+                let relaxing_n = self.borne(&now.relaxed_n.internal_n);
+                self.force_n(regime, inputs, &instant, [0.0; 2]).iter().sum::<f64>() + relaxing_n
+            }
+        };
+        let now = Now { regime, instant, position, velocity, inputs: *inputs, force_n, ..now };
+        self.now = Some((now, Clock { last: *inputs, ..clock }));
+        Some(self.state(&now))
+    }
+}
+
+/// Velocity along the tangent of the first load, as its rate.
+fn load_rate(instant: &Instant) -> f64 {
+    let square = dot(&instant.tangents[0], &instant.tangents[0]);
+    if square > 0.0 { instant.momenta[0] / square } else { 0.0 }
 }

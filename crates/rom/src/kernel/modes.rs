@@ -156,7 +156,7 @@ impl Modes {
         }
         let lines = Arc::new(lines);
         let mut first = 0;
-        let one = |shape: &Shape<'_>| {
+        let modes = |shape: &Shape<'_>| {
             let from = first;
             first += shape.bytes() / LINE;
             let Shape { precision, nodes, count, steps } = *shape;
@@ -169,7 +169,7 @@ impl Modes {
                 steps: steps.to_vec(),
             }
         };
-        Ok(shapes.iter().map(one).collect())
+        Ok(shapes.iter().map(modes).collect())
     }
 
     /// Bytes of `count` modes over `nodes` nodes.

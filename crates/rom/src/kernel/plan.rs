@@ -258,9 +258,9 @@ impl Plan {
         for op in &self.ops {
             let Source::Affine(affine) = &spec.fields[op.field].source else { continue };
             let (rest, shifts) = spec.rest_of(op.field).filter(|_| op.in_magnitude).unzip();
-            let at = |values: Option<&[f32]>, node: usize| values.map_or(0.0, |v| f64::from(v[node]));
+            let value_at = |values: Option<&[f32]>, node: usize| values.map_or(0.0, |v| f64::from(v[node]));
             let mut push = |value: &dyn Fn(usize) -> f64| {
-                let one = |i| {
+                let finite = |i| {
                     let node = spec.source_node(i);
                     let value = value(node);
                     let is_finite = (value as f32).is_finite();
@@ -270,17 +270,17 @@ impl Plan {
                         Err(BasisError::NotFinite { field: op.field, node, value })
                     }
                 };
-                rows.push((0..spec.output_nodes()).map(one).collect::<Result<Vec<f32>, _>>()?);
+                rows.push((0..spec.output_nodes()).map(finite).collect::<Result<Vec<f32>, _>>()?);
                 Ok(())
             };
             if op.has_mean {
-                push(&|node| at(affine.mean, node) - at(rest, node))?;
+                push(&|node| value_at(affine.mean, node) - value_at(rest, node))?;
             }
             for (_, by) in shifts.iter().flatten() {
                 push(&|node| f64::from(by[node]))?;
             }
             if op.has_rest {
-                push(&|node| at(rest, node))?;
+                push(&|node| value_at(rest, node))?;
             }
         }
         Ok(rows)

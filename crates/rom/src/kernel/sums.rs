@@ -85,22 +85,24 @@ impl Sums {
         let sloped = order.len();
         order.extend(without);
         let outputs = parts.iter().map(|part| part.outputs).sum();
-        let all = |rows: usize, of: fn(&Interpolant) -> &[f64]| -> Vec<f64> {
+        let merged = |rows: usize, values: fn(&Interpolant) -> &[f64]| -> Vec<f64> {
             let row = |at: usize| {
-                parts.iter().flat_map(move |part| of(part)[at * part.outputs..(at + 1) * part.outputs].iter())
+                parts
+                    .iter()
+                    .flat_map(move |part| values(part)[at * part.outputs..(at + 1) * part.outputs].iter())
             };
             (0..rows).flat_map(row).copied().collect()
         };
-        let rows = all(parts[0].terms(), |part| &part.weights);
+        let rows = merged(parts[0].terms(), |part| &part.weights);
         let value = |row: Option<usize>, output: usize| row.map_or(0.0, |row| rows[row * outputs + output]);
         // Slope weights by scaled input as those over `M x`.
-        let of = |at: usize, row: usize, output: usize| {
+        let weight = |at: usize, row: usize, output: usize| {
             if row == 0 {
                 return value(Some(order[at]), output);
             }
             metric.apply(&slopes[order[at]].map(|slope| value(slope, output)))[row - 1]
         };
-        let weights = Weights::new([dimensions, outputs, centres, sloped], of);
+        let weights = Weights::new([dimensions, outputs, centres, sloped], weight);
         let place =
             |at: usize, input: usize| order.get(at).map_or(0.0, |c| parts[0].centres[c * dimensions + input]);
         let lanes = |group: usize, input: usize| std::array::from_fn(|k| place(BLOCK * group + k, input));
@@ -113,7 +115,7 @@ impl Sums {
             outputs,
             centres: (0..weights.groups()).flat_map(row).map(|(group, input)| lanes(group, input)).collect(),
             weights,
-            tail_weights: all(tail.terms(dimensions), |part| &part.tail_weights),
+            tail_weights: merged(tail.terms(dimensions), |part| &part.tail_weights),
         }
     }
 

@@ -3,7 +3,7 @@
 use std::mem::MaybeUninit;
 
 use super::isa::Isa;
-use super::lanes::{Lanes, portable::Portable};
+use super::lanes::{Lanes, Portable};
 use super::modes::{Modes, Precision};
 use super::pages::{LINE, Lines};
 use super::plan::{Op, Plan, Role};

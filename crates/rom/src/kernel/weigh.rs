@@ -51,11 +51,11 @@ impl Weights {
             for first in (0..centres).step_by(BLOCK) {
                 let along = |row: usize| move |k: usize| (first + k, row);
                 for of_row in rows(first < sloped).map(along) {
-                    let one = |k: usize| {
+                    let weight = |k: usize| {
                         let (centre, row) = of_row(k);
                         if row > 0 && centre >= sloped { 0.0 } else { value(centre, row, 0) }
                     };
-                    values.push(std::array::from_fn(one));
+                    values.push(std::array::from_fn(weight));
                 }
             }
         } else {
@@ -332,8 +332,8 @@ mod tests {
         ) {
             let sloped = sloped.min(centres.len());
             let number = |i: usize| ((i * 37) % 101) as f64 / 7.0 - 5.0;
-            let of = |centre: usize, row: usize, output: usize| number(31 * centre + 7 * row + 13 * output);
-            let weights = Weights::new([dimensions, outputs, centres.len(), sloped], of);
+            let weight = |centre: usize, row: usize, output: usize| number(31 * centre + 7 * row + 13 * output);
+            let weights = Weights::new([dimensions, outputs, centres.len(), sloped], weight);
             let group = |of: &[[f64; 3 + MAX_INPUTS]]| -> Near {
                 std::array::from_fn(|row| std::array::from_fn(|k| of.get(k).map_or(0.0, |near| near[row])))
             };
@@ -359,7 +359,7 @@ mod tests {
                     prop_assert!(found.iter().all(|f| f.to_bits() == found[0].to_bits()), "{found:?}");
                     let (mut wanted, mut size) = (0.0, 0.0);
                     for centre in 0..centres.len() {
-                        let weights: Vec<f64> = (0..=dimensions).map(|row| of(centre, row, output)).collect();
+                        let weights: Vec<f64> = (0..=dimensions).map(|row| weight(centre, row, output)).collect();
                         let term = terms(dimensions, &weights, centre < sloped, &near[centre / BLOCK], centre % BLOCK)[row];
                         (wanted, size) = (wanted + term, size + term.abs());
                     }

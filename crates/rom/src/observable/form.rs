@@ -24,7 +24,7 @@ impl Form {
     /// The volume; with `change`, its derivative along that change of the coefficients. Allocates nothing.
     pub(crate) fn value(&self, coefficients: &[f64], change: Option<&[f64]>) -> f64 {
         let [x, y, z] = self.axes;
-        let at = |values: &[f64], (first, _): (usize, usize), i: usize, lead: f64| {
+        let factor = |values: &[f64], (first, _): (usize, usize), i: usize, lead: f64| {
             i.checked_sub(1).map_or(lead, |i| values[first + i])
         };
         let (mut sum, mut rest) = (0.0, self.numbers.as_slice());
@@ -35,13 +35,13 @@ impl Form {
                 let along = |values: &[f64], lead: f64| -> f64 {
                     row[0] * lead + row[1..].iter().zip(&values[z.0..]).map(|(t, c)| t * c).sum::<f64>()
                 };
-                let (a, b) = (at(coefficients, x, i, 1.0), at(coefficients, y, j, 1.0));
+                let (a, b) = (factor(coefficients, x, i, 1.0), factor(coefficients, y, j, 1.0));
                 sum += match change {
                     None => a * b * along(coefficients, 1.0),
                     Some(change) => {
                         let inner = along(coefficients, 1.0);
-                        at(change, x, i, 0.0) * b * inner
-                            + a * at(change, y, j, 0.0) * inner
+                        factor(change, x, i, 0.0) * b * inner
+                            + a * factor(change, y, j, 0.0) * inner
                             + a * b * along(change, 0.0)
                     }
                 };

@@ -62,21 +62,21 @@ impl Walls {
 
     /// Enclosed volume, mm3.
     pub fn volume_mm3(&self, place: impl Fn(u32) -> [f64; 3]) -> f64 {
-        let of = |facet: &[u32; 3]| {
+        let below_facet = |facet: &[u32; 3]| {
             let [a, b, c] = facet.map(&place);
             -dot(a, cross(b, c)) / 6.0
         };
-        self.0.iter().map(of).sum()
+        self.0.iter().map(below_facet).sum()
     }
 
     /// Area, mm2: the largest change of the volume per displacement.
     pub fn area_mm2(&self, place: impl Fn(u32) -> [f64; 3]) -> f64 {
-        let of = |facet: &[u32; 3]| {
+        let facet_area = |facet: &[u32; 3]| {
             let [a, b, c] = facet.map(&place);
             let along = |to: [f64; 3]| [0, 1, 2].map(|k| to[k] - a[k]);
             norm(cross(along(b), along(c))) / 2.0
         };
-        self.0.iter().map(of).sum()
+        self.0.iter().map(facet_area).sum()
     }
 }
 

@@ -3,7 +3,7 @@
 use estimate::{MAX_INPUTS, Measurement, MotionEnd, MotionState, PASTS, Setup, Unknown};
 use rom::evaluation::Evaluation;
 use rom::inertia::model_motion::ModelMotion;
-use rom::inertia::stepper::{Kept, Moved, Reached};
+use rom::inertia::stepper::{MotionArrival, MotionStep, SavedMotion};
 use rom::inputs::{GAP, InputSpec, Inputs};
 use rom::memory::MemorySpec;
 use rom::model::Model;
@@ -102,10 +102,10 @@ pub(super) struct Body {
     load: (usize, f64),
     loads: Vec<(usize, f64)>,
     /// Instant from which steps begin.
-    base: Option<Kept>,
+    base: Option<SavedMotion>,
     begin_s: f64,
     /// Motion at the last reading.
-    moved: Option<Moved>,
+    moved: Option<MotionStep>,
     /// Part of the contact force that the equilibrium at the moving load does not have, N; `None` until it is asked for.
     extra_n: Option<f64>,
 }
@@ -133,7 +133,7 @@ impl Body {
     }
 
     /// Amplitudes of the linear modes at the last step, where the regime is that of the motion.
-    pub(super) fn modes_of(&self, kind: RegimeKind) -> Option<&Moved> {
+    pub(super) fn modes_of(&self, kind: RegimeKind) -> Option<&MotionStep> {
         self.moved.as_ref().filter(|moved| moved.state.regime == kind)
     }
 
@@ -192,7 +192,7 @@ impl Body {
             before
         };
         stepper.set(regime, &start, [load, from.rate])?;
-        let Reached { moved, has_changed } = stepper.arrive(t_ns, &end, STEP_NS);
+        let MotionArrival { moved, has_changed } = stepper.arrive(t_ns, &end, STEP_NS);
         let [load, rate] = stepper.swing()?;
         (self.moved, self.extra_n) = (Some(moved), None);
         (!moved.at_rest).then_some(MotionEnd { load, rate, has_changed })
