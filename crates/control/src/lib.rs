@@ -20,5 +20,6 @@ pub mod monitor;
 mod plan;
 pub mod plant;
 pub mod settings;
+mod shape;
 pub mod trial;
 pub mod twin_model;

@@ -10,8 +10,8 @@
 //! force limit and observables are linear. Each cycle moves the last plan on, predicts along it with derivatives, and solves one quadratic
 //! program for the change (real-time iteration); the plan's first command is given.
 
-use crate::law::{Plays, lag};
 use crate::settings::{Limits, Settings};
+use crate::shape::{Plays, lag};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
 use rom::memory::MAX_PLAYS;

@@ -8,8 +8,8 @@
 //! The gauge shows `c` (or `w`) plus bias and noise.
 
 use crate::inverse::{Model, Quantity};
-use crate::law::{Plays, lag};
 use crate::settings::GaugeAt;
+use crate::shape::{Plays, lag};
 use rom::memory::{Line, Play};
 use rom::rng::Rng;
 use std::collections::VecDeque;

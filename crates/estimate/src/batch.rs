@@ -11,7 +11,7 @@
 
 use crate::filter::Filter;
 use crate::identify;
-use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector, chi_squared_quantile};
+use crate::matrix::{MAX_STATES, Symmetric, Vector, chi_squared_quantile, eliminate, noise_step};
 use crate::reading::{Linear, Prior, ReadingProblem, Side, difference};
 use crate::setup::{Alarm, Estimate, MAX_ROWS, Measurement, Model, Setup, SetupError, Status};
 use crate::watch::{Pattern, widened};
@@ -424,47 +424,6 @@ struct Terms {
     chi2: f64,
     used: usize,
     outliers: usize,
-}
-
-/// Factorised noise block of a reading's normal equations, with its right-hand side.
-fn noise_block(matrix: &Symmetric, right: &Vector, count: usize) -> Option<(Cholesky, Vector)> {
-    let own = matrix.size() - count;
-    let mut block = Symmetric::diagonal(&[0.0; MAX_STATES][..own]);
-    let mut tail = [0.0; MAX_STATES];
-    for i in 0..own {
-        (0..own).for_each(|j| block.set(i, j, matrix.get(count + i, count + j)));
-        tail[i] = right[count + i];
-    }
-    Some((block.cholesky()?, tail))
-}
-
-/// Step of a reading's noise at fixed unknowns.
-fn noise_step(matrix: &Symmetric, right: &Vector, count: usize) -> Option<Vector> {
-    let (factor, tail) = noise_block(matrix, right, count)?;
-    Some(factor.solve(&tail))
-}
-
-/// Adds the Schur complement of the reading's noise to a matrix and a right-hand side of the unknowns.
-pub(crate) fn eliminate(
-    matrix: &Symmetric,
-    right: &Vector,
-    count: usize,
-    to_matrix: &mut Symmetric,
-    to_right: &mut Vector,
-) -> Option<()> {
-    let (factor, tail) = noise_block(matrix, right, count)?;
-    let own = matrix.size() - count;
-    for (i, right) in right.iter().enumerate().take(count) {
-        let mut coupling = [0.0; MAX_STATES];
-        (0..own).for_each(|k| coupling[k] = matrix.get(i, count + k));
-        let carried = factor.solve(&coupling);
-        for j in 0..count {
-            let through: f64 = (0..own).map(|k| carried[k] * matrix.get(j, count + k)).sum();
-            to_matrix.set(i, j, to_matrix.get(i, j) + matrix.get(i, j) - through);
-        }
-        to_right[i] += right - (0..own).map(|k| carried[k] * tail[k]).sum::<f64>();
-    }
-    Some(())
 }
 
 fn damped_step(sums: &Sums, damping: f64) -> Option<Vector> {

@@ -5,8 +5,7 @@
 //! the model's error `M`. All `N` readings of the experiment share the model's error, as in the fit, and the noise of measured
 //! inputs is eliminated. The chosen set of holds has the largest determinant of prior information plus the holds' information.
 
-use crate::batch::eliminate;
-use crate::matrix::{MAX_STATES, Symmetric, Vector};
+use crate::matrix::{MAX_STATES, Symmetric, Vector, eliminate};
 use crate::reading::{Prior, ReadingProblem, Side};
 use crate::setup::{Estimate, InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, PASTS, Setup};
 

@@ -2,7 +2,7 @@
 
 use crate::leftover::{Places, Watch};
 use crate::port::memory::require_headroom;
-use crate::port::service::{Refusal, within};
+use crate::port::retry::{Refusal, within};
 use crate::sys::Ipc;
 use crate::{Domain, KeyExpr, Removed, Topic, WireError};
 use iceoryx2::node::NodeCreationFailure;
@@ -36,7 +36,7 @@ impl Drop for Member {
 }
 
 /// Time that opening a bus waits for programs that create resources, before it continues without a full clean-up. Missing space
-/// is freed on demand, see `port::service`.
+/// is freed on demand, see `port::retry`.
 const SWEEP_PATIENCE: Duration = Duration::from_millis(200);
 
 /// Time that opening a bus tries again while another user takes its names in /dev/shm.

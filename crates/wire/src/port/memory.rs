@@ -3,7 +3,7 @@
 //! Segments are sparse: a full /dev/shm shows itself only when a page is touched first, as a SIGBUS. Reserving all pages right after
 //! creation turns that into a clean error at start-up.
 
-use super::service::{Refusal, file_system};
+use super::retry::{Refusal, file_system};
 use crate::leftover::{Places, names_this_file};
 use crate::sys::SHM_DIR;
 use crate::{Topic, WireError};

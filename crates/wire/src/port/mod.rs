@@ -2,6 +2,7 @@
 
 pub(crate) mod memory;
 mod query;
+pub(crate) mod retry;
 pub(crate) mod service;
 mod topic;
 

@@ -1,7 +1,8 @@
 //! Questions and answers: one server a twin, many clients. Nothing here is on the real-time path.
 
 use super::memory::require_room;
-use super::service::{self, EventShape, Missing, Refusal};
+use super::retry::Refusal;
+use super::service::{self, EventShape, Missing};
 use crate::bus::Bus;
 use crate::error::WireError;
 use crate::layout::{Answer, Query};

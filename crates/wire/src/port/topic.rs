@@ -2,14 +2,16 @@
 //! any kind of topic, for programs that treat all topics alike.
 
 use super::memory::{self, WriterLock};
+use super::retry::Refusal;
 use super::service::{self, Ends, Missing, PubSub};
-use crate::bus::Bus;
+use crate::bus::{Bus, TopicInfo};
 use crate::error::WireError;
 use crate::layout::{
     Command, Estimate, FIELD_SLOTS, FieldHeader, Grasp, Health, LAYOUT_VERSION, Payload, SensorSample,
     Setpoint, State, Target, Valve, View,
 };
 use crate::qos;
+use crate::selector::KeyExpr;
 use crate::sys::{Ipc, now_ns};
 use crate::topic::{Topic, TopicKind};
 use crate::wake::{Wakeable, Waker, Waking};
@@ -115,7 +117,7 @@ impl<P: Carried + ?Sized> WriterPort<P> {
         let qos = qos::of(topic.kind());
         let service = P::service(bus, topic, Missing::Create)?;
         let publisher = service::retry(bus, topic.name(), || {
-            P::publisher(&service, qos, entries).map_err(|error| service::writer_failed(bus, topic, error))
+            P::publisher(&service, qos, entries).map_err(|error| writer_failed(bus, topic, error))
         })?;
         memory::reserve(&bus.places, topic, publisher.id().value())?;
         let notifier = service::notifier(bus, topic)?;
@@ -147,28 +149,42 @@ pub struct Reader<P: Carried + ?Sized> {
     waker: Waker,
 }
 
-/// Names of the ports of one kind of topic.
-macro_rules! ports {
-    ($($writer:ident, $reader:ident: $payload:ident, $what:literal;)+) => {
-        $(
-            #[doc = concat!("Sends ", $what, ".")]
-            pub type $writer = Writer<$payload>;
-            #[doc = concat!("Receives ", $what, ".")]
-            pub type $reader = Reader<$payload>;
-        )+
-    };
-}
-ports! {
-    SensorWriter, SensorReader: SensorSample, "readings";
-    StateWriter, StateReader: State, "states";
-    HealthWriter, HealthReader: Health, "health";
-    GraspWriter, GraspReader: Grasp, "grasps";
-    EstimateWriter, EstimateReader: Estimate, "estimates";
-    CommandWriter, CommandReader: Command, "pressure commands";
-    SetpointWriter, SetpointReader: Setpoint, "setpoints or overrides, under the owner's name";
-    TargetWriter, TargetReader: Target, "targets, under the owner's name";
-    ValveWriter, ValveReader: Valve, "values written to a valve";
-}
+/// Sends readings.
+pub type SensorWriter = Writer<SensorSample>;
+/// Receives readings.
+pub type SensorReader = Reader<SensorSample>;
+/// Sends states.
+pub type StateWriter = Writer<State>;
+/// Receives states.
+pub type StateReader = Reader<State>;
+/// Sends health.
+pub type HealthWriter = Writer<Health>;
+/// Receives health.
+pub type HealthReader = Reader<Health>;
+/// Sends grasps.
+pub type GraspWriter = Writer<Grasp>;
+/// Receives grasps.
+pub type GraspReader = Reader<Grasp>;
+/// Sends estimates.
+pub type EstimateWriter = Writer<Estimate>;
+/// Receives estimates.
+pub type EstimateReader = Reader<Estimate>;
+/// Sends pressure commands.
+pub type CommandWriter = Writer<Command>;
+/// Receives pressure commands.
+pub type CommandReader = Reader<Command>;
+/// Sends setpoints or overrides, under the owner's name.
+pub type SetpointWriter = Writer<Setpoint>;
+/// Receives setpoints or overrides, under the owner's name.
+pub type SetpointReader = Reader<Setpoint>;
+/// Sends targets, under the owner's name.
+pub type TargetWriter = Writer<Target>;
+/// Receives targets, under the owner's name.
+pub type TargetReader = Reader<Target>;
+/// Sends the values written to a valve.
+pub type ValveWriter = Writer<Valve>;
+/// Receives the values written to a valve.
+pub type ValveReader = Reader<Valve>;
 /// Receives fields.
 pub type FieldReader = Reader<[f32]>;
 
@@ -443,6 +459,37 @@ fn check_shape(topic: &Topic, header: &FieldHeader, found: usize) -> Result<(), 
     })
 }
 
+/// A writer was refused. A dead writer's place is freed by the clean-up; only a living one is a contradiction.
+fn writer_failed(bus: &Bus, topic: &Topic, error: PublisherCreateError) -> Refusal {
+    match error {
+        PublisherCreateError::ExceedsMaxSupportedPublishers => {
+            let writers = participants(bus, topic).map(|(writers, _)| writers).unwrap_or_default();
+            let holder = writers.first().map(|pid| format!(" (process {pid})")).unwrap_or_default();
+            Refusal::Full(WireError::AlreadyPublished { topic: topic.name().into(), holder })
+        }
+        other => Refusal::Final(WireError::Open { topic: topic.name().into(), cause: format!("{other:?}") }),
+    }
+}
+
+impl Bus {
+    /// All topics whose name `key` matches, sorted by name, with their writers and readers. Each is opened for a moment, which
+    /// writes to the management folder: a busy disk may delay the caller by seconds.
+    ///
+    /// # Errors
+    /// As [`Self::names`].
+    pub fn topics(&self, key: &KeyExpr) -> Result<Vec<TopicInfo>, WireError> {
+        let mut found = self.listed(key)?;
+        for info in &mut found {
+            // A topic that vanishes after the listing has no participants.
+            if let Ok((writers, readers)) = participants(self, &info.topic) {
+                info.writers = writers;
+                info.readers = readers;
+            }
+        }
+        Ok(found)
+    }
+}
+
 // ---- any kind of topic ----
 
 macro_rules! kinds {
@@ -466,7 +513,7 @@ macro_rules! kinds {
         }
 
         /// Process ids of writers and readers of a topic.
-        pub(super) fn participants(bus: &Bus, topic: &Topic) -> Result<(Vec<u32>, Vec<u32>), WireError> {
+        fn participants(bus: &Bus, topic: &Topic) -> Result<(Vec<u32>, Vec<u32>), WireError> {
             Ok(match topic.kind() {
                 $(TopicKind::$kind => {
                     service::processes(&service::sized::<$payload>(bus, topic, Missing::Refuse)?)
