@@ -14,6 +14,7 @@
 
 mod config;
 mod link;
+mod network;
 mod queries;
 mod readings;
 mod ros;
@@ -23,7 +24,6 @@ use anyhow::Context;
 use clap::{CommandFactory, Parser};
 use config::{Config, Endpoint, list};
 use link::{Counters, Link, Liveness};
-use queries::QueryHandler;
 use runtime::config::ConfigError;
 use runtime::{metrics, removed_files, service};
 use std::net::SocketAddr;
@@ -34,7 +34,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{Duration, Instant};
-use topics::TopicScan;
+use topics::{QueryHandler, TopicScan};
 use wire::thread_group::ThreadGroup;
 use wire::{Domain, OwnFiles};
 use zenoh::Wait;
@@ -114,7 +114,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
     let mut liveness = Liveness::from_env();
     let ended = loop {
         liveness.forget_threads();
-        let Some(session) = link::open_session(&config, &program, &mut liveness)? else { break Ok(()) };
+        let Some(session) = network::open_session(&config, &program, &mut liveness)? else { break Ok(()) };
         let link = Link {
             domain: Domain::from_env(),
             session,
@@ -184,7 +184,7 @@ fn serve(
 ) -> anyhow::Result<Option<Config>> {
     let ((to_messages, for_messages), (to_fields, for_fields)) = (channel(), channel());
     let (handler, requests) = QueryHandler::new();
-    let mut scan = TopicScan::new(link, config, to_messages, to_fields, handler)?;
+    let mut scan = TopicScan::new(link, &config.keys, &config.inlets, to_messages, to_fields, handler)?;
     let (period, inlets) = (config.field_period, config.inlets.clone());
     let mut threads = ThreadGroup::with_program(link.stop.clone());
     let mut thread_link = || Link { is_alive: liveness.add_thread(), ..link.clone() };
@@ -211,7 +211,7 @@ fn serve(
     }
     if !config.listen.is_empty() {
         let (own, ports) = (thread_link(), config.listen.iter().map(Endpoint::port).collect());
-        threads.start("addresses", move |_| Ok(link::limit_addresses(&own, ports)?))?;
+        threads.start("addresses", move |_| Ok(network::limit_addresses(&own, ports)?))?;
     }
     scan.scan(link)?;
     service::notify_ready(&connections(config));

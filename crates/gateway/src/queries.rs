@@ -1,41 +1,20 @@
 //! Queries from the network, passed to the twins one after the other.
 
 use crate::link::Link;
-use crate::topics::{EncodedSample, Request, accept_requests, little_endian, refuse, reply};
+use crate::topics::{EncodedSample, Request, little_endian, refuse, reply};
 use recording::message;
 use serde_json::json;
 use std::collections::HashMap;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
-use wire::layout::{field_id, query_kind, unpack_name};
+use wire::layout::{field_id, unpack_name};
 use wire::{AnswerSample, Bus, QueryClient, Selector, WireError};
 use zenoh::bytes::ZBytes;
-use zenoh::query::{Query, Queryable};
+use zenoh::query::Query;
 
-/// Largest number of waiting queries.
-const QUERIES: usize = 64;
 /// Longest wait for a twin.
 const PATIENCE: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_millis(100);
-
-/// Takes queries on the network and passes them to the thread that answers them.
-#[derive(Clone)]
-pub struct QueryHandler {
-    sender: SyncSender<Request>,
-}
-
-impl QueryHandler {
-    pub fn new() -> (Self, Receiver<Request>) {
-        let (sender, receiver) = sync_channel(QUERIES);
-        (Self { sender }, receiver)
-    }
-
-    /// Takes all kinds of queries for one actuator, as long as the result exists.
-    pub fn open(&self, link: &Link, actuator: &str) -> anyhow::Result<Vec<Queryable<()>>> {
-        let names = query_kind::ALL.iter().map(|kind| format!("softtwin/{actuator}/{}", kind.name));
-        names.map(|name| accept_requests(link, &name, self.sender.clone())).collect()
-    }
-}
 
 /// Answers until the gateway ends.
 pub fn run(link: &Link, requests: &Receiver<Request>) -> anyhow::Result<()> {

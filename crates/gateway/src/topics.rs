@@ -2,9 +2,7 @@
 //! go out all of them as JSON, of fields the newest one at a rate or on request, as numbers. A topic is read only while somebody on the
 //! network wants it.
 
-use crate::config::Config;
 use crate::link::{Link, count, network};
-use crate::queries::QueryHandler;
 use recording::message::{GapMessage, Json, Recorded};
 use recording::{Gap, GapCounter, Observed};
 use serde::Serialize;
@@ -13,6 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
+use wire::layout::query_kind;
 use wire::{
     AnyReader, AnySample, Bus, FieldSample, KeyExpr, Payload, Stamp, Topic, TopicInfo, TopicKind, Waking,
     WireError,
@@ -44,15 +43,16 @@ pub struct TopicScan {
 impl TopicScan {
     pub fn new(
         link: &Link,
-        config: &Config,
+        keys: &[KeyExpr],
+        inlets: &[Topic],
         messages: Sender<TopicBridge>,
         fields: Sender<TopicBridge>,
         handler: QueryHandler,
     ) -> Result<Self, WireError> {
         Ok(Self {
             bus: Bus::open(&link.domain)?,
-            keys: config.keys.clone(),
-            inlets: config.inlets.clone(),
+            keys: keys.to_vec(),
+            inlets: inlets.to_vec(),
             messages,
             fields,
             handler,
@@ -110,6 +110,30 @@ impl TopicScan {
             }
         }
         Ok(())
+    }
+}
+
+// ---- queries on the network ----
+
+/// Largest number of waiting queries.
+const QUERIES: usize = 64;
+
+/// Takes queries on the network and passes them to the thread that answers them.
+#[derive(Clone)]
+pub struct QueryHandler {
+    sender: SyncSender<Request>,
+}
+
+impl QueryHandler {
+    pub fn new() -> (Self, Receiver<Request>) {
+        let (sender, receiver) = sync_channel(QUERIES);
+        (Self { sender }, receiver)
+    }
+
+    /// Takes all kinds of queries for one actuator, as long as the result exists.
+    pub fn open(&self, link: &Link, actuator: &str) -> anyhow::Result<Vec<Queryable<()>>> {
+        let names = query_kind::ALL.iter().map(|kind| format!("softtwin/{actuator}/{}", kind.name));
+        names.map(|name| accept_requests(link, &name, self.sender.clone())).collect()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Samples as messages of ROS 2, in SI units; the surface of a field as a `visualization_msgs/Marker`, each corner of its triangles
 //! coloured by its stress.
 
-use super::Ros2;
+use super::config::Ros2;
 use super::wire_format::{Cdr, Reader};
 use runtime::known_model::KnownModel;
 use std::sync::Arc;

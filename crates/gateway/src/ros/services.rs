@@ -4,10 +4,10 @@
 //! A service is a queryable on its key, complete because clients ask complete ones only. The request is the query's payload; the reply's
 //! attachment has the number and the client of the request's (design document of `rmw_zenoh`, "Service Clients" and "Service Servers").
 
-use super::Ros2;
+use super::config::{Ros2, ros_name};
 use super::wire_format::{
     Cdr, Entity, FIND_GAP, FIND_PRESSURE, Gid, MessageType, Names, Reader, TRIGGER, WHAT_IF, attachment_of,
-    now_since_1970_ns, parse_attachment, ros_name, token,
+    now_since_1970_ns, parse_attachment, token,
 };
 use crate::link::{Counters, Link, count, network};
 use crate::queries::Clients;

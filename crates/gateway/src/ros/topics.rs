@@ -1,10 +1,10 @@
 //! Topics of ROS 2: local topics that are published there while they have subscribers, and pressures and commands that come from there.
 
-use super::Ros2;
+use super::config::{Ros2, ros_name};
 use super::message::{self, Markers, PA_PER_MPA, fluid_pressure};
 use super::wire_format::{
     COMMANDS, DIAGNOSTICS, Entity, Gid, JOINTS, MARKER, MessageType, Names, POINTS, PRESSURE, Reader, WRENCH,
-    attachment_of, gid, now_since_1970_ns, parse_attachment, ros_name, token,
+    attachment_of, gid, now_since_1970_ns, parse_attachment, token,
 };
 use crate::link::{LastError, Link, count, network};
 use crate::topics::delivery;

@@ -1,7 +1,7 @@
 //! The wire of `rmw_zenoh`, after its design document (docs/design.md there): CDR, the encoding of messages; the attachment of a message;
 //! keys, which contain type and hash; tokens, by which nodes and endpoints appear in the graph of ROS.
 
-use super::Ros2;
+use super::config::Ros2;
 use crate::link::{Link, network};
 use std::time::{SystemTime, UNIX_EPOCH};
 use zenoh::Wait;
@@ -159,11 +159,6 @@ pub fn gid(token: &str) -> Gid {
     gid[..8].copy_from_slice(&hash(0xcbf2_9ce4_8422_2325).to_le_bytes());
     gid[8..].copy_from_slice(&hash(0x8422_2325_cbf2_9ce4).to_le_bytes());
     gid
-}
-
-/// Name of an actuator or node set with `_` for every character that ROS does not allow.
-pub fn ros_name(name: &str) -> String {
-    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
 
 /// The time, ns since 1970.
