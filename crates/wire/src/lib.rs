@@ -25,6 +25,7 @@ mod arrivals;
 mod bus;
 mod domain;
 mod error;
+mod keyexpr;
 pub mod layout;
 mod leftover;
 mod port;
@@ -39,6 +40,7 @@ pub use arrivals::{Arrival, Arrivals};
 pub use bus::{Bus, TopicInfo};
 pub use domain::{Domain, OwnFiles};
 pub use error::WireError;
+pub use keyexpr::{KeyExpr, KeyExprError};
 pub use layout::{
     Answer, Command, Estimate, FieldHeader, Grasp, Health, Outcome, Payload, Query, QueryStatus,
     SensorSample, Setpoint, State, Target, Valve,
@@ -51,7 +53,7 @@ pub use port::{
     SetpointWriter, Stamp, StateReader, StateWriter, TargetReader, TargetWriter, ValveReader, ValveWriter,
     Writer,
 };
-pub use selector::{KeyExpr, KeyExprError, Selector, SelectorError};
+pub use selector::{Selector, SelectorError};
 pub use sys::{background_thread, boot_id, now_ns};
 pub use topic::{Topic, TopicKind};
 pub use wake::{Wake, WakeSet, Wakeable, Waker, Waking};

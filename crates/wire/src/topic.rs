@@ -1,7 +1,7 @@
 //! Topic names: `softtwin/<actuator>/<kind>`.
 
 use crate::error::WireError;
-use crate::selector::KeyExpr;
+use crate::keyexpr::KeyExpr;
 use std::fmt;
 
 /// First chunk of every name.

@@ -6,12 +6,12 @@ use super::retry::Refusal;
 use super::service::{self, Ends, Missing, PubSub};
 use crate::bus::{Bus, TopicInfo};
 use crate::error::WireError;
+use crate::keyexpr::KeyExpr;
 use crate::layout::{
     Command, Estimate, FIELD_SLOTS, FieldHeader, Grasp, Health, LAYOUT_VERSION, Payload, SensorSample,
     Setpoint, State, Target, Valve, View,
 };
 use crate::qos;
-use crate::selector::KeyExpr;
 use crate::sys::{Ipc, now_ns};
 use crate::topic::{Topic, TopicKind};
 use crate::wake::{Wakeable, Waker, Waking};
