@@ -48,7 +48,7 @@ pub use dynamics::{Dynamics, PronyTerm};
 pub use element::cavity::CavityLoad;
 pub use family::{Family, Variant, VariantError};
 pub use linear::LinearError;
-pub use mesh::{EndFace, Hollow, Measures, Mesh, Slot, Wall};
+pub use mesh::{BodyReport, EndFace, Hollow, Measures, Mesh, Slot, Wall, four_digits};
 pub use newton::NewtonError;
 pub use output::{MAX_RESIDUAL, Output};
 pub use path::{Limit, LimitKind, Path, PathPoint, PathSettings, limits};

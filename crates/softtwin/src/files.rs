@@ -8,6 +8,7 @@ use fem::run::RunError;
 use fem::{Family, Problem};
 use formats::database::{self, ObstacleKind};
 pub use formats::file::quoted;
+use formats::results::ImportError;
 use formats::{FormatError, file};
 use rom::model::{Model, ModelFileError};
 use rom::model_state::ModelState;
@@ -87,6 +88,15 @@ pub fn not_planned(error: PlanError) -> anyhow::Error {
         | PlanError::Run(RunError::Variant { .. })
         | PlanError::Train(TrainError::Database(_) | TrainError::Config(_)) => configuration(error),
         _ => error.into(),
+    }
+}
+
+/// Simulations that do not become a database: by whose mistake.
+pub fn not_imported(error: ImportError) -> anyhow::Error {
+    match error {
+        ImportError::Usage(_) => usage(error),
+        ImportError::Refused(_) => configuration(error),
+        ImportError::File(error) => refusal(error),
     }
 }
 

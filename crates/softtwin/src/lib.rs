@@ -5,7 +5,6 @@
 #![warn(clippy::print_stdout)]
 
 mod bench;
-mod card;
 mod cmd;
 pub mod files;
 mod live;

@@ -29,6 +29,7 @@
 
 mod assemble;
 pub mod calibration;
+pub mod card;
 pub mod config;
 pub mod datasheet;
 pub mod draws;

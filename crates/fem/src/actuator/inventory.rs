@@ -5,14 +5,16 @@ use crate::algebra::{Vec3, add, axpy, cross, dot, norm, scale, sub};
 use crate::mesh::{Boundary, closed, enclosed};
 use formats::mesh_file::{MeshFile, TRI_FACETS, Tri6};
 use formats::{FormatError, read_mesh};
+use serde::Serialize;
 use std::path::Path;
 
 /// Named volume or surface of a mesh file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NamedPart {
     /// Name in the file.
     pub name: String,
     /// True for a volume.
+    #[serde(rename = "volume")]
     pub is_volume: bool,
     /// Number of tetrahedra or triangles.
     pub elements: usize,

@@ -1,11 +1,13 @@
 //! Mesh as plain data, with its checks.
 
+mod body;
 mod check;
 mod end;
 mod measures;
 mod orient;
 mod types;
 
+pub use body::{BodyReport, four_digits};
 pub(crate) use check::diagnostics;
 pub use end::EndFace;
 pub(crate) use measures::enclosed;

@@ -13,38 +13,21 @@
 //! `softtwin-convert` of the Python client writes the `.npz` from XDMF, FEBio and Ansys files.
 
 mod assemble;
+mod collect;
 mod dat;
 mod frd;
 mod groups;
+mod labels;
 mod nodal;
 mod run;
 mod stacks;
 mod vtk;
 
 pub use assemble::{Assembly, Wanted};
+pub use collect::{ImportOptions, ImportedStates, collect, input_ranges, plain_name, read};
 pub use dat::parse as parse_dat;
 pub use frd::parse as parse_frd;
+pub use labels::{ImportError, InputSource};
 pub use run::{Quantity, Run, Step, Total};
 pub use stacks::parse_archive as parse_npz;
 pub use vtk::parse_list as parse_pvd;
-
-use crate::error::FormatError;
-use crate::foreign;
-use std::path::Path;
-
-/// Reads one finished simulation, by the ending of its name.
-///
-/// # Errors
-/// An unknown ending, with the command that converts the file; errors of the format's reader.
-pub fn read(path: &Path) -> Result<Run, FormatError> {
-    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
-    match ending.as_deref() {
-        _ if path.is_dir() => stacks::read(path),
-        Some("frd") => frd::read(path),
-        Some("vtu") => vtk::read(path),
-        Some("pvd") => vtk::read_series(path),
-        Some("inp") => nodal::read(path),
-        Some("npz") => stacks::read_archive(path),
-        _ => Err(foreign::error(path, "results as .frd, .vtu, .pvd, .inp, .npz or a folder of .npy", "npz")),
-    }
-}

@@ -4,7 +4,7 @@ mod scene;
 mod table;
 
 use crate::failure::usage;
-use crate::{card, files, output, report};
+use crate::{files, output, report};
 use rom::hull::TrainingRange;
 use rom::inputs::InputSpec;
 use rom::model::{Model, ModelHeader, OutputField, PressureLimit, RegimeModel};
@@ -13,7 +13,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use train::datasheet::{DataSheet, FitSheet};
+use train::card;
 use wire::layout::hex;
 
 const EXAMPLES: &str = "\
@@ -82,7 +82,7 @@ impl Args {
         }
         let (model, hash) = files::model_and_hash(&self.file)?;
         if let Some(format) = self.card {
-            let card = card::of(&self.file, &model, &hash, self.licence.as_deref());
+            let card = card::card(&self.file, &model, &hash, self.licence.as_deref());
             let text = match format {
                 CardFormat::Json => format!("{card:#}\n"),
                 CardFormat::Markdown => card::markdown(&card),
@@ -197,47 +197,3 @@ fn domain(regime: &RegimeModel) -> String {
     }
 }
 
-/// The choices of a data sheet as a table.
-pub fn sheet_table(sheet: &DataSheet) -> anyhow::Result<()> {
-    for regime in &sheet.regimes {
-        output!(
-            "\nregime {}: {} cases + {} on the onset",
-            regime.kind.name(),
-            regime.cases,
-            regime.boundary_states
-        )?;
-        output!(
-            "  {:<14}{:>5}  {:<32}{:>10}{:>15}{:>14}",
-            "group",
-            "modes",
-            "kernel",
-            "condition",
-            "leave-one-out",
-            "truncation"
-        )?;
-        for fit in regime.groups.iter().chain(&regime.force) {
-            output!("  {}", fit_line(fit))?;
-        }
-        let halfwidths = regime.halfwidths;
-        let mut widths = vec![format!("{:.2e} mm", halfwidths.displacement_mm)];
-        widths.extend(sheet.has_stress().then(|| format!("{:.2e} MPa", halfwidths.stress_mpa)));
-        widths.extend(sheet.has_forces().then(|| format!("{:.2e} N", halfwidths.force_n)));
-        output!(
-            "  {:.0} % of held-out states have errors below {} at their worst node",
-            halfwidths.coverage * 100.0,
-            widths.join(", ")
-        )?;
-    }
-    for remark in &sheet.remarks {
-        output!("note: {remark}")?;
-    }
-    Ok(())
-}
-
-fn fit_line(fit: &FitSheet) -> String {
-    let kernel = fit.candidates.first().map_or("", |c| c.kernel.as_str());
-    format!(
-        "{:<14}{:>5}  {kernel:<32}{:>10.1e}{:>15.2e}{:>14.1e}",
-        fit.name, fit.modes, fit.condition, fit.leave_one_out, fit.truncation_error
-    )
-}

@@ -2,11 +2,12 @@
 
 use crate::failure::usage;
 use crate::files::refusal;
-use crate::output;
+use crate::report;
 use formats::database::{Kind, Manifest, PACKED, obstacle_kinds, pack_sensitivities, read_snapshots};
 use formats::packed::{self, Snapshots, Stored};
 use formats::{file, npy};
-use serde_json::json;
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -54,6 +55,23 @@ pub struct Args {
 /// Name of snapshots that are not packed.
 const PLAIN: &str = "snapshots.npy";
 
+#[derive(Serialize)]
+struct PackReport {
+    bytes_before: usize,
+    bytes: usize,
+    bytes_of_derivatives: Option<usize>,
+    /// Of each field, in its unit.
+    largest_error: BTreeMap<String, f32>,
+}
+
+#[derive(Serialize)]
+struct UnpackReport {
+    cases: usize,
+    nodes: usize,
+    fields: usize,
+    snapshots: PathBuf,
+}
+
 impl Args {
     /// Packs, reads back, measures, writes.
     pub fn run(self) -> anyhow::Result<()> {
@@ -83,26 +101,14 @@ impl Args {
         let derivatives = pack_sensitivities(&self.database, &self.out, &manifest, share)?;
         let array = manifest.sensitivities.as_deref().map(|name| (name, "sensitivities.pack"));
         self.describe(&manifest, [Some((&*manifest.snapshots, &*packed)), array])?;
-        let (before, after) = (snapshots.values.len() * 4, bytes.len());
-        if self.json {
-            let names = manifest.field.iter().map(|f| f.name.clone());
-            let errors: serde_json::Map<_, _> = names.zip(errors.iter().map(|e| json!(e))).collect();
-            return output::json(
-                &json!({"bytes_before": before, "bytes": after, "bytes_of_derivatives": derivatives, "largest_error": errors}),
-            );
-        }
-        output!(
-            "{}: {after} bytes, {:.1} % of {before}",
-            self.out.display(),
-            100.0 * after as f64 / before as f64
-        )?;
-        if let Some(bytes) = derivatives {
-            output!("derivatives of training states: {bytes} bytes")?;
-        }
-        for (field, error) in manifest.field.iter().zip(errors) {
-            output!("largest error of {}: {error:.2e} {}", field.name, field.unit)?;
-        }
-        Ok(())
+        let names = manifest.field.iter().map(|field| field.name.clone());
+        let report = PackReport {
+            bytes_before: snapshots.values.len() * 4,
+            bytes: bytes.len(),
+            bytes_of_derivatives: derivatives,
+            largest_error: names.zip(errors).collect(),
+        };
+        report::print(&report, self.json)
     }
 
     fn snapshots(&self, manifest: &Manifest) -> anyhow::Result<Snapshots> {
@@ -136,13 +142,7 @@ impl Args {
         self.copy_rest(manifest, &[manifest.sensitivities.as_deref(), Some("sensitivities.csv")])?;
         self.describe(manifest, [Some((&*manifest.snapshots, PLAIN)), None])?;
         let [cases, nodes, fields] = snapshots.shape;
-        if self.json {
-            return output::json(
-                &json!({"cases": cases, "nodes": nodes, "fields": fields, "snapshots": path}),
-            );
-        }
-        output!("{}: {cases} cases x {nodes} nodes x {fields} fields", path.display())?;
-        Ok(())
+        report::print(&UnpackReport { cases, nodes, fields, snapshots: path }, self.json)
     }
 
     /// Files that are copied unpacked, and files named by the caller.

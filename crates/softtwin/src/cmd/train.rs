@@ -4,16 +4,17 @@ use crate::failure::{configuration, usage};
 use crate::files::{self, refusal};
 use crate::options::ObstacleArg;
 use crate::progress::Progress;
-use crate::{card, output};
+use crate::report;
 use anyhow::Context;
 use fem::inertia::{InertiaError, InertialBody};
 use formats::database::ObstacleKind;
-use rom::snapshots::{Database, Split};
-use serde_json::json;
+use rom::snapshots::Split;
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use train::config::TrainConfig;
-use train::datasheet::{DataSheet, FitSheet, RegimeSheet};
+use train::datasheet::{FitSheet, RegimeSheet};
 use train::{TrainError, unseen_errors};
 
 const EXAMPLES: &str = "\
@@ -125,13 +126,28 @@ impl Args {
         progress.step("writing the model");
         let bytes = model.to_bytes()?;
         files::save(&self.out, &bytes)?;
-        let sheet_path = files::save_data_sheet(&self.out, &sheet)?;
+        let data_sheet = files::save_data_sheet(&self.out, &sheet)?;
         let hash = bytes.last_chunk::<32>().context("the model has no hash")?;
-        card::save(&self.out, &model, hash, None)?;
+        train::card::save(&self.out, &model, hash, None).map_err(refusal)?;
         drop(progress);
-        let done =
-            Done { model: &self.out, data_sheet: &sheet_path, training_s, bytes: bytes.len(), vibrations };
-        if self.json { done.json(&sheet, &database) } else { done.text(&sheet, &database) }
+        let report = TrainReport {
+            model: self.out.clone(),
+            data_sheet,
+            training_s,
+            bytes: bytes.len(),
+            cases: database.of_split(Split::Train).count(),
+            database_hash: sheet.database_hash,
+            sag_mm: sheet.sag_mm,
+            reach_mm: sheet.reach_mm,
+            vibrations,
+            regimes: sheet
+                .regimes
+                .iter()
+                .map(|regime| (regime.kind.name(), RegimeReport::new(regime)))
+                .collect(),
+            remarks: sheet.remarks,
+        };
+        report::print(&report, self.json)
     }
 
     fn config(&self) -> anyhow::Result<TrainConfig> {
@@ -156,64 +172,52 @@ fn no_inertia(error: InertiaError) -> anyhow::Error {
     }
 }
 
-/// Files that were written.
-struct Done<'a> {
-    model: &'a Path,
-    data_sheet: &'a Path,
+/// A trained model.
+#[derive(Serialize)]
+struct TrainReport {
+    model: PathBuf,
+    data_sheet: PathBuf,
     training_s: f64,
     bytes: usize,
-    /// Remarks on the inertia.
+    cases: usize,
+    database_hash: String,
+    /// Gap at which the weight alone touches, and the largest that the trained pressures close.
+    sag_mm: Option<f64>,
+    reach_mm: Option<f64>,
     vibrations: Vec<String>,
+    regimes: BTreeMap<&'static str, RegimeReport>,
+    remarks: Vec<String>,
 }
 
-impl Done<'_> {
-    fn json(&self, sheet: &DataSheet, database: &Database) -> anyhow::Result<()> {
-        output::json(&json!({
-            "model": self.model,
-            "data_sheet": self.data_sheet,
-            "training_s": self.training_s,
-            "bytes": self.bytes,
-            "cases": database.of_split(Split::Train).count(),
-            "database_hash": sheet.database_hash,
-            "sag_mm": sheet.sag_mm,
-            "reach_mm": sheet.reach_mm,
-            "remarks": sheet.remarks,
-            "vibrations": self.vibrations,
-            "regimes": sheet.regimes.iter().map(|r| (r.kind.name().to_owned(), regime_json(r)))
-                .collect::<serde_json::Map<_, _>>(),
-        }))
-    }
-
-    fn text(&self, sheet: &DataSheet, database: &Database) -> anyhow::Result<()> {
-        let cases = database.of_split(Split::Train).count();
-        output!(
-            "{}: {cases} training cases, {} nodes, trained in {:.2} s",
-            sheet.actuator,
-            sheet.node_count,
-            self.training_s
-        )?;
-        if let (Some(sag), Some(reach)) = (sheet.sag_mm, sheet.reach_mm) {
-            output!("touches by its weight up to gap {sag:.2} mm, never beyond {reach:.2} mm")?;
-        }
-        super::inspect::sheet_table(sheet)?;
-        for line in &self.vibrations {
-            output!("inertia     {line}")?;
-        }
-        output!("model       {} ({:.1} MB)", self.model.display(), self.bytes as f64 / 1e6)?;
-        output!("data sheet  {}", self.data_sheet.display())?;
-        Ok(())
-    }
+#[derive(Serialize)]
+struct RegimeReport {
+    cases: usize,
+    boundary_states: usize,
+    groups: BTreeMap<String, FitReport>,
+    force: Option<FitReport>,
 }
 
-fn regime_json(regime: &RegimeSheet) -> serde_json::Value {
-    let fit = |f: &FitSheet| {
-        json!({ "modes": f.modes, "condition": f.condition, "leave_one_out": f.leave_one_out,
-                "kernel": f.candidates.first().map(|c| c.kernel.clone()) })
-    };
-    json!({
-        "cases": regime.cases,
-        "boundary_states": regime.boundary_states,
-        "groups": regime.groups.iter().map(|g| (g.name.clone(), fit(g))).collect::<serde_json::Map<_, _>>(),
-        "force": regime.force.as_ref().map(fit),
-    })
+#[derive(Serialize)]
+struct FitReport {
+    modes: usize,
+    condition: f64,
+    leave_one_out: f64,
+    kernel: Option<String>,
+}
+
+impl RegimeReport {
+    fn new(regime: &RegimeSheet) -> Self {
+        let fit = |fit: &FitSheet| FitReport {
+            modes: fit.modes,
+            condition: fit.condition,
+            leave_one_out: fit.leave_one_out,
+            kernel: fit.candidates.first().map(|candidate| candidate.kernel.clone()),
+        };
+        Self {
+            cases: regime.cases,
+            boundary_states: regime.boundary_states,
+            groups: regime.groups.iter().map(|group| (group.name.clone(), fit(group))).collect(),
+            force: regime.force.as_ref().map(fit),
+        }
+    }
 }

@@ -1,16 +1,16 @@
 //! `softtwin import`: meshes of other programs as VTU, and their finished simulations as a database.
 
-mod inputs;
 mod results;
 
-use crate::cmd::mesh::body::BodyReport;
 use crate::failure::usage;
 use crate::files::refusal;
-use crate::output;
+use crate::report;
 use anyhow::Result;
+use fem::BodyReport;
 use formats::cells::{Block, Kind};
 use formats::vtu::{self, Cells, Grid};
-use serde_json::json;
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -48,6 +48,17 @@ enum What {
     Results(results::Args),
 }
 
+/// A mesh that was written.
+#[derive(Serialize)]
+struct ImportedMesh {
+    out: PathBuf,
+    nodes: usize,
+    /// Number of cells of each kind.
+    cells: BTreeMap<String, usize>,
+    left_out: Vec<String>,
+    body: BodyReport,
+}
+
 impl Args {
     /// Reads, writes, and says what was found.
     ///
@@ -66,18 +77,9 @@ impl Args {
         let (points, blocks, left_out) = formats::read_blocks(&mesh).map_err(refusal)?;
         let grid = Grid { points_mm: &points, cells: Cells::Mixed(&blocks), point_data: &[] };
         vtu::write(&out, &grid).map_err(refusal)?;
+        let cells = blocks.iter().map(|block| (name(block), block.count())).collect();
         let body = BodyReport::of(&points, &blocks);
-        let counts: Vec<(String, usize)> = blocks.iter().map(|block| (name(block), block.count())).collect();
-        if self.json {
-            let cells: serde_json::Map<_, _> = counts.into_iter().map(|(name, n)| (name, json!(n))).collect();
-            return output::json(
-                &json!({ "out": out, "nodes": points.len(), "cells": cells, "left_out": left_out, "body": body.json() }),
-            );
-        }
-        let cells: Vec<String> = counts.iter().map(|(name, count)| format!("{count} {name}")).collect();
-        output!("{}: {} nodes, {}", out.display(), points.len(), cells.join(", "))?;
-        left_out.iter().try_for_each(|what| output!("left out: {what}"))?;
-        body.print()
+        report::print(&ImportedMesh { out, nodes: points.len(), cells, left_out, body }, self.json)
     }
 }
 

@@ -1,17 +1,15 @@
 //! `softtwin mesh`: a mesh of an actuator without a mesher, the parts of a mesh file, or the mesh of a CAD file.
 
-pub mod body;
 mod step;
 
 use crate::failure::usage;
 use crate::files::refusal;
-use crate::output;
+use crate::report;
 use anyhow::Context;
-use body::{BodyReport, place, rounded};
-use fem::Mesh;
 use fem::actuator::{Actuator, NamedPart, mesh_quality};
+use fem::{BodyReport, Mesh};
 use formats::vtu;
-use serde_json::json;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -72,65 +70,66 @@ fn is_cavity(part: &NamedPart) -> bool {
     !part.is_volume && (part.name == "cavity" || part.name.starts_with("cavity."))
 }
 
-impl Args {
-    /// Prints the named parts of a mesh file, then its size, or what is missing.
-    fn check(&self, actuator: &Actuator, path: &Path) -> anyhow::Result<()> {
-        let parts = actuator.inventory(path).map_err(refusal)?;
-        if !self.json {
-            for part in &parts {
-                let (what, elements, unit) = match part.is_volume {
-                    true => ("volume", "tetrahedra", "mm3"),
-                    false => ("surface", "triangles", "mm2"),
-                };
-                let role = part.role.as_deref().unwrap_or("not used");
-                output!(
-                    "{what:<8} {:<24} {:>7} {elements:<10} {:>10.1} {unit}  {role}",
-                    part.name,
-                    part.elements,
-                    part.size
-                )?;
-                if let (true, Some(centre_mm)) = (is_cavity(part), part.centre_mm) {
-                    let holds =
-                        part.encloses_mm3.map_or("open".into(), |mm3| format!("holds {} mm3", rounded(mm3)));
-                    output!("         {:<24} {holds}, centre {}", "", place(centre_mm))?;
-                }
+/// A mesh, and of a mesh file its named parts.
+#[derive(Serialize)]
+struct MeshReport {
+    mesh: PathBuf,
+    nodes: usize,
+    tetrahedra: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    quality: Option<Quality>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    parts: Option<Vec<NamedPart>>,
+    body: BodyReport,
+}
+
+/// Shape of the tetrahedra, 1 for regular ones.
+#[derive(Serialize)]
+struct Quality {
+    least: f64,
+    mean: f64,
+}
+
+/// The body of an actuator, with remarks on what cannot be.
+fn body(actuator: &Actuator, mesh: &Mesh) -> BodyReport {
+    let mut body = BodyReport::of_tets(&mesh.nodes_mm, &mesh.tets);
+    body.want_hollow();
+    body.check_rubber(actuator.elastomer.law.shear_modulus_mpa());
+    body
+}
+
+/// The named parts of a mesh file and its size; an error says what is missing, after the parts that there are.
+fn check(actuator: &Actuator, path: &Path, as_json: bool) -> anyhow::Result<()> {
+    let parts = actuator.inventory(path).map_err(refusal)?;
+    let mesh = match actuator.read_mesh(path) {
+        Ok(mesh) => mesh,
+        Err(error) => {
+            if !as_json {
+                report::print(&parts, false)?;
             }
+            return Err(refusal(error));
         }
-        let mesh = actuator.read_mesh(path).map_err(refusal)?;
-        let mut body = self.body(actuator, &mesh);
-        for part in parts.iter().filter(|part| is_cavity(part) && part.encloses_mm3.is_none()) {
-            body.remark(format!(
-                "surface {} is not closed: it takes no pressure; it must have all walls of its hollow",
-                part.name
-            ));
-        }
-        let (nodes, tets) = (mesh.nodes_mm.len(), mesh.tets.len());
-        let (least, mean) = mesh_quality(&mesh, &mesh.nodes_mm);
-        if self.json {
-            let parts: Vec<_> = parts
-                .iter()
-                .map(|part| {
-                    json!({"name": part.name, "volume": part.is_volume, "elements": part.elements, "size": part.size, "role": part.role,
-                        "centre_mm": part.centre_mm, "encloses_mm3": part.encloses_mm3})
-                })
-                .collect();
-            return output::json(&json!({
-                "mesh": actuator.mesh_path(path), "nodes": nodes, "tetrahedra": tets, "parts": parts,
-                "quality": {"least": least, "mean": mean}, "body": body.json(),
-            }));
-        }
-        output!("{nodes} nodes, {tets} tetrahedra, quality {least:.3} at least, {mean:.3} in the mean")?;
-        body.print()
+    };
+    let mut body = body(actuator, &mesh);
+    for part in parts.iter().filter(|part| is_cavity(part) && part.encloses_mm3.is_none()) {
+        body.remark(format!(
+            "surface {} is not closed: it takes no pressure; it must have all walls of its hollow",
+            part.name
+        ));
     }
+    let (least, mean) = mesh_quality(&mesh, &mesh.nodes_mm);
+    let found = MeshReport {
+        mesh: actuator.mesh_path(path),
+        nodes: mesh.nodes_mm.len(),
+        tetrahedra: mesh.tets.len(),
+        quality: Some(Quality { least, mean }),
+        parts: Some(parts),
+        body,
+    };
+    report::print(&found, as_json)
+}
 
-    /// The body of an actuator, with remarks on what cannot be.
-    fn body(&self, actuator: &Actuator, mesh: &Mesh) -> BodyReport {
-        let mut body = BodyReport::of_tets(&mesh.nodes_mm, &mesh.tets);
-        body.want_hollow();
-        body.check_rubber(actuator.elastomer.law.shear_modulus_mpa());
-        body
-    }
-
+impl Args {
     /// Meshes, checks, writes.
     pub fn run(self) -> anyhow::Result<()> {
         let Some(path) = &self.actuator else {
@@ -138,10 +137,9 @@ impl Args {
         };
         let actuator = Actuator::read(path).map_err(refusal)?;
         if actuator.shape().is_none() {
-            return self.check(&actuator, path);
+            return check(&actuator, path, self.json);
         }
-        let beside = || actuator.mesh_path(path);
-        let out = self.out.clone().unwrap_or_else(beside);
+        let out = self.out.clone().unwrap_or_else(|| actuator.mesh_path(path));
         if out.extension().is_none_or(|e| e != "vtu") {
             return Err(usage(format!(
                 "{}: expected a file name with the ending .vtu; give --out or set mesh.file",
@@ -149,17 +147,14 @@ impl Args {
             )));
         }
         let mesh = write_grid(&actuator, self.size_mm, &out)?;
-        let (nodes, tets, body) = (mesh.nodes_mm.len(), mesh.tets.len(), self.body(&actuator, &mesh));
-        if self.json {
-            return output::json(
-                &json!({"mesh": out, "nodes": nodes, "tetrahedra": tets, "body": body.json()}),
-            );
-        }
-        output!("{}: {nodes} nodes, {tets} tetrahedra", out.display())?;
-        body.print()?;
+        let (nodes, tetrahedra, mut body) = (mesh.nodes_mm.len(), mesh.tets.len(), body(&actuator, &mesh));
         if actuator.mesh.nodes != 0 && actuator.mesh.nodes != nodes {
-            output!("{} wants {} nodes: set mesh.nodes = 0", path.display(), actuator.mesh.nodes)?;
+            let wanted = actuator.mesh.nodes;
+            body.remark(format!("{} wants {wanted} nodes: set mesh.nodes = 0", path.display()));
         }
-        Ok(())
+        report::print(
+            &MeshReport { mesh: out, nodes, tetrahedra, quality: None, parts: None, body },
+            self.json,
+        )
     }
 }

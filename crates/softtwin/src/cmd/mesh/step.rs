@@ -1,9 +1,7 @@
 //! Mesh of a CAD file through gmsh's Python package, with a picture of each named part.
 
-use super::body::{BodyReport, place, rounded};
 use crate::failure::{configuration, usage};
 use crate::files::refusal;
-use crate::output;
 use crate::picture::camera::Camera;
 use crate::picture::colour::ColourMap;
 use crate::picture::scale::Scale;
@@ -11,11 +9,13 @@ use crate::picture::scene::Scene;
 use crate::picture::sheet::{Panel, Row, Sheet};
 use crate::picture::skin::Body;
 use crate::picture::theme::ThemeName;
-use crate::range;
+use crate::{range, report};
 use anyhow::Context;
+use fem::BodyReport;
 use formats::cells::{Block, surface};
 use formats::mesh_file::{MeshFile, TRI_FACETS};
 use formats::msh;
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -50,6 +50,19 @@ fn face(text: &str) -> Result<(String, String), String> {
     pair.map(|(name, faces)| (name.to_owned(), faces.to_owned())).ok_or_else(expected)
 }
 
+/// The mesh of a CAD file; names and actuator.toml: docs/own-mesh.md.
+#[derive(Serialize)]
+struct CadReport<'a> {
+    mesh: &'a Path,
+    nodes: usize,
+    picture: PathBuf,
+    volumes: Vec<String>,
+    surfaces: Vec<String>,
+    /// What the script says of faces, cavities and quality.
+    report: Value,
+    body: BodyReport,
+}
+
 impl Cad {
     /// Meshes the file, prints the quality and all faces, draws the named parts.
     ///
@@ -81,60 +94,27 @@ impl Cad {
             return Err(configuration(anyhow::anyhow!("{}: {last}", step.display())));
         }
         let text = String::from_utf8_lossy(&run.stdout);
-        let report: Value = serde_json::from_str(text.lines().last().unwrap_or_default())
+        let figures: Value = serde_json::from_str(text.lines().last().unwrap_or_default())
             .with_context(|| format!("{program}: no figures were printed"))?;
         let mesh = msh::read(out).map_err(refusal)?;
         let picture = out.with_extension("png");
         draw(&mesh, &out.display().to_string())?.write_png(&picture)?;
         let mut body = BodyReport::of_tets(&mesh.points_mm, &mesh.tets);
         body.want_hollow();
-        body.compare(report["volume_mm3"].as_f64());
-        if as_json {
-            let parts = |names: Vec<&String>| names.into_iter().cloned().collect::<Vec<_>>();
-            return output::json(&json!({
-                "mesh": out, "nodes": mesh.points_mm.len(), "picture": picture, "report": report, "body": body.json(),
-                "volumes": parts(mesh.volumes.keys().collect()), "surfaces": parts(mesh.surfaces.keys().collect()),
-            }));
-        }
-        print(&mesh, &report)?;
-        body.print()?;
-        output!("{}, {}; names and actuator.toml: docs/own-mesh.md", out.display(), picture.display())?;
-        Ok(())
+        body.compare(figures["volume_mm3"].as_f64());
+        report::print(
+            &CadReport {
+                mesh: out,
+                nodes: mesh.points_mm.len(),
+                picture,
+                volumes: mesh.volumes.keys().cloned().collect(),
+                surfaces: mesh.surfaces.keys().cloned().collect(),
+                report: figures,
+                body,
+            },
+            as_json,
+        )
     }
-}
-
-fn print(mesh: &MeshFile, report: &Value) -> anyhow::Result<()> {
-    let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
-    for face in report["faces"].as_array().into_iter().flatten() {
-        let centre = [0, 1, 2].map(|k| number(&face["centre_mm"][k]));
-        output!("face {:<4} {:>10.1} mm2, centre {centre:.1?} mm", face["face"], number(&face["area_mm2"]))?;
-    }
-    for (name, elements) in &mesh.volumes {
-        output!("volume   {name:<24} {} tetrahedra", elements.len())?;
-    }
-    for (name, triangles) in &mesh.surfaces {
-        output!("surface  {name:<24} {} triangles", triangles.len())?;
-    }
-    for cavity in report["cavities"].as_array().into_iter().flatten() {
-        let centre_mm = [0, 1, 2].map(|k| number(&cavity["centre_mm"][k]));
-        let faces: Vec<String> =
-            cavity["faces"].as_array().into_iter().flatten().map(Value::to_string).collect();
-        let name = cavity["name"].as_str().unwrap_or_default();
-        output!("surface  {name:<24} faces {}, centre {}", faces.join("+"), place(centre_mm))?;
-    }
-    if let Some(volume_mm3) = report["volume_mm3"].as_f64() {
-        output!("the CAD file's volume is {} mm3", rounded(volume_mm3))?;
-    }
-    output!(
-        "{} nodes, {} tetrahedra, quality (gamma) {:.3} at least, {:.3} median, {} below 0.1; the CAD file's thinnest wall {:.2} mm",
-        mesh.points_mm.len(),
-        mesh.tets.len(),
-        number(&report["quality_least"]),
-        number(&report["quality_median"]),
-        report["below_0_1"],
-        number(&report["thinnest_wall_mm"])
-    )?;
-    Ok(())
 }
 
 /// One panel per named part, all with the same view.

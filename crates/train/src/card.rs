@@ -1,13 +1,12 @@
 //! The card of a model: inputs, outputs, training range and accuracy, for catalogues and other machines (docs/card.schema.json).
 
-use crate::files;
+use formats::{FormatError, file};
 use rom::inputs::{InputAxis, InputMap, Point};
 use rom::model::{Model, RegimeModel};
 use rom::observable::{Correction, Observables};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use wire::layout::hex;
 
 /// Licence of a model whose maker did not state one.
 const NOT_STATED: &str = "not stated";
@@ -21,15 +20,20 @@ pub fn place(model: &Path) -> PathBuf {
 ///
 /// # Errors
 /// I/O errors.
-pub fn save(path: &Path, model: &Model, file_hash: &[u8], licence: Option<&str>) -> anyhow::Result<PathBuf> {
-    let text = format!("{:#}\n", of(path, model, file_hash, licence));
+pub fn save(
+    path: &Path,
+    model: &Model,
+    file_hash: &[u8],
+    licence: Option<&str>,
+) -> Result<PathBuf, FormatError> {
+    let text = format!("{:#}\n", card(path, model, file_hash, licence));
     let place = place(path);
-    files::save(&place, text.as_bytes())?;
+    file::replace(&place, text.as_bytes())?;
     Ok(place)
 }
 
 /// The card of the model in this file; `file_hash` is the hash at the file's end.
-pub fn of(path: &Path, model: &Model, file_hash: &[u8], licence: Option<&str>) -> Value {
+pub fn card(path: &Path, model: &Model, file_hash: &[u8], licence: Option<&str>) -> Value {
     let header = &model.header;
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
@@ -153,7 +157,7 @@ fn regime_of(model: &Model, regime: &RegimeModel) -> Value {
 
 /// The licence of the card that lies beside a model.
 fn kept_licence(path: &Path) -> String {
-    let text = formats::file::read_text(&place(path), formats::file::MAX_TEXT_BYTES).unwrap_or_default();
+    let text = file::read_text(&place(path), file::MAX_TEXT_BYTES).unwrap_or_default();
     let card: Value = serde_json::from_str(&text).unwrap_or_default();
     card["licence"].as_str().unwrap_or(NOT_STATED).to_owned()
 }
@@ -254,4 +258,8 @@ pub fn submodel(card: &Value) -> Value {
             "value": "https://admin-shell.io/idta/SimulationModels/SimulationModels/1/0" }] },
         "submodelElements": [collection("SimulationModel00", model)],
     })
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

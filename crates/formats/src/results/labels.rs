@@ -1,22 +1,35 @@
 //! The inputs of each imported state: from a table, from the file's name, from the step's time.
 
-use crate::failure::{configuration, usage};
-use crate::files::refusal;
-use anyhow::{Context, Result, anyhow, bail};
-use formats::database::SPLITS;
-use formats::file::named_in;
-use formats::results::Run;
-use formats::table::{Table, TableRow};
+use super::run::Run;
+use crate::database::SPLITS;
+use crate::file::named_in;
+use crate::table::{TableRow, Table};
+use crate::{Diagnostic, FormatError};
 use rom::snapshots::Split;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Why simulations do not become a database.
+#[derive(Debug, Error)]
+pub enum ImportError {
+    /// What was asked for cannot be.
+    #[error("{0}")]
+    Usage(String),
+    /// The files or their inputs do not fit each other.
+    #[error("{0}")]
+    Refused(String),
+    /// A file cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FormatError),
+}
 
 /// Columns of the table that are no inputs.
 const WORDS: [&str; 6] = ["file", "step", "case", "regime", "split", "contact_force_n"];
 
 /// Known values of a state in addition to its fields.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Labels {
+pub(super) struct StateLabels {
     pub(super) name: Option<String>,
     /// Cell of the column `regime`.
     pub(super) regime: Option<String>,
@@ -27,19 +40,26 @@ pub(super) struct Labels {
 }
 
 /// Where the inputs come from.
-pub(super) struct Source<'a> {
-    pub(super) table: Option<(&'a Path, Table)>,
-    pub(super) pattern: Option<&'a str>,
+pub struct InputSource<'a> {
+    /// A table of inputs and its place.
+    pub table: Option<(&'a Path, Table)>,
+    /// Pattern of the file names.
+    pub pattern: Option<&'a str>,
     /// The input that grows with the step's time, and its value at time 1 where no table gives it.
-    pub(super) ramp: Option<(&'a str, Option<f64>)>,
+    pub ramp: Option<(&'a str, Option<f64>)>,
 }
 
-impl Source<'_> {
+impl InputSource<'_> {
     /// The steps of a simulation that become states, by position, with their labels.
-    pub(super) fn states(&self, path: &Path, run: &Run, all: bool) -> Result<Vec<(usize, Labels)>> {
+    pub(super) fn states(
+        &self,
+        path: &Path,
+        run: &Run,
+        all: bool,
+    ) -> Result<Vec<(usize, StateLabels)>, ImportError> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let from_name = self.pattern.map(|pattern| matched(pattern, path)).transpose()?;
-        let labels = Labels { values: from_name.unwrap_or_default(), ..Labels::default() };
+        let labels = StateLabels { values: from_name.unwrap_or_default(), ..StateLabels::default() };
         let count = run.steps.len();
         let chosen: Vec<usize> = if all { (0..count).collect() } else { (0..count).rev().take(1).collect() };
         let Some((place, table)) = &self.table else {
@@ -48,55 +68,47 @@ impl Source<'_> {
                 .map(|step| Ok((step, self.at_time(labels.clone(), run, step, path)?)))
                 .collect();
         };
-        let file = table.column("file").map_err(|e| configuration(anyhow!("{}: {e}", place.display())))?;
-        let mut states: Vec<(usize, Labels)> = Vec::new();
+        let file = table.column("file").map_err(|diagnostic| FormatError::one(place, diagnostic))?;
+        let mut states: Vec<(usize, StateLabels)> = Vec::new();
         let mut known: BTreeMap<usize, String> = BTreeMap::new();
+        let step_column = table.column("step").ok();
         for row in table.rows().filter(|row| is_of(row.text(file), path)) {
-            let at = || format!("{}, {}", place.display(), row.place());
-            let step = match table
-                .column("step")
-                .ok()
-                .map(|column| row.text(column))
-                .filter(|cell| !cell.is_empty())
-            {
+            let refused = |reason: String| {
+                ImportError::Refused(format!("{}, {}: {reason}", place.display(), row.place()))
+            };
+            let cell = step_column.map(|column| row.text(column)).filter(|cell| !cell.is_empty());
+            let steps = match cell {
                 Some(cell) => {
                     let number = cell.parse::<usize>().ok().filter(|number| (1..=count).contains(number));
-                    vec![
-                        number
-                            .with_context(|| {
-                                format!("{}: expected a step of {name} from 1 to {count}, found {cell}", at())
-                            })
-                            .map_err(configuration)?
-                            - 1,
-                    ]
+                    let expected =
+                        || refused(format!("expected a step of {name} from 1 to {count}, found {cell}"));
+                    vec![number.ok_or_else(expected)? - 1]
                 }
                 None => chosen.clone(),
             };
             let mut labels = labels.clone();
-            read_row(table, &row, &mut labels).with_context(at).map_err(configuration)?;
-            for step in step {
+            read_row(table, &row, &mut labels).map_err(|error| refused(error.to_string()))?;
+            for step in steps {
                 if let Some(first) = known.insert(step, row.place()) {
-                    let error = anyhow!(
-                        "{}: expected step {} of {name} once, found it in {first} as well",
-                        at(),
-                        step + 1
-                    );
-                    return Err(configuration(error));
+                    let step = step + 1;
+                    return Err(refused(format!(
+                        "expected step {step} of {name} once, found it in {first} as well"
+                    )));
                 }
                 states.push((step, self.at_time(labels.clone(), run, step, path)?));
             }
         }
         if states.is_empty() && count > 0 {
-            let error = anyhow!("{}: expected a row with {name} in column file, found none", place.display());
-            return Err(configuration(error));
+            let reason = format!("expected a row with {name} in column file, found none");
+            return Err(FormatError::refused(place, reason).into());
         }
         Ok(states)
     }
 
     /// Files that the table names, relative to its folder, in its order.
-    pub(super) fn files(&self) -> Result<Vec<PathBuf>> {
+    pub fn files(&self) -> Result<Vec<PathBuf>, FormatError> {
         let Some((place, table)) = &self.table else { return Ok(Vec::new()) };
-        let file = table.column("file").map_err(|e| configuration(anyhow!("{}: {e}", place.display())))?;
+        let file = table.column("file").map_err(|diagnostic| FormatError::one(place, diagnostic))?;
         let mut files: Vec<PathBuf> = Vec::new();
         for path in table.rows().map(|row| named_in(place, row.text(file))) {
             if !files.contains(&path) {
@@ -117,17 +129,23 @@ impl Source<'_> {
         table.rows().filter(is_unused).map(what).collect()
     }
 
-    fn at_time(&self, mut labels: Labels, run: &Run, step: usize, path: &Path) -> Result<Labels> {
+    fn at_time(
+        &self,
+        mut labels: StateLabels,
+        run: &Run,
+        step: usize,
+        path: &Path,
+    ) -> Result<StateLabels, ImportError> {
         let Some((name, value)) = self.ramp else { return Ok(labels) };
         let Some(time) = run.steps[step].time else {
-            return Err(configuration(anyhow!(
+            return Err(ImportError::Refused(format!(
                 "{}, {}: --ramp needs the step's time, which this file does not give; name the step's inputs in a table (--inputs)",
                 path.display(),
                 run.steps[step].name
             )));
         };
         let full = value.or_else(|| labels.values.get(name).copied()).ok_or_else(|| {
-            usage(format!("--ramp {name}: expected its value at time 1, as {name}=VALUE, in --inputs or in --pattern; found none"))
+            ImportError::Usage(format!("--ramp {name}: expected its value at time 1, as {name}=VALUE, in --inputs or in --pattern; found none"))
         })?;
         labels.values.insert(name.to_owned(), full * time);
         Ok(labels)
@@ -135,31 +153,26 @@ impl Source<'_> {
 }
 
 /// The words and numbers of a row.
-fn read_row(table: &Table, row: &TableRow<'_>, labels: &mut Labels) -> Result<()> {
-    row.check_width(false).map_err(|e| anyhow!("{e}"))?;
+fn read_row(table: &Table, row: &TableRow<'_>, labels: &mut StateLabels) -> Result<(), Diagnostic> {
+    row.check_width(false)?;
     for (column, name) in table.header().iter().enumerate() {
         let cell = row.text(column);
         match name.as_str() {
             "file" | "step" => {}
             _ if cell.is_empty() && (name == "gap_mm" || WORDS.contains(&name.as_str())) => {}
             "case" => labels.name = Some(cell.to_owned()),
-            "split" => labels.split = Some(row.choice(column, &SPLITS).map_err(|e| anyhow!("{e}"))?),
+            "split" => labels.split = Some(row.choice(column, &SPLITS)?),
             "regime" => labels.regime = Some(cell.to_owned()),
             "contact_force_n" => {
-                labels.contact_force_n = Some(row.number(column).map_err(|e| anyhow!("{e}"))?);
+                labels.contact_force_n = Some(row.number(column)?);
             }
             _ => {
-                let value = row.number(column).map_err(|e| anyhow!("{e}"))?;
+                let value = row.number(column)?;
                 labels.values.insert(name.clone(), value);
             }
         }
     }
     Ok(())
-}
-
-/// Reads the table.
-pub(super) fn table(path: &Path) -> Result<(&Path, Table)> {
-    Ok((path, Table::read(path, true).map_err(refusal)?))
 }
 
 /// True if a cell of the column `file` names a file: its path or the end of it, with or without the ending.
@@ -169,11 +182,13 @@ fn is_of(cell: &str, path: &Path) -> bool {
 
 /// Reads the numbers of a file name by a pattern such as `run_p{pressure_mpa}_g{gap_mm}_*.frd`; a pattern with folders
 /// (`job_{load_n}/results.frd`) is of the end of the path.
-pub(super) fn matched(pattern: &str, path: &Path) -> Result<BTreeMap<String, f64>> {
+fn matched(pattern: &str, path: &Path) -> Result<BTreeMap<String, f64>, ImportError> {
     let parts: Vec<String> = path.iter().map(|part| part.to_string_lossy().into_owned()).collect();
     let depth = pattern.matches('/').count() + 1;
     let name = parts[parts.len().saturating_sub(depth)..].join("/");
-    let refused = || usage(format!("--pattern {pattern}: expected a file name of this form, found {name}"));
+    let refused = || {
+        ImportError::Usage(format!("--pattern {pattern}: expected a file name of this form, found {name}"))
+    };
     let mut literals = pattern.split('{');
     let first = literals.next().unwrap_or_default();
     let mut literals = literals.peekable();
@@ -183,16 +198,20 @@ pub(super) fn matched(pattern: &str, path: &Path) -> Result<BTreeMap<String, f64
     while let Some(part) = literals.next() {
         let (key, behind) = part
             .split_once('}')
-            .ok_or_else(|| usage(format!("--pattern {pattern}: expected }} behind {{{part}")))?;
+            .ok_or_else(|| ImportError::Usage(format!("--pattern {pattern}: expected }} behind {{{part}")))?;
         let (start, end) = literal(rest, behind, literals.peek().is_none()).ok_or_else(refused)?;
         let text = &rest[..start];
         rest = &rest[end..];
         let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
         let value = value.ok_or_else(|| {
-            usage(format!("--pattern {pattern}: expected a number for {key} in {name}, found {text:?}"))
+            ImportError::Usage(format!(
+                "--pattern {pattern}: expected a number for {key} in {name}, found {text:?}"
+            ))
         })?;
         if values.insert(key.to_owned(), value).is_some() {
-            bail!(usage(format!("--pattern {pattern}: expected {{{key}}} once, found it twice")));
+            return Err(ImportError::Usage(format!(
+                "--pattern {pattern}: expected {{{key}}} once, found it twice"
+            )));
         }
     }
     if values.is_empty() { Err(refused()) } else { Ok(values) }
@@ -217,7 +236,7 @@ fn literal(text: &str, literal: &str, is_last: bool) -> Option<(usize, usize)> {
 }
 
 /// Unit in the suffix of an input's name.
-pub(super) fn unit(name: &str) -> Result<&'static str> {
+pub(super) fn unit(name: &str) -> Result<&'static str, ImportError> {
     let known = [
         ("mm", "mm"),
         ("m", "m"),
@@ -245,7 +264,7 @@ pub(super) fn unit(name: &str) -> Result<&'static str> {
     let found = known.iter().find(|(word, _)| Some(*word) == end.as_deref());
     found.map(|(_, unit)| *unit).ok_or_else(|| {
         let words: Vec<&str> = known.iter().map(|(word, _)| *word).collect();
-        configuration(anyhow!(
+        ImportError::Refused(format!(
             "input {name}: expected its unit at the end of its name, as load_n (_1 for a plain number), one of {}; found none",
             words.join(", ")
         ))
