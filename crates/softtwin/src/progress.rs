@@ -1,5 +1,6 @@
 //! Progress of long work on standard error: a spinner for people, plain lines for logs.
 
+use fem::run::Event;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -103,5 +104,73 @@ impl Doing {
             let doing = doing.0.lock().unwrap_or_else(PoisonError::into_inner);
             doing.as_ref().map(|(what, since)| format!("{what}, {:.0} s", since.elapsed().as_secs_f64()))
         })
+    }
+}
+
+/// Mean times per case after which a case that is still in work withdraws the estimate of the time left.
+const OVERDUE: f64 = 2.0;
+
+/// Progress of a list of cases.
+pub struct Pace {
+    cases: usize,
+    began: Instant,
+    /// Last time a case ended.
+    last: Instant,
+    reused: usize,
+    ended: usize,
+    /// Cases in work.
+    running: Vec<String>,
+}
+
+impl Pace {
+    pub fn new(cases: usize) -> Self {
+        let now = Instant::now();
+        Self { cases, began: now, last: now, reused: 0, ended: 0, running: Vec::new() }
+    }
+
+    /// Takes an event; a line for about every tenth of the work.
+    pub fn take(&mut self, event: &Event<'_>) -> Option<String> {
+        let case = match event {
+            Event::Reused(_) => {
+                self.reused += 1;
+                return None;
+            }
+            Event::Started(case) => {
+                self.running.push(case.name.clone());
+                return None;
+            }
+            Event::Solved(case, _) | Event::Failed { case, .. } => case,
+        };
+        self.running.retain(|name| *name != case.name);
+        if matches!(event, Event::Failed { again: true, .. }) {
+            return None;
+        }
+        self.last = Instant::now();
+        self.ended += 1;
+        let is_tenth = self.ended.is_multiple_of(self.cases.div_ceil(10)) || self.left() == 0;
+        is_tenth.then(|| self.line())
+    }
+
+    fn left(&self) -> usize {
+        self.cases.saturating_sub(self.reused + self.ended)
+    }
+
+    pub fn line(&self) -> String {
+        let running = if self.running.is_empty() {
+            String::new()
+        } else {
+            format!(", in work: {}", self.running.join(", "))
+        };
+        format!("{} of {} cases{}{running}", self.reused + self.ended, self.cases, self.rest())
+    }
+
+    /// Estimate of the remaining time; withdrawn while the present case takes much longer than the mean.
+    pub fn rest(&self) -> String {
+        let mean_s = (self.last - self.began).as_secs_f64() / self.ended.max(1) as f64;
+        let since_s = self.last.elapsed().as_secs_f64();
+        if self.ended == 0 || since_s > OVERDUE * mean_s.max(1.0) {
+            return format!(", none ended for {since_s:.0} s");
+        }
+        format!(", about {:.0} s left", (mean_s * self.left() as f64 - since_s).max(0.0))
     }
 }

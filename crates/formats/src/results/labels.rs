@@ -3,7 +3,7 @@
 use super::run::Run;
 use crate::database::SPLITS;
 use crate::file::named_in;
-use crate::table::{TableRow, Table};
+use crate::table::{Table, TableRow};
 use crate::{Diagnostic, FormatError};
 use rom::snapshots::Split;
 use std::collections::BTreeMap;

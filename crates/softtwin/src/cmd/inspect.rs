@@ -196,4 +196,3 @@ fn domain(regime: &RegimeModel) -> String {
         hull => format!("the convex hull of its samples, {} vertices", hull.vertex_count()),
     }
 }
-

@@ -2,19 +2,20 @@
 
 use crate::failure::{configuration, usage};
 use crate::files::refusal;
-use crate::{output, resources};
+use crate::{report, resources};
 use anyhow::Context;
 use fem::actuator::{Actuator, Setting};
 use fem::transient::{
-    Checkpoint, Record, StepSettings, Trace, Transient, TransientError, energy_csv, run_mark, series_csv,
+    Checkpoint, Energy, Record, StepSettings, Trace, Transient, TransientError, energy_csv, run_mark,
+    series_csv,
 };
 use fem::{Family, Problem, Solver};
 use formats::export::Label;
 use formats::file;
 use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -77,8 +78,12 @@ pub fn run(family: &Family, options: Options, as_json: bool) -> anyhow::Result<(
     let outcome = run.continue_to_end(&mut motion, &mut records);
     run.save(&mut motion, &records)?;
     outcome?;
-    let report = report(&records, reused, &motion, frequency_hz, &run, began.elapsed().as_secs_f64());
-    if as_json { output::json(&report) } else { print(&report, &run.options.out) }
+    let report = MotionReport {
+        lowest_frequency_hz: frequency_hz,
+        seconds: began.elapsed().as_secs_f64(),
+        ..MotionReport::new(&run, &motion, &records, reused)
+    };
+    report::print(&report, as_json)
 }
 
 struct Run {
@@ -196,64 +201,55 @@ fn sorted(error: TransientError) -> anyhow::Error {
     }
 }
 
-fn report(
-    records: &[Record],
+/// A motion along a trace.
+#[derive(Serialize)]
+struct MotionReport {
+    series: PathBuf,
+    instants: usize,
     reused: usize,
-    motion: &Transient,
-    frequency_hz: Option<f64>,
-    run: &Run,
+    steps: usize,
+    steps_rejected: usize,
+    steps_beyond_tolerance: usize,
+    iterations: usize,
+    factorisations: usize,
+    lowest_frequency_hz: Option<f64>,
+    long_intervals: Vec<LongInterval>,
+    /// Largest work of the loads, and largest energy that the time integration dissipated.
+    largest_external_mj: f64,
+    largest_numerical_mj: f64,
     seconds: f64,
-) -> Value {
-    let energy = records.iter().map(|record| record.figures.energy);
-    let largest = |of: fn(&fem::transient::Energy) -> f64| {
-        energy.clone().map(|energy| of(&energy).abs()).fold(0.0, f64::max)
-    };
-    let work = motion.work();
-    json!({
-        "series": run.options.out.join("series.csv"),
-        "instants": records.len(),
-        "reused": reused,
-        "steps": work.steps,
-        "steps_rejected": work.rejected,
-        "steps_beyond_tolerance": work.beyond_tolerance,
-        "iterations": work.iterations,
-        "factorisations": work.factorisations,
-        "lowest_frequency_hz": frequency_hz,
-        "long_intervals": run.trace.long_intervals().iter().map(|(t_s, length_s)| json!({"t_s": t_s, "length_s": length_s})).collect::<Vec<_>>(),
-        "largest_external_mj": largest(|energy| energy.external_mj),
-        "largest_numerical_mj": largest(fem::transient::Energy::numerical_mj),
-        "seconds": seconds,
-        "peak_memory_mb": resources::status("self", "VmHWM").map(|kb| kb * 1024 / 1_000_000),
-    })
+    peak_memory_mb: Option<u64>,
 }
 
-fn print(report: &Value, out: &Path) -> anyhow::Result<()> {
-    output!(
-        "{}: {} instants, {} of them reused",
-        out.join("series.csv").display(),
-        report["instants"],
-        report["reused"]
-    )?;
-    output!(
-        "{} steps, {} rejected, {} of the least length beyond the tolerance, {} iterations, {} factorisations",
-        report["steps"],
-        report["steps_rejected"],
-        report["steps_beyond_tolerance"],
-        report["iterations"],
-        report["factorisations"]
-    )?;
-    if let Some(frequency_hz) = report["lowest_frequency_hz"].as_f64() {
-        output!("lowest frequency at the start: {frequency_hz:.3} Hz")?;
+/// Time without a row of the trace.
+#[derive(Serialize)]
+struct LongInterval {
+    t_s: f64,
+    length_s: f64,
+}
+
+impl MotionReport {
+    fn new(run: &Run, motion: &Transient, records: &[Record], reused: usize) -> Self {
+        let energy = records.iter().map(|record| record.figures.energy);
+        let largest =
+            |part: fn(&Energy) -> f64| energy.clone().map(|energy| part(&energy).abs()).fold(0.0, f64::max);
+        let work = motion.work();
+        let intervals = run.trace.long_intervals().into_iter();
+        Self {
+            series: run.options.out.join("series.csv"),
+            instants: records.len(),
+            reused,
+            steps: work.steps,
+            steps_rejected: work.rejected,
+            steps_beyond_tolerance: work.beyond_tolerance,
+            iterations: work.iterations,
+            factorisations: work.factorisations,
+            lowest_frequency_hz: None,
+            long_intervals: intervals.map(|(t_s, length_s)| LongInterval { t_s, length_s }).collect(),
+            largest_external_mj: largest(|energy| energy.external_mj),
+            largest_numerical_mj: largest(Energy::numerical_mj),
+            seconds: 0.0,
+            peak_memory_mb: resources::status("self", "VmHWM").map(|kb| kb * 1024 / 1_000_000),
+        }
     }
-    output!(
-        "energy: external work up to {:.4} mJ, dissipated by the time integration up to {:.4} mJ",
-        report["largest_external_mj"].as_f64().unwrap_or(f64::NAN),
-        report["largest_numerical_mj"].as_f64().unwrap_or(f64::NAN)
-    )?;
-    output!(
-        "{:.0} s elapsed, {} MB at most",
-        report["seconds"].as_f64().unwrap_or(0.0),
-        report["peak_memory_mb"]
-    )?;
-    Ok(())
 }
