@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::contact::obstacle::{Obstacle, Round};
+use crate::contact::{Obstacle, Round};
 use crate::dynamics::Dynamics;
 use crate::element::cavity::CavityLoad;
 use crate::material::{Elastomer, Film, Hyperelastic, SheetMaterial, VolumeChange};

@@ -1,7 +1,7 @@
 //! Energies whose derivatives the internal and contact forces are.
 
 use crate::algebra::{Vec3, dot};
-use crate::contact::obstacle::Obstacle;
+use crate::contact::Obstacle;
 use crate::element::tet10::{Invalid, TetGeometry, point};
 use crate::element::{bending, membrane};
 use crate::material::{Elastomer, Hyperelastic};

@@ -20,7 +20,6 @@ mod mass;
 pub mod material;
 mod mesh;
 mod newton;
-mod ordering;
 mod output;
 mod path;
 pub mod plan;
@@ -30,7 +29,6 @@ pub mod run;
 pub mod sample;
 mod sensitivity;
 mod solver;
-mod sparse;
 mod state;
 mod strain;
 mod system;
@@ -43,7 +41,7 @@ pub use bending::{Bending, observables};
 pub use config::{
     ContactSettings, GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2, Load, NewtonSettings, ProblemConfig,
 };
-pub use contact::obstacle::{Form, Obstacle, Round};
+pub use contact::{Form, Obstacle, Round};
 pub use dynamics::{Dynamics, PronyTerm};
 pub use element::cavity::CavityLoad;
 pub use family::{Family, Variant, VariantError};

@@ -1,10 +1,10 @@
 //! Fields, forces and contact sets of a solved state.
 
 use crate::algebra::{Vec3, add, axpy, norm};
-use crate::contact::obstacle::Obstacle;
+use crate::contact::Obstacle;
 use crate::element::tet10::{self, PointTensors};
+use crate::linear::CONSTRAINED;
 use crate::problem::Problem;
-use crate::sparse::CONSTRAINED;
 use crate::state::State;
 use crate::system::{Ahead, System, face};
 

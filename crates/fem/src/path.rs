@@ -8,7 +8,7 @@
 
 use crate::algebra::{norm, sub};
 use crate::config::Load;
-use crate::contact::obstacle::Obstacle;
+use crate::contact::Obstacle;
 use crate::newton::{Closure, Effort, NewtonError, product};
 use crate::solver::{NotConverged, Report, SolveError, Solver};
 use crate::state::State;

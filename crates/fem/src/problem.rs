@@ -6,16 +6,16 @@ use thiserror::Error;
 
 use crate::algebra::{Vec3, add, axpy, cross, dot, norm, scale, sub};
 use crate::config::ProblemConfig;
-use crate::contact::slot::SlotWalls;
+use crate::contact::SlotWalls;
 use crate::element::bending::{self, BendingEntry};
 use crate::element::cavity::face_terms;
 use crate::element::membrane::{self, MembraneGeometry};
 use crate::element::tet10::{self, TetGeometry};
+use crate::linear::nested_dissection;
 use crate::linear::{Analysis, LinearError};
+use crate::linear::{CONSTRAINED, Rank, SymmetricBlocks};
 use crate::material::{Elastomer, MaterialError, at_least_zero, positive};
 use crate::mesh::{Boundary, Mesh, closed, flipped};
-use crate::ordering::nested_dissection;
-use crate::sparse::{CONSTRAINED, Rank, SymmetricBlocks};
 use formats::mesh_file::{Tet10, Tri6};
 
 /// Error in mesh or materials.

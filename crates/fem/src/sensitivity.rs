@@ -6,11 +6,11 @@
 
 use crate::algebra::{Vec3, add, axpy, norm};
 use crate::config::Load;
+use crate::linear::CONSTRAINED;
 use crate::newton::NewtonError;
 use crate::output::mean_von_mises;
 use crate::problem::Problem;
 use crate::solver::Solver;
-use crate::sparse::CONSTRAINED;
 use crate::state::State;
 use crate::system::{Ahead, face};
 use std::sync::Arc;

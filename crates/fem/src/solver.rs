@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use crate::algebra::{Vec3, norm, sub};
 use crate::config::{Load, NewtonSettings, pressures_mpa};
-use crate::contact::obstacle::Obstacle;
+use crate::contact::Obstacle;
 use crate::family::VariantError;
 use crate::gas::amount_mm3;
 use crate::linear::LinearError;

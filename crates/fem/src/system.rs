@@ -6,14 +6,14 @@
 
 use crate::algebra::{Mat3, Vec3, axpy, outer, scale, skew};
 use crate::config::{Load, MAX_CAVITIES, pressures_mpa};
-use crate::contact::obstacle::{Face, Obstacle};
-use crate::contact::slot::Turning;
+use crate::contact::Turning;
+use crate::contact::{Face, Obstacle};
 use crate::element::bending;
 use crate::element::cavity::face_terms;
 use crate::element::membrane::{self, Plane};
 use crate::element::tet10::{Invalid, PointTensors, TetTerms};
+use crate::linear::CONSTRAINED;
 use crate::problem::{Problem, add_gravity};
-use crate::sparse::CONSTRAINED;
 use crate::state::State;
 use formats::mesh_file::Tri6;
 

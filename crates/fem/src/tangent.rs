@@ -6,9 +6,9 @@
 
 use crate::algebra::Vec3;
 use crate::krylov;
+use crate::linear::CONSTRAINED;
 use crate::linear::{Factor, LinearError};
 use crate::problem::Problem;
-use crate::sparse::CONSTRAINED;
 use crate::system::System;
 use faer::Mat;
 use faer::linalg::solvers::{PartialPivLu, Solve};

@@ -1,7 +1,7 @@
 //! Content of `actuator.toml`.
 
 use crate::config::{ContactSettings, Load, NewtonSettings, ProblemConfig};
-use crate::contact::obstacle::{Form, Obstacle, Round};
+use crate::contact::{Form, Obstacle, Round};
 use crate::dynamics::Dynamics;
 use crate::element::cavity::CavityLoad;
 use crate::material::{Elastomer, Film, SheetMaterial};

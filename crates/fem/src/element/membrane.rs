@@ -5,7 +5,7 @@
 //! part takes them as an argument.
 
 use crate::algebra::{Mat3, Vec3, axpy, cross, dot, norm, scale, sub};
-use crate::contact::penalty::penalty;
+use crate::contact::penalty;
 use crate::element::tri6;
 use crate::material::{Film, SheetMaterial};
 

@@ -7,10 +7,10 @@ use super::Transient;
 use super::motion::{Motion, largest};
 use crate::algebra::{Vec3, add, axpy, dot, norm, scale, sub};
 use crate::config::{Load, pressures_mpa};
+use crate::linear::CONSTRAINED;
 use crate::mass::{gather, product, scatter};
 use crate::newton::{NewtonError, TURNING_WITHIN_MM};
 use crate::output::MAX_RESIDUAL;
-use crate::sparse::CONSTRAINED;
 use std::sync::Arc;
 
 /// Numerical dissipation: 0 for none, -1/3 for the most. Second order in the step; the ratio of damping to critical damping at a

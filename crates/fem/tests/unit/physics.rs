@@ -8,10 +8,10 @@ use super::potential::potential_n_mm;
 use crate::algebra::{Mat3, Vec3, add, axpy, dot, mat_vec, norm, scale, sub};
 use crate::config::{ContactSettings, GRAVITY_DOWN_MM_S2, NewtonSettings};
 use crate::element::{membrane, tet10};
+use crate::linear::CONSTRAINED;
+use crate::linear::nested_dissection;
 use crate::mesh::{Mesh, Slot};
 use crate::newton::{Closure, Effort, NewtonError};
-use crate::ordering::nested_dissection;
-use crate::sparse::CONSTRAINED;
 use crate::system::{Ahead, System};
 use crate::{
     Form, Load, Obstacle, Problem, ProblemConfig, ProblemError, Round, SolveError, Solver, State,

@@ -2,7 +2,7 @@
 
 use super::noise;
 use crate::algebra::{Vec3, add, axpy, det_inv_transpose, dot, mat_vec, scale, skew};
-use crate::contact::penalty::penalty;
+use crate::contact::penalty;
 use crate::element::cavity::{CavityLoad, face_terms};
 use crate::element::membrane::{self, MembraneGeometry};
 use crate::element::tet10::{self, TetGeometry, TetTerms};
