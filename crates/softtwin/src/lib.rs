@@ -12,7 +12,6 @@ mod load;
 mod memory_report;
 mod motion;
 pub mod options;
-pub mod picture;
 pub mod progress;
 pub mod range;
 mod recording_data;
@@ -22,5 +21,6 @@ pub mod unknowns;
 mod view;
 
 pub use cmd::Command;
+pub use picture;
 pub use softtwind::{daemon, failure, help, output, shared_files};
 pub use view::is_request as is_page_request;

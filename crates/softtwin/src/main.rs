@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 use clap::{CommandFactory, FromArgMatches, Parser};
+use picture::EndingError;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -24,7 +25,11 @@ struct Cli {
 fn main() -> ExitCode {
     let cli = parse();
     runtime::service::start_logging("warn");
-    softtwin::failure::exit_code("softtwin", cli.command.run())
+    let ended = cli.command.run().map_err(|error| match error.is::<EndingError>() {
+        true => softtwin::failure::usage(error),
+        false => error,
+    });
+    softtwin::failure::exit_code("softtwin", ended)
 }
 
 /// Reads the command line; wrong usage ends the program with 2, help with 0.

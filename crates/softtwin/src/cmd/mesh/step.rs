@@ -3,6 +3,7 @@
 use crate::failure::{configuration, usage};
 use crate::files::refusal;
 use crate::picture::camera::Camera;
+use crate::picture::canvas::Canvas;
 use crate::picture::colour::ColourMap;
 use crate::picture::scale::Scale;
 use crate::picture::scene::Scene;
@@ -118,7 +119,7 @@ impl Cad {
 }
 
 /// One panel per named part, all with the same view.
-fn draw(mesh: &MeshFile, title: &str) -> anyhow::Result<crate::picture::canvas::Canvas> {
+fn draw(mesh: &MeshFile, title: &str) -> anyhow::Result<Canvas> {
     let nodes: Vec<[f32; 3]> = mesh.points_mm.iter().map(|p| p.map(|v| v as f32)).collect();
     let volumes = mesh.volumes.iter().map(|(name, elements)| {
         let cells: Vec<u32> = elements.iter().flat_map(|e| mesh.tets[*e as usize]).collect();
