@@ -6,7 +6,7 @@ use rom::model::BlockKind;
 use rom::snapshots::RegimeKind;
 use runtime::config::{OutsideDomain, Scene, Settings};
 use runtime::explain::explain;
-use runtime::load::{Loaded, load_scene};
+use runtime::load::{LoadedActuator, load_scene};
 use runtime::source::Devices;
 use runtime::twin::{Event, EventKind, Twin, event_channel};
 use std::path::Path;
@@ -16,7 +16,7 @@ use tests::{Stage, synthetic};
 use wire::layout::{field_id, flags, regime};
 use wire::{Bus, FieldReader, Outcome, SensorSample, SensorWriter, StateReader, Topic, now_ns};
 
-fn load(stage: &Stage, text: &str) -> Vec<Loaded> {
+fn load(stage: &Stage, text: &str) -> Vec<LoadedActuator> {
     let path = stage.write("scene.toml", text);
     let scene = Scene::load(&path).unwrap_or_else(|error| panic!("{error}"));
     load_scene(&scene, &path).unwrap_or_else(|error| panic!("{error}"))
@@ -32,7 +32,7 @@ fn shipped(extra: &str) -> String {
     actuator(extra).replace("beam.twin", model)
 }
 
-fn blocks_of(loaded: &Loaded, kind: RegimeKind) -> usize {
+fn blocks_of(loaded: &LoadedActuator, kind: RegimeKind) -> usize {
     let of = |block: BlockKind| match block {
         BlockKind::Mean { regime, .. } | BlockKind::Modes { regime, .. } => regime == kind,
         BlockKind::Undeformed(_)
@@ -131,7 +131,7 @@ impl Bench {
         Self::start_loaded(stage, load(stage, text), settings)
     }
 
-    fn start_loaded(stage: &Stage, loaded: Vec<Loaded>, settings: &Settings) -> Self {
+    fn start_loaded(stage: &Stage, loaded: Vec<LoadedActuator>, settings: &Settings) -> Self {
         let bus = stage.bus();
         let (sender, events) = event_channel();
         let twin = Twin::start(&bus, loaded, settings, &sender).unwrap();

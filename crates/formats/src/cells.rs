@@ -15,7 +15,6 @@ pub struct Block {
 }
 
 impl Block {
-    /// Number of cells.
     pub fn count(&self) -> usize {
         self.nodes.len() / self.nodes_per_cell.max(1)
     }
@@ -33,17 +32,14 @@ impl Block {
     }
 }
 
-/// Kind of cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kind {
-    /// VTK's number.
     pub number: u8,
     pub nodes: usize,
     /// Shape in the plural (`tetrahedra`).
     pub shape: &'static str,
     /// True if it has a volume.
     pub is_solid: bool,
-    /// meshio's name.
     pub meshio: &'static str,
 }
 

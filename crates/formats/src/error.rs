@@ -15,9 +15,7 @@ const LONGEST: usize = 400;
 pub struct Diagnostic {
     /// Place: a key, a row and column, a byte range.
     pub place: String,
-    /// Expected content.
     pub expected: String,
-    /// Content found.
     pub found: String,
 }
 
@@ -85,9 +83,17 @@ impl FormatError {
         Self::Refused { path: path.into(), reason: reason.to_string() }
     }
 
-    /// A single diagnostic.
     pub fn one(path: &Path, diagnostic: Diagnostic) -> Self {
         Self::Content { path: path.into(), diagnostics: vec![diagnostic] }
+    }
+
+    /// What is wrong without the path, for messages that name the file themselves.
+    pub fn cause(&self) -> String {
+        match self {
+            Self::Io { source, .. } => source.to_string(),
+            Self::Content { diagnostics, .. } => list(diagnostics),
+            Self::Refused { reason, .. } => reason.clone(),
+        }
     }
 
     /// `Ok(value)` where there are no diagnostics.

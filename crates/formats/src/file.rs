@@ -142,7 +142,6 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
     write().map_err(|error| FormatError::write(path, error))
 }
 
-/// Copies a file.
 pub fn copy(from: &Path, to: &Path) -> Result<(), FormatError> {
     fs::copy(from, to).map(drop).map_err(|error| FormatError::write(to, error))
 }

@@ -26,7 +26,6 @@ pub const TRI_FACETS: [[usize; 3]; 4] = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4,
 pub struct MeshFile {
     /// Node positions, mm.
     pub points_mm: Vec<[f64; 3]>,
-    /// Tetrahedra.
     pub tets: Vec<Tet10>,
     /// Triangles of each named surface.
     pub surfaces: BTreeMap<String, Vec<Tri6>>,

@@ -15,7 +15,6 @@ pub const SERIES_COLUMNS: [&str; SERIES] = [
     "max_stress_mpa",
     "tip_z_mm",
 ];
-/// Their number.
 pub const SERIES: usize = 9;
 /// Leading columns of a series that are inputs.
 const INPUTS: usize = 3;
@@ -24,7 +23,6 @@ const GAP: &str = "gap_mm";
 /// Least time between two rows, s.
 const MIN_INTERVAL_S: f64 = 1.0e-6;
 
-/// Inputs over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trace {
     /// Names of the inputs, in the order of the columns.

@@ -365,8 +365,8 @@ fn check_security(file: SecurityFile, config: &Path, problems: &mut Vec<String>)
 
 /// The content of a file; secrets must not be accessible to all users.
 fn readable(path: &Path, is_secret: bool) -> Result<String, String> {
-    let text =
-        file::read_text(path, file::MAX_TEXT_BYTES).map_err(|error| format!("cannot be read: {error}"))?;
+    let text = file::read_text(path, file::MAX_TEXT_BYTES)
+        .map_err(|error| format!("cannot be read: {}", error.cause()))?;
     let mode = std::fs::metadata(path).map_err(|error| error.to_string())?.permissions().mode();
     if is_secret && mode & 0o007 != 0 {
         return Err(format!("all users of this machine have access (mode {:o}); chmod 600", mode & 0o777));

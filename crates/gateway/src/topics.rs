@@ -4,7 +4,7 @@
 
 use crate::link::{Link, count, network};
 use recording::message::{GapMessage, Json, Recorded};
-use recording::{Gap, GapCounter, Observed};
+use recording::{Gap, GapCounter, GapObservation};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -395,7 +395,7 @@ impl MessageTopic {
         let Some(reader) = &self.read.reader else { return Ok(()) };
         let (bridge, counters) = (&self.read.bridge, &link.counters);
         while let Some(sample) = reader.next()? {
-            let Observed { gap, missing } = self.gaps.observe(sample.stamp());
+            let GapObservation { gap, missing } = self.gaps.observe(sample.stamp());
             // Two's complement: a late sample takes one away.
             counters.lost.fetch_add(missing.cast_unsigned(), Ordering::Relaxed);
             if let Some(gap) = gap {

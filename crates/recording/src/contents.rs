@@ -19,7 +19,6 @@ pub struct ChannelInfo {
     pub schema_name: String,
 }
 
-/// One message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Message {
     pub channel: Arc<ChannelInfo>,
@@ -29,7 +28,6 @@ pub struct Message {
     pub log_time_ns: u64,
     /// Time of publication, ns since 1970.
     pub publish_time_ns: u64,
-    /// Its bytes.
     pub data: Vec<u8>,
 }
 

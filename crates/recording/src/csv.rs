@@ -15,10 +15,8 @@ use crate::{Item, Message, ReadError, ReadItems, RunClock, Stamps};
 
 #[derive(Debug, Error)]
 pub enum ExportError {
-    /// The recording.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// A table.
     #[error("cannot write {}: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
 }

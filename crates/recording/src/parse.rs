@@ -36,7 +36,6 @@ impl<'a> Body<'a> {
     }
 }
 
-/// A chunk record.
 pub struct Chunk<'a> {
     /// Length of the decompressed records.
     pub size: u64,
@@ -44,7 +43,6 @@ pub struct Chunk<'a> {
     pub checksum: u32,
     /// Name of the compression; empty: none.
     pub compression: &'a str,
-    /// The records, compressed.
     pub records: &'a [u8],
 }
 

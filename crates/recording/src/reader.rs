@@ -55,7 +55,6 @@ pub enum Ending {
     Truncated {
         /// The byte at which reading stopped.
         at_byte: u64,
-        /// The damage.
         reason: &'static str,
     },
     /// It has its footer, but some chunks or records were damaged and left out.

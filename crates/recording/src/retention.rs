@@ -142,7 +142,6 @@ impl<S: Store> RoomyStore<S> {
         Self { store, files }
     }
 
-    /// The store.
     pub(crate) fn inner(&self) -> &S {
         &self.store
     }

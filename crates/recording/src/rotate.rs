@@ -44,7 +44,6 @@ pub struct RotateSummary {
 pub struct DiskUse {
     /// Files of the series, those of earlier runs too.
     pub files: usize,
-    /// Their bytes.
     pub bytes: u64,
     /// Files removed by this run.
     pub removed: u64,

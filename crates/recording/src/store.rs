@@ -37,11 +37,10 @@ impl Store for Vec<u8> {
 
 /// Bytes written by the crate and not yet in the file. Clones share them: the crate owns one.
 #[derive(Clone, Default)]
-pub(crate) struct Staging(Arc<Mutex<Staged>>);
+pub(crate) struct Staging(Arc<Mutex<StagedBytes>>);
 
-/// The shared bytes.
 #[derive(Default)]
-pub(crate) struct Staged {
+pub(crate) struct StagedBytes {
     /// Bytes already in the file.
     pub file_bytes: u64,
     /// Bytes that follow them.
@@ -50,7 +49,7 @@ pub(crate) struct Staged {
 
 impl Staging {
     /// Used by one thread only, so this never blocks.
-    pub fn lock(&self) -> MutexGuard<'_, Staged> {
+    pub fn lock(&self) -> MutexGuard<'_, StagedBytes> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -1,20 +1,25 @@
 //! Inputs that reach a goal: bounded least squares on the model's gradients, from several starts.
 //!
-//! Residuals `r_i(x)` over their tolerances, inputs scaled to [0, 1] between their bounds: damped Gauss-Newton steps
-//! `(J^T J + l I) s = -J^T r` over the inputs that do not press against a bound. The damping keeps the answer near its start where
-//! the goal leaves inputs open. The first start is the caller's, the others fill the bounds evenly.
+//! Residuals are divided by their tolerances, inputs scaled to [0, 1] between their bounds. The first start is the caller's, the others fill the bounds
+//! evenly.
 
-use crate::dense::Dense;
 use crate::inputs::{Inputs, MAX_INPUTS};
+use crate::least_squares::{Residuals, Search, minimise, square};
 
-/// Steps from each start.
-const STEPS: usize = 80;
 /// Starts.
 const STARTS: usize = 12;
-/// Damping at a start, and where a start is given up.
-const DAMPING: [f64; 2] = [1e-3, 1e9];
 /// A sum of squares below this is met to rounding.
 const MET: f64 = 1e-8;
+/// Search from each start.
+const SEARCH: Search = Search {
+    steps: 80,
+    tries: 18,
+    damping: 1e-3,
+    by_unknown: false,
+    largest_change: f64::INFINITY,
+    met: MET,
+    least_decrease: 0.0,
+};
 
 /// One part of a goal at some inputs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,7 +51,7 @@ impl Found {
 }
 
 /// Changes the inputs at `within` (position, low, high) until the residuals that `at` gives are met; `start` holds the others. `None`
-/// if `at` returns `None` at every start. Cost: at most 960 calls of `at`, about ten if the first start succeeds.
+/// if `at` returns `None` at every start. Cost: about ten calls of `at` if the first start succeeds, some hundreds if none does.
 pub fn reach(
     within: &[(usize, [f64; 2])],
     start: Inputs,
@@ -61,11 +66,12 @@ pub fn reach(
         let root = |k: usize| (k as f64 + 2.0).sqrt();
         let share = |k: usize| (0.5 + number as f64 * root(k)).fract();
         let x = if number == 0 { first.clone() } else { (0..within.len()).map(share).collect() };
-        let mut descent = Descent { within, start, at: &mut *at, evaluations: &mut evaluations };
-        if let Some(found) = descent.run(x)
-            && best.as_ref().is_none_or(|(square, ..)| found.0 < *square)
-        {
-            best = Some(found);
+        let mut goal = Goal { within, start, at: &mut *at, evaluations: &mut evaluations, here: Vec::new() };
+        let Some(found) = minimise(&mut goal, &x, &SEARCH) else { continue };
+        let sum = square(&found.residuals);
+        if best.as_ref().is_none_or(|(least, ..)| sum < *least) {
+            let inputs = goal.inputs(&found.unknowns);
+            best = Some((sum, inputs, goal.here));
         }
         if best.as_ref().is_some_and(|(square, ..)| *square <= MET) {
             break;
@@ -74,76 +80,47 @@ pub fn reach(
     best.map(|(_, inputs, residuals)| Found { inputs, residuals, evaluations })
 }
 
-struct Descent<'a> {
+struct Goal<'a> {
     within: &'a [(usize, [f64; 2])],
     start: Inputs,
     at: &'a mut dyn FnMut(Inputs) -> Option<Vec<Residual>>,
     evaluations: &'a mut usize,
+    /// Residuals at the best inputs so far.
+    here: Vec<Residual>,
 }
 
-/// Sum of squares over the tolerances.
-fn square(residuals: &[Residual]) -> f64 {
-    residuals.iter().map(|r| (r.value / r.tolerance).powi(2)).sum()
-}
-
-impl Descent<'_> {
+impl Goal<'_> {
     fn inputs(&self, x: &[f64]) -> Inputs {
-        let with_input = |inputs: Inputs, ((input, [low, high]), x): (&(usize, [f64; 2]), &f64)| {
+        self.within.iter().zip(x).fold(self.start, |inputs, ((input, [low, high]), x)| {
             inputs.with(*input, (low + x * (high - low)).clamp(*low, *high))
-        };
-        self.within.iter().zip(x).fold(self.start, with_input)
+        })
+    }
+}
+
+fn over_tolerances(residuals: &[Residual]) -> Vec<f64> {
+    residuals.iter().map(|r| r.value / r.tolerance).collect()
+}
+
+impl Residuals for Goal<'_> {
+    fn at(&mut self, x: &[f64]) -> Option<Vec<f64>> {
+        *self.evaluations += 1;
+        let inputs = self.inputs(x);
+        let residuals = (self.at)(inputs)?;
+        let found = over_tolerances(&residuals);
+        if self.here.is_empty() || square(&found) < square(&over_tolerances(&self.here)) {
+            self.here = residuals;
+        }
+        Some(found)
     }
 
-    fn run(&mut self, mut x: Vec<f64>) -> Option<(f64, Inputs, Vec<Residual>)> {
-        let evaluate = |own: &mut Self, x: &[f64]| {
-            let inputs = own.inputs(x);
-            *own.evaluations += 1;
-            (own.at)(inputs).map(|residuals| (square(&residuals), residuals))
+    fn jacobian(&mut self, _: &[f64], _: &[f64]) -> Option<Vec<Vec<f64>>> {
+        let column = |(input, [low, high]): &(usize, [f64; 2])| {
+            self.here.iter().map(|r| r.gradient[*input] * (high - low) / r.tolerance).collect()
         };
-        let mut here = evaluate(self, &x)?;
-        let [mut damping, most] = DAMPING;
-        for _ in 0..STEPS {
-            if here.0 <= MET || damping > most {
-                break;
-            }
-            let Some(trial) = self.step(&x, &here.1, damping) else { break };
-            match evaluate(self, &trial).filter(|next| next.0 < here.0) {
-                Some(next) => {
-                    (x, here) = (trial, next);
-                    damping *= 0.2;
-                }
-                None => damping *= 5.0,
-            }
-        }
-        Some((here.0, self.inputs(&x), here.1))
+        Some(self.within.iter().map(column).collect())
     }
 
-    /// Inputs after a step; `None` if every input is at a bound that stops it.
-    fn step(&self, x: &[f64], residuals: &[Residual], damping: f64) -> Option<Vec<f64>> {
-        let by = |r: &Residual, k: usize| {
-            let (input, [low, high]) = self.within[k];
-            r.gradient[input] * (high - low) / r.tolerance
-        };
-        let downhill =
-            |k: usize| -> f64 { -residuals.iter().map(|r| by(r, k) * r.value / r.tolerance).sum::<f64>() };
-        let is_open = |k: &usize| match x[*k] {
-            x if x <= 0.0 => downhill(*k) > 0.0,
-            x if x >= 1.0 => downhill(*k) < 0.0,
-            _ => true,
-        };
-        let open: Vec<usize> = (0..x.len()).filter(is_open).collect();
-        if open.is_empty() {
-            return None;
-        }
-        let product =
-            |i: usize, j: usize| residuals.iter().map(|r| by(r, open[i]) * by(r, open[j])).sum::<f64>();
-        let mut normal = Dense::from_fn(open.len(), product);
-        let largest = (0..open.len()).map(|i| normal[(i, i)]).fold(f64::MIN_POSITIVE, f64::max);
-        (0..open.len()).for_each(|i| normal[(i, i)] += damping * largest);
-        let mut step: Vec<f64> = open.iter().map(|k| downhill(*k)).collect();
-        normal.solve(&mut step, 1)?;
-        let mut trial = x.to_vec();
-        open.iter().enumerate().for_each(|(i, k)| trial[*k] = (trial[*k] + step[i]).clamp(0.0, 1.0));
-        Some(trial)
+    fn bounds(&self, _: usize) -> [f64; 2] {
+        [0.0, 1.0]
     }
 }

@@ -53,6 +53,7 @@ mod parameters;
 // Intrinsics and writes into loaned memory; each with its SAFETY line.
 #[allow(unsafe_code)]
 pub mod kernel;
+pub mod least_squares;
 mod load;
 pub mod memory;
 pub mod model;

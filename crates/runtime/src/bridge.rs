@@ -28,7 +28,6 @@ pub type Sources = Vec<(String, Box<dyn Source>)>;
 /// Counters of the bridge; readable from other threads.
 #[derive(Debug, Default)]
 pub struct BridgeCounters {
-    /// Readings sent.
     pub sent: AtomicU64,
     /// Readings that could not be sent (reported by the loop's owner, not in the loop).
     pub failed: AtomicU64,
@@ -61,7 +60,6 @@ pub struct Bridge {
 /// Why a bridge cannot start, or cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
-    /// The topics.
     #[error(transparent)]
     Wire(#[from] WireError),
     /// The system refuses a thread for a sensor.

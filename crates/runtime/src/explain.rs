@@ -1,8 +1,7 @@
 //! Cost of a scene before it runs: loaded blocks, bytes, and measured microseconds per sample.
 
 use crate::latency;
-use crate::load::Loaded;
-use crate::publish;
+use crate::load::{self, LoadedActuator};
 use rom::evaluator::Query;
 use rom::inputs::{InputSpec, Inputs};
 use rom::snapshots::RegimeKind;
@@ -15,7 +14,6 @@ use wire::{Topic, TopicKind, qos};
 /// One actuator of a scene, explained.
 #[derive(Debug, Clone, Serialize)]
 pub struct Explained {
-    /// Its name.
     pub actuator: String,
     /// Gaps that can occur, mm.
     pub gap_mm: (f64, f64),
@@ -27,11 +25,9 @@ pub struct Explained {
     pub read_bytes: u64,
     /// Bytes of all blocks in the model file: the difference was never touched.
     pub file_block_bytes: u64,
-    /// Blocks read.
     pub blocks: usize,
     /// Evaluation alone (coefficients, force, gradients, half-widths): median microseconds.
     pub state_us: f64,
-    /// Field topics.
     pub outputs: Vec<ExplainedOutput>,
 }
 
@@ -80,7 +76,7 @@ pub struct ExplainedOutput {
 const ROUNDS: usize = 200;
 
 /// Measures one actuator, in the regime that costs most of those that can occur.
-pub fn explain(loaded: &Loaded) -> Explained {
+pub fn explain(loaded: &LoadedActuator) -> Explained {
     let state = Inputs::new(0.03, costly_gap_mm(loaded));
     let mut evaluation = loaded.session.evaluator().evaluation();
     let carried = loaded.spec.state.coefficients;
@@ -126,19 +122,19 @@ pub fn explain(loaded: &Loaded) -> Explained {
 }
 
 /// The parameters with their values, in the model's order.
-pub fn inputs(loaded: &Loaded) -> Vec<ExplainedInput> {
-    let one = |(at, spec): (usize, &InputSpec)| {
-        let (value, source) = (spec.value?, publish::input_source_of(&loaded.spec, at, spec));
+pub fn inputs(loaded: &LoadedActuator) -> Vec<ExplainedInput> {
+    let explained = |(at, spec): (usize, &InputSpec)| {
+        let (value, source) = (spec.value?, load::input_source_of(&loaded.spec, at, spec));
         let prior = loaded.spec.estimate.get(&spec.name).map(|unknown| unknown.prior);
         let (name, unit, from) = (spec.name.clone(), spec.unit.clone(), input_source::as_str(source));
         let value = (source != input_source::MEASURED).then_some(prior.unwrap_or(value));
         Some(ExplainedInput { name, unit, value, from })
     };
-    loaded.session.evaluator().taken_inputs().filter_map(one).collect()
+    loaded.session.evaluator().taken_inputs().filter_map(explained).collect()
 }
 
 /// A gap at which the costliest regime of the scene is evaluated: contact where it can occur.
-fn costly_gap_mm(loaded: &Loaded) -> f64 {
+fn costly_gap_mm(loaded: &LoadedActuator) -> f64 {
     let (min_mm, max_mm) = loaded.spec.gap_mm.range_mm();
     if loaded.regimes.contains(&RegimeKind::Contact) { min_mm } else { max_mm.min(1e6) }
 }

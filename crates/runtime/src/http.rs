@@ -26,7 +26,6 @@ const RETRY: Duration = Duration::from_millis(20);
 /// Smallest interval between logged I/O errors.
 const LOG_EVERY: Duration = Duration::from_secs(10);
 
-/// Connected client.
 struct Connection {
     since: Instant,
     /// Whether the head of a request has come.

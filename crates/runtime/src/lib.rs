@@ -13,7 +13,6 @@ pub mod bridge;
 pub mod config;
 pub mod estimation;
 pub mod explain;
-pub mod file;
 pub mod grasp;
 pub mod http;
 pub mod known_model;
@@ -34,4 +33,5 @@ pub mod source;
 pub mod twin;
 pub mod valve;
 
+pub use formats::file;
 pub use wire::{self, thread_group};

@@ -1,9 +1,13 @@
 //! From scene to memory: which regimes, fields and nodes are needed, and nothing else.
 
-use crate::config::{self, ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Scene};
+use crate::config::{
+    self, ActuatorSpec, ConfigError, FixedNodes, Gap, NodesSpec, OutputSpec, PRESSURE_BIAS, Scene,
+};
 use crate::estimation::{Estimator, SensorModel, measured_observables};
-use rom::branch;
+use rom::branch::{self, VOLUME};
 use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
+use rom::inputs::{GAP, InputSpec, MAX_INPUTS, Needs, PARAMETERS, PRESSURE};
 use rom::model::{
     BlockData, BlockEntry, BlockKind, Model, ModelFileError, ModelHeader, ModelReader, Nodes, RegimeModel,
     Selection,
@@ -14,22 +18,107 @@ use rom::session::{Gaps, Session};
 use rom::snapshots::{FieldKind, RegimeKind};
 use std::io::{Read, Seek};
 use std::path::Path;
-use wire::layout::{FIELD_SLOTS, GROUPS_MAX, OBSERVABLES_MAX, field_id, set_slot};
+use wire::State;
+use wire::layout::{FIELD_SLOTS, GROUPS_MAX, INPUTS_MAX, OBSERVABLES_MAX, field_id, input_source, set_slot};
 
-/// Content of a state in addition to the numbers of its evaluation.
-#[derive(Debug)]
-pub struct Description {
+/// What the payloads of a model contain beside the numbers of an evaluation: names and places of its inputs and observables.
+#[derive(Debug, Clone)]
+pub struct PayloadContents {
+    pub(crate) count: u32,
+    pub(crate) names: [u8; 32 * INPUTS_MAX],
+    /// Position of each of them in the model's inputs.
+    positions: [usize; INPUTS_MAX],
+    pub(crate) needs: Needs,
     /// Coefficients of each group, by regime.
-    pub group_sizes: Vec<(RegimeKind, [u8; GROUPS_MAX])>,
-    /// Observables of the model.
-    pub observables: Observables,
-    /// Their packed names.
-    pub observable_names: [u8; 32 * OBSERVABLES_MAX],
+    pub(crate) group_sizes: Vec<(RegimeKind, [u8; GROUPS_MAX])>,
+    pub(crate) observables: Observables,
+    pub(crate) observable_names: [u8; 32 * OBSERVABLES_MAX],
+}
+
+impl PayloadContents {
+    /// Takes a model with its record of observables loaded, and its evaluator.
+    ///
+    /// # Errors
+    /// Observables that do not fit the model.
+    pub fn new(model: &Model, evaluator: &Evaluator) -> Result<Self, ModelFileError> {
+        let (mut names, mut positions, mut count) = ([0; 32 * INPUTS_MAX], [0; INPUTS_MAX], 0);
+        for ((to, position), (at, input)) in positions.iter_mut().enumerate().zip(evaluator.taken_inputs()) {
+            *position = at;
+            set_slot(&mut names, to, &input.key());
+            count += 1;
+        }
+        let needs = evaluator.needs();
+        let observables = Observables::of(model)?;
+        let mut observable_names = [0; 32 * OBSERVABLES_MAX];
+        observables.names().enumerate().for_each(|(at, name)| set_slot(&mut observable_names, at, name));
+        let sizes = |regime: &RegimeModel| {
+            let sizes: Vec<u8> = regime.groups.iter().map(|group| group.coefficients.len() as u8).collect();
+            (regime.kind, first(&sizes))
+        };
+        let group_sizes = model.header.regimes.iter().map(sizes).collect();
+        Ok(Self { count, names, positions, needs, group_sizes, observables, observable_names })
+    }
+
+    /// Positions in the model's inputs, in the order of the payload's.
+    fn positions(&self) -> impl Iterator<Item = usize> {
+        self.positions.into_iter().take(self.count as usize)
+    }
+
+    /// Values by position as the payload has them.
+    pub(crate) fn of_inputs(&self, values: &[f64; MAX_INPUTS]) -> [f64; INPUTS_MAX] {
+        let mut out = [f64::NAN; INPUTS_MAX];
+        let given = self.positions().filter_map(|at| values.get(at));
+        out.iter_mut().zip(given).for_each(|(to, value)| *to = *value);
+        out
+    }
+
+    /// Position in the model's inputs of the one with this packed name.
+    pub(crate) fn position(&self, name: &[u8; 32]) -> Option<usize> {
+        let mut named = self.names.as_chunks::<32>().0.iter().zip(self.positions());
+        named.find(|(known, _)| *known == name).map(|(_, at)| at)
+    }
+
+    /// Packed name of the input at this position in the model's inputs; empty without one.
+    pub(crate) fn name(&self, at: usize) -> [u8; 32] {
+        let mut named = self.names.as_chunks::<32>().0.iter().zip(self.positions());
+        named.find(|(_, position)| *position == at).map_or([0; 32], |(name, _)| *name)
+    }
+
+    /// Where the value of each input comes from in this scene: numbers of [`input_source`].
+    pub(crate) fn sources(&self, spec: &ActuatorSpec, inputs: &[InputSpec]) -> [u8; INPUTS_MAX] {
+        let mut sources = [input_source::UNKNOWN; INPUTS_MAX];
+        for (source, at) in sources.iter_mut().zip(self.positions()) {
+            *source = inputs.get(at).map_or(input_source::UNKNOWN, |input| input_source_of(spec, at, input));
+        }
+        sources
+    }
+
+    /// A state of a model with these inputs and no values.
+    pub(crate) fn state(&self) -> State {
+        State { input_count: self.count, input_names: self.names, ..State::default() }
+    }
+}
+
+/// Where the value of an input comes from in this scene: a number of [`input_source`].
+pub(crate) fn input_source_of(spec: &ActuatorSpec, at: usize, input: &InputSpec) -> u8 {
+    let key = input.key();
+    let is_estimated =
+        spec.estimate.contains_key(&key) || (at == PRESSURE && spec.estimate.contains_key(PRESSURE_BIAS));
+    let from = spec.inputs.get(&key);
+    let is_given = (at == GAP && matches!(spec.gap_mm, Gap::Fixed(_)))
+        || from.is_some_and(|from| from.given().is_some());
+    match (is_estimated, is_given) {
+        (true, _) => input_source::ESTIMATED,
+        (false, true) => input_source::GIVEN,
+        // A volume without an entry follows the measured pressure.
+        (false, false) if at < PARAMETERS || from.is_some() || key == VOLUME => input_source::MEASURED,
+        (false, false) => input_source::NOMINAL,
+    }
 }
 
 /// One actuator of a scene with everything it needs in memory.
 #[derive(Debug)]
-pub struct Loaded {
+pub struct LoadedActuator {
     /// Its part of the scene.
     pub spec: ActuatorSpec,
     /// First 16 bytes of the model file's hash.
@@ -37,7 +126,7 @@ pub struct Loaded {
     /// The model without a past. It gives the coefficients of the fields whose modes were read, all where states carry them.
     pub session: Session,
     /// Content of states beside their evaluation.
-    pub description: Description,
+    pub contents: PayloadContents,
     /// One for each field topic.
     pub outputs: Vec<LoadedOutput>,
     /// Estimator, if the scene has one.
@@ -74,13 +163,11 @@ pub struct LoadedOutput {
 /// One block that was read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReadBlock {
-    /// Which.
     pub kind: BlockKind,
-    /// How large.
     pub bytes: u64,
 }
 
-impl Loaded {
+impl LoadedActuator {
     /// Evaluation with capacity for any state.
     #[must_use]
     pub fn evaluation(&self) -> Evaluation {
@@ -98,7 +185,7 @@ impl Loaded {
 ///
 /// # Errors
 /// The problems of all actuators at once.
-pub fn load_scene(scene: &Scene, path: &Path) -> Result<Vec<Loaded>, ConfigError> {
+pub fn load_scene(scene: &Scene, path: &Path) -> Result<Vec<LoadedActuator>, ConfigError> {
     let load = |spec: &ActuatorSpec| load(spec, &spec.model);
     config::collect(path, scene.actuators.iter().map(|spec| (spec.name.as_str(), load(spec))))
 }
@@ -107,23 +194,23 @@ pub fn load_scene(scene: &Scene, path: &Path) -> Result<Vec<Loaded>, ConfigError
 ///
 /// # Errors
 /// All problems of its model and its outputs.
-pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String>> {
-    let at = |text: String| vec![format!("model: {text} ({})", model_path.display())];
-    let mut reader = ModelReader::open_file(model_path).map_err(|error| at(error.to_string()))?;
+pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<LoadedActuator, Vec<String>> {
+    let problem = |text: String| vec![format!("model: {text} ({})", model_path.display())];
+    let mut reader = ModelReader::open_file(model_path).map_err(|error| problem(error.to_string()))?;
     let model_hash = first(&reader.hash());
     let mut header = reader.header().clone();
-    header.body = reader.body().map_err(|error| at(error.to_string()))?;
-    header.set_parameters(spec.given_inputs()).map_err(|error| at(format!("inputs: {error}")))?;
+    header.body = reader.body().map_err(|error| problem(error.to_string()))?;
+    header.set_parameters(spec.given_inputs()).map_err(|error| problem(format!("inputs: {error}")))?;
     for (name, _) in spec.measured_inputs() {
-        header.parameter(name).map_err(|error| at(format!("inputs: {error}")))?;
+        header.parameter(name).map_err(|error| problem(format!("inputs: {error}")))?;
     }
-    let has_volume = spec.inputs.contains_key(branch::VOLUME) || spec.estimate.contains_key(branch::VOLUME);
+    let has_volume = spec.inputs.contains_key(VOLUME) || spec.estimate.contains_key(VOLUME);
     let follows = !has_volume && branch::volume_input(&header).is_some();
     if follows && (!spec.estimate.is_empty() || header.taken_inputs().count() > 1) {
-        return Err(at(format!(
+        return Err(problem(format!(
             "expected `{}` in [actuator.inputs] (the pressure determines it only where it is the model's only input and nothing is \
              estimated), found none",
-            branch::VOLUME
+            VOLUME
         )));
     }
     if !spec.sensors.is_empty() && (header.needs().pressure || follows) && !spec.has_sensor_of("pressure_mpa")
@@ -136,7 +223,7 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     header.regimes.retain(|regime| regimes.contains(&regime.kind));
     if header.regimes.is_empty() {
         let (min, max) = spec.gap_mm.range_mm();
-        return Err(at(format!("it has no regime for gaps of {min} .. {max} mm")));
+        return Err(problem(format!("it has no regime for gaps of {min} .. {max} mm")));
     }
     let selections = selections(spec, &header, &mut reader)?;
     let mut needed = needed_blocks(&header, &regimes, &selections);
@@ -164,12 +251,13 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     let entries: Vec<BlockEntry> = reader.blocks().iter().filter(is_needed).cloned().collect();
     let read =
         entries.iter().map(|entry| ReadBlock { kind: entry.kind, bytes: entry.bytes }).collect::<Vec<_>>();
-    let blocks = reader.read_blocks(&entries).map_err(|error| at(error.to_string()))?;
+    let blocks = reader.read_blocks(&entries).map_err(|error| problem(error.to_string()))?;
     let model = Model { header, blocks };
     let session =
         if follows { Session::new(&model, Gaps::Live) } else { Session::with_volumes(&model, Gaps::Live) };
-    let mut session = session.map_err(|error| at(error.to_string()))?;
-    let description = Description::of(&model).map_err(|error| at(error.to_string()))?;
+    let mut session = session.map_err(|error| problem(error.to_string()))?;
+    let contents = PayloadContents::new(&model, session.evaluator());
+    let contents = contents.map_err(|error| problem(error.to_string()))?;
     if !spec.state.coefficients {
         let field = |block: &ReadBlock| match block.kind {
             BlockKind::Modes { field, .. } => Some(field as usize),
@@ -177,18 +265,18 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         };
         let fields = model.header.fields.iter().enumerate();
         let coordinates = fields.filter(|(_, field)| matches!(field.spec.kind, FieldKind::Coordinate(_)));
-        let observed = coordinates.map(|(at, _)| at).filter(|_| description.observables.count() > 0);
+        let observed = coordinates.map(|(at, _)| at).filter(|_| contents.observables.count() > 0);
         session.restrict(&read.iter().filter_map(field).chain(observed).collect::<Vec<_>>());
     }
-    let observed = measured_observables(spec, &description.observables)?;
+    let observed = measured_observables(spec, &contents.observables)?;
     let outputs = outputs(spec, &model, selections)?;
     let estimator = Estimator::new(spec, &model)?;
     let markers = (!spec.markers.is_empty()).then(|| SensorModel::new(spec, &model)).transpose()?;
-    Ok(Loaded {
+    Ok(LoadedActuator {
         spec: spec.clone(),
         model_hash,
         session,
-        description,
+        contents,
         outputs,
         estimator,
         markers,
@@ -197,24 +285,6 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         read,
         file_block_bytes,
     })
-}
-
-impl Description {
-    /// Takes a model with its record of observables loaded.
-    ///
-    /// # Errors
-    /// Observables that do not fit the model.
-    pub fn of(model: &Model) -> Result<Self, ModelFileError> {
-        let observables = Observables::of(model)?;
-        let mut observable_names = [0; 32 * OBSERVABLES_MAX];
-        observables.names().enumerate().for_each(|(at, name)| set_slot(&mut observable_names, at, name));
-        let sizes = |regime: &RegimeModel| {
-            let sizes: Vec<u8> = regime.groups.iter().map(|group| group.coefficients.len() as u8).collect();
-            (regime.kind, first(&sizes))
-        };
-        let group_sizes = model.header.regimes.iter().map(sizes).collect();
-        Ok(Self { group_sizes, observables, observable_names })
-    }
 }
 
 /// The first entries of a list in an array of fixed size; the rest are 0.

@@ -10,7 +10,6 @@ use std::path::Path;
 pub struct Space {
     /// Free for this user.
     pub free_bytes: u64,
-    /// In all.
     pub total_bytes: u64,
 }
 

@@ -33,12 +33,12 @@ impl MeasuredInputs {
     /// Those of a scene's actuator among the inputs of its model.
     pub fn new(spec: &ActuatorSpec, inputs: &[InputSpec]) -> Self {
         let position = |name: &str| inputs.iter().position(|input| input.key() == name);
-        let one = |(name, within): (&str, crate::config::WithinSpec)| {
+        let measured = |(name, within): (&str, crate::config::WithinSpec)| {
             let mut packed = [0; 32];
             set_slot(&mut packed, 0, name);
             Some(MeasuredInput { input: position(name)?, name: packed, min: within.min, max: within.max })
         };
-        Self(spec.measured_inputs().filter_map(one).collect())
+        Self(spec.measured_inputs().filter_map(measured).collect())
     }
 
     /// Their positions in the model's inputs.

@@ -1,21 +1,19 @@
 //! From an evaluation to what is published: states, answers, field headers, and the field topics of a twin.
 
-use crate::config::{ActuatorSpec, Gap, PRESSURE_BIAS, StateSpec};
-use crate::load::{Description, LoadedOutput};
-use rom::branch::VOLUME;
+use crate::config::StateSpec;
+use crate::load::{LoadedOutput, PayloadContents};
 use rom::evaluation::Evaluation;
-use rom::evaluator::{Evaluator, RegimeLabel};
+use rom::evaluator::RegimeLabel;
 use rom::hull::DomainStatus;
-use rom::inputs::{GAP, InputSpec, MAX_INPUTS, Needs, PARAMETERS, PRESSURE};
+
 use rom::reconstructor::{Peaks, Reconstructor};
-use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, OBSERVABLES_MAX, flags, input_source, pack_name, set_slot};
+use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, OBSERVABLES_MAX, flags, pack_name};
 use wire::{Answer, Bus, FieldHeader, FieldLoan, FieldWriter, State, Topic, WireError};
 
 /// Writes an evaluation into a payload: [`State`] and [`Answer`] have these values in common.
 macro_rules! write_evaluation {
-    ($payload:ident, $evaluation:expr, $contents:expr, $description:expr) => {{
-        let (e, contents): (&Evaluation, &Contents) = ($evaluation, $contents);
-        let description: &Description = $description;
+    ($payload:ident, $evaluation:expr, $contents:expr) => {{
+        let (e, contents): (&Evaluation, &PayloadContents) = ($evaluation, $contents);
         let known = |is_known: bool, value: f64| if is_known { value } else { f64::NAN };
         $payload.flags = flags_of(e);
         rom::numbers!($payload, e);
@@ -32,15 +30,15 @@ macro_rules! write_evaluation {
         for (to, from) in $payload.coefficients.iter_mut().zip(&e.coefficients) {
             *to = *from as f32;
         }
-        let observables = &description.observables;
+        let observables = &contents.observables;
         $payload.observable_count = observables.count() as u32;
-        $payload.observable_names = description.observable_names;
+        $payload.observable_names = contents.observable_names;
         for at in 0..observables.count().min(OBSERVABLES_MAX) {
             let found = observables.value(at, e);
             ($payload.observables[at], $payload.observable_halfwidths[at]) = (found.value, found.halfwidth);
             $payload.observable_offsets[at] = found.offset;
         }
-        let sizes = description.group_sizes.iter().find(|(kind, _)| *kind == e.regime);
+        let sizes = contents.group_sizes.iter().find(|(kind, _)| *kind == e.regime);
         $payload.group_sizes = sizes.map(|(_, sizes)| *sizes).unwrap_or_default();
     }};
 }
@@ -65,93 +63,14 @@ macro_rules! write_peaks {
     }};
 }
 
-/// Contents of the states, fields and answers of a model: the inputs that the model has, with packed names.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Contents {
-    pub(crate) count: u32,
-    pub(crate) names: [u8; 32 * INPUTS_MAX],
-    /// Position of each of them in the model's inputs.
-    positions: [usize; INPUTS_MAX],
-    pub(crate) needs: Needs,
-}
-
-impl Contents {
-    pub(crate) fn new(evaluator: &Evaluator) -> Self {
-        let (mut names, mut positions, mut count) = ([0; 32 * INPUTS_MAX], [0; INPUTS_MAX], 0);
-        for ((to, position), (at, input)) in positions.iter_mut().enumerate().zip(evaluator.taken_inputs()) {
-            *position = at;
-            set_slot(&mut names, to, &input.key());
-            count += 1;
-        }
-        Self { count, names, positions, needs: evaluator.needs() }
-    }
-
-    /// Positions in the model's inputs, in the order of the payload's.
-    fn positions(&self) -> impl Iterator<Item = usize> {
-        self.positions.into_iter().take(self.count as usize)
-    }
-
-    /// Values by position as the payload has them.
-    pub(crate) fn of_inputs(&self, values: &[f64; MAX_INPUTS]) -> [f64; INPUTS_MAX] {
-        let mut out = [f64::NAN; INPUTS_MAX];
-        let given = self.positions().filter_map(|at| values.get(at));
-        out.iter_mut().zip(given).for_each(|(to, value)| *to = *value);
-        out
-    }
-
-    /// Position in the model's inputs of the one with this packed name.
-    pub(crate) fn position(&self, name: &[u8; 32]) -> Option<usize> {
-        let mut named = self.names.as_chunks::<32>().0.iter().zip(self.positions());
-        named.find(|(known, _)| *known == name).map(|(_, at)| at)
-    }
-
-    /// Packed name of the input at this position in the model's inputs; empty without one.
-    pub(crate) fn name(&self, at: usize) -> [u8; 32] {
-        let mut named = self.names.as_chunks::<32>().0.iter().zip(self.positions());
-        named.find(|(_, position)| *position == at).map_or([0; 32], |(name, _)| *name)
-    }
-
-    /// Where the value of each input comes from in this scene: numbers of [`input_source`].
-    pub(crate) fn sources(&self, spec: &ActuatorSpec, inputs: &[InputSpec]) -> [u8; INPUTS_MAX] {
-        let mut sources = [input_source::UNKNOWN; INPUTS_MAX];
-        for (source, at) in sources.iter_mut().zip(self.positions()) {
-            *source = inputs.get(at).map_or(input_source::UNKNOWN, |input| input_source_of(spec, at, input));
-        }
-        sources
-    }
-
-    /// A state of a model with these inputs and no values.
-    pub(crate) fn state(&self) -> State {
-        State { input_count: self.count, input_names: self.names, ..State::default() }
-    }
-}
-
-/// Where the value of an input comes from in this scene: a number of [`input_source`].
-pub(crate) fn input_source_of(spec: &ActuatorSpec, at: usize, input: &InputSpec) -> u8 {
-    let key = input.key();
-    let is_estimated =
-        spec.estimate.contains_key(&key) || (at == PRESSURE && spec.estimate.contains_key(PRESSURE_BIAS));
-    let from = spec.inputs.get(&key);
-    let is_given = (at == GAP && matches!(spec.gap_mm, Gap::Fixed(_)))
-        || from.is_some_and(|from| from.given().is_some());
-    match (is_estimated, is_given) {
-        (true, _) => input_source::ESTIMATED,
-        (false, true) => input_source::GIVEN,
-        // A volume without an entry follows the measured pressure.
-        (false, false) if at < PARAMETERS || from.is_some() || key == VOLUME => input_source::MEASURED,
-        (false, false) => input_source::NOMINAL,
-    }
-}
-
 /// Fills a state from an evaluation; without the extras that are not wanted.
 pub(crate) fn fill_state(
     state: &mut State,
     evaluation: &Evaluation,
-    contents: &Contents,
-    of: &Description,
+    contents: &PayloadContents,
     wanted: StateSpec,
 ) {
-    write_evaluation!(state, evaluation, contents, of);
+    write_evaluation!(state, evaluation, contents);
     if !wanted.gradients {
         state.force_by_pressure_n_per_mpa = f64::NAN;
         state.force_by_gap_n_per_mm = f64::NAN;
@@ -165,17 +84,11 @@ pub(crate) fn fill_state(
     }
 }
 
-/// A state with the values of an evaluation by this evaluator and nothing else: no reading, no run, no times.
-pub fn state_of(evaluation: &Evaluation, evaluator: &Evaluator, of: &Description) -> State {
-    let contents = Contents::new(evaluator);
+/// A state with the values of an evaluation and nothing else: no reading, no run, no times.
+pub fn state_of(evaluation: &Evaluation, contents: &PayloadContents) -> State {
     let mut state = contents.state();
-    fill_state(
-        &mut state,
-        evaluation,
-        &contents,
-        of,
-        StateSpec { gradients: true, half_widths: true, coefficients: true },
-    );
+    let all = StateSpec { gradients: true, half_widths: true, coefficients: true };
+    fill_state(&mut state, evaluation, contents, all);
     state
 }
 
@@ -186,13 +99,8 @@ pub(crate) fn fill_label(state: &mut State, label: RegimeLabel) {
 }
 
 /// Fills an answer from an evaluation.
-pub(crate) fn fill_answer(
-    answer: &mut Answer,
-    evaluation: &Evaluation,
-    contents: &Contents,
-    of: &Description,
-) {
-    write_evaluation!(answer, evaluation, contents, of);
+pub(crate) fn fill_answer(answer: &mut Answer, evaluation: &Evaluation, contents: &PayloadContents) {
+    write_evaluation!(answer, evaluation, contents);
 }
 
 /// Adds the field of an answer.

@@ -11,7 +11,6 @@ use std::path::Path;
 pub struct MissingRight {
     /// Key in the settings file.
     pub setting: &'static str,
-    /// The system's message.
     pub cause: String,
     pub remedy: &'static str,
 }
@@ -19,7 +18,6 @@ pub struct MissingRight {
 /// Real-time settings granted until this is dropped, and the refused ones.
 #[derive(Debug)]
 pub struct Granted {
-    /// Refused settings.
     pub missing: Vec<MissingRight>,
     /// The request that keeps the cores awake; closing the file withdraws it.
     _awake: Option<File>,

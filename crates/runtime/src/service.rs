@@ -177,7 +177,6 @@ pub fn notify_reloaded() {
     notify_manager(&[NotifyState::Ready]);
 }
 
-/// The status line.
 pub fn notify_status(status: &str) {
     notify_manager(&[NotifyState::Status(status)]);
 }

@@ -2,7 +2,7 @@
 
 use crate::side_services::{ReloadHandle, SideServices};
 use runtime::config::ConfigError;
-use runtime::load::Loaded;
+use runtime::load::LoadedActuator;
 use runtime::service;
 use runtime::thread_group::StopFlag;
 use runtime::twin::{Retired, SwapError, Twin};
@@ -15,17 +15,17 @@ use std::time::Duration;
 const INTERVAL: Duration = Duration::from_millis(20);
 
 /// Scene and models, read again: for the loop and for the side services.
-pub type Reloaded = (Vec<Loaded>, SideServices);
+pub type Reloaded = (Vec<LoadedActuator>, SideServices);
 
 /// The end of the loop: receives loaded models and returns the replaced ones.
 pub struct ModelInbox {
-    new: Receiver<Vec<Loaded>>,
+    new: Receiver<Vec<LoadedActuator>>,
     old: Sender<Result<Retired, SwapError>>,
 }
 
 /// The end of the loader thread.
 pub struct Loader {
-    new: Sender<Vec<Loaded>>,
+    new: Sender<Vec<LoadedActuator>>,
     old: Receiver<Result<Retired, SwapError>>,
 }
 

@@ -5,7 +5,7 @@ use crate::side_services::SideServices;
 use crate::{metrics, reload, reporter};
 use anyhow::Context;
 use runtime::config::{ConfigError, OnMissingRights, Scene, Settings};
-use runtime::load::{Loaded, load_scene};
+use runtime::load::{LoadedActuator, load_scene};
 use runtime::thread_group::ThreadGroup;
 use runtime::twin::{Twin, event_channel};
 use runtime::wire::{Bus, Health, Outcome, OwnFiles, layout};
@@ -24,7 +24,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     loaded.iter().for_each(describe);
     let names: Vec<String> = loaded.iter().map(|actuator| actuator.spec.name.clone()).collect();
 
-    let estimates = |actuator: &Loaded| !actuator.spec.estimate.is_empty();
+    let estimates = |actuator: &LoadedActuator| !actuator.spec.estimate.is_empty();
     let shown: Vec<_> = names.iter().cloned().zip(loaded.iter().map(estimates)).collect();
 
     let stop = service::stop_flag().context("cannot listen for signals")?;
@@ -133,7 +133,7 @@ fn log_settings(settings: &Settings) {
     tracing::info!("{scheduler}, {cores}, {memory}; between readings it {waits}");
 }
 
-fn describe(loaded: &Loaded) {
+fn describe(loaded: &LoadedActuator) {
     let read: u64 = loaded.read.iter().map(|block| block.bytes).sum();
     let regimes = loaded.regime_names();
     let hash = layout::hex(&loaded.model_hash);

@@ -65,8 +65,8 @@ impl Placement {
 
 /// Up to three coordinates; those left out are zero.
 fn padded(values: &[f64]) -> Option<[f64; 3]> {
-    let at = |k: usize| values.get(k).copied().unwrap_or(0.0);
-    (values.len() <= 3).then(|| [0, 1, 2].map(at))
+    let value = |k: usize| values.get(k).copied().unwrap_or(0.0);
+    (values.len() <= 3).then(|| [0, 1, 2].map(value))
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

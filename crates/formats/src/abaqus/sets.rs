@@ -15,7 +15,6 @@ pub(super) enum Of {
     Faces,
 }
 
-/// Set as written.
 pub(super) struct Set {
     pub(super) name: String,
     pub(super) of: Of,

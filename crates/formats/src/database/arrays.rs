@@ -1,7 +1,7 @@
 //! Arrays of a database and their mesh: snapshots and derivatives, packed or `.npy`; `sensitivities.csv`, whose row `i` names the
 //! case and input of row `i` of the derivatives.
 
-use super::cases::Row;
+use super::cases::CaseRow;
 use super::manifest::{FILE, Kind, Manifest};
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::mesh_reader::read_blocks;
@@ -80,7 +80,7 @@ pub fn bottom_nodes(points_mm: &[[f64; 3]]) -> Vec<u32> {
 pub(super) fn read_sensitivities(
     dir: &Path,
     manifest: &Manifest,
-    cases: &[Row],
+    cases: &[CaseRow],
 ) -> Result<Option<Sensitivities>, FormatError> {
     let Some(name) = &manifest.sensitivities else { return Ok(None) };
     let rows = read_rows(&dir.join(TABLE), manifest, cases)?;
@@ -102,7 +102,7 @@ pub(super) fn read_sensitivities(
     Ok(Some(Sensitivities { rows, fields, values: array.values }))
 }
 
-fn read_rows(path: &Path, manifest: &Manifest, cases: &[Row]) -> Result<Vec<Sensitivity>, FormatError> {
+fn read_rows(path: &Path, manifest: &Manifest, cases: &[CaseRow]) -> Result<Vec<Sensitivity>, FormatError> {
     let table = Table::read(path, false)?;
     let columns = table
         .columns(COLUMNS)
@@ -208,7 +208,7 @@ pub fn pack_sensitivities(
     Ok(Some(bytes.len()))
 }
 
-/// Row of the table.
+/// CaseRow of the table.
 fn line(case: &str, manifest: &Manifest, row: &Sensitivity) -> [String; 3] {
     [case.to_owned(), manifest.input[row.input].name.clone(), row.contact_force_n_per_unit.to_string()]
 }

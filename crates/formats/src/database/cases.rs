@@ -21,7 +21,6 @@ pub enum ObstacleKind {
 }
 
 impl ObstacleKind {
-    /// All kinds.
     pub const ALL: [Self; 2] = [Self::Plate, Self::Block];
 
     /// Name on the command line.
@@ -64,14 +63,14 @@ fn split_name(split: Split) -> &'static str {
 /// Columns of every table, in the order of [`write()`].
 const COLUMNS: [&str; 6] = ["case", "regime", "split", "pressure_mpa", "gap_mm", "contact_force_n"];
 
-/// Row of the table.
-pub(crate) struct Row {
+/// CaseRow of the table.
+pub(crate) struct CaseRow {
     pub(crate) case: Case,
     pub(crate) obstacle: ObstacleKind,
 }
 
 /// Reads and checks the table: all rows, or all errors.
-pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<Row>, FormatError> {
+pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<CaseRow>, FormatError> {
     let table = Table::read(path, false)?;
     let columns = columns(&table, manifest)
         .map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })?;
@@ -131,7 +130,7 @@ fn columns(table: &Table, manifest: &Manifest) -> Result<Columns, Vec<Diagnostic
     }
 }
 
-fn case(row: &table::TableRow<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Option<Row> {
+fn case(row: &table::TableRow<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Option<CaseRow> {
     collect(row.check_width(false), diagnostics)?;
     let parameters: Vec<f64> =
         at.parameters.iter().filter_map(|column| collect(row.number(*column), diagnostics)).collect();
@@ -163,7 +162,7 @@ fn case(row: &table::TableRow<'_>, at: &Columns, diagnostics: &mut Vec<Diagnosti
         contact_force_n: contact_force_n?,
         parameters,
     };
-    Some(Row { case, obstacle })
+    Some(CaseRow { case, obstacle })
 }
 
 /// Writes the table of the cases at the plate; the database's parameters are further columns.

@@ -1,7 +1,7 @@
 //! The project's layout: `database.toml`, `cases.csv`, `snapshots.npy` or packed, `mesh.vtu`.
 
 use super::arrays;
-use super::cases::{self, ObstacleKind, Row};
+use super::cases::{self, CaseRow, ObstacleKind};
 use super::manifest::{FILE, Input, Manifest};
 use crate::error::{Diagnostic, FormatError};
 use crate::{file, npy, vtu};
@@ -32,8 +32,8 @@ pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
     {
         snapshots.extend_from_slice(snapshot);
     }
-    let own = |row: Row| (row.obstacle == obstacle).then_some(row.case);
-    let cases: Vec<_> = cases.into_iter().filter_map(own).collect();
+    let case_of_obstacle = |row: CaseRow| (row.obstacle == obstacle).then_some(row.case);
+    let cases: Vec<_> = cases.into_iter().filter_map(case_of_obstacle).collect();
     if cases.is_empty() {
         let expected = format!("cases of scene {}", obstacle.name());
         return Err(FormatError::one(&cases_path, Diagnostic::new("column regime", expected, "none")));

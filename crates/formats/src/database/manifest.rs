@@ -22,7 +22,6 @@ pub struct Manifest {
     pub layout: u32,
     /// Actuator (`pneunet`).
     pub actuator: String,
-    /// Nodes per field.
     pub nodes: usize,
     /// File of the cases, in the same folder.
     pub cases: String,
@@ -69,7 +68,6 @@ pub struct Field {
     /// Name; coordinates are `x`, `y`, `z`.
     pub name: String,
     pub unit: String,
-    /// Meaning.
     pub kind: Kind,
 }
 
@@ -103,7 +101,6 @@ pub struct Input {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Extra {
-    /// Column name.
     pub name: String,
     pub unit: String,
 }

@@ -7,7 +7,7 @@
 //!
 //! Columns of one table that were written at different instants (topics of a bus) are interpolated in the same way.
 
-use super::recording::{Recording, Series};
+use super::{Recording, Series};
 use crate::error::Diagnostic;
 use rom::statistics::median;
 
@@ -100,7 +100,7 @@ pub(super) fn interleave(
 /// Linear interpolation; NaN outside, at missing values and across gaps.
 fn interpolated(times: &[f64], values: &[f64], at: &[f64]) -> Vec<f64> {
     let most = MAX_STEPS * median(times.windows(2).map(|pair| pair[1] - pair[0])).unwrap_or(0.0);
-    let one = |t: &f64| {
+    let value_at = |t: &f64| {
         let next = times.partition_point(|time| time < t);
         match (next.checked_sub(1), times.get(next)) {
             (_, Some(time)) if time == t => values[next],
@@ -111,7 +111,7 @@ fn interpolated(times: &[f64], values: &[f64], at: &[f64]) -> Vec<f64> {
             _ => f64::NAN,
         }
     };
-    at.iter().map(one).collect()
+    at.iter().map(value_at).collect()
 }
 
 /// Estimated shift of a file's times to those of the first.

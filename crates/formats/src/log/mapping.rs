@@ -2,7 +2,7 @@
 
 use super::Log;
 use super::clock;
-use super::recording::{Recording, Series};
+use super::{Recording, Series};
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
 use crate::table::TableForm;
@@ -24,7 +24,6 @@ pub struct Mapping {
     /// Inputs of a model.
     #[serde(default)]
     pub input: Vec<Channel>,
-    /// Measured outputs.
     #[serde(default)]
     pub output: Vec<Channel>,
     /// Frame of markers in the model's frame; applied to outputs `NAME_x_mm`, `NAME_y_mm`, `NAME_z_mm`.
@@ -45,7 +44,6 @@ pub struct Further {
     /// Inputs of a model.
     #[serde(default)]
     pub input: Vec<Channel>,
-    /// Measured outputs.
     #[serde(default)]
     pub output: Vec<Channel>,
 }

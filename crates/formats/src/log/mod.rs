@@ -1,17 +1,19 @@
 //! Tables of benches as numbers by column, and their mapping to quantities.
 
-mod clock;
-mod mapping;
-mod recording;
-
-pub use mapping::{Channel, Column, Frame, Further, Mapping, TimeColumn};
-pub use recording::{Recording, Series};
-
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use crate::table::{TableForm, layout, number};
+pub use mapping::Channel;
+pub use mapping::Column;
+pub use mapping::Frame;
+pub use mapping::Further;
+pub use mapping::Mapping;
+pub use mapping::TimeColumn;
 use std::borrow::Cow;
 use std::path::Path;
+
+mod clock;
+mod mapping;
 
 /// Largest log that is read: 512 MiB.
 const MAX_LOG_BYTES: u64 = 1 << 29;
@@ -68,7 +70,6 @@ impl Log {
         })
     }
 
-    /// Number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.lines.len()
@@ -93,4 +94,59 @@ fn decoded(bytes: &[u8]) -> Result<Cow<'_, str>, Diagnostic> {
         },
     };
     Ok(text)
+}
+
+// A log as quantities.
+
+/// One quantity over the rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// Name with its unit.
+    pub name: String,
+    /// Values; NaN if missing.
+    pub values: Vec<f64>,
+}
+
+/// A log as quantities.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// Time of the first row, s; from the clock's zero.
+    pub start_s: f64,
+    /// Time of the rows from the first one, s.
+    pub time_s: Vec<f64>,
+    pub inputs: Vec<Series>,
+    pub outputs: Vec<Series>,
+    /// Remarks on times, missing values, flat tops, negative pressures.
+    pub remarks: Vec<String>,
+}
+
+impl Recording {
+    /// Every `step`-th row, at least each.
+    #[must_use]
+    pub fn every(&self, step: usize) -> Self {
+        let thin = |values: &[f64]| values.iter().copied().step_by(step.max(1)).collect();
+        let all = |series: &[Series]| {
+            series.iter().map(|s| Series { name: s.name.clone(), values: thin(&s.values) }).collect()
+        };
+        Self {
+            start_s: self.start_s,
+            time_s: thin(&self.time_s),
+            inputs: all(&self.inputs),
+            outputs: all(&self.outputs),
+            remarks: self.remarks.clone(),
+        }
+    }
+
+    /// The recording as a trace: comma-separated, columns by name.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        let all = || self.inputs.iter().chain(&self.outputs);
+        let mut text: String = "t_s".into();
+        all().for_each(|series| text += &format!(",{}", series.name));
+        for (row, t_s) in self.time_s.iter().enumerate() {
+            text += &format!("\n{t_s}");
+            all().for_each(|series| text += &format!(",{}", series.values[row]));
+        }
+        text + "\n"
+    }
 }

@@ -3,12 +3,11 @@
 //! Each separator is tried; the one whose rows of equal width hold most numbers is taken. Headings are the lines directly above the first row. What could be
 //! meant in two ways is refused with the key of `[table]` that says it.
 
-use super::number::{DateOrder, Spelling, is_content, is_number, number_of_head, spelling};
-use super::{Table, cells, labelled, lines};
+use super::number::{Spelling, is_content, is_number, number_of_head, spelling};
+use super::{SEPARATORS, Table, TableForm, cells, labelled, lines};
 use crate::error::Diagnostic;
 use crate::file;
 use crate::unit::{self, Quantity};
-use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -16,43 +15,8 @@ use std::ops::Range;
 const MAX_HEADINGS: usize = 6;
 /// Fewest headings of a further line.
 const MIN_NAMED: usize = 2;
-/// Candidates of the separator, of equal ones the last; a blank stands for any number of blanks.
-const SEPARATORS: [char; 4] = [' ', ',', '\t', ';'];
-
-/// What a user says of a table that could be read in two ways: `[table]` of a mapping, `table` of a material test.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct TableForm {
-    /// `,`, `;`, a tab or a blank (any number of them).
-    pub separator: Option<char>,
-    /// `.` or `,`; the other one separates groups of thousands.
-    pub decimal: Option<char>,
-    /// The first column has no heading (names or numbers of the rows), so that the headings are those of the other columns.
-    pub row_names: Option<bool>,
-    /// Order of dates with slashes.
-    pub dates: Option<DateOrder>,
-}
-
-impl TableForm {
-    /// # Errors
-    /// A separator that is none.
-    pub fn check(&self) -> Result<(), Diagnostic> {
-        if let Some(found) = self.separator.filter(|separator| !SEPARATORS.contains(separator)) {
-            return Err(Diagnostic::new(
-                "table.separator",
-                "`,`, `;`, a tab or a blank",
-                format!("`{found}`"),
-            ));
-        }
-        match self.decimal.filter(|decimal| !['.', ','].contains(decimal)) {
-            Some(found) => Err(Diagnostic::new("table.decimal", "`.` or `,`", format!("`{found}`"))),
-            None => Ok(()),
-        }
-    }
-}
-
 /// A table of a bench.
-pub(crate) struct Found {
+pub(crate) struct ForeignTable {
     pub(crate) table: Table,
     /// Lines below the first row that are not rows, and rows among the parameters.
     pub(crate) damaged: Vec<Diagnostic>,
@@ -67,7 +31,7 @@ pub(crate) struct Found {
 ///
 /// # Errors
 /// No line with a number; a heading that may be that of the first or of the last columns.
-pub(crate) fn found(text: String, form: &TableForm) -> Result<Found, Diagnostic> {
+pub(crate) fn found(text: String, form: &TableForm) -> Result<ForeignTable, Diagnostic> {
     let (labels, text) = match labelled::rows(&text) {
         Some((labels, rewritten)) => (Some(labels), rewritten),
         None => (None, text),
@@ -113,7 +77,7 @@ pub(crate) fn found(text: String, form: &TableForm) -> Result<Found, Diagnostic>
     }
     let (parameters, separator, blanks) = (layout.parameters(&shown), layout.separator, layout.blanks());
     let table = Table { text, separator, header, rows };
-    Ok(Found { table, damaged, parameters, separator, blanks })
+    Ok(ForeignTable { table, damaged, parameters, separator, blanks })
 }
 
 /// True if at least half of the cells that are not empty are numbers; text columns (`valve open`) stay in the table.

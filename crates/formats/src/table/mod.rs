@@ -8,16 +8,60 @@ mod labelled;
 pub(crate) mod layout;
 pub(crate) mod number;
 
-pub use layout::TableForm;
-pub use number::DateOrder;
-
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write};
 use std::ops::Range;
 use std::path::Path;
+
+/// Order of a date with slashes whose year is last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum DateOrder {
+    /// 31/12/2024.
+    #[serde(rename = "day/month/year")]
+    DayFirst,
+    /// 12/31/2024.
+    #[serde(rename = "month/day/year")]
+    MonthFirst,
+}
+
+/// Candidates of the separator, of equal ones the last; a blank stands for any number of blanks.
+const SEPARATORS: [char; 4] = [' ', ',', '\t', ';'];
+
+/// What a user says of a table that could be read in two ways: `[table]` of a mapping, `table` of a material test.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TableForm {
+    /// `,`, `;`, a tab or a blank (any number of them).
+    pub separator: Option<char>,
+    /// `.` or `,`; the other one separates groups of thousands.
+    pub decimal: Option<char>,
+    /// The first column has no heading (names or numbers of the rows), so that the headings are those of the other columns.
+    pub row_names: Option<bool>,
+    /// Order of dates with slashes.
+    pub dates: Option<DateOrder>,
+}
+
+impl TableForm {
+    /// # Errors
+    /// A separator that is none.
+    pub fn check(&self) -> Result<(), Diagnostic> {
+        if let Some(found) = self.separator.filter(|separator| !SEPARATORS.contains(separator)) {
+            return Err(Diagnostic::new(
+                "table.separator",
+                "`,`, `;`, a tab or a blank",
+                format!("`{found}`"),
+            ));
+        }
+        match self.decimal.filter(|decimal| !['.', ','].contains(decimal)) {
+            Some(found) => Err(Diagnostic::new("table.decimal", "`.` or `,`", format!("`{found}`"))),
+            None => Ok(()),
+        }
+    }
+}
 
 /// A table in memory: the text, where its rows are, and the names of its columns. Rows are split into cells as they are asked for.
 #[derive(Clone, Debug)]

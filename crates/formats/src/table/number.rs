@@ -4,25 +4,13 @@
 //! column, or the decimal separator of the other columns, often do. Where they do not, the column has no values but a doubt, which is the error of whoever
 //! asks for it. A remark names what was read by the convention of the table.
 
-use super::{Table, TableForm};
-use serde::{Deserialize, Serialize};
+use super::{DateOrder, Table, TableForm};
 
 /// Words of a missing value.
 const MISSING: [&str; 8] = ["nan", "na", "n/a", "#n/a", "null", "none", "-", "--"];
 /// What separates groups of thousands and nothing else.
 const GROUPERS: [char; 5] = ['\'', '\u{2019}', '\u{a0}', '\u{202f}', '\u{2009}'];
 const DAY_S: f64 = 86_400.0;
-
-/// Order of a date with slashes whose year is last.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum DateOrder {
-    /// 31/12/2024.
-    #[serde(rename = "day/month/year")]
-    DayFirst,
-    /// 12/31/2024.
-    #[serde(rename = "month/day/year")]
-    MonthFirst,
-}
 
 /// True if the line is neither empty nor a comment.
 pub(super) fn is_content(line: &str) -> bool {

@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 /// A configuration file that cannot be used; programs leave with exit code 78.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConfigError {
-    /// The file.
     pub path: PathBuf,
     /// All errors in it.
     pub problems: Vec<String>,
@@ -35,7 +34,7 @@ impl std::error::Error for ConfigError {}
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, ConfigError> {
     let fail = |problem: String| ConfigError { path: path.into(), problems: vec![problem] };
     let text = file::read_text(path, file::MAX_TEXT_BYTES)
-        .map_err(|error| fail(format!("cannot read the file: {error}")))?;
+        .map_err(|error| fail(format!("cannot read the file: {}", error.cause())))?;
     toml::from_str(&text).map_err(|error| fail(error.to_string().trim_end().to_owned()))
 }
 

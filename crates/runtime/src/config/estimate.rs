@@ -26,9 +26,7 @@ pub struct ObservedSpec {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UnknownSpec {
-    /// Value.
     pub prior: f64,
-    /// Standard deviation.
     pub sigma: f64,
     /// Standard deviation by which it drifts in the first second (in `t` seconds by `drift sqrt(t)`); 0: constant.
     #[serde(default)]

@@ -17,11 +17,9 @@ use std::path::{Path, PathBuf};
 use wire::SensorSample;
 use wire::layout::{MARKERS_MAX, Marker};
 
-/// A scene file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
-    /// Name, for logs.
     pub name: String,
     /// The actuators of the scene.
     #[serde(rename = "actuator")]
@@ -95,7 +93,6 @@ pub struct ActuatorSpec {
     /// Observables of the model that are measured, such as a bending angle by a camera: values of the readings by their names.
     #[serde(default)]
     pub observables: ObservedSpecs,
-    /// The camera's frame.
     #[serde(default)]
     pub camera: CameraSpec,
     /// Field topics, one for each entry; none: state only, and no basis is loaded.
@@ -168,13 +165,11 @@ impl Default for StateSpec {
     }
 }
 
-/// One field topic.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutputSpec {
     /// Last chunk of the topic, `softtwin/<actuator>/field/<name>`; `"all"` or absent with all nodes: `.../field`.
     pub name: Option<String>,
-    /// Which nodes.
     #[serde(default)]
     pub nodes: NodesSpec,
     /// Which fields, in this order; empty: all of the model's, in its order.

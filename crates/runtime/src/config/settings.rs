@@ -11,7 +11,6 @@ use std::path::Path;
 pub struct Settings {
     /// Limits of a valid reading.
     pub limits: Limits,
-    /// Real-time behaviour.
     pub realtime: Realtime,
 }
 

@@ -168,7 +168,6 @@ impl GraspModel {
     }
 }
 
-/// A running grasp.
 #[derive(Debug)]
 pub struct GraspService {
     model: GraspModel,

@@ -9,9 +9,9 @@ mod solve;
 pub use solve::{NoSolution, Solution, Solver};
 
 use crate::config::{self, ActuatorSpec, ConfigError, Gap, Queries, Scene, StateSpec};
-use crate::load::{Description, Loaded, LoadedOutput, load};
+use crate::load::{LoadedActuator, LoadedOutput, PayloadContents, load};
 use crate::measured::MeasuredInputs;
-use crate::publish::{self, Contents};
+use crate::publish;
 use crate::side_service::SideService;
 use rom::hull::TrainingRange;
 use rom::inputs::{GAP, Inputs, Needs, PARAMETERS, PRESSURE};
@@ -36,10 +36,9 @@ pub struct Answerer {
     /// Default pressure: any value if the model does not depend on it; otherwise `None`.
     default_pressure_mpa: Option<f64>,
     /// The inputs, and default values of the parameters; NaN for a measured one, which every query must name.
-    contents: Contents,
+    contents: PayloadContents,
     inputs: Inputs,
     measured: MeasuredInputs,
-    description: Description,
     outputs: Vec<LoadedOutput>,
 }
 
@@ -60,7 +59,7 @@ impl Answerer {
         Ok(Self::new(spec, loaded, &header))
     }
 
-    fn new(spec: &ActuatorSpec, loaded: Loaded, header: &ModelHeader) -> Self {
+    fn new(spec: &ActuatorSpec, loaded: LoadedActuator, header: &ModelHeader) -> Self {
         let [pressure_mpa, gap_mm] = ranges(header);
         let (min_mm, max_mm) = spec.gap_mm.range_mm();
         let fixed_mm = (min_mm == max_mm).then_some(min_mm);
@@ -69,18 +68,16 @@ impl Answerer {
         let inputs = used.fold(Inputs::new(f64::NAN, f64::NAN), |inputs, (at, value)| inputs.with(at, value));
         let measured = MeasuredInputs::new(spec, specs);
         let inputs = measured.positions().fold(inputs, |inputs, at| inputs.with(at, f64::NAN));
-        let contents = Contents::new(loaded.session.evaluator());
         let constant_mm = (gap_mm[0] == gap_mm[1]).then_some(gap_mm[0]);
         Self {
             name: loaded.spec.name,
             model_hash: loaded.model_hash,
             solver: Solver::new(loaded.session.into_evaluator(), pressure_mpa, gap_mm),
             default_gap_mm: fixed_mm.or(constant_mm),
-            default_pressure_mpa: (!contents.needs.pressure).then_some(0.0),
-            contents,
+            default_pressure_mpa: (!loaded.contents.needs.pressure).then_some(0.0),
+            contents: loaded.contents,
             inputs,
             measured,
-            description: loaded.description,
             outputs: loaded.outputs,
         }
     }
@@ -94,11 +91,10 @@ impl Answerer {
     pub fn state(&mut self, pressure_mpa: f64, gap_mm: f64) -> State {
         let mut state = self.contents.state();
         let evaluation = self.solver.evaluate(pressure_mpa, gap_mm);
-        publish::fill_state(&mut state, evaluation, &self.contents, &self.description, StateSpec::default());
+        publish::fill_state(&mut state, evaluation, &self.contents, StateSpec::default());
         state
     }
 
-    /// The solver alone.
     pub fn into_solver(self) -> Solver {
         self.solver
     }
@@ -200,7 +196,7 @@ impl Answerer {
             answer.limit = evaluation.domain_distance;
             answer.outside_by = self.contents.of_inputs(&evaluation.outside_by);
         } else if publish::is_answer(evaluation) {
-            publish::fill_answer(answer, evaluation, &self.contents, &self.description);
+            publish::fill_answer(answer, evaluation, &self.contents);
         } else {
             answer.status = QueryStatus::Model.code();
         }

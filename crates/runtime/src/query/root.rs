@@ -20,7 +20,6 @@ pub(super) struct Target {
 pub(super) struct Root(f64);
 
 impl Root {
-    /// The place.
     pub fn at(self) -> f64 {
         self.0
     }

@@ -30,7 +30,6 @@ const TOLERANCE_N: f64 = 1e-7;
 /// Why there is no solution, with the number that belongs to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoSolution {
-    /// The reason.
     pub status: QueryStatus,
     /// See [`wire::QueryStatus`].
     pub limit: f64,
@@ -104,7 +103,6 @@ impl Solver {
         self.evaluator.set_parameters(inputs, &mut self.evaluation)
     }
 
-    /// Evaluates one state.
     pub fn evaluate(&mut self, pressure_mpa: f64, gap_mm: f64) -> &Evaluation {
         self.evaluator.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut self.evaluation);
         &self.evaluation
@@ -115,7 +113,6 @@ impl Solver {
         self.evaluator.has_forces()
     }
 
-    /// The last evaluation.
     pub fn evaluation(&self) -> &Evaluation {
         &self.evaluation
     }
@@ -174,9 +171,9 @@ impl Solver {
 
     /// The first place from one end of a sampled interval to the other at which the force is `force_n`.
     fn solve(&mut self, line: Line, [from, to]: [f64; 2], force_n: f64) -> Result<Root, NoSolution> {
-        let at = |i: usize| from + (to - from) * i as f64 / GRID as f64;
+        let grid_point = |i: usize| from + (to - from) * i as f64 / GRID as f64;
         let mut force = |at: f64| self.force(line, at);
-        let mut samples: Vec<Sample> = (0..GRID).map(|i| (at(i), force(at(i)))).collect();
+        let mut samples: Vec<Sample> = (0..GRID).map(|i| (grid_point(i), force(grid_point(i)))).collect();
         samples.push((to, force(to)));
         let target = Target { value: force_n, tolerance: TOLERANCE_N };
         let found = if force_n > 0.0 { first_root(&samples, target, &mut force) } else { None };

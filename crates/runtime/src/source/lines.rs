@@ -39,7 +39,6 @@ pub enum Cells {
     /// Numbers between separators; `None` where there is nothing. What is no number is an error for who needs it: a device may send its name, a clock or a
     /// status as well.
     Numbers(Vec<Result<Option<f64>, LineError>>),
-    /// A JSON object.
     Json(Map<String, Value>),
 }
 

@@ -50,7 +50,6 @@ pub(super) enum Pace {
     Period(u64),
 }
 
-/// The source.
 #[derive(Debug)]
 pub(super) struct Mixed {
     inputs: Vec<Input>,

@@ -43,7 +43,6 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum SourceSpec {
-    /// A recorded trace.
     Replay(ReplaySpec),
     /// A formula.
     Simulate(SimulateSpec),

@@ -296,7 +296,6 @@ impl NoAnswer {
 enum GivenUp {
     /// A device's answer was not clean.
     Unclean(Duration),
-    /// The connection itself.
     Broken,
     /// The requester has stopped waiting.
     Unwanted,

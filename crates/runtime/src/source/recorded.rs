@@ -1,7 +1,6 @@
 //! Traces from recordings: readings bit-identical to the published ones. A recording is a file or a folder of rotated files.
 
-use crate::file;
-use formats::Diagnostic;
+use formats::{Diagnostic, file};
 use recording::message::decode_reading;
 use recording::{Item, Message, ReadItems, RunClock, Series, SeriesReader, Stamps};
 use std::collections::BTreeSet;
@@ -15,12 +14,14 @@ pub const MAX_ROWS: usize = 40_000_000;
 const AHEAD_NS: i128 = 100_000_000;
 
 /// Whether the path is a recording: a file that begins as one does, or no file.
-pub(super) fn is_recording(path: &Path) -> std::io::Result<bool> {
+pub(super) fn is_recording(path: &Path) -> Result<bool, TraceError> {
     if path.is_dir() || (!path.exists() && Series::open(path).is_ok()) {
         return Ok(true);
     }
     let mut head = Vec::new();
-    file::open(path, u64::MAX)?.take(recording::MAGIC.len() as u64).read_to_end(&mut head)?;
+    let (file, _) = file::open(path, u64::MAX).map_err(|error| TraceError::unreadable(error.cause()))?;
+    let read = file.take(recording::MAGIC.len() as u64).read_to_end(&mut head);
+    read.map_err(TraceError::unreadable)?;
     Ok(head == recording::MAGIC)
 }
 
@@ -67,8 +68,7 @@ pub struct LeftOut {
 
 impl Rows {
     pub(super) fn open(path: &Path, topic: Option<&str>) -> Result<Self, TraceError> {
-        let series =
-            Series::open(path).map_err(|error| TraceError::Unreadable { cause: error.to_string() })?;
+        let series = Series::open(path).map_err(TraceError::unreadable)?;
         Ok(Self {
             reader: series.reader(),
             topic: topic.map(str::to_owned),
@@ -107,7 +107,7 @@ impl Rows {
     }
 
     fn next_item(&mut self) -> Result<Option<Item>, TraceError> {
-        self.reader.next_item().map_err(|error| TraceError::Unreadable { cause: error.to_string() })
+        self.reader.next_item().map_err(TraceError::unreadable)
     }
 
     fn row(&mut self, message: &Message) -> Option<SensorSample> {
@@ -200,4 +200,10 @@ pub enum TraceError {
         "the recording has more than {limit} readings; record with --rotate-minutes and replay the part you need"
     )]
     TooManyRows { limit: usize },
+}
+
+impl TraceError {
+    pub(super) fn unreadable(cause: impl ToString) -> Self {
+        Self::Unreadable { cause: cause.to_string() }
+    }
 }

@@ -166,9 +166,16 @@ impl About {
 #[derive(Debug)]
 enum Rows {
     /// Trace in memory.
-    Memory { rows: Vec<SensorSample>, next: usize },
-    /// Recording.
-    File { path: PathBuf, topic: Option<String>, part: Part, rows: Option<Box<recorded::Rows>> },
+    Memory {
+        rows: Vec<SensorSample>,
+        next: usize,
+    },
+    File {
+        path: PathBuf,
+        topic: Option<String>,
+        part: Part,
+        rows: Option<Box<recorded::Rows>>,
+    },
 }
 
 impl Rows {
@@ -188,8 +195,7 @@ impl Rows {
         part: Part,
         inputs: &InputNames,
     ) -> Result<(Self, About), Vec<TraceError>> {
-        let is_recording = recorded::is_recording(path)
-            .map_err(|error| vec![TraceError::Unreadable { cause: error.to_string() }])?;
+        let is_recording = recorded::is_recording(path).map_err(|error| vec![error])?;
         let mut about = About::default();
         if !is_recording {
             return Ok(Self::of(Trace::read_named(path, None, inputs)?, part));

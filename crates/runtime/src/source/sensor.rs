@@ -72,7 +72,6 @@ pub struct ValueSpec<P> {
     /// is no pressure, length or force the unit at the end of its name, and no other.
     #[serde(default)]
     pub unit: Option<String>,
-    /// Smoothing.
     #[serde(default)]
     pub filter: FilterSpec,
     /// Standard deviation of its noise, MPa, mm or N; default: that of the actuator's `sigma`.
@@ -270,12 +269,10 @@ pub enum Filter {
     Off,
     /// The newest readings.
     Median {
-        /// How many.
         count: usize,
         /// Oldest first.
         recent: VecDeque<f64>,
     },
-    /// The last output.
     LowPass {
         /// Time constant, s.
         tau_s: f64,
@@ -285,7 +282,6 @@ pub enum Filter {
 }
 
 impl Filter {
-    /// An empty filter.
     pub fn new(spec: FilterSpec) -> Self {
         match spec {
             FilterSpec::Off => Self::Off,

@@ -18,7 +18,6 @@ pub struct SerialSpec {
     /// Bits of a character: 7 or 8.
     #[serde(default = "eight")]
     pub data_bits: u8,
-    /// Parity bit.
     #[serde(default)]
     pub parity: Parity,
     /// Stop bits: 1 or 2.
@@ -38,7 +37,6 @@ fn one() -> u8 {
     1
 }
 
-/// Parity bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Parity {

@@ -32,7 +32,6 @@ pub enum PaceSpec {
 pub enum SensorSpec {
     /// A device on Modbus TCP or RTU.
     Modbus(ModbusSensor),
-    /// Lines of text.
     Lines(LinesSensor),
 }
 

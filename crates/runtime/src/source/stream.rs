@@ -75,7 +75,6 @@ impl LinesPath {
     }
 }
 
-/// An open path.
 enum Input {
     Stream(Box<dyn AsyncRead + Unpin>),
     Datagrams(UdpSocket),

@@ -70,16 +70,16 @@ impl Trace {
         topic: Option<&str>,
         inputs: &InputNames,
     ) -> Result<Self, Vec<TraceError>> {
-        let unreadable = |error: std::io::Error| vec![TraceError::Unreadable { cause: error.to_string() }];
-        if recorded::is_recording(path).map_err(unreadable)? {
+        if recorded::is_recording(path).map_err(|error| vec![error])? {
             let rows = recorded::rows(path, topic)?;
             let numbers = (1..=rows.len()).collect();
             return Ok(Self::of_rows(rows, numbers));
         }
-        let bytes = file::read(path, MAX_BYTES).map_err(unreadable)?;
-        if let Some(found) = formats::file::other_than_text(&bytes) {
+        let bytes = file::read_bytes(path, MAX_BYTES);
+        let bytes = bytes.map_err(|error| vec![TraceError::unreadable(error.cause())])?;
+        if let Some(found) = file::other_than_text(&bytes) {
             let cause = format!("expected a table as text or a recording, found {found}");
-            return Err(vec![TraceError::Unreadable { cause }]);
+            return Err(vec![TraceError::unreadable(cause)]);
         }
         Self::parse_named(String::from_utf8_lossy(&bytes), inputs)
     }
@@ -90,7 +90,7 @@ impl Trace {
     /// # Errors
     /// All errors in the mapping or in the table; columns of `inputs` that the mapping lacks.
     pub fn read_log(path: &Path, mapping: &Path, inputs: &InputNames) -> Result<Self, Vec<TraceError>> {
-        let unreadable = |error: FormatError| vec![TraceError::Unreadable { cause: error.to_string() }];
+        let unreadable = |error: FormatError| vec![TraceError::unreadable(error)];
         let mapping = Mapping::read(mapping).map_err(unreadable)?;
         let recording = mapping.read_run(path).map_err(unreadable)?;
         for remark in &recording.remarks {

@@ -1,7 +1,7 @@
 //! Validation of a reading before anything is computed from it.
 
 use crate::config::{ActuatorSpec, Gap, Limits, ms_to_ns};
-use crate::load::Loaded;
+use crate::load::LoadedActuator;
 use crate::measured::{MeasuredInputs, MeasuredValue};
 use rom::inputs::{Inputs, Needs};
 use wire::{Outcome, SensorSample};
@@ -24,7 +24,7 @@ pub(super) struct Needed {
 }
 
 impl Needed {
-    pub(super) fn of(loaded: &Loaded) -> Self {
+    pub(super) fn of(loaded: &LoadedActuator) -> Self {
         let measured = MeasuredInputs::new(&loaded.spec, loaded.session.evaluator().inputs());
         let mut depends = loaded.session.evaluator().needs();
         depends.pressure |= loaded.session.follows_pressure();

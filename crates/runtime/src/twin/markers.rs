@@ -1,6 +1,6 @@
 //! Residuals of the markers: measured minus predicted positions, in the camera's frame.
 
-use super::residual::{Judged, Residual, Watch};
+use super::residual::{Residual, ResidualVerdict, Watch};
 use crate::config::ActuatorSpec;
 use crate::estimation::{SensorModel, Used};
 use estimate::{MAX_ROWS, Model, Predicted};
@@ -17,7 +17,7 @@ pub(super) struct Markers {
     sigmas_mm: [Marker; MARKERS_MAX],
     used: Used,
     watches: [[Watch; 3]; MARKERS_MAX],
-    judged: [Judged; MARKERS_MAX],
+    judged: [ResidualVerdict; MARKERS_MAX],
 }
 
 impl Markers {
@@ -29,13 +29,18 @@ impl Markers {
             sigmas_mm: spec.marker_sigmas_mm(),
             used: Used::default(),
             watches: Default::default(),
-            judged: [Judged::default(); MARKERS_MAX],
+            judged: [ResidualVerdict::default(); MARKERS_MAX],
         }
     }
 
     /// Takes the markers of a reading with this evaluation: the contribution to the displacement's half-width, mm, which is the largest of
     /// the markers, and whether a coordinate contradicts the model for `after_s`. A slow camera's value counts once.
-    pub(super) fn update(&mut self, sample: &SensorSample, evaluation: &Evaluation, after_s: f64) -> Judged {
+    pub(super) fn update(
+        &mut self,
+        sample: &SensorSample,
+        evaluation: &Evaluation,
+        after_s: f64,
+    ) -> ResidualVerdict {
         let new = self.used.new_in(sample);
         if sample.marker_values > 0 {
             let rows = self.predicted.get_mut(..1 + 3 * self.count).unwrap_or_default();
@@ -56,8 +61,8 @@ impl Markers {
                     let value = measured - predicted.value;
                     watch.update(Residual { t_sensor_ns, value, halfwidth, sigma: *sigma }, after_s)
                 });
-            *judged = each.fold(Judged::default(), |all, axis| all.joined(axis, f64::hypot));
+            *judged = each.fold(ResidualVerdict::default(), |all, axis| all.joined(axis, f64::hypot));
         }
-        self.judged.iter().fold(Judged::default(), |all, marker| all.joined(*marker, f64::max))
+        self.judged.iter().fold(ResidualVerdict::default(), |all, marker| all.joined(*marker, f64::max))
     }
 }

@@ -29,7 +29,7 @@ pub use swap::{Retired, SwapError};
 
 use crate::config::{Limits, OutsideDomain, Settings, ms_to_ns};
 use crate::estimation::Estimator;
-use crate::load::Loaded;
+use crate::load::LoadedActuator;
 use crate::publish::{self, FieldError, FieldOutput};
 use ingest::Validator;
 use parts::Parts;
@@ -46,7 +46,7 @@ use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
-use swap::Running;
+use swap::RunningActuator;
 use wire::layout::{LAYOUT_VERSION, estimate_alarm, flags, pack_name};
 use wire::{
     Bus, Estimate, EstimateWriter, Health, HealthWriter, Outcome, SensorReader, SensorSample, State,
@@ -75,7 +75,7 @@ impl Twin {
     /// full, and the other refusals of the ports.
     pub fn start(
         bus: &Bus,
-        loaded: Vec<Loaded>,
+        loaded: Vec<LoadedActuator>,
         settings: &Settings,
         events: &EventSender,
     ) -> Result<Self, WireError> {
@@ -123,7 +123,7 @@ impl Twin {
     ///
     /// # Errors
     /// [`SwapError`]; the twin is as before.
-    pub fn swap(&mut self, loaded: Vec<Loaded>) -> Result<Retired, SwapError> {
+    pub fn swap(&mut self, loaded: Vec<LoadedActuator>) -> Result<Retired, SwapError> {
         let running: Vec<_> = self.actuators.iter().map(ActuatorTwin::running).collect();
         swap::check(&running, &loaded)?;
         let mut retired = Retired::default();
@@ -158,7 +158,7 @@ struct ActuatorTwin {
     label: RegimeLabel,
     validator: Validator,
     /// Good readings that are not answered yet; never more than the backlog.
-    waiting: VecDeque<Taken>,
+    waiting: VecDeque<WaitingReading>,
     force_watch: Watch,
     limits: Limits,
     deadline: Deadline,
@@ -178,7 +178,7 @@ struct ActuatorTwin {
 
 /// A good reading with the time of taking it from the topic.
 #[derive(Debug, Clone, Copy)]
-struct Taken {
+struct WaitingReading {
     sample: SensorSample,
     taken_ns: u64,
     filtered: FilteredInputs,
@@ -197,7 +197,7 @@ impl ActuatorTwin {
     fn start(
         bus: &Bus,
         number: u32,
-        mut loaded: Loaded,
+        mut loaded: LoadedActuator,
         limits: Limits,
         boot_id: u64,
         events: EventSender,
@@ -252,8 +252,8 @@ impl ActuatorTwin {
     }
 
     /// Properties that its readers depend on.
-    fn running(&self) -> Running<'_> {
-        Running {
+    fn running(&self) -> RunningActuator<'_> {
+        RunningActuator {
             name: self.state_writer.topic().actuator(),
             sensor: self.reader.topic().actuator(),
             outputs: self.outputs.iter().map(FieldOutput::shape).collect(),
@@ -262,7 +262,7 @@ impl ActuatorTwin {
     }
 
     /// Continues with another model; the caller has checked that names and shapes are the same.
-    fn swap(&mut self, mut loaded: Loaded, retired: &mut Retired) {
+    fn swap(&mut self, mut loaded: LoadedActuator, retired: &mut Retired) {
         let model_hash = loaded.model_hash;
         for (output, new) in self.outputs.iter_mut().zip(std::mem::take(&mut loaded.outputs)) {
             retired.reconstructors.push(output.swap(model_hash, new));
@@ -340,7 +340,7 @@ impl ActuatorTwin {
                 {
                     estimation.estimator.forget_past();
                 }
-                self.waiting.push_back(Taken { sample, taken_ns: now, filtered });
+                self.waiting.push_back(WaitingReading { sample, taken_ns: now, filtered });
             }
             Err(outcome) => {
                 if outcome.is_held() {
@@ -355,7 +355,7 @@ impl ActuatorTwin {
 
     /// Steps 3 to 6 for every good reading that waits.
     fn answer_waiting(&mut self) {
-        while let Some(Taken { sample, taken_ns, filtered }) = self.waiting.pop_front() {
+        while let Some(WaitingReading { sample, taken_ns, filtered }) = self.waiting.pop_front() {
             let outcome = match self.evaluate(&sample, filtered) {
                 Ok(()) => self.publish(&sample, taken_ns),
                 Err(outcome) => {
@@ -398,7 +398,7 @@ impl ActuatorTwin {
                 estimate.sigmas.fill(f64::NAN);
             }
         }
-        if self.parts.wanted.coefficients || self.parts.description.observables.count() > 0 {
+        if self.parts.wanted.coefficients || self.parts.contents.observables.count() > 0 {
             self.parts.session.complete(&mut self.evaluation);
         }
         self.note_domain();
@@ -485,14 +485,14 @@ impl ActuatorTwin {
         let force = self.force_watch.update(residual, after_s);
         let markers = self.parts.markers.as_mut().map(|of| of.update(sample, evaluation, after_s));
         let markers = markers.unwrap_or_default();
-        let of = &self.parts.description.observables;
+        let of = &self.parts.contents.observables;
         let observed = self.parts.observed.update(sample, evaluation, of, after_s);
         let halfwidths = &mut evaluation.halfwidths;
         halfwidths.force_n = halfwidths.force_n.hypot(force.contribution);
         halfwidths.displacement_mm = halfwidths.displacement_mm.hypot(markers.contribution);
         let (regime_before, flags_before) = (state.regime, self.record.health.flags);
-        let Parts { contents, description, wanted, .. } = &self.parts;
-        publish::fill_state(state, evaluation, contents, description, *wanted);
+        let Parts { contents, wanted, .. } = &self.parts;
+        publish::fill_state(state, evaluation, contents, *wanted);
         self.parts.observed.widen(&mut state.observable_halfwidths);
         publish::fill_label(state, self.label);
         state.outcome = Outcome::Published.code();

@@ -1,6 +1,6 @@
 //! Residuals of the measured observables: measured minus predicted values.
 
-use super::residual::{Judged, Residual, Watch};
+use super::residual::{Residual, ResidualVerdict, Watch};
 use crate::config::ActuatorSpec;
 use crate::estimation::{Used, packed};
 use rom::evaluation::Evaluation;
@@ -23,20 +23,20 @@ struct One {
     at: usize,
     sigma: f64,
     watch: Watch,
-    judged: Judged,
+    judged: ResidualVerdict,
 }
 
 impl MeasuredObservables {
     /// Those of the scene, at these positions among the model's.
     pub(super) fn new(spec: &ActuatorSpec, positions: &[usize]) -> Self {
-        let one = |(name, at): (&String, &usize)| One {
+        let measured = |(name, at): (&String, &usize)| One {
             name: packed(name),
             at: *at,
             sigma: spec.named_sigma(name).unwrap_or(f64::NAN),
             watch: Watch::default(),
-            judged: Judged::default(),
+            judged: ResidualVerdict::default(),
         };
-        Self { all: spec.observables.keys().zip(positions).map(one).collect(), used: Used::default() }
+        Self { all: spec.observables.keys().zip(positions).map(measured).collect(), used: Used::default() }
     }
 
     /// Takes those of a reading with this evaluation; true if one contradicts the model for `after_s`. A slow sensor's value counts once.

@@ -4,8 +4,7 @@ use super::ingest::Needed;
 use super::markers::Markers;
 use super::observed::MeasuredObservables;
 use crate::config::StateSpec;
-use crate::load::{Description, Loaded};
-use crate::publish::Contents;
+use crate::load::{LoadedActuator, PayloadContents};
 use rom::evaluator::RegimeLabels;
 use rom::session::Session;
 use wire::layout::INPUTS_MAX;
@@ -17,9 +16,8 @@ pub(super) struct Parts {
     pub model_hash: [u8; 16],
     pub session: Session,
     pub labels: RegimeLabels,
-    pub description: Description,
     pub needed: Needed,
-    pub contents: Contents,
+    pub contents: PayloadContents,
     /// Source of the value of each input of the payloads.
     pub input_sources: [u8; INPUTS_MAX],
     pub backlog: usize,
@@ -33,20 +31,18 @@ pub(super) struct Parts {
 
 impl Parts {
     /// Parts of a loaded actuator whose outputs and estimator have been taken.
-    pub fn new(mut loaded: Loaded) -> Self {
+    pub fn new(mut loaded: LoadedActuator) -> Self {
         let markers = loaded.markers.take().map(|model| Markers::new(model, &loaded.spec));
-        let contents = Contents::new(loaded.session.evaluator());
         Self {
             model_hash: loaded.model_hash,
             needed: Needed::of(&loaded),
-            contents,
-            input_sources: contents.sources(&loaded.spec, loaded.session.evaluator().inputs()),
+            input_sources: loaded.contents.sources(&loaded.spec, loaded.session.evaluator().inputs()),
             backlog: loaded.spec.backlog,
             wanted: loaded.spec.state,
             force_sigma_n: loaded.spec.force_sigma_n(),
             markers,
             observed: MeasuredObservables::new(&loaded.spec, &loaded.observed),
-            description: loaded.description,
+            contents: loaded.contents,
             labels: RegimeLabels::new(loaded.session.evaluator()),
             session: loaded.session,
         }

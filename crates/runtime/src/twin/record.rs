@@ -175,7 +175,6 @@ pub struct Event {
     pub t_ns: u64,
     /// Which actuator, by its place in the scene.
     pub actuator: u32,
-    /// What.
     pub kind: EventKind,
     /// Its number, see [`EventKind`].
     pub value: u64,
@@ -223,7 +222,6 @@ pub enum EventKind {
 }
 
 impl EventKind {
-    /// Kinds of events.
     pub(super) const COUNT: usize = Self::WaitFailed as usize + 1;
 }
 

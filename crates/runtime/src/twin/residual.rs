@@ -43,14 +43,14 @@ pub(super) struct Residual {
 
 /// Result of a reading.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Judged {
+pub(super) struct ResidualVerdict {
     /// Share of the half-width that the residuals require; 0 if nothing was measured yet.
     pub(super) contribution: f64,
     /// The alarm stands.
     pub(super) mismatch: bool,
 }
 
-impl Judged {
+impl ResidualVerdict {
     /// Both results as one, with the contributions combined by `combine`.
     pub(super) fn joined(self, other: Self, combine: fn(f64, f64) -> f64) -> Self {
         let contribution = combine(self.contribution, other.contribution);
@@ -149,16 +149,16 @@ pub(super) struct Watch {
 impl Watch {
     /// Takes the residual of a reading; the alarm needs a contradiction of `after_s`. Without a measured value the times restart and the
     /// contribution stays.
-    pub(super) fn update(&mut self, residual: Residual, after_s: f64) -> Judged {
+    pub(super) fn update(&mut self, residual: Residual, after_s: f64) -> ResidualVerdict {
         let Residual { t_sensor_ns, value, halfwidth, sigma } = residual;
         let contribution = self.seen.update(t_sensor_ns, value, sigma);
         // Without a half-width, as outside the training range, nothing contradicts the model.
         if value.is_nan() || halfwidth.is_nan() {
             (self.outside_since_ns, self.steady) = (None, Sums::default());
-            return Judged { contribution, mismatch: false };
+            return ResidualVerdict { contribution, mismatch: false };
         }
         let mismatch = self.is_outside(residual, after_s) | self.is_steady(residual, after_s);
-        Judged { contribution, mismatch }
+        ResidualVerdict { contribution, mismatch }
     }
 
     /// Forgets all readings, for another model.

@@ -3,7 +3,7 @@
 
 use super::parts::Parts;
 use crate::estimation::Estimator;
-use crate::load::Loaded;
+use crate::load::LoadedActuator;
 use crate::publish::shape;
 use rom::reconstructor::Reconstructor;
 
@@ -20,7 +20,7 @@ pub enum SwapError {
     )]
     Outputs {
         actuator: String,
-        /// Running, as `topic (values)`.
+        /// RunningActuator, as `topic (values)`.
         running: String,
         new: String,
     },
@@ -37,7 +37,7 @@ pub struct Retired {
 }
 
 /// Properties that readers of a running actuator depend on.
-pub(super) struct Running<'a> {
+pub(super) struct RunningActuator<'a> {
     pub(super) name: &'a str,
     /// The actuator whose sensor it reads.
     pub(super) sensor: &'a str,
@@ -51,7 +51,7 @@ pub(super) struct Running<'a> {
 ///
 /// # Errors
 /// [`SwapError`] with both.
-pub(super) fn check(running: &[Running<'_>], new: &[Loaded]) -> Result<(), SwapError> {
+pub(super) fn check(running: &[RunningActuator<'_>], new: &[LoadedActuator]) -> Result<(), SwapError> {
     let names = list(running.iter().map(|actuator| (actuator.name, actuator.sensor)));
     let new_names = list(new.iter().map(|loaded| (loaded.spec.name.as_str(), loaded.spec.sensor())));
     if names != new_names {

@@ -48,7 +48,6 @@ impl ValveCounters {
 /// Why the valves cannot be driven.
 #[derive(Debug, thiserror::Error)]
 pub enum ValveError {
-    /// The topics.
     #[error(transparent)]
     Wire(#[from] WireError),
     /// The system refuses a thread, or what its device needs.

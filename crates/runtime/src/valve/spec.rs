@@ -83,7 +83,6 @@ impl WatchdogSpec {
     }
 }
 
-/// Lines of text.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinesValve {

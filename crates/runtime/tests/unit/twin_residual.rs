@@ -40,7 +40,7 @@ fn outlier_or_missing_value_restarts_the_time() {
 fn contribution_is_zero_without_measurement_and_stays_while_none_comes() {
     let mut watch = Watch::default();
     let none = Residual { t_sensor_ns: 0, value: f64::NAN, halfwidth: 1e-4, sigma: 0.005 };
-    assert_eq!(watch.update(none, 0.5), Judged { contribution: 0.0, mismatch: false });
+    assert_eq!(watch.update(none, 0.5), ResidualVerdict { contribution: 0.0, mismatch: false });
     for k in 1..400_u64 {
         let _moves = watch.update(Residual { t_sensor_ns: 5 * k * MS, value: 0.04, ..none }, 0.5);
     }

@@ -160,7 +160,7 @@ fn inputs(path: &Path) -> Result<InputNames> {
 
 /// The first line of a table that is no comment.
 fn header(path: &Path) -> Option<String> {
-    let file = runtime::file::open(path, u64::MAX).ok()?;
+    let (file, _) = runtime::file::open(path, u64::MAX).ok()?;
     let lines = BufReader::new(file.take(HEADER_BYTES)).lines().map_while(Result::ok);
     let mut lines = lines.map(|line| line.trim_start_matches('\u{feff}').trim().to_owned());
     lines.find(|line| !line.is_empty() && !line.starts_with('#'))

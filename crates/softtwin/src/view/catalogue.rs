@@ -10,7 +10,7 @@ use rom::model::{Nodes, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::Footprint;
 use runtime::config::{ActuatorSpec, BlockSpec, PlaceSpec, Scene};
-use runtime::load::Description;
+use runtime::load::PayloadContents;
 use runtime::publish::state_of;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -102,7 +102,7 @@ struct InputCard {
 /// A model's visible nodes at one state, with the names of its fields.
 struct Prediction {
     state: ModelState,
-    description: Description,
+    contents: PayloadContents,
     fields: Vec<&'static str>,
 }
 
@@ -364,8 +364,8 @@ impl Prediction {
             .with_context(|| format!("cannot predict with the model: {}", loaded.path.display()))?;
         let names = loaded.model.header.fields.iter().map(|field| field.spec.name.as_str());
         let known = |name| field_id::from_name(name).map_or("other", field_id::as_str);
-        let description = Description::of(&loaded.model)?;
-        Ok(Self { state, description, fields: names.map(known).collect() })
+        let contents = PayloadContents::new(&loaded.model, state.evaluator())?;
+        Ok(Self { state, contents, fields: names.map(known).collect() })
     }
 
     /// The values to send and their description in the header.
@@ -392,7 +392,7 @@ impl Prediction {
         let mut head = FrameHead::empty(PREDICTION);
         let values = self.shape(inputs, known, &mut head)?;
         head.predicted = true;
-        head.set_state(&state_of(self.state.evaluation(), self.state.evaluator(), &self.description));
+        head.set_state(&state_of(self.state.evaluation(), &self.contents));
         Ok(encode(&head, &[&values]))
     }
 }

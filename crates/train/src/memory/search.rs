@@ -1,9 +1,9 @@
-//! Search for the constants of a set of blocks: outer Levenberg-Marquardt, inner static fit.
+//! Search for the constants of a set of blocks by damped least squares, with the static map fitted at each of them.
 
 use super::blocks::{self, Block, Limits};
 use super::map::{Normal, Point, Terms};
 use crate::measured::Run;
-use rom::dense::Dense;
+use rom::least_squares::{Residuals, Search, minimise, normal_matrix, square};
 
 /// Most rows that the static map is fitted to.
 const MAX_ROWS: usize = 2000;
@@ -161,49 +161,26 @@ impl<'a> Problem<'a> {
         Some(self.errors(&fitted, |fold| Some(fold) != without))
     }
 
-    fn clamp(&self, blocks: &[Block], unknowns: &mut [f64]) {
-        for (block, pair) in blocks.iter().zip(unknowns.chunks_exact_mut(2)) {
-            for (value, [low, high]) in pair.iter_mut().zip(self.limits.of(*block)) {
-                *value = value.clamp(low, high);
-            }
-        }
-    }
-
-    /// Levenberg-Marquardt on the projected residuals; returns the unknowns and the normal matrix there.
+    /// The unknowns with the smallest projected residuals near `start`.
     fn minimise(
         &self,
         blocks: &[Block],
         terms: Terms<'_>,
         start: &[f64],
         without: Option<usize>,
-        iterations: usize,
+        steps: usize,
     ) -> Option<Vec<f64>> {
-        let mut unknowns = start.to_vec();
-        self.clamp(blocks, &mut unknowns);
-        let mut residuals = self.residuals(blocks, terms, &unknowns, without)?;
-        let mut damping = 1e-2;
-        for _ in 0..iterations {
-            let jacobian = self.jacobian(blocks, terms, &unknowns, without, &residuals)?;
-            let before = square(&residuals);
-            let mut is_better = false;
-            for _ in 0..5 {
-                let step = damped_step(&jacobian, &residuals, damping)?;
-                let mut next: Vec<f64> =
-                    unknowns.iter().zip(&step).map(|(u, s)| u + s.clamp(-1.0, 1.0)).collect();
-                self.clamp(blocks, &mut next);
-                let found = self.residuals(blocks, terms, &next, without);
-                if let Some(found) = found.filter(|found| square(found) < before) {
-                    (unknowns, residuals, is_better) = (next, found, true);
-                    damping *= 0.3;
-                    break;
-                }
-                damping *= 5.0;
-            }
-            if !is_better || square(&residuals) > (1.0 - STOP) * before {
-                break;
-            }
-        }
-        Some(unknowns)
+        let search = Search {
+            steps,
+            tries: 5,
+            damping: 1e-2,
+            by_unknown: true,
+            largest_change: 1.0,
+            met: 0.0,
+            least_decrease: STOP,
+        };
+        let mut projected = Projected { problem: self, blocks, terms, without };
+        minimise(&mut projected, start, &search).map(|minimum| minimum.unknowns)
     }
 
     /// Derivatives of the residuals, one column per unknown.
@@ -302,22 +279,24 @@ impl<'a> Problem<'a> {
     }
 }
 
-fn square(values: &[f64]) -> f64 {
-    values.iter().map(|v| v * v).sum()
+/// Residuals of the constants of blocks, the static map fitted at each of them.
+struct Projected<'a> {
+    problem: &'a Problem<'a>,
+    blocks: &'a [Block],
+    terms: Terms<'a>,
+    without: Option<usize>,
 }
 
-fn normal_matrix(jacobian: &[Vec<f64>], damping: f64) -> Dense {
-    let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
-    let largest = jacobian.iter().map(|column| square(column)).fold(f64::MIN_POSITIVE, f64::max);
-    Dense::from_fn(jacobian.len(), |i, j| {
-        let sum = dot(&jacobian[i], &jacobian[j]);
-        if i == j { sum * (1.0 + damping) + 1e-9 * largest } else { sum }
-    })
-}
+impl Residuals for Projected<'_> {
+    fn at(&mut self, unknowns: &[f64]) -> Option<Vec<f64>> {
+        self.problem.residuals(self.blocks, self.terms, unknowns, self.without)
+    }
 
-fn damped_step(jacobian: &[Vec<f64>], residuals: &[f64], damping: f64) -> Option<Vec<f64>> {
-    let dot = |column: &Vec<f64>| -> f64 { column.iter().zip(residuals).map(|(a, b)| a * b).sum() };
-    let mut right: Vec<f64> = jacobian.iter().map(|column| -dot(column)).collect();
-    normal_matrix(jacobian, damping).solve(&mut right, 1)?;
-    right.iter().all(|v| v.is_finite()).then_some(right)
+    fn jacobian(&mut self, unknowns: &[f64], residuals: &[f64]) -> Option<Vec<Vec<f64>>> {
+        self.problem.jacobian(self.blocks, self.terms, unknowns, self.without, residuals)
+    }
+
+    fn bounds(&self, unknown: usize) -> [f64; 2] {
+        self.problem.limits.of(self.blocks[unknown / 2])[unknown % 2]
+    }
 }

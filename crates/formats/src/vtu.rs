@@ -1,14 +1,21 @@
-//! Reader: one piece of 10-node tetrahedra, or of any cells with quantities at their nodes; arrays in ASCII, base64 or raw appended, plain or zlib, either byte order.
+//! VTK's XML unstructured grids, as ParaView, meshio and PyVista read and write them.
 
-use super::codec::{self, Coding, Element};
 use crate::cells::{Block, Kind};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use crate::mesh_file::{MeshFile, Tri6};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use flate2::bufread::ZlibDecoder;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use std::collections::{BTreeMap, HashMap};
+use std::fmt::Write as _;
+use std::io::Read;
 use std::path::Path;
+
+// Reader: one piece of 10-node tetrahedra, or of any cells with quantities at their nodes; arrays in ASCII, base64 or raw appended, plain or zlib, either byte order.
 
 const POINTS: [usize; 2] = [1, 2];
 /// Lines: trusses, beams, springs.
@@ -60,7 +67,6 @@ pub struct Content {
 pub struct Quantity {
     /// Name in the file.
     pub name: String,
-    /// Values per node.
     pub components: usize,
     /// `nodes x components`.
     pub values: Vec<f64>,
@@ -360,15 +366,15 @@ impl<'a> File<'a> {
         let diagnostic = |found: String| {
             Diagnostic::new(format!("DataArray {name}"), format!("{expected} numbers"), found)
         };
-        let decode = |block: &[u8]| codec::elements(block, array.element, self.coding, expected);
+        let decode = |block: &[u8]| elements(block, array.element, self.coding, expected);
         let values = match &array.place {
             Place::Ascii(text) => numbers(text, expected),
-            Place::Inline(text) => decode(&codec::base64(text)),
+            Place::Inline(text) => decode(&base64(text)),
             Place::Appended(offset) => match &self.appended {
                 None => Err("no AppendedData".into()),
                 Some(section) => match section.data.get(*offset..) {
                     None => Err(format!("offset {offset} beyond the {} appended bytes", section.data.len())),
-                    Some(data) if section.base64 => decode(&codec::base64(data)),
+                    Some(data) if section.base64 => decode(&base64(data)),
                     Some(data) => decode(data),
                 },
             },
@@ -430,4 +436,334 @@ fn count(tag: &BytesStart, name: &str) -> Result<usize, Diagnostic> {
         let shown: String = text.chars().take(20).collect();
         Diagnostic::new(name, "a count below 2^32", format!("`{shown}`"))
     })
+}
+
+// Writer: one piece, inline binary arrays (base64, 64-bit lengths, uncompressed), which every reader understands.
+
+const QUADRATIC_TETRA: u8 = 24;
+const TRIANGLE: u8 = 5;
+
+/// Cells of a grid, by node index.
+#[derive(Clone, Copy, Debug)]
+pub enum Cells<'a> {
+    /// 10-node tetrahedra in VTK order.
+    QuadraticTets(&'a [[u32; 10]]),
+    /// Flat triangles.
+    Triangles(&'a [[u32; 3]]),
+    /// Cells of several kinds.
+    Mixed(&'a [Block]),
+}
+
+impl Cells<'_> {
+    /// True without cells.
+    pub fn is_empty(&self) -> bool {
+        self.parts().iter().all(|part| part.2.is_empty())
+    }
+
+    /// Per kind of cell: VTK's number of the kind, nodes per cell, and all their nodes.
+    fn parts(&self) -> Vec<(u8, usize, &[u32])> {
+        match self {
+            Self::QuadraticTets(cells) => vec![(QUADRATIC_TETRA, 10, cells.as_flattened())],
+            Self::Triangles(cells) => vec![(TRIANGLE, 3, cells.as_flattened())],
+            Self::Mixed(blocks) => {
+                blocks.iter().map(|b| (b.kind, b.nodes_per_cell, b.nodes.as_slice())).collect()
+            }
+        }
+    }
+}
+
+/// Named quantity with `components` values per node.
+#[derive(Clone, Copy, Debug)]
+pub struct PointData<'a> {
+    /// Name with unit, as shown in a viewer (`von_mises [MPa]`).
+    pub name: &'a str,
+    /// 1 for scalars, 3 for vectors.
+    pub components: usize,
+    /// `nodes x components`.
+    pub values: &'a [f32],
+}
+
+/// Content of a file.
+#[derive(Clone, Copy, Debug)]
+pub struct Grid<'a> {
+    /// Node positions in mm.
+    pub points_mm: &'a [[f64; 3]],
+    pub cells: Cells<'a>,
+    /// Values at the nodes.
+    pub point_data: &'a [PointData<'a>],
+}
+
+/// Writes a grid.
+///
+/// # Errors
+/// A cell with a node that does not exist, point data of the wrong length, or an I/O error.
+pub fn write(path: &Path, grid: &Grid<'_>) -> Result<(), FormatError> {
+    write_labelled(path, grid, "", &[])
+}
+
+/// Writes a grid with field data: a name (`case`, omitted if empty) and named numbers.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_labelled(
+    path: &Path,
+    grid: &Grid<'_>,
+    name: &str,
+    numbers: &[(&str, f64)],
+) -> Result<(), FormatError> {
+    FormatError::check((), path, diagnostics(grid))?;
+    file::replace(path, compose(grid, &field_data(name, numbers)).as_bytes())
+}
+
+/// The name is written as its bytes: other readers (meshio) refuse VTK's arrays of strings.
+fn field_data(name: &str, numbers: &[(&str, f64)]) -> String {
+    let mut xml = String::new();
+    if name.is_empty() && numbers.is_empty() {
+        return xml;
+    }
+    xml += "<FieldData>\n";
+    for (name, value) in numbers {
+        let name = quick_xml::escape::escape(*name);
+        let _ = writeln!(
+            xml,
+            "<DataArray type=\"Float64\" Name=\"{name}\" NumberOfTuples=\"1\" format=\"ascii\">{value:e}</DataArray>"
+        );
+    }
+    if !name.is_empty() {
+        let codes: Vec<String> = name.bytes().map(|byte| byte.to_string()).collect();
+        let (count, codes) = (codes.len(), codes.join(" "));
+        let _ = writeln!(
+            xml,
+            "<DataArray type=\"UInt8\" Name=\"case\" NumberOfTuples=\"{count}\" format=\"ascii\">{codes}</DataArray>"
+        );
+    }
+    xml + "</FieldData>\n"
+}
+
+fn diagnostics(grid: &Grid<'_>) -> Vec<Diagnostic> {
+    let nodes = grid.points_mm.len();
+    let mut diagnostics = Vec::new();
+    let parts = grid.cells.parts();
+    if let Some(bad) = parts.iter().flat_map(|part| part.2).find(|i| **i as usize >= nodes) {
+        diagnostics.push(Diagnostic::new("cells", format!("node indices below {nodes}"), bad));
+    }
+    for data in grid.point_data.iter().filter(|d| d.values.len() != nodes * d.components) {
+        let expected = format!("{} values", nodes * data.components);
+        diagnostics.push(Diagnostic::new(format!("point data `{}`", data.name), expected, data.values.len()));
+    }
+    diagnostics
+}
+
+fn compose(grid: &Grid<'_>, field_data: &str) -> String {
+    let parts = grid.cells.parts();
+    // One entry a cell: how many nodes it has and what it is.
+    let cells: Vec<(u32, u8)> = parts
+        .iter()
+        .flat_map(|(kind, width, nodes)| std::iter::repeat_n((*width as u32, *kind), nodes.len() / width))
+        .collect();
+    let count = cells.len();
+    let mut xml = String::from("<?xml version=\"1.0\"?>\n");
+    xml += "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n";
+    let _ = writeln!(
+        xml,
+        "<UnstructuredGrid>\n{field_data}<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{count}\">",
+        grid.points_mm.len()
+    );
+    xml += "<Points>\n";
+    let points = grid.points_mm.as_flattened().iter().flat_map(|v| v.to_le_bytes());
+    array(&mut xml, "Float64", "Points", 3, points);
+    xml += "</Points>\n<Cells>\n";
+    let connectivity = parts.iter().flat_map(|part| part.2).flat_map(|node| node.to_le_bytes());
+    array(&mut xml, "Int32", "connectivity", 1, connectivity);
+    let offsets = cells.iter().scan(0_u32, |end, (width, _)| {
+        *end += width;
+        Some(*end)
+    });
+    array(&mut xml, "Int32", "offsets", 1, offsets.flat_map(u32::to_le_bytes));
+    array(&mut xml, "UInt8", "types", 1, cells.iter().map(|(_, kind)| *kind));
+    xml += "</Cells>\n<PointData>\n";
+    for data in grid.point_data {
+        array(
+            &mut xml,
+            "Float32",
+            data.name,
+            data.components,
+            data.values.iter().flat_map(|v| v.to_le_bytes()),
+        );
+    }
+    xml += "</PointData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n";
+    xml
+}
+
+fn array(xml: &mut String, kind: &str, name: &str, components: usize, bytes: impl Iterator<Item = u8>) {
+    let bytes: Vec<u8> = bytes.collect();
+    let mut block = (bytes.len() as u64).to_le_bytes().to_vec();
+    block.extend(bytes);
+    let name = quick_xml::escape::escape(name);
+    let _ = writeln!(
+        xml,
+        "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"binary\">"
+    );
+    STANDARD.encode_string(&block, xml);
+    xml.push_str("\n</DataArray>\n");
+}
+
+// Bytes of a `DataArray`: base64, length headers and zlib blocks, each bounded by what the file can hold.
+
+/// Base64 without padding, for the end of truncated data.
+const PADDED_OR_NOT: GeneralPurpose = GeneralPurpose::new(
+    &base64::alphabet::STANDARD,
+    GeneralPurposeConfig::new()
+        .with_decode_allow_trailing_bits(true)
+        .with_decode_padding_mode(DecodePaddingMode::Indifferent),
+);
+
+/// Encoding of a file's arrays (attributes of `VTKFile`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Coding {
+    /// Most significant byte first.
+    pub(crate) big_endian: bool,
+    /// Lengths take 8 bytes instead of 4.
+    pub(crate) long_header: bool,
+    /// Arrays in zlib blocks.
+    pub(crate) zlib: bool,
+}
+
+/// Element type of VTK's arrays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Element {
+    Float(usize),
+    Int(usize),
+    UInt(usize),
+}
+
+impl Element {
+    pub(crate) fn named(name: &str) -> Option<Self> {
+        let (kind, bits): (fn(usize) -> Self, &str) = if let Some(bits) = name.strip_prefix("Float") {
+            (Self::Float, bits)
+        } else if let Some(bits) = name.strip_prefix("UInt") {
+            (Self::UInt, bits)
+        } else {
+            (Self::Int, name.strip_prefix("Int")?)
+        };
+        let bytes = match bits {
+            "8" => 1,
+            "16" => 2,
+            "32" => 4,
+            "64" => 8,
+            _ => return None,
+        };
+        let element = kind(bytes);
+        (!matches!(element, Self::Float(1 | 2))).then_some(element)
+    }
+
+    pub(crate) fn size(self) -> usize {
+        match self {
+            Self::Float(n) | Self::Int(n) | Self::UInt(n) => n,
+        }
+    }
+
+    /// Values of an array.
+    pub(crate) fn values(self, bytes: &[u8], big_endian: bool) -> Vec<f64> {
+        bytes.chunks_exact(self.size()).map(|element| self.value(element, big_endian)).collect()
+    }
+
+    /// Value of one element; integers above 2^53 lose digits.
+    fn value(self, bytes: &[u8], big_endian: bool) -> f64 {
+        let word = word(bytes, big_endian);
+        match self {
+            Self::Float(4) => f64::from(f32::from_bits(word as u32)),
+            Self::Float(_) => f64::from_bits(word),
+            Self::UInt(_) => word as f64,
+            Self::Int(n) => {
+                let unused = 64 - 8 * n as u32;
+                ((word << unused) as i64 >> unused) as f64
+            }
+        }
+    }
+}
+
+/// Decodes at most `expected` elements of an encoded block; an error describes the content found.
+pub(super) fn elements(
+    block: &[u8],
+    element: Element,
+    coding: Coding,
+    expected: usize,
+) -> Result<Vec<f64>, String> {
+    let wanted = expected.checked_mul(element.size()).ok_or("a size beyond any memory")?;
+    let raw = if coding.zlib { inflate(block, coding, wanted)? } else { plain(block, coding, wanted)? };
+    Ok(element.values(&raw, coding.big_endian))
+}
+
+fn plain(block: &[u8], coding: Coding, wanted: usize) -> Result<Vec<u8>, String> {
+    let (length, rest) = length(block, coding)?;
+    if length != wanted {
+        return Err(format!("{length} bytes"));
+    }
+    rest.get(..wanted).map(<[u8]>::to_vec).ok_or_else(|| format!("only {} of {wanted} bytes", rest.len()))
+}
+
+/// Blocks of zlib: their number, the size of each when inflated, that of the last, then every compressed size.
+fn inflate(block: &[u8], coding: Coding, wanted: usize) -> Result<Vec<u8>, String> {
+    let (count, rest) = length(block, coding)?;
+    let (size, rest) = length(rest, coding)?;
+    let (last, mut sizes) = length(rest, coding)?;
+    let header = if coding.long_header { 8 } else { 4 };
+    let mut data = count
+        .checked_mul(header)
+        .and_then(|bytes| sizes.get(bytes..))
+        .ok_or_else(|| format!("{count} blocks announced in {} bytes", sizes.len()))?;
+    let total = match (count, last) {
+        (0, _) => Some(0),
+        (_, 0) => count.checked_mul(size),
+        _ => (count - 1).checked_mul(size).and_then(|bytes| bytes.checked_add(last)),
+    };
+    if total != Some(wanted) {
+        return Err(total.map_or_else(|| "a size beyond any memory".into(), |bytes| format!("{bytes} bytes")));
+    }
+    let mut out = Vec::new(); // grows with the data, not with the header
+    for index in 0..count {
+        let (compressed, next) = length(sizes, coding)?;
+        sizes = next;
+        let part = data.get(..compressed).ok_or_else(|| format!("block {index} cut short"))?;
+        data = &data[compressed..];
+        let bound = (wanted - out.len()) as u64;
+        ZlibDecoder::new(part)
+            .take(bound)
+            .read_to_end(&mut out)
+            .map_err(|e| format!("block {index} that is no zlib stream ({e})"))?;
+    }
+    if out.len() == wanted { Ok(out) } else { Err(format!("only {} of {wanted} bytes", out.len())) }
+}
+
+fn length(bytes: &[u8], coding: Coding) -> Result<(usize, &[u8]), String> {
+    let width = if coding.long_header { 8 } else { 4 };
+    let (head, rest) = bytes.split_at_checked(width).ok_or("too few bytes for a length header")?;
+    let value = usize::try_from(word(head, coding.big_endian)).map_err(|_| "a size beyond any memory")?;
+    Ok((value, rest))
+}
+
+/// Integer of at most 8 bytes.
+fn word(bytes: &[u8], big_endian: bool) -> u64 {
+    let mut wide = [0_u8; 8];
+    for (i, byte) in bytes.iter().enumerate() {
+        wide[if big_endian { bytes.len() - 1 - i } else { i }] = *byte;
+    }
+    u64::from_le_bytes(wide)
+}
+
+/// Base64 without its white space. VTK encodes the length header of compressed data apart from the data, so padding may
+/// occur in the middle: each padded part is decoded by itself. Ends at the first byte that is not base64; the caller
+/// checks lengths.
+pub(super) fn base64(text: &[u8]) -> Vec<u8> {
+    let digits = |byte: &u8| byte.is_ascii_alphanumeric() || b"+/=".contains(byte);
+    let text: Vec<u8> =
+        text.iter().filter(|byte| !byte.is_ascii_whitespace()).copied().take_while(digits).collect();
+    let mut out = Vec::with_capacity(text.len() / 4 * 3);
+    for part in text.chunk_by(|before, after| *before != b'=' || *after == b'=') {
+        if PADDED_OR_NOT.decode_vec(part, &mut out).is_err() {
+            break;
+        }
+    }
+    out
 }
