@@ -12,6 +12,10 @@ PARTS = 4  # parts of a single recording that are left out in turn
 MOST_ROWS = 1500  # readings that a peer learns from; longer recordings are thinned evenly
 
 
+class Refused(Exception):
+    """A model says that a recording teaches it nothing. Its cell in the table says so; it counts in no mean."""
+
+
 @dataclass
 class Run:
     """One recording: instants (n) in s or None for settled rows, inputs (n, m), outputs (n, k) as published."""

@@ -21,7 +21,7 @@ import resource
 import sys
 import time
 
-from benchmark import HERE, judged, rounded, tasks
+from benchmark import HERE, Refused, judged, rounded, tasks
 
 OWN = "softtwin"
 RESULTS = HERE / "results.json"
@@ -41,7 +41,10 @@ def main():
         if chosen.tasks and task.name not in chosen.tasks:
             continue
         for name in chosen.models:
-            results.append({"task": task.name, "kind": task.kind, "model": name, **measured(task, name)})
+            try:
+                results.append({"task": task.name, "kind": task.kind, "model": name, **measured(task, name)})
+            except Refused as reason:
+                print(f"{task.name}: {name} refuses: {reason}", file=sys.stderr)
             print(f"{task.name}: {name}", file=sys.stderr, flush=True)
     if not chosen.tasks and len(chosen.models) > 2:
         RESULTS.write_text(json.dumps(results, indent=1) + "\n")
@@ -86,7 +89,7 @@ def table(results: list[dict]) -> str:
         peer = selected(results, task)
         cells = []
         for model in models:
-            text = f"{row[model]['rms_percent']:.2f}"
+            text = f"{row[model]['rms_percent']:.2f}" if model in row else "refused"
             cells.append(f"**{text}**" if peer and model == peer["model"] else text)
         if peer and OWN in row:
             ratios.append(row[OWN]["rms_percent"] / peer["rms_percent"])
@@ -124,7 +127,7 @@ def draw(path: str):
         errors = {result["task"]: result["rms_percent"] for result in results if result["model"] == model}
         is_own = model == OWN
         axes.plot(
-            [errors[name] for name in names],
+            [errors.get(name) for name in names],
             range(len(names)),
             "D" if is_own else "o",
             label=model.replace("_", " "),
