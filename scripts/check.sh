@@ -8,6 +8,7 @@
 #   scripts/check.sh exports                     every export read by meshio and numpy and compared with `softtwin predict`
 #   scripts/check.sh calculix [--finer-mm 3 1.5] a finger solved by `softtwin simulate` and by CalculiX
 #   scripts/check.sh batch                       config/batch: a small list of cases as a SLURM array and by Snakemake on two cores
+#   scripts/check.sh benchmark                   two tasks of `benchmarks`: softtwin beside a polynomial, without all peers
 #   scripts/check.sh clients [pytest arguments]  the Python client against running twins
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run with a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
@@ -61,6 +62,8 @@ clients_python() {
         'meshio==5.3.5' h5py lxml mapdl-archive
 }
 
+benchmark_python() { python benchmark 'numpy<3' 'scipy<2' 'scikit-learn<2' matplotlib; }
+
 batch_python() { python batch 'snakemake<10'; }
 
 gmsh_python() { python gmsh "gmsh==4.15.2" numpy; }
@@ -73,6 +76,7 @@ prepare() {
     clients_python
     gateway_python
     gmsh_python
+    benchmark_python
 }
 
 view() {
@@ -130,6 +134,19 @@ batch() {
         --config actuator=finger/actuator.toml cases=cases.csv out=snake parts=$count options=--sensitivities
     for file in slurm/*.*; do cmp "$file" "snake/${file#slurm/}"; done
     echo "check.sh: a list solved as a SLURM array and by Snakemake gave the same database"
+}
+
+benchmark() {
+    benchmark_python
+    build
+    SOFTTWIN_BIN=$(realpath "$target")/debug "$python" benchmarks/run.py --models softtwin polynomial \
+        --tasks "fingertip, air" "bending block" --json |
+        "$python" -c 'import json, sys
+rms = {(r["task"], r["model"]): r["rms_percent"] for r in json.load(sys.stdin)}
+for task in {task for task, _ in rms}:
+    own, peer = rms[task, "softtwin"], rms[task, "polynomial"]
+    print(f"{task}: softtwin {own:.2f} %, polynomial {peer:.2f} %")
+    assert own <= peer, "expected softtwin to be no worse than a polynomial"'
 }
 
 clients() {
@@ -309,9 +326,9 @@ hours() {
 }
 
 case ${1:-} in
-    view | actuators | exports | calculix | batch | clients | c | dependencies | prepare | gateway | aarch64 | hours) "$@" ;;
+    view | actuators | exports | calculix | batch | benchmark | clients | c | dependencies | prepare | gateway | aarch64 | hours) "$@" ;;
     install) install_check "${@:2}" ;;
     ros2-peer) ros2_peer ;;
-    -h | --help) sed -n '2,28s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,28s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,29s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,29s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac
