@@ -40,7 +40,8 @@ class Model:
             self.write(paths[-1], recording.time_s, [*self.inputs, *outputs], np.hstack([recording.inputs, recording.outputs]))
         self.outputs = outputs
         self.model = folder / "learned.twin"
-        run("learn", *paths, "--log", folder / "log.toml", "--out", self.model)
+        report = run("learn", *paths, "--log", folder / "log.toml", "--out", self.model)
+        self.taken = [name in report["inputs"] for name in self.inputs]  # inputs that do not move are left out
 
     def write(self, path, time_s, names, columns):
         time_s = np.arange(len(columns), dtype=float) if time_s is None else time_s - time_s[0]
@@ -52,7 +53,8 @@ class Model:
 
     def predict(self, time_s, inputs):
         folder = Path(self.folder.name)
-        instants = self.write(folder / "trace.csv", time_s, self.inputs, inputs)
+        names = [name for name, is_taken in zip(self.inputs, self.taken) if is_taken]
+        instants = self.write(folder / "trace.csv", time_s, names, inputs[:, self.taken])
         report = run("predict", self.model, "--trace", folder / "trace.csv", "--out", folder / "series.csv", "--step-ms", 1000)
         series = np.genfromtxt(folder / "series.csv", delimiter=",", names=True)
         self.step_us = report["state_us_per_ms"] * 1e3 * report["seconds"] / report["rows"]
