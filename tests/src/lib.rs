@@ -8,6 +8,7 @@ pub mod http;
 pub mod inputs;
 pub mod kills;
 pub mod manager;
+pub mod measured;
 pub mod modules;
 pub mod moving;
 pub mod process;
@@ -17,6 +18,7 @@ pub mod synthetic;
 pub mod wait;
 
 pub use manager::Manager;
+pub use measured::learned_model;
 pub use process::Program;
 pub use stage::Stage;
 pub use studies::verify::Verifier;

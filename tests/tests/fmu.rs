@@ -80,7 +80,17 @@ struct Importer {
 
 impl Importer {
     fn open(stage: &Stage, model_bytes: &[u8]) -> Self {
-        let nodes = [fmu::ChosenNode { name: "tip".into(), node: 2 }];
+        let xml = fmu::describe(&Model::from_bytes(model_bytes).unwrap(), &[], "").unwrap();
+        // Pressure, gap and the load: a block diagram can connect them all.
+        assert_eq!(
+            (xml.matches("causality=\"input\"").count(), xml.matches("\"parameter\"").count()),
+            (3, 0)
+        );
+        Self::with_tip(stage, model_bytes, 2)
+    }
+
+    fn with_tip(stage: &Stage, model_bytes: &[u8], node: u32) -> Self {
+        let nodes = [fmu::ChosenNode { name: "tip".into(), node }];
         let token = fmu::token(model_bytes, &nodes);
         std::fs::create_dir_all(stage.path("resources")).unwrap();
         std::fs::write(stage.path("resources").join(fmu::MODEL_FILE), model_bytes).unwrap();
@@ -88,11 +98,6 @@ impl Importer {
         let model = Model::from_bytes(model_bytes).unwrap();
         let xml = fmu::describe(&model, &nodes, &token).unwrap();
         assert!(xml.contains("canGetAndSetFMUState=\"true\"") && !xml.contains("<ModelExchange"), "{xml}");
-        // Pressure, gap and the load: a block diagram can connect them all.
-        assert_eq!(
-            (xml.matches("causality=\"input\"").count(), xml.matches("\"parameter\"").count()),
-            (3, 0)
-        );
         let of_tip = xml.split("name=\"tip.y\" valueReference=\"").nth(1).unwrap();
         let tip_y = of_tip.split('"').next().unwrap().parse().unwrap();
         let [name, token, resources] = ["beam", &token, stage.path("resources").to_str().unwrap()]
@@ -217,6 +222,31 @@ fn fmu_with_inertia_swings_as_the_model_and_returns_to_saved_states() {
     for (from_s, step_s) in [(0.1, 0.005), (0.4, -0.1), (0.4, f64::NAN)] {
         assert_eq!(importer.step(from_s, step_s), ERROR, "{from_s} {step_s}");
     }
+}
+
+#[test]
+fn fmu_of_a_learned_model_answers_as_its_session_bit_for_bit() {
+    let stage = Stage::new("fmulearned");
+    let model = tests::learned_model();
+    let importer = Importer::with_tip(&stage, &model.to_bytes().unwrap(), 0);
+    importer.set(0.02);
+    let mut found = importer.run(0, 10);
+    importer.set(0.08);
+    found.extend(importer.run(10, 60));
+    let mut session = Session::new(&model, Gaps::Live).unwrap();
+    let reconstructor = Reconstructor::new(&model, &Selection::default()).unwrap();
+    let (mut evaluation, mut fields) = (session.evaluation(), vec![0.0; reconstructor.entries()]);
+    let outlet = model.header.inputs[2].value.unwrap();
+    let mut at = |k: u32| {
+        let pressure_mpa = if k <= 10 { 0.02 } else { 0.08 };
+        let inputs = Inputs::new(pressure_mpa, f64::INFINITY).with(2, outlet);
+        session.step_held(5_000_000 * u64::from(k), inputs, &mut evaluation).unwrap();
+        reconstructor.reconstruct_into(&evaluation, &mut fields).unwrap();
+        f64::from(fields[0])
+    };
+    let expected: Vec<f64> = (1..=70).map(&mut at).collect();
+    assert_eq!(found, expected);
+    assert!(found[69] != found[12], "{found:?}");
 }
 
 #[test]

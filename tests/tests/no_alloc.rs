@@ -115,6 +115,20 @@ fn allocations_of_turn(twin: &mut Twin) -> u64 {
     COUNT.get() - before.0 - (healths(twin) - before.1)
 }
 
+#[test]
+fn session_of_a_learned_model_allocates_nothing() {
+    let model = tests::learned_model();
+    let mut session = Session::new(&model, Gaps::Live).unwrap();
+    let mut out = session.evaluation();
+    let before = COUNT.get();
+    for k in 0..100 {
+        let inputs = Inputs::new(0.001 * k as f64, f64::INFINITY).with(2, 0.03);
+        session.step(25_000_000 * k, inputs, &mut out).unwrap();
+        session.evaluator().evaluate(inputs, &mut out);
+    }
+    assert_eq!(COUNT.get() - before, 0);
+}
+
 /// Settings of a twin on a loaded machine, which misses no deadline.
 fn patient() -> Settings {
     let limits = Limits { max_age_ms: 60_000.0, deadline_ms: Some(50_000.0), ..Limits::default() };

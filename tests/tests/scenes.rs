@@ -43,6 +43,7 @@ fn blocks_of(loaded: &LoadedActuator, kind: RegimeKind) -> usize {
         | BlockKind::Inertia
         | BlockKind::Difference
         | BlockKind::Limit
+        | BlockKind::Learned
         | BlockKind::Memory => false,
     };
     loaded.read.iter().filter(|block| of(block.kind)).count()

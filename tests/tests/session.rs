@@ -56,6 +56,45 @@ fn refused_readings_leave_a_session_as_it_was() {
     }
 }
 
+#[test]
+fn learned_model_answers_alike_live_recorded_and_from_its_file_and_refused_readings_change_nothing() {
+    let model = tests::learned_model();
+    let from_file = Model::from_bytes(&model.to_bytes().unwrap()).unwrap();
+    let mut sessions = [(&model, Gaps::Live), (&model, Gaps::Recorded), (&from_file, Gaps::Live)]
+        .map(|(model, gaps)| Session::new(model, gaps).unwrap());
+    let bits = |of: &Evaluation| {
+        let numbers = of.coefficients.iter().chain(&of.output_half_widths);
+        numbers.map(|value| value.to_bits()).collect::<Vec<u64>>()
+    };
+    let inputs = |k: u64| {
+        let pressure_mpa = 0.05 - 0.05 * (0.026 * k as f64).cos();
+        Inputs::new(pressure_mpa, f64::INFINITY).with(2, 0.4 * pressure_mpa)
+    };
+    let mut seen = Vec::new();
+    for k in 0..150 {
+        let t_ns = 17_000_000 * k + k % 3;
+        let all = sessions.each_mut().map(|session| {
+            let mut out = session.evaluation();
+            session.step(t_ns, inputs(k), &mut out).unwrap();
+            for (t_ns, value) in
+                [(t_ns + 5_000_000, f64::NAN), (t_ns + 5_000_000, 1e200), (t_ns, 0.02), (0, 0.02)]
+            {
+                let refused = session.step(t_ns, Inputs::new(value, f64::INFINITY).with(2, value), &mut out);
+                assert!(refused.is_err(), "{t_ns} {value}");
+            }
+            bits(&out)
+        });
+        assert!(all[0] == all[1] && all[0] == all[2], "{k}");
+        assert!(seen.last() != Some(&all[0]) && all[0].len() == 4, "{k}");
+        seen.push(all[0].clone());
+    }
+    // A restart begins again.
+    sessions[0].restart();
+    let mut out = sessions[0].evaluation();
+    sessions[0].step(0, inputs(0), &mut out).unwrap();
+    assert_eq!(bits(&out), seen[0]);
+}
+
 /// A twin takes readings faster than it answers them: the memory and the branch see every one, and an answer is that of a session which
 /// answered all.
 #[test]

@@ -165,8 +165,8 @@ pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> Result<Stri
         .chain(outputs.iter().map(|o| o.unit.as_str()))
         .collect();
     // Memory and motion are stepped inside: they are no differential equations that an importer could integrate.
-    let has_memory =
-        model.blocks.iter().any(|(kind, _)| matches!(kind, BlockKind::Memory | BlockKind::Inertia));
+    let has_memory = header.learned.as_ref().is_some_and(|map| map.has_memory())
+        || model.blocks.iter().any(|(kind, _)| matches!(kind, BlockKind::Memory | BlockKind::Inertia));
     let exchange = if has_memory {
         String::new()
     } else {

@@ -4,6 +4,7 @@ use crate::halfwidths::HalfWidths;
 use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
 use crate::kernel::sums::Scratch;
+use crate::learned::Past;
 use crate::snapshots::RegimeKind;
 use thiserror::Error;
 
@@ -66,6 +67,8 @@ pub struct Evaluation {
     pub outside_by: [f64; MAX_INPUTS],
     /// Half-widths with the model's nominal coverage; [`HalfWidths::UNKNOWN`] unless the state is inside the training range.
     pub halfwidths: HalfWidths,
+    /// Half-widths of the outputs of a model learned from measurements, by coefficient; NaN where nothing is known. Empty for other models.
+    pub output_half_widths: Vec<f64>,
     /// Flags.
     pub flags: Flags,
     /// Derivatives of the coefficients, one row per input; empty unless requested.
@@ -75,6 +78,8 @@ pub struct Evaluation {
     /// Part of the displacement's half-width that comes from it, mm; 0 without one.
     pub(crate) difference_mm: f64,
     pub(crate) scratch: Scratch,
+    /// Settled state of a model learned from measurements, to answer without a past.
+    pub(crate) settled: Option<Box<Past>>,
 }
 
 impl Evaluation {
@@ -91,11 +96,13 @@ impl Evaluation {
             domain_distance: 0.0,
             outside_by: [0.0; MAX_INPUTS],
             halfwidths: HalfWidths::default(),
+            output_half_widths: Vec::with_capacity(coefficients),
             flags: Flags::default(),
             gradients: std::array::from_fn(|_| Vec::with_capacity(coefficients)),
             difference: Vec::with_capacity(coefficients),
             difference_mm: 0.0,
             scratch,
+            settled: None,
         }
     }
 

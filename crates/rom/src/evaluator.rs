@@ -19,11 +19,15 @@ use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, Needs, PARAMETERS, PRESSURE, Point, rounded};
 use crate::interpolant::Interpolant;
 use crate::kernel::sums::{Scratch, Sums};
+use crate::learned::{LearnedMap, Past};
 use crate::model::{GroupModel, ModelError, ModelHeader, PressureLimit, RegimeModel};
 use crate::regime::{LastOnset, Onset, OnsetAt, OnsetTable};
 use crate::snapshots::RegimeKind;
 use std::ops::Range;
 use std::sync::Arc;
+
+/// Step of the difference quotients of a learned map, as a fraction of an input's range.
+const SLOPE_STEP: f64 = 1e-3;
 
 /// One regime, ready to run.
 #[derive(Clone, Debug)]
@@ -124,6 +128,8 @@ pub struct Evaluator {
     /// What stopped the search for the largest pressure when the actuator was built.
     limit: Option<PressureLimit>,
     body: Option<Arc<Body>>,
+    /// Map of a model learned from measurements: the interpolants are not asked.
+    learned: Option<Arc<LearnedMap>>,
     /// States at any distance have numbers: for searches, whose steps may lie far outside.
     has_no_end: bool,
     /// Largest number of coefficients of a regime, and memory for any interpolant.
@@ -165,6 +171,7 @@ impl Evaluator {
             no_stress: !header.has_stress(),
             limit: header.limit.clone(),
             body: header.body.clone(),
+            learned: header.learned.clone(),
             has_no_end: false,
         };
         let mut scratch = evaluator.evaluation();
@@ -316,7 +323,8 @@ impl Evaluator {
 
     /// Evaluation with capacity for any state.
     pub fn evaluation(&self) -> Evaluation {
-        Evaluation::with_scratch(self.coefficients, self.scratch.clone())
+        let settled = self.learned.as_ref().map(|map| Box::new(map.past()));
+        Evaluation { settled, ..Evaluation::with_scratch(self.coefficients, self.scratch.clone()) }
     }
 
     /// The onset at a state.
@@ -387,6 +395,13 @@ impl Evaluator {
         if query.until == Until::Regime {
             return;
         }
+        if let Some(map) = &self.learned {
+            clear(out);
+            if query.until == Until::Gradients {
+                self.settled_slopes(map, out);
+            }
+            return self.settle(out);
+        }
         if let Some(part) = part {
             let x = part.model.inputs.scale(&inputs);
             let takes_onset = part.model.force.as_ref().is_some_and(|force| force.times_excess_pressure);
@@ -402,6 +417,72 @@ impl Evaluator {
         if query.until == Until::State {
             clear(out);
         }
+    }
+
+    /// Answers of a model learned from measurements under inputs that have been there for long, with all its numbers.
+    fn settle(&self, out: &mut Evaluation) {
+        let Some(map) = self.learned.as_ref().filter(|map| map.takes(&out.inputs)) else {
+            out.flags.refusal = Some(Refusal::TooFar);
+            return self.fill_refused(out);
+        };
+        let mut settled = out.settled.take().unwrap_or_else(|| Box::new(map.past()));
+        settled.settle(map, &out.inputs);
+        self.ask(map, &mut settled, out);
+        out.settled = Some(settled);
+    }
+
+    /// Answer of a learned map; refused where it is farther outside than the training is wide.
+    fn ask(&self, map: &LearnedMap, past: &mut Past, out: &mut Evaluation) {
+        let [distance, displacement_mm] =
+            map.answer(past, &mut out.coefficients, &mut out.output_half_widths);
+        out.set_distance(distance);
+        out.halfwidths = HalfWidths { displacement_mm, ..HalfWidths::UNKNOWN };
+        out.flags.refusal = self.too_far(out.domain_distance);
+        if out.flags.refusal.is_some() {
+            self.fill_refused(out);
+        }
+    }
+
+    fn fill_refused(&self, out: &mut Evaluation) {
+        out.coefficients.clear();
+        out.coefficients.resize(self.coefficients, f64::NAN);
+        out.output_half_widths.clear();
+        out.output_half_widths.resize(self.coefficients, f64::NAN);
+        out.halfwidths = HalfWidths::UNKNOWN;
+        refuse(out);
+    }
+
+    /// Map of a model learned from measurements.
+    pub fn learned(&self) -> Option<&Arc<LearnedMap>> {
+        self.learned.as_ref()
+    }
+
+    /// Answers of a model learned from measurements after a past, whose last reading had these inputs.
+    pub(crate) fn remember(&self, inputs: Inputs, past: &mut Past, out: &mut Evaluation) {
+        self.answer(inputs, Query::REGIME, out);
+        clear(out);
+        match &self.learned {
+            Some(map) if map.takes(&out.inputs) => {
+                self.ask(map, past, out);
+            }
+            _ => self.fill_refused(out),
+        }
+    }
+
+    /// Derivatives of the settled answers by central differences, for searches.
+    fn settled_slopes(&self, map: &LearnedMap, out: &mut Evaluation) {
+        out.gradients.iter_mut().for_each(|row| row.resize(map.outputs(), 0.0)); // within the capacity reserved
+        let at = out.inputs;
+        for of in &map.inputs {
+            let (input, step) = (of.input as usize, SLOPE_STEP * of.range * of.deviation);
+            for sign in [1.0, -1.0] {
+                out.inputs = at.with(input, at.values()[input] + sign * step);
+                self.settle(out);
+                let (values, rows) = (&out.coefficients, &mut out.gradients);
+                rows[input].iter_mut().zip(values).for_each(|(slope, v)| *slope += sign * v / (2.0 * step));
+            }
+        }
+        out.inputs = at;
     }
 
     /// Half-widths at a state over scaled inputs; NaN for a quantity that the model does not have, and for all outside the training range.
@@ -491,6 +572,9 @@ impl Evaluator {
 
     /// Coefficients of the regime of `out`; none of a regime that was not trained.
     fn coefficients(&self, out: &mut Evaluation, gradient: bool) {
+        if self.learned.is_some() {
+            return self.settle(out);
+        }
         match self.parts.iter().find(|part| part.model.kind == out.regime) {
             Some(part) => {
                 let of_shape = if self.must_check(out) { &part.of_shape[..] } else { &[] };

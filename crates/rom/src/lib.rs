@@ -11,6 +11,7 @@
 //! P_c(gap)                                  regime.rs          onset pressure, read off the free model
 //! P_c(gap, parameters)                      clearance.rs       the same, solved from the free model
 //! P -> line -> play -> creep                memory           inputs over time, where a model has memory
+//! y(u over time)                            learned.rs        a model of measurements alone: ridge maps of filtered inputs
 //! P -> V                                    branch.rs        volume on the present branch, for a model over volumes
 //! F = (P - P_c(gap)) h(P, gap)              evaluator.rs       contact force, 0 on the onset exactly
 //! y = mean + Phi a                          reconstructor.rs   fields, straight into the caller's memory
@@ -53,7 +54,9 @@ mod parameters;
 // Intrinsics and writes into loaned memory; each with its SAFETY line.
 #[allow(unsafe_code)]
 pub mod kernel;
+pub mod learned;
 pub mod least_squares;
+pub mod line;
 mod load;
 pub mod memory;
 pub mod model;

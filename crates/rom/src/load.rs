@@ -94,7 +94,7 @@ impl<R: Read + Seek> ModelReader<R> {
             | BlockKind::Inertia
             | BlockKind::Memory => true,
             // In the header since the file was opened.
-            BlockKind::Difference | BlockKind::Limit => false,
+            BlockKind::Difference | BlockKind::Limit | BlockKind::Learned => false,
         };
         let entries: Vec<BlockEntry> = self.blocks().iter().filter(|b| needed(&b.kind)).cloned().collect();
         let blocks = self.read_blocks(&entries)?;

@@ -10,11 +10,9 @@ use crate::halfwidths::HalfWidths;
 use crate::inertia::model_motion::ModelMotion;
 use crate::inertia::stepper::ReadingError;
 use crate::inputs::{Inputs, MAX_INPUTS};
+use crate::learned::Past;
 use crate::memory::{Advance, Memory};
 use crate::model::{Model, ModelError, ModelFileError};
-
-/// Effect of an unknown past, as a fraction of an input's range, below which it has faded.
-const FADED: f64 = 1e-4;
 
 /// What the inputs did between two readings that are far apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +30,8 @@ pub enum Gaps {
 pub struct Session {
     evaluator: Evaluator,
     memory: Option<Memory>,
+    /// State of a model learned from measurements, and the longest gap that is bridged, s.
+    learned: Option<(Box<Past>, f64)>,
     follower: Option<Follower>,
     motion: Option<Box<ModelMotion>>,
     /// Time of the last reading, ns.
@@ -102,8 +102,11 @@ impl Session {
     /// # Errors
     /// As [`Self::new`].
     pub fn with_volumes(model: &Model, gaps: Gaps) -> Result<Self, ModelFileError> {
+        let learned = model.header.learned.as_ref();
+        let max_gap_s = |of: f64| if gaps == Gaps::Recorded { f64::INFINITY } else { of };
         let mut session = Self {
             evaluator: Evaluator::new(&model.header)?,
+            learned: learned.map(|map| (Box::new(map.past()), max_gap_s(map.max_gap_s))),
             memory: Memory::of(model)?,
             follower: None,
             motion: ModelMotion::new(model)?.map(Box::new),
@@ -118,7 +121,8 @@ impl Session {
 
     /// True for a model whose answers depend on the past.
     pub fn has_memory(&self) -> bool {
-        self.memory.is_some() || self.motion.is_some()
+        let learned = self.evaluator.learned();
+        self.memory.is_some() || self.motion.is_some() || learned.is_some_and(|map| map.has_memory())
     }
 
     /// True for a model with memory of its inputs.
@@ -159,16 +163,6 @@ impl Session {
         self.evaluator.set_parameters(inputs, scratch)
     }
 
-    /// Inputs behind the memory at the last reading after the smallest and the largest past, which enclose those after any past; `None`
-    /// without memory or once the past has faded.
-    pub fn enclosing(&self, inputs: &Inputs) -> Option<[Inputs; 2]> {
-        let memory = self.memory.as_ref()?;
-        let spread = memory.spread();
-        let is_open =
-            memory.spec().inputs.iter().any(|of| spread[of.input] > FADED * (of.range[1] - of.range[0]));
-        is_open.then(|| memory.enclosing(inputs))
-    }
-
     /// Evaluation with capacity for any state.
     pub fn evaluation(&self) -> Evaluation {
         self.motion.as_ref().map_or_else(|| self.evaluator.evaluation(), |motion| motion.evaluation())
@@ -177,6 +171,7 @@ impl Session {
     /// Forgets: the next reading begins at equilibrium, at any time.
     pub fn restart(&mut self) {
         self.memory.iter_mut().for_each(Memory::restart);
+        self.learned.iter_mut().for_each(|(past, _)| past.restart());
         self.follower.iter_mut().for_each(Follower::restart);
         self.motion.iter_mut().for_each(|motion| motion.reset());
         self.last_ns = None;
@@ -225,6 +220,14 @@ impl Session {
             filtered.inputs = memory.effective(&inputs);
             (filtered.spread, filtered.halfwidths) = (memory.spreads(), Some(memory.half_widths()));
         }
+        if let Some(((past, max_gap_s), map)) = self.learned.as_mut().zip(self.evaluator.learned()) {
+            let inputs = self.evaluator.completed(inputs);
+            if map.has_memory() {
+                (filtered.at_rest, filtered.held) = past.advance(map, t_ns, &inputs, *max_gap_s);
+            } else {
+                past.settle(map, &inputs);
+            }
+        }
         let follower = self.follower.as_mut().filter(|follower| follower.is_for(&inputs));
         filtered.followed = follower.map(|follower| follower.advance(t_ns, &mut filtered.inputs));
         self.last_ns = Some(t_ns);
@@ -242,14 +245,15 @@ impl Session {
         out: &mut Evaluation,
     ) -> Result<StepOutcome, ReadingError> {
         let mut outcome = StepOutcome { load_distance: 0.0, at_rest: filtered.at_rest, held: filtered.held };
-        match &mut self.motion {
-            Some(motion) => {
+        match (&mut self.motion, &mut self.learned) {
+            (_, Some((past, _))) => self.evaluator.remember(filtered.inputs, past, out),
+            (Some(motion), _) => {
                 let moved = motion.advance(filtered.t_ns, filtered.inputs, out)?;
                 outcome.load_distance = moved.load_distance;
                 outcome.at_rest |= moved.at_rest;
                 outcome.held |= moved.held;
             }
-            None => self.evaluator.answer(filtered.inputs, Query::STATE, out),
+            (None, None) => self.evaluator.answer(filtered.inputs, Query::STATE, out),
         }
         filtered.describe(out);
         Ok(outcome)
@@ -292,7 +296,11 @@ impl Session {
         if let Some(last_ns) = last_ns {
             return Err(ReadingError::NotLater { found_ns: t_ns, last_ns });
         }
-        let is_remembered = self.memory.as_ref().is_none_or(|memory| memory.takes(inputs));
+        let is_remembered = self.memory.as_ref().is_none_or(|memory| memory.takes(inputs))
+            && self
+                .evaluator
+                .learned()
+                .is_none_or(|map| !map.has_memory() || map.takes(&self.evaluator.completed(*inputs)));
         if !is_remembered || follows && !inputs.pressure_mpa().is_finite() {
             return Err(ReadingError::NotFinite { found_ns: t_ns });
         }

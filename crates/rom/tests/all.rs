@@ -7,6 +7,7 @@ mod goal;
 mod inertia;
 mod inertia_across;
 mod kernel;
+mod learned;
 mod memory;
 mod model_file;
 mod observable;

@@ -8,7 +8,6 @@ use formats::trace::SERIES;
 use formats::{Diagnostic, FormatError, trace};
 use rom::branch::{Follower, VOLUME, pressure_field, volume_input};
 use rom::evaluation::Evaluation;
-use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inertia::stepper::ReadingError;
 use rom::inputs::{GAP, Inputs, PRESSURE};
@@ -311,30 +310,13 @@ pub fn follow_measured(
     let columns = std::iter::once("t_s".to_owned()).chain(inputs_named).chain(named).collect();
     let reconstructor = reconstructor(model)?;
     let nodes = model.header.node_count;
-    let (mut fields, mut others) = (vec![0.0; reconstructor.entries()], vec![0.0; reconstructor.entries()]);
-    let mut scratch = Evaluator::new(&model.header)?.evaluation();
-    let followed = follow(model, trace, step_ns, |t_s, inputs, evaluation, session| {
+    let mut fields = vec![0.0; reconstructor.entries()];
+    let followed = follow(model, trace, step_ns, |t_s, inputs, evaluation, _| {
         reconstructor.reconstruct_into(evaluation, &mut fields)?;
-        let value =
-            |fields: &[f32], output: &MeasuredOutput| f64::from(fields[output.field * nodes + output.node]);
-        let mut of_past = vec![0.0_f64; outputs.len()];
-        for inputs in session.enclosing(inputs).into_iter().flatten() {
-            session.evaluator().evaluate(inputs, &mut scratch);
-            if scratch.flags.refusal.is_some() {
-                of_past.fill(f64::INFINITY);
-                continue;
-            }
-            reconstructor.reconstruct_into(&scratch, &mut others)?;
-            for (of_past, output) in of_past.iter_mut().zip(&outputs) {
-                *of_past = of_past.max((value(&others, output) - value(&fields, output)).abs());
-            }
-        }
+        let value = |output: &MeasuredOutput| f64::from(fields[output.field * nodes + output.node]);
         let mut row = vec![t_s];
         row.extend(taken.iter().map(|(at, _)| inputs.values()[*at]));
-        let answers = outputs.iter().zip(of_past);
-        row.extend(answers.flat_map(|(output, of_past)| {
-            [value(&fields, output), output.half_width_of(evaluation).hypot(of_past)]
-        }));
+        row.extend(outputs.iter().flat_map(|output| [value(output), output.half_width_of(evaluation)]));
         Ok(row)
     })?;
     Ok((columns, followed))

@@ -62,6 +62,7 @@ pub(crate) fn assemble(
         clearance: onset.and_then(OnsetModel::into_clearance),
         limit: config.limit.clone(),
         body: None,
+        learned: None,
     };
     let mut blocks: Vec<(BlockKind, BlockData)> =
         parts.iter().flat_map(|part| field_blocks(database, plan, part)).collect();

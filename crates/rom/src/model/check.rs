@@ -165,6 +165,9 @@ impl ModelHeader {
             let inside = set.nodes.iter().all(|n| (*n as usize) < self.node_count);
             require(inside, "a node set names a node beyond the mesh")?;
         }
+        if let Some(learned) = &self.learned {
+            learned.check(self.inputs.len(), self.regimes[0].coefficient_count())?;
+        }
         self.regimes.iter().try_for_each(|regime| self.check_regime(regime, &require))
     }
 

@@ -156,6 +156,7 @@ mod tests {
             clearance: None,
             limit: None,
             body: None,
+            learned: None,
         };
         let bytes = encode(&header).expect("encodes");
         assert_eq!(decode::<ModelHeader>(&bytes).expect("decodes"), header);

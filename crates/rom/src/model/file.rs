@@ -21,11 +21,13 @@ use super::selection::ModelError;
 use crate::difference::FieldDifference;
 use crate::halfwidths::HalfWidths;
 use crate::kernel::{Modes, Precision, Shape};
+use crate::learned::LearnedMap;
 use crate::snapshots::RegimeKind;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::io::{Read, Seek, SeekFrom};
+use std::sync::Arc;
 use thiserror::Error;
 
 /// First bytes of a model file.
@@ -180,6 +182,10 @@ impl Model {
             let bytes = codec::encode(limit).map_err(ModelFileError::Header)?;
             further.push((BlockKind::Limit, BlockData::Record(bytes)));
         }
+        if let Some(learned) = &self.header.learned {
+            let bytes = codec::encode(&**learned).map_err(ModelFileError::Header)?;
+            further.push((BlockKind::Learned, BlockData::Record(bytes)));
+        }
         for (kind, block) in self.blocks.iter().chain(&further) {
             data.resize(data.len().next_multiple_of(ALIGN), 0);
             let (encoding, bytes) = block.encoded();
@@ -307,6 +313,7 @@ impl<R: Read + Seek> ModelReader<R> {
         let mut opened = Self { reader, header, data_start, hash };
         opened.read_differences()?;
         opened.read_limit()?;
+        opened.read_learned()?;
         Ok(opened)
     }
 
@@ -319,6 +326,12 @@ impl<R: Read + Seek> ModelReader<R> {
                 Some(Some(limit).filter(|_| is_sound).ok_or_else(|| ModelFileError::Header(problem.into()))?);
         }
         Ok(())
+    }
+
+    /// Puts the map of a model of measurements into the header.
+    fn read_learned(&mut self) -> Result<(), ModelFileError> {
+        self.header.model.learned = self.read_record::<LearnedMap>(BlockKind::Learned)?.map(Arc::new);
+        self.header.model.check().map_err(ModelFileError::Header)
     }
 
     /// A record that is part of the header in memory.

@@ -8,6 +8,7 @@ use crate::hull::TrainingRange;
 use crate::inputs::{InputMap, InputSpec, Inputs};
 use crate::interpolant::Interpolant;
 use crate::kernel::Modes;
+use crate::learned::LearnedMap;
 use crate::regime::OnsetTable;
 use crate::snapshots::{FieldSpec, NodeSet, RegimeKind};
 use serde::{Deserialize, Serialize};
@@ -44,6 +45,10 @@ pub struct ModelHeader {
     /// was not loaded from a file, or without a surface.
     #[serde(skip)]
     pub body: Option<Arc<Body>>,
+    /// Map of a model learned from measurements, which answers in place of the interpolants; in the file a separate block
+    /// ([`BlockKind::Learned`]).
+    #[serde(skip)]
+    pub learned: Option<Arc<LearnedMap>>,
 }
 
 /// Where the search for the largest pressure ended when the actuator was built.
@@ -247,12 +252,17 @@ pub enum BlockKind {
     Difference,
     /// Limit of the pressure ([`PressureLimit`]); absent in a model that was not built.
     Limit,
+    /// Map of a model learned from measurements ([`LearnedMap`]); absent in other models.
+    Learned,
 }
 
 impl BlockKind {
     /// True for values of any structure instead of numbers.
     pub const fn is_record(self) -> bool {
-        matches!(self, Self::Observables | Self::Inertia | Self::Memory | Self::Difference | Self::Limit)
+        matches!(
+            self,
+            Self::Observables | Self::Inertia | Self::Memory | Self::Difference | Self::Limit | Self::Learned
+        )
     }
 }
 

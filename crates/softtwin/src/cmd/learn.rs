@@ -3,15 +3,16 @@
 use crate::bench::{self, inputs_at, match_inputs};
 use crate::failure::{configuration, unexplained};
 use crate::motion::follow_rows;
-use crate::{files, memory_report, output};
+use crate::{files, output, report};
 use formats::log::{Recording, Series};
-use serde_json::{Map, Value, json};
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use train::measured::{
-    Difference, Learned, Measured, MeasuredError, MeasuredStates, ModesDifference, Run, correct, learn,
-    learn_with_memory,
+    Difference, Learned, Measured, MeasuredError, MeasuredStates, ModesDifference, OutputReport, Run,
+    correct, learn,
 };
-use train::memory::Identified;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -19,9 +20,6 @@ Examples:
     softtwin learn run1.csv --log log.toml --out mine.twin
   From several runs; their differences are in the half-widths:
     softtwin learn run1.csv run2.csv --log log.toml --out mine.twin
-
-  With memory (line, play, creep) where it improves parts that were left out:
-    softtwin learn run1.csv --log log.toml --memory --out mine.twin
 
   A finite-element model with the measured difference of its angle and markers:
     softtwin learn run1.csv --log log.toml --model finger.twin --out mine.twin
@@ -40,11 +38,8 @@ pub struct Args {
     /// Mapping of the columns.
     #[arg(long, value_name = "FILE.toml")]
     log: PathBuf,
-    /// Identify memory of the inputs: line, play, creep (docs/memory.md).
-    #[arg(long)]
-    memory: bool,
     /// Finite-element model that gets the measured difference; default: measurements alone.
-    #[arg(long, value_name = "FILE.twin", conflicts_with = "memory")]
+    #[arg(long, value_name = "FILE.twin")]
     model: Option<PathBuf>,
     /// Model file to write.
     #[arg(long, value_name = "FILE.twin")]
@@ -77,58 +72,10 @@ impl Args {
             });
         }
         let name = self.out.file_stem().map_or("measured".into(), |stem| stem.to_string_lossy().into_owned());
-        let (learned, found) = if self.memory {
-            let (learned, found) = learn_with_memory(&name, &data).map_err(unexplained)?;
-            (learned, Some(found))
-        } else {
-            (learn(&name, &data).map_err(unexplained)?, None)
-        };
+        let learned = learn(&name, &data).map_err(unexplained)?;
         remarks.extend(learned.remarks.iter().cloned());
-        remarks.extend(found.iter().flat_map(|found| found.remarks.iter().cloned()));
         files::save(&self.out, &learned.model.to_bytes()?)?;
-        if self.json {
-            return output::json(&as_json(&learned, found.as_ref(), &remarks));
-        }
-        output!(
-            "{}: measured, {} rows, inputs {}; {}; {} modes of {} outputs",
-            self.out.display(),
-            learned.rows,
-            learned.inputs.join(", "),
-            learned.kernel,
-            learned.modes,
-            learned.outputs.len()
-        )?;
-        output!(
-            "  {:<20}{:>12}{:>12}{:>14}{:>14}{:>20}",
-            "output",
-            "range",
-            "noise",
-            "RMS left out",
-            "half-width",
-            "loading/unloading"
-        )?;
-        for report in &learned.outputs {
-            output!(
-                "  {:<20}{:>12.4}{:>12.4}{:>14.4}{:>14.4}{:>18.1} %",
-                report.name,
-                report.range,
-                report.noise,
-                report.rms,
-                report.half_width,
-                100.0 * report.loop_share
-            )?;
-        }
-        output!(
-            "  RMS error on left-out parts {:.1} % of the length of the outputs' range",
-            100.0 * learned.error_share
-        )?;
-        if let Some(found) = &found {
-            memory_report::print(found)?;
-        }
-        for remark in &remarks {
-            output!("  note: {remark}")?;
-        }
-        Ok(())
+        report::print(&LearnedReport::new(&self.out, learned, remarks), self.json)
     }
 
     /// Adds the measured difference to a finite-element model.
@@ -220,16 +167,59 @@ impl Args {
     }
 }
 
-fn as_json(learned: &Learned, found: Option<&Identified>, remarks: &[String]) -> Value {
-    let outputs: Map<String, Value> = learned
-        .outputs
-        .iter()
-        .map(|report| {
-            let value = json!({"range": report.range, "noise": report.noise, "rms": report.rms,
-                "half_width": report.half_width, "loop_share": report.loop_share, "explained": report.explained});
-            (report.name.clone(), value)
-        })
-        .collect();
-    json!({"source": "measured", "rows": learned.rows, "inputs": learned.inputs, "outputs": outputs, "kernel": learned.kernel, "modes": learned.modes,
-        "memory": found.map(memory_report::as_json), "turns": learned.turns, "error_share": learned.error_share, "remarks": remarks})
+/// What was learned from measurements alone.
+#[derive(Serialize)]
+struct LearnedReport {
+    title: String,
+    source: &'static str,
+    rows: usize,
+    inputs: Vec<String>,
+    /// Error on left-out parts as a fraction of the length of the outputs' range: of a linear map without lags, and of the model.
+    memoryless_share: f64,
+    error_share: f64,
+    /// Best lag common to all inputs; none where there is no lag.
+    filling_s: Option<f64>,
+    emptying_s: Option<f64>,
+    polynomial_share: f64,
+    kernel_share: f64,
+    reservoir_share: f64,
+    turns: usize,
+    outputs: BTreeMap<String, LearnedOutput>,
+    remarks: Vec<String>,
+}
+
+/// An output in the report.
+#[derive(Serialize)]
+struct LearnedOutput {
+    range: f64,
+    noise: f64,
+    rms: f64,
+    half_width: f64,
+    loop_share: f64,
+    explained: f64,
+}
+
+impl LearnedReport {
+    fn new(out: &Path, learned: Learned, remarks: Vec<String>) -> Self {
+        let output = |of: OutputReport| {
+            let OutputReport { name, range, noise, rms, half_width, loop_share, explained } = of;
+            (name, LearnedOutput { range, noise, rms, half_width, loop_share, explained })
+        };
+        Self {
+            title: format!("{}: measured", out.display()),
+            source: "measured",
+            rows: learned.rows,
+            inputs: learned.inputs,
+            memoryless_share: learned.memoryless_share,
+            error_share: learned.error_share,
+            filling_s: learned.lag_s.map(|[filling, _]| filling),
+            emptying_s: learned.lag_s.map(|[_, emptying]| emptying),
+            polynomial_share: learned.shares[0],
+            kernel_share: learned.shares[1],
+            reservoir_share: learned.shares[2],
+            turns: learned.turns,
+            outputs: learned.outputs.into_iter().map(output).collect(),
+            remarks,
+        }
+    }
 }

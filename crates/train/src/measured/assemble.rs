@@ -1,141 +1,337 @@
-//! A fitted curve as a model: markers are nodes, the modes of the outputs one group over all fields.
+//! A fitted map as a model: markers are nodes, and each output is a coefficient with a mode of its own.
 
-use super::curve::{Curve, OutputModes};
-use super::data::{COVERAGE, Measured, MeasuredError, OutputReport};
-use super::layout::Layout;
+use super::data::{COVERAGE, Learned, MIN_EXPLAINED, Measured, MeasuredError, OutputReport, range_of};
+use super::layout::{Layout, unit_of};
+use super::maps::{Found, Rows, Sight, positions};
+use super::motion::noise_of;
+use super::segments::{centres, directions, loop_size, turns};
+use super::widths::Places;
+use faer::Mat;
 use rom::halfwidths::HalfWidths;
 use rom::hull::TrainingRange;
-use rom::inputs::Point;
+use rom::inputs::{InputMap, InputSpec, Inputs, Parameter, Point};
+use rom::interpolant::{Interpolant, Metric};
 use rom::kernel::{Modes, Precision};
+use rom::learned::{
+    Drift, KernelMap, Kernels, Lag, LearnedMap, LinearMap, OutputWidth, Polynomial, Reservoir, Support,
+};
 use rom::model::{BlockData, BlockKind, GroupModel, Model, ModelHeader, OutputField, RegimeModel};
+use rom::radial::{KernelKind, Tail};
+use rom::session::{Gaps, Session};
 use rom::snapshots::{Database, FieldKind, FieldSpec, NodeSet, RegimeKind};
+use rom::statistics::{mean, median};
+use std::sync::Arc;
 
-impl Curve {
-    pub(super) fn model(
-        &self,
-        actuator: &str,
-        data: &Measured,
-        modes: OutputModes,
-        errors: &[Vec<f64>],
-        reports: &[OutputReport],
-    ) -> Result<Model, MeasuredError> {
-        let names: Vec<&str> = reports.iter().map(|report| report.name.as_str()).collect();
-        let layout = Layout::of(&names);
-        let mut blocks = self.fields(&layout, &modes, reports)?;
-        blocks.extend(self.undeformed(&layout, &modes));
-        let count = modes.shapes.len();
-        let group = GroupModel {
-            name: "outputs".into(),
-            fields: (0..layout.fields.len()).collect(),
-            coefficients: 0..count,
-            surrogate: modes.surrogate,
-            singular_values: modes.singular_values,
-            // The modes were chosen by their errors: all of them count.
-            leave_one_out: (0..=count).map(|k| if k < count { f64::MAX } else { 0.0 }).collect(),
-        };
-        let dimensions = self.map.dimensions();
-        let regime = RegimeModel {
-            kind: RegimeKind::Free,
-            inputs: self.map.clone(),
-            groups: vec![group],
-            force: None,
-            domain: TrainingRange::of_points(self.map.operating(), dimensions, &self.range_points()),
-            halfwidths: HalfWidths {
-                coverage: COVERAGE,
-                displacement_mm: self.marker_half_width(&layout, errors),
-                stress_mpa: f64::NAN,
-                force_n: f64::NAN,
-            },
-            local_halfwidths: None,
-            far_onset: None,
-            difference: None,
-        };
-        let output = |spec: &FieldSpec| OutputField { spec: spec.clone(), magnitude_of: None };
-        let set = |(node, name): (usize, &String)| NodeSet { name: name.clone(), nodes: vec![node as u32] };
-        let header = ModelHeader {
-            actuator: actuator.into(),
-            inputs: self.specs.clone(),
-            fields: layout.fields.iter().map(|(spec, _)| output(spec)).collect(),
-            node_count: layout.node_count(),
-            regimes: vec![regime],
-            onset: None,
-            hysteresis_mpa: 0.0,
-            node_sets: layout.nodes.iter().enumerate().map(set).collect(),
-            database_hash: hash(data),
-            clearance: None,
-            limit: None,
-            body: None,
-        };
-        Ok(Model { header, blocks })
-    }
-
-    /// Half-width of the distance of the worst marker; NaN without markers.
-    fn marker_half_width(&self, layout: &Layout, errors: &[Vec<f64>]) -> f64 {
-        let coordinates = || layout.fields.iter().filter(|(s, _)| matches!(s.kind, FieldKind::Coordinate(_)));
-        let distance = |e: &Vec<f64>, node: usize| {
-            let outputs = coordinates().filter_map(|(_, places)| places[node]);
-            outputs.map(|output| e[output] * e[output]).sum::<f64>().sqrt()
-        };
-        let sizes: Vec<Vec<f64>> =
-            (0..layout.nodes.len()).map(|node| errors.iter().map(|e| distance(e, node)).collect()).collect();
-        let worst: Vec<f64> =
-            (0..errors.len()).map(|row| sizes.iter().map(|of| of[row]).fold(0.0, f64::max)).collect();
-        if sizes.is_empty() {
-            return f64::NAN;
-        }
-        let outputs = coordinates().flat_map(|(_, places)| places.iter().flatten());
-        self.half_width_of_worst(worst, outputs.map(|output| errors.iter().map(|e| e[*output]).collect()))
-    }
-
-    /// Mean, modes and half-widths of each field. A scalar is the same at all nodes.
-    fn fields(
-        &self,
-        layout: &Layout,
-        modes: &OutputModes,
-        reports: &[OutputReport],
-    ) -> Result<Blocks, MeasuredError> {
-        let (nodes, regime) = (layout.node_count(), RegimeKind::Free);
-        let mut blocks = Vec::new();
-        for (field, (_, places)) in layout.fields.iter().enumerate() {
-            let by_node = |of: &dyn Fn(usize) -> f64| -> BlockData {
-                BlockData::F32(places.iter().map(|place| place.map_or(0.0, of) as f32).collect())
-            };
-            let shape =
-                |mode: usize, node: usize| places[node].map_or(0.0, |output| modes.shapes[mode][output]);
-            let shapes = Modes::new(Precision::F32, nodes, modes.shapes.len(), shape)
-                .map_err(|_| MeasuredError::Singular)?;
-            let field = field as u32;
-            blocks.push((BlockKind::Mean { regime, field }, by_node(&|output| self.means[output])));
-            blocks.push((BlockKind::Modes { regime, field }, BlockData::Modes(shapes)));
-            blocks.push((BlockKind::HalfWidth { field }, by_node(&|output| reports[output].half_width)));
-        }
-        Ok(blocks)
-    }
-
-    /// Positions of the markers at the smallest inputs; 0 where there are none.
-    fn undeformed(&self, layout: &Layout, modes: &OutputModes) -> Blocks {
-        let rest = modes.values(&Point::default());
-        let along = |axis: u8| {
-            let found = layout.fields.iter().find(|(spec, _)| spec.kind == FieldKind::Coordinate(axis));
-            let place = |node: usize| found.and_then(|(_, places)| places[node]);
-            let at = |node: usize| place(node).map_or(0.0, |output| self.means[output] + rest[output]);
-            let values = (0..layout.node_count()).map(|node| at(node) as f32).collect();
-            (BlockKind::Undeformed(axis), BlockData::F32(values))
-        };
-        (0..3).map(along).collect()
-    }
-
-    /// Centres and the rows at the ends of the inputs: neighbours are a cell apart, while rows follow a path.
-    fn range_points(&self) -> Vec<Point> {
-        let ends = (0..self.map.dimensions()).flat_map(|axis| {
-            let by = |a: &&Point, b: &&Point| a[axis].total_cmp(&b[axis]);
-            self.x.iter().min_by(by).into_iter().chain(self.x.iter().max_by(by))
+/// Figures of the outputs, without half-widths.
+pub(super) fn reports(data: &Measured, rows: &Rows, found: &Found) -> Vec<OutputReport> {
+    let run: Vec<usize> = rows.fitted.iter().map(|at| at.0).collect();
+    let report = |(k, name): (usize, &String)| {
+        let values: Vec<f64> = rows.y.col(k).iter().copied().collect();
+        let predicted: Vec<f64> = found.left_out.col(k).iter().copied().collect();
+        let square = mean(values.iter().zip(&predicted).map(|(y, p)| (y - p).powi(2)));
+        let (range, centre) = (range_of(values.iter().copied()), mean(values.iter().copied()));
+        let noise = rows.measured.chunk_by(|a, b| a.0 == b.0).map(|of_run| {
+            noise_of(&of_run.iter().map(|(_, outputs)| outputs[k]).collect::<Vec<_>>()).powi(2)
         });
-        self.centres.iter().chain(ends).copied().collect()
+        OutputReport {
+            name: name.clone(),
+            range,
+            noise: mean(noise).sqrt(),
+            rms: square.sqrt(),
+            half_width: f64::NAN,
+            loop_share: loop_size(&run, &values, &predicted) / range,
+            explained: 1.0 - square / mean(values.iter().map(|y| (y - centre).powi(2))),
+        }
+    };
+    data.outputs.iter().enumerate().map(report).collect()
+}
+
+/// Lags of a model, each once.
+#[derive(Default)]
+struct Lags(Vec<Lag>);
+
+impl Lags {
+    fn places(&mut self, lags: &[Lag]) -> Vec<u32> {
+        let place = |lag: &Lag| {
+            let known = self.0.iter().position(|other| other == lag);
+            known.unwrap_or_else(|| {
+                self.0.push(*lag);
+                self.0.len() - 1
+            }) as u32
+        };
+        lags.iter().map(place).collect()
+    }
+}
+
+/// Entries row after row.
+fn flat(weights: &Mat<f64>) -> Vec<f64> {
+    let places = (0..weights.nrows()).flat_map(|i| (0..weights.ncols()).map(move |k| (i, k)));
+    places.map(|at| weights[at]).collect()
+}
+
+fn map(
+    rows: &Rows,
+    found: Found,
+    places: Places,
+    widths: Vec<OutputWidth>,
+    drifts: Vec<Drift>,
+) -> LearnedMap {
+    let mut lags = Lags::default();
+    let base = LinearMap { lags: lags.places(&found.base.0), weights: flat(&found.base.1.weights) };
+    let support = Support { lags: lags.places(&places.lags), ..places.support };
+    let (mut polynomials, mut kernels, mut reservoirs) = (Vec::new(), Vec::<Kernels>::new(), Vec::new());
+    for member in found.members {
+        let weights = flat(&member.fit.weights);
+        match member.sight {
+            Sight::Polynomial { lags: of, degree } => {
+                polynomials.push(Polynomial { share: member.share, lags: lags.places(&of), degree, weights });
+            }
+            Sight::Reservoir(of) => reservoirs.push(Reservoir { share: member.share, weights, ..of }),
+            Sight::Kernel { lags: of, centres, radius } => {
+                let of = lags.places(&of);
+                let map = KernelMap { share: member.share, radius, weights };
+                match kernels.iter_mut().find(|known| known.lags == of) {
+                    Some(known) => known.maps.push(map),
+                    None => kernels.push(Kernels { lags: of, centres: centres.concat(), maps: vec![map] }),
+                }
+            }
+        }
+    }
+    let bare = rows.bare(lags.0, reservoirs);
+    LearnedMap { base, polynomials, kernels, support, widths, drifts, ..bare }
+}
+
+/// The model with its report.
+#[allow(clippy::too_many_arguments, reason = "all that was found, once")]
+pub(super) fn model(
+    actuator: &str,
+    data: &Measured,
+    rows: &Rows,
+    found: Found,
+    places: Places,
+    (widths, drifts): (Vec<OutputWidth>, Vec<Drift>),
+    mut reports: Vec<OutputReport>,
+    mut remarks: Vec<String>,
+) -> Result<Learned, MeasuredError> {
+    let layout = Layout::of(&data.outputs.iter().map(String::as_str).collect::<Vec<_>>());
+    let errors = found.errors;
+    let mut shares = [0.0; 3];
+    for member in &found.members {
+        let family = match member.sight {
+            Sight::Polynomial { .. } => 0,
+            Sight::Kernel { .. } => 1,
+            Sight::Reservoir(_) => 2,
+        };
+        shares[family] += member.share;
+    }
+    let common = found.common.first().and_then(|lag| lag.line);
+    let mut learned = map(rows, found, places, widths, drifts);
+    let marker = |node: usize| {
+        let is_coordinate = |spec: &FieldSpec| matches!(spec.kind, FieldKind::Coordinate(_));
+        let of = layout.fields.iter().filter(|(spec, _)| is_coordinate(spec));
+        of.filter_map(|(_, places)| places[node].map(|output| output as u32)).collect()
+    };
+    learned.markers = (0..layout.nodes.len()).map(marker).collect();
+    let header = header(actuator, data, rows, &layout, Arc::new(learned));
+    let mut model = Model { blocks: blocks(rows, &layout)?, header };
+    typical_half_widths(rows, &mut model, &mut reports)?;
+    for (field, (_, places)) in layout.fields.iter().enumerate() {
+        let width = |place: &Option<usize>| place.map_or(0.0, |output| reports[output].half_width as f32);
+        let widths = BlockData::F32(places.iter().map(width).collect());
+        model.blocks.push((BlockKind::HalfWidth { field: field as u32 }, widths));
+    }
+    let sum: Vec<f64> = rows
+        .fitted
+        .iter()
+        .map(|(run, row)| {
+            let values = rows.runs[*run].inputs[*row];
+            rows.inputs
+                .iter()
+                .map(|of| (values.values()[of.input as usize] - of.mean) / (of.deviation * of.range))
+                .sum()
+        })
+        .collect();
+    let turns = turns(&directions(&rows.fitted.iter().map(|at| at.0).collect::<Vec<_>>(), &sum));
+    if turns < 4 {
+        remarks.push(format!(
+            "{turns} changes between rising and falling inputs, less than two periods: the half-widths rest on few repeats"
+        ));
+    }
+    for report in reports.iter().filter(|report| report.explained < MIN_EXPLAINED) {
+        remarks.push(format!("{} does not follow the inputs; its half-width says so", report.name));
+    }
+    match rows.runs.len() {
+        1 if rows.are_dealt => remarks.push("successive rows have nothing in common: settled states, learned without lags".into()),
+        1 => remarks.push("one run says nothing about the next: the half-widths contain 3 % of the range for it; learn from several runs to measure it".into()),
+        _ => {}
+    }
+    Ok(Learned {
+        error_share: errors[1] / length(&reports, data),
+        memoryless_share: errors[0] / length(&reports, data),
+        model,
+        inputs: data.inputs.clone(),
+        outputs: reports,
+        remarks,
+        lag_s: common.map(|line| [line.fill_s, line.empty_s]),
+        shares,
+        turns,
+        rows: rows.measured.len(),
+    })
+}
+
+/// Length of the ranges over their units: what an error share refers to.
+fn length(reports: &[OutputReport], data: &Measured) -> f64 {
+    let units = super::data::scales(&data.outputs, &data.runs);
+    reports.iter().zip(units).map(|(report, unit)| (report.range / unit).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Median half-widths over the training, as a session gives them.
+fn typical_half_widths(
+    rows: &Rows,
+    model: &mut Model,
+    reports: &mut [OutputReport],
+) -> Result<(), MeasuredError> {
+    let mut session = Session::new(model, Gaps::Recorded)?;
+    let mut evaluation = session.evaluation();
+    let mut found: Vec<Vec<f64>> = vec![Vec::new(); reports.len()];
+    let mut displacements = Vec::new();
+    let mut next = rows.fitted.iter().peekable();
+    for (at, run) in rows.runs.iter().enumerate() {
+        session.restart();
+        for (row, (t_ns, inputs)) in run.time_ns.iter().zip(&run.inputs).enumerate() {
+            let Ok(filtered) = session.take(*t_ns, *inputs) else { continue };
+            if next.next_if(|fitted| **fitted == (at, row)).is_some()
+                && session.answer(&filtered, &mut evaluation).is_ok()
+            {
+                displacements.push(evaluation.halfwidths.displacement_mm);
+                found
+                    .iter_mut()
+                    .zip(&evaluation.output_half_widths)
+                    .for_each(|(all, width)| all.push(*width));
+            }
+        }
+    }
+    let typical = |widths: Vec<f64>| median(widths.into_iter().filter(|w| w.is_finite())).unwrap_or(f64::NAN);
+    for (report, widths) in reports.iter_mut().zip(found) {
+        report.half_width = typical(widths);
+    }
+    for regime in &mut model.header.regimes {
+        regime.halfwidths.displacement_mm = typical(std::mem::take(&mut displacements));
+    }
+    Ok(())
+}
+
+fn header(
+    actuator: &str,
+    data: &Measured,
+    rows: &Rows,
+    layout: &Layout,
+    learned: Arc<LearnedMap>,
+) -> ModelHeader {
+    let states: Vec<Inputs> = rows.fitted.iter().map(|(run, row)| rows.runs[*run].inputs[*row]).collect();
+    let varying = positions(&data.inputs);
+    let mut sorted = varying.clone();
+    sorted.sort_unstable();
+    let inputs = InputMap::of_states(&states, &sorted);
+    let further = data.inputs.iter().zip(&varying).filter(|(_, at)| **at >= rom::inputs::PARAMETERS);
+    let declared: Vec<Parameter> = further
+        .map(|(name, at)| Parameter {
+            name: name.clone(),
+            unit: unit_of(name),
+            nominal: median(states.iter().map(|state| state.values()[*at])).unwrap_or(f64::NAN),
+        })
+        .collect();
+    let x: Vec<Point> = states.iter().map(|state| inputs.scale(state)).collect();
+    let dimensions = inputs.dimensions();
+    // Centres of cells and the rows at the ends of the inputs: neighbours are a cell apart, while rows follow a path.
+    let ends = (0..dimensions).flat_map(|axis| {
+        let by = |a: &&Point, b: &&Point| a[axis].total_cmp(&b[axis]);
+        x.iter().min_by(by).into_iter().chain(x.iter().max_by(by))
+    });
+    let points: Vec<Point> = centres(&x, dimensions).iter().chain(ends).copied().collect();
+    let count = rows.outputs();
+    let group = GroupModel {
+        name: "outputs".into(),
+        fields: (0..layout.fields.len()).collect(),
+        coefficients: 0..count,
+        // Not asked: the learned map answers.
+        surrogate: Interpolant {
+            kernel: KernelKind::Cubic,
+            tail: Tail::Constant,
+            dimensions,
+            metric: Metric::IDENTITY,
+            centres: vec![0.0; dimensions],
+            weights: vec![0.0; count],
+            tail_weights: vec![0.0; count],
+            outputs: count,
+            smoothing: 0.0,
+            condition: f64::NAN,
+            residual: 0.0,
+            slopes: Vec::new(),
+        },
+        singular_values: vec![1.0; count],
+        // All of them count.
+        leave_one_out: (0..=count).map(|k| if k < count { f64::MAX } else { 0.0 }).collect(),
+    };
+    let regime = RegimeModel {
+        kind: RegimeKind::Free,
+        domain: TrainingRange::of_points(inputs.operating(), dimensions, &points),
+        groups: vec![group],
+        force: None,
+        halfwidths: HalfWidths { coverage: COVERAGE, ..HalfWidths::UNKNOWN },
+        local_halfwidths: None,
+        far_onset: None,
+        difference: None,
+        inputs,
+    };
+    let output = |spec: &FieldSpec| OutputField { spec: spec.clone(), magnitude_of: None };
+    let set = |(node, name): (usize, &String)| NodeSet { name: name.clone(), nodes: vec![node as u32] };
+    ModelHeader {
+        actuator: actuator.into(),
+        inputs: InputSpec::ranged(InputSpec::without_range(&declared), [&regime.inputs].into_iter()),
+        fields: layout.fields.iter().map(|(spec, _)| output(spec)).collect(),
+        node_count: layout.node_count(),
+        regimes: vec![regime],
+        onset: None,
+        hysteresis_mpa: 0.0,
+        node_sets: layout.nodes.iter().enumerate().map(set).collect(),
+        database_hash: hash(data),
+        clearance: None,
+        limit: None,
+        body: None,
+        learned: Some(learned),
     }
 }
 
 type Blocks = Vec<(BlockKind, BlockData)>;
+
+/// Means of 0 and a mode of each output where it is; positions of the markers at the smallest inputs, 0 where there are none. A scalar is the same
+/// at all nodes.
+fn blocks(rows: &Rows, layout: &Layout) -> Result<Blocks, MeasuredError> {
+    let (nodes, regime) = (layout.node_count(), RegimeKind::Free);
+    let mut blocks = Vec::new();
+    for (field, (_, places)) in layout.fields.iter().enumerate() {
+        let shape = |mode: usize, node: usize| if places[node] == Some(mode) { 1.0 } else { 0.0 };
+        let shapes =
+            Modes::new(Precision::F32, nodes, rows.outputs(), shape).map_err(|_| MeasuredError::Singular)?;
+        let field = field as u32;
+        blocks.push((BlockKind::Mean { regime, field }, BlockData::F32(vec![0.0; nodes])));
+        blocks.push((BlockKind::Modes { regime, field }, BlockData::Modes(shapes)));
+    }
+    let sum = |row: usize| -> f64 {
+        let (run, at) = rows.fitted[row];
+        let values = rows.runs[run].inputs[at];
+        rows.inputs.iter().map(|of| values.values()[of.input as usize] / of.deviation).sum()
+    };
+    let rest = (0..rows.fitted.len()).min_by(|a, b| sum(*a).total_cmp(&sum(*b))).unwrap_or(0);
+    for axis in 0..3 {
+        let found = layout.fields.iter().find(|(spec, _)| spec.kind == FieldKind::Coordinate(axis));
+        let place = |node: usize| found.and_then(|(_, places)| places[node]);
+        let at = |node: usize| place(node).map_or(0.0, |output| rows.y[(rest, output)] as f32);
+        blocks.push((BlockKind::Undeformed(axis), BlockData::F32((0..nodes).map(at).collect())));
+    }
+    Ok(blocks)
+}
 
 /// blake3 of the measured values.
 fn hash(data: &Measured) -> [u8; 32] {

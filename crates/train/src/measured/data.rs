@@ -73,16 +73,18 @@ pub struct Learned {
     pub outputs: Vec<OutputReport>,
     /// Remarks.
     pub remarks: Vec<String>,
-    /// Kernel, tail and smoothing.
-    pub kernel: String,
-    /// Modes of the outputs.
-    pub modes: usize,
+    /// Times of filling and emptying of the best lag common to all inputs, s; `None`: the inputs as they are.
+    pub lag_s: Option<[f64; 2]>,
+    /// Shares of polynomials, kernel maps and reservoirs in the answer.
+    pub shares: [f64; 3],
     /// Changes between rising and falling inputs.
     pub turns: usize,
     /// Rows of the fit.
     pub rows: usize,
     /// RMS error on left-out segments over all outputs, as a fraction of the length of their ranges.
     pub error_share: f64,
+    /// The same of a linear map without lags.
+    pub memoryless_share: f64,
 }
 
 /// Reason why nothing can be learned.
@@ -158,8 +160,6 @@ pub enum MeasuredError {
 
 /// Fewest rows: settled states of one sweep.
 pub(super) const MIN_ROWS: usize = 8;
-/// Rows beyond which only every n-th is used.
-pub(super) const MAX_ROWS: usize = 20_000;
 /// Smallest explained variance.
 pub(super) const MIN_EXPLAINED: f64 = 0.2;
 /// Nominal coverage of the half-widths.

@@ -8,10 +8,10 @@
 //! `r` is measured minus predicted with the modes' difference, `x` the inputs scaled as in the model, centres `c` the means of cells of the measured states. Segments of the
 //! runs that are left out choose `R` and `lambda`, and decide whether there is an offset at all.
 
-use super::curve::{FOLDS, SEGMENTS, centres, fold, half_width};
 use super::data::{COVERAGE, MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS};
 use super::layout::coordinate;
 use super::modes::{self, ModesDifference};
+use super::segments::{FOLDS, SEGMENTS, centres, fold, half_width};
 use rom::dense::Dense;
 use rom::difference::terms;
 use rom::evaluator::Evaluator;

@@ -2,7 +2,7 @@
 
 use rom::evaluation::Evaluation;
 use rom::model::{BlockKind, Model, ModelHeader};
-use rom::snapshots::{FieldKind, FieldSpec};
+use rom::snapshots::{FieldKind, FieldSpec, RegimeKind};
 
 /// Name of the model's pressure.
 pub(super) const PRESSURE_NAME: &str = "pressure_mpa";
@@ -87,16 +87,26 @@ pub struct MeasuredOutput {
     pub field: usize,
     /// Node.
     pub node: usize,
-    /// Half-width in the output's unit.
+    /// Half-width in the output's unit, typical of the training.
     pub half_width: f64,
+    /// Coefficient that it is.
+    coefficient: usize,
 }
 
 impl MeasuredOutput {
-    /// The half-width at an evaluated state; NaN outside the training range, where nothing was measured.
+    /// The half-width at an evaluated state; NaN where nothing is known.
     #[must_use]
     pub fn half_width_of(&self, evaluation: &Evaluation) -> f64 {
-        if evaluation.flags.extrapolated { f64::NAN } else { self.half_width }
+        evaluation.output_half_widths.get(self.coefficient).copied().unwrap_or(f64::NAN)
     }
+}
+
+/// Coefficient that an output of a learned map is.
+#[must_use]
+pub fn coefficient(model: &Model, field: usize, node: usize) -> Option<usize> {
+    model.header.learned.as_ref()?;
+    let modes = model.modes(RegimeKind::Free, field as u32).ok()?;
+    (0..modes.count()).find(|mode| modes.value(*mode, node) != 0.0)
 }
 
 /// Outputs of a model that was learned from measurements; empty for other models.
@@ -108,7 +118,14 @@ pub fn outputs(model: &Model) -> Vec<MeasuredOutput> {
         let mut push = |name: String, node: usize| {
             // A coordinate that was not measured has none.
             let half_width = widths.get(node).copied().map(f64::from).filter(|width| *width > 0.0);
-            found.extend(half_width.map(|half_width| MeasuredOutput { name, field, node, half_width }));
+            let found_at = half_width.zip(coefficient(model, field, node));
+            found.extend(found_at.map(|(half_width, coefficient)| MeasuredOutput {
+                name,
+                field,
+                node,
+                half_width,
+                coefficient,
+            }));
         };
         match output.spec.kind {
             FieldKind::Coordinate(axis) => {

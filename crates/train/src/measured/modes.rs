@@ -8,8 +8,8 @@
 //! the unit. `s_j` is the standard deviation of the coefficient over the training states, the prior of the ridge. Angles are linearised
 //! again at the state found. Segments of the runs that are left out choose `R` and `lambda`, and decide whether there is a difference.
 
-use super::curve::{FOLDS, SEGMENTS, centres, fold, half_width};
 use super::data::{COVERAGE, MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS};
+use super::segments::{FOLDS, SEGMENTS, centres, fold, half_width};
 use rom::dense::Dense;
 use rom::difference::{FieldDifference, terms};
 use rom::evaluator::Evaluator;

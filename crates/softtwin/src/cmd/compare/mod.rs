@@ -4,15 +4,15 @@ mod body;
 mod subject;
 
 use crate::bench::{self, confusion, inputs_at, line, match_inputs, panel, range};
-use crate::failure::configuration;
+use crate::failure::{configuration, usage};
 use crate::motion::follow_rows;
 use crate::picture::{Figure, Mark};
 use crate::{files, output, report};
 use anyhow::Context;
 use formats::log::Recording;
 use rom::evaluation::Evaluation;
-use rom::evaluator::Evaluator;
-use rom::model::{BlockKind, Model, Selection};
+use rom::learned::{Following, LearnedMap};
+use rom::model::{Model, Selection};
 use rom::observable::Observables;
 use rom::reconstructor::Reconstructor;
 use rom::snapshots::FieldKind;
@@ -20,7 +20,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use subject::Subject;
-use train::measured::place;
+use train::measured::{coefficient, place};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -61,6 +61,9 @@ pub struct Args {
     /// Folder for the pictures and the table.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Correct a model learned from measurements by an offset that follows the measured outputs, known up to this time ago, s; default: none.
+    #[arg(long, value_name = "S", value_parser = crate::range::number(0.0, 1e6))]
+    follow: Option<f64>,
     /// One JSON object instead of text.
     #[arg(long)]
     json: bool,
@@ -72,11 +75,18 @@ struct Compared {
     measured: Vec<f64>,
     predicted: Vec<f64>,
     half_width: Vec<f64>,
+    /// Rows outside the model's training range.
+    is_outside: Vec<bool>,
 }
 
 /// Where the predicted value of an output comes from.
 enum Origin {
-    Node { field: usize, node: usize },
+    /// `output`: which of those of a learned map it is.
+    Node {
+        field: usize,
+        node: usize,
+        output: Option<usize>,
+    },
     Observable(usize),
     Force,
 }
@@ -89,7 +99,7 @@ impl Args {
         let recording = bench::read(&self.recording, &bench::mapping(&self.log)?)?;
         let mut remarks = recording.remarks.clone();
         let places = match_inputs(&model.header, &recording, &mut remarks).map_err(configuration)?;
-        let outputs = compare(&subject, &recording, &places, &mut remarks)?;
+        let outputs = compare(&subject, &recording, &places, self.follow, &mut remarks)?;
         let rows = outputs.first().map_or(0, |o| o.predicted.iter().filter(|v| v.is_finite()).count());
         if rows == 0 {
             return Err(configuration(anyhow::anyhow!(
@@ -109,7 +119,10 @@ impl Args {
         let found = Comparison {
             source: source(model),
             rows,
+            rows_outside: outputs[0].is_outside.iter().filter(|is_outside| **is_outside).count(),
             outputs: statistics(&outputs),
+            inside: parts(&outputs, false),
+            outside: parts(&outputs, true),
             before: self.before.is_some().then(|| statistics(&before)),
             markers: markers(&outputs),
             remarks,
@@ -127,7 +140,13 @@ impl Args {
 struct Comparison {
     source: &'static str,
     rows: usize,
+    /// Those outside the training range; `inside` and `outside` tell both apart.
+    rows_outside: usize,
     outputs: BTreeMap<String, Statistics>,
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    inside: BTreeMap<String, Statistics>,
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    outside: BTreeMap<String, Statistics>,
     #[serde(skip_serializing_if = "Option::is_none")]
     before: Option<BTreeMap<String, Statistics>>,
     markers: BTreeMap<String, Marker>,
@@ -142,6 +161,11 @@ fn statistics(outputs: &[Compared]) -> BTreeMap<String, Statistics> {
     outputs.iter().map(|output| (output.name.clone(), output.statistics())).collect()
 }
 
+/// Statistics of the rows inside or outside the training range; empty if all are inside.
+fn parts(outputs: &[Compared], outside: bool) -> BTreeMap<String, Statistics> {
+    outputs.iter().filter_map(|of| Some((of.name.clone(), of.part(outside)?.statistics()))).collect()
+}
+
 /// The comparison with another model.
 fn before(path: &Path, recording: &Recording) -> anyhow::Result<Vec<Compared>> {
     let subject = Subject::read(path)?;
@@ -149,13 +173,14 @@ fn before(path: &Path, recording: &Recording) -> anyhow::Result<Vec<Compared>> {
     let places = match_inputs(&subject.model.header, recording, &mut remarks)
         .with_context(|| format!("--before {}", path.display()))
         .map_err(configuration)?;
-    compare(&subject, recording, &places, &mut remarks)
+    compare(&subject, recording, &places, None, &mut remarks)
 }
 
 fn compare(
     subject: &Subject,
     recording: &Recording,
     places: &[Option<usize>],
+    follow_s: Option<f64>,
     remarks: &mut Vec<String>,
 ) -> anyhow::Result<Vec<Compared>> {
     let model = &subject.model;
@@ -171,7 +196,9 @@ fn compare(
             }
             name => {
                 let observable = observables.names().position(|known| known == name).map(Origin::Observable);
-                let at = || place(&model.header, name).map(|(field, node)| Origin::Node { field, node });
+                let node =
+                    |(field, node)| Origin::Node { field, node, output: coefficient(model, field, node) };
+                let at = || place(&model.header, name).map(node);
                 observable.or_else(at)
             }
         };
@@ -186,6 +213,7 @@ fn compare(
             measured: series.values.clone(),
             predicted: nan.clone(),
             half_width: nan,
+            is_outside: vec![false; series.values.len()],
         });
     }
     if outputs.is_empty() {
@@ -198,11 +226,9 @@ fn compare(
             sets.join(", ")
         )));
     }
-    let mut scratch = Evaluator::new(&model.header)?.evaluation();
     let reconstructor = Reconstructor::new(model, &Selection::default())?;
     let mut fields = vec![0.0; reconstructor.entries()];
     let nodes = model.header.node_count;
-    let mut outside = 0_usize;
     // Value and half-width of an output.
     let answer = |evaluation: &Evaluation, fields: &[f32], origin: &Origin| {
         let widths = evaluation.halfwidths;
@@ -212,49 +238,76 @@ fn compare(
                 (found.value, found.halfwidth)
             }
             Origin::Force => (evaluation.contact_force_n + subject.force_bias_n, widths.force_n),
-            Origin::Node { field, node } => {
-                let kind = BlockKind::HalfWidth { field: field as u32 };
-                // Of a state outside the training range neither is known.
-                let measured = model.f32_block(kind).filter(|_| !evaluation.flags.extrapolated);
-                let measured = measured.and_then(|widths| widths.get(node));
+            Origin::Node { field, node, output: Some(output) } => {
+                let width = evaluation.output_half_widths.get(output).copied().unwrap_or(f64::NAN);
+                (f64::from(fields[field * nodes + node]), width)
+            }
+            Origin::Node { field, node, output: None } => {
                 let by_kind = match model.header.fields[field].spec.kind {
                     FieldKind::Coordinate(_) | FieldKind::Magnitude => widths.displacement_mm,
                     FieldKind::Stress => widths.stress_mpa,
                     FieldKind::Other => f64::NAN,
                 };
-                let width = measured.map_or(by_kind, |width| f64::from(*width));
-                (f64::from(fields[field * nodes + node]), width)
+                (f64::from(fields[field * nodes + node]), by_kind)
             }
         }
     };
     let inputs_of = |row: usize| inputs_at(places, recording, row).map(|inputs| subject.unbiased(inputs));
-    let of_rows = follow_rows(model, &recording.time_s, inputs_of, |row, inputs, evaluation, session| {
-        let mut enclosing: Vec<Vec<f64>> = Vec::new();
-        // Half-widths of other models contain the past.
-        let pasts = session.enclosing(inputs).filter(|_| model.is_measured());
-        for inputs in pasts.into_iter().flatten() {
-            session.evaluator().evaluate(inputs, &mut scratch);
-            if scratch.flags.refusal.is_some() {
-                enclosing.push(vec![f64::INFINITY; origins.len()]);
-                continue;
-            }
-            reconstructor.reconstruct_into(&scratch, &mut fields).context("the model has no answer")?;
-            enclosing.push(origins.iter().map(|origin| answer(&scratch, &fields, origin).0).collect());
-        }
+    let of_rows = follow_rows(model, &recording.time_s, inputs_of, |row, _, evaluation, _| {
         reconstructor.reconstruct_into(evaluation, &mut fields).context("the model has no answer")?;
-        outside += usize::from(evaluation.flags.extrapolated);
-        for (at, (output, origin)) in outputs.iter_mut().zip(&origins).enumerate() {
+        for (output, origin) in outputs.iter_mut().zip(&origins) {
             let (value, width) = answer(evaluation, &fields, origin);
-            let of_past = enclosing.iter().map(|values| (values[at] - value).abs()).fold(0.0, f64::max);
-            (output.predicted[row], output.half_width[row]) = (value, width.hypot(of_past));
+            (output.predicted[row], output.half_width[row]) = (value, width);
+            output.is_outside[row] = evaluation.flags.extrapolated;
         }
         Ok(())
     })?;
     remarks.extend(of_rows);
+    if let Some(behind_s) = follow_s {
+        let map = model.header.learned.as_ref();
+        let map = map.ok_or_else(|| {
+            usage("--follow: expected a model learned from measurements, found another one")
+        })?;
+        follow(map, &origins, &recording.time_s, behind_s, &mut outputs);
+    }
+    let outside = outputs[0].is_outside.iter().filter(|is_outside| **is_outside).count();
     if outside > 0 {
-        remarks.push(format!("{outside} rows are outside the model's training range and have no half-width"));
+        let widths =
+            if model.header.learned.is_some() { "wider half-widths or none" } else { "no half-width" };
+        let remark = format!(
+            "{outside} rows are outside the model's training range, with {widths}; they are also reported apart"
+        );
+        remarks.insert(0, remark);
     }
     Ok(outputs)
+}
+
+/// Adds to predicted values the offset that measured values of at least `behind_s` ago suggest.
+fn follow(map: &LearnedMap, origins: &[Origin], time_s: &[f64], behind_s: f64, outputs: &mut [Compared]) {
+    let mut following = Following::new(map);
+    let of_map: Vec<(usize, usize)> = origins
+        .iter()
+        .enumerate()
+        .filter_map(|(at, origin)| match origin {
+            Origin::Node { output: Some(output), .. } => Some((at, *output)),
+            _ => None,
+        })
+        .collect();
+    let free: Vec<Vec<f64>> = outputs.iter().map(|output| output.predicted.clone()).collect();
+    let mut errors = vec![f64::NAN; map.outputs()];
+    let mut known = 0;
+    for row in 0..time_s.len() {
+        while known < row && time_s[known] <= time_s[row] - behind_s {
+            for (at, output) in &of_map {
+                errors[*output] = outputs[*at].measured[known] - free[*at][known];
+            }
+            following.take(time_s[known], &errors);
+            known += 1;
+        }
+        for (at, output) in &of_map {
+            outputs[*at].predicted[row] += following.offset(*output);
+        }
+    }
 }
 
 /// Statistics of an output.
@@ -270,6 +323,21 @@ struct Statistics {
 }
 
 impl Compared {
+    /// The rows outside the training range, or those inside; `None` if all are inside.
+    fn part(&self, outside: bool) -> Option<Self> {
+        let pick = |values: &[f64]| -> Vec<f64> {
+            values.iter().zip(&self.is_outside).filter(|(_, is)| **is == outside).map(|(v, _)| *v).collect()
+        };
+        let part = Self {
+            name: self.name.clone(),
+            measured: pick(&self.measured),
+            predicted: pick(&self.predicted),
+            half_width: pick(&self.half_width),
+            is_outside: Vec::new(),
+        };
+        (self.is_outside.contains(&true) && part.pairs().next().is_some()).then_some(part)
+    }
+
     fn pairs(&self) -> impl Iterator<Item = (f64, f64, f64)> + '_ {
         let all = self.measured.iter().zip(&self.predicted).zip(&self.half_width);
         all.map(|((m, p), h)| (*m, *p, *h)).filter(|(m, p, _)| m.is_finite() && p.is_finite())
@@ -390,7 +458,7 @@ fn swapped_inputs(
     }
     let thin = recording.every(recording.time_s.len().div_ceil(PROBE_ROWS));
     let of = |places: &[Option<usize>]| -> anyhow::Result<f64> {
-        Ok(error(&compare(subject, &thin, places, &mut Vec::new())?))
+        Ok(error(&compare(subject, &thin, places, None, &mut Vec::new())?))
     };
     let own = of(places)?;
     let unit = |at: usize| subject.model.header.inputs[at].unit.as_str();

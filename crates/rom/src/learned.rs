@@ -1,0 +1,620 @@
+//! A model of measurements: ridge maps of filtered inputs, with half-widths that grow with what training did not visit.
+//!
+//! ```text
+//! c' = (u - c) / tau, tau of filling or emptying                       lags of the standardised inputs
+//! x_k' = (tanh(d_k (1, u) + sum_j w_kj x_j) - x_k) / tau_k             neurons of a reservoir
+//! y_polynomial = a (1, c, c_i c_j, c_i^3)                              up to its degree
+//! y_kernel = a (1, c) + sum_k b_k g(|c - c_k| / (R sqrt(n)))           g(r) = (1 - r)^4 (4 r + 1) up to r = 1
+//! y_reservoir = a (1, u) + b x
+//! y = base + gate (sum share y_member - base)                          base: linear in the lagged inputs
+//! gate = 1 up to the reach, 0 from three times the reach on            of the distance d from the rows of the training, inputs and lags
+//! h^2 = noise + spread s^2 + distance d^2 + allowance^2                s: deviation of the members, gate included
+//! h  += (1 - gate) error of the base + growth (d - reach)              NaN from the range of the output on
+//! ```
+//!
+//! Lags are exact for inputs that are straight between readings. Neurons step by `step_ns` since the first reading; at a reading between two
+//! steps they are brought forward without being kept, so that the state does not depend on how readings were cut.
+
+use crate::inputs::{Inputs, MAX_INPUTS};
+use crate::line::Line;
+use serde::{Deserialize, Serialize};
+
+/// Most steps of the neurons between two readings; over a longer time the steps are longer.
+const MAX_STEPS: u64 = 1000;
+/// Steps in which neurons settle.
+const SETTLING: usize = 300;
+/// Most neurons of a reservoir.
+pub const MAX_NEURONS: usize = 256;
+/// Most outputs.
+pub const MAX_OUTPUTS: usize = 256;
+/// Distance, in units of the reach, from which on the base alone answers.
+const BASE_ALONE: f64 = 3.0;
+/// Part of an unknown past below which it is forgotten.
+const FADED: f64 = 1e-4;
+/// Largest size of a standardised input that is a number.
+const LARGEST: f64 = 1e12;
+
+/// An input of the map.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MapInput {
+    /// Position in the model's inputs.
+    pub input: u32,
+    /// Mean over the training.
+    pub mean: f64,
+    /// Standard deviation over the training.
+    pub deviation: f64,
+    /// Largest minus smallest standardised value of the training.
+    pub range: f64,
+}
+
+/// A filtered input: what the maps see.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lag {
+    /// Which of the map's inputs.
+    pub input: u32,
+    /// Times of filling and emptying; `None`: the input itself.
+    pub line: Option<Line>,
+}
+
+/// A map linear in lags: `weights` has one row of the outputs for the constant and for each lag.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LinearMap {
+    /// Which lags.
+    pub lags: Vec<u32>,
+    /// `(1 + lags) x outputs`.
+    pub weights: Vec<f64>,
+}
+
+/// A polynomial of lags: constant, linear terms, from degree 2 on products of two, from degree 3 on cubes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Polynomial {
+    /// Share in the answer.
+    pub share: f64,
+    /// Which lags.
+    pub lags: Vec<u32>,
+    /// 1 to 3.
+    pub degree: u32,
+    /// `terms x outputs`.
+    pub weights: Vec<f64>,
+}
+
+/// Kernel maps of the same lags around the same centres.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Kernels {
+    /// Which lags.
+    pub lags: Vec<u32>,
+    /// `centres x lags`.
+    pub centres: Vec<f64>,
+    /// The maps.
+    pub maps: Vec<KernelMap>,
+}
+
+/// A kernel map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KernelMap {
+    /// Share in the answer.
+    pub share: f64,
+    /// Distance over the root of the number of lags at which the kernel ends.
+    pub radius: f64,
+    /// `(1 + lags + centres) x outputs`.
+    pub weights: Vec<f64>,
+}
+
+/// Neurons, and the map from them to the outputs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Reservoir {
+    /// Share in the answer.
+    pub share: f64,
+    /// Time of each neuron, s.
+    pub times_s: Vec<f64>,
+    /// `neurons x (1 + inputs)`.
+    pub drive: Vec<f64>,
+    /// First entry of each neuron in the two that follow, and their number at the end.
+    pub starts: Vec<u32>,
+    /// Which neuron feeds it.
+    pub sources: Vec<u32>,
+    /// With which weight.
+    pub strengths: Vec<f64>,
+    /// `(1 + inputs + neurons) x outputs`.
+    pub weights: Vec<f64>,
+}
+
+/// What training visited.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Support {
+    /// Which lags.
+    pub lags: Vec<u32>,
+    /// `rows x lags`.
+    pub rows: Vec<f64>,
+    /// Distance that parts of the training have from one another.
+    pub reach: f64,
+    /// Distance that counts as one training range.
+    pub extent: f64,
+}
+
+/// Half-width of an output; squares are in its unit squared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OutputWidth {
+    /// Constant part, squared.
+    pub noise: f64,
+    /// Factor on the members' variance.
+    pub spread: f64,
+    /// Factor on the squared distance.
+    pub distance: f64,
+    /// Allowance for a further run, squared.
+    pub allowance: f64,
+    /// Error of the base.
+    pub base: f64,
+    /// Growth per distance beyond the reach.
+    pub growth: f64,
+    /// Range of the training: a half-width that reaches it is none.
+    pub range: f64,
+    /// What an unknown past may change.
+    pub past: f64,
+}
+
+/// Constants of an offset that follows measured values ([`Following`]), by output.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Drift {
+    /// Variance at the beginning.
+    pub start: f64,
+    /// Growth of the variance per second.
+    pub per_s: f64,
+    /// Variance of a measured value times the time over which its errors agree, s.
+    pub noise_s: f64,
+}
+
+/// The map of a model learned from measurements; in the file a record ([`crate::model::BlockKind::Learned`]).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LearnedMap {
+    /// Inputs.
+    pub inputs: Vec<MapInput>,
+    /// Step of the neurons, ns.
+    pub step_ns: u64,
+    /// Longest time between two readings that is bridged by a straight line, s.
+    pub max_gap_s: f64,
+    /// Filtered inputs.
+    pub lags: Vec<Lag>,
+    /// Linear map.
+    pub base: LinearMap,
+    /// Polynomials.
+    pub polynomials: Vec<Polynomial>,
+    /// Kernel maps.
+    pub kernels: Vec<Kernels>,
+    /// Reservoirs.
+    pub reservoirs: Vec<Reservoir>,
+    /// Rows of the training.
+    pub support: Support,
+    /// Half-widths by output.
+    pub widths: Vec<OutputWidth>,
+    /// Following, by output.
+    pub drifts: Vec<Drift>,
+    /// Outputs that are coordinates of a marker, by marker.
+    pub markers: Vec<Vec<u32>>,
+}
+
+/// State of the lags and neurons at an instant, with memory to answer in: allocates nothing after its construction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Past {
+    last: [f64; MAX_INPUTS],
+    last_ns: Option<u64>,
+    /// Time since the neurons' last step, ns.
+    since_ns: u64,
+    lags: Vec<f64>,
+    /// Neurons at their last step.
+    stepped: Vec<f64>,
+    /// Neurons at the last reading.
+    neurons: Vec<f64>,
+    rates: Vec<f64>,
+    /// Values of the members, by member and output.
+    members: Vec<f64>,
+    /// Part of an unknown past that has not faded.
+    unknown: f64,
+}
+
+/// `value += factor row`.
+fn add(value: &mut [f64], factor: f64, row: &[f64]) {
+    value.iter_mut().zip(row).for_each(|(v, w)| *v += factor * w);
+}
+
+/// `(1 - r)^4 (4 r + 1)`, 0 from 1 on.
+pub fn kernel(r: f64) -> f64 {
+    let left = (1.0 - r).max(0.0);
+    let square = left * left;
+    square * square * (4.0 * r + 1.0)
+}
+
+impl LinearMap {
+    fn add_to(&self, lags: &[f64], out: &mut [f64]) {
+        let (constant, rows) = self.weights.split_at(out.len());
+        add(out, 1.0, constant);
+        self.lags
+            .iter()
+            .zip(rows.chunks_exact(out.len()))
+            .for_each(|(lag, row)| add(out, lags[*lag as usize], row));
+    }
+}
+
+/// Number of terms of a polynomial of `count` values.
+pub fn polynomial_terms(count: usize, degree: u32) -> usize {
+    let further = [count, count * (count + 1) / 2, count];
+    1 + further[..degree.min(3) as usize].iter().sum::<usize>()
+}
+
+/// The terms of a polynomial, in the order of its weights.
+pub fn polynomial(count: usize, degree: u32, value: impl Fn(usize) -> f64, mut term: impl FnMut(f64)) {
+    term(1.0);
+    (0..count).for_each(|i| term(value(i)));
+    if degree >= 2 {
+        (0..count).for_each(|i| (i..count).for_each(|j| term(value(i) * value(j))));
+    }
+    if degree >= 3 {
+        (0..count).for_each(|i| term(value(i).powi(3)));
+    }
+}
+
+impl Reservoir {
+    /// Neurons.
+    pub fn neurons(&self) -> usize {
+        self.times_s.len()
+    }
+
+    /// Moves neurons under standardised inputs by their rates `1 - exp(-h / tau)`.
+    pub fn step(&self, inputs: &[f64], rates: impl Fn(usize) -> f64, neurons: &mut [f64]) {
+        let mut next = [0.0; MAX_NEURONS];
+        for (k, (next, drive)) in next.iter_mut().zip(self.drive.chunks_exact(1 + inputs.len())).enumerate() {
+            let driven: f64 = drive[0] + drive[1..].iter().zip(inputs).map(|(w, u)| w * u).sum::<f64>();
+            let fed = self.starts[k] as usize..self.starts[k + 1] as usize;
+            let fed = self.sources[fed.clone()].iter().zip(&self.strengths[fed]);
+            let sum: f64 = fed.map(|(source, w)| w * neurons[*source as usize]).sum();
+            *next = neurons[k] + rates(k) * ((driven + sum).tanh() - neurons[k]);
+        }
+        neurons.copy_from_slice(&next[..neurons.len()]);
+    }
+}
+
+impl LearnedMap {
+    /// Outputs.
+    pub fn outputs(&self) -> usize {
+        self.widths.len()
+    }
+
+    /// True if the answers depend on earlier inputs.
+    pub fn has_memory(&self) -> bool {
+        !self.reservoirs.is_empty() || self.lags.iter().any(|lag| lag.line.is_some())
+    }
+
+    /// Slowest lag of the base, s: the time over which an unknown past fades.
+    fn fading_s(&self) -> f64 {
+        let times = self.base.lags.iter().filter_map(|lag| self.lags[*lag as usize].line);
+        times.map(|line| line.fill_s.max(line.empty_s)).fold(0.0, f64::max)
+    }
+
+    /// Standardised inputs of a reading.
+    pub fn scaled(&self, inputs: &Inputs) -> [f64; MAX_INPUTS] {
+        let mut scaled = [0.0; MAX_INPUTS];
+        for (to, of) in scaled.iter_mut().zip(&self.inputs) {
+            *to = (inputs.values()[of.input as usize] - of.mean) / of.deviation;
+        }
+        scaled
+    }
+
+    /// True if all inputs of the map are numbers.
+    pub fn takes(&self, inputs: &Inputs) -> bool {
+        self.scaled(inputs).iter().all(|u| u.abs() <= LARGEST)
+    }
+
+    /// A state before the first reading.
+    pub fn past(&self) -> Past {
+        let times = || self.reservoirs.iter().flat_map(|of| &of.times_s);
+        let step_s = 1e-9 * self.step_ns as f64;
+        let kernels: usize = self.kernels.iter().map(|of| of.maps.len()).sum();
+        let members = self.polynomials.len() + kernels + self.reservoirs.len();
+        Past {
+            last: [0.0; MAX_INPUTS],
+            last_ns: None,
+            since_ns: 0,
+            lags: vec![0.0; self.lags.len()],
+            stepped: vec![0.0; times().count()],
+            neurons: vec![0.0; times().count()],
+            rates: times().map(|tau| -(-step_s / tau).exp_m1()).collect(),
+            members: vec![0.0; members * self.outputs()],
+            unknown: 0.0,
+        }
+    }
+
+    /// Checks that the numbers fit one another and a model with this number of inputs and coefficients.
+    ///
+    /// # Errors
+    /// A sentence on the first contradiction.
+    pub fn check(&self, inputs: usize, coefficients: usize) -> Result<(), String> {
+        let require =
+            |sound: bool, what: &str| if sound { Ok(()) } else { Err(format!("learned map: {what}")) };
+        let (outputs, count) = (self.outputs(), self.inputs.len());
+        require(outputs == coefficients && (1..=MAX_OUTPUTS).contains(&outputs), "it has other outputs")?;
+        require((1..=MAX_INPUTS).contains(&count), "expected one to eight inputs")?;
+        let is_input =
+            |of: &MapInput| (of.input as usize) < inputs && of.deviation > 0.0 && of.mean.is_finite();
+        require(self.inputs.iter().all(is_input), "an input is missing or has no range")?;
+        require(self.step_ns > 0 && self.max_gap_s > 0.0, "a time is not above 0 s")?;
+        let positive = |line: Line| line.fill_s > 0.0 && line.empty_s > 0.0;
+        let is_lag = |of: &Lag| (of.input as usize) < count && of.line.is_none_or(positive);
+        require(self.lags.iter().all(is_lag), "a lag is not valid")?;
+        let known = |lags: &[u32]| lags.iter().all(|lag| (*lag as usize) < self.lags.len());
+        let base = self.base.weights.len() == (1 + self.base.lags.len()) * outputs;
+        require(known(&self.base.lags) && base, "the base is cut")?;
+        for of in &self.polynomials {
+            let terms = polynomial_terms(of.lags.len(), of.degree);
+            require(known(&of.lags) && of.weights.len() == terms * outputs, "a polynomial is cut")?;
+        }
+        for of in &self.kernels {
+            let (lags, centres) = (of.lags.len(), of.centres.len() / of.lags.len().max(1));
+            require(lags > 0 && known(&of.lags) && of.centres.len() == centres * lags, "centres are cut")?;
+            let is_whole =
+                |map: &KernelMap| map.radius > 0.0 && map.weights.len() == (1 + lags + centres) * outputs;
+            require(of.maps.iter().all(is_whole), "a kernel map is cut")?;
+        }
+        for of in &self.reservoirs {
+            let n = of.neurons();
+            require(
+                (1..=MAX_NEURONS).contains(&n) && of.times_s.iter().all(|t| *t > 0.0),
+                "a reservoir has no neurons",
+            )?;
+            let lengths = [of.drive.len(), of.starts.len(), of.weights.len(), of.strengths.len()];
+            let expected = [n * (1 + count), n + 1, (1 + count + n) * outputs, of.sources.len()];
+            let ordered =
+                of.starts.is_sorted() && of.starts.last().map(|end| *end as usize) == Some(of.sources.len());
+            let sources = of.sources.iter().all(|source| (*source as usize) < n);
+            require(lengths == expected && ordered && sources, "a reservoir is cut")?;
+        }
+        let support = &self.support;
+        let rows = support.rows.len().checked_rem(support.lags.len()) == Some(0) && !support.rows.is_empty();
+        require(
+            rows && known(&support.lags) && support.reach > 0.0 && support.extent > 0.0,
+            "its support is cut",
+        )?;
+        let is_output = |output: &u32| (*output as usize) < outputs;
+        require(self.markers.iter().flatten().all(is_output), "a marker has an output that is missing")?;
+        require(self.drifts.len() == outputs, "its drifts are cut")
+    }
+
+    /// Answers at a past: values of the outputs and their half-widths, the distance from the training in training ranges, and the half-width
+    /// of the marker with the widest, NaN without one.
+    pub(crate) fn answer(
+        &self,
+        past: &mut Past,
+        outcome: &mut Vec<f64>,
+        half_widths: &mut Vec<f64>,
+    ) -> [f64; 2] {
+        let outputs = self.outputs();
+        self.members(past);
+        let distance = self.distance(&past.lags);
+        let beyond = (distance - self.support.reach).max(0.0);
+        let x = (beyond / ((BASE_ALONE - 1.0) * self.support.reach)).min(1.0);
+        let gate = 1.0 - x * x * (3.0 - 2.0 * x);
+        let (mut base, mut mean, mut variance) = ([0.0; MAX_OUTPUTS], [0.0; MAX_OUTPUTS], [0.0; MAX_OUTPUTS]);
+        self.base.add_to(&past.lags, &mut base[..outputs]);
+        let members = || self.shares().zip(past.members.chunks_exact(outputs));
+        members().for_each(|(share, values)| add(&mut mean[..outputs], share, values));
+        for (share, values) in members() {
+            variance
+                .iter_mut()
+                .zip(&mean)
+                .zip(values)
+                .for_each(|((sum, mean), v)| *sum += share * (v - mean).powi(2));
+        }
+        outcome.clear();
+        half_widths.clear();
+        let far = distance.min(BASE_ALONE * self.support.reach);
+        for (k, of) in self.widths.iter().enumerate() {
+            outcome.push(base[k] + gate * (mean[k] - base[k]));
+            let squares =
+                of.noise + of.spread * variance[k] * gate * gate + of.distance * far * far + of.allowance;
+            let unknown = past.unknown * of.past;
+            let width = (squares + unknown * unknown).sqrt() + (1.0 - gate) * of.base + of.growth * beyond;
+            half_widths.push(if width < of.range { width } else { f64::NAN });
+        }
+        let of_marker =
+            |outputs: &Vec<u32>| outputs.iter().map(|k| half_widths[*k as usize].powi(2)).sum::<f64>().sqrt();
+        let widest =
+            self.markers.iter().map(of_marker).reduce(|a, b| if b > a || b.is_nan() { b } else { a });
+        [beyond / self.support.extent, widest.unwrap_or(f64::NAN)]
+    }
+
+    fn shares(&self) -> impl Iterator<Item = f64> + '_ {
+        let polynomials = self.polynomials.iter().map(|of| of.share);
+        let kernels = self.kernels.iter().flat_map(|of| &of.maps).map(|map| map.share);
+        polynomials.chain(kernels).chain(self.reservoirs.iter().map(|of| of.share))
+    }
+
+    /// Values of all members.
+    fn members(&self, past: &mut Past) {
+        let outputs = self.outputs();
+        past.members.fill(0.0);
+        let mut places = past.members.chunks_exact_mut(outputs);
+        for (of, out) in self.polynomials.iter().zip(&mut places) {
+            let mut rows = of.weights.chunks_exact(outputs);
+            let value = |at: usize| past.lags[of.lags[at] as usize];
+            polynomial(of.lags.len(), of.degree, value, |term| {
+                rows.by_ref().take(1).for_each(|row| add(out, term, row))
+            });
+        }
+        for of in &self.kernels {
+            let width = of.lags.len();
+            let square = |centre: &[f64]| -> f64 {
+                of.lags.iter().zip(centre).map(|(lag, c)| (past.lags[*lag as usize] - c).powi(2)).sum()
+            };
+            for (map, out) in of.maps.iter().zip(&mut places) {
+                let (first, rows) = map.weights.split_at((1 + width) * outputs);
+                add(out, 1.0, &first[..outputs]);
+                for (lag, row) in of.lags.iter().zip(first[outputs..].chunks_exact(outputs)) {
+                    add(out, past.lags[*lag as usize], row);
+                }
+                let scale = 1.0 / (map.radius * (width as f64).sqrt());
+                for (centre, row) in of.centres.chunks_exact(width).zip(rows.chunks_exact(outputs)) {
+                    let value = kernel(scale * square(centre).sqrt());
+                    if value > 0.0 {
+                        add(out, value, row);
+                    }
+                }
+            }
+        }
+        let mut begin = 0;
+        for (of, out) in self.reservoirs.iter().zip(places) {
+            let neurons = &past.neurons[begin..begin + of.neurons()];
+            begin += of.neurons();
+            let features = [1.0].iter().chain(&past.last[..self.inputs.len()]).chain(neurons);
+            features.zip(of.weights.chunks_exact(outputs)).for_each(|(value, row)| add(out, *value, row));
+        }
+    }
+
+    /// Distance of lags from the nearest row of the training.
+    fn distance(&self, lags: &[f64]) -> f64 {
+        let of = &self.support;
+        let square = |row: &[f64]| -> f64 {
+            of.lags.iter().zip(row).map(|(lag, r)| (lags[*lag as usize] - r).powi(2)).sum()
+        };
+        of.rows.chunks_exact(of.lags.len()).map(square).fold(f64::INFINITY, f64::min).sqrt()
+    }
+}
+
+impl Past {
+    /// Forgets: the next reading begins settled.
+    pub fn restart(&mut self) {
+        self.last_ns = None;
+    }
+
+    /// Values behind the lags.
+    pub fn lags(&self) -> &[f64] {
+        &self.lags
+    }
+
+    /// Neurons at the last reading, one reservoir after the other.
+    pub fn neurons(&self) -> &[f64] {
+        &self.neurons
+    }
+
+    /// Settles under inputs.
+    pub fn settle(&mut self, map: &LearnedMap, inputs: &Inputs) {
+        self.last = map.scaled(inputs);
+        self.lags.iter_mut().zip(&map.lags).for_each(|(value, lag)| *value = self.last[lag.input as usize]);
+        self.stepped.fill(0.0);
+        let mut begin = 0;
+        for of in &map.reservoirs {
+            let neurons = &mut self.stepped[begin..begin + of.neurons()];
+            (0..SETTLING).for_each(|_| of.step(&self.last[..map.inputs.len()], |_| 0.5, neurons));
+            begin += of.neurons();
+        }
+        self.neurons.copy_from_slice(&self.stepped);
+        (self.since_ns, self.unknown) = (0, 0.0);
+    }
+
+    /// Moves to a reading at `t_ns`, later than the last one. Returns whether it began here, and whether the inputs were held over a gap longer than
+    /// `max_gap_s`.
+    pub fn advance(&mut self, map: &LearnedMap, t_ns: u64, inputs: &Inputs, max_gap_s: f64) -> (bool, bool) {
+        let Some(last_ns) = self.last_ns.replace(t_ns) else {
+            self.settle(map, inputs);
+            self.unknown = if map.fading_s() > 0.0 { 1.0 } else { 0.0 };
+            return (true, false);
+        };
+        let (from, to, passed_ns) = (self.last, map.scaled(inputs), t_ns.saturating_sub(last_ns));
+        let passed_s = 1e-9 * passed_ns as f64;
+        let is_gap = passed_s > max_gap_s;
+        let end = if is_gap { from } else { to };
+        for (value, lag) in self.lags.iter_mut().zip(&map.lags) {
+            let at = lag.input as usize;
+            *value = match lag.line {
+                Some(line) if passed_ns > 0 => line.step(*value, from[at], end[at], passed_s).0,
+                Some(_) => *value,
+                None => to[at],
+            };
+        }
+        let due = (self.since_ns + passed_ns) / map.step_ns;
+        let count = due.min(MAX_STEPS);
+        let between = |at_ns: f64| -> [f64; MAX_INPUTS] {
+            let fraction = at_ns / (passed_ns.max(1)) as f64;
+            std::array::from_fn(|k| from[k] + fraction * (end[k] - from[k]))
+        };
+        let length_ns = (due * map.step_ns) as f64 / count.max(1) as f64;
+        for k in 1..=count {
+            let inputs = between(k as f64 * length_ns - self.since_ns as f64);
+            self.step(map, &inputs, (due > count).then_some(1e-9 * length_ns));
+        }
+        self.since_ns = (self.since_ns + passed_ns) % map.step_ns;
+        self.last = to;
+        self.neurons.copy_from_slice(&self.stepped);
+        if self.since_ns > 0 {
+            std::mem::swap(&mut self.neurons, &mut self.stepped);
+            self.step(map, &to, Some(1e-9 * self.since_ns as f64));
+            std::mem::swap(&mut self.neurons, &mut self.stepped);
+        }
+        let fading_s = map.fading_s();
+        self.unknown = match is_gap {
+            true if fading_s > 0.0 => 1.0,
+            _ => self.unknown * (-passed_s / fading_s.max(1e-9)).exp(),
+        };
+        if self.unknown < FADED {
+            self.unknown = 0.0;
+        }
+        (false, is_gap)
+    }
+
+    /// One step of all neurons; `None` for the map's own step.
+    fn step(&mut self, map: &LearnedMap, inputs: &[f64; MAX_INPUTS], length_s: Option<f64>) {
+        let mut begin = 0;
+        for of in &map.reservoirs {
+            let range = begin..begin + of.neurons();
+            begin = range.end;
+            let (inputs, neurons, own) =
+                (&inputs[..map.inputs.len()], &mut self.stepped[range.clone()], &self.rates[range]);
+            match length_s {
+                None => of.step(inputs, |k| own[k], neurons),
+                Some(length_s) => of.step(inputs, |k| -(-length_s / of.times_s[k]).exp_m1(), neurons),
+            }
+        }
+    }
+}
+
+/// An offset by output as a random walk, estimated from measured values: a Kalman filter of one state each.
+#[derive(Clone, Debug)]
+pub struct Following {
+    drifts: Vec<Drift>,
+    offsets: Vec<f64>,
+    variances: Vec<f64>,
+    last_s: Option<f64>,
+}
+
+impl Following {
+    /// Without a measured value the offsets are 0.
+    pub fn new(map: &LearnedMap) -> Self {
+        let variances = map.drifts.iter().map(|drift| drift.start).collect();
+        Self { drifts: map.drifts.clone(), offsets: vec![0.0; map.outputs()], variances, last_s: None }
+    }
+
+    /// Takes measured minus predicted values of a time, s, not before that of the last call; NaN where nothing was measured.
+    pub fn take(&mut self, t_s: f64, errors: &[f64]) {
+        let passed_s = self.last_s.map_or(0.0, |last_s| (t_s - last_s).max(0.0));
+        self.last_s = Some(t_s);
+        let states = self.offsets.iter_mut().zip(&mut self.variances).zip(&self.drifts);
+        for (((offset, variance), drift), error) in states.zip(errors) {
+            *variance += drift.per_s * passed_s;
+            // Values closer in time than their errors agree tell less.
+            let noise = drift.noise_s / passed_s.max(1e-9);
+            if error.is_finite() && noise.is_finite() && passed_s > 0.0 {
+                let gain = *variance / (*variance + noise);
+                *offset += gain * (error - *offset);
+                *variance *= 1.0 - gain;
+            }
+        }
+    }
+
+    /// Offset of an output, to be added to its predicted value.
+    pub fn offset(&self, output: usize) -> f64 {
+        self.offsets[output]
+    }
+
+    /// Its standard deviation.
+    pub fn deviation(&self, output: usize) -> f64 {
+        self.variances[output].sqrt()
+    }
+}

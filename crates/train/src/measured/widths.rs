@@ -1,0 +1,241 @@
+//! Half-widths of a map of measured runs: from left-out errors, growing with the members' spread and with the distance from what was visited,
+//! with an allowance for the next run.
+//!
+//! ```text
+//! e^2 = c0 + c1 spread + c2 d^2       least squares on left-out errors, c >= 0; half-width: the 90 % quantile of |e| over its root
+//! a0  = 0.03 r^(1/3) L^(2/3)          allowance of one run: r range of the output, L length of the ranges in its unit
+//! a^2 = (2 a0^2 + sum m^2) / (2 + n)  of n runs with left-out mean errors m
+//! ```
+
+use super::data::{COVERAGE, range_of};
+use super::maps::{BASE_SMOOTHING, Filtered, Found, Rows, polynomial, solve, times};
+use faer::Mat;
+use rom::learned::{Drift, Lag, OutputWidth, Support};
+use rom::memory::Line;
+use rom::statistics::{mean, median, quantile};
+
+/// Standard deviation of the difference between runs, as a fraction of the ranges, and the exponent of the output's own.
+const ALLOWANCE: f64 = 0.03;
+const OWN_RANGE: f64 = 1.0 / 3.0;
+/// Runs that the allowance of one run counts for.
+const PRIOR_RUNS: f64 = 2.0;
+/// Standard deviations in a half-width.
+const SIGMAS: f64 = 1.64;
+/// Smallest reach per root of the number of lags.
+const LEAST_REACH: f64 = 0.25;
+/// Quantile of the distances between parts that is the reach, and beyond which squared errors are clipped.
+const REACHED: f64 = 0.95;
+const CLIPPED: f64 = 0.99;
+/// Smallest constant part of the squared error.
+const LEAST_NOISE: f64 = 0.1;
+/// Outer part of an input that is left out to see how the base goes on, and the fewest rows of either.
+const OUTER: f64 = 0.3;
+const FEWEST: [usize; 2] = [10, 30];
+/// Distance added to those at which the growth is measured.
+const NEAR: f64 = 0.25;
+/// Part of a run's duration over which an offset wanders by the allowance.
+const WANDERS: f64 = 0.25;
+/// Which of the times is the longer past.
+const LONGER_PAST: usize = 7;
+
+/// Lags by which places are told apart, with their rows.
+pub(super) struct Places {
+    pub lags: Vec<Lag>,
+    pub support: Support,
+    distances: Vec<f64>,
+}
+
+/// Distance of each row of a part from the nearest row outside it.
+fn distances(z: &Mat<f64>, is_in: impl Fn(usize) -> bool) -> Vec<(usize, f64)> {
+    let (own, others): (Vec<usize>, Vec<usize>) = (0..z.nrows()).partition(|row| is_in(*row));
+    let row = |row: usize| -> Vec<f64> { z.row(row).iter().copied().collect() };
+    let others: Vec<Vec<f64>> = others.into_iter().map(row).collect();
+    let nearest = |at: usize| {
+        let x = row(at);
+        let square = |y: &Vec<f64>| x.iter().zip(y).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+        (at, others.iter().map(square).fold(f64::INFINITY, f64::min).sqrt())
+    };
+    own.into_iter().map(nearest).collect()
+}
+
+/// Places that the training visited: inputs now, behind the common lag, and behind a long one.
+pub(super) fn places(rows: &Rows, found: &Found, filtered: &mut Filtered<'_>) -> Places {
+    let mut lags: Vec<Lag> = Vec::new();
+    let long = (!rows.are_dealt).then(|| times(rows)[LONGER_PAST]);
+    let of = |line: Option<Line>| (0..rows.inputs.len()).map(move |input| Lag { input: input as u32, line });
+    let long = long.map(|time| Line { fill_s: time, empty_s: time });
+    for lag in
+        of(None).chain(found.common.iter().copied()).chain(long.into_iter().flat_map(|line| of(Some(line))))
+    {
+        if !lags.contains(&lag) {
+            lags.push(lag);
+        }
+    }
+    let z = filtered.columns(&lags);
+    let mut left = vec![0.0; z.nrows()];
+    for part in &rows.parts {
+        distances(&z, |row| part.contains(&row)).into_iter().for_each(|(row, d)| left[row] = d);
+    }
+    let finite = || left.iter().copied().filter(|d| d.is_finite());
+    let reach = quantile(finite(), REACHED).max(LEAST_REACH * (lags.len() as f64).sqrt());
+    let range = mean(rows.inputs.iter().map(|of| of.range));
+    let all = (0..z.nrows()).flat_map(|row| (0..z.ncols()).map(move |j| (row, j)));
+    let support = Support { lags: Vec::new(), rows: all.map(|at| z[at]).collect(), reach, extent: range };
+    Places { lags, support, distances: left }
+}
+
+/// Half-widths and drifts by output.
+pub(super) fn widths(
+    rows: &Rows,
+    found: &Found,
+    places: &Places,
+    filtered: &mut Filtered<'_>,
+) -> (Vec<OutputWidth>, Vec<Drift>) {
+    let runs = rows.runs.len();
+    let growths = growths(rows, found, places, filtered);
+    let one = |k: usize| {
+        let error = |row: usize| found.left_out[(row, k)] - rows.y[(row, k)];
+        let errors: Vec<f64> = (0..rows.y.nrows()).map(error).collect();
+        let spread = |row: usize| -> f64 {
+            let of = |left_out: &Mat<f64>| (left_out[(row, k)] - found.left_out[(row, k)]).powi(2);
+            found.members.iter().map(|member| member.share * of(&member.fit.left_out)).sum()
+        };
+        let terms: Vec<[f64; 3]> =
+            (0..errors.len()).map(|row| [1.0, spread(row), places.distances[row].min(1e6).powi(2)]).collect();
+        let factors = squared_error(&errors, &terms);
+        let scale = |terms: &[f64; 3]| terms.iter().zip(&factors).map(|(t, c)| t * c).sum::<f64>().sqrt();
+        let q = quantile(errors.iter().zip(&terms).map(|(e, t)| e.abs() / scale(t)), COVERAGE).powi(2);
+        let range = range_of(rows.y.col(k).iter().copied());
+        let prior = ALLOWANCE * range.powf(OWN_RANGE) * rows.units[k].powf(1.0 - OWN_RANGE);
+        let means = (0..runs)
+            .map(|run| mean(errors.iter().zip(&rows.fitted).filter(|(_, at)| at.0 == run).map(|(e, _)| *e)));
+        let squares: f64 = means.filter(|m| m.is_finite()).map(|m| m * m).sum();
+        let allowance = if rows.are_dealt && runs == 1 {
+            // Settled states that are dealt in any order show the rig's drift already.
+            mean(errors.iter().copied()).powi(2)
+        } else if runs > 1 {
+            (PRIOR_RUNS * prior * prior + squares) / (PRIOR_RUNS + runs as f64)
+        } else {
+            prior * prior
+        };
+        let (lags, base) = &found.base;
+        let base_error = quantile(
+            (0..errors.len()).map(|row| (base.left_out[(row, k)] - rows.y[(row, k)]).abs()),
+            COVERAGE,
+        );
+        let slopes = lags
+            .iter()
+            .enumerate()
+            .map(|(at, lag)| base.weights[(1 + at, k)].abs() * rows.inputs[lag.input as usize].range);
+        let width = OutputWidth {
+            noise: q * factors[0],
+            spread: q * factors[1],
+            distance: q * factors[2],
+            allowance: SIGMAS * SIGMAS * allowance,
+            base: base_error,
+            growth: growths[k],
+            range,
+            past: slopes.sum(),
+        };
+        let square = mean(errors.iter().map(|e| e * e));
+        let drift = Drift {
+            start: allowance,
+            per_s: allowance / (WANDERS * rows.duration_s).max(1e-9),
+            noise_s: square * agreement_s(rows, &errors),
+        };
+        (width, drift)
+    };
+    (0..rows.outputs()).map(one).unzip()
+}
+
+/// Time over which errors of successive rows agree, s; at least an interval.
+fn agreement_s(rows: &Rows, errors: &[f64]) -> f64 {
+    let centre = mean(errors.iter().copied());
+    let product = |a: f64, b: f64| (a - centre) * (b - centre);
+    let correlation =
+        mean(errors.windows(2).map(|e| product(e[0], e[1]))) / mean(errors.iter().map(|e| product(*e, *e)));
+    let steps = rows.fitted.windows(2).filter(|at| at[0].0 == at[1].0).map(|at| {
+        let time = |row: usize| rows.runs[at[0].0].time_ns[row] as f64 * 1e-9;
+        time(at[1].1) - time(at[0].1)
+    });
+    let interval_s = median(steps).unwrap_or(rows.interval_s);
+    if correlation > 0.0 { (-interval_s / correlation.min(0.999).ln()).max(interval_s) } else { interval_s }
+}
+
+/// Factors of the squared error, none negative: of all subsets of the terms the one that fits best.
+fn squared_error(errors: &[f64], terms: &[[f64; 3]]) -> [f64; 3] {
+    let squares = || errors.iter().map(|e| e * e);
+    let (clip, least) = (quantile(squares(), CLIPPED), LEAST_NOISE * mean(squares()));
+    let sizes: [f64; 3] = std::array::from_fn(|k| mean(terms.iter().map(|t| t[k])) + 1e-30);
+    let (mut gram, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
+    for (e2, t) in squares().map(|e2| e2.min(clip)).zip(terms) {
+        for i in 0..3 {
+            right[i] += t[i] / sizes[i] * e2;
+            (0..3).for_each(|j| gram[i][j] += t[i] / sizes[i] * t[j] / sizes[j]);
+        }
+    }
+    let mut best = (f64::INFINITY, [mean(squares()), 0.0, 0.0]);
+    for subset in 1_u8..8 {
+        let has: Vec<usize> = (0..3).filter(|k| subset & (1 << k) != 0).collect();
+        let ridge = |i: usize, j: usize| if i == j { 1e-9 * gram[has[i]][has[i]] } else { 0.0 };
+        let system = rom::dense::Dense::from_fn(has.len(), |i, j| gram[has[i]][has[j]] + ridge(i, j));
+        let mut solution: Vec<f64> = has.iter().map(|k| right[*k]).collect();
+        if system.solve(&mut solution, 1).is_none() || solution.iter().any(|c| c.is_nan() || *c < 0.0) {
+            continue;
+        }
+        let mut factors = [0.0; 3];
+        has.iter().zip(&solution).for_each(|(k, c)| factors[*k] = *c);
+        let own: f64 =
+            (0..3).map(|i| factors[i] * (0..3).map(|j| gram[i][j] * factors[j]).sum::<f64>()).sum();
+        let loss = own - 2.0 * factors.iter().zip(right).map(|(c, r)| c * r).sum::<f64>();
+        if loss < best.0 {
+            best = (loss, factors);
+        }
+    }
+    let mut factors: [f64; 3] = std::array::from_fn(|k| best.1[k] / sizes[k]);
+    factors[0] = factors[0].max(least).max(f64::MIN_POSITIVE);
+    factors
+}
+
+/// Growth of the base's error beyond its data: it is fitted without the outer part in either direction of each lagged input and judged there.
+fn growths(rows: &Rows, found: &Found, places: &Places, filtered: &mut Filtered<'_>) -> Vec<f64> {
+    let x = filtered.columns(&found.base.0);
+    let z = filtered.columns(&places.lags);
+    let features = polynomial(&x, 1);
+    let usual: Vec<f64> = (0..rows.outputs())
+        .map(|k| {
+            quantile(
+                (0..x.nrows()).map(|row| (found.base.1.left_out[(row, k)] - rows.y[(row, k)]).abs()),
+                COVERAGE,
+            )
+        })
+        .collect();
+    let mut growths: Option<Vec<f64>> = None;
+    for (axis, sign) in (0..x.ncols()).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]) {
+        let limit = quantile((0..x.nrows()).map(|row| sign * x[(row, axis)]), 1.0 - OUTER);
+        let is_outer = |row: usize| sign * x[(row, axis)] > limit;
+        let inner: Vec<usize> = (0..x.nrows()).filter(|row| !is_outer(*row)).collect();
+        let outer = x.nrows() - inner.len();
+        if outer < FEWEST[0] || inner.len() < FEWEST[1] {
+            continue;
+        }
+        let f = Mat::from_fn(inner.len(), features.ncols(), |i, j| features[(inner[i], j)]);
+        let y = Mat::from_fn(inner.len(), rows.outputs(), |i, k| rows.y[(inner[i], k)]);
+        let fitted = solve(&(f.transpose() * &f), &(f.transpose() * y), BASE_SMOOTHING, inner.len() as f64);
+        let Some(weights) = fitted else { continue };
+        let far = distances(&z, is_outer);
+        let growth = |k: usize| {
+            let of = |(row, d): &(usize, f64)| {
+                let value: f64 = (0..features.ncols()).map(|j| features[(*row, j)] * weights[(j, k)]).sum();
+                ((value - rows.y[(*row, k)]).abs() - usual[k]).max(0.0) / (d + NEAR)
+            };
+            quantile(far.iter().map(of), COVERAGE)
+        };
+        let found: Vec<f64> = (0..rows.outputs()).map(growth).collect();
+        let known = growths.get_or_insert_with(|| found.clone());
+        known.iter_mut().zip(&found).for_each(|(a, b)| *a = a.max(*b));
+    }
+    growths.unwrap_or_else(|| {
+        (0..rows.outputs()).map(|k| 0.2 * range_of(rows.y.col(k).iter().copied())).collect()
+    })
+}
