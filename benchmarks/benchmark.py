@@ -1,7 +1,7 @@
 """What a model of this benchmark is given and gives, how peers choose their constants, and how a prediction is judged."""
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,22 +18,23 @@ class Refused(Exception):
 
 @dataclass
 class Run:
-    """One recording: instants (n) in s or None for settled rows, inputs (n, m), outputs (n, k) as published."""
+    """One recording: instants (n) in s or None for settled rows, inputs (n, m), outputs (n, k); names end with their units."""
 
     time_s: np.ndarray | None
     inputs: np.ndarray
     outputs: np.ndarray
+    input_names: list[str]
+    output_names: list[str]
 
     def rows(self, chosen) -> "Run":
-        return Run(None if self.time_s is None else self.time_s[chosen], self.inputs[chosen], self.outputs[chosen])
+        time_s = None if self.time_s is None else self.time_s[chosen]
+        return replace(self, time_s=time_s, inputs=self.inputs[chosen], outputs=self.outputs[chosen])
 
 
 @dataclass
 class Task:
     name: str
     kind: str
-    input_names: list[str]
-    output_names: list[str]
     learned: list[Run]
     predicted: Run
 
@@ -56,7 +57,7 @@ def read_task(task: dict) -> Task:
             time_s = columns(["time_s"])[:, 0]
         else:
             time_s = np.arange(len(table), dtype=float)  # the reading's number, where no instants were published
-        return Run(time_s, columns(task["inputs"]), columns(task["outputs"]))
+        return Run(time_s, columns(task["inputs"]), columns(task["outputs"]), task["inputs"], task["outputs"])
 
     learned = [run(name) for name in task["learn"]]
     predicted = run(task["predict"])
@@ -65,7 +66,7 @@ def read_task(task: dict) -> Task:
         learned, predicted = [predicted.rows(is_learned)], predicted.rows(~is_learned)
     if task.get("settled"):  # their order is no information
         learned, predicted = [shuffled(run) for run in learned], shuffled(predicted)
-    return Task(task["name"], task["kind"], task["inputs"], task["outputs"], learned, predicted)
+    return Task(task["name"], task["kind"], learned, predicted)
 
 
 def shuffled(run: Run) -> Run:
@@ -130,21 +131,24 @@ class Peer:
             errors.append(self.simulate(self.fit(rest, constants), inputs, constants) - outputs)
         return np.concatenate(errors)
 
-    def grid(self, run: Run) -> np.ndarray:
-        return np.arange(run.time_s[0], run.time_s[-1] + 1e-9, self.step_s)
+    def grid(self, time_s) -> np.ndarray:
+        return np.arange(time_s[0], time_s[-1] + 1e-9, self.step_s)
 
     def scaled(self, run: Run):
         inputs, outputs = self.inputs.forth(run.inputs), self.outputs.forth(run.outputs)
         if self.is_settled:
             return inputs, outputs
-        return on(self.grid(run), run.time_s, inputs), on(self.grid(run), run.time_s, outputs)
+        grid = self.grid(run.time_s)
+        return on(grid, run.time_s, inputs), on(grid, run.time_s, outputs)
 
     def predict(self, time_s, inputs) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (n, k) and their half-widths, from instants and inputs alone."""
-        run = Run(time_s, inputs, np.zeros((len(inputs), len(self.outputs.mean))))
-        predicted = self.outputs.back(self.simulate(self.fitted, self.scaled(run)[0], self.constants))
+        scaled = self.inputs.forth(inputs)
         if not self.is_settled:
-            predicted = on(time_s, self.grid(run), predicted)
+            scaled = on(self.grid(time_s), time_s, scaled)
+        predicted = self.outputs.back(self.simulate(self.fitted, scaled, self.constants))
+        if not self.is_settled:
+            predicted = on(time_s, self.grid(time_s), predicted)
         return predicted, np.broadcast_to(self.half_width, predicted.shape)
 
 

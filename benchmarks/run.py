@@ -80,7 +80,7 @@ def selected(results: list[dict], task: str) -> dict | None:
 
 
 def table(results: list[dict]) -> str:
-    """Error per task and model as Markdown; the peer selected on the learned runs is bold. Then what the half-widths hold."""
+    """Error per task and model as Markdown; the peer selected on the learned runs is bold. Then what the half-widths hold and cost."""
     models = list(dict.fromkeys(result["model"] for result in results))
     lines = ["| task | kind | " + " | ".join(models) + " | softtwin / selected peer |", "|---|---|" + "---|" * (len(models) + 1)]
     ratios = []
@@ -92,13 +92,15 @@ def table(results: list[dict]) -> str:
             text = f"{row[model]['rms_percent']:.2f}" if model in row else "refused"
             cells.append(f"**{text}**" if peer and model == peer["model"] else text)
         if peer and OWN in row:
-            ratios.append(row[OWN]["rms_percent"] / peer["rms_percent"])
-            cells.append(f"{ratios[-1]:.2f}")
+            ratio = row[OWN]["rms_percent"] / peer["rms_percent"]
+            cells.append(f"{ratio:.2f}")
+            if row[OWN]["kind"] != "beyond":  # there a peer's error has no bound, and would rule the mean
+                ratios.append(ratio)
         else:
             cells.append("")
         lines.append(f"| {task} | {next(iter(row.values()))['kind']} | " + " | ".join(cells) + " |")
     if ratios:
-        lines.append(f"\nRatio, geometric mean over {len(ratios)} tasks: {math.exp(sum(map(math.log, ratios)) / len(ratios)):.2f}")
+        lines.append(f"\nRatio, geometric mean over {len(ratios)} tasks within what was learned: {math.exp(sum(map(math.log, ratios)) / len(ratios)):.2f}")
     lines += ["", "| model | coverage, mean % | coverage, least % | median half-width / 90 % error | learn, s | step, us |", "|---|---|---|---|---|---|"]
     for model in models:
         own = [result for result in results if result["model"] == model]

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from benchmark import Refused
 
+UNITS = {"mm": "mm", "mpa": "MPa", "n": "N", "deg": "deg"}
 TEACHES_NOTHING = 65  # exit code
 PROGRAM = str(Path(os.environ.get("SOFTTWIN_BIN", "")) / "softtwin")
 
@@ -27,18 +28,17 @@ class Model:
     def learn(self, runs):
         self.folder = tempfile.TemporaryDirectory()
         folder = Path(self.folder.name)
-        self.inputs = [f"input{number}_mpa" for number in range(runs[0].inputs.shape[1])]
-        outputs = [f"output{number}_mm" for number in range(runs[0].outputs.shape[1])]
+        self.inputs, self.outputs = runs[0].input_names, runs[0].output_names
         mapping = ["[time]", 'column = "t_s"', 'unit = "s"']
-        for kind, names, unit in (("input", self.inputs, "MPa"), ("output", outputs, "mm")):
+        for kind, names in (("input", self.inputs), ("output", self.outputs)):
             for name in names:
+                unit = UNITS[name.rsplit("_", 1)[1]]
                 mapping += [f"[[{kind}]]", f'name = "{name}"', f'column = "{name}"', f'unit = "{unit}"']
         (folder / "log.toml").write_text("\n".join(mapping) + "\n")
         paths = []
         for number, recording in enumerate(runs):
             paths.append(folder / f"run{number}.csv")
-            self.write(paths[-1], recording.time_s, [*self.inputs, *outputs], np.hstack([recording.inputs, recording.outputs]))
-        self.outputs = outputs
+            self.write(paths[-1], recording.time_s, [*self.inputs, *self.outputs], np.hstack([recording.inputs, recording.outputs]))
         self.model = folder / "learned.twin"
         report = run("learn", *paths, "--log", folder / "log.toml", "--out", self.model)
         self.taken = [name in report["inputs"] for name in self.inputs]  # inputs that do not move are left out

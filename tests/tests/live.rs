@@ -228,14 +228,14 @@ fn broken_files_are_refused_before_any_topic_is_created() {
     };
     let scene = stage.finger(FAST_SINE).display().to_string();
     let with_trace = ["bridge", "--scene", &scene, "--trace", "FILE"];
-    expect("a.csv", "t_s,gap_mm\n0,1\n", &with_trace, &["`pressure_mpa` is missing", "line 1"]);
+    expect("a.csv", "t_s,gap_mm\n0,1\n", &with_trace, &["column `pressure_mpa`", "header"]);
     expect(
         "b.csv",
         "t_s,pressure_mpa\n0,0.1\n1,oops\n2,\n",
         &with_trace,
         &["line 3", "`oops`", "line 4", "2 problems"],
     );
-    expect("c.csv", "t_s,pressure_mpa\n1,0.1\n0,0.1\n", &with_trace, &["line 3", "order of time"]);
+    expect("c.csv", "t_s,pressure_mpa\n1,0.1\n0,0.1\n", &with_trace, &["line 3", "column t_s"]);
     expect(
         "d.toml",
         "name = \"d\"\n[[actuator]]\nname = \"a/b\"\nmodel = \"beam.twin\"\ngap_mm = -1.0\n[[actuator]]\nname = \"x\"\nmodel = \"\"\n",
@@ -244,12 +244,7 @@ fn broken_files_are_refused_before_any_topic_is_created() {
     );
     expect("e.toml", "nmae = \"d\"\n", &["twin", "--scene", "FILE"], &["unknown field `nmae`", "line 1"]);
     let scene = |extra: &str| format!("name = \"f\"\n[[actuator]]\nname = \"f\"\n{extra}");
-    expect(
-        "f.toml",
-        &scene("model = \"no.twin\""),
-        &["twin", "--scene", "FILE"],
-        &["cannot open", "no.twin"],
-    );
+    expect("f.toml", &scene("model = \"no.twin\""), &["twin", "--scene", "FILE"], &["model:", "no.twin"]);
     let outputs =
         "model = \"beam.twin\"\n[[actuator.output]]\nnodes = \"toe\"\n[[actuator.output]]\nfields = [\"q\"]";
     expect(

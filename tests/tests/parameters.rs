@@ -33,7 +33,7 @@ fn json(folder: &Path, line: &str) -> Value {
 fn a_stiffness_is_found_for_a_force(folder: &Path) {
     let state = "finger.twin --pressure 0.05 --gap 0.5";
     let force = |mu: f64| {
-        let predicted = json(folder, &format!("predict {state} --set elastomer.law.mu_mpa={mu}"));
+        let predicted = json(folder, &format!("predict {state} --json --set elastomer.law.mu_mpa={mu}"));
         predicted["contact_force_n"].as_f64().expect("a force")
     };
     let goal = 0.5 * (force(0.7) + force(0.9));
@@ -107,5 +107,5 @@ fn stiffness_is_an_input_of_the_twin() {
     a_stiffness_is_found_for_a_force(folder);
     let wrong = softtwin(folder, "predict finger.twin --json --pressure 0.05 --set elastomer.law.mu=0.7");
     let text = String::from_utf8_lossy(&wrong.stderr).into_owned();
-    assert!(!wrong.status.success() && text.contains("\"elastomer.law.mu_mpa\""), "{text}");
+    assert!(!wrong.status.success() && text.contains("elastomer.law.mu_mpa"), "{text}");
 }

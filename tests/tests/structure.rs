@@ -351,7 +351,7 @@ fn scene_that_measures_an_unknown_input_is_refused() {
         assert!(status.code() == Some(78) && said.contains(expected), "{said}");
     };
     refused("twin", "load_n = {", "load = {", "did you mean \"load_n\"");
-    refused("bridge", "load_n = {", "lod_n = {", "the column `lod_n` is missing; expected `t_s,lod_n`");
+    refused("bridge", "load_n = {", "lod_n = {", "column `lod_n`");
     refused("bridge", "min = 0.5", "min = 5", "expected min below max, found 5 .. 4");
     let formula = "kind = \"simulate\"";
     let replay = "kind = \"replay\"\ntrace = \"load.csv\"";
