@@ -161,6 +161,12 @@ fn said_by<'a>(said: &'a [(String, String)], command: &str) -> &'a str {
     said.iter().find(|(line, _)| line.starts_with(command)).map(|(_, out)| out.as_str()).expect("run")
 }
 
+/// The JSON of the prediction among the commands that were run.
+fn predicted(stage: &Stage, said: &[(String, String)]) -> Value {
+    let (line, _) = said.iter().find(|(line, _)| line.starts_with("predict")).expect("run");
+    serde_json::from_str(&done(stage, &format!("{line} --json"))).expect("JSON")
+}
+
 #[test]
 fn two_opposite_chambers_of_a_mesh_file_bend_either_way_in_the_twin() {
     let stage = Stage::new("opposite");
@@ -222,7 +228,7 @@ fn every_cavity_has_its_valve(stage: &Stage, largest_mpa: f64) {
         )
     };
     let given = stage.write("given.toml", &text("0.0"));
-    let (code, said, error) = run(stage, &format!("scene explain {}", given.display()));
+    let (code, said, error) = run(stage, &format!("inspect {}", given.display()));
     assert!(code == Some(78) && error.contains("valves.lower"), "{said}{error}");
     let scene = stage.write("two.toml", &text("\"measured\""));
     let _twin = Program::twin(stage, &scene);
@@ -319,7 +325,7 @@ fn silicone_on_a_stiff_skeleton_of_a_mesh_file_is_built() {
     let (said, _) = from_folder_to_live_twin(&stage, "skeleton");
     let parts = said_by(&said, "mesh");
     assert!(parts.contains("materials.skeleton") && parts.contains("held (support.fixed)"), "{parts}");
-    let answer: Value = serde_json::from_str(said_by(&said, "predict")).expect("JSON");
+    let answer: Value = predicted(&stage, &said);
     assert!(answer["in_domain"] == true && answer["max_displacement_mm"].as_f64() > Some(2.0), "{answer}");
     // The strip is a part of the mesh.
     let model: Value =
@@ -332,7 +338,7 @@ fn silicone_on_a_stiff_skeleton_of_a_mesh_file_is_built() {
 fn bellows_past_their_limit_follow_the_pressure_on_two_branches() {
     let stage = Stage::new("bellows");
     let (said, state) = from_folder_to_live_twin(&stage, "bellows");
-    let report: Value = serde_json::from_str(said_by(&said, "predict")).expect("JSON");
+    let report: Value = predicted(&stage, &said);
     assert_eq!(
         (&report["limits_passed"], &report["outside_training_range"]),
         (&2.into(), &0.into()),
