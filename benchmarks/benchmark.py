@@ -190,6 +190,17 @@ def polynomial(values, degree: int):
     return np.stack(columns, 1)
 
 
+def rest_map(runs):
+    """A cubic map of the inputs of now, from which a free run begins."""
+    features = np.concatenate([polynomial(inputs, 3) for inputs, _ in runs])
+    return ridge(features, np.concatenate([outputs for _, outputs in runs]), 1e-4)
+
+
+def at_rest(weights, inputs):
+    """Outputs (1, k) at rest under the first inputs."""
+    return np.clip(polynomial(inputs[:1], 3) @ weights, -4, 4)
+
+
 def judged(run: Run, predicted, half_width) -> dict:
     """Errors in % of the length of the range of the outputs, share of readings inside the half-widths, and their size."""
     error = np.asarray(predicted) - run.outputs

@@ -24,12 +24,13 @@ import time
 from benchmark import HERE, Refused, judged, rounded, tasks
 
 OWN = "softtwin"
+ALL_MODELS = sorted(path.stem for path in (HERE / "models").glob("*.py"))
 RESULTS = HERE / "results.json"
 
 
 def main():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--models", nargs="+", default=sorted(path.stem for path in (HERE / "models").glob("*.py")))
+    options.add_argument("--models", nargs="+", default=ALL_MODELS)
     options.add_argument("--tasks", nargs="+", help="names of tasks [default: all]")
     options.add_argument("--draw", metavar="FILE", help="draw results.json instead")
     options.add_argument("--json", action="store_true", help="print results as JSON")
@@ -46,7 +47,7 @@ def main():
             except Refused as reason:
                 print(f"{task.name}: {name} refuses: {reason}", file=sys.stderr)
             print(f"{task.name}: {name}", file=sys.stderr, flush=True)
-    if not chosen.tasks and len(chosen.models) > 2:
+    if not chosen.tasks and chosen.models == ALL_MODELS:
         RESULTS.write_text(json.dumps(results, indent=1) + "\n")
     print(json.dumps(results) if chosen.json else table(results))
 

@@ -1,7 +1,7 @@
 """Extended dynamic mode decomposition with control and delays: a linear step of lifted outputs, free in the lifted space."""
 
 import numpy as np
-from benchmark import Peer, polynomial, ridge
+from benchmark import Peer, at_rest, polynomial, rest_map, ridge
 
 BOUND = 50.0  # of a lifted value: a free run that leaves is held there
 
@@ -34,15 +34,12 @@ class Model(Peer):
             drive = polynomial(inputs[delays:], input_degree)[:, 1:]
             before.append(np.concatenate([lifted[:-1], drive[:-1]], 1))
             after.append(lifted[1:])
-        rest = ridge(
-            np.concatenate([polynomial(inputs, 3) for inputs, _ in runs]), np.concatenate([outputs for _, outputs in runs]), 1e-4
-        )
-        return ridge(np.concatenate(before), np.concatenate(after), smoothing), rest
+        return ridge(np.concatenate(before), np.concatenate(after), smoothing), rest_map(runs)
 
     def simulate(self, fitted, inputs, constants):
         step, rest = fitted
         delays, _, _, input_degree = constants
-        still = np.clip(polynomial(inputs[:1], 3) @ rest, -4, 4)  # at rest under the first inputs
+        still = at_rest(rest, inputs)
         lifted = self.lifted(np.repeat(inputs[:1], delays + 1, 0), np.repeat(still, delays + 1, 0), constants)[0]
         drive = polynomial(inputs, input_degree)[:, 1:]
         outputs = [still[0]]

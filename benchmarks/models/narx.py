@@ -1,7 +1,7 @@
 """A ridge polynomial of the last outputs and inputs (NARX), fed with its own outputs when it predicts."""
 
 import numpy as np
-from benchmark import Peer, polynomial, ridge
+from benchmark import Peer, at_rest, rest_map, ridge
 
 BOUND = 6.0  # in deviations: a free run that leaves is held there
 
@@ -20,10 +20,7 @@ class Model(Peer):
             features.append(np.stack([self.features(outputs[:k], inputs[: k + 1], constants) for k in rows]))
             targets.append(outputs[first:])
         weights = ridge(np.concatenate(features), np.concatenate(targets), smoothing)
-        rest = ridge(
-            np.concatenate([polynomial(inputs, 3) for inputs, _ in runs]), np.concatenate([outputs for _, outputs in runs]), 1e-4
-        )
-        return weights, rest
+        return weights, rest_map(runs)
 
     def features(self, outputs, inputs, constants):
         past_outputs, past_inputs, degree, _ = constants
@@ -37,7 +34,7 @@ class Model(Peer):
         first = max(constants[:2])
         inputs = np.concatenate([np.repeat(inputs[:1], first, 0), inputs])
         outputs = np.zeros((len(inputs), weights.shape[1]))
-        outputs[:first] = np.clip(polynomial(inputs[:1], 3) @ rest, -4, 4)  # at rest under the first inputs
+        outputs[:first] = at_rest(rest, inputs)
         for k in range(first, len(inputs)):
             outputs[k] = np.clip(self.features(outputs[:k], inputs[: k + 1], constants) @ weights, -BOUND, BOUND)
         return outputs[first:]

@@ -92,7 +92,8 @@ pub(super) fn widths(
     filtered: &mut Filtered<'_>,
 ) -> (Vec<OutputWidth>, Vec<Drift>) {
     let runs = rows.runs.len();
-    let growths = growths(rows, found, places, filtered);
+    let base_errors: Vec<f64> = (0..rows.outputs()).map(|k| base_error(rows, found, k)).collect();
+    let growths = growths(rows, found, places, &base_errors, filtered);
     let one = |k: usize| {
         let error = |row: usize| found.left_out[(row, k)] - rows.y[(row, k)];
         let errors: Vec<f64> = (0..rows.y.nrows()).map(error).collect();
@@ -119,10 +120,6 @@ pub(super) fn widths(
             prior * prior
         };
         let (lags, base) = &found.base;
-        let base_error = quantile(
-            (0..errors.len()).map(|row| (base.left_out[(row, k)] - rows.y[(row, k)]).abs()),
-            COVERAGE,
-        );
         let slopes = lags
             .iter()
             .enumerate()
@@ -132,7 +129,7 @@ pub(super) fn widths(
             spread: q * factors[1],
             distance: q * factors[2],
             allowance: SIGMAS * SIGMAS * allowance,
-            base: base_error,
+            base: base_errors[k],
             growth: growths[k],
             range,
             past: slopes.sum(),
@@ -146,6 +143,12 @@ pub(super) fn widths(
         (width, drift)
     };
     (0..rows.outputs()).map(one).unzip()
+}
+
+/// Error of the base on left-out parts that nine of ten rows stay below.
+fn base_error(rows: &Rows, found: &Found, output: usize) -> f64 {
+    let errors = rows.y.col(output).iter().zip(found.base.1.left_out.col(output).iter());
+    quantile(errors.map(|(y, predicted)| (predicted - y).abs()), COVERAGE)
 }
 
 /// Time over which errors of successive rows agree, s; at least an interval.
@@ -198,18 +201,16 @@ fn squared_error(errors: &[f64], terms: &[[f64; 3]]) -> [f64; 3] {
 }
 
 /// Growth of the base's error beyond its data: it is fitted without the outer part in either direction of each lagged input and judged there.
-fn growths(rows: &Rows, found: &Found, places: &Places, filtered: &mut Filtered<'_>) -> Vec<f64> {
+fn growths(
+    rows: &Rows,
+    found: &Found,
+    places: &Places,
+    base_errors: &[f64],
+    filtered: &mut Filtered<'_>,
+) -> Vec<f64> {
     let x = filtered.columns(&found.base.0);
     let z = filtered.columns(&places.lags);
     let features = polynomial(&x, 1);
-    let usual: Vec<f64> = (0..rows.outputs())
-        .map(|k| {
-            quantile(
-                (0..x.nrows()).map(|row| (found.base.1.left_out[(row, k)] - rows.y[(row, k)]).abs()),
-                COVERAGE,
-            )
-        })
-        .collect();
     let mut growths: Option<Vec<f64>> = None;
     for (axis, sign) in (0..x.ncols()).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]) {
         let limit = quantile((0..x.nrows()).map(|row| sign * x[(row, axis)]), 1.0 - OUTER);
@@ -227,7 +228,7 @@ fn growths(rows: &Rows, found: &Found, places: &Places, filtered: &mut Filtered<
         let growth = |k: usize| {
             let of = |(row, d): &(usize, f64)| {
                 let value: f64 = (0..features.ncols()).map(|j| features[(*row, j)] * weights[(j, k)]).sum();
-                ((value - rows.y[(*row, k)]).abs() - usual[k]).max(0.0) / (d + NEAR)
+                ((value - rows.y[(*row, k)]).abs() - base_errors[k]).max(0.0) / (d + NEAR)
             };
             quantile(far.iter().map(of), COVERAGE)
         };
