@@ -452,7 +452,7 @@ pub struct Update {
     pub nis: f64,
     /// Its range of 95 % probability.
     pub nis_band: [f64; 2],
-    /// Persistent contradiction.
+    /// Set while readings have contradicted the filter for a while.
     pub alarm: Option<Alarm>,
 }
 
@@ -460,13 +460,12 @@ pub struct Update {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
     pub value: f64,
-    /// Standard deviation.
     pub sigma: f64,
     /// True if the readings identify it.
     pub identifiable: bool,
 }
 
-/// Persistent contradiction.
+/// What readings have contradicted for longer than noise explains.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum Alarm {
     /// Measured inputs (one bit each) that contradict the other sensors: the measured value is not the value in the actuator.

@@ -277,7 +277,7 @@ pub(crate) struct Pattern {
     kind: Kind,
     /// Time constant of the sums, s.
     cycles_s: f64,
-    /// Acting value.
+    /// Value that acts in the actuator behind the play or the lag.
     held: Option<f64>,
     last_t_s: f64,
     /// The play was passed once; readings at rest have none.

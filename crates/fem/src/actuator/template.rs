@@ -42,7 +42,7 @@ pub struct NewActuator<'a> {
     pub wall_mm: f64,
     /// True if it hangs down along the wall it is to touch.
     pub hanging: bool,
-    /// Its silicone.
+    /// Silicone that the body is moulded of.
     pub material: NewMaterial,
 }
 

@@ -6,7 +6,7 @@ mod plan;
 use crate::failure::{configuration, unexplained, usage};
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::unknowns::Unknowns;
-use crate::{files, memory_report, report};
+use crate::{files, report};
 use anyhow::{Context, bail};
 use estimate::{Filter, Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
 use memory::Calibration;
@@ -288,7 +288,7 @@ impl<'a> Summary<'a> {
             residuals: residuals.collect(),
             correlations,
             unexplained,
-            memory: memory.map(memory_report::as_json),
+            memory: memory.map(memory::identified_json),
             remarks,
         }
     }

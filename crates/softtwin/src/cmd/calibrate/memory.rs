@@ -12,9 +12,10 @@ use rom::inputs::{Inputs, PRESSURE};
 use rom::memory::MemorySpec;
 use rom::model::{BlockKind, Model};
 use runtime::estimation::{self, SensorModel};
+use serde_json::{Value, json};
 use std::path::Path;
 use train::measured::Run;
-use train::memory::{Identified, ModelTerms, identify, slopes};
+use train::memory::{BlockReport, Constant, Identified, ModelTerms, identify, slopes};
 
 /// Most searches: with polynomials, then about the estimates.
 const ROUNDS: usize = 8;
@@ -233,4 +234,14 @@ impl ModelTerms for Terms {
 /// True if the pressure is measured: memory acts on it.
 pub fn is_pressure_measured(setup: &Setup) -> bool {
     matches!(setup.inputs.get(PRESSURE), Some(InputRole::Measured { .. }))
+}
+
+/// The identified memory as it stands in the report.
+pub fn identified_json(found: &Identified) -> Value {
+    let constant = |Constant { name, unit, value, interval }: &Constant| json!({"name": name, "unit": unit, "value": value, "interval": interval});
+    let block = |report: &BlockReport| {
+        json!({"block": report.block.name(), "kept": report.is_kept, "left_out": report.left_out,
+            "constants": report.constants.iter().map(constant).collect::<Vec<_>>()})
+    };
+    json!({"left_out": found.left_out, "blocks": found.blocks.iter().map(block).collect::<Vec<_>>()})
 }
