@@ -17,6 +17,7 @@ use rom::snapshots::Database;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use train::TrainError;
+use train::comparison::ComparisonError;
 use train::datasheet::DataSheet;
 
 /// Loads a whole model.
@@ -97,6 +98,18 @@ pub fn not_imported(error: ImportError) -> anyhow::Error {
         ImportError::Usage(_) => usage(error),
         ImportError::Refused(_) => configuration(error),
         ImportError::File(error) => refusal(error),
+    }
+}
+
+/// A comparison that cannot be made: by whose mistake.
+pub fn not_compared(error: ComparisonError) -> anyhow::Error {
+    match error {
+        ComparisonError::NotLearned => usage(format!("--follow: {error}")),
+        ComparisonError::MissingInput { .. }
+        | ComparisonError::WrongUnit(_)
+        | ComparisonError::NoOutput { .. }
+        | ComparisonError::NoRow => configuration(error),
+        _ => error.into(),
     }
 }
 

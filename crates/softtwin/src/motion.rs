@@ -2,14 +2,13 @@
 
 use crate::failure::usage;
 use crate::files::refusal;
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use formats::table::Table;
 use formats::trace::SERIES;
 use formats::{Diagnostic, FormatError, trace};
 use rom::branch::{Follower, VOLUME, pressure_field, volume_input};
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
-use rom::inertia::stepper::ReadingError;
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::{Model, Selection};
 use rom::probe::model_tip;
@@ -210,49 +209,6 @@ fn follow<Row>(
         followed.rows.push(row(t_s, &inputs, &evaluation, &session)?);
     }
     Ok(followed)
-}
-
-/// Follows the rows of a recording that have all inputs of a model, by the rule of [`Gaps::Recorded`]. `at_row` gets what each row came
-/// to: a row of the time of the one before has the same state. A row at which the model has no answer is left out. Returns remarks about
-/// the rows for the report.
-///
-/// # Errors
-/// A row that the model does not take, and those of `at_row`.
-pub fn follow_rows(
-    model: &Model,
-    times_s: &[f64],
-    inputs_of: impl Fn(usize) -> Option<Inputs>,
-    mut at_row: impl FnMut(usize, &Inputs, &Evaluation, &Session) -> Result<()>,
-) -> Result<Vec<String>> {
-    let mut session = Session::new(model, Gaps::Recorded)?;
-    let mut evaluation = session.evaluation();
-    let begin_s = times_s.first().copied().unwrap_or_default();
-    let (mut restarts, mut has_begun) = (0, false);
-    let (mut refused, mut first_refused) = (0_usize, None);
-    for (row, t_s) in times_s.iter().enumerate() {
-        let Some(inputs) = inputs_of(row) else { continue };
-        let t_ns = (1e9 * (t_s - begin_s)).round().max(0.0) as u64;
-        match session.step(t_ns, inputs, &mut evaluation) {
-            Ok(stepped) => restarts += usize::from(stepped.at_rest && has_begun),
-            Err(ReadingError::NotLater { .. }) => {}
-            Err(error) => return Err(error).context("the model has no answer"),
-        }
-        has_begun = true;
-        if let Some(why) = session.evaluator().refusal(&evaluation) {
-            refused += 1;
-            first_refused.get_or_insert_with(|| format!("{t_s} s: {why}"));
-            continue;
-        }
-        at_row(row, &inputs, &evaluation, &session)?;
-    }
-    let mut remarks = Vec::new();
-    if restarts > 0 {
-        remarks.push(format!("the motion could not be continued and restarted at rest {restarts} times"));
-    }
-    if let Some(first) = first_refused {
-        remarks.push(format!("{refused} rows are left out, the first at {first}"));
-    }
-    Ok(remarks)
 }
 
 fn reconstructor(model: &Model) -> Result<Reconstructor> {

@@ -30,6 +30,7 @@
 mod assemble;
 pub mod calibration;
 pub mod card;
+pub mod comparison;
 pub mod config;
 pub mod datasheet;
 pub mod draws;

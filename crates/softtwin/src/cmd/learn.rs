@@ -1,14 +1,14 @@
 //! `softtwin learn`.
 
-use crate::bench::{self, inputs_at, match_inputs};
+use crate::bench;
 use crate::failure::{configuration, unexplained};
-use crate::motion::follow_rows;
 use crate::{files, output, report};
 use formats::log::{Recording, Series};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use train::comparison::{RecordedInputs, SensorBiases};
 use train::measured::{
     Difference, Learned, Measured, MeasuredError, MeasuredStates, ModesDifference, OutputReport, Run,
     correct, learn,
@@ -91,13 +91,15 @@ impl Args {
             recordings.first().map_or_else(Vec::new, |r| r.outputs.iter().map(|s| s.name.clone()).collect());
         let mut runs = Vec::new();
         for recording in recordings {
-            let places = match_inputs(&model.header, recording, &mut remarks).map_err(configuration)?;
+            let inputs = RecordedInputs::new(&model.header, recording, SensorBiases::default(), &mut remarks);
             let mut states = vec![None; recording.time_s.len()];
-            let inputs_of = |row: usize| inputs_at(&places, recording, row);
-            let of_rows = follow_rows(&model, &recording.time_s, inputs_of, |row, _, evaluation, _| {
-                states[row] = Some(evaluation.inputs);
-                Ok(())
-            })?;
+            let of_rows = inputs.and_then(|inputs| {
+                inputs.follow(&model, |row, evaluation| {
+                    states[row] = Some(evaluation.inputs);
+                    Ok(())
+                })
+            });
+            let of_rows = of_rows.map_err(files::not_compared)?;
             remarks.extend(of_rows);
             runs.push(MeasuredStates {
                 states,

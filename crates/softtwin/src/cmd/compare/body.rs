@@ -1,9 +1,7 @@
 //! The body with predicted and measured markers at some instants.
 
-use super::subject::Subject;
-use crate::bench::{inputs_at, range};
+use crate::files;
 use crate::load::LoadedModel;
-use crate::motion::follow_rows;
 use crate::picture::camera::Camera;
 use crate::picture::canvas::Canvas;
 use crate::picture::colour::ColourMap;
@@ -17,6 +15,8 @@ use formats::log::Recording;
 use rom::model::{BlockKind, Model, Selection};
 use rom::reconstructor::Reconstructor;
 use rom::snapshots::FieldKind;
+use rom::statistics::ends;
+use train::comparison::RecordedInputs;
 
 /// Fractions of the range of the input that moves most.
 const INSTANTS: [f64; 3] = [0.0, 0.5, 1.0];
@@ -53,30 +53,28 @@ fn marker(name: &str) -> Option<&str> {
 }
 
 /// The nearest rows to the wanted times, or the default ones.
-fn rows(recording: &Recording, places: &[Option<usize>], at_s: &[f64]) -> Vec<usize> {
+fn rows(recording: &Recording, inputs: &RecordedInputs<'_>, at_s: &[f64]) -> Vec<usize> {
     let nearest = |distance: &dyn Fn(usize) -> f64| {
-        let has_inputs = |row: usize| inputs_at(places, recording, row).is_some();
-        let all = (0..recording.time_s.len()).filter(|row| distance(*row).is_finite() && has_inputs(*row));
+        let all = (0..recording.time_s.len())
+            .filter(|row| distance(*row).is_finite() && inputs.row(*row).is_some());
         all.min_by(|a, b| distance(*a).total_cmp(&distance(*b)))
     };
     if !at_s.is_empty() {
         return at_s.iter().filter_map(|t| nearest(&|row| (recording.time_s[row] - t).abs())).collect();
     }
-    let inputs = places.iter().flatten().map(|at| &recording.inputs[*at].values);
-    let Some(main) = inputs.max_by(|a, b| range(a).total_cmp(&range(b))) else { return Vec::new() };
-    let low = main.iter().copied().filter(|v| v.is_finite()).fold(f64::INFINITY, f64::min);
-    let wanted = INSTANTS.map(|part| low + part * range(main));
-    wanted.iter().filter_map(|wanted| nearest(&|row| (main[row] - wanted).abs())).collect()
+    let Some(main) = inputs.widest() else { return Vec::new() };
+    let [low, high] = ends(&main.values);
+    let wanted = INSTANTS.map(|part| low + part * (high - low));
+    wanted.iter().filter_map(|wanted| nearest(&|row| (main.values[row] - wanted).abs())).collect()
 }
 
 /// The picture; none without markers that the model has, or without coordinates.
 pub fn picture(
-    subject: &Subject,
+    model: &Model,
+    inputs: &RecordedInputs<'_>,
     recording: &Recording,
-    places: &[Option<usize>],
     at_s: &[f64],
 ) -> anyhow::Result<Option<Canvas>> {
-    let model = &subject.model;
     let Some(columns) = coordinates(model) else { return Ok(None) };
     let set =
         |name: &str| model.header.node_sets.iter().find(|set| set.name == name && !set.nodes.is_empty());
@@ -89,37 +87,38 @@ pub fn picture(
     let facets = visible_facets(&rest, &LoadedModel::facets_of(model));
     let reconstructor = Reconstructor::new(model, &Selection::default())?;
     let mut fields = vec![0.0; reconstructor.entries()];
-    let wanted = rows(recording, places, at_s);
+    let wanted = rows(recording, inputs, at_s);
     let mut drawn: Vec<(Body, Vec<Block>, String)> = Vec::new();
-    let inputs_of = |row: usize| inputs_at(places, recording, row).map(|inputs| subject.unbiased(inputs));
-    follow_rows(model, &recording.time_s, inputs_of, |row, _, evaluation, _| {
-        if !wanted.contains(&row) {
-            return Ok(());
-        }
-        reconstructor.reconstruct_into(evaluation, &mut fields)?;
-        let count = model.header.node_count;
-        let place = |node: usize| columns.map(|column| fields[column * count + node]);
-        let nodes: Vec<[f32; 3]> = (0..count).map(place).collect();
-        let moved = |(to, from): (&[f32; 3], &[f32; 3])| {
-            to.iter().zip(from).map(|(to, from)| (to - from) * (to - from)).sum::<f32>().sqrt()
-        };
-        let values: Vec<f32> = nodes.iter().zip(&rest).map(moved).collect();
-        let mean = |name: &str| {
-            let nodes_of = &set(name)?.nodes;
-            let sum = |k: usize| nodes_of.iter().map(|node| nodes[*node as usize][k]).sum::<f32>();
-            Some([0, 1, 2].map(|k| sum(k) / nodes_of.len() as f32))
-        };
-        let size = marker_mm(&rest);
-        let block = |at: [f32; 3]| Block { min_mm: at.map(|v| v - size), max_mm: at.map(|v| v + size) };
-        let blocks = measured(recording, row, mean).into_iter().map(block).collect();
-        let body = if facets.is_empty() {
-            Body::of_markers(&nodes, &values)
-        } else {
-            Body { nodes_mm: nodes, facets: facets.clone(), values }
-        };
-        drawn.push((body, blocks, format!("{:.2} s", recording.time_s[row])));
-        Ok(())
-    })?;
+    inputs
+        .follow(model, |row, evaluation| {
+            if !wanted.contains(&row) {
+                return Ok(());
+            }
+            reconstructor.reconstruct_into(evaluation, &mut fields)?;
+            let count = model.header.node_count;
+            let place = |node: usize| columns.map(|column| fields[column * count + node]);
+            let nodes: Vec<[f32; 3]> = (0..count).map(place).collect();
+            let moved = |(to, from): (&[f32; 3], &[f32; 3])| {
+                to.iter().zip(from).map(|(to, from)| (to - from) * (to - from)).sum::<f32>().sqrt()
+            };
+            let values: Vec<f32> = nodes.iter().zip(&rest).map(moved).collect();
+            let mean = |name: &str| {
+                let nodes_of = &set(name)?.nodes;
+                let sum = |k: usize| nodes_of.iter().map(|node| nodes[*node as usize][k]).sum::<f32>();
+                Some([0, 1, 2].map(|k| sum(k) / nodes_of.len() as f32))
+            };
+            let size = marker_mm(&rest);
+            let block = |at: [f32; 3]| Block { min_mm: at.map(|v| v - size), max_mm: at.map(|v| v + size) };
+            let blocks = measured(recording, row, mean).into_iter().map(block).collect();
+            let body = if facets.is_empty() {
+                Body::of_markers(&nodes, &values)
+            } else {
+                Body { nodes_mm: nodes, facets: facets.clone(), values }
+            };
+            drawn.push((body, blocks, format!("{:.2} s", recording.time_s[row])));
+            Ok(())
+        })
+        .map_err(files::not_compared)?;
     if drawn.is_empty() {
         return Ok(None);
     }

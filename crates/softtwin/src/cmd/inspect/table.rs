@@ -1,13 +1,13 @@
 //! `softtwin inspect TABLE`: the columns of a bench's table, and a proposed mapping. Columns whose unit could not be read from the heading
 //! are comments of the mapping, to be filled in by hand.
 
-use crate::bench::{line, panel, range};
+use crate::bench::{line, panel};
 use crate::picture::{Figure, Mark};
 use crate::{files, output, report};
 use formats::log::Log;
 use formats::table::TableForm;
 use formats::unit;
-use rom::statistics::median;
+use rom::statistics::{median, range};
 use serde::Serialize;
 use std::path::Path;
 
