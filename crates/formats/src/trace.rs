@@ -1,7 +1,8 @@
 //! Traces: named inputs over time, and the series of a motion, which is a trace with results.
 
 use crate::table::{Table, TableRow};
-use crate::{Diagnostic, collect};
+use crate::{Diagnostic, FormatError, collect};
+use std::path::Path;
 
 /// Columns of the series that a motion writes.
 pub const SERIES_COLUMNS: [&str; SERIES] = [
@@ -80,6 +81,23 @@ impl Trace {
     pub fn position(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|known| known == name)
     }
+}
+
+/// Reads the series of a motion: the values of [`SERIES_COLUMNS`] in each row, NaN for an empty cell.
+///
+/// # Errors
+/// I/O error; all missing columns and cells that are no numbers.
+pub fn read_series(path: &Path) -> Result<Vec<Vec<f64>>, FormatError> {
+    let table = Table::read(path, true)?;
+    let wrong = |diagnostics| FormatError::Content { path: path.into(), diagnostics };
+    let columns = table.columns(SERIES_COLUMNS).map_err(wrong)?;
+    let mut diagnostics = Vec::new();
+    let mut row = |row: TableRow<'_>| {
+        let mut cell = |column| collect(row.optional_number(column), &mut diagnostics).flatten();
+        columns.iter().map(|column| cell(*column).unwrap_or(f64::NAN)).collect()
+    };
+    let rows = table.rows().map(&mut row).collect();
+    FormatError::check(rows, path, diagnostics)
 }
 
 /// The rows before and after a time (s), and its part of the way between them; the first or last row twice outside.

@@ -19,6 +19,7 @@ use std::sync::Arc;
 use train::TrainError;
 use train::comparison::ComparisonError;
 use train::datasheet::DataSheet;
+use train::trace::TraceError;
 
 /// Loads a whole model.
 pub fn model(path: &Path) -> anyhow::Result<Model> {
@@ -109,6 +110,17 @@ pub fn not_compared(error: ComparisonError) -> anyhow::Error {
         | ComparisonError::WrongUnit(_)
         | ComparisonError::NoOutput { .. }
         | ComparisonError::NoRow => configuration(error),
+        _ => error.into(),
+    }
+}
+
+/// A trace along which the model cannot be followed: by whose mistake.
+pub fn not_followed(error: TraceError) -> anyhow::Error {
+    match error {
+        TraceError::File(error) => refusal(error),
+        TraceError::TooLong { .. } | TraceError::NoCoordinate { .. } | TraceError::NoTip => {
+            usage(format!("--trace: {error}"))
+        }
         _ => error.into(),
     }
 }

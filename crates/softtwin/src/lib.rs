@@ -9,7 +9,6 @@ mod cmd;
 pub mod files;
 mod live;
 mod load;
-mod motion;
 pub mod options;
 pub mod progress;
 pub mod range;

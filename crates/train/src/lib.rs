@@ -52,6 +52,7 @@ mod regime;
 #[doc(hidden)]
 pub mod select;
 mod sort;
+pub mod trace;
 pub mod unseen_errors;
 
 pub use error::{OnsetError, TrainError};

@@ -1,7 +1,5 @@
 //! `softtwin evaluate`.
 
-mod curves;
-mod motion;
 mod sealed;
 mod traces;
 

@@ -1,13 +1,13 @@
 //! `softtwin predict`: one state, or the motion along a trace.
 
 mod grasp;
-mod trace;
 
 use super::export::{Body, prediction};
 use crate::failure::usage;
 use crate::{files, report};
 use anyhow::Context;
 use formats::export::StateFormat;
+use formats::table::to_text;
 use grasp::GraspArgs;
 use rom::branch::pressure_field;
 use rom::evaluation::Evaluation;
@@ -21,7 +21,8 @@ use rom::reconstructor::Peaks;
 use rom::snapshots::FieldSpec;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use train::trace::{InputTrace, predict_series};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -98,7 +99,7 @@ impl Args {
         if let (Some(trace), Some(out)) = (&self.trace, &self.out) {
             let mut model = files::model(&self.model)?;
             files::set_parameters(&mut model, &self.settings)?;
-            return trace::run(&model, trace, out, self.step_ms, self.json);
+            return self.along(&model, trace, out);
         }
         if let Some(out) = &self.out {
             StateFormat::of(out).map_err(usage)?; // before the work, not after it
@@ -139,6 +140,25 @@ impl Args {
             found.pressure_mpa = Some(f64::from(state.fields()[field * model.header.node_count]));
         }
         report::print(&found, self.json)
+    }
+
+    /// Predicts along a trace, writes the series and reports.
+    fn along(&self, model: &Model, trace: &Path, out: &Path) -> anyhow::Result<()> {
+        let trace = InputTrace::read(trace, model).map_err(files::not_followed)?;
+        let step_ns = (1e6 * self.step_ms) as u64;
+        let found = predict_series(model, &trace, step_ns).map_err(files::not_followed)?;
+        let cell = |value: &f64| if value.is_finite() { value.to_string() } else { String::new() };
+        let rows = found.rows.iter().map(|row| row.iter().map(cell));
+        let columns: Vec<&str> = found.columns.iter().map(String::as_str).collect();
+        files::save(out, to_text(&columns, rows).as_bytes())?;
+        if let Some(first) = &found.first_outside {
+            tracing::warn!(
+                "{} of {} instants are outside the training range and have no half-widths; the first at {first}",
+                found.summary.outside_training_range,
+                found.summary.rows
+            );
+        }
+        report::print(&found.summary, self.json)
     }
 
     fn write(&self, model: &Model, state: &ModelState) -> anyhow::Result<()> {
