@@ -1,6 +1,7 @@
 //! Maps of measured runs by ridge regression, chosen on left-out parts: the lags first, then kernel maps and reservoirs of them.
 //!
-//! Parts are six contiguous segments of one or two runs, or whole runs of several. Features are computed once over whole runs; only rows are
+//! Parts are six contiguous segments of one or two runs, or whole runs of several. Where each run has an input of its own, such as a load, a run
+//! that is left out takes its value of the input along: maps would be chosen for how they go on beyond the data, so that segments are left out there too. Features are computed once over whole runs; only rows are
 //! left out, so that one Gram matrix per part gives all left-out fits.
 //!
 //! 1. A lag common to all inputs, or none, is chosen by a quadratic map; the best [`SETS`] are kept.
@@ -55,6 +56,8 @@ const INPUT_SCALES: [f64; 2] = [0.2, 0.6];
 const DRAWINGS: usize = 2;
 /// Ratio of half the mean square step of an input to its variance from which rows are dealt: 1 for any order.
 const DEALT: f64 = 0.5;
+/// Largest range within a run of an input that each run has its own value of, as a fraction of the whole range.
+const OWN_INPUT: f64 = 0.05;
 /// Gap of a recording: a multiple of the median interval, at least some time, s.
 const GAP_INTERVALS: f64 = 20.0;
 const SHORTEST_GAP_S: f64 = 1.0;
@@ -79,6 +82,10 @@ pub(super) struct Rows {
     pub inputs: Vec<MapInput>,
     /// Left-out parts of the fitted rows.
     pub parts: Vec<Range<usize>>,
+    /// Halves of a run, or whole runs: leaving one out shows how errors grow far from what was visited. Empty where `parts` show it.
+    pub far_parts: Vec<Range<usize>>,
+    /// Three runs or more, and an input that does not move within any of them.
+    pub have_own_inputs: bool,
     /// Unit of each output's error.
     pub units: Vec<f64>,
     pub interval_s: f64,
@@ -155,11 +162,27 @@ impl Rows {
             0.5 * mean(steps) / of.deviation.powi(2)
         };
         let are_dealt = inputs.iter().any(|of| roughness(of) > DEALT);
+        let is_own = |of: &MapInput| {
+            let ranges = values(of.input as usize).map(|run| super::data::range_of(run) / of.deviation);
+            ranges.fold(0.0, f64::max) < OWN_INPUT * of.range
+        };
+        let have_own_inputs = runs.len() > 2 && inputs.iter().any(is_own);
+        let whole_runs = parts(&fitted, 1);
+        let segments = parts(&fitted, PARTS.div_ceil(runs.len()));
+        let (parts, far_parts) = match runs.len() {
+            1 if are_dealt => (segments, Vec::new()),
+            1 => (segments, parts(&fitted, 2)),
+            2 => (segments, whole_runs),
+            _ if have_own_inputs => (segments, whole_runs),
+            _ => (whole_runs, Vec::new()),
+        };
         let intervals =
             runs.iter().flat_map(|run| run.time_ns.windows(2).map(|t| 1e-9 * (t[1] - t[0]) as f64));
         let durations = || runs.iter().map(|run| 1e-9 * run.time_ns.last().copied().unwrap_or(0) as f64);
         Ok(Self {
-            parts: parts(&fitted, runs.len()),
+            parts,
+            far_parts,
+            have_own_inputs,
             units: scales(&data.outputs, &data.runs),
             interval_s: median(intervals)
                 .unwrap_or(1.0)
@@ -181,6 +204,11 @@ impl Rows {
 
     pub(super) fn outputs(&self) -> usize {
         self.y.ncols()
+    }
+
+    /// Number of runs if they are left out as a whole, so that their mean errors show what a further run may differ by.
+    pub(super) fn runs_left_out(&self) -> Option<usize> {
+        (self.runs.len() > 2 && !self.have_own_inputs).then_some(self.runs.len())
     }
 
     /// Root of the mean square error over outputs in their units.
@@ -230,11 +258,10 @@ impl Rows {
     }
 }
 
-/// Left-out parts: runs, or segments of one or two.
-fn parts(fitted: &[(usize, usize)], runs: usize) -> Vec<Range<usize>> {
+/// Contiguous parts of the fitted rows, `per_run` of each run.
+fn parts(fitted: &[(usize, usize)], per_run: usize) -> Vec<Range<usize>> {
     let mut parts = Vec::new();
     let mut begin = 0;
-    let per_run = if runs < 3 { PARTS / runs.max(1) } else { 1 };
     for of_run in fitted.chunk_by(|a, b| a.0 == b.0) {
         let ends = (1..=per_run).map(|k| begin + of_run.len() * k / per_run);
         let mut from = begin;
@@ -268,6 +295,10 @@ fn driven(run: &Run) -> Vec<usize> {
 pub(super) struct Ridge {
     pub error: f64,
     pub left_out: Mat<f64>,
+    /// Predictions with nothing left out.
+    pub fitted: Mat<f64>,
+    /// Predictions with [`Rows::far_parts`] left out; no rows without these.
+    pub far: Mat<f64>,
     /// `features x outputs`.
     pub weights: Mat<f64>,
 }
@@ -289,35 +320,43 @@ impl Rows {
         let scale: Vec<f64> =
             (0..p).map(|j| (features.col(j).squared_norm_l2() / n as f64).sqrt() + 1e-9).collect();
         let scaled = Mat::from_fn(n, p, |i, j| features[(i, j)] / scale[j]);
-        let rows = |part: &Range<usize>| {
-            (scaled.subrows(part.start, part.len()), self.y.subrows(part.start, part.len()))
+        type Sums = (Mat<f64>, Mat<f64>);
+        let sums = |parts: &[Range<usize>]| -> Vec<Sums> {
+            let rows = |part: &Range<usize>| {
+                (scaled.subrows(part.start, part.len()), self.y.subrows(part.start, part.len()))
+            };
+            parts.iter().map(rows).map(|(z, y)| (z.transpose() * z, z.transpose() * y)).collect()
         };
-        let sums: Vec<(Mat<f64>, Mat<f64>)> =
-            self.parts.iter().map(rows).map(|(z, y)| (z.transpose() * z, z.transpose() * y)).collect();
+        let of_parts = sums(&self.parts);
         let start = (Mat::zeros(p, p), Mat::zeros(p, self.outputs()));
-        let (gram, right) = sums.iter().fold(start, |(g, b), (gram, own)| (g + gram, b + own));
+        let (gram, right) = of_parts.iter().fold(start, |(g, b), (gram, own)| (g + gram, b + own));
+        let without = |parts: &[Range<usize>], sums: &[Sums], smoothing: f64| -> Option<Mat<f64>> {
+            let mut left_out = Mat::zeros(if parts.is_empty() { 0 } else { n }, self.outputs());
+            for (part, (own, b)) in parts.iter().zip(sums) {
+                let left = (n - part.len()) as f64;
+                let weights = solve(&(&gram - own), &(&right - b), smoothing, left)?;
+                let predicted = scaled.subrows(part.start, part.len()) * &weights;
+                left_out.subrows_mut(part.start, part.len()).copy_from(&predicted);
+            }
+            Some(left_out)
+        };
         let mut best: Option<(f64, f64, Mat<f64>)> = None;
         for smoothing in smoothings {
-            let mut left_out = Mat::zeros(n, self.outputs());
-            let all = self.parts.iter().zip(&sums).try_for_each(|(part, (own, b))| {
-                let left = (n - part.len()) as f64;
-                let weights = solve(&(&gram - own), &(&right - b), *smoothing, left)?;
-                let predicted = rows(part).0 * &weights;
-                left_out.subrows_mut(part.start, part.len()).copy_from(&predicted);
-                Some(())
-            });
+            let Some(left_out) = without(&self.parts, &of_parts, *smoothing) else { continue };
             let error = self.size(&left_out);
             let is_better = best.as_ref().is_none_or(|best| error < SMOOTHER * best.0);
-            if all.is_some() && error.is_finite() && is_better {
+            if error.is_finite() && is_better {
                 best = Some((error, *smoothing, left_out));
             }
         }
         let (error, smoothing, left_out) = best?;
+        let far = without(&self.far_parts, &sums(&self.far_parts), smoothing)?;
         let mut weights = solve(&gram, &right, smoothing, n as f64)?;
+        let fitted = &scaled * &weights;
         for (j, scale) in scale.iter().enumerate() {
             weights.row_mut(j).iter_mut().for_each(|w| *w /= scale);
         }
-        Some(Ridge { error, left_out, weights })
+        Some(Ridge { error, left_out, fitted, far, weights })
     }
 }
 
@@ -418,6 +457,10 @@ pub(super) struct Found {
     pub members: Vec<Member>,
     /// Left-out predictions of the members together.
     pub left_out: Mat<f64>,
+    /// The same with nothing left out.
+    pub fitted: Mat<f64>,
+    /// The same with whole runs left out ([`Rows::far_parts`]).
+    pub far: Mat<f64>,
     /// The best common lags, and those of the base with its fit.
     pub common: Vec<Lag>,
     pub base: (Vec<Lag>, Ridge),
@@ -489,7 +532,7 @@ pub(super) fn search(rows: &Rows, filtered: &mut Filtered<'_>) -> Option<Found> 
     if !rows.are_dealt {
         families.push(reservoirs(rows, &times));
     }
-    let (members, left_out) = ensemble(rows, families)?;
+    let (members, [left_out, fitted, far]) = ensemble(rows, families)?;
     let mut linear =
         |lags: &[Lag], smoothings: &[f64]| rows.ridge(&polynomial(&filtered.columns(lags), 1), smoothings);
     let mut bases = Vec::new();
@@ -503,6 +546,8 @@ pub(super) fn search(rows: &Rows, filtered: &mut Filtered<'_>) -> Option<Found> 
         errors: [without, rows.size(&left_out)],
         members,
         left_out,
+        fitted,
+        far,
         common: first.swap_remove(0).1,
         base: (lags, base),
     })
@@ -516,7 +561,7 @@ pub(super) fn times(rows: &Rows) -> Vec<f64> {
 }
 
 /// Members with their shares: the mean of the best of each family, the families weighted by the left-out error of that mean.
-fn ensemble(rows: &Rows, mut families: Vec<Vec<Member>>) -> Option<(Vec<Member>, Mat<f64>)> {
+fn ensemble(rows: &Rows, mut families: Vec<Vec<Member>>) -> Option<(Vec<Member>, [Mat<f64>; 3])> {
     families.retain(|family| !family.is_empty());
     let mut weights = Vec::new();
     for family in &mut families {
@@ -538,9 +583,12 @@ fn ensemble(rows: &Rows, mut families: Vec<Vec<Member>>) -> Option<(Vec<Member>,
     }
     let all: f64 = members.iter().map(|of| of.share).sum();
     members.iter_mut().for_each(|of| of.share /= all);
-    let start = Mat::zeros(rows.y.nrows(), rows.outputs());
-    let left_out = members.iter().fold(start, |sum, of| sum + &of.fit.left_out * faer::Scale(of.share));
-    (!members.is_empty()).then_some((members, left_out))
+    let together = |predicted: fn(&Ridge) -> &Mat<f64>| {
+        let parts = members.iter().map(|of| predicted(&of.fit) * faer::Scale(of.share));
+        parts.reduce(|sum, of| sum + of)
+    };
+    let predicted = [together(|fit| &fit.left_out)?, together(|fit| &fit.fitted)?, together(|fit| &fit.far)?];
+    Some((members, predicted))
 }
 
 fn reservoirs(rows: &Rows, times: &[f64]) -> Vec<Member> {

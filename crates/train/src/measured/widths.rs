@@ -2,32 +2,40 @@
 //! with an allowance for the next run.
 //!
 //! ```text
-//! e^2 = c0 + c1 spread + c2 d^2       least squares on left-out errors, c >= 0; half-width: the 90 % quantile of |e| over its root
-//! a0  = 0.03 r^(1/3) L^(2/3)          allowance of one run: r range of the output, L length of the ranges in its unit
-//! a^2 = (2 a0^2 + sum m^2) / (2 + n)  of n runs with left-out mean errors m
+//! e^2 = c0 + c1 spread + c2 d^2       reweighted least squares on left-out errors, c >= 0; half-width: the 90 % quantile of |e| over its root
+//! a0  = 0.03 r^(1/3) L^(2/3)          what recordings of many rigs suggest: r range of the output, L length of the ranges in its unit
+//! a^2 = (2 a0^2 + n m^2) / (2 + n)    m^2: mean square of the left-out mean errors of n runs; of one run 4 times that of its segments
 //! ```
+//!
+//! Errors with segments left out show what is near the data, those with halves or whole runs left out what is far from it.
 
 use super::data::{COVERAGE, range_of};
-use super::maps::{BASE_SMOOTHING, Filtered, Found, Rows, polynomial, solve, times};
+use super::maps::{BASE_SMOOTHING, Filtered, Found, Member, Ridge, Rows, polynomial, solve, times};
 use faer::Mat;
 use rom::learned::{Drift, Lag, OutputWidth, Support};
 use rom::memory::Line;
 use rom::statistics::{mean, median, quantile};
+use std::ops::Range;
 
 /// Standard deviation of the difference between runs, as a fraction of the ranges, and the exponent of the output's own.
 const ALLOWANCE: f64 = 0.03;
 const OWN_RANGE: f64 = 1.0 / 3.0;
+/// Variance between two runs over that between segments of one, of an offset that wanders as a random walk: 2.8 if the second run
+/// follows at once, 4 if it begins after a third of a run.
+const WANDERS_ON: f64 = 4.0;
 /// Runs that the allowance of one run counts for.
 const PRIOR_RUNS: f64 = 2.0;
-/// Standard deviations in a half-width.
+/// Standard deviations in a half-width, and the share of values within one.
 const SIGMAS: f64 = 1.64;
+const ONE_SIGMA: f64 = 0.68;
 /// Smallest reach per root of the number of lags.
 const LEAST_REACH: f64 = 0.25;
 /// Quantile of the distances between parts that is the reach, and beyond which squared errors are clipped.
 const REACHED: f64 = 0.95;
 const CLIPPED: f64 = 0.99;
-/// Smallest constant part of the squared error.
+/// Smallest constant part of the squared error, as a fraction of its median, and rounds of its fit.
 const LEAST_NOISE: f64 = 0.1;
+const REWEIGHTED: usize = 10;
 /// Outer part of an input that is left out to see how the base goes on, and the fewest rows of either.
 const OUTER: f64 = 0.3;
 const FEWEST: [usize; 2] = [10, 30];
@@ -42,7 +50,8 @@ const LONGER_PAST: usize = 7;
 pub(super) struct Places {
     pub lags: Vec<Lag>,
     pub support: Support,
-    distances: Vec<f64>,
+    /// Distance of each fitted row from those of other parts, and of those with [`Rows::far_parts`] left out.
+    distances: [Vec<f64>; 2],
 }
 
 /// Distance of each row of a part from the nearest row outside it.
@@ -72,11 +81,13 @@ pub(super) fn places(rows: &Rows, found: &Found, filtered: &mut Filtered<'_>) ->
         }
     }
     let z = filtered.columns(&lags);
-    let mut left = vec![0.0; z.nrows()];
-    for part in &rows.parts {
-        distances(&z, |row| part.contains(&row)).into_iter().for_each(|(row, d)| left[row] = d);
-    }
-    let finite = || left.iter().copied().filter(|d| d.is_finite());
+    let left_out = |parts: &[Range<usize>]| -> Vec<f64> {
+        let of_part = |part: &Range<usize>| distances(&z, |row| part.contains(&row));
+        parts.iter().flat_map(of_part).map(|(_, d)| d).collect()
+    };
+    let left = [left_out(&rows.parts), left_out(&rows.far_parts)];
+    let of_reach = &left[usize::from(rows.have_own_inputs)];
+    let finite = || of_reach.iter().copied().filter(|d| d.is_finite());
     let reach = quantile(finite(), REACHED).max(LEAST_REACH * (lags.len() as f64).sqrt());
     let range = mean(rows.inputs.iter().map(|of| of.range));
     let all = (0..z.nrows()).flat_map(|row| (0..z.ncols()).map(move |j| (row, j)));
@@ -91,33 +102,42 @@ pub(super) fn widths(
     places: &Places,
     filtered: &mut Filtered<'_>,
 ) -> (Vec<OutputWidth>, Vec<Drift>) {
-    let runs = rows.runs.len();
     let base_errors: Vec<f64> = (0..rows.outputs()).map(|k| base_error(rows, found, k)).collect();
     let growths = growths(rows, found, places, &base_errors, filtered);
     let one = |k: usize| {
-        let error = |row: usize| found.left_out[(row, k)] - rows.y[(row, k)];
-        let errors: Vec<f64> = (0..rows.y.nrows()).map(error).collect();
-        let spread = |row: usize| -> f64 {
-            let of = |left_out: &Mat<f64>| (left_out[(row, k)] - found.left_out[(row, k)]).powi(2);
-            found.members.iter().map(|member| member.share * of(&member.fit.left_out)).sum()
+        let mut terms: Vec<[f64; 3]> = Vec::new();
+        let mut errors_and_terms = |left_out: &Mat<f64>,
+                                    of_member: fn(&Ridge) -> &Mat<f64>,
+                                    distances: &[f64]| {
+            let spread = |row: usize| -> f64 {
+                let of = |member: &Member| (of_member(&member.fit)[(row, k)] - left_out[(row, k)]).powi(2);
+                found.members.iter().map(|member| member.share * of(member)).sum()
+            };
+            terms
+                .extend((0..left_out.nrows()).map(|row| [1.0, spread(row), distances[row].min(1e6).powi(2)]));
+            (0..left_out.nrows()).map(|row| left_out[(row, k)] - rows.y[(row, k)]).collect::<Vec<f64>>()
         };
-        let terms: Vec<[f64; 3]> =
-            (0..errors.len()).map(|row| [1.0, spread(row), places.distances[row].min(1e6).powi(2)]).collect();
-        let factors = squared_error(&errors, &terms);
+        let errors = errors_and_terms(&found.left_out, |fit| &fit.left_out, &places.distances[0]);
+        let far = errors_and_terms(&found.far, |fit| &fit.far, &places.distances[1]);
+        let all: Vec<f64> = errors.iter().chain(&far).copied().collect();
+        let fitted = found.fitted.col(k).iter().zip(rows.y.col(k).iter());
+        let residual = quantile(fitted.map(|(fitted, y)| (fitted - y).abs()), ONE_SIGMA);
+        let factors = squared_error(&all, &terms, residual * residual);
         let scale = |terms: &[f64; 3]| terms.iter().zip(&factors).map(|(t, c)| t * c).sum::<f64>().sqrt();
-        let q = quantile(errors.iter().zip(&terms).map(|(e, t)| e.abs() / scale(t)), COVERAGE).powi(2);
+        let q = quantile(all.iter().zip(&terms).map(|(e, t)| e.abs() / scale(t)), COVERAGE).powi(2);
         let range = range_of(rows.y.col(k).iter().copied());
         let prior = ALLOWANCE * range.powf(OWN_RANGE) * rows.units[k].powf(1.0 - OWN_RANGE);
-        let means = (0..runs)
-            .map(|run| mean(errors.iter().zip(&rows.fitted).filter(|(_, at)| at.0 == run).map(|(e, _)| *e)));
-        let squares: f64 = means.filter(|m| m.is_finite()).map(|m| m * m).sum();
-        let allowance = if rows.are_dealt && runs == 1 {
+        let square_of_mean = |part: &Range<usize>| mean(errors[part.clone()].iter().copied()).powi(2);
+        let between_parts = mean(rows.parts.iter().map(square_of_mean));
+        let allowance = if rows.are_dealt && rows.runs.len() == 1 {
             // Settled states that are dealt in any order show the rig's drift already.
             mean(errors.iter().copied()).powi(2)
-        } else if runs > 1 {
-            (PRIOR_RUNS * prior * prior + squares) / (PRIOR_RUNS + runs as f64)
         } else {
-            prior * prior
+            let (variance, runs) = match rows.runs_left_out() {
+                Some(runs) => (between_parts, runs as f64),
+                None => (WANDERS_ON * between_parts, 1.0),
+            };
+            (PRIOR_RUNS * prior * prior + runs * variance) / (PRIOR_RUNS + runs)
         };
         let (lags, base) = &found.base;
         let slopes = lags
@@ -165,29 +185,47 @@ fn agreement_s(rows: &Rows, errors: &[f64]) -> f64 {
     if correlation > 0.0 { (-interval_s / correlation.min(0.999).ln()).max(interval_s) } else { interval_s }
 }
 
-/// Factors of the squared error, none negative: of all subsets of the terms the one that fits best.
-fn squared_error(errors: &[f64], terms: &[[f64; 3]]) -> [f64; 3] {
-    let squares = || errors.iter().map(|e| e * e);
-    let (clip, least) = (quantile(squares(), CLIPPED), LEAST_NOISE * mean(squares()));
-    let sizes: [f64; 3] = std::array::from_fn(|k| mean(terms.iter().map(|t| t[k])) + 1e-30);
+/// Factors of the squared error, none negative, by reweighted least squares: each square counts in units of what is expected at its place, so
+/// that the small errors near the data are fitted as well as the large ones far from it. The constant is at least `least`, the square of the
+/// residual: left-out rows have a distance, those that are asked for later may have none.
+fn squared_error(errors: &[f64], terms: &[[f64; 3]], least: f64) -> [f64; 3] {
+    let squares: Vec<f64> = errors.iter().map(|e| e * e).collect();
+    let least = least.max(LEAST_NOISE * quantile(squares.iter().copied(), 0.5)).max(f64::MIN_POSITIVE);
+    let mut factors = [mean(squares.iter().copied()).max(least), 0.0, 0.0];
+    for _ in 0..REWEIGHTED {
+        let expected = terms.iter().map(|t| t.iter().zip(&factors).map(|(t, c)| t * c).sum::<f64>());
+        let expected: Vec<f64> = expected.collect();
+        let clip = quantile(squares.iter().zip(&expected).map(|(e2, s2)| e2 / s2), CLIPPED);
+        let scaled = terms.iter().zip(&expected).map(|(t, s2)| t.map(|t| t / s2));
+        let relative = squares.iter().zip(&expected).map(|(e2, s2)| (e2 / s2).min(clip));
+        factors = not_negative(scaled.zip(relative));
+        factors[0] = factors[0].max(least);
+    }
+    factors
+}
+
+/// Least squares of three factors, none negative: of all subsets of the terms the one that fits best.
+fn not_negative(rows: impl Iterator<Item = ([f64; 3], f64)>) -> [f64; 3] {
     let (mut gram, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
-    for (e2, t) in squares().map(|e2| e2.min(clip)).zip(terms) {
+    for (t, value) in rows {
         for i in 0..3 {
-            right[i] += t[i] / sizes[i] * e2;
-            (0..3).for_each(|j| gram[i][j] += t[i] / sizes[i] * t[j] / sizes[j]);
+            right[i] += t[i] * value;
+            (0..3).for_each(|j| gram[i][j] += t[i] * t[j]);
         }
     }
-    let mut best = (f64::INFINITY, [mean(squares()), 0.0, 0.0]);
+    let mut best = (0.0, [0.0; 3]);
     for subset in 1_u8..8 {
         let has: Vec<usize> = (0..3).filter(|k| subset & (1 << k) != 0).collect();
-        let ridge = |i: usize, j: usize| if i == j { 1e-9 * gram[has[i]][has[i]] } else { 0.0 };
-        let system = rom::dense::Dense::from_fn(has.len(), |i, j| gram[has[i]][has[j]] + ridge(i, j));
-        let mut solution: Vec<f64> = has.iter().map(|k| right[*k]).collect();
+        let size = |i: usize| gram[i][i].sqrt().max(f64::MIN_POSITIVE);
+        let ridge = |i: usize, j: usize| if i == j { 1e-9 } else { 0.0 };
+        let entry = |i: usize, j: usize| gram[has[i]][has[j]] / size(has[i]) / size(has[j]) + ridge(i, j);
+        let system = rom::dense::Dense::from_fn(has.len(), entry);
+        let mut solution: Vec<f64> = has.iter().map(|k| right[*k] / size(*k)).collect();
         if system.solve(&mut solution, 1).is_none() || solution.iter().any(|c| c.is_nan() || *c < 0.0) {
             continue;
         }
         let mut factors = [0.0; 3];
-        has.iter().zip(&solution).for_each(|(k, c)| factors[*k] = *c);
+        has.iter().zip(&solution).for_each(|(k, c)| factors[*k] = c / size(*k));
         let own: f64 =
             (0..3).map(|i| factors[i] * (0..3).map(|j| gram[i][j] * factors[j]).sum::<f64>()).sum();
         let loss = own - 2.0 * factors.iter().zip(right).map(|(c, r)| c * r).sum::<f64>();
@@ -195,9 +233,7 @@ fn squared_error(errors: &[f64], terms: &[[f64; 3]]) -> [f64; 3] {
             best = (loss, factors);
         }
     }
-    let mut factors: [f64; 3] = std::array::from_fn(|k| best.1[k] / sizes[k]);
-    factors[0] = factors[0].max(least).max(f64::MIN_POSITIVE);
-    factors
+    best.1
 }
 
 /// Growth of the base's error beyond its data: it is fitted without the outer part in either direction of each lagged input and judged there.
