@@ -196,6 +196,33 @@ fn settled_states_in_any_order_have_no_lags() {
     assert!(!learned.model.header.learned.as_ref().unwrap().has_memory());
 }
 
+/// A membrane that snaps up at a pressure that rises with its load: settled rows of one load.
+fn membrane(rng: &mut Rng, load_n: f64) -> Run {
+    let mut run = Run { inputs: vec![Vec::new(); 2], outputs: vec![Vec::new()], ..Run::default() };
+    for row in 0..200 {
+        let pressure_mpa = 0.05 * rng.uniform();
+        let height = 30.0 * (1.0 + (150.0 * (pressure_mpa - 0.001 * load_n)).tanh());
+        run.time_s.push(f64::from(row));
+        run.inputs[0].push(pressure_mpa);
+        run.inputs[1].push(load_n);
+        run.outputs[0].push(height + rng.uniform() - 0.5);
+    }
+    run
+}
+
+#[test]
+fn runs_with_a_load_of_their_own_are_learned_for_repeating_a_load() {
+    let mut rng = Rng::new(8);
+    let runs = [15.0, 25.0, 39.0].map(|load_n| membrane(&mut rng, load_n)).into();
+    let inputs = vec!["pressure_mpa".into(), "load_n".into()];
+    let learned = learn("membrane", &Measured { inputs, outputs: vec!["height_mm".into()], runs }).unwrap();
+    let found = predict(&learned.model, &["height_mm"], &membrane(&mut rng, 25.0));
+    assert!(rms(&found[0]) < 1.0, "{}", rms(&found[0]));
+    assert!(covered(&found[0]) > 0.85, "{}", covered(&found[0]));
+    let between = predict(&learned.model, &["height_mm"], &membrane(&mut rng, 20.0));
+    assert!(covered(&between[0]) > 0.85, "{}", covered(&between[0]));
+}
+
 #[test]
 fn beyond_the_learned_inputs_half_widths_grow_or_are_absent_and_the_base_answers() {
     let learned = learn("arm", &bench(1, 1500, 0.0)).unwrap();

@@ -162,7 +162,7 @@ pub(super) fn model(
     }
     match rows.runs.len() {
         1 if rows.are_dealt => remarks.push("successive rows have nothing in common: settled states, learned without lags".into()),
-        1 | 2 => remarks.push("one run says nothing about the next: the half-widths contain some 3 % of the range for it, and more where this one drifts; learn from three runs or more to measure it".into()),
+        1 => remarks.push("one run says nothing about the next: the half-widths contain some 3 % of the range for it, and more where this one drifts; learn from several runs to measure it".into()),
         _ if rows.have_own_inputs => remarks.push("each run has an input of its own, and no run says how far its repetition would differ: the half-widths contain some 3 % of the range for it".into()),
         _ => {}
     }

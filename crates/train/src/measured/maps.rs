@@ -84,6 +84,7 @@ pub(super) struct Rows {
     pub parts: Vec<Range<usize>>,
     /// Halves of a run, or whole runs: leaving one out shows how errors grow far from what was visited. Empty where `parts` show it.
     pub far_parts: Vec<Range<usize>>,
+    pub whole_runs: Vec<Range<usize>>,
     /// Three runs or more, and an input that does not move within any of them.
     pub have_own_inputs: bool,
     /// Unit of each output's error.
@@ -172,9 +173,9 @@ impl Rows {
         let (parts, far_parts) = match runs.len() {
             1 if are_dealt => (segments, Vec::new()),
             1 => (segments, parts(&fitted, 2)),
-            2 => (segments, whole_runs),
-            _ if have_own_inputs => (segments, whole_runs),
-            _ => (whole_runs, Vec::new()),
+            2 => (segments, whole_runs.clone()),
+            _ if have_own_inputs => (segments, whole_runs.clone()),
+            _ => (whole_runs.clone(), Vec::new()),
         };
         let intervals =
             runs.iter().flat_map(|run| run.time_ns.windows(2).map(|t| 1e-9 * (t[1] - t[0]) as f64));
@@ -182,6 +183,7 @@ impl Rows {
         Ok(Self {
             parts,
             far_parts,
+            whole_runs,
             have_own_inputs,
             units: scales(&data.outputs, &data.runs),
             interval_s: median(intervals)
@@ -204,11 +206,6 @@ impl Rows {
 
     pub(super) fn outputs(&self) -> usize {
         self.y.ncols()
-    }
-
-    /// Number of runs if they are left out as a whole, so that their mean errors show what a further run may differ by.
-    pub(super) fn runs_left_out(&self) -> Option<usize> {
-        (self.runs.len() > 2 && !self.have_own_inputs).then_some(self.runs.len())
     }
 
     /// Root of the mean square error over outputs in their units.

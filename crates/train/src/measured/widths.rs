@@ -128,14 +128,15 @@ pub(super) fn widths(
         let range = range_of(rows.y.col(k).iter().copied());
         let prior = ALLOWANCE * range.powf(OWN_RANGE) * rows.units[k].powf(1.0 - OWN_RANGE);
         let square_of_mean = |part: &Range<usize>| mean(errors[part.clone()].iter().copied()).powi(2);
-        let between_parts = mean(rows.parts.iter().map(square_of_mean));
+        let between = |parts: &[Range<usize>]| mean(parts.iter().map(square_of_mean));
         let allowance = if rows.are_dealt && rows.runs.len() == 1 {
             // Settled states that are dealt in any order show the rig's drift already.
             mean(errors.iter().copied()).powi(2)
         } else {
-            let (variance, runs) = match rows.runs_left_out() {
-                Some(runs) => (between_parts, runs as f64),
-                None => (WANDERS_ON * between_parts, 1.0),
+            let are_alike = rows.runs.len() > 1 && !rows.have_own_inputs;
+            let (variance, runs) = match are_alike {
+                true => (between(&rows.whole_runs), rows.runs.len() as f64),
+                false => (WANDERS_ON * between(&rows.parts), 1.0),
             };
             (PRIOR_RUNS * prior * prior + runs * variance) / (PRIOR_RUNS + runs)
         };
