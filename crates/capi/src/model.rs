@@ -4,7 +4,7 @@ use crate::ffi::{Failure, argument, call, name, put, softtwin_status, take, text
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS, Needs, PRESSURE};
-use rom::model::{BlockKind, Model, Nodes, Selection};
+use rom::model::{Model, Nodes, Selection};
 use rom::observable::{MAX_OBSERVABLES, Observables};
 use rom::reconstructor::{Peak, Peaks, Reconstructor};
 use rom::session::{Gaps, Session};
@@ -306,8 +306,9 @@ pub unsafe extern "C" fn softtwin_model_describe(
             return Err(argument("the place for the result is null"));
         }
         let (strings, of) = (&model.description, &model.model);
-        let rest = |axis| of.f32_block(BlockKind::Undeformed(axis)).map_or(std::ptr::null(), <[f32]>::as_ptr);
-        let surface = of.u32_block(BlockKind::Surface).unwrap_or(&[]);
+        let undeformed_mm =
+            of.undeformed_mm().map_or([std::ptr::null(); 3], |axes| axes.map(<[f32]>::as_ptr));
+        let surface = of.facets().as_flattened();
         let info = softtwin_model_info {
             actuator: CStr::as_ptr(&strings.actuator),
             inputs: strings.inputs.as_ptr(),
@@ -318,7 +319,7 @@ pub unsafe extern "C" fn softtwin_model_describe(
             model_node_count: of.header.node_count,
             node_sets: strings.node_sets.as_ptr(),
             node_set_count: strings.node_sets.len(),
-            undeformed_mm: [rest(0), rest(1), rest(2)],
+            undeformed_mm,
             triangles: surface.as_ptr(),
             triangle_count: surface.len() / 3,
             observables: strings.observables.as_ptr(),

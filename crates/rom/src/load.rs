@@ -110,11 +110,10 @@ impl<R: Read + Seek> ModelReader<R> {
 
 /// Edges of a model with its undeformed mesh, surface and coordinates loaded, and its volumes; `None` without one of these.
 fn body_of(model: &Model) -> Option<Body> {
-    let mesh = [0, 1, 2].map(|axis| model.f32_block(BlockKind::Undeformed(axis)));
-    let [Some(x), Some(y), Some(z)] = mesh else { return None };
+    let mesh = model.undeformed_mm()?;
     let coordinate =
         |values: &[f32], node: u32| values.get(node as usize).copied().map_or(f64::NAN, f64::from);
-    let place = |node: u32| [x, y, z].map(|values| coordinate(values, node));
+    let place = |node: u32| mesh.map(|values| coordinate(values, node));
     let length = |[a, b]: [u32; 2]| {
         let (a, b) = (place(a), place(b));
         a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()

@@ -37,9 +37,9 @@ pub fn tip_node(nodes_mm: &[[f64; 3]]) -> Option<usize> {
 
 /// [`tip_node`] of a model's undeformed mesh. None without one.
 pub fn model_tip(model: &Model) -> Option<usize> {
-    let axis = |axis| model.f32_block(BlockKind::Undeformed(axis));
-    let places = axis(0)?.iter().zip(axis(1)?).zip(axis(2)?);
-    tip_node(&places.map(|((x, y), z)| [*x, *y, *z].map(f64::from)).collect::<Vec<_>>())
+    let nodes_mm: Vec<[f64; 3]> =
+        model.undeformed_nodes_mm()?.iter().map(|node| node.map(f64::from)).collect();
+    tip_node(&nodes_mm)
 }
 
 /// A point of the mesh: nodes and their weights, which add up to 1.
@@ -107,8 +107,7 @@ impl MeshPoint {
     /// # Errors
     /// [`PointError`] when it is not on the mesh or the model has none.
     pub fn at(model: &Model, at_mm: [f64; 3]) -> Result<Self, PointError> {
-        let axis = |axis| model.f32_block(BlockKind::Undeformed(axis)).ok_or(PointError::NoMesh);
-        let mesh = [axis(0)?, axis(1)?, axis(2)?];
+        let mesh = model.undeformed_mm().ok_or(PointError::NoMesh)?;
         let place = |node: usize| mesh.map(|axis| f64::from(axis[node]));
         let square =
             |node: usize| -> f64 { place(node).iter().zip(at_mm).map(|(x, p)| (x - p) * (x - p)).sum() };

@@ -1,7 +1,7 @@
 //! Recordings of a bench: reading and drawing them.
 
 use crate::files;
-use crate::picture::{Axis, Figure, Mark, Panel, Series as Line};
+use crate::picture::{Figure, Panel, Series as Line};
 use formats::log::{Mapping, Recording, Series};
 use rom::statistics::range;
 use std::path::{Path, PathBuf};
@@ -9,8 +9,6 @@ use std::path::{Path, PathBuf};
 /// Pressures of soft actuators, MPa; lengths, mm.
 const PLAUSIBLE_MPA: [f64; 2] = [1e-4, 2.0];
 const PLAUSIBLE_MM: [f64; 2] = [0.05, 5000.0];
-/// Most points of a line in a picture.
-const MAX_POINTS: usize = 2000;
 
 /// Reads a recording with its mapping.
 pub fn read(recording: &Path, mapping: &Mapping) -> anyhow::Result<Recording> {
@@ -47,23 +45,12 @@ fn implausible(series: &Series) -> Option<String> {
     is_off.then(|| format!("{}: {size:.3e} {unit} at most; is its unit in the mapping right?", series.name))
 }
 
-/// A line of at most some thousand points.
-pub fn line(name: &str, colour: usize, mark: Mark, points: impl Iterator<Item = (f64, f64)>) -> Line {
-    let points: Vec<(f64, f64)> = points.filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
-    let step = points.len().div_ceil(MAX_POINTS).max(1);
-    Line { name: name.into(), colour, mark, points: points.into_iter().step_by(step).collect() }
-}
-
-pub fn panel(title: &str, x: &str, y: &str, series: Vec<Line>) -> Panel {
-    Panel { title: title.into(), x: Axis::linear(x), y: Axis::linear(y), series, map: None }
-}
-
 /// All quantities of a recording over time.
 pub fn figure(recording: &Recording, title: &str) -> Figure {
-    let one = |series: &Series| {
+    let over_time = |series: &Series| {
         let points = recording.time_s.iter().copied().zip(series.values.iter().copied());
-        panel("", "time [s]", &series.name, vec![line("", 0, Mark::Line, points)])
+        Panel::new("", "time [s]", series.name.as_str(), vec![Line::line("", 0, points)])
     };
-    let panels = recording.inputs.iter().chain(&recording.outputs).map(one).collect();
+    let panels = recording.inputs.iter().chain(&recording.outputs).map(over_time).collect();
     Figure { title: title.into(), panels, columns: 3 }
 }

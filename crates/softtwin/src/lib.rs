@@ -8,7 +8,6 @@ mod bench;
 mod cmd;
 pub mod files;
 mod live;
-mod load;
 pub mod options;
 pub mod progress;
 pub mod range;

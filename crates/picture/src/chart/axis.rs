@@ -13,6 +13,12 @@ pub struct Axis {
     pub names: Vec<String>,
 }
 
+impl From<&str> for Axis {
+    fn from(label: &str) -> Self {
+        Self::linear(label)
+    }
+}
+
 impl Axis {
     /// A linear axis.
     pub fn linear(label: &str) -> Self {

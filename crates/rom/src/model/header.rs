@@ -10,7 +10,7 @@ use crate::interpolant::Interpolant;
 use crate::kernel::Modes;
 use crate::learned::LearnedMap;
 use crate::regime::OnsetTable;
-use crate::snapshots::{FieldSpec, NodeSet, RegimeKind};
+use crate::snapshots::{FieldSpec, Footprint, NodeSet, RegimeKind};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::Arc;
@@ -305,6 +305,30 @@ impl Model {
             BlockData::F32(values) if *k == kind => Some(values.as_slice()),
             _ => None,
         })
+    }
+
+    /// Coordinates x, y and z of the undeformed nodes (mm); `None` if they were not loaded or the model has none.
+    pub fn undeformed_mm(&self) -> Option<[&[f32]; 3]> {
+        let axis = |axis| self.f32_block(BlockKind::Undeformed(axis));
+        Some([axis(0)?, axis(1)?, axis(2)?])
+    }
+
+    /// The undeformed nodes (mm), as [`Self::undeformed_mm`].
+    pub fn undeformed_nodes_mm(&self) -> Option<Vec<[f32; 3]>> {
+        let [x, y, z] = self.undeformed_mm()?;
+        Some(x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect())
+    }
+
+    /// Extent of a plate below the undeformed nodes, for pictures; the paper's where the model has no mesh.
+    pub fn plate(&self) -> Footprint {
+        self.undeformed_nodes_mm()
+            .and_then(|nodes| Footprint::plate_below(&nodes))
+            .unwrap_or(Footprint::PLATE)
+    }
+
+    /// Facets of the surface, cavities included; empty when unknown.
+    pub fn facets(&self) -> &[[u32; 3]] {
+        self.u32_block(BlockKind::Surface).unwrap_or(&[]).as_chunks().0
     }
 
     /// The modes of an output field in a regime, as many as its group has.

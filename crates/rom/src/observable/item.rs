@@ -3,7 +3,7 @@
 use super::definition::{DOWNWARDS, Definition, MAX_POINTS, ObservableKind};
 use super::vector::{cross, dot, norm};
 use super::volume::Walls;
-use crate::model::{BlockKind, Model};
+use crate::model::Model;
 use crate::probe::{MeshPoint, PointError};
 use serde::{Deserialize, Serialize};
 
@@ -95,10 +95,8 @@ impl Item {
             return Ok((item, Source::Chambers(Walls::of(model, &places)?)));
         }
         if matches!(kind, ObservableKind::SectionAngle | ObservableKind::ChordAngle) {
-            let mesh = [0, 1, 2].map(|axis| model.f32_block(BlockKind::Undeformed(axis)));
-            let [Some(x), Some(y), Some(z)] = mesh else { return Err(PointError::NoMesh.to_string()) };
-            item.rest =
-                item.measure(&Shape::of(&places, |node| [x, y, z].map(|axis| f64::from(axis[node])))).0;
+            let mesh = model.undeformed_mm().ok_or_else(|| PointError::NoMesh.to_string())?;
+            item.rest = item.measure(&Shape::of(&places, |node| mesh.map(|axis| f64::from(axis[node])))).0;
             if !item.rest.is_finite() {
                 return Err(
                     "a section or chord of the undeformed shape lies along the axis; choose other points"

@@ -6,7 +6,7 @@
 
 use super::form::Form;
 use super::vector::{cross, dot, norm};
-use crate::model::{BlockKind, Model, ModelError, RegimeModel};
+use crate::model::{Model, ModelError, RegimeModel};
 use crate::probe::{self, MeshPoint};
 use crate::snapshots::RegimeKind;
 
@@ -20,14 +20,11 @@ pub(super) struct Walls(Vec<[u32; 3]>);
 impl Walls {
     /// The walls of the chambers that the points lie on; of all without points.
     pub fn of(model: &Model, points: &[MeshPoint]) -> Result<Self, String> {
-        let block = |axis| model.f32_block(BlockKind::Undeformed(axis));
-        let (Some(x), Some(y), Some(z), Some(surface)) =
-            (block(0), block(1), block(2), model.u32_block(BlockKind::Surface))
-        else {
+        let (Some(mesh), false) = (model.undeformed_mm(), model.facets().is_empty()) else {
             return Err("the model has no undeformed mesh with a surface".into());
         };
-        let place = |node: u32| [x, y, z].map(|axis| f64::from(axis[node as usize]));
-        let parts: Vec<(f64, Self)> = connected(surface.as_chunks::<3>().0, x.len())
+        let place = |node: u32| mesh.map(|axis| f64::from(axis[node as usize]));
+        let parts: Vec<(f64, Self)> = connected(model.facets(), mesh[0].len())
             .into_iter()
             .map(Self)
             .map(|walls| (-walls.volume_mm3(place), walls))
@@ -152,8 +149,7 @@ fn form(model: &Model, regime: &RegimeModel, walls: &Walls) -> Result<Form, Stri
             }
         }
     }
-    let block = |axis| model.f32_block(BlockKind::Undeformed(axis)).unwrap_or(&[]);
-    let mesh = [block(0), block(1), block(2)];
+    let mesh = model.undeformed_mm().unwrap_or_default();
     let area_mm2 = walls.area_mm2(|node| mesh.map(|axis| f64::from(axis[node as usize])));
     Ok(Form { axes, numbers, area_mm2 })
 }

@@ -4,7 +4,7 @@ mod memory;
 mod plan;
 
 use crate::failure::{configuration, unexplained, usage};
-use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use crate::picture::{Figure, Mark, Panel, Series};
 use crate::unknowns::Unknowns;
 use crate::{files, report};
 use anyhow::{Context, bail};
@@ -369,29 +369,18 @@ fn figure(setup: &Setup, readings: &[Measurement], curves: &Curves) -> Figure {
         }
         let series = |name: &str, colour, mark, value: &dyn Fn(usize) -> f64| {
             let points = readings.iter().enumerate().map(|(i, reading)| (reading.t_s - begin_s, value(i)));
-            Series {
-                name: name.into(),
-                colour,
-                mark,
-                points: points.filter(|point| point.1.is_finite()).collect(),
-            }
-        };
-        let panel = |label: &str, series| Panel {
-            title: String::new(),
-            x: Axis::linear("time [s]"),
-            y: Axis::linear(label),
-            series,
-            map: None,
+            Series::new(name, colour, mark, points)
         };
         let values = vec![
             series("measured", 0, Mark::Dots, &|i| readings[i].rows[at]),
             series("predicted with the priors", 1, Mark::Line, &|i| before[i][at]),
             series("predicted after the fit", 2, Mark::Line, &|i| after[i][at]),
         ];
-        panels.push(panel(&row.name, values));
+        panels.push(Panel::new("", "time [s]", row.name.as_str(), values));
         let residuals =
             series("measured - predicted", 0, Mark::Dots, &|i| readings[i].rows[at] - after[i][at]);
-        panels.push(panel(&format!("{}: residual", row.name), vec![residuals]));
+        let label = format!("{}: residual", row.name);
+        panels.push(Panel::new("", "time [s]", label.as_str(), vec![residuals]));
     }
     Figure { title: format!("Fit to {} readings", readings.len()), panels, columns: 2 }
 }

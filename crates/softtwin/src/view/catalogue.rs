@@ -2,11 +2,11 @@
 
 use super::frame::{FrameHead, bits, encode};
 use crate::failure::configuration;
-use crate::load::LoadedModel;
+use crate::files;
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result, bail};
 use rom::inputs::{GAP, InputSpec, Inputs};
-use rom::model::{Nodes, Selection};
+use rom::model::{Model, Nodes, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::Footprint;
 use runtime::config::{ActuatorSpec, BlockSpec, PlaceSpec, Scene};
@@ -127,15 +127,6 @@ struct CavityHead {
 }
 
 impl Catalogue {
-    /// Prepares the models for viewing.
-    ///
-    /// # Errors
-    /// When a model cannot be made ready to predict.
-    pub fn new(models: Vec<LoadedModel>, stand: Stand) -> Result<Self> {
-        let known = models.into_iter().enumerate().map(|(id, loaded)| Known::new(id, &loaded));
-        Ok(Self { models: known.collect::<Result<_>>()?, stand })
-    }
-
     /// Where actuators and blocks stand.
     pub fn stand(&self) -> &Stand {
         &self.stand
@@ -155,8 +146,9 @@ impl Catalogue {
                 }
             }
         }
-        let models = paths.iter().map(|path| LoadedModel::read(path)).collect::<Result<_>>()?;
-        Self::new(models, scene.as_ref().map(Stand::of).unwrap_or_default())
+        let models =
+            paths.iter().enumerate().map(|(id, path)| Known::read(id, path)).collect::<Result<_>>()?;
+        Ok(Self { models, stand: scene.as_ref().map(Stand::of).unwrap_or_default() })
     }
 
     /// First message to the browser.
@@ -257,13 +249,13 @@ impl Known {
         Ok(inputs)
     }
 
-    fn new(id: usize, loaded: &LoadedModel) -> Result<Self> {
-        let header = &loaded.model.header;
-        let undeformed = loaded.undeformed_mm();
-        let facets = loaded.facets();
-        let visible_facets =
-            undeformed.as_ref().map_or_else(Vec::new, |nodes| visible_facets(nodes, &facets));
-        let cavities = cavities(&header.node_sets, &facets, header.node_count);
+    fn read(id: usize, path: &Path) -> Result<Self> {
+        let (model, hash) = files::model_and_hash(path)?;
+        let header = &model.header;
+        let undeformed = model.undeformed_nodes_mm();
+        let facets = model.facets();
+        let visible_facets = undeformed.as_ref().map_or_else(Vec::new, |nodes| visible_facets(nodes, facets));
+        let cavities = cavities(&header.node_sets, facets, header.node_count);
         let walls = cavities.iter().flat_map(|(_, walls)| walls.as_flattened());
         let mut visible: Vec<u32> = visible_facets.as_flattened().iter().chain(walls).copied().collect();
         visible.sort_unstable();
@@ -276,18 +268,21 @@ impl Known {
         Ok(Self {
             card: Card {
                 id,
-                name: loaded.name(),
+                name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
                 inputs: header.inputs.iter().filter_map(InputCard::new).collect(),
-                obstacle: loaded.plate(),
+                obstacle: model.plate(),
             },
-            measured: loaded.model.is_measured().then(|| loaded.path.clone()),
-            hash: loaded.hash16(),
+            measured: model.is_measured().then(|| path.to_owned()),
+            hash: std::array::from_fn(|k| hash[k]),
             inputs: header.inputs.clone(),
             node_sets: header.node_sets.clone(),
             node_count: header.node_count,
             visible,
             mesh_message,
-            prediction: Mutex::new(Prediction::new(loaded, nodes)?),
+            prediction: Mutex::new(
+                Prediction::new(&model, nodes)
+                    .with_context(|| format!("cannot predict with the model: {}", path.display()))?,
+            ),
         })
     }
 }
@@ -358,13 +353,11 @@ fn mesh_message(
 }
 
 impl Prediction {
-    fn new(loaded: &LoadedModel, nodes: Nodes) -> Result<Self> {
-        let selection = Selection { fields: None, nodes };
-        let state = ModelState::new(&loaded.model, &selection)
-            .with_context(|| format!("cannot predict with the model: {}", loaded.path.display()))?;
-        let names = loaded.model.header.fields.iter().map(|field| field.spec.name.as_str());
+    fn new(model: &Model, nodes: Nodes) -> Result<Self> {
+        let state = ModelState::new(model, &Selection { fields: None, nodes })?;
+        let names = model.header.fields.iter().map(|field| field.spec.name.as_str());
         let known = |name| field_id::from_name(name).map_or("other", field_id::as_str);
-        let contents = PayloadContents::new(&loaded.model, state.evaluator())?;
+        let contents = PayloadContents::new(model, state.evaluator())?;
         Ok(Self { state, contents, fields: names.map(known).collect() })
     }
 

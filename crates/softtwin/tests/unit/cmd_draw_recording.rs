@@ -4,16 +4,6 @@ use super::*;
 use wire::State;
 use wire::layout::set_slot;
 
-#[test]
-fn envelope_is_short_and_keeps_extremes() {
-    let mut points: Vec<(f64, f64)> = (0..100_000).map(|i| (f64::from(i), 1.0)).collect();
-    (points[33_333].1, points[77_777].1) = (500.0, -3.0);
-    let thin = envelope(&points);
-    assert!(thin.len() <= MAX_POINTS + 2 && thin.windows(2).all(|pair| pair[0].0 <= pair[1].0));
-    assert!(thin.contains(&(33_333.0, 500.0)) && thin.contains(&(77_777.0, -3.0)));
-    assert_eq!(envelope(&points[..MAX_POINTS]), points[..MAX_POINTS]);
-}
-
 /// State with these observables.
 fn state(t_s: f64, observables: &[(&str, f64)]) -> RecordedState {
     let mut values = State { observable_count: observables.len() as u32, ..State::default() };

@@ -1,6 +1,6 @@
 //! Tests of `src/view/server.rs`.
 
-use super::super::catalogue::{Catalogue, Stand};
+use super::super::catalogue::Catalogue;
 use super::super::pictures::Picture;
 use super::*;
 use runtime::http::{HEADER_TIMEOUT, MAX_CONNECTIONS};
@@ -14,7 +14,7 @@ fn answer(request: &str, idle: usize, pictures: Vec<Picture>) -> String {
     runtime.block_on(async {
         let listener = open_port(Ipv4Addr::LOCALHOST.into(), 0).await.expect("a free port");
         let address = listener.local_addr().expect("bound");
-        let catalogue = Catalogue::new(Vec::new(), Stand::default()).expect("no models");
+        let catalogue = Catalogue::load(&[], None).expect("no models");
         let pictures = pictures.into();
         let shared = Shared { pictures, catalogue: Arc::new(catalogue), hub: Arc::default(), player: None };
         let request = request.to_owned();

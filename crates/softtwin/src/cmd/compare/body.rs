@@ -1,7 +1,6 @@
 //! The body with predicted and measured markers at some instants.
 
 use crate::files;
-use crate::load::LoadedModel;
 use crate::picture::camera::Camera;
 use crate::picture::canvas::Canvas;
 use crate::picture::colour::ColourMap;
@@ -12,7 +11,7 @@ use crate::picture::skin::{Body, marker_mm};
 use crate::picture::theme::ThemeName;
 use crate::picture::visible::visible_facets;
 use formats::log::Recording;
-use rom::model::{BlockKind, Model, Selection};
+use rom::model::{Model, Selection};
 use rom::reconstructor::Reconstructor;
 use rom::snapshots::FieldKind;
 use rom::statistics::ends;
@@ -81,10 +80,8 @@ pub fn picture(
     if !recording.outputs.iter().filter_map(|series| marker(&series.name)).any(|name| set(name).is_some()) {
         return Ok(None);
     }
-    let undeformed = [0, 1, 2].map(|axis| model.f32_block(BlockKind::Undeformed(axis)).unwrap_or(&[]));
-    let rest: Vec<[f32; 3]> =
-        (0..undeformed[0].len()).map(|node| undeformed.map(|axis| axis[node])).collect();
-    let facets = visible_facets(&rest, &LoadedModel::facets_of(model));
+    let rest = model.undeformed_nodes_mm().unwrap_or_default();
+    let facets = visible_facets(&rest, model.facets());
     let reconstructor = Reconstructor::new(model, &Selection::default())?;
     let mut fields = vec![0.0; reconstructor.entries()];
     let wanted = rows(recording, inputs, at_s);

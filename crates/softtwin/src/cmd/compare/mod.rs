@@ -2,9 +2,9 @@
 
 mod body;
 
-use crate::bench::{self, line, panel};
+use crate::bench;
 use crate::failure::{configuration, usage};
-use crate::picture::{Figure, Mark};
+use crate::picture::{Figure, Panel, Series as Line};
 use crate::{files, output, report};
 use anyhow::Context;
 use formats::log::{Recording, Series};
@@ -116,36 +116,32 @@ fn figure(
     before: &[ComparedOutput],
 ) -> Figure {
     let mut panels = Vec::new();
+    let time_s = || recording.time_s.iter().copied();
     for output in outputs {
-        let over = |x: &[f64], y: &[f64]| x.iter().copied().zip(y.iter().copied()).collect::<Vec<_>>();
+        let name = output.name.as_str();
         let earlier = before.iter().find(|earlier| earlier.name == output.name);
-        let both = |x: &[f64], mark| {
-            let of = |name: &str, colour, y: &[f64]| line(name, colour, mark, over(x, y).into_iter());
-            let mut lines = vec![of("measured", 0, &output.measured), of("predicted", 1, &output.predicted)];
-            lines.extend(earlier.map(|earlier| of("before", 2, &earlier.predicted)));
+        let over = |x: &[f64]| {
+            let line = |name: &str, colour, y: &[f64]| {
+                Line::line(name, colour, x.iter().copied().zip(y.iter().copied()))
+            };
+            let mut lines =
+                vec![line("measured", 0, &output.measured), line("predicted", 1, &output.predicted)];
+            lines.extend(earlier.map(|earlier| line("before", 2, &earlier.predicted)));
             lines
         };
-        panels.push(panel(&output.name, "time [s]", &output.name, both(&recording.time_s, Mark::Line)));
+        panels.push(Panel::new(name, "time [s]", name, over(&recording.time_s)));
         if let Some(main) = main {
-            panels.push(panel("loops", &main.name, &output.name, both(&main.values, Mark::Line)));
+            panels.push(Panel::new("loops", main.name.as_str(), name, over(&main.values)));
         }
-        let residuals: Vec<f64> = output.measured.iter().zip(&output.predicted).map(|(m, p)| m - p).collect();
-        let of_earlier = |earlier: &ComparedOutput| {
-            let residuals = output.measured.iter().zip(&earlier.predicted).map(|(m, p)| m - p);
-            line("before", 2, Mark::Line, recording.time_s.iter().copied().zip(residuals))
+        let residuals = |name: &str, colour, predicted: &[f64]| {
+            let errors = output.measured.iter().zip(predicted).map(|(m, p)| m - p);
+            Line::line(name, colour, time_s().zip(errors))
         };
-        let band = |sign: f64| {
-            let widths = output.half_width.iter().map(move |h| sign * h);
-            line("", 4, Mark::Line, recording.time_s.iter().copied().zip(widths))
-        };
-        let own =
-            line("measured minus predicted", 0, Mark::Line, over(&recording.time_s, &residuals).into_iter());
-        panels.push(panel(
-            "residuals and half-widths",
-            "time [s]",
-            &output.name,
-            earlier.map(of_earlier).into_iter().chain([own, band(1.0), band(-1.0)]).collect(),
-        ));
+        let band = |sign: f64| Line::line("", 4, time_s().zip(output.half_width.iter().map(|h| sign * h)));
+        let earlier = earlier.map(|earlier| residuals("before", 2, &earlier.predicted));
+        let own = residuals("measured minus predicted", 0, &output.predicted);
+        let lines = earlier.into_iter().chain([own, band(1.0), band(-1.0)]).collect();
+        panels.push(Panel::new("residuals and half-widths", "time [s]", name, lines));
     }
     Figure { title: "model and measurement".into(), panels, columns: if main.is_some() { 3 } else { 2 } }
 }

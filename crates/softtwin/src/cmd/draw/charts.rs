@@ -1,13 +1,12 @@
 //! Charts of what a model has learnt: the force map, singular values, and answers along each of its inputs, the others at the middle of
 //! their ranges, without an obstacle.
 
-use crate::bench::{line, panel};
 use crate::failure::usage;
 use crate::picture::{Axis, Figure, Map, Mark, Panel, Series};
 use anyhow::Result;
 use rom::evaluator::Evaluator;
 use rom::inputs::{GAP, InputAxis, Inputs, PRESSURE};
-use rom::model::{Model, RegimeModel, Selection};
+use rom::model::{GroupModel, Model, RegimeModel, Selection};
 use rom::model_state::ModelState;
 use rom::observable::Observables;
 use rom::regime::OnsetTable;
@@ -57,10 +56,10 @@ pub fn coefficients(model: &Model) -> Result<Figure> {
         for group in &regime.groups {
             let mode = |(k, at): (usize, usize)| {
                 let points = states.iter().filter_map(|(p, a)| Some((*p, *a.get(at)?)));
-                line(&format!("mode {}", k + 1), k, Mark::Line, points)
+                Series::line(format!("mode {}", k + 1), k, points)
             };
             let series = group.coefficients.clone().take(LEADING).enumerate().map(mode).collect();
-            panels.push(panel(&group.name, &sweep.input, "modal coefficient", series));
+            panels.push(Panel::new(&group.name, sweep.input.as_str(), "modal coefficient", series));
         }
     }
     let title = format!("Modal coefficients of {}, free regime", model.header.actuator);
@@ -96,11 +95,11 @@ pub fn observables(model: &Model) -> Result<Figure> {
             curves.iter_mut().zip(observed.chain(measured)).for_each(|(to, (v, h))| to.push((*x, v, h)));
         }
         for (name, curve) in names.iter().zip(&curves) {
-            let of = |label: &str, colour, sign: f64| {
-                line(label, colour, Mark::Line, curve.iter().map(|(x, v, h)| (*x, v + sign * h)))
+            let line = |label: &str, colour, sign: f64| {
+                Series::line(label, colour, curve.iter().map(|(x, v, h)| (*x, v + sign * h)))
             };
-            let series = vec![of("", 0, 0.0), of("half-width", 4, 1.0), of("", 4, -1.0)];
-            panels.push(panel("", &sweep.input, name, series));
+            let series = vec![line("", 0, 0.0), line("half-width", 4, 1.0), line("", 4, -1.0)];
+            panels.push(Panel::new("", sweep.input.as_str(), name.as_str(), series));
         }
     }
     Ok(Figure { title: format!("Observables of {}, free regime", model.header.actuator), panels, columns: 2 })
@@ -137,49 +136,32 @@ pub fn force_map(model: &Model, database: Option<&Database>) -> Result<Figure> {
             .flat_map(|d| &d.cases)
             .filter(|c| c.regime == RegimeKind::Contact && same(c.split));
         let seen = cases.filter_map(|c| Some((c.pressure_mpa, c.gap_mm?)));
-        let points: Vec<(f64, f64)> = seen.filter(|(p, g)| *p <= x[1] && (y[0]..=y[1]).contains(g)).collect();
-        if !points.is_empty() {
-            series.push(Series { name: name.into(), colour, mark: Mark::Dots, points });
-        }
+        let inside = seen.filter(|(p, g)| *p <= x[1] && (y[0]..=y[1]).contains(g));
+        series.push(Series::new(name, colour, Mark::Dots, inside));
     }
+    series.retain(|series| !series.points.is_empty());
     let map = Map { label: "contact force [N]".into(), x, y, columns: CELLS, values };
-    let panel = Panel {
-        title: String::new(),
-        x: Axis::linear("pressure [MPa]"),
-        y: Axis::linear("gap [mm]"),
-        series,
-        map: Some(map),
-    };
+    let panel = Panel { map: Some(map), ..Panel::new("", "pressure [MPa]", "gap [mm]", series) };
     Ok(Figure::one(&format!("Contact force of {}", model.header.actuator), panel))
 }
 
 fn onset_curve(table: &OnsetTable, x: [f64; 2], y: [f64; 2]) -> Series {
     let points = table.pressure_mpa.iter().copied().zip(table.gap_mm.iter().copied());
     let inside = points.filter(|(p, g)| (x[0]..=x[1]).contains(p) && (y[0]..=y[1]).contains(g));
-    Series { name: "onset pressure".into(), colour: 1, mark: Mark::Line, points: inside.collect() }
+    Series::line("onset pressure", 1, inside)
 }
 
 pub fn singular_values(model: &Model) -> Figure {
-    let panel = |regime: &RegimeModel| Panel {
-        title: format!("Regime {}", regime.kind.name()),
-        x: Axis::linear("mode"),
-        y: Axis::log("singular value / largest"),
-        series: regime
-            .groups
-            .iter()
-            .enumerate()
-            .map(|(i, group)| {
-                let largest = group.singular_values.first().copied().unwrap_or(1.0);
-                let values = group.singular_values.iter().enumerate().filter(|(_, s)| **s > 1e-14 * largest);
-                Series {
-                    name: format!("{} ({} kept)", group.name, group.coefficients.len()),
-                    colour: i,
-                    mark: Mark::LineDots,
-                    points: values.map(|(k, s)| (k as f64 + 1.0, s / largest)).collect(),
-                }
-            })
-            .collect(),
-        map: None,
+    let panel = |regime: &RegimeModel| {
+        let decay = |(colour, group): (usize, &GroupModel)| {
+            let largest = group.singular_values.first().copied().unwrap_or(1.0);
+            let values = group.singular_values.iter().enumerate().filter(|(_, s)| **s > 1e-14 * largest);
+            let name = format!("{} ({} kept)", group.name, group.coefficients.len());
+            Series::new(name, colour, Mark::LineDots, values.map(|(k, s)| (k as f64 + 1.0, s / largest)))
+        };
+        let series = regime.groups.iter().enumerate().map(decay).collect();
+        let title = format!("Regime {}", regime.kind.name());
+        Panel::new(title, "mode", Axis::log("singular value / largest"), series)
     };
     let panels: Vec<Panel> = model.header.regimes.iter().map(panel).collect();
     Figure {

@@ -12,7 +12,6 @@ pub use charts::observables;
 
 use crate::cmd::export::is_recording;
 use crate::failure::usage;
-use crate::load::LoadedModel;
 use crate::picture::Figure;
 use crate::picture::canvas::Canvas;
 use crate::{bench, files, output};
@@ -93,12 +92,12 @@ impl Args {
     }
 
     fn body(&self) -> Result<Canvas> {
-        let mut loaded = LoadedModel::read(&self.source)?;
-        files::set_parameters(&mut loaded.model, &self.settings)?;
+        let mut model = files::model(&self.source)?;
+        files::set_parameters(&mut model, &self.settings)?;
         match &self.modes {
-            Some(regime) => modes::draw(self, &loaded, regime),
-            None if self.fig9 => states::fig9(self, &loaded),
-            None => states::one(self, &loaded),
+            Some(regime) => modes::draw(self, &model, regime),
+            None if self.fig9 => states::fig9(self, &model),
+            None => states::one(self, &model),
         }
     }
 }

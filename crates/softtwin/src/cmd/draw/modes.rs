@@ -2,7 +2,6 @@
 
 use super::args::{Args, Shown};
 use crate::failure::usage;
-use crate::load::LoadedModel;
 use crate::picture::canvas::Canvas;
 use crate::picture::colour::ColourMap;
 use crate::picture::scale::Scale;
@@ -11,7 +10,7 @@ use crate::picture::sheet::{Panel, Row, Sheet};
 use crate::picture::skin::Body;
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
-use rom::model::{BlockKind, RegimeModel};
+use rom::model::{BlockKind, Model, RegimeModel};
 use rom::snapshots::RegimeKind;
 
 /// Modes a picture shows, and drawings a row.
@@ -19,8 +18,8 @@ const MAX_MODES: usize = 8;
 const COLUMNS: usize = 4;
 
 /// Draws the leading modes of a field of a regime.
-pub fn draw(args: &Args, loaded: &LoadedModel, named: &str) -> Result<Canvas> {
-    let header = &loaded.model.header;
+pub fn draw(args: &Args, model: &Model, named: &str) -> Result<Canvas> {
+    let header = &model.header;
     let regime = header.regimes.iter().find(|regime| regime.kind.name() == named);
     let regime = regime.ok_or_else(|| {
         usage(format!("the model has no regime {named}; it has {}", header.regime_names().join(", ")))
@@ -29,9 +28,9 @@ pub fn draw(args: &Args, loaded: &LoadedModel, named: &str) -> Result<Canvas> {
         Shown::Stress => ("von_mises", "von Mises stress"),
         Shown::Displacement => ("y", "vertical position"),
     };
-    let shapes = shapes(loaded, regime, name)?;
-    let bodies = mean_state(loaded, regime.kind, &shapes)?;
-    let energies = energies(regime, loaded, name);
+    let shapes = shapes(model, regime, name)?;
+    let bodies = mean_state(model, regime.kind, &shapes)?;
+    let energies = energies(regime, model, name);
     let panel = |k: usize, energy: f64| Panel {
         scene: Scene { body: &bodies[k], plate: None, blocks: &[], range: [-1.0, 1.0] },
         title: format!("mode {}", k + 1),
@@ -58,11 +57,11 @@ pub fn draw(args: &Args, loaded: &LoadedModel, named: &str) -> Result<Canvas> {
 }
 
 /// The leading modes of a field, each divided by its entry of largest magnitude.
-fn shapes(loaded: &LoadedModel, regime: &RegimeModel, name: &str) -> Result<Vec<Vec<f32>>> {
-    let header = &loaded.model.header;
+fn shapes(model: &Model, regime: &RegimeModel, name: &str) -> Result<Vec<Vec<f32>>> {
+    let header = &model.header;
     let field = header.fields.iter().position(|field| field.spec.name == name);
     let field = field.with_context(|| format!("the model has no field {name:?}"))? as u32;
-    let modes = loaded.model.modes(regime.kind, field);
+    let modes = model.modes(regime.kind, field);
     let modes = modes.with_context(|| format!("the field {name:?} is derived and has no modes"))?;
     let shape = |mode| {
         let values: Vec<f32> = (0..modes.nodes()).map(|node| modes.value(mode, node) as f32).collect();
@@ -73,17 +72,17 @@ fn shapes(loaded: &LoadedModel, regime: &RegimeModel, name: &str) -> Result<Vec<
 }
 
 /// The mean state of a regime, once a shape, with the shape as values.
-fn mean_state(loaded: &LoadedModel, regime: RegimeKind, shapes: &[Vec<f32>]) -> Result<Vec<Body>> {
-    let fields = &loaded.model.header.fields;
+fn mean_state(model: &Model, regime: RegimeKind, shapes: &[Vec<f32>]) -> Result<Vec<Body>> {
+    let fields = &model.header.fields;
     let mean = |name: &str| {
         let field = fields.iter().position(|field| field.spec.name == name)? as u32;
-        loaded.model.f32_block(BlockKind::Mean { regime, field })
+        model.f32_block(BlockKind::Mean { regime, field })
     };
     let (Some(x), Some(y), Some(z)) = (mean("x"), mean("y"), mean("z")) else {
         return Err(usage("modes are drawn on the mean state, and this model has no means of x, y and z"));
     };
-    let undeformed = loaded.undeformed_mm().context("the model does not know the undeformed mesh")?;
-    let facets = visible_facets(&undeformed, &loaded.facets());
+    let undeformed = model.undeformed_nodes_mm().context("the model does not know the undeformed mesh")?;
+    let facets = visible_facets(&undeformed, model.facets());
     let nodes_mm: Vec<[f32; 3]> = x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect();
     let body =
         |shape: &Vec<f32>| Body { nodes_mm: nodes_mm.clone(), facets: facets.clone(), values: shape.clone() };
@@ -91,8 +90,8 @@ fn mean_state(loaded: &LoadedModel, regime: RegimeKind, shapes: &[Vec<f32>]) -> 
 }
 
 /// Shares of the variance: `sigma_k^2 / sum sigma^2` of the group that holds the field.
-fn energies(regime: &RegimeModel, loaded: &LoadedModel, name: &str) -> Vec<f64> {
-    let field = loaded.model.header.fields.iter().position(|field| field.spec.name == name);
+fn energies(regime: &RegimeModel, model: &Model, name: &str) -> Vec<f64> {
+    let field = model.header.fields.iter().position(|field| field.spec.name == name);
     let group = regime.groups.iter().find(|group| field.is_some_and(|field| group.fields.contains(&field)));
     let sigma = group.map_or(&[][..], |group| &group.singular_values);
     let all: f64 = sigma.iter().map(|s| s * s).sum();

@@ -3,7 +3,7 @@
 use super::args::Args;
 use super::states::{DrawnState, Group, StateDrawer, draw};
 use crate::failure::{configuration, usage};
-use crate::load::LoadedModel;
+use crate::files;
 use crate::picture::canvas::Canvas;
 use crate::picture::scene::Block;
 use crate::picture::skin::Body;
@@ -30,8 +30,8 @@ pub fn scene(args: &Args, path: &Path) -> Result<Canvas> {
         let gap_mm = args.gap_mm.or((min_mm == max_mm).then_some(min_mm)).ok_or_else(|| {
             usage(format!("--gap: the scene leaves the gap of `{}` open, so give one", actuator.name))
         })?;
-        let loaded = LoadedModel::read(&actuator.model)?;
-        let state = StateDrawer::new(&loaded, args.field)?.draw_state(pressure, Some(gap_mm))?;
+        let model = files::model(&actuator.model)?;
+        let state = StateDrawer::new(&model, args.field)?.draw_state(pressure, Some(gap_mm))?;
         whole.force_n = whole.force_n.max(state.force_n);
         whole.outside |= state.outside;
         add(&mut whole.body, &state.body, &actuator.place);

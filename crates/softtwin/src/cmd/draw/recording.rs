@@ -1,6 +1,6 @@
 //! A recording over time: one panel a quantity, one line an actuator.
 
-use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use crate::picture::{Axis, Figure, Panel, Series};
 use crate::recording_data::{RecordedState, RecordingData, series};
 use anyhow::Result;
 use rom::model::{Model, Selection};
@@ -10,8 +10,6 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// Points of a line; a picture shows no more.
-const MAX_POINTS: usize = 2000;
 /// States the model is asked for: each costs a whole field.
 const MAX_SHAPES: usize = 400;
 
@@ -38,7 +36,7 @@ pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
     for (label, value) in QUANTITIES {
         let series = data.tracks.iter().enumerate().map(|(colour, (name, track))| {
             let points = track.states.iter().map(|state| (state.t_s, value(state)));
-            line(name, colour, envelope(&points.filter(|point| point.1.is_finite()).collect::<Vec<_>>()))
+            Series::line(name, colour, points)
         });
         panels.push(panel(label, series.collect()));
     }
@@ -49,7 +47,7 @@ pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
         let mut peaks = [Vec::new(), Vec::new()];
         for (colour, (name, track)) in data.tracks.iter().enumerate() {
             for (series, points) in peaks.iter_mut().zip(largest(model, track.thinned(MAX_SHAPES))?) {
-                series.push(line(name, colour, points));
+                series.push(Series::line(name, colour, points));
             }
         }
         let [displacement, stress] = peaks;
@@ -68,38 +66,16 @@ fn observed(tracks: &[(&str, &[RecordedState])]) -> Vec<Panel> {
         let of_track = |(colour, (actuator, states)): (usize, &(&str, &[RecordedState]))| {
             let value = |state: &RecordedState| state.values.observables().find(|(own, ..)| own == name);
             let points = states.iter().filter_map(|state| Some((state.t_s, value(state)?.1)));
-            line(actuator, colour, envelope(&points.filter(|point| point.1.is_finite()).collect::<Vec<_>>()))
+            Series::line(*actuator, colour, points)
         };
         panel(name, tracks.iter().enumerate().map(of_track).filter(|line| !line.points.is_empty()).collect())
     };
     names.iter().map(of_name).collect()
 }
 
-fn line(name: &str, colour: usize, points: Vec<(f64, f64)>) -> Series {
-    Series { name: name.into(), colour, mark: Mark::Line, points }
-}
-
-/// At most about [`MAX_POINTS`]: of each stretch of time the smallest and the largest value, in their order. Nothing that
-/// stands out is lost.
-fn envelope(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    let stretch = (2 * points.len()).div_ceil(MAX_POINTS);
-    if stretch <= 2 {
-        return points.to_vec();
-    }
-    let extremes = |part: &[(f64, f64)]| {
-        let by_value = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
-        let low = part.iter().min_by(by_value).copied();
-        let high = part.iter().max_by(by_value).copied();
-        let mut both: Vec<(f64, f64)> = low.into_iter().chain(high).collect();
-        both.sort_by(|a, b| a.0.total_cmp(&b.0));
-        both
-    };
-    points.chunks(stretch).flat_map(extremes).collect()
-}
-
 fn panel(label: &str, series: Vec<Series>) -> Panel {
     let y = if label == LATENCY { Axis::log(label) } else { Axis::linear(label) };
-    Panel { title: String::new(), x: Axis::linear("time [s]"), y, series, map: None }
+    Panel::new("", "time [s]", y, series)
 }
 
 /// Largest displacement (mm) and von Mises stress (MPa) of each state that stands for a reading, over time (s).

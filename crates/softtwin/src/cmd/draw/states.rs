@@ -3,7 +3,6 @@
 use super::args::{Args, Shown};
 use crate::failure::usage;
 use crate::files::{self, refusal};
-use crate::load::LoadedModel;
 use crate::picture::canvas::Canvas;
 use crate::picture::colour::ColourMap;
 use crate::picture::scale::Scale;
@@ -12,8 +11,8 @@ use crate::picture::sheet::{Panel, Row, Sheet};
 use crate::picture::skin::Body;
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
-use rom::inputs::Inputs;
-use rom::model::Selection;
+use rom::inputs::{GAP, Inputs, PRESSURE};
+use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::{Database, Footprint, RegimeKind};
 
@@ -77,10 +76,10 @@ pub(super) struct StateDrawer {
 }
 
 impl StateDrawer {
-    pub(super) fn new(loaded: &LoadedModel, shown: Shown) -> Result<Self> {
-        let fields = &loaded.model.header.fields;
+    pub(super) fn new(model: &Model, shown: Shown) -> Result<Self> {
+        let fields = &model.header.fields;
         let at = |name: &str| fields.iter().position(|field| field.spec.name == name);
-        let is_measured = loaded.model.is_measured();
+        let is_measured = model.is_measured();
         // A measured model has no displacement: that of its markers is the distance from the smallest inputs.
         let shown_at = if is_measured { Some(usize::MAX) } else { at(shown.name()) };
         let (Some(x), Some(y), Some(z), Some(shown_at)) = (at("x"), at("y"), at("z"), shown_at) else {
@@ -94,15 +93,15 @@ impl StateDrawer {
         if is_measured && shown == Shown::Stress {
             return Err(usage("a measured model has no stress: --field displacement shows its markers"));
         }
-        let undeformed_mm = loaded.undeformed_mm().unwrap_or_default();
-        let facets = if is_measured { Vec::new() } else { visible_facets(&undeformed_mm, &loaded.facets()) };
+        let undeformed_mm = model.undeformed_nodes_mm().unwrap_or_default();
+        let facets = if is_measured { Vec::new() } else { visible_facets(&undeformed_mm, model.facets()) };
         if facets.is_empty() && !is_measured {
             return Err(usage(
                 "the model knows no surface; train it on a database with a mesh (mesh.vtu) to draw it",
             ));
         }
-        let state = ModelState::new(&loaded.model, &Selection::default())?;
-        Ok(Self { columns: [x, y, z, shown_at], facets, undeformed_mm, footprint: loaded.plate(), state })
+        let state = ModelState::new(model, &Selection::default())?;
+        Ok(Self { columns: [x, y, z, shown_at], facets, undeformed_mm, footprint: model.plate(), state })
     }
 
     pub(super) fn draw_state(&mut self, pressure_mpa: f64, gap_mm: Option<f64>) -> Result<DrawnState> {
@@ -138,28 +137,29 @@ fn plate(gap_mm: f64, extent: &Footprint) -> Plate {
 }
 
 /// One state of a model.
-pub fn one(args: &Args, loaded: &LoadedModel) -> Result<Canvas> {
-    let needs = loaded.model.header.needs();
+pub fn one(args: &Args, model: &Model) -> Result<Canvas> {
+    let needs = model.header.needs();
     let pressure = if needs.pressure { args.pressure_mpa()? } else { f64::NAN };
-    let mut state = StateDrawer::new(loaded, args.field)?.draw_state(pressure, args.gap_mm)?;
+    let mut state = StateDrawer::new(model, args.field)?.draw_state(pressure, args.gap_mm)?;
     let given = args.settings.iter().map(|(name, value)| format!("{name} = {value}"));
     let own = needs.pressure.then(|| state_title(pressure, args.gap_mm));
     state.title = own.into_iter().chain(given).collect::<Vec<_>>().join(", ");
-    let caption = match loaded.model.is_measured() {
-        true => format!("Markers predicted by the measured model {}.", loaded.name()),
-        false => format!("Predicted by the reduced-order model {}.", loaded.name()),
+    let name = args.source.file_stem().unwrap_or_default().to_string_lossy();
+    let caption = match model.is_measured() {
+        true => format!("Markers predicted by the measured model {name}."),
+        false => format!("Predicted by the reduced-order model {name}."),
     };
     draw(args, &[Group::alone(state)], None, caption)
 }
 
 /// The paper's Fig. 9.
-pub fn fig9(args: &Args, loaded: &LoadedModel) -> Result<Canvas> {
-    let mut studio = StateDrawer::new(loaded, args.field)?;
+pub fn fig9(args: &Args, model: &Model) -> Result<Canvas> {
+    let mut studio = StateDrawer::new(model, args.field)?;
     let mut state = |gap_mm: f64, pressure_mpa: f64| -> Result<DrawnState> {
         let title = format!("P = {pressure_mpa} MPa");
         Ok(DrawnState { title, ..studio.draw_state(pressure_mpa, Some(gap_mm))? })
     };
-    let (gaps_mm, pressures_mpa) = (fig9_gaps_mm(loaded.gap_range_mm()), fig9_pressures_mpa(loaded));
+    let (gaps_mm, pressures_mpa) = (fig9_gaps_mm(trained(model, GAP)), fig9_pressures_mpa(model));
     let mut groups = Vec::new();
     for gap_mm in gaps_mm {
         let states = pressures_mpa.iter().map(|pressure| state(gap_mm, *pressure)).collect::<Result<_>>()?;
@@ -171,9 +171,14 @@ pub fn fig9(args: &Args, loaded: &LoadedModel) -> Result<Canvas> {
     draw(args, &groups, Some(headline), caption.into())
 }
 
+/// Trained range of an input; none if the model does not take it.
+fn trained(model: &Model, input: usize) -> Option<[f64; 2]> {
+    Some(model.header.inputs[input].range).filter(|range| range[0].is_finite())
+}
+
 /// The paper's pressures where the model was trained up to them, else the same fractions of its largest one.
-fn fig9_pressures_mpa(loaded: &LoadedModel) -> Vec<f64> {
-    let [low, high] = loaded.pressure_range_mpa();
+fn fig9_pressures_mpa(model: &Model) -> Vec<f64> {
+    let [low, high] = trained(model, PRESSURE).unwrap_or([0.0, 0.1]);
     let [.., most] = FIG9_PRESSURES_MPA;
     if low <= FIG9_PRESSURES_MPA[0] && most <= high {
         return FIG9_PRESSURES_MPA.to_vec();

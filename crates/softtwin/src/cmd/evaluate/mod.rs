@@ -14,7 +14,7 @@ use rom::snapshots::{Database, RegimeKind, Split};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use train::datasheet::{CaseError, DataSheet};
-use train::evaluate::{CaseReport, Report, Summary, evaluate, spread};
+use train::evaluate::{CaseReport, FieldErrors, Report, Summary, evaluate, spread};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -261,26 +261,15 @@ fn leave_one_out(sheet: &Path) -> Vec<LeftOut> {
 pub fn picture(report: &Report) -> Figure {
     let panel = |regime: RegimeKind| {
         let cases: Vec<&CaseReport> = report.cases.iter().filter(|c| c.is_of(regime)).collect();
-        let fields = cases.first()?.fields.iter().enumerate();
-        let series = fields.map(|(f, field)| Series {
-            name: field.field.clone(),
-            colour: f,
-            mark: Mark::Dots,
-            points: cases
-                .iter()
-                .enumerate()
-                .map(|(i, c)| (i as f64, 100.0 * c.fields[f].normalised))
-                .collect(),
-        });
+        let dots = |(f, field): (usize, &FieldErrors)| {
+            let errors = cases.iter().enumerate().map(|(i, c)| (i as f64, 100.0 * c.fields[f].normalised));
+            Series::new(&field.field, f, Mark::Dots, errors)
+        };
+        let series = cases.first()?.fields.iter().enumerate().map(dots).collect();
         // Names are unreadable beyond a few dozen; then the position is enough.
         let names = if cases.len() > 24 { vec![] } else { cases.iter().map(|c| c.case.clone()).collect() };
-        Some(Panel {
-            title: format!("Regime {}", regime.name()),
-            x: Axis::names("case", names),
-            y: Axis::log("largest error over nodes / largest value [%]"),
-            series: series.collect(),
-            map: None,
-        })
+        let error = Axis::log("largest error over nodes / largest value [%]");
+        Some(Panel::new(format!("Regime {}", regime.name()), Axis::names("case", names), error, series))
     };
     let panels: Vec<Panel> = [RegimeKind::Free, RegimeKind::Contact].into_iter().filter_map(panel).collect();
     Figure { title: "Errors by case".into(), columns: panels.len().max(1), panels }

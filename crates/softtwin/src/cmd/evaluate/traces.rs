@@ -1,9 +1,8 @@
 //! Errors and pictures of a model along motions of the finite elements.
 
-use crate::bench::panel;
 use crate::files;
 use crate::output;
-use crate::picture::{Figure, Mark, Panel, Series};
+use crate::picture::{Figure, Panel, Series};
 use anyhow::Result;
 use rom::model::Model;
 use std::path::{Path, PathBuf};
@@ -53,18 +52,11 @@ fn panels(folder: &Path, errors: &MotionErrors) -> [Panel; 4] {
     let title = folder.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let names = ["finite elements", "model", "static"];
     let curves = |x: &str, y: &str, count: usize, points: Curve| {
-        let curve = |(colour, (name, rows)): (usize, (&str, &Vec<Vec<f64>>))| Series {
-            name: name.into(),
-            colour,
-            mark: Mark::Line,
-            points: points(rows),
+        let curve = |(colour, (name, rows)): (usize, (&str, &Vec<Vec<f64>>))| {
+            Series::line(name, colour, points(rows))
         };
-        panel(
-            &title,
-            x,
-            y,
-            names.into_iter().zip(&errors.motion).take(count).enumerate().map(curve).collect(),
-        )
+        let series = names.into_iter().zip(&errors.motion).take(count).enumerate().map(curve).collect();
+        Panel::new(&title, x, y, series)
     };
     [
         curves("time [s]", "tip y [mm]", 3, |rows| rows.iter().map(|row| (row[0], row[5])).collect()),

@@ -5,7 +5,7 @@ use crate::files::refusal;
 use anyhow::Result;
 use formats::export::Series;
 use formats::vtu::Cells;
-use rom::model::{BlockKind, Model};
+use rom::model::Model;
 use rom::snapshots::{Database, FieldSpec};
 use std::path::Path;
 
@@ -20,12 +20,10 @@ pub struct Body {
 impl Body {
     /// The body of a model.
     pub fn of_model(model: &Model) -> Self {
-        let rest = |axis| model.f32_block(BlockKind::Undeformed(axis)).map(<[f32]>::to_vec);
-        let facets = model.u32_block(BlockKind::Surface).unwrap_or(&[]).as_chunks().0;
         Self {
             nodes: model.header.node_count,
-            undeformed: rest(0).zip(rest(1)).zip(rest(2)).map(|((x, y), z)| [x, y, z]),
-            facets: facets.to_vec(),
+            undeformed: model.undeformed_mm().map(|axes| axes.map(<[f32]>::to_vec)),
+            facets: model.facets().to_vec(),
             tets: Vec::new(),
         }
     }

@@ -3,7 +3,7 @@
 use super::args::Args;
 use super::goal::Goal;
 use super::held::refuse_out_of_reach;
-use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use crate::picture::{Figure, Panel, Series};
 use crate::report;
 use control::held::Held;
 use control::inverse::{Model, Quantity};
@@ -129,18 +129,8 @@ fn row(held: &Held, moments: &[Moment], steps: &[StepFigures]) -> Value {
 }
 
 fn picture(held: &Held, moments: &[Moment]) -> Figure {
-    let series = |name: &str, colour: usize, value: fn(&Moment) -> f64| Series {
-        name: name.into(),
-        colour,
-        mark: Mark::Line,
-        points: moments.iter().step_by(2).map(|moment| (moment.time_s, value(moment))).collect(),
-    };
-    let panel = |title: &str, y: &str, series: Vec<Series>| Panel {
-        title: title.into(),
-        x: Axis::linear("time (s)"),
-        y: Axis::linear(y),
-        series,
-        map: None,
+    let series = |name: &str, colour: usize, value: fn(&Moment) -> f64| {
+        Series::line(name, colour, moments.iter().map(|moment| (moment.time_s, value(moment))))
     };
     let quantity = format!("{} ({})", held.name, held.unit);
     let truth = vec![series("target", 2, |moment| moment.target), series("truth", 0, |moment| moment.truth)];
@@ -150,7 +140,10 @@ fn picture(held: &Held, moments: &[Moment]) -> Figure {
     ];
     Figure {
         title: "Closed loop on a simulated actuator".into(),
-        panels: vec![panel("quantity", &quantity, truth), panel("pressure", "pressure (MPa)", pressure)],
+        panels: vec![
+            Panel::new("quantity", "time (s)", quantity.as_str(), truth),
+            Panel::new("pressure", "time (s)", "pressure (MPa)", pressure),
+        ],
         columns: 1,
     }
 }

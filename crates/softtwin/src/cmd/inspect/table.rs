@@ -1,8 +1,7 @@
 //! `softtwin inspect TABLE`: the columns of a bench's table, and a proposed mapping. Columns whose unit could not be read from the heading
 //! are comments of the mapping, to be filled in by hand.
 
-use crate::bench::{line, panel};
-use crate::picture::{Figure, Mark};
+use crate::picture::{Figure, Panel, Series};
 use crate::{files, output, report};
 use formats::log::Log;
 use formats::table::TableForm;
@@ -370,7 +369,7 @@ fn figure(log: &Log, columns: &[Known], time: Option<usize>) -> Figure {
         } else {
             "constant".into()
         };
-        panel(&title, label, &y, vec![line("", 0, Mark::Line, points)])
+        Panel::new(title, label, y.as_str(), vec![Series::line("", 0, points)])
     };
     let panels = columns.iter().filter(|c| Some(c.number) != time.map(|at| at + 1)).map(one).collect();
     Figure { title: "columns against time".into(), panels, columns: 3 }

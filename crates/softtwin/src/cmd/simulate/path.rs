@@ -2,7 +2,7 @@
 
 use super::single::sorted;
 use crate::failure::configuration;
-use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use crate::picture::{Figure, Mark, Panel, Series};
 use crate::report;
 use anyhow::Context;
 use fem::actuator::Setting;
@@ -176,20 +176,19 @@ fn figure(rows: &[PathRow], found: &[Limit]) -> Figure {
         let points = |wanted: fn(&PathRow) -> bool| -> Vec<(f64, f64)> {
             rows.iter().filter(|row| wanted(row)).map(|row| (x.1(row), y.1(row))).collect()
         };
-        let series = |name: &str, colour, mark, points| Series { name: name.into(), colour, mark, points };
         let drawn = vec![
-            series("path", 4, Mark::Line, points(|_| true)),
-            series("stable at given pressure", 0, Mark::Dots, points(|row| row.stable_at_pressure)),
-            series(
+            Series::new("path", 4, Mark::Line, points(|_| true)),
+            Series::new("stable at given pressure", 0, Mark::Dots, points(|row| row.stable_at_pressure)),
+            Series::new(
                 "stable at given volume only",
                 1,
                 Mark::Dots,
                 points(|row| !row.stable_at_pressure && row.stable_at_volume),
             ),
-            series("limits", 3, Mark::Dots, marks),
+            Series::new("limits", 3, Mark::Dots, marks),
         ];
         let series = drawn.into_iter().filter(|series| !series.points.is_empty()).collect();
-        Panel { title: String::new(), x: Axis::linear(x.0), y: Axis::linear(y.0), series, map: None }
+        Panel::new("", x.0, y.0, series)
     };
     let volume: (&str, fn(&PathRow) -> f64) = ("injected volume [mm3]", |row| row.volume_mm3);
     let pressure: (&str, fn(&PathRow) -> f64) = ("pressure [kPa]", |row| 1.0e3 * row.pressure_mpa);

@@ -9,7 +9,7 @@ use super::held;
 use super::simulate;
 use crate::failure::{configuration, usage};
 use crate::live::DomainArgs;
-use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use crate::picture::{Figure, Panel, Series};
 use crate::{output, report};
 use control::held::Held;
 use control::inverse::{Model, Quantity};
@@ -164,18 +164,8 @@ fn control_keys(found: &Found) -> Value {
 
 /// Command and gauge over time, and the quantity over the gauge.
 fn picture(held: &Held, rows: &[Row]) -> Figure {
-    let series = |name: &str, colour: usize, point: fn(&Row) -> (f64, f64)| Series {
-        name: name.into(),
-        colour,
-        mark: Mark::Line,
-        points: rows.iter().step_by(4).map(point).collect(),
-    };
-    let panel = |title: &str, x: &str, y: &str, series: Vec<Series>| Panel {
-        title: title.into(),
-        x: Axis::linear(x),
-        y: Axis::linear(y),
-        series,
-        map: None,
+    let series = |name: &str, colour: usize, point: fn(&Row) -> (f64, f64)| {
+        Series::line(name, colour, rows.iter().map(point))
     };
     let pressures = vec![
         series("command", 1, |row| (row.time_s, row.command_mpa)),
@@ -186,8 +176,8 @@ fn picture(held: &Held, rows: &[Row]) -> Figure {
     Figure {
         title: "Experiment on the valve".into(),
         panels: vec![
-            panel("pressure", "time (s)", "pressure (MPa)", pressures),
-            panel("play", "gauge (MPa)", &quantity, loops),
+            Panel::new("pressure", "time (s)", "pressure (MPa)", pressures),
+            Panel::new("play", "gauge (MPa)", quantity.as_str(), loops),
         ],
         columns: 1,
     }
