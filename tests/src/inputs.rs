@@ -169,7 +169,7 @@ pub fn selector(bytes: &[u8]) {
 
 /// Message from the web viewer to `softtwin view`.
 pub fn websocket(bytes: &[u8]) {
-    std::hint::black_box(softtwin::is_page_request(&String::from_utf8_lossy(bytes)));
+    std::hint::black_box(viewer::is_request(&String::from_utf8_lossy(bytes)));
 }
 
 fn npy_seed() -> Vec<u8> {

@@ -23,6 +23,7 @@ mod retention;
 mod rotate;
 mod series;
 mod store;
+mod tracks;
 mod writer;
 
 pub use chunk::MAX_RECORD_BYTES;
@@ -36,6 +37,7 @@ pub use retention::{FreeSpace, Retention};
 pub use rotate::{DiskUse, RotateOptions, RotateSummary, RotatingWriter};
 pub use series::{ReadItems, Series, SeriesReader};
 pub use store::Store;
+pub use tracks::{Messages, RecordedField, RecordedState, RecordingData, Track};
 pub use writer::{Channel, ChannelId, WriteError, Writer};
 
 /// Metadata at the head of every file.

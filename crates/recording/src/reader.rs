@@ -41,6 +41,12 @@ pub enum ReadError {
          --compression lz4 IN -o OUT`"
     )]
     Compression { found: String },
+    /// Nothing to show or to export.
+    #[error("{place}: expected a recording with states (softtwin/NAME/state), found none")]
+    NoStates { place: String },
+    /// Reading takes minutes and was stopped.
+    #[error("stopped while {place} was read")]
+    Stopped { place: String },
     /// In a file of a series.
     #[error("{}: {source}", path.display())]
     InFile { path: PathBuf, source: Box<ReadError> },

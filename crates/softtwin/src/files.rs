@@ -1,7 +1,7 @@
 //! Opening and saving what commands work on, with errors that say whose mistake it was.
 
 use crate::failure::{configuration, usage};
-use anyhow::bail;
+use anyhow::{Context, bail};
 use fem::actuator::Actuator;
 use fem::plan::PlanError;
 use fem::run::RunError;
@@ -10,6 +10,7 @@ use formats::database::{self, ObstacleKind};
 pub use formats::file::quoted;
 use formats::results::ImportError;
 use formats::{FormatError, file};
+use recording::Series;
 use rom::model::{Model, ModelFileError};
 use rom::model_state::ModelState;
 use rom::reconstructor::{Peaks, ReconstructError};
@@ -45,6 +46,11 @@ pub fn set_parameters(model: &mut Model, settings: &[(String, f64)]) -> anyhow::
     let given = settings.iter().map(|(name, value)| (name.as_str(), *value));
     model.header.set_parameters(given).map_err(|error| usage(format!("--set: {error}")))?;
     Ok(())
+}
+
+/// The recording that a path names: a file, or the files of a recorder that rotates.
+pub fn recording(path: &Path) -> anyhow::Result<Series> {
+    Series::open(path).with_context(|| format!("cannot read the recording {}", path.display()))
 }
 
 /// Loads the cases of one scene of a database.

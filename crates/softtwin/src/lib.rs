@@ -11,13 +11,10 @@ mod live;
 pub mod options;
 pub mod progress;
 pub mod range;
-mod recording_data;
 mod report;
 pub mod resources;
 pub mod unknowns;
-mod view;
 
 pub use cmd::Command;
 pub use picture;
 pub use softtwind::{daemon, failure, help, output, shared_files};
-pub use view::is_request as is_page_request;

@@ -1,14 +1,12 @@
 //! `softtwin view`: the live view in a browser.
 
 use super::draw;
-use crate::failure::usage;
+use crate::failure::{configuration, usage};
 use crate::files;
 use crate::live::DomainArgs;
 use crate::output;
-use crate::view::{
-    Catalogue, Command, Guard, Hub, Library, Picture, Player, Reader, Server, Shared, open_port,
-};
 use anyhow::{Context, Result};
+use runtime::config::Scene;
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,6 +14,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Sender};
 use std::thread::JoinHandle;
 use std::time::Duration;
+use viewer::{
+    Catalogue, Command, Guard, Hub, Library, NamedModel, Picture, Player, Reader, Server, Shared, Stand,
+    open_port,
+};
 use wire::KeyExpr;
 
 /// How often the server checks for a signal to end.
@@ -93,10 +95,27 @@ impl Args {
     /// The port is in use, a model cannot be read, or a key expression is invalid.
     pub fn run(self) -> Result<()> {
         let key = KeyExpr::new(&self.key).map_err(|error| usage(format!("--key {:?}: {error}", self.key)))?;
-        let catalogue = Arc::new(Catalogue::load(&self.models, self.scene.as_deref())?);
+        let catalogue = Arc::new(self.catalogue()?);
         let runtime =
             tokio::runtime::Builder::new_current_thread().enable_all().build().context("no web runtime")?;
         runtime.block_on(self.serve(key, catalogue))
+    }
+
+    /// The models that are named and those of the scene, which also says where the actuators stand.
+    fn catalogue(&self) -> Result<Catalogue> {
+        let scene = self.scene.as_deref().map(Scene::load).transpose().map_err(configuration)?;
+        let mut paths = self.models.clone();
+        for actuator in scene.iter().flat_map(|scene| &scene.actuators) {
+            if !paths.contains(&actuator.model) {
+                paths.push(actuator.model.clone());
+            }
+        }
+        let named = |path: PathBuf| {
+            let (model, hash) = files::model_and_hash(&path)?;
+            Ok(NamedModel { path, model, hash })
+        };
+        let models = paths.into_iter().map(named).collect::<Result<Vec<_>>>()?;
+        Catalogue::new(&models, scene.as_ref().map(Stand::of).unwrap_or_default())
     }
 
     async fn serve(self, key: KeyExpr, catalogue: Arc<Catalogue>) -> Result<()> {
@@ -155,7 +174,7 @@ impl Args {
             return Ok((thread, None));
         };
         let library = Library::new(path)?;
-        let player = Player::new(library.clone(), catalogue, hub, &stop)?;
+        let player = Player::new(library.clone(), catalogue, hub, &stop).map_err(configuration)?;
         let (sender, commands) = mpsc::channel();
         let play = move || {
             player.run(&commands, &stop);

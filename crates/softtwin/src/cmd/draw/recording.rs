@@ -1,8 +1,9 @@
 //! A recording over time: one panel a quantity, one line an actuator.
 
 use crate::picture::{Axis, Figure, Panel, Series};
-use crate::recording_data::{RecordedState, RecordingData, series};
+use crate::{failure::configuration, files};
 use anyhow::Result;
+use recording::{RecordedState, RecordingData};
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::reconstructor::{Peaks, ReconstructError};
@@ -31,7 +32,9 @@ const LATENCY: &str = "latency, sensor to published [ms]";
 /// # Errors
 /// An invalid recording or model.
 pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
-    let data = RecordingData::read(&series(path)?, None, &AtomicBool::new(false))?;
+    let data = RecordingData::read(&files::recording(path)?, None, &AtomicBool::new(false));
+    let data = data.map_err(configuration)?;
+    data.remarks.iter().for_each(|remark| tracing::warn!("{remark}"));
     let mut panels: Vec<Panel> = Vec::new();
     for (label, value) in QUANTITIES {
         let series = data.tracks.iter().enumerate().map(|(colour, (name, track))| {

@@ -1,9 +1,9 @@
 //! States or fields of a recording, read when they are needed: a recording of months is not kept in memory.
 
-use crate::failure::usage;
-use crate::recording_data::{Messages, RecordedField, RecordedState, no_states, series};
+use crate::failure::{configuration, usage};
+use crate::files;
 use anyhow::Result;
-use recording::Series;
+use recording::{Messages, ReadError, RecordedField, RecordedState, Series};
 use rom::inputs::{InputSpec, Inputs};
 use std::collections::BTreeSet;
 use std::iter::from_fn;
@@ -35,7 +35,7 @@ impl Recorded {
         model: Option<&[InputSpec]>,
         every: usize,
     ) -> Result<Self> {
-        let series = series(path)?;
+        let series = files::recording(path)?;
         let actuator = choose(&series, actuator)?;
         let inputs = model.unwrap_or_default().to_vec();
         let mut found = Self { series, topics, actuator, every, inputs, found: 0, first_field: None };
@@ -101,7 +101,7 @@ impl Recorded {
                 let (topic, t_s, message) = match messages.next_message() {
                     Ok(Some(next)) => next,
                     Ok(None) => return None,
-                    Err(error) => return Some(Err(error)),
+                    Err(error) => return Some(Err(configuration(error))),
                 };
                 let is_wanted = topic.actuator() == actuator && topic.kind() == kind;
                 // States are asked for by their actuator alone, fields by their topic as well.
@@ -120,15 +120,17 @@ impl Recorded {
 fn choose(series: &Series, actuator: Option<&str>) -> Result<String> {
     let mut messages = Messages::open(series);
     let mut names = BTreeSet::new();
-    while let Some((topic, ..)) = messages.next_message()? {
+    while let Some((topic, ..)) = messages.next_message().map_err(configuration)? {
         if matches!(topic.kind(), TopicKind::State | TopicKind::Field) && !names.contains(topic.actuator()) {
             names.insert(topic.actuator().to_owned());
         }
     }
-    messages.say_what_is_missing();
+    if let Some(damage) = messages.damage() {
+        tracing::warn!("{damage}");
+    }
     let list = || names.iter().cloned().collect::<Vec<_>>().join(", ");
     match (actuator, names.len()) {
-        (_, 0) => Err(no_states(&series.name)),
+        (_, 0) => Err(configuration(ReadError::NoStates { place: series.name.clone() })),
         (Some(name), _) if names.contains(name) => Ok(name.to_owned()),
         (Some(name), _) => Err(usage(format!("--actuator {name}: the recording has {}", list()))),
         (None, 1) => Ok(list()),

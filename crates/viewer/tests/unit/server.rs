@@ -1,8 +1,8 @@
-//! Tests of `src/view/server.rs`.
+//! Tests of `src/server.rs`.
 
-use super::super::catalogue::Catalogue;
-use super::super::pictures::Picture;
 use super::*;
+use crate::catalogue::Catalogue;
+use crate::pictures::Picture;
 use runtime::http::{HEADER_TIMEOUT, MAX_CONNECTIONS};
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
@@ -14,7 +14,7 @@ fn answer(request: &str, idle: usize, pictures: Vec<Picture>) -> String {
     runtime.block_on(async {
         let listener = open_port(Ipv4Addr::LOCALHOST.into(), 0).await.expect("a free port");
         let address = listener.local_addr().expect("bound");
-        let catalogue = Catalogue::load(&[], None).expect("no models");
+        let catalogue = Catalogue::new(&[], crate::Stand::default()).expect("no models");
         let pictures = pictures.into();
         let shared = Shared { pictures, catalogue: Arc::new(catalogue), hub: Arc::default(), player: None };
         let request = request.to_owned();

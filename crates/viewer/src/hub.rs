@@ -1,6 +1,6 @@
 //! Between the reader and the pages: the newest frame of each actuator, and the number of viewers.
 
-use super::readings::{Cursors, Reading, Readings};
+use crate::readings::{Cursors, Reading, Readings};
 use axum::body::Bytes;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -110,5 +110,5 @@ impl Drop for Viewer<'_> {
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/view_hub.rs"]
+#[path = "../tests/unit/hub.rs"]
 mod tests;

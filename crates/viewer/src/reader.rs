@@ -1,10 +1,10 @@
 //! Reads shared memory into the hub while there are viewers.
 
-use super::catalogue::Catalogue;
-use super::frame::{FrameHead, bits, encode};
-use super::grasp::Grasps;
-use super::hub::Hub;
-use super::readings::Reading;
+use crate::catalogue::Catalogue;
+use crate::frame::{FrameHead, bits, encode};
+use crate::grasp::Grasps;
+use crate::hub::Hub;
+use crate::readings::Reading;
 use anyhow::{Context, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! Tests of `src/view/frame.rs`.
+//! Tests of `src/frame.rs`.
 
 use super::*;
 

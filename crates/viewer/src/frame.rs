@@ -112,5 +112,5 @@ pub fn bits(values: impl Iterator<Item = f32>) -> Vec<u32> {
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/view_frame.rs"]
+#[path = "../tests/unit/frame.rs"]
 mod tests;

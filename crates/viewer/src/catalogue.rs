@@ -1,10 +1,8 @@
 //! The models the viewer knows: their visible surfaces, and predictions for "what if".
 
-use super::frame::{FrameHead, bits, encode};
-use crate::failure::configuration;
-use crate::files;
-use crate::picture::visible::visible_facets;
+use crate::frame::{FrameHead, bits, encode};
 use anyhow::{Context, Result, bail};
+use picture::visible::visible_facets;
 use rom::inputs::{GAP, InputSpec, Inputs};
 use rom::model::{Model, Nodes, Selection};
 use rom::model_state::ModelState;
@@ -53,6 +51,13 @@ impl Stand {
             blocks: scene.blocks.clone(),
         }
     }
+}
+
+/// A model with its file and the hash at the file's end.
+pub struct NamedModel {
+    pub path: PathBuf,
+    pub model: Model,
+    pub hash: [u8; 32],
 }
 
 /// One model as the browser sees it.
@@ -132,23 +137,13 @@ impl Catalogue {
         &self.stand
     }
 
-    /// Loads the models that are named and those of a scene, which also says where the actuators stand.
+    /// Prepares the models for viewing.
     ///
     /// # Errors
-    /// A scene or a model that cannot be read.
-    pub fn load(models: &[PathBuf], scene: Option<&Path>) -> Result<Self> {
-        let scene = scene.map(Scene::load).transpose().map_err(configuration)?;
-        let mut paths = models.to_vec();
-        if let Some(scene) = &scene {
-            for path in scene.actuators.iter().map(|actuator| actuator.model.clone()) {
-                if !paths.contains(&path) {
-                    paths.push(path);
-                }
-            }
-        }
-        let models =
-            paths.iter().enumerate().map(|(id, path)| Known::read(id, path)).collect::<Result<_>>()?;
-        Ok(Self { models, stand: scene.as_ref().map(Stand::of).unwrap_or_default() })
+    /// A model that cannot be made ready to predict.
+    pub fn new(models: &[NamedModel], stand: Stand) -> Result<Self> {
+        let models = models.iter().enumerate().map(|(id, named)| Known::new(id, named));
+        Ok(Self { models: models.collect::<Result<_>>()?, stand })
     }
 
     /// First message to the browser.
@@ -249,8 +244,7 @@ impl Known {
         Ok(inputs)
     }
 
-    fn read(id: usize, path: &Path) -> Result<Self> {
-        let (model, hash) = files::model_and_hash(path)?;
+    fn new(id: usize, NamedModel { path, model, hash }: &NamedModel) -> Result<Self> {
         let header = &model.header;
         let undeformed = model.undeformed_nodes_mm();
         let facets = model.facets();
@@ -272,7 +266,7 @@ impl Known {
                 inputs: header.inputs.iter().filter_map(InputCard::new).collect(),
                 obstacle: model.plate(),
             },
-            measured: model.is_measured().then(|| path.to_owned()),
+            measured: model.is_measured().then(|| path.clone()),
             hash: std::array::from_fn(|k| hash[k]),
             inputs: header.inputs.clone(),
             node_sets: header.node_sets.clone(),
@@ -280,7 +274,7 @@ impl Known {
             visible,
             mesh_message,
             prediction: Mutex::new(
-                Prediction::new(&model, nodes)
+                Prediction::new(model, nodes)
                     .with_context(|| format!("cannot predict with the model: {}", path.display()))?,
             ),
         })
@@ -391,5 +385,5 @@ impl Prediction {
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/view_catalogue.rs"]
+#[path = "../tests/unit/catalogue.rs"]
 mod tests;

@@ -1,8 +1,8 @@
 //! Grasps, as strings for the browser.
 
-use super::hub::Hub;
-use crate::live;
+use crate::hub::Hub;
 use serde_json::json;
+use softtwind::text;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use wire::layout::{grasp_status, unpack_name};
@@ -37,7 +37,7 @@ impl Grasps {
             Ok(Some(grasp)) => {
                 let scene = unpack_name(&grasp.scene);
                 let status = grasp_status::as_str(grasp.grasp_status);
-                let text = live::text::grasp_forces(&grasp);
+                let text = text::grasp_forces(&grasp);
                 let message = json!({ "type": "grasp", "scene": scene, "status": status, "text": text });
                 hub.notify(&scene, message.to_string());
                 true

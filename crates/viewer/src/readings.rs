@@ -1,6 +1,6 @@
 //! The newest readings of every actuator, for the strip charts: all of them, however few frames a page draws.
 
-use super::frame::{bits, encode};
+use crate::frame::{bits, encode};
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
 use wire::{Estimate, FieldHeader, State};
@@ -125,5 +125,5 @@ impl Readings {
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/view_readings.rs"]
+#[path = "../tests/unit/readings.rs"]
 mod tests;

@@ -1,11 +1,10 @@
 //! Plays a recording into the hub at the recorded pace. All pages show the same time of the recording.
 
-use super::catalogue::Catalogue;
-use super::frame::{FrameHead, bits, encode};
-use super::hub::Hub;
-use crate::recording_data::{RecordedState, RecordingData, Track, series};
+use crate::catalogue::Catalogue;
+use crate::frame::{FrameHead, bits, encode};
+use crate::hub::Hub;
 use anyhow::{Context, Result};
-use recording::Series;
+use recording::{ReadError, RecordedState, RecordingData, Series, Track};
 use serde::Serialize;
 use std::path::Path;
 use std::sync::Arc;
@@ -45,10 +44,10 @@ impl Library {
     /// # Errors
     /// A path that is not there, or a folder without recordings.
     pub fn new(path: &Path) -> Result<Self> {
-        if !path.is_dir() {
-            return Ok(Self { recordings: vec![series(path)?] });
-        }
         let place = || format!("cannot read the recording {}", path.display());
+        if !path.is_dir() {
+            return Ok(Self { recordings: vec![Series::open(path).with_context(place)?] });
+        }
         let recordings = Series::all_in(path).with_context(place)?;
         anyhow::ensure!(
             !recordings.is_empty(),
@@ -112,8 +111,9 @@ impl Player {
         catalogue: Arc<Catalogue>,
         hub: Arc<Hub>,
         stop: &AtomicBool,
-    ) -> Result<Self> {
+    ) -> Result<Self, ReadError> {
         let data = read(&library.recordings[0], &catalogue, stop)?;
+        data.remarks.iter().for_each(|remark| tracing::warn!("{remark}"));
         let player = Self { library, catalogue, hub, data, at_s: 0.0, playing: true };
         player.announce();
         Ok(player)
@@ -216,7 +216,7 @@ impl Player {
 }
 
 /// Recorded fields are only needed where no model can make them again.
-fn read(recording: &Series, catalogue: &Catalogue, stop: &AtomicBool) -> Result<RecordingData> {
+fn read(recording: &Series, catalogue: &Catalogue, stop: &AtomicBool) -> Result<RecordingData, ReadError> {
     let data = RecordingData::read(recording, None, stop)?;
     let mut states = data.tracks.values().flat_map(|track| track.states.last());
     let all_known = !data.tracks.values().any(|track| track.states.is_empty())
@@ -225,7 +225,7 @@ fn read(recording: &Series, catalogue: &Catalogue, stop: &AtomicBool) -> Result<
         return Ok(data);
     }
     drop(data); // a long recording is not held twice
-    RecordingData::read(recording, Some(&KeyExpr::new("softtwin/**")?), stop)
+    RecordingData::read(recording, KeyExpr::new("softtwin/**").ok().as_ref(), stop)
 }
 
 impl<'a> Strip<'a> {

@@ -1,13 +1,10 @@
 //! A recording in memory: what pictures, series and the viewer take from it.
 
-use crate::failure::configuration;
-use anyhow::{Context, Result};
-use recording::message::{decode, decode_field};
-use recording::{Item, Message, ReadItems, RunClock, Series, SeriesReader, Stamps};
+use crate::message::{decode, decode_field};
+use crate::{Item, Message, ReadError, ReadItems, RunClock, Series, SeriesReader, Stamps};
 use rom::inputs::{InputSpec, Inputs};
 use std::collections::BTreeMap;
 use std::ops::Deref;
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use wire::layout::set_slot;
 use wire::{FieldHeader, KeyExpr, State, Topic, TopicKind};
@@ -24,6 +21,8 @@ pub struct RecordingData {
     pub duration_s: f64,
     /// Data of each actuator.
     pub tracks: BTreeMap<String, Track>,
+    /// What was left out, and what is damaged.
+    pub remarks: Vec<String>,
 }
 
 /// One actuator's part.
@@ -157,8 +156,8 @@ impl Messages {
     ///
     /// # Errors
     /// A file that is no recording.
-    pub fn next_message(&mut self) -> Result<Option<(Topic, f64, Message)>> {
-        while let Some(item) = self.reader.next_item().map_err(configuration)? {
+    pub fn next_message(&mut self) -> Result<Option<(Topic, f64, Message)>, ReadError> {
+        while let Some(item) = self.reader.next_item()? {
             self.clock.take(&item);
             let Item::Message(message) = item else { continue };
             let Some(topic) = Topic::parse(&message.channel.topic) else { continue };
@@ -176,20 +175,13 @@ impl Messages {
         self.first_ns.map_or(0.0, |first_ns| (self.last_ns - first_ns) as f64 * 1e-9)
     }
 
-    /// At the end: logs what is not whole.
-    pub fn say_what_is_missing(&self) {
-        if !self.reader.incomplete().is_empty() {
-            tracing::warn!("{} is not whole, what can be read is used: {}", self.place, self.reader.ending());
-        }
+    /// At the end: what is not whole.
+    pub fn damage(&self) -> Option<String> {
+        let is_whole = self.reader.incomplete().is_empty();
+        (!is_whole).then(|| {
+            format!("{} is not whole, what can be read is used: {}", self.place, self.reader.ending())
+        })
     }
-}
-
-/// The recording that a path names.
-///
-/// # Errors
-/// Nothing there, or several.
-pub fn series(path: &Path) -> Result<Series> {
-    Series::open(path).with_context(|| format!("cannot read the recording {}", path.display()))
 }
 
 impl RecordingData {
@@ -198,11 +190,13 @@ impl RecordingData {
     ///
     /// # Errors
     /// The file is not a recording or has no state or field; `stop` was set before the end (reading a long one takes minutes).
-    pub fn read(series: &Series, fields: Option<&KeyExpr>, stop: &AtomicBool) -> Result<Self> {
+    pub fn read(series: &Series, fields: Option<&KeyExpr>, stop: &AtomicBool) -> Result<Self, ReadError> {
         let mut messages = Messages::open(series);
         let mut tracks: BTreeMap<String, Track> = BTreeMap::new();
         while let Some((topic, t_s, message)) = messages.next_message()? {
-            anyhow::ensure!(!stop.load(Ordering::Relaxed), "stopped while {} was read", messages.place);
+            if stop.load(Ordering::Relaxed) {
+                return Err(ReadError::Stopped { place: messages.place });
+            }
             let track = tracks.entry(topic.actuator().to_owned()).or_insert_with(Track::new);
             match topic.kind() {
                 TopicKind::State => {
@@ -218,24 +212,20 @@ impl RecordingData {
         }
         tracks.retain(|_, track| !(track.states.is_empty() && track.fields.is_empty()));
         if tracks.is_empty() {
-            return Err(no_states(&messages.place));
+            return Err(ReadError::NoStates { place: messages.place });
         }
-        for (actuator, track) in tracks.iter().filter(|(_, track)| track.states.len() < track.recorded) {
-            let (used, recorded) = (track.states.len(), track.recorded);
-            tracing::warn!("{actuator}: {used} of {recorded} recorded states are used, all peaks among them");
-        }
+        let thinned = tracks.iter().filter(|(_, track)| track.states.len() < track.recorded);
+        let mut remarks: Vec<String> = thinned
+            .map(|(actuator, track)| {
+                let (used, recorded) = (track.states.len(), track.recorded);
+                format!("{actuator}: {used} of {recorded} recorded states are used, all peaks among them")
+            })
+            .collect();
+        remarks.extend(messages.damage());
         // The wall clock may have been set back between two runs of the recorder.
         tracks.values_mut().for_each(|track| track.states.sort_by(|a, b| a.t_s.total_cmp(&b.t_s)));
-        messages.say_what_is_missing();
-        let duration_s = messages.duration_s();
-        Ok(Self { name: series.name.clone(), duration_s, tracks })
+        Ok(Self { name: series.name.clone(), duration_s: messages.duration_s(), tracks, remarks })
     }
-}
-
-/// A recording without anything to show.
-pub fn no_states(place: &str) -> anyhow::Error {
-    let expected = "expected a recording with states (softtwin/NAME/state), found none";
-    configuration(anyhow::anyhow!("{place}: {expected}"))
 }
 
 impl Track {
@@ -300,5 +290,5 @@ fn keep_peaks(states: &mut Vec<RecordedState>) {
 }
 
 #[cfg(test)]
-#[path = "../tests/unit/recording_data.rs"]
+#[path = "../tests/unit/tracks.rs"]
 mod tests;

@@ -1,4 +1,4 @@
-//! Tests of `src/view/catalogue.rs`.
+//! Tests of `src/catalogue.rs`.
 
 use super::*;
 

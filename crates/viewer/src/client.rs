@@ -1,10 +1,10 @@
 //! One page: it gets frames when it is ready for them and sends requests. Time and number of its messages are limited.
 
-use super::catalogue::{Card, Catalogue, Stand};
-use super::hub::Hub;
-use super::pictures::Picture;
-use super::player::{Command, Library};
-use super::readings::Cursors;
+use crate::catalogue::{Card, Catalogue, Stand};
+use crate::hub::Hub;
+use crate::pictures::Picture;
+use crate::player::{Command, Library};
+use crate::readings::Cursors;
 use axum::body::Bytes;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use serde::{Deserialize, Serialize};

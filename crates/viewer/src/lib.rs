@@ -5,6 +5,8 @@
 //! when the browser has drawn the last one. So slow pages skip frames, nothing is queued, and the twin never waits. For
 //! recordings a [`player`] replaces the reader. [`server`] serves the browser, [`guard`] decides who may have it.
 
+#![forbid(unsafe_code)]
+
 mod catalogue;
 mod client;
 mod frame;
@@ -17,7 +19,7 @@ mod reader;
 mod readings;
 mod server;
 
-pub use catalogue::Catalogue;
+pub use catalogue::{Catalogue, NamedModel, Stand};
 pub use client::{Shared, is_request};
 pub use guard::Guard;
 pub use hub::Hub;

@@ -1,4 +1,4 @@
-//! Tests of `src/view/readings.rs`.
+//! Tests of `src/readings.rs`.
 
 use super::*;
 

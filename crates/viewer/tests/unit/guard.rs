@@ -1,4 +1,4 @@
-//! Tests of `src/view/guard.rs`.
+//! Tests of `src/guard.rs`.
 
 use super::*;
 

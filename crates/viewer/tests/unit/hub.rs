@@ -1,4 +1,4 @@
-//! Tests of `src/view/hub.rs`.
+//! Tests of `src/hub.rs`.
 
 use super::*;
 

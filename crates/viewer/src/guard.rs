@@ -93,5 +93,5 @@ fn random_token() -> Result<String> {
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/view_guard.rs"]
+#[path = "../tests/unit/guard.rs"]
 mod tests;

@@ -1,9 +1,8 @@
 //! The web server: one page, its parts, one websocket.
 
-use super::client::{self, Shared};
-use super::guard::Guard;
-use super::pictures;
-use crate::picture::colour::{ColourMap, ENTRIES};
+use crate::client::{self, Shared};
+use crate::guard::Guard;
+use crate::pictures;
 use anyhow::{Context, Result};
 use axum::Router;
 use axum::extract::{Request, State, WebSocketUpgrade};
@@ -12,6 +11,7 @@ use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{any, get};
 use hyper_util::service::TowerToHyperService;
+use picture::colour::{ColourMap, ENTRIES};
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use tokio::net::TcpListener;
@@ -118,5 +118,5 @@ async fn websocket(State(shared): State<Shared>, upgrade: WebSocketUpgrade) -> R
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/view_server.rs"]
+#[path = "../tests/unit/server.rs"]
 mod tests;
