@@ -27,6 +27,7 @@
 #![warn(missing_docs)] // the API that programs of others use: every public item says what it is, its units and its errors
 #![forbid(unsafe_code)]
 
+pub mod actuation;
 mod assemble;
 pub mod calibration;
 pub mod card;

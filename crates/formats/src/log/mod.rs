@@ -3,6 +3,7 @@
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use crate::table::{TableForm, layout, number};
+pub use description::{TableColumn, TableDescription, describe};
 pub use mapping::Channel;
 pub use mapping::Column;
 pub use mapping::Frame;
@@ -13,6 +14,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 mod clock;
+mod description;
 mod mapping;
 
 /// Largest log that is read: 512 MiB.

@@ -72,7 +72,7 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         match self.file.extension().and_then(|ending| ending.to_str()) {
             Some(ending) if !["twin", "toml"].contains(&ending) && self.card.is_none() => {
-                return table::describe(&self.file, self.out.as_deref(), self.picture.as_deref(), self.json);
+                return table::run(&self.file, self.out.as_deref(), self.picture.as_deref(), self.json);
             }
             _ if self.out.is_some() || self.picture.is_some() => {
                 return Err(usage("--out and --picture belong to a table"));

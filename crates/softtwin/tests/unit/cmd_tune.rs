@@ -1,9 +1,7 @@
-use super::super::experiment::Experiment;
-use super::super::scene;
 use super::*;
 use control::inverse::{Model, Point};
 use control::plant::{Plant, PlantSpec};
-use rom::memory::Play;
+use rom::memory::{Line, Play};
 
 /// F = 10 N/MPa times the pressure; the observable falls by 800 mm/MPa, and stiffens.
 #[derive(Clone, Copy)]
@@ -27,7 +25,7 @@ impl Model for Bent {
     }
 }
 
-fn rows(spec: PlantSpec, experiment: &Experiment, is_measured: bool) -> Vec<Row> {
+fn rows(spec: PlantSpec, experiment: &Experiment, is_measured: bool) -> Vec<ActuationCycle> {
     let mut plant = Plant::new(spec, Bent);
     let row = |at: usize| {
         let time_s = at as f64 / 200.0;
@@ -35,7 +33,7 @@ fn rows(spec: PlantSpec, experiment: &Experiment, is_measured: bool) -> Vec<Row>
         plant.command(command_mpa);
         let shown = plant.step(1.0 / 200.0);
         let measured = if is_measured { shown.observable } else { f64::NAN };
-        Row { time_s, command_mpa, gauge_mpa: shown.pressure_mpa, measured }
+        ActuationCycle { time_s, command_mpa, gauge_mpa: shown.pressure_mpa, measured }
     };
     (0..(200.0 * experiment.end_s()) as usize).map(row).collect()
 }
@@ -54,9 +52,9 @@ fn constants_of_a_plant_are_identified() {
         ..PlantSpec::default()
     };
     let experiment = Experiment::new([0.0, 0.06], 0.1, 2.0);
-    let found =
-        found(&rows(spec, &experiment, true), &experiment, &Settings::default(), Quantity::Observable);
-    let of = &found.settings;
+    let rows = rows(spec, &experiment, true);
+    let found = identify_actuation(&rows, &experiment.holds_s, true, true);
+    let of = settings(&Settings::default(), &found);
     let near =
         |found: f64, truth: f64, error: f64| assert!((found / truth - 1.0).abs() < error, "{found} {truth}");
     near(of.line.fill_s, 0.15, 0.15);
@@ -66,7 +64,7 @@ fn constants_of_a_plant_are_identified() {
     assert!((of.delay_s - 0.02).abs() < 0.021, "{}", of.delay_s);
     let half_mpa: f64 = of.play.iter().map(|play| play.weight * play.threshold).sum();
     near(half_mpa, 2e-3, 0.2);
-    near(found.report["noise"].as_f64().unwrap(), 0.02, 0.2);
+    near(found.noise.unwrap(), 0.02, 0.2);
     assert_eq!(found.remarks, Vec::<String>::new());
 }
 
@@ -77,8 +75,9 @@ fn effects_that_are_not_there_or_not_measured_are_named() {
     let experiment = Experiment::new([0.0, 0.06], 0.1, 2.0);
     for (is_measured, remarks) in [(true, 2), (false, 1)] {
         let rows = rows(spec.clone(), &experiment, is_measured);
-        let found = found(&rows, &experiment, &Settings::default(), Quantity::Observable);
-        assert_eq!((found.settings.swing_hz, found.settings.play.len()), (0.0, 0));
+        let found = identify_actuation(&rows, &experiment.holds_s, true, is_measured);
+        let settings = settings(&Settings::default(), &found);
+        assert_eq!((settings.swing_hz, settings.play.len()), (0.0, 0));
         assert_eq!(found.remarks.len(), remarks, "{:?}", found.remarks);
     }
 }

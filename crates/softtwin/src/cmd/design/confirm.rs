@@ -1,10 +1,10 @@
 //! The answer of a design once more, by finite elements.
 
-use super::objective::Objective;
 use crate::failure::configuration;
 use crate::files;
 use fem::Solver;
 use fem::actuator::Setting;
+use rom::goal::Objective;
 use rom::inputs::{Inputs, PARAMETERS};
 use rom::model::Model;
 use rom::probe::MeshPoint;

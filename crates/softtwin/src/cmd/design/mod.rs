@@ -1,15 +1,13 @@
 //! `softtwin design`.
 
 mod confirm;
-mod objective;
 
 use super::predict::by_input;
 use crate::failure::usage;
 use crate::{files, output};
 use anyhow::{Context, bail};
 use fem::plan::Parameter;
-use objective::{Goals, Objective};
-use rom::goal::{Found, reach};
+use rom::goal::{Found, GoalError, Goals, Objective, reach};
 use rom::hull::{DomainStatus, TrainingRange};
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
 use rom::model::ModelHeader;
@@ -68,13 +66,16 @@ pub struct Args {
 impl Args {
     /// Searches, confirms where asked to, prints one JSON object.
     pub fn run(self) -> anyhow::Result<()> {
-        objective::check(&self.objectives)?;
         let mut model = files::model(&self.model)?;
         files::set_parameters(&mut model, &self.settings)?;
         let specs = &model.header.inputs;
         let within = self.bounds(specs)?;
         let start = self.start(specs, &within)?;
-        let mut goals = Goals::new(&model, &self.objectives, &within)?;
+        let goals = Goals::new(&model, &self.objectives, &within);
+        let mut goals = goals.map_err(|error| match error {
+            GoalError::Model(error) => error.into(),
+            error => usage(format!("--objective: {error}")),
+        })?;
         let begin = Instant::now();
         let found = reach(&within, start, &mut |inputs| goals.residuals(inputs));
         let seconds = begin.elapsed().as_secs_f64();

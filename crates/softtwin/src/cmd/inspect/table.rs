@@ -1,376 +1,44 @@
-//! `softtwin inspect TABLE`: the columns of a bench's table, and a proposed mapping. Columns whose unit could not be read from the heading
-//! are comments of the mapping, to be filled in by hand.
+//! `softtwin inspect TABLE`: the columns of a bench's table, and a proposed mapping.
 
 use crate::picture::{Figure, Panel, Series};
 use crate::{files, output, report};
-use formats::log::Log;
+use formats::log::{Log, TableDescription, describe};
 use formats::table::TableForm;
-use formats::unit;
-use rom::statistics::{median, range};
-use serde::Serialize;
 use std::path::Path;
 
-/// Properties of a column.
-struct Known {
-    number: usize,
-    heading: String,
-    unit: Option<String>,
-    quantity: Option<unit::Quantity>,
-    low: f64,
-    high: f64,
-    missing: usize,
-    /// Median step, if all values are integers.
-    integer_step: Option<f64>,
-    /// Days of a spreadsheet, if it is the time.
-    is_in_days: bool,
-    doubt: Option<String>,
-    time: TimeSign,
-}
-
-/// Why a column may be the time, weakest first.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum TimeSign {
-    None,
-    /// The first column, which rises.
-    Rises,
-    /// It rises and has a unit of time, but another name.
-    Unit,
-    Named,
-    NamedWithUnit,
-}
-
-/// Words of headings without a unit: input or output, and unit of the name.
-const WORDS: [(&[&str], &str, &str); 5] = [
-    (&["press", "druck", "presi"], "input", "mpa"),
-    (&["angle", "winkel", "bend", "theta"], "output", "deg"),
-    (&["force", "kraft"], "output", "n"),
-    (&["curvature"], "output", "per_mm"),
-    (&["position", "tip", "marker"], "output", "mm"),
-];
-/// Words of wanted values: the measured ones are inputs.
-const WANTED: [&str; 7] = ["command", "cmd", "desired", "target", "wanted", "setpoint", "soll"];
-/// Words of the confidence of a tracked position.
-const CONFIDENCE: [&str; 2] = ["likelihood", "confidence"];
-/// Ends of headings of absolute pressures.
-const ABSOLUTE: [&str; 3] = ["(a)", "abs", "psia"];
-/// Beginnings of headings of times.
-const TIME_NAMES: [&str; 8] = ["time", "t_", "zeit", "temps", "tiempo", "elapsed", "stamp", "date"];
-/// Units of times since 1970 by their size: ns from 1973 on, us, ms, s.
-const EPOCHS: [(f64, &str); 4] = [(1e17, "ns"), (1e14, "us"), (1e11, "ms"), (1e8, "s")];
-/// Days since 1900 of the years 1968 to 2064, as spreadsheets write times; the steps of a log are fractions of a day.
-const SPREADSHEET_DAYS: [f64; 2] = [25_000.0, 60_000.0];
-const LONGEST_STEP_DAYS: f64 = 0.01;
-/// Median step of integers from which they are ms instead of s.
-const MS_STEP: f64 = 2.0;
-
 /// Describes a table and proposes a mapping of its columns.
-pub fn describe(file: &Path, out: Option<&Path>, picture: Option<&Path>, json: bool) -> anyhow::Result<()> {
+pub fn run(file: &Path, out: Option<&Path>, picture: Option<&Path>, json: bool) -> anyhow::Result<()> {
     let log = Log::read(file, &TableForm::default()).map_err(files::refusal)?;
-    let columns: Vec<Known> = (0..log.columns.len()).map(|at| Known::of(&log, at)).collect();
-    // The name of a time with a unit of time says most; numbers that rise, as those of frames do, least.
-    let time = (0..columns.len())
-        .filter(|at| columns[*at].time > TimeSign::None)
-        .max_by_key(|at| (columns[*at].time, columns.len() - at));
-    let proposal = proposal(&file.display().to_string(), &columns, time);
+    let found = describe(&log, &file.display().to_string());
     if let Some(out) = out {
-        files::save(out, proposal.as_bytes())?;
+        files::save(out, found.mapping.as_bytes())?;
     }
     if let Some(picture) = picture {
-        figure(&log, &columns, time).save(picture)?;
+        figure(&log, &found).save(picture)?;
     }
-    let found = Description {
-        rows: log.rows(),
-        first_line: log.lines.first().copied(),
-        separator: log.separator.to_string(),
-        time_column: time.map(|at| at + 1),
-        damaged_lines: log.damaged.iter().map(ToString::to_string).collect(),
-        columns: columns.iter().map(ColumnRow::of).collect(),
-        remarks: remarks(&log, &columns, time),
-    };
     report::print(&found, json)?;
     match out {
         _ if json => {}
         Some(out) => output!("mapping to complete: {}", out.display())?,
-        None => output!("\n{}", proposal.trim_end())?,
+        None => output!("\n{}", found.mapping.trim_end())?,
     }
     Ok(())
 }
 
-/// What the table contains.
-#[derive(Serialize)]
-struct Description<'a> {
-    rows: usize,
-    first_line: Option<usize>,
-    separator: String,
-    time_column: Option<usize>,
-    damaged_lines: Vec<String>,
-    columns: Vec<ColumnRow<'a>>,
-    remarks: Vec<String>,
-}
-
-#[derive(Serialize)]
-struct ColumnRow<'a> {
-    column: usize,
-    heading: &'a str,
-    unit: Option<&'a str>,
-    min: Option<f64>,
-    max: Option<f64>,
-    missing: usize,
-    constant: bool,
-    /// Why it was not read.
-    doubt: Option<&'a str>,
-}
-
-impl<'a> ColumnRow<'a> {
-    fn of(column: &'a Known) -> Self {
-        let finite = |value: f64| Some(value).filter(|value| value.is_finite());
-        Self {
-            column: column.number,
-            heading: &column.heading,
-            unit: column.unit.as_deref(),
-            min: finite(column.low),
-            max: finite(column.high),
-            missing: column.missing,
-            constant: column.is_constant(),
-            doubt: column.doubt.as_deref(),
-        }
-    }
-}
-
-/// How regular the time is, and what could not be guessed.
-fn remarks(log: &Log, columns: &[Known], time: Option<usize>) -> Vec<String> {
-    let pace = time
-        .map_or("no column rises throughout: name the time's column or a rate".into(), |at| pace(log, at));
-    let is_unknown = |column: &&Known| {
-        column.quantity.is_none() && Some(column.number) != time.map(|at| at + 1) && !column.is_constant()
-    };
-    let unknown: Vec<String> =
-        columns.iter().filter(is_unknown).map(|column| column.number.to_string()).collect();
-    let unknown = (!unknown.is_empty()).then(|| {
-        format!(
-            "not guessed: unit and meaning of column(s) {}; they are comments of the mapping",
-            unknown.join(", ")
-        )
-    });
-    [Some(pace), unknown].into_iter().flatten().collect()
-}
-
-/// Steps of a time column, in its unit: median, smallest and largest, repeated stamps and steps back.
-fn pace(log: &Log, at: usize) -> String {
-    let mut steps: Vec<f64> = log.columns[at].windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let count = |is_so: &dyn Fn(f64) -> bool| steps.iter().filter(|step| is_so(**step)).count();
-    let (repeated, back) = (count(&|step| step == 0.0), count(&|step| step < 0.0));
-    steps.retain(|step| step.is_finite());
-    steps.sort_by(f64::total_cmp);
-    let [least, median, most] = [0, steps.len() / 2, steps.len().saturating_sub(1)]
-        .map(|at| steps.get(at).copied().unwrap_or(f64::NAN));
-    let mut text =
-        format!("column {}: steps of {median:.5} (median), {least:.5} to {most:.5}, in its unit", at + 1);
-    if repeated + back > 0 {
-        text += &format!("; {repeated} repeated stamps, {back} steps back");
-    }
-    text
-}
-
-impl Known {
-    fn of(log: &Log, at: usize) -> Self {
-        let values = &log.columns[at];
-        let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
-        let (low, high) =
-            finite.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
-        let heading = log.headings[at].clone();
-        let unit = unit::in_heading(&heading).map(str::to_owned);
-        let quantity = unit.as_deref().and_then(unit::unit).map(|(quantity, _)| quantity);
-        let rises =
-            finite.len() == values.len() && finite.windows(2).all(|pair| pair[1] >= pair[0]) && high > low;
-        let is_integer = finite.iter().all(|v| v.fract() == 0.0);
-        let steps = finite.windows(2).map(|pair| pair[1] - pair[0]);
-        let step = median(steps);
-        let integer_step = step.filter(|_| is_integer);
-        let is_in_days = low >= SPREADSHEET_DAYS[0]
-            && high <= SPREADSHEET_DAYS[1]
-            && step.is_some_and(|step| step > 0.0 && step <= LONGEST_STEP_DAYS);
-        let lower = heading.to_lowercase();
-        let is_named = lower == "t" || TIME_NAMES.iter().any(|name| lower.starts_with(name));
-        let time = match quantity {
-            Some(unit::Quantity::Time) if is_named => TimeSign::NamedWithUnit,
-            Some(unit::Quantity::Time) if rises || heading.len() == unit.as_deref().map_or(0, str::len) => {
-                TimeSign::Unit
-            }
-            None if is_named && !finite.is_empty() => TimeSign::Named,
-            None if at == 0 && rises => TimeSign::Rises,
-            _ => TimeSign::None,
-        };
-        Self {
-            number: at + 1,
-            heading,
-            unit,
-            quantity,
-            low,
-            high,
-            missing: values.len() - finite.len(),
-            integer_step,
-            is_in_days,
-            doubt: log.doubts[at].clone(),
-            time,
-        }
-    }
-
-    fn is_in_pixels(&self) -> bool {
-        self.unit.as_ref().is_some_and(|unit| unit.trim().eq_ignore_ascii_case(unit::PIXELS))
-    }
-
-    /// True for a time that rises by 1 and has neither name nor unit: rows or frames.
-    fn counts(&self) -> bool {
-        self.time == TimeSign::Rises && self.integer_step == Some(1.0)
-    }
-
-    /// True if the heading has one of these words.
-    fn has(&self, words: &[&str]) -> bool {
-        let heading = self.heading.to_lowercase();
-        words.iter().any(|word| heading.contains(word))
-    }
-
-    /// Input or output, and the unit of its name, by the unit or the words of the heading.
-    fn kind(&self) -> Option<(&'static str, &'static str)> {
-        let by_unit = self.quantity.and_then(|quantity| {
-            Some(match quantity {
-                unit::Quantity::Pressure => ("input", "mpa"),
-                unit::Quantity::Length => ("output", "mm"),
-                unit::Quantity::Force => ("output", "n"),
-                unit::Quantity::Angle => ("output", "deg"),
-                unit::Quantity::Voltage => ("output", "v"),
-                unit::Quantity::Current => ("output", "a"),
-                unit::Quantity::Volume => ("output", "ml"),
-                unit::Quantity::Curvature => ("output", "per_mm"),
-                unit::Quantity::Time | unit::Quantity::Number => return None,
-            })
-        });
-        let words =
-            || WORDS.iter().find(|(words, ..)| self.has(words)).map(|(_, kind, suffix)| (*kind, *suffix));
-        by_unit.or_else(|| self.is_in_pixels().then_some(("output", "mm"))).or_else(words)
-    }
-
-    /// Heading as a name without unit.
-    fn stem(&self) -> String {
-        let heading = match (&self.unit, self.heading.split_once(['(', '['])) {
-            (Some(_), Some((heading, _))) => heading.trim(),
-            _ => self.heading.as_str(),
-        };
-        let own = self.unit.as_deref().and_then(|unit| heading.strip_suffix(unit)).unwrap_or(heading);
-        let letters = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
-        let name: String = own.chars().map(letters).collect();
-        match name.trim_matches('_') {
-            "" => format!("column{}", self.number),
-            stem => stem.to_owned(),
-        }
-    }
-
-    fn is_constant(&self) -> bool {
-        self.low >= self.high
-    }
-}
-
-fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
-    let mut text = format!(
-        "# Proposed by softtwin inspect for {file}: check every unit against the picture.\n\n[time]\n"
-    );
-    match time {
-        Some(at) if columns[at].counts() => {
-            text +=
-                &format!("column = {} # counts rows or frames:\nrate_hz = 0 # of them per second\n", at + 1);
-        }
-        Some(at) => {
-            let has_unit = matches!(columns[at].time, TimeSign::Unit | TimeSign::NamedWithUnit);
-            let spelling = columns[at].unit.as_deref().filter(|_| has_unit);
-            let of_days = Some("d").filter(|_| columns[at].is_in_days);
-            let of_size = EPOCHS.iter().find(|(from, _)| columns[at].low >= *from).map(|(_, unit)| *unit);
-            let of_step = columns[at].integer_step.filter(|step| *step >= MS_STEP).map(|_| "ms");
-            let known = spelling.or(of_days).or(of_size).or(of_step).unwrap_or("s");
-            let note =
-                if spelling.is_some() { "" } else { " # not in the heading: ns, us, ms, s, min, h or d" };
-            text += &format!("column = {}\nunit = \"{known}\"{note}\n", at + 1);
-        }
-        None => {
-            text += "# no column rises throughout: column = N with unit, or\nrate_hz = 0 # rows per second; 1 for settled states without time\n"
-        }
-    }
-    let others = || {
-        let is_other =
-            |column: &&Known| Some(column.number) != time.map(|at| at + 1) && column.low <= column.high;
-        columns.iter().filter(is_other)
-    };
-    let is_measured = |column: &Known| column.kind() == Some(("input", "mpa")) && !column.has(&WANTED);
-    let has_measured = others().any(is_measured);
-    let mut names: Vec<String> = Vec::new();
-    for column in others() {
-        let (kind, suffix) = column.kind().unwrap_or(("output", "UNIT"));
-        let stem = column.stem();
-        let mut name = format!("{stem}_{suffix}");
-        if names.contains(&name) {
-            name = format!("{stem}_{}_{suffix}", column.number);
-        }
-        let mut entry = format!(
-            "[[{kind}]] # {:.5} .. {:.5}\nname = \"{name}\"\ncolumn = {}\nunit = \"{}\"\n",
-            column.low,
-            column.high,
-            column.number,
-            column.unit.as_deref().unwrap_or("?")
-        );
-        names.push(name);
-        if column.is_in_pixels() {
-            entry += "mm_per_px = 0 # to be measured\n";
-        }
-        // `tip x, tip y, tip likelihood`
-        let group = |of: &Known| of.heading.rsplit_once(' ').map(|(group, _)| group.to_owned());
-        let confidence = columns[column.number..].iter().take(3).find(|other| other.has(&CONFIDENCE));
-        if let Some(other) =
-            confidence.filter(|other| group(other).is_some() && group(other) == group(column))
-        {
-            entry += &format!("confidence = {}\n", other.number);
-        }
-        let why = match column.kind() {
-            _ if column.is_constant() => "constant",
-            _ if column.has(&CONFIDENCE) => "confidence of a position",
-            Some(("input", _)) if has_measured && column.has(&WANTED) => {
-                "wanted; the measured one is the input"
-            }
-            None if column.counts() => "counts rows",
-            None => "input or output and unit not known",
-            _ if column.is_in_pixels() => "size of a pixel not known",
-            _ if column.quantity.is_none() && column.has(&ABSOLUTE) => {
-                "an absolute pressure: offset = -0.1013 MPa in its unit makes it one above the atmosphere's"
-            }
-            _ if column.quantity.is_none() => "unit not known",
-            _ => "",
-        };
-        text += "\n";
-        if why.is_empty() {
-            text += &entry;
-        } else {
-            text += &format!("# {why}:\n");
-            entry.lines().for_each(|line| text += &format!("# {line}\n"));
-        }
-    }
-    text
-}
-
-fn figure(log: &Log, columns: &[Known], time: Option<usize>) -> Figure {
+fn figure(log: &Log, found: &TableDescription) -> Figure {
     let rows: Vec<f64> = (0..log.rows()).map(|row| row as f64).collect();
-    let x = time.map_or(&rows, |at| &log.columns[at]);
+    let x = found.time_column.map_or(&rows, |number| &log.columns[number - 1]);
     let first = x.first().copied().unwrap_or(0.0);
-    let label = if time.is_some() { "time, in the column's unit" } else { "row" };
-    let one = |column: &Known| {
-        let values = &log.columns[column.number - 1];
-        let points = x.iter().zip(values).map(|(x, y)| (x - first, *y));
-        let title = format!("{} {}", column.number, column.heading);
-        let y = if range(values) > 0.0 {
-            column.unit.clone().unwrap_or("unit not known".into())
-        } else {
-            "constant".into()
+    let label = if found.time_column.is_some() { "time, in the column's unit" } else { "row" };
+    let others = found.columns.iter().filter(|column| Some(column.column) != found.time_column);
+    let panels = others.map(|column| {
+        let points = x.iter().zip(&log.columns[column.column - 1]).map(|(x, y)| (x - first, *y));
+        let y = match &column.unit {
+            _ if column.constant => "constant",
+            unit => unit.as_deref().unwrap_or("unit not known"),
         };
-        Panel::new(title, label, y.as_str(), vec![Series::line("", 0, points)])
-    };
-    let panels = columns.iter().filter(|c| Some(c.number) != time.map(|at| at + 1)).map(one).collect();
-    Figure { title: "columns against time".into(), panels, columns: 3 }
+        let title = format!("{} {}", column.column, column.heading);
+        Panel::new(title, label, y, vec![Series::line("", 0, points)])
+    });
+    Figure { title: "columns against time".into(), panels: panels.collect(), columns: 3 }
 }

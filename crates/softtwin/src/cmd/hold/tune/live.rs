@@ -3,13 +3,13 @@
 use super::super::live::{Silence, VALID, WAITS, first, state_gap_mm};
 use super::super::sensors::Sensors;
 use super::experiment::Experiment;
-use super::identify::Row;
 use crate::live::Owner;
 use anyhow::{Context, bail, ensure};
 use control::held::Held;
 use control::law::LONGEST_S;
 use runtime::config::ActuatorSpec;
 use std::sync::atomic::Ordering;
+use train::actuation::ActuationCycle;
 use wire::layout::valve_reason;
 use wire::{Bus, StateReader, Topic, ValveReader, WakeSet, Wakeable, Waking};
 
@@ -25,7 +25,7 @@ pub(super) fn run(
     spec: &ActuatorSpec,
     held: &Held,
     consent: impl FnOnce(&Experiment) -> anyhow::Result<()>,
-) -> anyhow::Result<(Vec<Row>, Experiment, f64)> {
+) -> anyhow::Result<(Vec<ActuationCycle>, Experiment, f64)> {
     let states = StateReader::open(bus, &Topic::state(&spec.name)?)?;
     let mut wake = WakeSet::new([&states as &dyn Wakeable]);
     let begin = first(&states, &mut wake)?;
@@ -74,7 +74,7 @@ pub(super) fn run(
             let command_mpa = experiment.at(time_s);
             owner.send(command_mpa, state.t_sensor_ns)?;
             let (gauge_mpa, measured) = (sensors.pressure_mpa(&state), sensors.measured(&state));
-            rows.push(Row { time_s, command_mpa, gauge_mpa, measured });
+            rows.push(ActuationCycle { time_s, command_mpa, gauge_mpa, measured });
         }
         Ok(())
     };

@@ -1,7 +1,6 @@
 //! `softtwin tune`: a bounded experiment on the valve, and the settings that follow from it.
 
 mod experiment;
-mod identify;
 mod live;
 mod scene;
 
@@ -15,14 +14,15 @@ use control::held::Held;
 use control::inverse::{Model, Quantity};
 use control::law::{Controller, Target};
 use control::plant::Plant;
+use control::settings::{GaugeAt, Settings};
 use control::trial::{Loop, Trial, step_figures};
 use control::twin_model::OUT_OF_REACH_MM;
 use experiment::Experiment;
-use identify::{Found, Row};
 use runtime::config::Scene;
 use serde_json::{Value, json};
 use std::io::{BufRead, IsTerminal};
 use std::path::PathBuf;
+use train::actuation::{Actuation, ActuationCycle, identify_actuation};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -83,23 +83,26 @@ impl Args {
         } else {
             live::run(&self.domain.join()?, self.gap_mm, spec, &held, |experiment| self.consent(experiment))?
         };
-        let found = identify::found(&rows, &experiment, &held.settings, held.quantity);
-        let predicted = predicted(&held, &found, &experiment, gap_mm)?;
+        let sees_line = held.settings.gauge_at == GaugeAt::Cavity;
+        let is_measured = held.quantity != Quantity::Pressure;
+        let found = identify_actuation(&rows, &experiment.holds_s, sees_line, is_measured);
+        let settings = settings(&held.settings, &found);
+        let predicted = predicted(&held, &settings, &experiment, gap_mm)?;
         if let Some(out) = &self.out {
             picture(&held, &rows).save(out)?;
         }
         if !self.simulate {
-            scene::write(&self.scene, at, &found.settings)?;
+            scene::write(&self.scene, at, &settings)?;
         }
         let report = json!({
-            "held": held.name, "unit": held.unit, "seconds": experiment.end_s(), "rows": rows.len(), "found": found.report,
-            "control": control_keys(&found), "predicted": predicted, "unknown": found.remarks,
+            "held": held.name, "unit": held.unit, "seconds": experiment.end_s(), "rows": rows.len(), "found": found,
+            "control": control_keys(&settings), "predicted": predicted, "unknown": found.remarks,
             "scene": (!self.simulate).then(|| self.scene.display().to_string()),
         });
         report::print(&report, self.json)
     }
 
-    fn simulated(&self, held: &Held) -> anyhow::Result<(Vec<Row>, Experiment, f64)> {
+    fn simulated(&self, held: &Held) -> anyhow::Result<(Vec<ActuationCycle>, Experiment, f64)> {
         let gap_mm =
             self.gap_mm.unwrap_or(if held.quantity == Quantity::Force { GAP_MM } else { OUT_OF_REACH_MM });
         let experiment = Experiment::of(held, &mut held.model()?, gap_mm);
@@ -110,7 +113,7 @@ impl Args {
             plant.command(command_mpa);
             let shown = plant.step(1.0 / RATE_HZ);
             let measured = if held.settings.is_measured { shown.of(held.quantity)[0] } else { f64::NAN };
-            Row { time_s, command_mpa, gauge_mpa: shown.pressure_mpa, measured }
+            ActuationCycle { time_s, command_mpa, gauge_mpa: shown.pressure_mpa, measured }
         };
         Ok(((0..count).map(row).collect(), experiment, gap_mm))
     }
@@ -132,14 +135,19 @@ impl Args {
 }
 
 /// Steps up and down with the settings, on the plant that they describe.
-fn predicted(held: &Held, found: &Found, experiment: &Experiment, gap_mm: f64) -> anyhow::Result<Value> {
+fn predicted(
+    held: &Held,
+    settings: &Settings,
+    experiment: &Experiment,
+    gap_mm: f64,
+) -> anyhow::Result<Value> {
     let (quantity, [low, high]) = (held.quantity, experiment.range_mpa());
     let mut body = held.model()?;
     let targets = PREDICTED.map(|share| {
         let pressure_mpa = low + share * (high - low);
         quantity.of(&body.at(pressure_mpa, gap_mm), pressure_mpa).0
     });
-    let held = held.with(found.settings.clone());
+    let held = held.with(settings.clone());
     let controller = Controller::new(held.model()?, quantity, held.settings.clone(), held.limits);
     let trial =
         Trial { quantity, is_measured: held.settings.is_measured, gap_error_mm: 0.0, rate_hz: RATE_HZ };
@@ -156,15 +164,31 @@ fn predicted(held: &Held, found: &Found, experiment: &Experiment, gap_mm: f64) -
     Ok(json!({ "steps": steps }))
 }
 
+/// The settings with what the experiment shows; the others stay. What nothing measures stays too.
+fn settings(old: &Settings, found: &Actuation) -> Settings {
+    let mut new = old.clone();
+    if let Some(line) = &found.line {
+        (new.line, new.delay_s) = (line.line, line.delay_s);
+    }
+    if found.noise.is_none() {
+        return new;
+    }
+    new.play = found.play.as_ref().map_or_else(Vec::new, |play| play.operators.clone());
+    match found.swing {
+        Some(swing) => new.with_swing(swing.hz, swing.damping),
+        None => Settings { swing_hz: 0.0, ..new },
+    }
+}
+
 /// The keys that are written.
-fn control_keys(found: &Found) -> Value {
-    let keys = scene::keys(&found.settings);
+fn control_keys(settings: &Settings) -> Value {
+    let keys = scene::keys(settings);
     keys.into_iter().map(|(key, value)| (key.to_owned(), value)).collect::<serde_json::Map<_, _>>().into()
 }
 
 /// Command and gauge over time, and the quantity over the gauge.
-fn picture(held: &Held, rows: &[Row]) -> Figure {
-    let series = |name: &str, colour: usize, point: fn(&Row) -> (f64, f64)| {
+fn picture(held: &Held, rows: &[ActuationCycle]) -> Figure {
+    let series = |name: &str, colour: usize, point: fn(&ActuationCycle) -> (f64, f64)| {
         Series::line(name, colour, rows.iter().map(point))
     };
     let pressures = vec![
@@ -182,3 +206,7 @@ fn picture(held: &Held, rows: &[Row]) -> Figure {
         columns: 1,
     }
 }
+
+#[cfg(test)]
+#[path = "../../../../tests/unit/cmd_tune.rs"]
+mod tests;
