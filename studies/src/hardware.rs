@@ -32,18 +32,15 @@ const WEIGHTS_MM_S2: [[f64; 3]; 3] = [[0.0, -9810.0, 0.0], [0.0, 9810.0, 0.0], [
 const CLAMP_MM: [f64; 2] = [-1.0, 1.0];
 /// Injected volume (mm3) up to which the mounting is varied.
 const MOUNTING_MM3: f64 = 16_000.0;
-/// Gaps between tip and load cell at rest (mm), not stated; largest pressure of a computed force (MPa).
-const CLEARANCES_MM: [f64; 3] = [0.1, 1.0, 3.0];
-const FORCE_MPA: f64 = 0.0341;
 /// Range and steps of the calibrated constant.
-const SCALES: [f64; 2] = [0.6, 1.6];
+const SCALES: [f64; 2] = [0.4, 1.6];
 const SCALE_STEPS: usize = 2000;
 
 /// Compare bending angle against pressure with a measured actuator.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Folder with `c5_w7_angle.csv`: pressure (MPa), angle (degrees); `c5_w7_force.csv`: time (s), force (N), pressure (MPa).
+    /// Folder with `c5_w7_angle.csv`: pressure (MPa), angle (degrees).
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
     /// Laws fitted to the batch's tests.
@@ -73,7 +70,7 @@ pub struct Args {
 }
 
 /// Pressure (MPa) and angle (degrees), the angle rising.
-type Curve = Vec<(f64, f64)>;
+pub(crate) type Curve = Vec<(f64, f64)>;
 
 impl Args {
     /// Follows the block's path for each law and compares.
@@ -84,12 +81,11 @@ impl Args {
         let measured = measured(&self.data.join("c5_w7_angle.csv"))?;
         let range = measured.iter().map(|point| point.1).fold(0.0, f64::max);
         output!("measured: {} readings, {range:.1} degrees at the end", measured.len())?;
-        let forces = forces(&self.data.join("c5_w7_force.csv"))?;
         let mut series = vec![series("measured", 0, Mark::Dots, &measured)];
         for (place, file) in self.material.iter().enumerate() {
             let material = MaterialFile::read(file).map_err(refusal)?;
             let block = actuator(&self.actuator, &material)?;
-            let (curve, ended) = self.path(&block, self.volume_mm3)?;
+            let (curve, ended) = free_path(&block, self.size_mm, self.volume_mm3, self.points)?;
             let mounting = self.mounting(&block)?;
             let limit = curve.iter().map(|point| point.0).fold(0.0, f64::max);
             output!("\n{}: {}", file.display(), material.summary())?;
@@ -105,7 +101,7 @@ impl Args {
                 "calibrated"
             )?;
             for mpa in TABLE_MPA {
-                let (Some(truth), cell) = (mean(&measured, mpa), |s: f64| cell(angle(&curve, mpa / s)))
+                let (Some(truth), cell) = (mean(&measured, mpa), |s: f64| cell(scaled_angle(&curve, mpa, s)))
                 else {
                     continue;
                 };
@@ -136,17 +132,18 @@ impl Args {
                 });
                 output!("{label} (stiffness x {scale:.3}): {}", errors.join(", "))?;
             }
-            self.blocked(&block, &forces)?;
             let name = file.file_stem().map_or(String::new(), |name| name.to_string_lossy().into_owned());
             series.push(self::series(&name, 2 * place + 1, Mark::Line, &curve));
-            let scaled: Curve = curve.iter().map(|(mpa, angle)| (best * mpa, *angle)).collect();
+            let zero = angle(&curve, ZERO_MPA / best).unwrap_or(0.0);
+            let scaled: Curve = curve.iter().map(|(mpa, angle)| (best * mpa, *angle - zero)).collect();
             series.push(self::series(&format!("{name}, calibrated"), 2 * place + 2, Mark::Line, &scaled));
             for sister in &self.sister {
-                let (curve, ended) = self.path(&actuator(sister, &material)?, self.volume_mm3)?;
+                let (curve, ended) =
+                    free_path(&actuator(sister, &material)?, self.size_mm, self.volume_mm3, self.points)?;
                 output!("{}: the path ends {ended}", sister.display())?;
                 output!("{:>6} {:>9} {:>19} {:>9}", "kPa", "computed", "interval", "calibrated")?;
                 for mpa in TABLE_MPA {
-                    let cell = |s: f64| cell(angle(&curve, mpa / s));
+                    let cell = |s: f64| cell(scaled_angle(&curve, mpa, s));
                     let interval = [1.0 + self.interval, 1.0 - self.interval].map(cell).join(" to ");
                     output!("{:>6.1} {:>9} {interval:>19} {:>9}", 1e3 * mpa, cell(1.0), cell(best))?;
                 }
@@ -165,40 +162,11 @@ impl Args {
         Ok(())
     }
 
-    /// Angle along the path of rising volume, 0 at [`ZERO_MPA`], and where it ends.
-    fn path(&self, actuator: &Actuator, end_mm3: f64) -> anyhow::Result<(Curve, String)> {
-        let problem = self.problem(actuator)?;
-        let shape = actuator.shape().ok_or_else(|| usage("--actuator: expected an actuator of boxes"))?;
-        let place = |x: f64| nearest(&problem.mesh().nodes_mm, [x, 0.0, 0.0]);
-        let (start, tip) = (place(0.0), place(shape.base.length_mm));
-        let mut solver = Solver::new(Arc::clone(&problem))?;
-        let (rest, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
-        let settings = PathSettings { end_mm3, points: self.points };
-        let mut curve: Curve = Vec::new();
-        let path = solver.path(&rest, settings, &mut |point| {
-            let at = |n: usize| -> [f64; 3] {
-                [0, 1, 2].map(|k| problem.mesh().nodes_mm[n][k] + point.state.displacement_mm[n][k])
-            };
-            let (a, b) = (at(start), at(tip));
-            curve.push((point.pressure_mpa(), (a[1] - b[1]).atan2(b[0] - a[0]).to_degrees()));
-        })?;
-        let zero = angle(&curve, ZERO_MPA).unwrap_or(0.0);
-        curve.iter_mut().for_each(|point| point.1 -= zero);
-        let last = curve.last().copied().unwrap_or_default();
-        let why = path.ended.map_or_else(|| "at the wanted volume".into(), |reason| reason.to_string());
-        Ok((curve, format!("at {:.2} kPa, {:.1} degrees: {why}", 1e3 * last.0, last.1)))
-    }
-
-    fn problem(&self, actuator: &Actuator) -> anyhow::Result<Arc<Problem>> {
-        let mesh = actuator.grid_mesh(self.size_mm, 1).map_err(|list| usage(format!("{list:?}")))?;
-        Ok(Arc::new(Problem::new(mesh, actuator.problem_config())?))
-    }
-
     /// Paths of other weights, and of other lengths at the clamp.
     fn mounting(&self, block: &Actuator) -> anyhow::Result<[Vec<Curve>; 2]> {
         let path = |settings: &[Setting]| -> anyhow::Result<Curve> {
             let varied = block.with(settings).map_err(|list| usage(format!("{list:?}")))?;
-            Ok(self.path(&varied, self.volume_mm3.min(MOUNTING_MM3))?.0)
+            Ok(free_path(&varied, self.size_mm, self.volume_mm3.min(MOUNTING_MM3), self.points)?.0)
         };
         let weight = |g: [f64; 3]| [0, 1, 2].map(|k| (format!("loads.gravity_mm_s2.{k}"), g[k]));
         let clamp = |change_mm: f64| -> anyhow::Result<Vec<Setting>> {
@@ -211,27 +179,43 @@ impl Args {
             CLAMP_MM.into_iter().map(|change_mm| path(&clamp(change_mm)?)).collect::<anyhow::Result<_>>()?,
         ])
     }
+}
 
-    /// Prints the force on a plate below the tip at the pressures of the measured plateaus, for each clearance.
-    fn blocked(&self, block: &Actuator, measured: &[(f64, f64)]) -> anyhow::Result<()> {
-        let mut solver = Solver::new(self.problem(block)?)?;
-        let (rest, _) = solver.gravity_equilibrium(block.loads.gravity_mm_s2)?;
-        let mut states = CLEARANCES_MM.map(|gap_mm| (gap_mm, rest.clone()));
-        output!("blocked force (N), computed at gaps of {CLEARANCES_MM:?} mm")?;
-        for (mpa, truth) in measured.iter().filter(|plateau| plateau.0 <= FORCE_MPA) {
-            let mut row = format!("{:>6.1} {truth:>9.3}", 1e3 * mpa);
-            for (gap_mm, state) in &mut states {
-                (*state, _) = solver.solve_to(state, &block.load(*mpa, Some(*gap_mm)))?;
-                row += &format!(" {:>9.3}", solver.output(state).contact_force_n);
-            }
-            output!("{row}")?;
-        }
-        Ok(())
-    }
+/// Angle along the path of rising volume, 0 at [`ZERO_MPA`], and where it ends.
+pub(crate) fn free_path(
+    actuator: &Actuator,
+    size_mm: f64,
+    end_mm3: f64,
+    points: usize,
+) -> anyhow::Result<(Curve, String)> {
+    let problem = problem(actuator, size_mm)?;
+    let shape = actuator.shape().ok_or_else(|| usage("--actuator: expected an actuator of boxes"))?;
+    let node_at = |x: f64| nearest(&problem.mesh().nodes_mm, [x, 0.0, 0.0]);
+    let (start, tip) = (node_at(0.0), node_at(shape.base.length_mm));
+    let mut solver = Solver::new(Arc::clone(&problem))?;
+    let (rest, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
+    let mut curve: Curve = Vec::new();
+    let path = solver.path(&rest, PathSettings { end_mm3, points }, &mut |point| {
+        let position = |n: usize| -> [f64; 3] {
+            [0, 1, 2].map(|k| problem.mesh().nodes_mm[n][k] + point.state.displacement_mm[n][k])
+        };
+        let (a, b) = (position(start), position(tip));
+        curve.push((point.pressure_mpa(), (a[1] - b[1]).atan2(b[0] - a[0]).to_degrees()));
+    })?;
+    let zero = angle(&curve, ZERO_MPA).unwrap_or(0.0);
+    curve.iter_mut().for_each(|point| point.1 -= zero);
+    let last = curve.last().copied().unwrap_or_default();
+    let why = path.ended.map_or_else(|| "at the wanted volume".into(), |reason| reason.to_string());
+    Ok((curve, format!("at {:.2} kPa, {:.1} degrees: {why}", 1e3 * last.0, last.1)))
+}
+
+pub(crate) fn problem(actuator: &Actuator, size_mm: f64) -> anyhow::Result<Arc<Problem>> {
+    let mesh = actuator.grid_mesh(size_mm, 1).map_err(|list| usage(format!("{list:?}")))?;
+    Ok(Arc::new(Problem::new(mesh, actuator.problem_config())?))
 }
 
 /// The actuator with the material's law and its bulk modulus unchanged.
-fn actuator(file: &Path, material: &MaterialFile) -> anyhow::Result<Actuator> {
+pub(crate) fn actuator(file: &Path, material: &MaterialFile) -> anyhow::Result<Actuator> {
     let mut actuator = Actuator::read(file).map_err(refusal)?;
     let bulk_mpa = actuator.elastomer.bulk_mpa;
     actuator.elastomer = fem::material::Elastomer { bulk_mpa, ..material.elastomer };
@@ -251,26 +235,6 @@ fn mounted(curve: &Curve, kinds: &[Vec<Curve>; 2], mpa: f64) -> String {
     format!("{} to {}", end(middle - half), end(middle + half))
 }
 
-/// Pressure (MPa) and mean force (N) of each plateau minus the mean force between the plateaus; rising.
-fn forces(path: &Path) -> anyhow::Result<Vec<(f64, f64)>> {
-    let text = formats::file::read_text(path, formats::file::MAX_TEXT_BYTES).map_err(refusal)?;
-    let row = |line: &str| -> Option<(f64, f64)> {
-        let mut cells = line.split(',').skip(1).map(|cell| cell.trim().parse::<f64>().ok());
-        let force_n = cells.next()??;
-        Some((cells.next()??, force_n))
-    };
-    let mut rows: Vec<(f64, f64)> = text.lines().filter_map(row).collect();
-    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let groups = rows.chunk_by(|a, b| a.0 == b.0);
-    let means: Vec<(f64, f64)> = groups
-        .map(|group| (group[0].0, group.iter().map(|row| row.1).sum::<f64>() / group.len() as f64))
-        .collect();
-    let Some((zero, plateaus)) = means.split_first().filter(|(zero, _)| zero.0 == 0.0) else {
-        anyhow::bail!("{}: expected rows of time, force, pressure, some at pressure 0", path.display())
-    };
-    Ok(plateaus.iter().map(|(mpa, force_n)| (*mpa, force_n - zero.1)).collect())
-}
-
 fn series(name: &str, colour: usize, mark: Mark, curve: &Curve) -> Series {
     Series {
         name: name.into(),
@@ -286,7 +250,7 @@ fn nearest(nodes: &[[f64; 3]], place: [f64; 3]) -> usize {
 }
 
 /// Readings with their angle at [`ZERO_MPA`] taken off.
-fn measured(path: &Path) -> anyhow::Result<Curve> {
+pub(crate) fn measured(path: &Path) -> anyhow::Result<Curve> {
     let text = formats::file::read_text(path, formats::file::MAX_TEXT_BYTES).map_err(refusal)?;
     let row = |line: &str| -> Option<(f64, f64)> {
         let (pressure, angle) = line.split_once(',')?;
@@ -313,20 +277,27 @@ fn angle(curve: &Curve, mpa: f64) -> Option<f64> {
     Some(pair[0].1 + share * (pair[1].1 - pair[0].1))
 }
 
+/// Angle of the block with a modulus `scale` times that of the curve, again 0 at [`ZERO_MPA`].
+fn scaled_angle(curve: &Curve, mpa: f64, scale: f64) -> Option<f64> {
+    Some(angle(curve, mpa / scale)? - angle(curve, ZERO_MPA / scale)?)
+}
+
 fn cell(angle: Option<f64>) -> String {
     angle.map_or("beyond".into(), |angle| format!("{angle:.2}"))
 }
 
 /// Largest difference (degrees) up to a pressure; infinite if the path ends before.
-fn largest_error(curve: &Curve, measured: &Curve, scale: f64, to_mpa: f64) -> f64 {
+pub(crate) fn largest_error(curve: &Curve, measured: &Curve, scale: f64, to_mpa: f64) -> f64 {
     let below = measured.iter().filter(|point| (ZERO_MPA..=to_mpa).contains(&point.0));
     below
-        .map(|(mpa, truth)| angle(curve, mpa / scale).map_or(f64::INFINITY, |angle| (angle - truth).abs()))
+        .map(|(mpa, truth)| {
+            scaled_angle(curve, *mpa, scale).map_or(f64::INFINITY, |angle| (angle - truth).abs())
+        })
         .fold(0.0, f64::max)
 }
 
 /// Stiffness over that of the tests with the smallest largest error up to a pressure.
-fn calibrated(curve: &Curve, measured: &Curve, to_mpa: f64) -> f64 {
+pub(crate) fn calibrated(curve: &Curve, measured: &Curve, to_mpa: f64) -> f64 {
     let at = |k: usize| SCALES[0] + (SCALES[1] - SCALES[0]) * k as f64 / SCALE_STEPS as f64;
     let error = |scale: &f64| largest_error(curve, measured, *scale, to_mpa);
     let best = (0..=SCALE_STEPS).map(at).min_by(|a, b| error(a).total_cmp(&error(b)));

@@ -3,6 +3,7 @@
 #![warn(clippy::print_stdout)]
 
 mod bench;
+mod blocked;
 mod control;
 mod estimation;
 mod hard_cases;
@@ -35,6 +36,7 @@ pub enum Command {
     Trace(trace::Args),
     HardCases(hard_cases::Args),
     Hardware(hardware::Args),
+    Blocked(blocked::Args),
     RandomShapes(random_shapes::Args),
     Scale(scale::Args),
     Sweep(sweep::Args),
@@ -63,6 +65,7 @@ impl Command {
             Self::Trace(args) => args.run(),
             Self::HardCases(args) => args.run(),
             Self::Hardware(args) => args.run(),
+            Self::Blocked(args) => args.run(),
             Self::RandomShapes(args) => args.run(),
             Self::Scale(args) => args.run(),
             Self::Sweep(args) => args.run(),

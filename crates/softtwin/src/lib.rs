@@ -11,7 +11,7 @@ mod live;
 pub mod options;
 pub mod progress;
 pub mod range;
-mod report;
+pub mod report;
 pub mod resources;
 pub mod unknowns;
 

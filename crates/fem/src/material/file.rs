@@ -24,6 +24,8 @@ pub struct MaterialFile {
 pub struct FitRecord {
     /// RMS error over all tests, % of the largest stress.
     pub rms_percent: f64,
+    /// RMS error at strains of 2 to 30 %, % of the stress there.
+    pub working_strains_percent: Option<f64>,
     /// The tests.
     pub tests: Vec<TestRecord>,
 }
@@ -108,6 +110,12 @@ pub fn material_text(fitted: &FittedSpecimens, density_t_per_mm3: f64) -> String
         "\n[fit]\nrms_percent = {:?}          # of the largest stress\n",
         number(100.0 * fitted.best.error)
     );
+    if let Some(error) = fitted.best.working_error {
+        out += &format!(
+            "working_strains_percent = {:?}   # of the stress at strains of 2 to 30 %\n",
+            number(100.0 * error)
+        );
+    }
     for specimen in &fitted.specimens {
         out += &format!(
             "\n[[fit.tests]]\nfile = {}\ntest = \"{}\"\nrms_percent = {:?}\n",

@@ -1,12 +1,17 @@
-//! Constants of a law from homogeneous tests.
+//! Constants of a law from homogeneous tests, and the choice of a law.
 //!
-//! Minimises `sum_t w_t^2 mean_i ((P(l_i) - P_i) / max|P_t|)^2` over the tests `t`: each counts by its weight, whatever its number of rows
-//! and its unit. A test of the shape only is divided by its specimen's modulus, another constant. Linear constants follow from normal
-//! equations, the others (`jm`, exponents) from a grid and a simplex search.
+//! The constants minimise `sum_t w_t^2 (mean_i ((P(l_i) - P_i) / max|P_t|)^2 + v^2 mean_j ((P(l_j) - P_j) / S_t)^2)` over the tests `t`, where
+//! `i` are all rows, `j` those at working strains and `S_t` the RMS stress there. Without the second sum (`v = 0`) a strip pulled to a strain
+//! of 3 would tell nothing about strains of 10 %, where its stress is a hundredth of the largest. Each test counts by its weight, whatever
+//! its number of rows and its unit. A test of the shape only is divided by its specimen's modulus, another constant. Linear constants follow
+//! from normal equations, the others (`jm`, exponents) from a grid and a simplex search.
+//!
+//! A law is chosen by what it predicts: fitted to the rows below a strain, it is compared with those beyond.
 
 use super::law::Hyperelastic;
 use super::least_squares::{Gram, inverse, minimum};
 use super::tension::{Deformation, invariant, stretch_at};
+use rom::statistics::mean;
 
 /// A test: stretches and nominal stresses (MPa), in any order.
 #[derive(Clone, Debug)]
@@ -19,7 +24,14 @@ pub struct Test {
     pub weight: f64,
     /// True if the specimen has another modulus than the law: the test tells the law's shape, and the ratio of the moduli is fitted.
     pub shape_only: bool,
+    /// How much the error at [`WORKING_STRAINS`], relative to the stress there, counts beside that relative to the largest stress.
+    pub working_weight: f64,
 }
+
+/// Engineering strains, tension or compression, at which most of an actuator's material works.
+pub const WORKING_STRAINS: [f64; 2] = [0.02, 0.30];
+/// Fewest rows at working strains that are weighted.
+const FEWEST_WORKING: usize = 3;
 
 impl Test {
     /// Largest magnitude of the stress, MPa.
@@ -40,6 +52,32 @@ impl Test {
     /// [`Self::error_mpa`] in % of the largest stress.
     pub fn error_percent(&self, law: &Hyperelastic) -> [f64; 2] {
         self.error_mpa(law).map(|mpa| 100.0 * mpa / self.largest_mpa())
+    }
+
+    /// Rows at [`WORKING_STRAINS`]; none if they are too few or carry no load.
+    fn working(&self) -> Self {
+        let [low, high] = WORKING_STRAINS;
+        let mut part = self.part(|strain| (low..=high).contains(&strain));
+        if part.points.len() < FEWEST_WORKING || part.largest_mpa() == 0.0 {
+            part.points.clear();
+        }
+        part
+    }
+
+    /// The rows whose strain's magnitude satisfies a condition.
+    fn part(&self, is_in: impl Fn(f64) -> bool) -> Self {
+        let points = self.points.iter().copied().filter(|p| is_in((p[0] - 1.0).abs())).collect();
+        Self { points, ..self.clone() }
+    }
+
+    fn rms_mpa(&self) -> f64 {
+        mean(self.points.iter().map(|p| p[1] * p[1])).sqrt()
+    }
+
+    /// RMS difference between a law and the test at [`WORKING_STRAINS`] in % of the RMS stress there; `None` with too few rows there.
+    pub fn working_error_percent(&self, law: &Hyperelastic) -> Option<f64> {
+        let part = self.working();
+        (!part.points.is_empty()).then(|| 100.0 * part.error_mpa(law)[0] / part.rms_mpa())
     }
 
     /// Modulus of the specimen over that of a law.
@@ -72,9 +110,10 @@ impl Test {
 
 /// Most points of a test that enter the search.
 const BINS: usize = 250;
-/// Parts of consecutive stretches of each test; all but the first and the last are left out in turn: the range of a law is stated, so what
-/// it predicts beyond does not choose it.
-const PARTS: usize = 8;
+/// Fractions of a test's largest strain below which a law is fitted, to be compared with the rows beyond.
+const FITTED_BELOW: [f64; 3] = [0.5, 0.65, 0.8];
+/// Half-width of a constant's interval, as a fraction of the constant, above which the tests do not determine it.
+const UNDETERMINED: f64 = 1.0;
 /// Largest magnitude of an exponent.
 const LARGEST_EXPONENT: f64 = 12.0;
 /// Difference of exponents below which two terms are one.
@@ -85,7 +124,7 @@ const MODULUS_TOLERANCE: f64 = 1.0e-5;
 /// Grid of the exponents.
 const GRID_STEP: f64 = 0.5;
 
-/// Laws that can be fitted.
+/// Laws that can be fitted, by their terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Family {
     /// One constant.
@@ -94,12 +133,30 @@ pub enum Family {
     MooneyRivlin,
     /// Two constants.
     Gent,
+    /// The first two constants, the third is zero.
+    Yeoh2,
     /// Three constants.
-    Yeoh,
+    Yeoh3,
+    /// One term, two constants.
+    Ogden1,
     /// Two terms, four constants.
     Ogden2,
     /// Three terms, six constants.
     Ogden3,
+}
+
+impl Family {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::NeoHookean,
+        Self::MooneyRivlin,
+        Self::Gent,
+        Self::Yeoh2,
+        Self::Yeoh3,
+        Self::Ogden1,
+        Self::Ogden2,
+        Self::Ogden3,
+    ];
 }
 
 /// Fitted law.
@@ -116,18 +173,27 @@ pub struct Fitted {
     pub moduli: Vec<f64>,
     /// RMS error as a fraction of the largest stress, over all tests by weight, each divided by its modulus.
     pub error: f64,
-    /// The same over inner parts of the tests, each predicted from the others.
-    pub held_out_error: f64,
+    /// RMS error at [`WORKING_STRAINS`] as a fraction of the RMS stress there, over the tests with rows there; `None` if none has.
+    pub working_error: Option<f64>,
+    /// RMS error, as a fraction of the largest stress, of the rows beyond a strain for a law fitted below it; mean square over several
+    /// strains.
+    pub beyond_error: f64,
+    /// Weighted sum of the three that the choice compares.
+    score: f64,
     /// Stretch of a bar from which the law is unstable ([`Hyperelastic::stable_to`]).
     pub stable_to: Option<f64>,
 }
 
-/// Fits families; a three-term law that needs no third term is left out.
+/// Fits families. Left out are those without stable constants, and those that come out as an earlier one: a third term that is not needed,
+/// a second constant that is zero.
 pub fn fit_all(families: &[Family], tests: &[Test]) -> Vec<Fitted> {
-    let mut all: Vec<Fitted> = families.iter().filter_map(|family| fit(*family, tests)).collect();
-    let terms = |fitted: &Fitted| fitted.law.constants().len();
-    let two = all.iter().find(|fitted| fitted.family == Family::Ogden2).map(terms);
-    all.retain(|fitted| fitted.family != Family::Ogden3 || two.is_none_or(|two| terms(fitted) > two));
+    let mut all: Vec<Fitted> = Vec::new();
+    for fitted in families.iter().filter_map(|family| fit(*family, tests)) {
+        let kind = |other: &Fitted| (other.law.name(), other.constants());
+        if all.iter().all(|other| kind(other) != kind(&fitted)) {
+            all.push(fitted);
+        }
+    }
     all
 }
 
@@ -136,15 +202,24 @@ pub fn fit(family: Family, tests: &[Test]) -> Option<Fitted> {
     let thinned: Vec<Test> = tests.iter().map(Test::thinned).collect();
     let reach = reach(tests);
     let (law, moduli) = solve_with_moduli(family, &thinned, reach)?;
+    let law = simplest(law);
     let [tests, thinned] = [tests, &thinned].map(|tests| divided(tests, &moduli));
-    let error = combined(tests.iter().map(|test| (test, test.error_mpa(&law)[0])));
+    let error =
+        combined(tests.iter().map(|test| (test.weight, test.error_percent(&law)[0] / 100.0))).unwrap_or(0.0);
+    let working = |test: &Test| Some((test.weight, test.working_error_percent(&law)? / 100.0));
+    let working_error = combined(tests.iter().filter_map(working));
+    let beyond_error = beyond(family, &thinned, reach).unwrap_or(f64::INFINITY);
+    let working_weight = tests.iter().map(|test| test.working_weight).fold(0.0, f64::max);
+    let score = error.hypot(working_weight * working_error.unwrap_or(0.0)).hypot(beyond_error);
     Some(Fitted {
         family,
         law,
         half_widths: half_widths(&law, &thinned),
         moduli,
         error,
-        held_out_error: held_out(family, &thinned, reach).unwrap_or(f64::INFINITY),
+        working_error,
+        beyond_error,
+        score,
         stable_to: law.stable_to(),
     })
 }
@@ -168,8 +243,21 @@ fn solve_with_moduli(family: Family, tests: &[Test], reach: f64) -> Option<(Hype
     None
 }
 
+/// The law by the name of a simpler one where its further constants are zero.
+fn simplest(law: Hyperelastic) -> Hyperelastic {
+    match law {
+        Hyperelastic::MooneyRivlin { c10_mpa, c01_mpa: 0.0 }
+        | Hyperelastic::Yeoh { c10_mpa, c20_mpa: 0.0, c30_mpa: 0.0 } => {
+            Hyperelastic::NeoHookean { mu_mpa: 2.0 * c10_mpa }
+        }
+        law => law,
+    }
+}
+
 /// Error below which laws count as equal: the repeatability of such tests.
 const EQUAL: f64 = 0.001;
+/// Error by which a law may be worse on the tests and still be chosen for what it predicts beyond.
+const COMPARABLE: f64 = 0.01;
 
 impl Fitted {
     /// Up to which stretch the law is stable, in words.
@@ -178,14 +266,35 @@ impl Fitted {
         self.stable_to.map_or_else(at_all, |stretch| format!("to a stretch of {stretch:.2}"))
     }
 
-    /// The better one: by the error over parts left out; among equals (10 %, or 0.1 % of the largest stress) the law that is stable
-    /// everywhere, then the one with fewer constants.
+    /// Number of constants that are not zero.
+    pub fn constants(&self) -> usize {
+        self.law.constants().iter().filter(|(_, value)| *value != 0.0).count()
+    }
+
+    /// The first constant that the tests do not determine: its interval is unknown or exceeds the constant itself.
+    pub fn undetermined(&self) -> Option<&'static str> {
+        let mut constants = self.law.constants().into_iter().zip(&self.half_widths);
+        let is_open = |value: f64, half_width: Option<f64>| {
+            value != 0.0 && half_width.is_none_or(|half_width| half_width > UNDETERMINED * value.abs())
+        };
+        constants.find(|((_, value), half_width)| is_open(*value, **half_width)).map(|((name, _), _)| name)
+    }
+
+    /// Of the laws that describe the tests (up to twice the least error, or 1 % of the largest stress more), the one that describes them,
+    /// their working strains and what lies beyond best. Among them, one with a constant that the tests do not determine is no candidate
+    /// if there is another, so a term without evidence is dropped. Among equals (10 %, or 0.1 % of the largest stress) the law that is
+    /// stable everywhere is preferred, then the one with fewer constants.
     pub fn best(mut fitted: Vec<Self>) -> Option<Self> {
-        let least = fitted.iter().map(|f| f.held_out_error).min_by(f64::total_cmp)?;
-        fitted.retain(|f| f.held_out_error <= (1.1 * least).max(least + EQUAL));
+        let least_error = fitted.iter().map(|f| f.error).min_by(f64::total_cmp)?;
+        fitted.retain(|f| f.error <= (2.0 * least_error).max(least_error + COMPARABLE));
+        if fitted.iter().any(|f| f.undetermined().is_none()) {
+            fitted.retain(|f| f.undetermined().is_none());
+        }
+        let least = fitted.iter().map(|f| f.score).min_by(f64::total_cmp)?;
+        fitted.retain(|f| f.score <= (1.1 * least).max(least + EQUAL));
         fitted.into_iter().min_by(|a, b| {
-            let key = |f: &Self| (f.stable_to.is_some(), f.law.constants().len());
-            key(a).cmp(&key(b)).then(a.held_out_error.total_cmp(&b.held_out_error))
+            let key = |f: &Self| (f.stable_to.is_some(), f.constants());
+            key(a).cmp(&key(b)).then(a.score.total_cmp(&b.score))
         })
     }
 }
@@ -214,13 +323,12 @@ fn is_stable(law: &Hyperelastic, reach: f64) -> bool {
     law.stable_to().is_none_or(|stretch| invariant(stretch) >= reach)
 }
 
-fn combined<'a>(errors: impl Iterator<Item = (&'a Test, f64)>) -> f64 {
-    let of = |(test, rms): (&Test, f64)| {
-        let squared = test.weight * test.weight;
-        (squared * (rms / test.largest_mpa()).powi(2), squared)
-    };
-    let (sum, weights) = errors.map(of).fold((0.0, 0.0), |(a, b), (c, d)| (a + c, b + d));
-    (sum / weights).sqrt()
+/// RMS of weighted relative errors; `None` without any.
+fn combined(errors: impl Iterator<Item = (f64, f64)>) -> Option<f64> {
+    let (sum, weights) = errors.fold((0.0, 0.0), |(sum, weights), (weight, error)| {
+        (sum + (weight * error).powi(2), weights + weight * weight)
+    });
+    (weights > 0.0).then(|| (sum / weights).sqrt())
 }
 
 /// Weighted rows of all tests.
@@ -234,8 +342,12 @@ impl Rows {
     fn of(tests: &[Test]) -> Self {
         let mut rows = Self { points: Vec::new(), factor: Vec::new(), stress: Vec::new() };
         for test in tests {
-            let factor = test.weight / (test.largest_mpa() * (test.points.len() as f64).sqrt());
+            let over_all = test.weight / (test.largest_mpa() * (test.points.len() as f64).sqrt());
+            let working = test.working();
+            let at_work = test.weight * test.working_weight
+                / (working.rms_mpa() * (working.points.len() as f64).sqrt());
             for p in &test.points {
+                let factor = if working.points.contains(p) { over_all.hypot(at_work) } else { over_all };
                 rows.points.push((test.deformation, p[0]));
                 rows.factor.push(factor);
                 rows.stress.push(factor * p[1]);
@@ -258,7 +370,7 @@ impl Rows {
 }
 
 fn yeoh(c: &[f64]) -> Hyperelastic {
-    Hyperelastic::Yeoh { c10_mpa: c[0], c20_mpa: c[1], c30_mpa: c[2] }
+    Hyperelastic::Yeoh { c10_mpa: c[0], c20_mpa: c[1], c30_mpa: c.get(2).copied().unwrap_or(0.0) }
 }
 
 fn mooney_rivlin(c: &[f64]) -> Hyperelastic {
@@ -296,7 +408,8 @@ fn solve(family: Family, rows: &Rows, reach: f64) -> Option<Hyperelastic> {
             linear(&[Hyperelastic::NeoHookean { mu_mpa: 1.0 }], |c| Hyperelastic::NeoHookean { mu_mpa: c[0] })
         }
         Family::MooneyRivlin => linear(&[[1.0, 0.0], [0.0, 1.0]].map(|c| mooney_rivlin(&c)), mooney_rivlin),
-        Family::Yeoh => linear(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|c| yeoh(&c)), yeoh),
+        Family::Yeoh2 => linear(&[[1.0, 0.0], [0.0, 1.0]].map(|c| yeoh(&c)), yeoh),
+        Family::Yeoh3 => linear(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|c| yeoh(&c)), yeoh),
         Family::Gent => {
             // Within 95 % of the limit, where the element accepts states.
             let least = (reach - 3.0) / 0.95;
@@ -309,6 +422,7 @@ fn solve(family: Family, rows: &Rows, reach: f64) -> Option<Hyperelastic> {
             let x = minimum(&[start], 0.2, |x| cost(x[0].clamp(-8.0, 10.0)))[0].clamp(-8.0, 10.0);
             Some(Hyperelastic::Gent { mu_mpa: of(x)?.0[0], jm: at(x) })
         }
+        Family::Ogden1 => exponents(rows, 1),
         Family::Ogden2 => exponents(rows, 2),
         Family::Ogden3 => exponents(rows, 3),
     }
@@ -327,15 +441,15 @@ fn exponents(rows: &Rows, terms: usize) -> Option<Hyperelastic> {
         }
     };
     for i in 0..grid.len() {
-        for j in i + 1..grid.len() {
-            if terms == 2 {
-                consider(vec![i, j]);
-                continue;
-            }
+        match terms {
+            1 => consider(vec![i]),
+            2 => (i + 1..grid.len()).for_each(|j| consider(vec![i, j])),
             // A coarser grid for three terms.
-            (j + 1..grid.len())
-                .filter(|k| i % 3 == 0 && j % 3 == 1 && k % 3 == 2)
-                .for_each(|k| consider(vec![i, j, k]));
+            _ => {
+                for j in (i + 1..grid.len()).filter(|j| i % 3 == 0 && j % 3 == 1) {
+                    (j + 1..grid.len()).filter(|k| k % 3 == 2).for_each(|k| consider(vec![i, j, k]));
+                }
+            }
         }
     }
     best.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -355,25 +469,22 @@ fn exponents(rows: &Rows, terms: usize) -> Option<Hyperelastic> {
     best.iter().take(2).filter_map(refine).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(law, _)| law)
 }
 
-/// RMS error over parts of consecutive stretches, each predicted from the others.
-fn held_out(family: Family, tests: &[Test], reach: f64) -> Option<f64> {
-    let mut sum = 0.0;
-    for part in 1..PARTS - 1 {
-        let is_out = |at: usize, of: usize| at * PARTS / of == part;
-        let split = |out: bool| -> Vec<Test> {
-            let keep = |test: &Test| {
-                let points = test.points.iter().enumerate();
-                let kept = points.filter(|(at, _)| is_out(*at, test.points.len()) == out).map(|(_, p)| *p);
-                Test { points: kept.collect(), ..test.clone() }
-            };
-            tests.iter().map(keep).collect()
+/// RMS error beyond a strain of a law that is fitted below it, over several strains; `None` if a part has too few rows for the law.
+fn beyond(family: Family, tests: &[Test], reach: f64) -> Option<f64> {
+    let mut squares = Vec::new();
+    for fraction in FITTED_BELOW {
+        let split = |test: &Test, is_below: bool| {
+            let largest = test.points.iter().map(|p| (p[0] - 1.0).abs()).fold(0.0, f64::max);
+            test.part(|strain| (strain <= fraction * largest) == is_below)
         };
-        let law = solve(family, &Rows::of(&split(false)), reach)?;
-        let out = split(true);
-        let scaled = tests.iter().zip(&out).map(|(whole, part)| (whole, part.error_mpa(&law)[0]));
-        sum += combined(scaled).powi(2) / (PARTS - 2) as f64;
+        let below: Vec<Test> = tests.iter().map(|test| split(test, true)).collect();
+        let law = solve(family, &Rows::of(&below), reach)?;
+        let errors = tests
+            .iter()
+            .map(|test| (test.weight, split(test, false).error_mpa(&law)[0] / test.largest_mpa()));
+        squares.push(combined(errors)?.powi(2));
     }
-    Some(sum.sqrt())
+    Some(mean(squares).sqrt())
 }
 
 /// Half-widths of the 95 % intervals from the Jacobian at the solution. Residuals of neighbouring stretches are correlated: the number of

@@ -78,15 +78,21 @@ const UNLOADED: f64 = 0.1;
 const FIRST_STRETCH: f64 = 1.3;
 /// Fraction of the stress of the first rows above which a specimen is taut.
 const TAUT: f64 = 0.1;
+/// Load of a row over the mean of the next three from which it is no measurement of the specimen.
+const OUTLIER: f64 = 1.5;
 /// Stress at no strain that is reported, as a fraction of the largest.
 const OFFSET: f64 = 0.01;
 
 impl Specimen {
-    /// Reads a test; strains above `max_strain` are left out.
+    /// Reads a test; strains above `max_strain` are left out, and working strains count by `working_weight` ([`Test::working_weight`]).
     ///
     /// # Errors
     /// I/O errors; a table whose columns are not known; too few rows.
-    pub fn read(description: &TestDescription, max_strain: f64) -> Result<Self, FormatError> {
+    pub fn read(
+        description: &TestDescription,
+        max_strain: f64,
+        working_weight: f64,
+    ) -> Result<Self, FormatError> {
         let path = &description.file;
         let error = |text: String| FormatError::refused(path, text);
         let log = Log::read(path, &description.table)?;
@@ -143,11 +149,14 @@ impl Specimen {
             .map(|(d, l)| [d * deformation.factor, l * load.factor / area_mm2])
             .filter(|row| row.iter().all(|v| v.is_finite()))
             .collect();
-        if finite.len() < log.rows() {
+        let is_missing =
+            |at: &usize| !(log.columns[deformation.index][*at] + log.columns[load.index][*at]).is_finite();
+        if let Some(first) = (0..log.rows()).find(is_missing) {
             notes.push(format!(
-                "{} of {} rows without a value left out",
+                "{} of {} rows without a value left out, the first in line {}",
                 log.rows() - finite.len(),
-                log.rows()
+                log.rows(),
+                log.lines[first]
             ));
         }
         let (kind, why) = match description.test {
@@ -209,7 +218,7 @@ impl Specimen {
             )));
         }
         let (weight, shape_only) = (description.weight, description.shape_only);
-        let test = Test { deformation: kind.deformation(), points, weight, shape_only };
+        let test = Test { deformation: kind.deformation(), points, weight, shape_only, working_weight };
         let is_load_assumed = load.note.contains("assumed");
         Ok(Self { name, kind, rows, test, loops, notes, is_load_assumed })
     }
@@ -371,13 +380,40 @@ fn usable(
             before - rows.len()
         ));
     }
-    let before = rows.len();
     let sign = if compressed { -1.0 } else { 1.0 };
-    rows.retain(|row| sign * (row[0] - 1.0) >= 0.0 && sign * row[1] >= 0.0);
-    if rows.len() < before {
-        notes.push(format!("{} rows with a load against the deformation left out", before - rows.len()));
-    }
+    let is_against = |row: &[f64; 2]| sign * (row[0] - 1.0) < 0.0 || sign * row[1] < 0.0;
+    leave_out(&mut rows, is_against, "with a load against the deformation", notes);
+    let outliers: Vec<[f64; 2]> =
+        rows.windows(4).filter(|four| stands_out(four)).map(|four| four[0]).collect();
+    leave_out(&mut rows, |row| outliers.contains(row), "with a load far above those that follow", notes);
     rows
+}
+
+/// Removes rows and names the first of them.
+fn leave_out(
+    rows: &mut Vec<[f64; 2]>,
+    is_unusable: impl Fn(&[f64; 2]) -> bool,
+    why: &str,
+    notes: &mut Vec<String>,
+) {
+    let before = rows.len();
+    if let Some([stretch, stress_mpa]) = rows.iter().copied().find(&is_unusable) {
+        rows.retain(|row| !is_unusable(row));
+        notes.push(format!(
+            "{} rows {why} left out, the first at a stretch of {stretch:.3} with {stress_mpa:.2e} MPa",
+            before - rows.len()
+        ));
+    }
+}
+
+/// True if the load of the first of four rows falls over all others: a shock at the start of the machine, as no elastomer softens by so
+/// much at working strains.
+fn stands_out(four: &[[f64; 2]]) -> bool {
+    let [first, next @ ..] = four else { return false };
+    let load = |row: &[f64; 2]| row[1].abs();
+    (first[0] - 1.0).abs() <= fit::WORKING_STRAINS[1]
+        && next.iter().all(|row| load(row) < load(first))
+        && load(first) > OUTLIER * mean(next.iter().map(load))
 }
 
 /// Strain at which the stress of the first rows extrapolates to 0, and stress (MPa) to which it extrapolates at no strain, by a neo-Hookean
@@ -472,9 +508,31 @@ impl FittedSpecimens {
         let candidates = fit::fit_all(families, &tests);
         let best = Fitted::best(candidates.clone())?;
         specimens.iter_mut().zip(&best.moduli).for_each(|(specimen, modulus)| specimen.divide(*modulus));
-        let remarks = remarks(&specimens, &best);
+        let mut remarks = remarks(&specimens, &best);
+        remarks.extend(choice_remarks(families, &candidates, &best));
         Some(Self { specimens, candidates, best, range: stretch_range(&tests), remarks })
     }
+}
+
+/// Error at working strains above which a smaller range is suggested.
+const POOR_WORKING_ERROR: f64 = 0.10;
+
+/// Where the law is poor, and where it is simpler than the one that was asked for.
+fn choice_remarks(families: &[Family], candidates: &[Fitted], best: &Fitted) -> Vec<String> {
+    let mut remarks = Vec::new();
+    if families.contains(&Family::MooneyRivlin) && candidates.len() == 1 {
+        remarks.push("the second constant of Mooney-Rivlin would be zero: the law is neo-Hookean".into());
+    }
+    if let Some(error) = best.working_error.filter(|error| *error > POOR_WORKING_ERROR) {
+        remarks.push(format!(
+            "at strains of {:.0} to {:.0} % the law is off by {:.1} % of the stress there; for an actuator that strains less than 100 %, \
+             --max-strain 1 fits closer",
+            100.0 * fit::WORKING_STRAINS[0],
+            100.0 * fit::WORKING_STRAINS[1],
+            100.0 * error
+        ));
+    }
+    remarks
 }
 
 fn remarks(specimens: &[Specimen], best: &Fitted) -> Vec<String> {

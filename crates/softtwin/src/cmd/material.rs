@@ -71,7 +71,7 @@ struct FitArgs {
     /// Tables of tests, or lists of them (.toml).
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
-    /// Law; by default the one with the smallest error on parts left out, preferring laws that are stable everywhere.
+    /// Law; by default the one that, fitted to smaller strains, predicts the larger ones best.
     #[arg(long, value_name = "LAW")]
     law: Option<Law>,
     /// Kind of test, once for all files or once per file; by default from the file's name.
@@ -110,6 +110,9 @@ struct FitArgs {
     /// Largest engineering strain that is fitted.
     #[arg(long, value_name = "STRAIN", default_value_t = 3.0, value_parser = crate::range::number(0.01, 100.0))]
     max_strain: f64,
+    /// How much the error at strains of 2 to 30 %, relative to the stress there, counts beside that relative to the largest stress.
+    #[arg(long, value_name = "WEIGHT", default_value_t = 0.2, value_parser = crate::range::number(0.0, 10.0))]
+    working_weight: f64,
     /// Mass density in g/cm3, for the material file.
     #[arg(long, value_name = "G_PER_CM3", default_value_t = 1.07, value_parser = crate::range::number(0.1, 10.0))]
     density_g_per_cm3: f64,
@@ -129,28 +132,25 @@ struct FitArgs {
 enum Law {
     /// One constant.
     NeoHookean,
-    /// Two constants.
+    /// Two constants; neo-Hookean where the second is not needed.
     MooneyRivlin,
     /// Two constants; stiffens towards a limit.
     Gent,
-    /// Three constants.
+    /// Two or three constants.
     Yeoh,
-    /// Two or three terms.
+    /// One to three terms.
     Ogden,
 }
 
 impl Law {
     fn families(law: Option<Self>) -> Vec<Family> {
         match law {
-            None => {
-                use Family::{Gent, MooneyRivlin, NeoHookean, Ogden2, Ogden3, Yeoh};
-                vec![NeoHookean, MooneyRivlin, Gent, Yeoh, Ogden2, Ogden3]
-            }
+            None => Family::ALL.to_vec(),
             Some(Self::NeoHookean) => vec![Family::NeoHookean],
-            Some(Self::MooneyRivlin) => vec![Family::MooneyRivlin],
+            Some(Self::MooneyRivlin) => vec![Family::NeoHookean, Family::MooneyRivlin],
             Some(Self::Gent) => vec![Family::Gent],
-            Some(Self::Yeoh) => vec![Family::Yeoh],
-            Some(Self::Ogden) => vec![Family::Ogden2, Family::Ogden3],
+            Some(Self::Yeoh) => vec![Family::Yeoh2, Family::Yeoh3],
+            Some(Self::Ogden) => vec![Family::Ogden1, Family::Ogden2, Family::Ogden3],
         }
     }
 }
@@ -164,7 +164,10 @@ struct FitReport {
     half_widths_95: BTreeMap<&'static str, Option<f64>>,
     shear_modulus_mpa: f64,
     rms_percent: f64,
-    held_out_percent: f64,
+    /// Of the stress at strains of 2 to 30 %.
+    working_strains_percent: Option<f64>,
+    /// Of the rows beyond a strain, for a law fitted below it.
+    beyond_fit_percent: f64,
     stretch_range: [f64; 2],
     stable_to_stretch: Option<f64>,
     tests: Vec<TestReport>,
@@ -182,6 +185,7 @@ struct TestReport {
     rows: usize,
     largest_stress_mpa: f64,
     rms_percent: f64,
+    working_strains_percent: Option<f64>,
     largest_error_percent: f64,
     loops_lost_percent: Vec<f64>,
     notes: Vec<String>,
@@ -192,8 +196,11 @@ struct Candidate {
     law: String,
     constants: usize,
     rms_percent: f64,
-    held_out_percent: f64,
+    working_strains_percent: Option<f64>,
+    beyond_fit_percent: f64,
     stable_to_stretch: Option<f64>,
+    /// A constant whose interval exceeds the constant itself: the law is no candidate.
+    undetermined: Option<&'static str>,
 }
 
 /// `yeoh`, as files name the law.
@@ -212,6 +219,7 @@ impl FitReport {
                 rows: specimen.test.points.len(),
                 largest_stress_mpa: specimen.test.largest_mpa(),
                 rms_percent,
+                working_strains_percent: specimen.test.working_error_percent(law),
                 largest_error_percent,
                 loops_lost_percent: specimen.loops.iter().map(|lost| 100.0 * lost).collect(),
                 notes: specimen.notes.clone(),
@@ -219,10 +227,12 @@ impl FitReport {
         };
         let candidate = |fitted: &Fitted| Candidate {
             law: key(&fitted.law),
-            constants: fitted.law.constants().len(),
+            constants: fitted.constants(),
             rms_percent: 100.0 * fitted.error,
-            held_out_percent: 100.0 * fitted.held_out_error,
+            working_strains_percent: fitted.working_error.map(|error| 100.0 * error),
+            beyond_fit_percent: 100.0 * fitted.beyond_error,
             stable_to_stretch: fitted.stable_to,
+            undetermined: fitted.undetermined(),
         };
         let names = law.constants().into_iter().map(|(name, _)| name);
         Self {
@@ -231,7 +241,8 @@ impl FitReport {
             half_widths_95: names.zip(best.half_widths.iter().copied()).collect(),
             shear_modulus_mpa: law.shear_modulus_mpa(),
             rms_percent: 100.0 * best.error,
-            held_out_percent: 100.0 * best.held_out_error,
+            working_strains_percent: best.working_error.map(|error| 100.0 * error),
+            beyond_fit_percent: 100.0 * best.beyond_error,
             stretch_range: fitted.range,
             stable_to_stretch: best.stable_to,
             tests: fitted.specimens.iter().map(test).collect(),
@@ -258,8 +269,9 @@ impl FitArgs {
     /// Fits, and writes file and picture.
     fn run(self) -> Result<()> {
         let descriptions = self.descriptions()?;
-        let specimens =
-            descriptions.iter().map(|test| Specimen::read(test, self.max_strain).map_err(refusal));
+        let specimens = descriptions
+            .iter()
+            .map(|test| Specimen::read(test, self.max_strain, self.working_weight).map_err(refusal));
         let fitted = FittedSpecimens::new(specimens.collect::<Result<_>>()?, &Law::families(self.law));
         let fitted = fitted.ok_or_else(|| {
             unexplained("no constants are stable over the range of the tests; look at their quantities and signs, or give a smaller --max-strain")
