@@ -16,7 +16,7 @@ use std::net::UdpSocket;
 use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
 use tests::{Stage, moving};
-use wire::layout::{Marker, field_id, regime};
+use wire::layout::{Marker, field_id, flags, regime};
 use wire::{EstimateReader, FieldReader, SensorSample, SensorWriter, StateReader, Topic, now_ns};
 
 struct Counting;
@@ -195,6 +195,59 @@ fn moving_twin(label: &str, seen: Option<&[[f64; 4]]>) -> Vec<[f64; 4]> {
     let [free, contact] = [regime::FREE, regime::CONTACT].map(|number| regimes[number as usize]);
     assert!(free > 50 && contact > 50, "{free} free, {contact} in contact");
     found
+}
+
+/// A camera sees the marker 3 mm beside a learned model's: from then on the field is where the marker is, with narrower half-widths.
+#[test]
+fn twin_of_a_learned_model_follows_its_marker_and_allocates_only_the_transports_sample_handles() {
+    let model = tests::learned_model();
+    let stage = Stage::with_model("followed", &model.to_bytes().unwrap());
+    let path = stage.write(
+        "followed.toml",
+        "name = \"bench\"\n[[actuator]]\nname = \"arm\"\nmodel = \"beam.twin\"\nfollow_markers = true\n\
+         [actuator.inputs]\noutlet_mpa = \"measured\"\n[[actuator.marker]]\nname = \"tip\"\nnode = 0\n\
+         [actuator.source]\nkind = \"simulate\"\n[[actuator.output]]\nnodes = \"all\"\n",
+    );
+    let scene = Scene::load(&path).unwrap();
+    let (bus, (events, _reporter)) = (stage.bus(), event_channel());
+    let mut twin = Twin::start(&bus, load_scene(&scene, &path).unwrap(), &patient(), &events).unwrap();
+    let mut sensor = SensorWriter::create(&bus, &Topic::sensor("arm").unwrap()).unwrap();
+    let fields = FieldReader::open(&bus, &Topic::field("arm", None).unwrap()).unwrap();
+    let states = StateReader::open(&bus, &Topic::state("arm").unwrap()).unwrap();
+    let (mut free, begin_ns) = (Session::new(&model, Gaps::Live).unwrap(), now_ns() - 20_000_000_000);
+    let mut evaluation = free.evaluation();
+    let tip_y = model.learned_output(0, 0).unwrap();
+    let (mut counted, mut widths) = (0, Vec::with_capacity(400));
+    for seq in 1..=400_u64 {
+        let t_s = 0.02 * seq as f64;
+        let [pressure_mpa, outlet_mpa] = [0.05 - 0.05 * (1.3 * t_s).cos(), 0.03 - 0.03 * (2.9 * t_s).cos()];
+        let t_sensor_ns = begin_ns + seq * 20_000_000;
+        let inputs = Inputs::new(pressure_mpa, f64::INFINITY).with(2, outlet_mpa);
+        free.step(t_sensor_ns, inputs, &mut evaluation).unwrap();
+        let truth_mm = evaluation.coefficients[tip_y] + 3.0;
+        let mut sample = SensorSample { boot_id: 5, seq, t_sensor_ns, pressure_mpa, ..Default::default() };
+        assert!(sample.add_input("outlet_mpa", outlet_mpa));
+        if seq > 100 {
+            (sample.marker_values, sample.markers_mm[0]) = (1, Marker { y: truth_mm, ..Marker::ABSENT });
+        }
+        sensor.publish(sample).unwrap();
+        counted += if seq > 120 { allocations_of_turn(&mut twin) } else { 0 };
+        if seq <= 120 {
+            twin.turn(Duration::from_millis(100));
+        }
+        let state = states.newest().unwrap().unwrap();
+        assert_eq!(state.flags & flags::MARKERS_FOLLOWED != 0, seq > 102, "{seq}");
+        let y_mm = f64::from(fields.newest().unwrap().unwrap().field(field_id::Y).unwrap()[0]);
+        let off_mm = y_mm - truth_mm;
+        assert!(seq > 100 || (off_mm + 3.0).abs() < 1e-4, "{seq}: {off_mm}");
+        assert!(seq < 300 || off_mm.abs() < 0.2, "{seq}: {off_mm}");
+        widths.push(state.displacement_halfwidth_mm);
+    }
+    assert_eq!(counted, 2 * 280);
+    assert!(widths[399] < 0.9 * widths[99], "{} {}", widths[99], widths[399]);
+    let refused = std::fs::read_to_string(&path).unwrap().replace("node = 0", "at_mm = [0.0, 0.0, 0.0]");
+    std::fs::write(&path, refused).unwrap();
+    assert!(load_scene(&Scene::load(&path).unwrap(), &path).is_err());
 }
 
 /// As above for a model with inertia; then with an estimator, which finds the bias of the gauge from the moving body and follows it.

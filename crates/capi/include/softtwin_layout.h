@@ -33,6 +33,7 @@
 #define SOFTTWIN_FLAG_OBSERVABLE_MISMATCH 8192u /* A measured observable has differed from its predicted value by more than its half-width for longer than configured. */
 #define SOFTTWIN_FLAG_SNAPPED 16384u /* The pressure has passed a limit: the state is on a branch behind it, or, outside the training range, in one that the model does not have. */
 #define SOFTTWIN_FLAG_BRANCH_UNKNOWN 32768u /* The readings so far do not tell on which branch the state is: the first one that has the pressure is taken. */
+#define SOFTTWIN_FLAG_MARKERS_FOLLOWED 65536u /* The values contain offsets that follow the measured markers (`follow_markers`). */
 #define SOFTTWIN_VALUE_PRESSURE 1u /* Pressure. */
 #define SOFTTWIN_VALUE_GAP 2u /* Gap. */
 #define SOFTTWIN_VALUE_FORCE 4u /* Measured force. */

@@ -19,7 +19,7 @@ use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, Needs, PARAMETERS, PRESSURE, Point, rounded};
 use crate::interpolant::Interpolant;
 use crate::kernel::sums::{Scratch, Sums};
-use crate::learned::{LearnedMap, Past};
+use crate::learned::{Following, LearnedMap, Past};
 use crate::model::{GroupModel, ModelError, ModelHeader, PressureLimit, RegimeModel};
 use crate::regime::{LastOnset, Onset, OnsetAt, OnsetTable};
 use crate::snapshots::RegimeKind;
@@ -427,14 +427,20 @@ impl Evaluator {
         };
         let mut settled = out.settled.take().unwrap_or_else(|| Box::new(map.past()));
         settled.settle(map, &out.inputs);
-        self.ask(map, &mut settled, out);
+        self.ask(map, &mut settled, None, out);
         out.settled = Some(settled);
     }
 
     /// Answer of a learned map; refused where it is farther outside than the training is wide.
-    fn ask(&self, map: &LearnedMap, past: &mut Past, out: &mut Evaluation) {
+    fn ask(
+        &self,
+        map: &LearnedMap,
+        past: &mut Past,
+        following: Option<(&Following, u64)>,
+        out: &mut Evaluation,
+    ) {
         let [distance, displacement_mm] =
-            map.answer(past, &mut out.coefficients, &mut out.output_half_widths);
+            map.answer(past, following, &mut out.coefficients, &mut out.output_half_widths);
         out.set_distance(distance);
         out.halfwidths = HalfWidths { displacement_mm, ..HalfWidths::UNKNOWN };
         out.flags.refusal = self.too_far(out.domain_distance);
@@ -457,14 +463,19 @@ impl Evaluator {
         self.learned.as_ref()
     }
 
-    /// Answers of a model learned from measurements after a past, whose last reading had these inputs.
-    pub(crate) fn remember(&self, inputs: Inputs, past: &mut Past, out: &mut Evaluation) {
+    /// Answers of a model learned from measurements after a past, whose last reading had these inputs, with the offsets that are followed at a
+    /// time, ns.
+    pub(crate) fn remember(
+        &self,
+        inputs: Inputs,
+        past: &mut Past,
+        following: Option<(&Following, u64)>,
+        out: &mut Evaluation,
+    ) {
         self.answer(inputs, Query::REGIME, out);
         clear(out);
         match &self.learned {
-            Some(map) if map.takes(&out.inputs) => {
-                self.ask(map, past, out);
-            }
+            Some(map) if map.takes(&out.inputs) => self.ask(map, past, following, out),
             _ => self.fill_refused(out),
         }
     }

@@ -29,6 +29,8 @@ pub const MAX_NEURONS: usize = 256;
 pub const MAX_OUTPUTS: usize = 256;
 /// Distance, in units of the reach, from which on the base alone answers.
 const BASE_ALONE: f64 = 3.0;
+/// Square of the standard deviations in a half-width.
+const SQUARED_SIGMAS: f64 = 1.64 * 1.64;
 /// Part of an unknown past below which it is forgotten.
 const FADED: f64 = 1e-4;
 /// Largest size of a standardised input that is a number.
@@ -378,11 +380,12 @@ impl LearnedMap {
         require(self.drifts.len() == outputs, "its drifts are cut")
     }
 
-    /// Answers at a past: values of the outputs and their half-widths, the distance from the training in training ranges, and the half-width
+    /// Answers at a past and, where measured values are followed, at a time, ns: values of the outputs and their half-widths, the distance from the training in training ranges, and the half-width
     /// of the marker with the widest, NaN without one.
     pub(crate) fn answer(
         &self,
         past: &mut Past,
+        following: Option<(&Following, u64)>,
         outcome: &mut Vec<f64>,
         half_widths: &mut Vec<f64>,
     ) -> [f64; 2] {
@@ -407,9 +410,13 @@ impl LearnedMap {
         half_widths.clear();
         let far = distance.min(BASE_ALONE * self.support.reach);
         for (k, of) in self.widths.iter().enumerate() {
-            outcome.push(base[k] + gate * (mean[k] - base[k]));
-            let squares =
-                of.noise + of.spread * variance[k] * gate * gate + of.distance * far * far + of.allowance;
+            let offset = following.map_or(0.0, |(of, _)| of.offset(k));
+            outcome.push(base[k] + gate * (mean[k] - base[k]) + offset);
+            let squares = of.noise + of.spread * variance[k] * gate * gate + of.distance * far * far;
+            let squares = match following {
+                Some((following, t_ns)) => following.squared_half_width(k, t_ns, squares),
+                None => squares + of.allowance,
+            };
             let unknown = past.unknown * of.past;
             let width = (squares + unknown * unknown).sqrt() + (1.0 - gate) * of.base + of.growth * beyond;
             half_widths.push(if width < of.range { width } else { f64::NAN });
@@ -575,46 +582,101 @@ impl Past {
     }
 }
 
-/// An offset by output as a random walk, estimated from measured values: a Kalman filter of one state each.
+/// An offset by output as a random walk, estimated from measured values: a Kalman filter of one state each. In the half-width the offset's
+/// variance takes the place of the allowance for a further run. Where errors scatter by more than those of the training, a measured value
+/// counts for less, and the half-width is at least that scatter.
 #[derive(Clone, Debug)]
 pub struct Following {
-    drifts: Vec<Drift>,
-    offsets: Vec<f64>,
-    variances: Vec<f64>,
-    last_s: Option<f64>,
+    offsets: Vec<FollowedOffset>,
+    last_ns: Option<u64>,
+}
+
+#[derive(Clone, Debug)]
+struct FollowedOffset {
+    drift: Drift,
+    /// Variance of the error beside the offset, in the training.
+    noise: f64,
+    value: f64,
+    variance: f64,
+    /// Mean error over the time in which an offset wanders, mean square about it, and number of values.
+    mean: f64,
+    seen: f64,
+    count: f64,
 }
 
 impl Following {
     /// Without a measured value the offsets are 0.
     pub fn new(map: &LearnedMap) -> Self {
-        let variances = map.drifts.iter().map(|drift| drift.start).collect();
-        Self { drifts: map.drifts.clone(), offsets: vec![0.0; map.outputs()], variances, last_s: None }
+        let offset = |(drift, width): (&Drift, &OutputWidth)| FollowedOffset {
+            drift: *drift,
+            noise: width.noise / SQUARED_SIGMAS,
+            value: 0.0,
+            variance: drift.start,
+            mean: 0.0,
+            seen: 0.0,
+            count: 0.0,
+        };
+        Self { offsets: map.drifts.iter().zip(&map.widths).map(offset).collect(), last_ns: None }
     }
 
-    /// Takes measured minus predicted values of a time, s, not before that of the last call; NaN where nothing was measured.
-    pub fn take(&mut self, t_s: f64, errors: &[f64]) {
-        let passed_s = self.last_s.map_or(0.0, |last_s| (t_s - last_s).max(0.0));
-        self.last_s = Some(t_s);
-        let states = self.offsets.iter_mut().zip(&mut self.variances).zip(&self.drifts);
-        for (((offset, variance), drift), error) in states.zip(errors) {
-            *variance += drift.per_s * passed_s;
-            // Values closer in time than their errors agree tell less.
-            let noise = drift.noise_s / passed_s.max(1e-9);
-            if error.is_finite() && noise.is_finite() && passed_s > 0.0 {
-                let gain = *variance / (*variance + noise);
-                *offset += gain * (error - *offset);
-                *variance *= 1.0 - gain;
-            }
+    /// Values were measured.
+    pub fn has_begun(&self) -> bool {
+        self.offsets.iter().any(|of| of.count > 0.0)
+    }
+
+    /// Forgets what was measured.
+    pub fn restart(&mut self) {
+        self.last_ns = None;
+        for of in &mut self.offsets {
+            (of.value, of.variance) = (0.0, of.drift.start);
+            (of.mean, of.seen, of.count) = (0.0, 0.0, 0.0);
         }
     }
 
-    /// Offset of an output, to be added to its predicted value.
-    pub fn offset(&self, output: usize) -> f64 {
-        self.offsets[output]
+    fn passed_s(&self, t_ns: u64) -> f64 {
+        self.last_ns.map_or(0.0, |last_ns| 1e-9 * t_ns.saturating_sub(last_ns) as f64)
     }
 
-    /// Its standard deviation.
-    pub fn deviation(&self, output: usize) -> f64 {
-        self.variances[output].sqrt()
+    /// Takes measured minus freely predicted values of a time, ns, not before that of the last call; NaN where nothing was measured.
+    pub fn take(&mut self, t_ns: u64, errors: &[f64]) {
+        let passed_s = self.passed_s(t_ns);
+        self.last_ns = Some(t_ns);
+        self.offsets.iter_mut().zip(errors).for_each(|(of, error)| of.take(passed_s, *error));
+    }
+
+    /// Offset of an output in its predicted values.
+    pub fn offset(&self, output: usize) -> f64 {
+        self.offsets[output].value
+    }
+
+    /// Square of the half-width of an output at a time, ns, from that without the allowance.
+    pub fn squared_half_width(&self, output: usize, t_ns: u64, without: f64) -> f64 {
+        let of = &self.offsets[output];
+        (without + SQUARED_SIGMAS * of.later(self.passed_s(t_ns))).max(SQUARED_SIGMAS * of.seen)
+    }
+}
+
+impl FollowedOffset {
+    /// Variance after some time: it grows, up to that of the difference between two runs.
+    fn later(&self, passed_s: f64) -> f64 {
+        (self.variance + self.drift.per_s * passed_s).min(2.0 * self.drift.start)
+    }
+
+    fn take(&mut self, passed_s: f64, error: f64) {
+        self.variance = self.later(passed_s);
+        if !error.is_finite() || passed_s <= 0.0 {
+            return;
+        }
+        self.count += 1.0;
+        let share = (self.drift.per_s * passed_s / self.drift.start).max(1.0 / self.count).min(1.0);
+        self.mean += share * (error - self.mean);
+        self.seen += share * ((error - self.mean).powi(2) - self.seen);
+        // Values closer in time than their errors agree tell less.
+        let noise = (self.seen / self.noise).max(1.0) * self.drift.noise_s / passed_s;
+        let gain = self.variance / (self.variance + noise);
+        if gain.is_finite() {
+            self.value += gain * (error - self.value);
+            self.variance *= 1.0 - gain;
+        }
     }
 }

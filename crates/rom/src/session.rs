@@ -10,7 +10,7 @@ use crate::halfwidths::HalfWidths;
 use crate::inertia::model_motion::ModelMotion;
 use crate::inertia::stepper::ReadingError;
 use crate::inputs::{Inputs, MAX_INPUTS};
-use crate::learned::Past;
+use crate::learned::{Following, Past};
 use crate::memory::{Advance, Memory};
 use crate::model::{Model, ModelError, ModelFileError};
 
@@ -32,6 +32,8 @@ pub struct Session {
     memory: Option<Memory>,
     /// State of a model learned from measurements, and the longest gap that is bridged, s.
     learned: Option<(Box<Past>, f64)>,
+    /// Offsets of a learned model's outputs that follow their measured values.
+    following: Option<Following>,
     follower: Option<Follower>,
     motion: Option<Box<ModelMotion>>,
     /// Time of the last reading, ns.
@@ -107,6 +109,7 @@ impl Session {
         let mut session = Self {
             evaluator: Evaluator::new(&model.header)?,
             learned: learned.map(|map| (Box::new(map.past()), max_gap_s(map.max_gap_s))),
+            following: None,
             memory: Memory::of(model)?,
             follower: None,
             motion: ModelMotion::new(model)?.map(Box::new),
@@ -138,6 +141,28 @@ impl Session {
     /// True for a model over volumes that follows a pressure.
     pub fn follows_pressure(&self) -> bool {
         self.follower.is_some()
+    }
+
+    /// From now on the outputs of a learned model have offsets that follow measured values ([`Self::follow`]). False for another model.
+    pub fn start_following(&mut self) -> bool {
+        self.following = self.evaluator.learned().map(|map| Following::new(map));
+        self.following.is_some()
+    }
+
+    /// Takes measured minus freely predicted values ([`Self::offset`]) of a time, ns, by output; NaN where nothing was measured. They
+    /// count from the next answer on.
+    pub fn follow(&mut self, t_ns: u64, errors: &[f64]) {
+        self.following.iter_mut().for_each(|following| following.take(t_ns, errors));
+    }
+
+    /// True if answers have offsets that follow measured values.
+    pub fn has_followed(&self) -> bool {
+        self.following.as_ref().is_some_and(Following::has_begun)
+    }
+
+    /// Part of an output's value that follows measured values; 0 where none are followed.
+    pub fn offset(&self, output: usize) -> f64 {
+        self.following.as_ref().map_or(0.0, |following| following.offset(output))
     }
 
     /// As [`Evaluator::restrict`].
@@ -172,6 +197,7 @@ impl Session {
     pub fn restart(&mut self) {
         self.memory.iter_mut().for_each(Memory::restart);
         self.learned.iter_mut().for_each(|(past, _)| past.restart());
+        self.following.iter_mut().for_each(Following::restart);
         self.follower.iter_mut().for_each(Follower::restart);
         self.motion.iter_mut().for_each(|motion| motion.reset());
         self.last_ns = None;
@@ -246,7 +272,10 @@ impl Session {
     ) -> Result<StepOutcome, ReadingError> {
         let mut outcome = StepOutcome { load_distance: 0.0, at_rest: filtered.at_rest, held: filtered.held };
         match (&mut self.motion, &mut self.learned) {
-            (_, Some((past, _))) => self.evaluator.remember(filtered.inputs, past, out),
+            (_, Some((past, _))) => {
+                let following = self.following.as_ref().map(|following| (following, filtered.t_ns));
+                self.evaluator.remember(filtered.inputs, past, following, out);
+            }
             (Some(motion), _) => {
                 let moved = motion.advance(filtered.t_ns, filtered.inputs, out)?;
                 outcome.load_distance = moved.load_distance;

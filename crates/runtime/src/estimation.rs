@@ -1,8 +1,10 @@
 //! The estimator of an actuator: the scene's unknowns and sensors, the model's predictions of what they measure: the force, markers, observables.
 
+mod learned;
 mod moving;
 mod observed;
 
+pub use learned::{LearnedMarkers, MarkerModel};
 pub use moving::filter;
 
 use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, PRESSURE_BIAS, Sigmas};

@@ -3,7 +3,7 @@
 use crate::config::{
     self, ActuatorSpec, ConfigError, FixedNodes, Gap, NodesSpec, OutputSpec, PRESSURE_BIAS, Scene,
 };
-use crate::estimation::{Estimator, SensorModel, measured_observables};
+use crate::estimation::{Estimator, LearnedMarkers, MarkerModel, SensorModel, measured_observables};
 use rom::branch::{self, VOLUME};
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
@@ -132,7 +132,7 @@ pub struct LoadedActuator {
     /// Estimator, if the scene has one.
     pub estimator: Option<Estimator>,
     /// Predictions of the markers, if the scene has some.
-    pub markers: Option<SensorModel>,
+    pub markers: Option<MarkerModel>,
     /// Positions of the measured observables among the model's.
     pub observed: Vec<usize>,
     /// Regimes that can occur.
@@ -271,7 +271,17 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<LoadedActuator, Ve
     let observed = measured_observables(spec, &contents.observables)?;
     let outputs = outputs(spec, &model, selections)?;
     let estimator = Estimator::new(spec, &model)?;
-    let markers = (!spec.markers.is_empty()).then(|| SensorModel::new(spec, &model)).transpose()?;
+    let markers = match LearnedMarkers::new(spec, &model)? {
+        _ if spec.markers.is_empty() => None,
+        Some(markers) => Some(MarkerModel::Learned(markers)),
+        None => Some(MarkerModel::Mesh(Box::new(SensorModel::new(spec, &model)?))),
+    };
+    if spec.follow_markers && (markers.is_none() || !session.start_following()) {
+        return Err(vec![
+            "follow_markers: expected a model learned from measurements and [[actuator.marker]], found another model or no marker"
+                .into(),
+        ]);
+    }
     Ok(LoadedActuator {
         spec: spec.clone(),
         model_hash,

@@ -4,12 +4,11 @@
 //! The model follows the rows of the recording as the twin would have, with the model's memory and motion. Outputs are found by name:
 //! an observable, a coordinate `tip_x_mm` at the node set `tip`, or the contact force.
 
-use crate::measured::{coefficient, place};
+use crate::measured::place;
 use formats::log::{Recording, Series};
 use rom::evaluation::Evaluation;
 use rom::inertia::stepper::ReadingError;
 use rom::inputs::{GAP, Inputs, PRESSURE};
-use rom::learned::{Following, LearnedMap};
 use rom::model::{Model, ModelError, ModelFileError, ModelHeader, Selection};
 use rom::observable::Observables;
 use rom::reconstructor::{ReconstructError, Reconstructor};
@@ -17,7 +16,7 @@ use rom::session::{Gaps, Session};
 use rom::snapshots::FieldKind;
 use rom::statistics::{mean, quantile, range};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 /// Ratios of units that are taken for one another.
 const KNOWN_RATIOS: [(f64, &str); 7] = [
@@ -181,7 +180,17 @@ impl<'a> RecordedInputs<'a> {
         model: &Model,
         mut at_row: impl FnMut(usize, &Evaluation) -> Result<(), ComparisonError>,
     ) -> Result<Vec<String>, ComparisonError> {
-        let mut session = Session::new(model, Gaps::Recorded)?;
+        self.follow_in(&mut Session::new(model, Gaps::Recorded)?, |row, evaluation, _| {
+            at_row(row, evaluation)
+        })
+    }
+
+    /// As [`Self::follow`], in a session, which `at_row` gets too.
+    fn follow_in(
+        &self,
+        session: &mut Session,
+        mut at_row: impl FnMut(usize, &Evaluation, &mut Session) -> Result<(), ComparisonError>,
+    ) -> Result<Vec<String>, ComparisonError> {
         let mut evaluation = session.evaluation();
         let begin_s = self.recording.time_s.first().copied().unwrap_or_default();
         let (mut restarts, mut has_begun) = (0, false);
@@ -200,7 +209,7 @@ impl<'a> RecordedInputs<'a> {
                 first_refused.get_or_insert_with(|| format!("{t_s} s: {why}"));
                 continue;
             }
-            at_row(row, &evaluation)?;
+            at_row(row, &evaluation, session)?;
         }
         let mut remarks = Vec::new();
         if restarts > 0 {
@@ -354,7 +363,7 @@ fn compared(
         let observable = observables.names().position(|known| known == name).map(Origin::Observable);
         observable.or_else(|| {
             let (field, node) = place(&model.header, name)?;
-            Some(Origin::Node { field, node, output: coefficient(model, field, node) })
+            Some(Origin::Node { field, node, output: model.learned_output(field, node) })
         })
     };
     let (mut origins, mut outputs) = (Vec::new(), Vec::new());
@@ -363,7 +372,7 @@ fn compared(
             remarks.push(format!("{}: the model has no such output", series.name));
             continue;
         };
-        origins.push(origin);
+        origins.push((series, origin));
         let nan = vec![f64::NAN; series.values.len()];
         outputs.push(ComparedOutput {
             name: series.name.clone(),
@@ -404,19 +413,22 @@ fn compared(
             }
         }
     };
-    let of_rows = inputs.follow(model, |row, evaluation| {
+    let mut session = Session::new(model, Gaps::Recorded)?;
+    let mut late = match follow_s {
+        Some(behind_s) if session.start_following() => Some(LateErrors::new(recording, behind_s, &origins)),
+        Some(_) => return Err(ComparisonError::NotLearned),
+        None => None,
+    };
+    let of_rows = inputs.follow_in(&mut session, |row, evaluation, session| {
         reconstructor.reconstruct_into(evaluation, &mut fields)?;
-        for (output, origin) in outputs.iter_mut().zip(&origins) {
+        for (output, (_, origin)) in outputs.iter_mut().zip(&origins) {
             (output.predicted[row], output.half_width[row]) = value_and_width(evaluation, &fields, origin);
             output.is_outside[row] = evaluation.flags.extrapolated;
         }
+        late.iter_mut().for_each(|late| late.take(row, evaluation, session));
         Ok(())
     })?;
     remarks.extend(of_rows);
-    if let Some(behind_s) = follow_s {
-        let map = model.header.learned.as_ref().ok_or(ComparisonError::NotLearned)?;
-        follow_outputs(map, &origins, &recording.time_s, behind_s, &mut outputs);
-    }
     let outside = outputs[0].is_outside.iter().filter(|is_outside| **is_outside).count();
     if outside > 0 {
         let widths =
@@ -433,36 +445,37 @@ fn names<'a>(all: impl Iterator<Item = &'a str>) -> String {
     all.collect::<Vec<_>>().join(", ")
 }
 
-/// Adds to predicted values the offset that measured values of at least `behind_s` ago suggest.
-fn follow_outputs(
-    map: &LearnedMap,
-    origins: &[Origin],
-    time_s: &[f64],
+/// Errors of a learned model's outputs that a session follows once they are some time old.
+struct LateErrors<'a> {
+    recording: &'a Recording,
     behind_s: f64,
-    outputs: &mut [ComparedOutput],
-) {
-    let mut following = Following::new(map);
-    let of_map: Vec<(usize, usize)> = origins
-        .iter()
-        .enumerate()
-        .filter_map(|(at, origin)| match origin {
-            Origin::Node { output: Some(output), .. } => Some((at, *output)),
+    /// Column of the recording's outputs, and the model's output.
+    columns: Vec<(&'a Series, usize)>,
+    /// Time, s, and errors of rows that are not old enough.
+    waiting: VecDeque<(f64, Vec<f64>)>,
+}
+
+impl<'a> LateErrors<'a> {
+    fn new(recording: &'a Recording, behind_s: f64, origins: &[(&'a Series, Origin)]) -> Self {
+        let columns = origins.iter().filter_map(|(series, origin)| match origin {
+            Origin::Node { output: Some(output), .. } => Some((*series, *output)),
             _ => None,
-        })
-        .collect();
-    let free: Vec<Vec<f64>> = outputs.iter().map(|output| output.predicted.clone()).collect();
-    let mut errors = vec![f64::NAN; map.outputs()];
-    let mut known = 0;
-    for row in 0..time_s.len() {
-        while known < row && time_s[known] <= time_s[row] - behind_s {
-            for (at, output) in &of_map {
-                errors[*output] = outputs[*at].measured[known] - free[*at][known];
-            }
-            following.take(time_s[known], &errors);
-            known += 1;
+        });
+        Self { recording, behind_s, columns: columns.collect(), waiting: VecDeque::new() }
+    }
+
+    /// Takes the errors of a row, and lets the session follow those that are old enough at the next.
+    fn take(&mut self, row: usize, evaluation: &Evaluation, session: &mut Session) {
+        let mut errors = vec![f64::NAN; evaluation.coefficients.len()];
+        for (series, output) in &self.columns {
+            let free = evaluation.coefficients[*output] - session.offset(*output);
+            errors[*output] = series.values[row] - free;
         }
-        for (at, output) in &of_map {
-            outputs[*at].predicted[row] += following.offset(*output);
+        let time_s = &self.recording.time_s;
+        self.waiting.push_back((time_s[row], errors));
+        let next_s = time_s.get(row + 1).copied().unwrap_or(f64::NEG_INFINITY);
+        while let Some((t_s, errors)) = self.waiting.pop_front_if(|(t_s, _)| *t_s <= next_s - self.behind_s) {
+            session.follow((1e9 * (t_s - time_s[0])).round().max(0.0) as u64, &errors);
         }
     }
 }

@@ -126,6 +126,7 @@ FLAGS: Dict[int, str] = {
     8192: "observable-mismatch",
     16384: "snapped",
     32768: "branch-unknown",
+    65536: "markers-followed",
 }
 """Flags by bit."""
 

@@ -353,6 +353,13 @@ impl Model {
         })
     }
 
+    /// Which output of a model learned from measurements a field has at a node; its modes must be loaded.
+    pub fn learned_output(&self, field: usize, node: usize) -> Option<usize> {
+        self.header.learned.as_ref()?;
+        let modes = self.modes(RegimeKind::Free, field as u32).ok()?;
+        (0..modes.count()).find(|mode| modes.value(*mode, node) != 0.0)
+    }
+
     /// Displacement of the undeformed nodes from the model's mesh by these inputs, per axis (mm). `None` if no input moves them.
     /// `O(nodes x inputs that move them)`.
     pub fn moved_mm(&self, inputs: &Inputs) -> Option<[Vec<f32>; 3]> {

@@ -93,11 +93,27 @@ impl CameraSpec {
         ]
     }
 
+    /// A place of the actuator's frame in the camera's, mm: the transposed rotation of the difference.
+    pub(crate) fn in_camera_mm(&self, place_mm: [f64; 3]) -> [f64; 3] {
+        let (rows, origin) = (self.rotation(), self.position_mm);
+        let column = |pick: fn([f64; 3]) -> f64| {
+            let ways = place_mm.iter().zip(origin).map(|(x, origin)| x - origin);
+            rows.into_iter().zip(ways).map(|(row, way)| part(pick(row), way)).sum()
+        };
+        [column(|[a, ..]| a), column(|[_, b, _]| b), column(|[.., c]| c)]
+    }
+
     /// A measured position in the actuator's frame, mm.
     pub fn in_actuator_mm(&self, Marker { x, y, z }: Marker) -> [f64; 3] {
         let ([rows_x, rows_y, rows_z], [ox, oy, oz]) = (self.rotation(), self.position_mm);
-        [(rows_x, ox), (rows_y, oy), (rows_z, oz)].map(|([a, b, c], origin)| a * x + b * y + c * z + origin)
+        [(rows_x, ox), (rows_y, oy), (rows_z, oz)]
+            .map(|([a, b, c], origin)| part(a, x) + part(b, y) + part(c, z) + origin)
     }
+}
+
+/// Part of a coordinate in a turned frame; one that is not known, NaN, hides none that it has no part in.
+fn part(factor: f64, value: f64) -> f64 {
+    if factor == 0.0 { 0.0 } else { factor * value }
 }
 
 /// Names of estimated quantities that are no model input.

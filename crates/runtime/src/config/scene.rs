@@ -90,6 +90,9 @@ pub struct ActuatorSpec {
     /// Markers that a camera follows.
     #[serde(default, rename = "marker")]
     pub markers: Vec<MarkerSpec>,
+    /// The outputs of a model learned from measurements follow the measured markers: an offset of each coordinate is estimated.
+    #[serde(default)]
+    pub follow_markers: bool,
     /// Observables of the model that are measured, such as a bending angle by a camera: values of the readings by their names.
     #[serde(default)]
     pub observables: ObservedSpecs,

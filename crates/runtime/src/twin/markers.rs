@@ -2,16 +2,17 @@
 
 use super::residual::{Residual, ResidualVerdict, Watch};
 use crate::config::ActuatorSpec;
-use crate::estimation::{SensorModel, Used};
+use crate::estimation::{MarkerModel, Used};
 use estimate::{MAX_ROWS, Model, Predicted};
 use rom::evaluation::Evaluation;
+use rom::session::Session;
 use wire::SensorSample;
 use wire::layout::{MARKERS_MAX, Marker};
 
 /// Markers of an actuator with the model's predictions of them.
 #[derive(Debug)]
 pub(super) struct Markers {
-    model: SensorModel,
+    model: MarkerModel,
     predicted: [Predicted; MAX_ROWS],
     count: usize,
     sigmas_mm: [Marker; MARKERS_MAX],
@@ -21,7 +22,7 @@ pub(super) struct Markers {
 }
 
 impl Markers {
-    pub(super) fn new(model: SensorModel, spec: &ActuatorSpec) -> Self {
+    pub(super) fn new(model: MarkerModel, spec: &ActuatorSpec) -> Self {
         Self {
             model,
             predicted: [Predicted::default(); MAX_ROWS],
@@ -34,17 +35,29 @@ impl Markers {
     }
 
     /// Takes the markers of a reading with this evaluation: the contribution to the displacement's half-width, mm, which is the largest of
-    /// the markers, and whether a coordinate contradicts the model for `after_s`. A slow camera's value counts once.
+    /// the markers, and whether a coordinate contradicts the model for `after_s`. A slow camera's value counts once. A session that follows
+    /// gets the markers for its next answer.
     pub(super) fn update(
         &mut self,
         sample: &SensorSample,
         evaluation: &Evaluation,
+        session: &mut Session,
         after_s: f64,
     ) -> ResidualVerdict {
         let new = self.used.new_in(sample);
         if sample.marker_values > 0 {
             let rows = self.predicted.get_mut(..1 + 3 * self.count).unwrap_or_default();
-            self.model.predict(evaluation.inputs.values(), rows);
+            match &mut self.model {
+                MarkerModel::Mesh(model) => {
+                    model.predict(evaluation.inputs.values(), rows);
+                }
+                MarkerModel::Learned(markers) => {
+                    let values = rows.iter_mut().skip(1).zip(markers.places(evaluation).flatten());
+                    values.for_each(|(row, value)| row.value = value);
+                    let measured = sample.markers_mm.iter().copied().zip(new.markers);
+                    markers.follow(sample.t_sensor_ns, measured, evaluation, session);
+                }
+            }
         }
         let (t_sensor_ns, halfwidth) = (sample.t_sensor_ns, evaluation.halfwidths.displacement_mm);
         let predicted = self.predicted.get(1..).unwrap_or_default().chunks_exact(3);

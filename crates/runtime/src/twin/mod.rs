@@ -483,7 +483,9 @@ impl ActuatorTwin {
         };
         let after_s = 1e-3 * self.limits.mismatch_ms;
         let force = self.force_watch.update(residual, after_s);
-        let markers = self.parts.markers.as_mut().map(|of| of.update(sample, evaluation, after_s));
+        let Parts { markers, session, .. } = &mut self.parts;
+        let is_following = session.has_followed();
+        let markers = markers.as_mut().map(|of| of.update(sample, evaluation, session, after_s));
         let markers = markers.unwrap_or_default();
         let of = &self.parts.contents.observables;
         let observed = self.parts.observed.update(sample, evaluation, of, after_s);
@@ -509,6 +511,7 @@ impl ActuatorTwin {
             (flags::OBSERVABLE_MISMATCH, observed),
             (flags::ESTIMATE_ALARM, has_alarm),
             (flags::LATE, late),
+            (flags::MARKERS_FOLLOWED, is_following),
         ] {
             state.flags |= if set { bit } else { 0 };
         }

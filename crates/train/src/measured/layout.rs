@@ -2,7 +2,7 @@
 
 use rom::evaluation::Evaluation;
 use rom::model::{BlockKind, Model, ModelHeader};
-use rom::snapshots::{FieldKind, FieldSpec, RegimeKind};
+use rom::snapshots::{FieldKind, FieldSpec};
 
 /// Name of the model's pressure.
 pub(super) const PRESSURE_NAME: &str = "pressure_mpa";
@@ -101,14 +101,6 @@ impl MeasuredOutput {
     }
 }
 
-/// Coefficient that an output of a learned map is.
-#[must_use]
-pub fn coefficient(model: &Model, field: usize, node: usize) -> Option<usize> {
-    model.header.learned.as_ref()?;
-    let modes = model.modes(RegimeKind::Free, field as u32).ok()?;
-    (0..modes.count()).find(|mode| modes.value(*mode, node) != 0.0)
-}
-
 /// Outputs of a model that was learned from measurements; empty for other models.
 #[must_use]
 pub fn outputs(model: &Model) -> Vec<MeasuredOutput> {
@@ -118,7 +110,7 @@ pub fn outputs(model: &Model) -> Vec<MeasuredOutput> {
         let mut push = |name: String, node: usize| {
             // A coordinate that was not measured has none.
             let half_width = widths.get(node).copied().map(f64::from).filter(|width| *width > 0.0);
-            let found_at = half_width.zip(coefficient(model, field, node));
+            let found_at = half_width.zip(model.learned_output(field, node));
             found.extend(found_at.map(|(half_width, coefficient)| MeasuredOutput {
                 name,
                 field,

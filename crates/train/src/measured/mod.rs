@@ -15,7 +15,7 @@ mod widths;
 
 pub use data::{Learned, Measured, MeasuredError, MeasuredStates, OutputReport, Run};
 pub use difference::{Corrected, Difference, correct};
-pub use layout::{MeasuredOutput, coefficient, outputs, place};
+pub use layout::{MeasuredOutput, outputs, place};
 pub use modes::ModesDifference;
 pub use motion::select;
 
