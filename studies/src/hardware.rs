@@ -20,7 +20,7 @@ Example, with the block's folder of published measurements (docs/hardware.md):
   softtwin-studies hardware --data ../shared/realdata/epfl --material yeoh.toml --out hardware.png";
 
 /// Pressure at which the measured angle is 0 (MPa), end of the first range, end of the measurement.
-const ZERO_MPA: f64 = 0.010;
+pub(crate) const ZERO_MPA: f64 = 0.010;
 const BELOW_MPA: f64 = 0.034;
 const ALL_MPA: f64 = 0.0451;
 /// Half-width of the mean around a pressure of the table (MPa).
@@ -33,7 +33,7 @@ const CLAMP_MM: [f64; 2] = [-1.0, 1.0];
 /// Injected volume (mm3) up to which the mounting is varied.
 const MOUNTING_MM3: f64 = 16_000.0;
 /// Range and steps of the calibrated constant.
-const SCALES: [f64; 2] = [0.4, 1.6];
+const SCALES: [f64; 2] = [0.6, 1.6];
 const SCALE_STEPS: usize = 2000;
 
 /// Compare bending angle against pressure with a measured actuator.
@@ -90,7 +90,8 @@ impl Args {
             let limit = curve.iter().map(|point| point.0).fold(0.0, f64::max);
             output!("\n{}: {}", file.display(), material.summary())?;
             output!("largest pressure {:.2} kPa; the path ends {ended}", 1e3 * limit)?;
-            let best = calibrated(&curve, &measured, BELOW_MPA);
+            let scaled_angle = |mpa: f64, scale: f64| angle(&curve, mpa / scale);
+            let best = calibrated(&scaled_angle, &measured, BELOW_MPA);
             output!(
                 "{:>6} {:>9} {:>9} {:>19} {:>19} {:>9}",
                 "kPa",
@@ -101,7 +102,7 @@ impl Args {
                 "calibrated"
             )?;
             for mpa in TABLE_MPA {
-                let (Some(truth), cell) = (mean(&measured, mpa), |s: f64| cell(scaled_angle(&curve, mpa, s)))
+                let (Some(truth), cell) = (mean(&measured, mpa), |s: f64| cell(angle(&curve, mpa / s)))
                 else {
                     continue;
                 };
@@ -115,14 +116,14 @@ impl Args {
                     cell(best)
                 )?;
             }
-            let whole = calibrated(&curve, &measured, ALL_MPA);
+            let whole = calibrated(&scaled_angle, &measured, ALL_MPA);
             for (label, scale) in [
                 ("constants of the tests", 1.0),
                 ("calibrated to 34 kPa", best),
                 ("calibrated to 45 kPa", whole),
             ] {
                 let errors = [BELOW_MPA, ALL_MPA].map(|to_mpa| {
-                    let error = 100.0 * largest_error(&curve, &measured, scale, to_mpa) / range;
+                    let error = 100.0 * largest_error(&scaled_angle, &measured, scale, to_mpa) / range;
                     let kpa = 1e3 * to_mpa;
                     if error.is_finite() {
                         format!("largest error to {kpa:.0} kPa {error:.1} % of the range")
@@ -134,8 +135,7 @@ impl Args {
             }
             let name = file.file_stem().map_or(String::new(), |name| name.to_string_lossy().into_owned());
             series.push(self::series(&name, 2 * place + 1, Mark::Line, &curve));
-            let zero = angle(&curve, ZERO_MPA / best).unwrap_or(0.0);
-            let scaled: Curve = curve.iter().map(|(mpa, angle)| (best * mpa, *angle - zero)).collect();
+            let scaled: Curve = curve.iter().map(|(mpa, angle)| (best * mpa, *angle)).collect();
             series.push(self::series(&format!("{name}, calibrated"), 2 * place + 2, Mark::Line, &scaled));
             for sister in &self.sister {
                 let (curve, ended) =
@@ -143,7 +143,7 @@ impl Args {
                 output!("{}: the path ends {ended}", sister.display())?;
                 output!("{:>6} {:>9} {:>19} {:>9}", "kPa", "computed", "interval", "calibrated")?;
                 for mpa in TABLE_MPA {
-                    let cell = |s: f64| cell(scaled_angle(&curve, mpa, s));
+                    let cell = |s: f64| cell(angle(&curve, mpa / s));
                     let interval = [1.0 + self.interval, 1.0 - self.interval].map(cell).join(" to ");
                     output!("{:>6.1} {:>9} {interval:>19} {:>9}", 1e3 * mpa, cell(1.0), cell(best))?;
                 }
@@ -271,35 +271,38 @@ fn mean(curve: &Curve, mpa: f64) -> Option<f64> {
 }
 
 /// Angle at a rising pressure: on the first part of the path that has it, so behind a limit on the next one; `None` beyond all.
-fn angle(curve: &Curve, mpa: f64) -> Option<f64> {
+pub(crate) fn angle(curve: &Curve, mpa: f64) -> Option<f64> {
     let pair = curve.windows(2).find(|pair| (pair[0].0..=pair[1].0).contains(&mpa))?;
     let share = (mpa - pair[0].0) / (pair[1].0 - pair[0].0);
     Some(pair[0].1 + share * (pair[1].1 - pair[0].1))
-}
-
-/// Angle of the block with a modulus `scale` times that of the curve, again 0 at [`ZERO_MPA`].
-fn scaled_angle(curve: &Curve, mpa: f64, scale: f64) -> Option<f64> {
-    Some(angle(curve, mpa / scale)? - angle(curve, ZERO_MPA / scale)?)
 }
 
 fn cell(angle: Option<f64>) -> String {
     angle.map_or("beyond".into(), |angle| format!("{angle:.2}"))
 }
 
-/// Largest difference (degrees) up to a pressure; infinite if the path ends before.
-pub(crate) fn largest_error(curve: &Curve, measured: &Curve, scale: f64, to_mpa: f64) -> f64 {
+/// Largest difference (degrees) up to a pressure between the measured angles and those of a modulus `scale` times that of the law, which
+/// `scaled_angle` tells for a pressure and a scale; infinite where it tells none.
+pub(crate) fn largest_error(
+    scaled_angle: &impl Fn(f64, f64) -> Option<f64>,
+    measured: &Curve,
+    scale: f64,
+    to_mpa: f64,
+) -> f64 {
     let below = measured.iter().filter(|point| (ZERO_MPA..=to_mpa).contains(&point.0));
     below
-        .map(|(mpa, truth)| {
-            scaled_angle(curve, *mpa, scale).map_or(f64::INFINITY, |angle| (angle - truth).abs())
-        })
+        .map(|(mpa, truth)| scaled_angle(*mpa, scale).map_or(f64::INFINITY, |angle| (angle - truth).abs()))
         .fold(0.0, f64::max)
 }
 
 /// Stiffness over that of the tests with the smallest largest error up to a pressure.
-pub(crate) fn calibrated(curve: &Curve, measured: &Curve, to_mpa: f64) -> f64 {
+pub(crate) fn calibrated(
+    scaled_angle: &impl Fn(f64, f64) -> Option<f64>,
+    measured: &Curve,
+    to_mpa: f64,
+) -> f64 {
     let at = |k: usize| SCALES[0] + (SCALES[1] - SCALES[0]) * k as f64 / SCALE_STEPS as f64;
-    let error = |scale: &f64| largest_error(curve, measured, *scale, to_mpa);
+    let error = |scale: &f64| largest_error(scaled_angle, measured, *scale, to_mpa);
     let best = (0..=SCALE_STEPS).map(at).min_by(|a, b| error(a).total_cmp(&error(b)));
     best.unwrap_or(1.0)
 }

@@ -30,7 +30,6 @@ pub mod sample;
 mod sensitivity;
 mod solver;
 mod state;
-mod strain;
 mod system;
 mod tangent;
 mod transfer;
@@ -54,8 +53,7 @@ pub use problem::{Problem, ProblemError};
 pub use recovery::StressRecovery;
 pub use sensitivity::{Change, Sensitivity};
 pub use solver::{Bodies, FORMULATION, NotConverged, Report, SolveError, Solver};
-pub use state::State;
-pub use strain::Stretches;
+pub use state::{State, Stretches};
 pub use transfer::{Locator, Place};
 pub use vibration::{BodyMass, Vibration, VibrationError};
 

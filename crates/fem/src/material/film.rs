@@ -1,6 +1,6 @@
 //! Membranes on named surfaces: isotropic, reinforced by fibres, or both.
 
-use super::check::{MaterialError, at_least_zero, positive};
+use super::law::{MaterialError, at_least_zero, positive};
 use serde::{Deserialize, Serialize};
 
 /// A membrane without bending stiffness and weight.

@@ -413,14 +413,14 @@ fn solve(family: Family, rows: &Rows, reach: f64) -> Option<Hyperelastic> {
         Family::Gent => {
             // Within 95 % of the limit, where the element accepts states.
             let least = (reach - 3.0) / 0.95;
-            let at = |x: f64| least * (1.0 + x.exp());
-            let of =
-                |x: f64| rows.gram(&[Hyperelastic::Gent { mu_mpa: 1.0, jm: at(x) }]).solve_signed(&[1.0]);
-            let cost = |x: f64| of(x).map_or(f64::INFINITY, |(_, sum)| sum);
+            let limit = |x: f64| least * (1.0 + x.exp());
+            let modulus_and_cost =
+                |x: f64| rows.gram(&[Hyperelastic::Gent { mu_mpa: 1.0, jm: limit(x) }]).solve_signed(&[1.0]);
+            let cost = |x: f64| modulus_and_cost(x).map_or(f64::INFINITY, |(_, sum)| sum);
             let start =
                 (-12..=14).map(|k| 0.5 * f64::from(k)).min_by(|a, b| cost(*a).total_cmp(&cost(*b)))?;
             let x = minimum(&[start], 0.2, |x| cost(x[0].clamp(-8.0, 10.0)))[0].clamp(-8.0, 10.0);
-            Some(Hyperelastic::Gent { mu_mpa: of(x)?.0[0], jm: at(x) })
+            Some(Hyperelastic::Gent { mu_mpa: modulus_and_cost(x)?.0[0], jm: limit(x) })
         }
         Family::Ogden1 => exponents(rows, 1),
         Family::Ogden2 => exponents(rows, 2),
@@ -453,7 +453,7 @@ fn exponents(rows: &Rows, terms: usize) -> Option<Hyperelastic> {
         }
     }
     best.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let of = |x: &[f64]| {
+    let law_and_cost = |x: &[f64]| {
         let alpha: Vec<f64> = x.iter().map(|a| a.clamp(-LARGEST_EXPONENT, LARGEST_EXPONENT)).collect();
         if alpha.iter().any(|a| a.abs() < 0.05) {
             return None;
@@ -464,7 +464,7 @@ fn exponents(rows: &Rows, terms: usize) -> Option<Hyperelastic> {
     };
     let refine = |(_, chosen): &(f64, Vec<usize>)| {
         let start: Vec<f64> = chosen.iter().map(|k| grid[*k]).collect();
-        of(&minimum(&start, 0.3, |x| of(x).map_or(f64::INFINITY, |(_, sum)| sum)))
+        law_and_cost(&minimum(&start, 0.3, |x| law_and_cost(x).map_or(f64::INFINITY, |(_, sum)| sum)))
     };
     best.iter().take(2).filter_map(refine).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(law, _)| law)
 }
@@ -507,9 +507,9 @@ fn half_widths(law: &Hyperelastic, tests: &[Test]) -> Vec<Option<f64>> {
         let rows_of_test = begin..begin + test.points.len();
         begin = rows_of_test.end;
         if test.shape_only {
-            let of_test =
-                |(at, stress): (usize, &f64)| if rows_of_test.contains(&at) { *stress } else { 0.0 };
-            columns.push(rows.stress.iter().enumerate().map(of_test).collect());
+            let stress_of_test =
+                |(row, stress): (usize, &f64)| if rows_of_test.contains(&row) { *stress } else { 0.0 };
+            columns.push(rows.stress.iter().enumerate().map(stress_of_test).collect());
         }
     }
     let sum: f64 = residuals.iter().map(|r| r * r).sum();

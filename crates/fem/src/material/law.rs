@@ -1,7 +1,7 @@
 //! Hyperelastic laws: constants, energies, checks.
 
-use super::check::{MaterialError, positive};
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 /// Isochoric energy of the modified first invariant `I` (3 when undeformed) or of the isochoric principal stretches `l_i`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -249,4 +249,32 @@ impl Hyperelastic {
             }
         }
     }
+}
+
+/// Material constant outside the range in which the law is valid.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("{law}: {name} = {found}, expected {expected}; correct the material's constants")]
+pub struct MaterialError {
+    /// The law the constant belongs to.
+    pub law: &'static str,
+    /// Name of the constant.
+    pub name: &'static str,
+    /// Value found.
+    pub found: f64,
+    /// Accepted values.
+    pub expected: &'static str,
+}
+
+pub(crate) fn positive(law: &'static str, name: &'static str, found: f64) -> Result<(), MaterialError> {
+    if found.is_finite() && found > 0.0 {
+        return Ok(());
+    }
+    Err(MaterialError { law, name, found, expected: "a finite number above 0" })
+}
+
+pub(crate) fn at_least_zero(law: &'static str, name: &'static str, found: f64) -> Result<(), MaterialError> {
+    if found.is_finite() && found >= 0.0 {
+        return Ok(());
+    }
+    Err(MaterialError { law, name, found, expected: "a finite number, 0 or more" })
 }

@@ -3,7 +3,6 @@
 //! The elastomer's energy per undeformed volume is `W + p (J - 1) - p^2 / (2 K)` with one pressure `p` per element. `W` is a function of
 //! `I = J^(-2/3) tr(F^T F)`, or a sum of powers of the principal stretches of `J^(-1/3) F`.
 
-mod check;
 mod columns;
 mod file;
 mod film;
@@ -15,21 +14,19 @@ pub mod silicone;
 mod specimen;
 mod tension;
 
-pub use check::MaterialError;
 pub use columns::{
     CurveOrigin, DeformationQuantity, LoadQuantity, LoadingBranch, TestColumn, TestDescription, TestKind,
     read_list,
 };
 pub use file::{FitRecord, MaterialFile, TestRecord, material_text};
 pub use film::{Fibres, Film, Isotropic};
-pub use law::Hyperelastic;
-pub(crate) use law::{Dependence, Power};
+pub(crate) use law::{Dependence, Power, at_least_zero, positive};
+pub use law::{Hyperelastic, MaterialError};
 pub(crate) use principal::{Principal, is_stable_invariant};
 pub use specimen::{FittedSpecimens, Specimen};
 pub use tension::Deformation;
 pub(crate) use tension::{invariant as bar_invariant, stretch_at as bar_stretch};
 
-pub(crate) use check::{at_least_zero, positive};
 use serde::{Deserialize, Serialize};
 
 /// Volume change that the bulk modulus resists.
