@@ -15,6 +15,7 @@ use crate::matrix::{MAX_STATES, Symmetric, Vector, chi_squared_quantile, elimina
 use crate::reading::{Linear, Prior, ReadingProblem, Side, difference};
 use crate::setup::{Alarm, Estimate, MAX_ROWS, Measurement, Model, Setup, SetupError, Status};
 use crate::watch::{Pattern, widened};
+use serde::Serialize;
 
 /// Steps after which the fit counts as not converged.
 const MAX_STEPS: usize = 60;
@@ -461,13 +462,14 @@ pub struct ResidualSeries<'a> {
 }
 
 /// Structure of the residuals `measured - predicted` of one quantity.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Structure {
     /// Root mean square of all residuals, outliers included.
     pub rms: f64,
     /// Root of the covariance of neighbouring residuals: what is not noise.
     pub systematic: f64,
     /// Whether that is larger than one standard deviation, and no chance.
+    #[serde(skip)]
     pub is_unexplained: bool,
     /// Mean residual while the driving input rises minus that while it falls, as a fraction of the measured range.
     pub loop_share: f64,

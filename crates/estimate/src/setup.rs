@@ -2,6 +2,7 @@
 //! reading, alarms.
 
 use crate::matrix::{MAX_STATES, Symmetric, Vector};
+use serde::Serialize;
 use thiserror::Error;
 
 /// Largest number of model inputs.
@@ -457,7 +458,7 @@ pub struct Update {
 }
 
 /// Estimate of an unknown.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
     pub value: f64,
     pub sigma: f64,

@@ -46,9 +46,17 @@ pub fn marker_mm(nodes_mm: &[Vec3]) -> f32 {
     (MARKER_SHARE * [0, 1, 2].map(extent).into_iter().fold(0.0, f32::max)).max(MARKER_MM)
 }
 
+/// Distance of each point from its place at rest.
+pub fn distances(nodes_mm: &[Vec3], rest_mm: &[Vec3]) -> Vec<f32> {
+    let distance = |(to, from): (&Vec3, &Vec3)| {
+        to.iter().zip(from).map(|(to, from)| (to - from) * (to - from)).sum::<f32>().sqrt()
+    };
+    nodes_mm.iter().zip(rest_mm).map(distance).collect()
+}
+
 impl Body {
-    /// Octahedra at markers, coloured by their values.
-    pub fn of_markers(nodes_mm: &[Vec3], values: &[f32]) -> Self {
+    /// Octahedra at markers, coloured by their distance from `rest_mm`.
+    pub fn of_markers(nodes_mm: &[Vec3], rest_mm: &[Vec3]) -> Self {
         let size = marker_mm(nodes_mm);
         let corner = |node: &Vec3, at: Vec3| [0, 1, 2].map(|k| node[k] + size * at[k]);
         let facets =
@@ -56,7 +64,7 @@ impl Body {
         Self {
             nodes_mm: nodes_mm.iter().flat_map(|node| CORNERS.map(|at| corner(node, at))).collect(),
             facets: facets.collect(),
-            values: values.iter().flat_map(|value| [*value; 6]).collect(),
+            values: distances(nodes_mm, rest_mm).iter().flat_map(|value| [*value; 6]).collect(),
         }
     }
 

@@ -3,6 +3,7 @@
 //! A model declares its inputs once ([`InputSpec`]); a state is one value for each ([`Inputs`]); a regime is interpolated
 //! over those that vary in it ([`InputMap`]), each scaled to [0, 1] over its training range.
 
+use crate::statistics::ends;
 use serde::{Deserialize, Serialize};
 
 /// Largest number of inputs of a model.
@@ -200,9 +201,7 @@ impl InputMap {
     /// Axes for those of `inputs` that vary over the states; when none does the first one, a unit wide.
     pub fn of_states(states: &[Inputs], inputs: &[usize]) -> Self {
         let axis = |&input: &usize| {
-            let values = states.iter().map(|state| state.0[input]);
-            let (min, max) =
-                values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+            let [min, max] = ends(states.iter().map(|state| state.0[input]));
             InputAxis { input, min, max }
         };
         let varies = |a: &InputAxis| a.max - a.min > 1e-9 * a.max.abs().max(a.min.abs());

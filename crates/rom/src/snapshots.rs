@@ -4,6 +4,7 @@
 //! reads it and nothing else. [`Database::problems`] returns all errors of a database.
 
 use crate::inputs::{Inputs, MAX_INPUTS, PARAMETERS, Parameter};
+use crate::statistics::ends;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -191,10 +192,7 @@ impl Footprint {
 
     /// A plate below these undeformed nodes (mm), as far beyond them as the paper's plate; none without nodes. `O(nodes)`.
     pub fn plate_below(nodes_mm: &[[f32; 3]]) -> Option<Self> {
-        let extent = |axis: usize| {
-            let values = nodes_mm.iter().map(|node| f64::from(node[axis]));
-            values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
-        };
+        let extent = |axis: usize| ends(nodes_mm.iter().map(|node| f64::from(node[axis])));
         let [beyond_tip, beyond_side] = Self::PLATE_BEYOND_MM;
         let ([left, tip], [front, back]) = (extent(0), extent(2));
         let plate =

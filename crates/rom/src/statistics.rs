@@ -1,5 +1,7 @@
 //! Mean, median, quantile and range of some numbers: one definition of each for the half-widths, for learning and for the readers of files.
 
+use std::borrow::Borrow;
+
 /// Arithmetic mean; NaN without values.
 pub fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
     let (sum, count) = values.into_iter().fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
@@ -23,13 +25,13 @@ pub fn quantile(values: impl IntoIterator<Item = f64>, coverage: f64) -> f64 {
 }
 
 /// Smallest and largest finite value; infinity and minus infinity without one.
-pub fn ends<'a>(values: impl IntoIterator<Item = &'a f64>) -> [f64; 2] {
-    let finite = values.into_iter().filter(|value| value.is_finite());
-    finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(*value), high.max(*value)])
+pub fn ends(values: impl IntoIterator<Item = impl Borrow<f64>>) -> [f64; 2] {
+    let finite = values.into_iter().map(|value| *value.borrow()).filter(|value| value.is_finite());
+    finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
 
 /// Largest minus smallest finite value; 0 without one.
-pub fn range<'a>(values: impl IntoIterator<Item = &'a f64>) -> f64 {
+pub fn range(values: impl IntoIterator<Item = impl Borrow<f64>>) -> f64 {
     let [low, high] = ends(values);
     (high - low).max(0.0)
 }
@@ -45,7 +47,10 @@ mod tests {
         assert!(mean([]).is_nan() && quantile([], 0.9).is_nan());
         let nineteen = || (1..=19).map(f64::from);
         assert_eq!((quantile(nineteen(), 0.9), quantile(nineteen(), 0.5)), (18.0, 10.0));
-        assert_eq!((ends(&[2.0, f64::NAN, -1.0]), range(&[2.0, -1.0]), range(&[])), ([-1.0, 2.0], 3.0, 0.0));
+        assert_eq!(
+            (ends(&[2.0, f64::NAN, -1.0]), range(&[2.0, -1.0]), range([0.0; 0])),
+            ([-1.0, 2.0], 3.0, 0.0)
+        );
         assert_eq!(quantile([1.0, 2.0, 3.0], 0.9), 3.0, "three values do not tell 90 %");
     }
 }

@@ -83,10 +83,10 @@ fn trained_inertia_swings_about_the_static_state_and_bad_traces_are_refused() {
         serde_json::from_str(&succeed("evaluate moves.twin --traces own --picture own.svg --json")).unwrap();
     assert!(std::fs::read_to_string(folder.join("own.svg")).unwrap().contains("<svg"));
     // The model's own motion lies within its half-widths.
-    assert_eq!(errors[0]["coverage"][2], 100.0, "{errors}");
+    assert_eq!(errors[0]["quantities"][2]["coverage"], 100.0, "{errors}");
     assert_eq!(errors[0]["class"], "free");
-    assert!(errors[0]["inertia"][2].as_f64().unwrap() < 0.01, "{errors}");
-    assert!(errors[0]["statics"][2].as_f64().unwrap() > 1.0, "{errors}");
+    assert!(errors[0]["quantities"][2]["inertia"].as_f64().unwrap() < 0.01, "{errors}");
+    assert!(errors[0]["quantities"][2]["statics"].as_f64().unwrap() > 1.0, "{errors}");
     // Pressures above the model are answered and counted, far above there is no answer. A hole of 3 s is a straight line.
     save("above.csv", "t_s,pressure_mpa\n0,0.01\n0.0005,0.035\n0.02,0.035\n");
     save("far.csv", "t_s,pressure_mpa\n0,0.01\n0.0005,0.3\n0.02,0.3\n");

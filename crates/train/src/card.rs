@@ -4,6 +4,7 @@ use formats::{FormatError, file};
 use rom::inputs::{InputAxis, InputMap, Point};
 use rom::model::{Model, RegimeModel};
 use rom::observable::{Correction, Observables};
+use rom::statistics::ends;
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -130,8 +131,7 @@ fn offset_of_field(model: &Model, regime: &RegimeModel, field: usize) -> Option<
 fn measured(model: &Model, inputs: &InputMap, centres: &[Point]) -> Map<String, Value> {
     let range = |(at, axis): (usize, &InputAxis)| {
         let values = centres.iter().map(|centre| axis.min + centre[at] * (axis.max - axis.min));
-        let range = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
-        (model.header.inputs[axis.input].key(), json!(range))
+        (model.header.inputs[axis.input].key(), json!(ends(values)))
     };
     inputs.axes.iter().enumerate().map(range).collect()
 }

@@ -5,7 +5,7 @@ use crate::evaluate::{self, EvaluateError, Report};
 use rom::halfwidths::Errors;
 use rom::model::Model;
 use rom::snapshots::{Case, Database, FieldKind, RegimeKind, Split};
-use rom::statistics::mean;
+use rom::statistics::{ends, mean};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -199,9 +199,7 @@ fn shares(
     };
     let share = |value: fn(&Errors) -> f64, of_all: bool| {
         let values = of_regime(value);
-        let [low, high] = values
-            .iter()
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [v.min(low), v.max(high)]);
+        let [low, high] = ends(&values);
         let mean_and_worst = |by: &dyn Fn(usize) -> f64| {
             let percent: Vec<f64> =
                 errors.iter().map(|(case, error)| 100.0 * value(error) / by(*case)).collect();

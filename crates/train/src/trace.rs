@@ -345,31 +345,37 @@ impl SeriesColumns {
     }
 }
 
-/// Errors along one motion of the finite elements, root mean square in % of the range of each quantity; of positions, in % of the length of
-/// the tip's range, because an obstacle holds single coordinates. The contact force is its mean over 10 ms.
+/// Errors along one motion of the finite elements.
 #[derive(Debug, Serialize)]
 pub struct MotionErrors {
     /// The series.
     pub series: PathBuf,
     /// `free`, `contact` (throughout) or `landing`.
     pub class: &'static str,
-    /// Of the model, by the quantities of a series; `None` for one that does not move.
-    pub inertia: [Option<f64>; SERIES - FIRST],
-    /// Of the same model without inertia and memory.
-    pub statics: [Option<f64>; SERIES - FIRST],
-    /// Values within the half-widths of the motion, %.
-    pub coverage: [Option<f64>; SERIES - FIRST],
     /// Instants.
     pub outside_training_range: usize,
     /// Frequencies of the swing after the last change of pressure, finite elements and model.
     pub frequency_hz: Option<[f64; 2]>,
+    /// Errors of each predicted quantity.
+    pub quantities: Vec<QuantityErrors>,
     /// The motion itself: of the finite elements, of the model and of the static model.
     #[serde(skip)]
     pub motion: [Vec<Vec<f64>>; 3],
 }
 
-/// The quantities of a series that [`MotionErrors`] compares.
-pub const PREDICTED_COLUMNS: &[&str] = SERIES_COLUMNS.split_at(FIRST).1;
+/// Root mean square errors of a quantity along a motion, in % of its range; of positions, in % of the length of the tip's range, because an
+/// obstacle holds single coordinates. The contact force is its mean over 10 ms. `None` for a quantity that does not move.
+#[derive(Debug, Serialize)]
+pub struct QuantityErrors {
+    /// Column of the series.
+    pub quantity: &'static str,
+    /// Error of the model.
+    pub inertia: Option<f64>,
+    /// Error of the same model without inertia and memory.
+    pub statics: Option<f64>,
+    /// Values within the half-widths of the motion, %.
+    pub coverage: Option<f64>,
+}
 
 /// Compares a model with the `series.csv` of a motion of the finite elements.
 ///
@@ -388,51 +394,47 @@ pub fn motion_errors(model: &Model, series: &Path) -> Result<MotionErrors, Trace
         _ => "landing",
     };
     let both = frequency_hz(&truth).zip(frequency_hz(&moving.rows));
+    let tip = TIP.map(|at| range(column(&truth, at)).powi(2)).iter().sum::<f64>().sqrt();
+    let errors = |at: usize| {
+        let values = column(&truth, at);
+        let scale = if matches!(at, FORCE | STRESS) { range(&values) } else { tip };
+        let error = |rows: &[Vec<f64>]| {
+            let square = mean(values.iter().zip(column(rows, at)).map(|(a, b)| (a - b) * (a - b)));
+            (scale > 0.0).then(|| 100.0 * square.sqrt() / scale)
+        };
+        QuantityErrors {
+            quantity: SERIES_COLUMNS[at],
+            inertia: error(&moving.rows),
+            statics: error(&still),
+            coverage: coverage(&values, &moving, at),
+        }
+    };
     Ok(MotionErrors {
         series: series.into(),
         class,
-        inertia: series_errors(&truth, &moving.rows),
-        statics: series_errors(&truth, &still),
-        coverage: coverage(&truth, &moving),
         outside_training_range: moving.summary.outside_training_range,
         frequency_hz: both.filter(|_| class != "landing").map(<[f64; 2]>::from),
+        quantities: (FIRST..SERIES).map(errors).collect(),
         motion: [truth, moving.rows, still],
     })
 }
 
-/// Values of a motion within their half-widths, %; the force as mean over the window.
-fn coverage(truth: &[Vec<f64>], found: &PredictedSeries) -> [Option<f64>; SERIES - FIRST] {
-    std::array::from_fn(|k| {
-        let at = FIRST + k;
-        let width = |widths: &[f64; 3]| match at {
-            FORCE => widths[1],
-            STRESS => widths[2],
-            _ => widths[0],
-        };
-        let (truth, answers) = (column(truth, at), column(&found.rows, at));
-        let moves = truth.iter().any(|v| *v != truth[0]);
-        let rows = truth.iter().zip(&answers).zip(&found.half_widths);
-        let known = rows.clone().filter(|(_, widths)| width(widths).is_finite()).count();
-        let inside = rows.filter(|((a, b), widths)| (*a - *b).abs() <= width(widths)).count();
-        (moves && known > 0).then(|| 100.0 * inside as f64 / known as f64)
-    })
+/// Values of a quantity within their half-widths, %.
+fn coverage(truth: &[f64], found: &PredictedSeries, at: usize) -> Option<f64> {
+    let width = |[displacement, force, stress]: &[f64; 3]| match at {
+        FORCE => *force,
+        STRESS => *stress,
+        _ => *displacement,
+    };
+    let rows = truth.iter().zip(column(&found.rows, at)).zip(found.half_widths.iter().map(width));
+    let known = rows.filter(|(_, width)| width.is_finite());
+    let share = mean(known.map(|((a, b), width)| f64::from((a - b).abs() <= width)));
+    Some(100.0 * share).filter(|share| range(truth) > 0.0 && share.is_finite())
 }
 
-/// Values of a quantity at all instants.
+/// Values of a quantity at all instants; of the contact force its mean over a window.
 fn column(rows: &[Vec<f64>], at: usize) -> Vec<f64> {
     if at == FORCE { means(rows) } else { rows.iter().map(|row| row[at]).collect() }
-}
-
-fn series_errors(truth: &[Vec<f64>], found: &[Vec<f64>]) -> [Option<f64>; SERIES - FIRST] {
-    let range_of = |at: usize| range(&column(truth, at));
-    let tip = TIP.map(range_of).iter().map(|range| range * range).sum::<f64>().sqrt();
-    std::array::from_fn(|k| {
-        let at = FIRST + k;
-        let (truth, found) = (column(truth, at), column(found, at));
-        let scale = if matches!(at, FORCE | STRESS) { range_of(at) } else { tip };
-        let square = mean(truth.iter().zip(&found).map(|(a, b)| (a - b) * (a - b)));
-        (scale > 0.0).then(|| 100.0 * square.sqrt() / scale)
-    })
 }
 
 /// Mean of the force over a window about each instant; forces are straight lines between the rows.

@@ -7,6 +7,7 @@
 use super::orient::Boundary;
 use super::types::Mesh;
 use crate::algebra::{Vec3, add, axpy, cross, dot, norm, sub};
+use rom::statistics::range;
 
 /// Thicknesses of the slice that are tried, as fractions of the reach; the last is taken where all are narrow.
 const SLICES: [f64; 5] = [1.0e-4, 0.01, 0.03, 0.06, 0.1];
@@ -73,9 +74,7 @@ impl Mesh {
 
     /// Extent of nodes along a coordinate (mm).
     fn extent_mm(&self, nodes: &[u32], axis: usize) -> f64 {
-        let values = nodes.iter().map(|n| self.nodes_mm[*n as usize][axis]);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (v.min(l), v.max(h)));
-        (high - low).max(0.0)
+        range(nodes.iter().map(|n| self.nodes_mm[*n as usize][axis]))
     }
 
     /// Centroid of the outer faces between nodes; without one the mean of the nodes.

@@ -5,6 +5,7 @@
 //! the earlier states, and the first rows of a list need no later ones.
 
 use crate::cases::Case;
+use rom::statistics::range;
 
 /// Distance of a case with an obstacle from one without: the approach takes about as many steps as the whole training range.
 const TOUCHING: f64 = 1.0;
@@ -68,10 +69,8 @@ struct Scale {
 impl Scale {
     fn of(cases: &[Case], nominal: &[f64]) -> Self {
         let extent = |k: usize| {
-            let values = || cases.iter().map(|case| case.settings[k].1).chain([nominal[k]]);
-            let (low, high) =
-                values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (v.min(l), v.max(h)));
-            if high > low { high - low } else { 1.0 }
+            let extent = range(cases.iter().map(|case| case.settings[k].1).chain([nominal[k]]));
+            if extent > 0.0 { extent } else { 1.0 }
         };
         let largest = |value: &dyn Fn(&Case) -> Option<f64>| {
             cases.iter().filter_map(value).map(f64::abs).fold(f64::MIN_POSITIVE, f64::max)

@@ -7,7 +7,7 @@ use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
 use crate::table::TableForm;
 use crate::unit::{self, Quantity};
-use rom::statistics::median;
+use rom::statistics::{ends, median, range};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -498,14 +498,9 @@ fn lost_rows(coordinates: &[&[f64]], inputs: &[&[f64]], rows: &[usize]) -> Vec<u
         coordinates.iter().map(|values| (values[a] - values[b]).powi(2)).sum::<f64>().sqrt()
     };
     let size = |row: usize| coordinates.iter().map(|values| values[row].powi(2)).sum::<f64>().sqrt();
-    let range = |values: &mut dyn Iterator<Item = f64>| {
-        let ends = values.filter(|v| v.is_finite());
-        let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-        (high - low).max(0.0)
-    };
     let moved = |run: &[usize]| {
         inputs.iter().any(|values| {
-            let of_run = range(&mut run.iter().map(|row| values[*row]));
+            let of_run = range(run.iter().map(|row| values[*row]));
             of_run > INPUT_MOVES * range(&mut values.iter().copied())
         })
     };
@@ -625,8 +620,7 @@ fn value_remarks(name: &str, values: &[f64]) -> Vec<String> {
         let run = longest(&|v| !v.is_finite());
         remarks.push(format!("{name}: {missing} of {} values missing, at most {run} in a row", values.len()));
     }
-    let (low, high) =
-        finite.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    let [low, high] = ends(&finite);
     if finite.is_empty() || high == low {
         remarks.push(format!("{name}: constant"));
         return remarks;

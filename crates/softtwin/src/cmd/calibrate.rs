@@ -8,7 +8,7 @@ use crate::picture::{Figure, Mark, Panel, Series};
 use crate::unknowns::Unknowns;
 use crate::{files, report};
 use anyhow::{Context, bail};
-use estimate::{Filter, Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
+use estimate::{Estimate, Filter, Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
 use memory::Calibration;
 use plan::PlanArgs;
 use rom::inputs::InputSpec;
@@ -17,7 +17,6 @@ use runtime::estimation::{self, SensorModel, SensorValues};
 use runtime::measured::MeasuredInputs;
 use runtime::source::Trace;
 use serde::Serialize;
-use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use train::memory::Identified;
@@ -234,14 +233,23 @@ struct Summary<'a> {
     chi2_per_dof: f64,
     converged: bool,
     is_explained: bool,
-    estimates: BTreeMap<&'a str, Value>,
-    residuals: BTreeMap<&'a str, Value>,
+    estimates: BTreeMap<&'a str, FittedUnknown>,
+    residuals: BTreeMap<&'a str, &'a Structure>,
     /// Pairs of unknowns.
     correlations: Vec<(&'a str, &'a str, f64)>,
     unexplained: &'a [String],
     #[serde(skip_serializing_if = "Option::is_none")]
-    memory: Option<Value>,
+    memory: Option<&'a Identified>,
     remarks: Vec<String>,
+}
+
+/// An estimate beside its prior.
+#[derive(Serialize)]
+struct FittedUnknown {
+    #[serde(flatten)]
+    estimate: Estimate,
+    prior: f64,
+    prior_sigma: f64,
 }
 
 impl<'a> Summary<'a> {
@@ -251,18 +259,13 @@ impl<'a> Summary<'a> {
         readings: usize,
         structures: &'a [(String, Structure)],
         unexplained: &'a [String],
-        memory: Option<&Identified>,
+        memory: Option<&'a Identified>,
     ) -> Self {
         let both = || setup.unknowns.iter().zip(&fit.estimates);
         let estimates = both().map(|(unknown, estimate)| {
-            let value = json!({"value": estimate.value, "sigma": estimate.sigma, "identifiable": estimate.identifiable,
-                "prior": unknown.prior, "prior_sigma": unknown.sigma});
-            (unknown.name.as_str(), value)
-        });
-        let residuals = structures.iter().map(|(name, found)| {
-            let value = json!({"rms": found.rms, "systematic": found.systematic, "loop_share": found.loop_share,
-                "lag_s": found.lag_s, "drift_per_s": found.drift_per_s});
-            (name.as_str(), value)
+            let fitted =
+                FittedUnknown { estimate: *estimate, prior: unknown.prior, prior_sigma: unknown.sigma };
+            (unknown.name.as_str(), fitted)
         });
         let count = setup.unknowns.len();
         let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
@@ -285,10 +288,10 @@ impl<'a> Summary<'a> {
             converged: fit.converged,
             is_explained: unexplained.is_empty(),
             estimates: estimates.collect(),
-            residuals: residuals.collect(),
+            residuals: structures.iter().map(|(name, found)| (name.as_str(), found)).collect(),
             correlations,
             unexplained,
-            memory: memory.map(memory::identified_json),
+            memory,
             remarks,
         }
     }

@@ -1,6 +1,7 @@
 //! Constants of the blocks as unknowns of the search.
 
 use rom::memory::{Creep, InputMemory, Line, MemorySpec, Orifice, Play, Slopes};
+use serde::Serialize;
 
 /// Play operators of an input: thresholds evenly spaced up to the largest, equal weights.
 const PLAYS: usize = 4;
@@ -9,7 +10,8 @@ const PLAYS: usize = 4;
 const CRITICAL_RATIOS: [f64; 2] = [0.05, 0.6];
 
 /// Kind of a block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Block {
     /// Lag with two time constants.
     Line,
@@ -18,8 +20,10 @@ pub enum Block {
     /// Play operators of thresholds up to the largest, a loop that rounds its turning points.
     Play,
     /// One play operator, as a mechanical play: an alternative to the former.
+    #[serde(rename = "single play")]
     SinglePlay,
     /// Second lag behind the line: a cavity at the end of a tube, which begins to fill late.
+    #[serde(rename = "second lag")]
     SecondLag,
     /// Slow state.
     Creep,

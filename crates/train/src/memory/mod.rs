@@ -23,7 +23,9 @@ use blocks::Limits;
 use map::Terms;
 use rom::halfwidths::HALFWIDTH_SIGMAS;
 use rom::memory::MemorySpec;
+use rom::statistics::ends;
 use search::{Candidate, Problem};
+use serde::Serialize;
 
 /// Fraction by which a block must lower the error on left-out parts.
 pub const KEPT: f64 = 0.03;
@@ -39,7 +41,7 @@ const WIDE: f64 = 4.0;
 const MIN_ROWS: usize = 2 * PARTS;
 
 /// A constant with its 90 % interval.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Constant {
     /// Name (`filling`).
     pub name: &'static str,
@@ -52,11 +54,12 @@ pub struct Constant {
 }
 
 /// Result for a block.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BlockReport {
     /// Block.
     pub block: Block,
     /// True if it is part of the memory.
+    #[serde(rename = "kept")]
     pub is_kept: bool,
     /// Error on left-out parts without and with it.
     pub left_out: [f64; 2],
@@ -65,15 +68,17 @@ pub struct BlockReport {
 }
 
 /// Result of [`identify`].
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identified {
     /// Blocks for inputs 0, 1, ... in the order of the columns; `None` if none is kept.
+    #[serde(skip)]
     pub memory: Option<MemorySpec>,
     /// RMS error on left-out parts in units of the scales: without and with memory.
     pub left_out: [f64; 2],
     /// All blocks.
     pub blocks: Vec<BlockReport>,
     /// Limits of what the recordings can show.
+    #[serde(skip)]
     pub remarks: Vec<String>,
 }
 
@@ -98,10 +103,7 @@ pub fn identify(
     model: Option<&dyn ModelTerms>,
 ) -> Option<Identified> {
     let inputs = runs.first()?.inputs.len();
-    let range = |input: usize| {
-        let values = runs.iter().flat_map(|run| &run.inputs[input]);
-        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(*v), h.max(*v)])
-    };
+    let range = |input: usize| ends(runs.iter().flat_map(|run| &run.inputs[input]));
     let ranges: Vec<[f64; 2]> = (0..inputs).map(range).collect();
     let mut intervals: Vec<f64> =
         runs.iter().flat_map(|run| run.time_s.windows(2).map(|t| t[1] - t[0])).collect();

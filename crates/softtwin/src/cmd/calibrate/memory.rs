@@ -11,11 +11,11 @@ use estimate::{Fit, InputRole, Measurement, Model as _, Predicted, Setup};
 use rom::inputs::{Inputs, PRESSURE};
 use rom::memory::MemorySpec;
 use rom::model::{BlockKind, Model};
+use rom::statistics::{ends, range};
 use runtime::estimation::{self, SensorModel};
-use serde_json::{Value, json};
 use std::path::Path;
 use train::measured::Run;
-use train::memory::{BlockReport, Constant, Identified, ModelTerms, identify, slopes};
+use train::memory::{Identified, ModelTerms, identify, slopes};
 
 /// Most searches: with polynomials, then about the estimates.
 const ROUNDS: usize = 8;
@@ -132,11 +132,7 @@ fn placed(found: &MemorySpec, model: &Model, of: &Calibration, readings: &[Measu
 
 /// Unit of each quantity's error: the length of the ranges of its block.
 fn scales(setup: &Setup, readings: &[Measurement], rows: &[usize]) -> Vec<f64> {
-    let range = |row: usize| {
-        let values = readings.iter().map(|reading| reading.rows[row]).filter(|v| v.is_finite());
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-        high - low
-    };
+    let range = |row: usize| range(readings.iter().map(|reading| reading.rows[row]));
     let block = |row: &usize| {
         let alike = rows.iter().filter(|other| setup.rows[**other].block == setup.rows[*row].block);
         alike.map(|other| range(*other).powi(2)).sum::<f64>().sqrt().max(setup.rows[*row].sigma)
@@ -163,9 +159,7 @@ impl Terms {
         sensors: &mut SensorModel,
         (rows, scales): (&[usize], &[f64]),
     ) -> Self {
-        let pressures = readings.iter().map(|reading| reading.inputs[PRESSURE]);
-        let (low, high) =
-            pressures.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let [low, high] = ends(readings.iter().map(|reading| reading.inputs[PRESSURE]));
         let mut known: Vec<Vec<i64>> = Vec::new();
         let (mut of_reading, mut tables) = (Vec::new(), Vec::new());
         for reading in readings {
@@ -234,14 +228,4 @@ impl ModelTerms for Terms {
 /// True if the pressure is measured: memory acts on it.
 pub fn is_pressure_measured(setup: &Setup) -> bool {
     matches!(setup.inputs.get(PRESSURE), Some(InputRole::Measured { .. }))
-}
-
-/// The identified memory as it stands in the report.
-pub fn identified_json(found: &Identified) -> Value {
-    let constant = |Constant { name, unit, value, interval }: &Constant| json!({"name": name, "unit": unit, "value": value, "interval": interval});
-    let block = |report: &BlockReport| {
-        json!({"block": report.block.name(), "kept": report.is_kept, "left_out": report.left_out,
-            "constants": report.constants.iter().map(constant).collect::<Vec<_>>()})
-    };
-    json!({"left_out": found.left_out, "blocks": found.blocks.iter().map(block).collect::<Vec<_>>()})
 }

@@ -7,7 +7,7 @@ use crate::picture::colour::ColourMap;
 use crate::picture::scale::Scale;
 use crate::picture::scene::{Block, Scene};
 use crate::picture::sheet::{Panel, Row, Sheet};
-use crate::picture::skin::{Body, marker_mm};
+use crate::picture::skin::{Body, distances, marker_mm};
 use crate::picture::theme::ThemeName;
 use crate::picture::visible::visible_facets;
 use formats::log::Recording;
@@ -95,10 +95,6 @@ pub fn picture(
             let count = model.header.node_count;
             let place = |node: usize| columns.map(|column| fields[column * count + node]);
             let nodes: Vec<[f32; 3]> = (0..count).map(place).collect();
-            let moved = |(to, from): (&[f32; 3], &[f32; 3])| {
-                to.iter().zip(from).map(|(to, from)| (to - from) * (to - from)).sum::<f32>().sqrt()
-            };
-            let values: Vec<f32> = nodes.iter().zip(&rest).map(moved).collect();
             let mean = |name: &str| {
                 let nodes_of = &set(name)?.nodes;
                 let sum = |k: usize| nodes_of.iter().map(|node| nodes[*node as usize][k]).sum::<f32>();
@@ -108,9 +104,9 @@ pub fn picture(
             let block = |at: [f32; 3]| Block { min_mm: at.map(|v| v - size), max_mm: at.map(|v| v + size) };
             let blocks = measured(recording, row, mean).into_iter().map(block).collect();
             let body = if facets.is_empty() {
-                Body::of_markers(&nodes, &values)
+                Body::of_markers(&nodes, &rest)
             } else {
-                Body { nodes_mm: nodes, facets: facets.clone(), values }
+                Body { values: distances(&nodes, &rest), nodes_mm: nodes, facets: facets.clone() }
             };
             drawn.push((body, blocks, format!("{:.2} s", recording.time_s[row])));
             Ok(())

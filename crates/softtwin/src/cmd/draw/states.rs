@@ -112,11 +112,7 @@ impl StateDrawer {
         let (x, y, z) = (column(0), column(1), column(2));
         let nodes_mm: Vec<[f32; 3]> = x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect();
         let body = if self.facets.is_empty() {
-            let moved = |(to, from): (&[f32; 3], &[f32; 3])| {
-                to.iter().zip(from).map(|(to, from)| (to - from) * (to - from)).sum::<f32>().sqrt()
-            };
-            let moved: Vec<f32> = nodes_mm.iter().zip(&self.undeformed_mm).map(moved).collect();
-            Body::of_markers(&nodes_mm, &moved)
+            Body::of_markers(&nodes_mm, &self.undeformed_mm)
         } else {
             Body { nodes_mm, facets: self.facets.clone(), values: column(3).to_vec() }
         };

@@ -13,7 +13,7 @@ use rom::model::Model;
 use rom::snapshots::{Database, RegimeKind, Split};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use train::datasheet::{CaseError, DataSheet};
+use train::datasheet::CaseError;
 use train::evaluate::{CaseReport, FieldErrors, Report, Summary, evaluate, spread};
 
 const EXAMPLES: &str = "\
@@ -38,7 +38,8 @@ Examples:
 
 Normalised: largest error over nodes by the field's largest value in that case. Relative: Eq. (16) with the floor, a fraction \
 of the field's largest value, because stress is exactly 0 at some nodes. Truncation: what the modes cannot represent; \
-interpolation: what the kernels get wrong within the modes.";
+interpolation: what the kernels get wrong within the modes. Along motions: root mean square errors in % of a quantity's range, of positions \
+in % of the length of the tip's range, the contact force as mean over 10 ms; coverage: values within their half-widths, %.";
 
 /// Say how far a model is from the finite elements it stands for: its errors on states and motions that it has not seen.
 #[derive(clap::Args)]
@@ -149,7 +150,7 @@ impl Args {
         if let Some(path) = &self.errors {
             train::unseen_errors::write(path, model, &report.cases).map_err(files::refusal)?;
         }
-        let left_out = leave_one_out(&files::data_sheet(&self.model));
+        let left_out = leave_one_out(&self.model);
         if let Some(path) = &self.picture {
             picture(report).save(path)?;
         }
@@ -230,18 +231,12 @@ struct LeftOut {
     pub force_n: Option<[f64; 3]>,
 }
 
-/// The data sheet beside a model; none without one, which is said.
-pub fn read_data_sheet(sheet: &Path) -> Option<DataSheet> {
-    let sheet = std::fs::read(sheet).ok().and_then(|bytes| serde_json::from_slice::<DataSheet>(&bytes).ok());
-    if sheet.is_none() {
-        tracing::warn!("no data sheet beside the model: leave-one-out errors are not shown");
-    }
-    sheet
-}
-
 /// From the data sheet beside the model; none without one.
-fn leave_one_out(sheet: &Path) -> Vec<LeftOut> {
-    let Some(sheet) = read_data_sheet(sheet) else { return Vec::new() };
+fn leave_one_out(model: &Path) -> Vec<LeftOut> {
+    let Some(sheet) = files::read_data_sheet(model) else {
+        tracing::warn!("no data sheet beside the model: leave-one-out errors are not shown");
+        return Vec::new();
+    };
     let of = |regime: &train::datasheet::RegimeSheet| {
         let inner: Vec<&CaseError> = regime.leave_one_out.iter().filter(|c| !c.on_hull).collect();
         let column =

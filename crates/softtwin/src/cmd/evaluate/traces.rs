@@ -1,12 +1,12 @@
 //! Errors and pictures of a model along motions of the finite elements.
 
 use crate::files;
-use crate::output;
 use crate::picture::{Figure, Panel, Series};
+use crate::report;
 use anyhow::Result;
 use rom::model::Model;
 use std::path::{Path, PathBuf};
-use train::trace::{MotionErrors, PREDICTED_COLUMNS, motion_errors, phase, spectrum};
+use train::trace::{MotionErrors, motion_errors, phase, spectrum};
 
 /// Compares, draws and prints.
 pub fn run(model: &Model, folders: &[PathBuf], picture: Option<&Path>, as_json: bool) -> Result<()> {
@@ -17,31 +17,7 @@ pub fn run(model: &Model, folders: &[PathBuf], picture: Option<&Path>, as_json: 
         let panels = folders.iter().zip(&all).flat_map(|(folder, errors)| panels(folder, errors)).collect();
         Figure { title: "Motions".into(), panels, columns: 4 }.save(picture)?;
     }
-    if as_json {
-        return output::json(&all);
-    }
-    let names = PREDICTED_COLUMNS.iter().map(|name| format!("{name:>17}")).collect::<String>();
-    output!(
-        "root mean square error in % of the range, of positions in % of the length of the tip's range, contact force as mean over 10 ms; \
-         within: values of the motion within their half-widths, %"
-    )?;
-    output!("{:<9}{:<9}{names}  series", "class", "model")?;
-    for errors in &all {
-        let lines = [("inertia", &errors.inertia), ("static", &errors.statics), ("within", &errors.coverage)];
-        for (name, values) in lines {
-            let cell = |value: &Option<f64>| value.map_or(format!("{:>17}", "-"), |v| format!("{v:>17.2}"));
-            let cells = values.iter().map(cell).collect::<String>();
-            output!("{:<9}{name:<9}{cells}  {}", errors.class, errors.series.display())?;
-        }
-        if let Some([truth, model]) = errors.frequency_hz {
-            let off = 100.0 * (model / truth - 1.0);
-            output!("         frequency {model:.3} Hz, finite elements {truth:.3} Hz ({off:+.2} %)")?;
-        }
-        if errors.outside_training_range > 0 {
-            output!("         {} instants are outside of the training range", errors.outside_training_range)?;
-        }
-    }
-    Ok(())
+    report::print(&all, as_json)
 }
 
 /// Points of a curve from the rows of a series.

@@ -4,20 +4,19 @@ mod body;
 mod fmu;
 mod recorded;
 mod source;
-mod tables;
 
 use crate::bench;
-use crate::failure::usage;
-use crate::files;
-use crate::output;
+use crate::failure::{configuration, usage};
+use crate::{files, output, report};
 use anyhow::Result;
 pub use body::Body;
 use formats::export::SeriesFormat;
-use recording::TableForm;
-use serde_json::json;
+use recording::{ExportError, TableForm, export_csv};
+use serde_json::{Map, Value, json};
 use source::{Options, Source};
 pub use source::{is_recording, prediction};
 use std::path::PathBuf;
+use wire::KeyExpr;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -100,7 +99,7 @@ impl Args {
         }
         if is_recording(&self.source) && self.out.extension().is_none() {
             let form = if self.fmi { TableForm::Fmi } else { TableForm::Whole };
-            return tables::write(&self.source, &self.out, &self.key, form, self.json);
+            return self.tables(form);
         }
         if self.fmi {
             return Err(usage(
@@ -133,5 +132,20 @@ impl Args {
         };
         output!("{}{more}: {} states of {} nodes", self.out.display(), source.count(), body.nodes)?;
         Ok(())
+    }
+
+    /// A recording as CSV tables, one for each topic.
+    fn tables(&self, form: TableForm) -> Result<()> {
+        let topics = KeyExpr::new(&self.key).map_err(usage)?;
+        let mut reader = files::recording(&self.source).map_err(configuration)?.reader();
+        formats::file::create_folder(&self.out)?;
+        let exported = export_csv(&mut reader, &self.out, &topics, form).map_err(|error| match error {
+            error @ ExportError::Read(_) => configuration(error),
+            error => error.into(),
+        })?;
+        let rows: Map<String, Value> =
+            exported.rows.iter().map(|(path, rows)| (path.display().to_string(), json!(rows))).collect();
+        let found = json!({"rows": rows, "left_out": exported.left_out, "ending": reader.ending()});
+        report::print(&found, self.json)
     }
 }
