@@ -7,6 +7,11 @@ use crate::linear::CONSTRAINED;
 use crate::problem::Problem;
 use crate::state::State;
 use crate::system::{Ahead, System, face};
+use formats::FormatError;
+use formats::export::{Label, Moment, Series};
+use formats::vtu::Cells;
+use rom::snapshots::FieldSpec;
+use std::path::Path;
 
 /// Fields and figures of one state.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,6 +34,29 @@ pub struct Output {
     pub slot_contact_nodes: Vec<u32>,
     /// Largest nodal force out of balance (N).
     pub residual_n: f64,
+}
+
+impl Output {
+    /// Writes the fields in the format of the name's ending.
+    ///
+    /// # Errors
+    /// Another ending; I/O errors.
+    pub fn write(&self, problem: &Problem, label: Label, out: &Path) -> Result<(), FormatError> {
+        let mesh = problem.mesh();
+        let axis = |points: &[[f64; 3]], k: usize| points.iter().map(|p| p[k] as f32).collect::<Vec<f32>>();
+        let mut values: Vec<f32> = (0..3).flat_map(|k| axis(&self.coordinates_mm, k)).collect();
+        values.extend(self.displacement_mm.iter().chain(&self.von_mises_mpa).map(|v| *v as f32));
+        let undeformed = [0, 1, 2].map(|k| axis(&mesh.nodes_mm, k));
+        let series = Series {
+            fields: &FieldSpec::of_the_paper(),
+            nodes: mesh.nodes_mm.len(),
+            cells: Cells::QuadraticTets(&mesh.tets),
+            undeformed: Some(undeformed.each_ref().map(Vec::as_slice)),
+            count: 1,
+        };
+        // The mesh is that of this state's own parameters.
+        series.write_state(out, &Moment { time: 0.0, label, values, moved: None })
+    }
 }
 
 /// Distance below the undeformed base at which an obstacle just clears the state (mm).

@@ -7,7 +7,10 @@ use crate::table::TableWriter;
 use crate::vtu::Cells;
 use crate::{file, npy, table, vtu};
 use quick_xml::escape::escape;
-use rom::snapshots::{FieldKind, FieldSpec};
+use rom::model::Model;
+use rom::model_state::ModelState;
+use rom::observable::Observables;
+use rom::snapshots::{Database, FieldKind, FieldSpec};
 use std::fmt::Display;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -598,6 +601,99 @@ pub(crate) fn write_vtu(path: &Path, series: &Series<'_>, moment: &Moment) -> Re
     let grid = vtu::Grid { points_mm: &points, cells: series.cells, point_data: &data };
     let numbers: Vec<(&str, f64)> = label.present().collect();
     vtu::write_labelled(path, &grid, &label.name, &numbers)
+}
+
+impl Moment {
+    /// A case with its number in the file as its time.
+    pub fn of_case(database: &Database, k: usize) -> Self {
+        let case = &database.cases[k];
+        let values = (0..database.fields.len()).flat_map(|field| database.field(k, field)).collect();
+        let names = database.parameters.iter().map(|parameter| parameter.name.clone());
+        let parameters = names.zip(case.parameters.iter().copied());
+        let label = Label::of_state(case.pressure_mpa, case.gap_mm, parameters, case.contact_force_n);
+        let label = Label { name: case.name.clone(), ..label };
+        Self { time: k as f64, label, values, moved: database.moved_mm(k) }
+    }
+
+    /// A model's state for a file, with every input, the contact force and the observables.
+    pub fn of_model(model: &Model, state: &ModelState, observables: &Observables, time: f64) -> Self {
+        let evaluation = state.evaluation();
+        let values = evaluation.inputs.values();
+        let taken = model.header.taken_inputs().map(|(at, input)| (input.key(), values[at]));
+        let mut numbers: Vec<(String, f64)> = taken.collect();
+        if model.header.has_forces() {
+            numbers.push(("contact_force_n".to_owned(), evaluation.contact_force_n));
+        }
+        let observed = observables.names().enumerate();
+        numbers.extend(observed.map(|(at, name)| (name.to_owned(), observables.value(at, evaluation).value)));
+        let label = Label { name: String::new(), numbers };
+        let moved = model.moved_mm(&evaluation.inputs);
+        Self { time, label, values: state.fields().to_vec(), moved }
+    }
+}
+
+/// A body without its states.
+pub struct ExportBody {
+    /// Number of nodes.
+    pub nodes: usize,
+    undeformed: Option<[Vec<f32>; 3]>,
+    facets: Vec<[u32; 3]>,
+    tets: Vec<[u32; 10]>,
+}
+
+impl ExportBody {
+    /// The body of a model.
+    pub fn of_model(model: &Model) -> Self {
+        Self {
+            nodes: model.header.node_count,
+            undeformed: model.undeformed_mm().map(|axes| axes.map(<[f32]>::to_vec)),
+            facets: model.facets().to_vec(),
+            tets: Vec::new(),
+        }
+    }
+
+    /// The body of a database.
+    pub fn of_database(database: &Database) -> Self {
+        let axis = |points: &[[f64; 3]], k: usize| points.iter().map(|p| p[k] as f32).collect();
+        Self {
+            nodes: database.node_count,
+            undeformed: database.undeformed_mm.as_ref().map(|points| [0, 1, 2].map(|k| axis(points, k))),
+            facets: database.surface_triangles.clone(),
+            tets: Vec::new(),
+        }
+    }
+
+    /// Nodes of which nothing else is known.
+    pub fn of_points(nodes: usize) -> Self {
+        Self { nodes, undeformed: None, facets: Vec::new(), tets: Vec::new() }
+    }
+
+    /// The same with the cells of a mesh file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or has another number of nodes.
+    pub fn with_mesh(mut self, path: Option<&Path>) -> Result<Self, FormatError> {
+        let Some(path) = path else { return Ok(self) };
+        let mesh = crate::read_mesh(path)?;
+        let (expected, found) = (self.nodes, mesh.points_mm.len());
+        if found != expected {
+            let diagnostic = Diagnostic::new("nodes", format!("{expected}, as in the states"), found);
+            return Err(FormatError::one(path, diagnostic));
+        }
+        self.undeformed = Some([0, 1, 2].map(|k| mesh.points_mm.iter().map(|p| p[k] as f32).collect()));
+        self.tets = mesh.tets;
+        Ok(self)
+    }
+
+    /// The description of a series of `count` states.
+    pub fn series<'a>(&'a self, fields: &'a [FieldSpec], count: usize) -> Series<'a> {
+        let cells = match self.tets.as_slice() {
+            [] => Cells::Triangles(&self.facets),
+            tets => Cells::QuadraticTets(tets),
+        };
+        let undeformed = self.undeformed.as_ref().map(|[x, y, z]| [x.as_slice(), y, z]);
+        Series { fields, nodes: self.nodes, cells, undeformed, count }
+    }
 }
 
 #[cfg(test)]

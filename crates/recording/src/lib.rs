@@ -37,7 +37,7 @@ pub use retention::{FreeSpace, Retention};
 pub use rotate::{DiskUse, RotateOptions, RotateSummary, RotatingWriter};
 pub use series::{ReadItems, Series, SeriesReader};
 pub use store::Store;
-pub use tracks::{Messages, RecordedField, RecordedState, RecordingData, Track};
+pub use tracks::{Messages, RecordedField, RecordedState, RecordingData, Thinned, Track};
 pub use writer::{Channel, ChannelId, WriteError, Writer};
 
 /// Metadata at the head of every file.

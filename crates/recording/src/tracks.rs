@@ -44,12 +44,13 @@ pub struct Thinned<T> {
 }
 
 impl<T> Thinned<T> {
-    fn new(max: usize) -> Self {
+    /// A list of at most `max` entries.
+    pub fn new(max: usize) -> Self {
         Self { entries: Vec::new(), max, stride: 1, offered: 0 }
     }
 
     /// Adds what `make` returns, unless it falls between two entries that are kept.
-    fn offer(&mut self, make: impl FnOnce() -> Option<T>) {
+    pub fn offer(&mut self, make: impl FnOnce() -> Option<T>) {
         self.offered += 1;
         if !(self.offered - 1).is_multiple_of(self.stride) {
             return;

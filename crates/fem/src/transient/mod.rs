@@ -3,11 +3,13 @@
 mod motion;
 mod record;
 mod relaxation;
+mod run;
 mod step;
 mod trace;
 
 pub use motion::{Energy, Figures, StepSettings, Work};
 pub use record::{Checkpoint, Record, energy_csv, run_mark, series_csv};
+pub use run::{LongInterval, MotionError, MotionEvent, MotionOptions, MotionSummary, run_motion};
 pub use trace::{Trace, TraceRow};
 
 use crate::algebra::Vec3;

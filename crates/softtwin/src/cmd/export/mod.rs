@@ -1,6 +1,5 @@
 //! `softtwin export`: states as files that other programs open.
 
-mod body;
 mod fmu;
 mod recorded;
 mod source;
@@ -9,12 +8,11 @@ use crate::bench;
 use crate::failure::{configuration, usage};
 use crate::{files, output, report};
 use anyhow::Result;
-pub use body::Body;
 use formats::export::SeriesFormat;
 use recording::{ExportError, TableForm, export_csv};
 use serde_json::{Map, Value, json};
+pub use source::is_recording;
 use source::{Options, Source};
-pub use source::{is_recording, prediction};
 use std::path::PathBuf;
 use wire::KeyExpr;
 

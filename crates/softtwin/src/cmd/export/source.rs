@@ -1,13 +1,12 @@
 //! Where exported states come from: a model asked for readings, a database, the fields of a recording.
 
-use super::body::Body;
 use super::recorded::Recorded;
 use crate::failure::usage;
 use crate::files;
 use crate::options::setting;
 use anyhow::Result;
 use formats::database::ObstacleKind;
-use formats::export::{Label, Moment};
+use formats::export::{ExportBody, Label, Moment};
 use recording::RecordedField;
 use recording::Series;
 use rom::inputs::Inputs;
@@ -168,22 +167,24 @@ impl Source {
     ///
     /// # Errors
     /// A mesh file that does not fit.
-    pub fn body(&self, mesh: Option<&Path>) -> Result<Body> {
+    pub fn body(&self, mesh: Option<&Path>) -> Result<ExportBody> {
         let body = match self {
-            Self::Readings { model, .. } | Self::Replayed { model, .. } => Body::of_model(model),
-            Self::Cases { database, .. } => Body::of_database(database),
+            Self::Readings { model, .. } | Self::Replayed { model, .. } => ExportBody::of_model(model),
+            Self::Cases { database, .. } => ExportBody::of_database(database),
             Self::Recorded { recorded, .. } => {
-                Body::of_points(recorded.first_field().map_or(0, |header| header.node_count as usize))
+                ExportBody::of_points(recorded.first_field().map_or(0, |header| header.node_count as usize))
             }
         };
-        body.with_mesh(mesh)
+        body.with_mesh(mesh).map_err(files::refusal)
     }
 
     /// The states, made one after the other.
     pub fn moments(&self) -> Box<dyn Iterator<Item = Result<Moment>> + '_> {
         match self {
             Self::Readings { model, readings, .. } => predictions(model, readings.iter().map(|one| Ok(*one))),
-            Self::Cases { database, chosen } => Box::new(chosen.iter().map(|k| Ok(case(database, *k)))),
+            Self::Cases { database, chosen } => {
+                Box::new(chosen.iter().map(|k| Ok(Moment::of_case(database, *k))))
+            }
             Self::Replayed { model, recorded, .. } => predictions(model, recorded.readings()),
             Self::Recorded { recorded, .. } => Box::new(recorded.fields().map(|field| {
                 let RecordedField { t_s, header, values } = field?;
@@ -216,35 +217,8 @@ fn predictions<'a>(
         // One line for all states outside.
         files::answered(&state, peaks, !was_outside)?;
         was_outside |= state.evaluation().flags.extrapolated;
-        Ok(prediction(model, &state, &observables, time))
+        Ok(Moment::of_model(model, &state, &observables, time))
     }))
-}
-
-/// A case with its number in the file as its time.
-fn case(database: &Database, k: usize) -> Moment {
-    let case = &database.cases[k];
-    let values = (0..database.fields.len()).flat_map(|field| database.field(k, field)).collect();
-    let names = database.parameters.iter().map(|parameter| parameter.name.clone());
-    let parameters = names.zip(case.parameters.iter().copied());
-    let label = Label::of_state(case.pressure_mpa, case.gap_mm, parameters, case.contact_force_n);
-    let label = Label { name: case.name.clone(), ..label };
-    Moment { time: k as f64, label, values, moved: database.moved_mm(k) }
-}
-
-/// A model's state for a file, with every input, the contact force and the observables.
-pub fn prediction(model: &Model, state: &ModelState, observables: &Observables, time: f64) -> Moment {
-    let evaluation = state.evaluation();
-    let values = evaluation.inputs.values();
-    let taken = model.header.taken_inputs().map(|(at, input)| (input.key(), values[at]));
-    let mut numbers: Vec<(String, f64)> = taken.collect();
-    if model.header.has_forces() {
-        numbers.push(("contact_force_n".to_owned(), evaluation.contact_force_n));
-    }
-    let observed = observables.names().enumerate();
-    numbers.extend(observed.map(|(at, name)| (name.to_owned(), observables.value(at, evaluation).value)));
-    let label = Label { name: String::new(), numbers };
-    let moved = model.moved_mm(&evaluation.inputs);
-    Moment { time, label, values: state.fields().to_vec(), moved }
 }
 
 /// Whether a path names a recording: a file, a folder of such files, one of several in a folder.

@@ -11,6 +11,8 @@ use control::held::Held;
 use control::inverse::{Model, Quantity};
 use control::law::{Controller, Cycle, Reading};
 use control::twin_model::{OUT_OF_REACH_MM, TwinModel};
+use recording::Thinned;
+use rom::statistics::mean;
 use runtime::config::ActuatorSpec;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -85,8 +87,8 @@ struct Loop<'a> {
     latencies: Latencies,
     written: Latencies,
     written_seq: u64,
-    measured: Thinned,
-    predicted: Thinned,
+    measured: Thinned<f64>,
+    predicted: Thinned<f64>,
     is_rate_limited: bool,
     fallbacks: u64,
 }
@@ -125,8 +127,8 @@ impl<'a> Loop<'a> {
             latencies: Latencies::new()?,
             written: Latencies::new()?,
             written_seq: 0,
-            measured: Thinned::default(),
-            predicted: Thinned::default(),
+            measured: Thinned::new(MOST_VALUES),
+            predicted: Thinned::new(MOST_VALUES),
             is_rate_limited: false,
             fallbacks: 0,
         })
@@ -187,7 +189,7 @@ impl<'a> Loop<'a> {
     /// Without a sensor of the quantity the twin is what is controlled: it has to explain its readings.
     fn refuse_alarm(&self, state: &State) -> anyhow::Result<()> {
         ensure!(
-            state.flags & flags::ESTIMATE_ALARM == 0 || !self.measured.values.is_empty(),
+            state.flags & flags::ESTIMATE_ALARM == 0 || !self.measured.is_empty(),
             "estimate-alarm: the twin does not explain its readings, and no sensor measures the quantity; `softtwin echo {}` names the suspects",
             Topic::estimate(self.actuator)?
         );
@@ -226,9 +228,9 @@ impl<'a> Loop<'a> {
         }
         self.is_rate_limited = self.cycle.limited.by_rate;
         if seen.is_finite() {
-            self.measured.push(seen);
+            self.measured.offer(|| Some(seen));
         }
-        self.predicted.push(self.cycle.followed);
+        self.predicted.offer(|| Some(self.cycle.followed));
         Ok(true)
     }
 
@@ -267,11 +269,11 @@ impl<'a> Loop<'a> {
 
     fn report(&self) -> Value {
         let goal = &self.goal;
-        let (values, by) = match self.measured.values.is_empty() {
+        let (values, by) = match self.measured.is_empty() {
             true => (&self.predicted, None),
             false => (&self.measured, Some(&self.sensors.name)),
         };
-        let followed = values.last_quarter();
+        let followed = last_quarter(values);
         json!({
             "held": self.held.name,
             "target": goal.last(),
@@ -355,39 +357,13 @@ impl Silence {
     }
 }
 
-/// A series of any length in bounded memory: when it is full, every second value goes, and of the following ones only as many are kept.
-#[derive(Debug)]
-struct Thinned {
-    values: Vec<f64>,
-    seen: usize,
-    every: usize,
-}
+/// Values of a run of any length, in bounded memory.
+const MOST_VALUES: usize = 1 << 15;
 
-impl Default for Thinned {
-    fn default() -> Self {
-        Self { values: Vec::new(), seen: 0, every: 1 }
-    }
-}
-
-impl Thinned {
-    const MOST: usize = 1 << 15;
-
-    fn push(&mut self, value: f64) {
-        if self.seen.is_multiple_of(self.every) {
-            self.values.push(value);
-        }
-        self.seen += 1;
-        if self.values.len() == Self::MOST {
-            self.every *= 2;
-            self.values = self.values.iter().step_by(2).copied().collect();
-        }
-    }
-
-    /// Mean over the last quarter.
-    fn last_quarter(&self) -> Option<f64> {
-        let tail = self.values.get(self.values.len() * 3 / 4..).unwrap_or_default();
-        (!tail.is_empty()).then(|| tail.iter().sum::<f64>() / tail.len() as f64)
-    }
+/// Mean over the last quarter.
+fn last_quarter(values: &[f64]) -> Option<f64> {
+    let tail = &values[values.len() * 3 / 4..];
+    (!tail.is_empty()).then(|| mean(tail.iter().copied()))
 }
 
 #[cfg(test)]

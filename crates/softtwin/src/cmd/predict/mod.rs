@@ -2,11 +2,10 @@
 
 mod grasp;
 
-use super::export::{Body, prediction};
 use crate::failure::usage;
 use crate::{files, report};
 use anyhow::Context;
-use formats::export::StateFormat;
+use formats::export::{ExportBody, Moment, StateFormat};
 use formats::table::to_text;
 use grasp::GraspArgs;
 use rom::branch::pressure_field;
@@ -164,9 +163,9 @@ impl Args {
     fn write(&self, model: &Model, state: &ModelState) -> anyhow::Result<()> {
         let Some(out) = &self.out else { return Ok(()) };
         let fields: Vec<FieldSpec> = model.header.fields.iter().map(|f| f.spec.clone()).collect();
-        let body = Body::of_model(model).with_mesh(self.mesh.as_deref())?;
+        let body = ExportBody::of_model(model).with_mesh(self.mesh.as_deref()).map_err(files::refusal)?;
         body.series(&fields, 1)
-            .write_state(out, &prediction(model, state, &Observables::of(model)?, 0.0))
+            .write_state(out, &Moment::of_model(model, state, &Observables::of(model)?, 0.0))
             .context("the fields were not written")
     }
 }

@@ -11,7 +11,7 @@ use crate::options::{ActuatorFile, setting};
 use fem::actuator::Setting;
 use fem::cases::MAX_MM3;
 use fem::gas::MM3_PER_MG;
-use fem::transient::StepSettings;
+use fem::transient::{MotionOptions, StepSettings};
 use single::Driven;
 use std::path::PathBuf;
 
@@ -125,10 +125,9 @@ impl Args {
             let largest_s = 1.0e-3 * self.step_ms;
             let steps =
                 StepSettings { largest_s, smallest_s: largest_s / 16.0, tolerance_mm: self.step_error_mm };
-            let (trace, out) = (trace.clone(), out.clone());
             let options =
-                transient::Options { trace, out, steps, fields_s: self.fields_s, settings: self.set };
-            return transient::run(&family, options, self.json);
+                MotionOptions { out: out.clone(), steps, fields_s: self.fields_s, settings: self.set };
+            return transient::run(&family, trace, options, self.json);
         }
         if let (Some(volume_mm3), true) = (self.volume_mm3, self.path) {
             let points = self.steps.unwrap_or(path::POINTS) as usize;

@@ -7,9 +7,7 @@ use anyhow::Context;
 use fem::actuator::{Actuator, Setting, mesh_quality};
 use fem::gas::MM3_PER_MG;
 use fem::{Family, Load, Output, Problem, Report, SolveError, Solver, State};
-use formats::export::{Label, Moment, Series, StateFormat};
-use formats::vtu::Cells;
-use rom::snapshots::FieldSpec;
+use formats::export::{Label, StateFormat};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
@@ -106,7 +104,8 @@ pub fn run(family: &Family, coarse: &[Family], target: &Target, out: Option<&Pat
         }
         output::json(&described)?;
         if let (true, Some(out)) = (step == target.steps, out) {
-            write(&problem, &output, &label(target, &state.load, &output), out)
+            output
+                .write(&problem, label(target, &state.load, &output), out)
                 .context("the state was not written")?;
         }
     }
@@ -177,23 +176,4 @@ fn line(output: &Output, clearance_mm: f64, load: &Load, work: &Report) -> Value
 fn label(target: &Target, load: &Load, output: &Output) -> Label {
     let settings = target.settings.iter().cloned();
     Label::of_state(load.pressure_mpa, target.gap_mm, settings, output.contact_force_n)
-}
-
-/// Writes the fields of a state in the format of the name's ending.
-pub fn write(problem: &Problem, output: &Output, label: &Label, out: &Path) -> anyhow::Result<()> {
-    let mesh = problem.mesh();
-    let axis = |points: &[[f64; 3]], k: usize| points.iter().map(|p| p[k] as f32).collect::<Vec<f32>>();
-    let mut values: Vec<f32> = (0..3).flat_map(|k| axis(&output.coordinates_mm, k)).collect();
-    values.extend(output.displacement_mm.iter().chain(&output.von_mises_mpa).map(|v| *v as f32));
-    let undeformed = [0, 1, 2].map(|k| axis(&mesh.nodes_mm, k));
-    let series = Series {
-        fields: &FieldSpec::of_the_paper(),
-        nodes: mesh.nodes_mm.len(),
-        cells: Cells::QuadraticTets(&mesh.tets),
-        undeformed: Some(undeformed.each_ref().map(Vec::as_slice)),
-        count: 1,
-    };
-    // The mesh is that of this state's own parameters.
-    let state = Moment { time: 0.0, label: label.clone(), values, moved: None };
-    Ok(series.write_state(out, &state)?)
 }
