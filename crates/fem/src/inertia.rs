@@ -13,7 +13,7 @@ use rom::inputs::{Inputs, PARAMETERS, PRESSURE};
 use rom::memory::{Creep, InputMemory, MemorySpec, PronyTerm, Slopes, filter};
 use rom::model::{BlockKind, Model, ModelError, ModelFileError};
 use rom::snapshots::{Case, Database, RegimeKind, Split, Vibration};
-use rom::statistics::median;
+use rom::statistics::{ends, median};
 use std::sync::Arc;
 use train::TrainError;
 use train::inertia::{Mass, Nodal, reduce};
@@ -261,15 +261,11 @@ fn middle(database: &Database, kind: RegimeKind) -> Option<&Case> {
     let distance = |case: &Case| {
         let mut sum = 0.0;
         for (at, value) in of(case).into_iter().enumerate() {
-            let all = cases.iter().map(|other| of(other)[at]);
-            let (low, high) =
-                (all.clone().fold(f64::INFINITY, f64::min), all.fold(f64::NEG_INFINITY, f64::max));
+            let [low, high] = ends(cases.iter().map(|other| of(other)[at]));
             sum += if high > low { ((value - 0.5 * (low + high)) / (high - low)).powi(2) } else { 0.0 };
         }
         for (at, (value, parameter)) in case.parameters.iter().zip(&database.parameters).enumerate() {
-            let all = cases.iter().map(|other| other.parameters[at]);
-            let (low, high) =
-                (all.clone().fold(f64::INFINITY, f64::min), all.fold(f64::NEG_INFINITY, f64::max));
+            let [low, high] = ends(cases.iter().map(|other| other.parameters[at]));
             sum += if high > low { ((value - parameter.nominal) / (high - low)).powi(2) } else { 0.0 };
         }
         sum

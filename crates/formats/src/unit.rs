@@ -31,6 +31,7 @@ pub enum Quantity {
 /// Spellings, quantity, factor to its base unit.
 const UNITS: &[(&[&str], Quantity, f64)] = &[
     (&["mpa", "n/mm2", "n/mm^2"], Quantity::Pressure, 1.0),
+    (&["gpa"], Quantity::Pressure, 1e3),
     (&["kpa", "kpag"], Quantity::Pressure, 1e-3),
     (&["hpa", "mbar"], Quantity::Pressure, 1e-4),
     (&["pa"], Quantity::Pressure, 1e-6),

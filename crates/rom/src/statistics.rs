@@ -48,7 +48,7 @@ mod tests {
         let nineteen = || (1..=19).map(f64::from);
         assert_eq!((quantile(nineteen(), 0.9), quantile(nineteen(), 0.5)), (18.0, 10.0));
         assert_eq!(
-            (ends(&[2.0, f64::NAN, -1.0]), range(&[2.0, -1.0]), range([0.0; 0])),
+            (ends([2.0, f64::NAN, -1.0]), range([2.0, -1.0]), range([0.0; 0])),
             ([-1.0, 2.0], 3.0, 0.0)
         );
         assert_eq!(quantile([1.0, 2.0, 3.0], 0.9), 3.0, "three values do not tell 90 %");

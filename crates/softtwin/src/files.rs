@@ -9,7 +9,7 @@ use fem::{Family, Problem};
 use formats::database::{self, ObstacleKind};
 pub use formats::file::quoted;
 use formats::results::ImportError;
-use formats::{FormatError, file};
+use formats::{FormatError, file, log};
 use recording::Series;
 use rom::model::{Model, ModelFileError};
 use rom::model_state::ModelState;
@@ -46,6 +46,11 @@ pub fn set_parameters(model: &mut Model, settings: &[(String, f64)]) -> anyhow::
     let given = settings.iter().map(|(name, value)| (name.as_str(), *value));
     model.header.set_parameters(given).map_err(|error| usage(format!("--set: {error}")))?;
     Ok(())
+}
+
+/// Reads a table of a bench by the mapping of its columns.
+pub fn bench_run(run: &Path, log: &Path) -> anyhow::Result<log::Recording> {
+    log::Mapping::read(log).and_then(|mapping| mapping.read_run(run)).map_err(refusal)
 }
 
 /// The recording that a path names: a file, or the files of a recorder that rotates.

@@ -4,7 +4,6 @@
 // Results go through `output!`, which survives a closed pipe; `println!` would panic there.
 #![warn(clippy::print_stdout)]
 
-mod bench;
 mod cmd;
 pub mod files;
 mod live;

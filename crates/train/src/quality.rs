@@ -198,8 +198,7 @@ fn shares(
         own.map(|(_, largest)| value(largest)).collect()
     };
     let share = |value: fn(&Errors) -> f64, of_all: bool| {
-        let values = of_regime(value);
-        let [low, high] = ends(&values);
+        let [low, high] = ends(of_regime(value));
         let mean_and_worst = |by: &dyn Fn(usize) -> f64| {
             let percent: Vec<f64> =
                 errors.iter().map(|(case, error)| 100.0 * value(error) / by(*case)).collect();

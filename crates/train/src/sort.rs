@@ -4,6 +4,7 @@ use crate::config::TrainConfig;
 use crate::error::TrainError;
 use rom::inputs::{GAP, Inputs, PARAMETERS, PRESSURE};
 use rom::snapshots::{Database, RegimeKind, Split};
+use rom::statistics::range;
 
 /// Training cases by regime, as indices into the database.
 pub(crate) struct TrainingCases {
@@ -66,8 +67,7 @@ fn merge(
     sorted: &mut TrainingCases,
 ) -> Result<Vec<usize>, TrainError> {
     let width = |axis: usize| {
-        let values = || cases.iter().map(|&i| input(i).values()[axis]);
-        let range = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
+        let range = range(cases.iter().map(|&i| input(i).values()[axis]));
         if range > 0.0 { range } else { 1.0 }
     };
     let inputs = PARAMETERS + database.parameters.len();

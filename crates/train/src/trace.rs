@@ -464,7 +464,7 @@ fn means(rows: &[Vec<f64>]) -> Vec<f64> {
 fn frequency_hz(rows: &[Vec<f64>]) -> Option<f64> {
     let last = rows.last()?[SERIES_PRESSURE];
     let begin = rows.iter().rposition(|row| row[SERIES_PRESSURE] != last).map_or(0, |at| at + 1);
-    let span = |rows: &[Vec<f64>]| range(&column(rows, TIP_Y));
+    let span = |rows: &[Vec<f64>]| range(column(rows, TIP_Y));
     if span(&rows[begin..]) < LEAST_SWING * span(rows) {
         return None;
     }

@@ -148,6 +148,9 @@ const MAX_STEP_BACK: f64 = 20.0;
 /// Share of the rows at one extreme value from which a column counts as saturated, and the fewest in a row.
 const SATURATED_SHARE: f64 = 0.02;
 const SATURATED_RUN: usize = 8;
+/// Pressures of soft actuators, MPa; ranges of lengths, mm.
+const PLAUSIBLE_MPA: [f64; 2] = [1e-4, 2.0];
+const PLAUSIBLE_MM: [f64; 2] = [0.05, 5000.0];
 /// Median steps that a marker jumps at least to the zeros of a lost one; times the usual run of equal positions from which it is held; and the part
 /// of an input's range by which that moves meanwhile.
 const JUMP: f64 = 10.0;
@@ -501,7 +504,7 @@ fn lost_rows(coordinates: &[&[f64]], inputs: &[&[f64]], rows: &[usize]) -> Vec<u
     let moved = |run: &[usize]| {
         inputs.iter().any(|values| {
             let of_run = range(run.iter().map(|row| values[*row]));
-            of_run > INPUT_MOVES * range(&mut values.iter().copied())
+            of_run > INPUT_MOVES * range(values.iter())
         })
     };
     let runs: Vec<&[usize]> = rows.chunk_by(|a, b| is_same(*a, *b)).collect();
@@ -624,6 +627,14 @@ fn value_remarks(name: &str, values: &[f64]) -> Vec<String> {
     if finite.is_empty() || high == low {
         remarks.push(format!("{name}: constant"));
         return remarks;
+    }
+    let (limits, unit, size) = match name.rsplit('_').next() {
+        Some("mpa") => (PLAUSIBLE_MPA, "MPa", high.abs().max(low.abs())),
+        Some("mm") => (PLAUSIBLE_MM, "mm", high - low),
+        _ => ([0.0, f64::INFINITY], "", 1.0),
+    };
+    if !(limits[0]..=limits[1]).contains(&size) {
+        remarks.push(format!("{name}: {size:.3e} {unit} at most; is its unit in the mapping right?"));
     }
     // A command holds other values for at least 50 % of that time.
     let others = values.chunk_by(|a, b| a == b).filter(|run| run[0] != high && run[0] != low);

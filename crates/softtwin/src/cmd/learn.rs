@@ -1,6 +1,5 @@
 //! `softtwin learn`.
 
-use crate::bench;
 use crate::failure::{configuration, unexplained};
 use crate::{files, output, report};
 use formats::log::{Recording, Series};
@@ -52,7 +51,8 @@ pub struct Args {
 impl Args {
     /// Learns and writes the model.
     pub fn run(self) -> anyhow::Result<()> {
-        let recordings = bench::read_all(&self.recordings, &self.log)?;
+        let runs = self.recordings.iter().map(|run| files::bench_run(run, &self.log));
+        let recordings = runs.collect::<anyhow::Result<Vec<_>>>()?;
         let mut remarks = Vec::new();
         for (recording, path) in recordings.iter().zip(&self.recordings) {
             remarks.extend(recording.remarks.iter().map(|remark| format!("{}: {remark}", path.display())));

@@ -2,8 +2,9 @@
 
 use crate::failure::{configuration, usage};
 use crate::live::DomainArgs;
-use crate::{bench, output, report};
+use crate::{files, output, report};
 use anyhow::{Result, anyhow};
+use formats::log::Mapping;
 use runtime::bridge::{Bridge, BridgeCounters};
 use runtime::source::{InputNames, Poll, Reading, ReplaySpec, Source, SourceSpec, in_another_unit};
 use serde_json::json;
@@ -120,7 +121,7 @@ impl Args {
 
 /// The inputs of a mapping that no reading has by itself.
 fn mapped_inputs(log: &Path) -> Result<InputNames> {
-    let mapping = bench::mapping(log)?;
+    let mapping = Mapping::read(log).map_err(files::refusal)?;
     let names = mapping.input.iter().map(|channel| channel.name.as_str());
     let names: Vec<&str> =
         names.filter(|name| !["pressure_mpa", "gap_mm", "measured_force_n"].contains(name)).collect();

@@ -1,12 +1,9 @@
 //! The body with predicted and measured markers at some instants.
 
+use crate::cmd::draw::{DrawnState, Group, Look, Shown, View, draw};
 use crate::files;
-use crate::picture::camera::Camera;
 use crate::picture::canvas::Canvas;
-use crate::picture::colour::ColourMap;
-use crate::picture::scale::Scale;
-use crate::picture::scene::{Block, Scene};
-use crate::picture::sheet::{Panel, Row, Sheet};
+use crate::picture::scene::Block;
 use crate::picture::skin::{Body, distances, marker_mm};
 use crate::picture::theme::ThemeName;
 use crate::picture::visible::visible_facets;
@@ -19,8 +16,7 @@ use train::comparison::RecordedInputs;
 
 /// Fractions of the range of the input that moves most.
 const INSTANTS: [f64; 3] = [0.0, 0.5, 1.0];
-const PANEL_PX: usize = 520;
-const TEXT_PX: f32 = 20.0;
+const PANEL_PX: u16 = 520;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Names and measured positions (mm) of the markers in a row; coordinates that were not measured are those of the model.
@@ -85,7 +81,7 @@ pub fn picture(
     let reconstructor = Reconstructor::new(model, &Selection::default())?;
     let mut fields = vec![0.0; reconstructor.entries()];
     let wanted = rows(recording, inputs, at_s);
-    let mut drawn: Vec<(Body, Vec<Block>, String)> = Vec::new();
+    let mut states = Vec::new();
     inputs
         .follow(model, |row, evaluation| {
             if !wanted.contains(&row) {
@@ -108,33 +104,29 @@ pub fn picture(
             } else {
                 Body { values: distances(&nodes, &rest), nodes_mm: nodes, facets: facets.clone() }
             };
-            drawn.push((body, blocks, format!("{:.2} s", recording.time_s[row])));
+            states.push(DrawnState {
+                body,
+                plate: None,
+                blocks,
+                force_n: 0.0,
+                outside: evaluation.flags.extrapolated,
+                title: format!("{:.2} s", recording.time_s[row]),
+            });
             Ok(())
         })
         .map_err(files::not_compared)?;
-    if drawn.is_empty() {
+    if states.is_empty() {
         return Ok(None);
     }
-    let largest = drawn.iter().flat_map(|(body, ..)| &body.values).copied().fold(0.0, f32::max);
-    let scale = Scale::rounded([0.0, largest], 5);
-    let panels = drawn.iter().map(|(body, blocks, title)| Panel {
-        scene: Scene { body, plate: None, blocks, range: scale.range },
-        title: title.clone(),
-        note: String::new(),
-    });
-    let sheet = Sheet {
-        title: "Model and measured markers".into(),
-        caption: "Blocks: measured markers.".into(),
-        rows: vec![Row { heading: String::new(), panels: panels.collect() }],
-        bar_label: "displacement (mm)".into(),
-        map: ColourMap::stress(),
-        camera: Camera::new(24.0, 17.0),
-        panel_px: PANEL_PX,
-        text_px: TEXT_PX,
-        theme: ThemeName::Light.colours(),
-        scale,
+    let look = Look {
+        field: Shown::Displacement,
+        range: None,
+        view: View::Oblique,
+        theme: ThemeName::Light,
+        width: Some(PANEL_PX),
     };
-    sheet.draw().map(Some)
+    let group = Group { heading: String::new(), states };
+    draw(&look, &[group], Some("Model and measured markers"), "Blocks: measured markers.".into()).map(Some)
 }
 
 /// Fields of x, y and z.

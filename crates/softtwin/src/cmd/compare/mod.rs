@@ -2,7 +2,6 @@
 
 mod body;
 
-use crate::bench;
 use crate::failure::{configuration, usage};
 use crate::picture::{Figure, Panel, Series as Line};
 use crate::{files, output, report};
@@ -65,7 +64,7 @@ impl Args {
     /// Compares and writes pictures and table.
     pub fn run(self) -> anyhow::Result<()> {
         let (model, biases) = subject(&self.model)?;
-        let recording = bench::read(&self.recording, &bench::mapping(&self.log)?)?;
+        let recording = files::bench_run(&self.recording, &self.log)?;
         let mut found = compare(&model, &recording, biases, self.follow).map_err(files::not_compared)?;
         let mut earlier = Vec::new();
         if let Some(path) = &self.before {

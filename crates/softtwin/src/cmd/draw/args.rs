@@ -80,20 +80,28 @@ pub struct Args {
     /// Draw gaps 80, 40 and 15 mm at 0.01, 0.025, 0.04, 0.055 and 0.07 MPa, or states in the model's training range.
     #[arg(long, conflicts_with_all = ["pressure_mpa", "gap_mm"], help_heading = "State")]
     pub fig9: bool,
+    #[command(flatten)]
+    pub look: Look,
+}
+
+/// How bodies are drawn.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Drawing")]
+pub struct Look {
     /// Quantity shown as colour.
-    #[arg(long, value_enum, default_value = "stress", help_heading = "Drawing")]
+    #[arg(long, value_enum, default_value = "stress")]
     pub field: Shown,
     /// Ends of the colour scale in the field's unit, LOW:HIGH; fitted to the picture when left out.
-    #[arg(long, value_name = "LOW:HIGH", value_parser = parse_range, help_heading = "Drawing")]
+    #[arg(long, value_name = "LOW:HIGH", value_parser = parse_range)]
     pub range: Option<[f32; 2]>,
     /// Direction of view.
-    #[arg(long, value_enum, default_value = "oblique", help_heading = "Drawing")]
+    #[arg(long, value_enum, default_value = "oblique")]
     pub view: View,
     /// Colours of the background.
-    #[arg(long, value_enum, default_value = "light", help_heading = "Drawing")]
+    #[arg(long, value_enum, default_value = "light")]
     pub theme: ThemeName,
     /// Width of one drawing, pixels (100 to 4000); the whole picture has at most 100 megapixels.
-    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(100..=4000), help_heading = "Drawing")]
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(100..=4000))]
     pub width: Option<u16>,
 }
 

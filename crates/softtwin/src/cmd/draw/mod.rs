@@ -7,14 +7,15 @@ mod placed;
 mod recording;
 mod states;
 
-pub use args::Args;
+pub use args::{Args, Look, Shown, View};
 pub use charts::observables;
+pub use states::{DrawnState, Group, draw};
 
 use crate::cmd::export::is_recording;
 use crate::failure::usage;
-use crate::picture::Figure;
 use crate::picture::canvas::Canvas;
-use crate::{bench, files, output};
+use crate::picture::{Figure, Panel, Series};
+use crate::{files, output};
 use anyhow::Result;
 use args::Chart;
 use formats::database::ObstacleKind;
@@ -47,8 +48,14 @@ impl Args {
     fn picture(&self) -> Result<Picture> {
         let kind = self.source.extension().and_then(|ending| ending.to_str());
         if let Some(log) = &self.log {
-            let recording = bench::read(&self.source, &bench::mapping(log)?)?;
-            return Ok(Picture::Chart(bench::figure(&recording, &self.source.display().to_string())));
+            let run = files::bench_run(&self.source, log)?;
+            let over_time = |series: &formats::log::Series| {
+                let points = run.time_s.iter().copied().zip(series.values.iter().copied());
+                Panel::new("", "time [s]", series.name.as_str(), vec![Series::line("", 0, points)])
+            };
+            let panels = run.inputs.iter().chain(&run.outputs).map(over_time).collect();
+            let title = self.source.display().to_string();
+            return Ok(Picture::Chart(Figure { title, panels, columns: 3 }));
         }
         if self.case.is_none() && is_recording(&self.source) {
             let model = self.model.as_ref().map(|path| files::model(path)).transpose()?;

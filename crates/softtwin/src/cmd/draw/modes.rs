@@ -24,7 +24,7 @@ pub fn draw(args: &Args, model: &Model, named: &str) -> Result<Canvas> {
     let regime = regime.ok_or_else(|| {
         usage(format!("the model has no regime {named}; it has {}", header.regime_names().join(", ")))
     })?;
-    let (name, label) = match args.field {
+    let (name, label) = match args.look.field {
         Shown::Stress => ("von_mises", "von Mises stress"),
         Shown::Displacement => ("y", "vertical position"),
     };
@@ -48,10 +48,10 @@ pub fn draw(args: &Args, model: &Model, named: &str) -> Result<Canvas> {
         bar_label: "mode / its largest entry".into(),
         scale: Scale::new([-1.0, 1.0], 4),
         map: ColourMap::diverging(),
-        camera: args.view.camera(),
-        panel_px: usize::from(args.width.unwrap_or(520)),
+        camera: args.look.view.camera(),
+        panel_px: usize::from(args.look.width.unwrap_or(520)),
         text_px: 21.0,
-        theme: args.theme.colours(),
+        theme: args.look.theme.colours(),
     };
     sheet.draw()
 }

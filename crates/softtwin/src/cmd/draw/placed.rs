@@ -31,13 +31,13 @@ pub fn scene(args: &Args, path: &Path) -> Result<Canvas> {
             usage(format!("--gap: the scene leaves the gap of `{}` open, so give one", actuator.name))
         })?;
         let model = files::model(&actuator.model)?;
-        let state = StateDrawer::new(&model, args.field)?.draw_state(pressure, Some(gap_mm))?;
+        let state = StateDrawer::new(&model, args.look.field)?.draw_state(pressure, Some(gap_mm))?;
         whole.force_n = whole.force_n.max(state.force_n);
         whole.outside |= state.outside;
         add(&mut whole.body, &state.body, &actuator.place);
     }
     let caption = "Predicted by the reduced-order model. Bold: contact force of one finger.";
-    draw(args, &[Group::alone(whole)], None, caption.into())
+    draw(&args.look, &[Group::alone(whole)], None, caption.into())
 }
 
 /// Adds a body at its place; a mirrored one is turned inside out by the mirror, so its facets turn round.

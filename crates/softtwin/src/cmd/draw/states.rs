@@ -1,6 +1,6 @@
 //! States of a model or of a database as pictures.
 
-use super::args::{Args, Shown};
+use super::args::{Args, Look, Shown};
 use crate::failure::usage;
 use crate::files::{self, refusal};
 use crate::picture::canvas::Canvas;
@@ -23,13 +23,13 @@ const FIG9_PRESSURES_MPA: [f64; 5] = [0.01, 0.025, 0.04, 0.055, 0.07];
 const TEXT_SHARE: f32 = 26.0;
 
 /// A state ready to draw.
-pub(super) struct DrawnState {
-    pub(super) body: Body,
-    pub(super) plate: Option<Plate>,
-    pub(super) blocks: Vec<Block>,
-    pub(super) force_n: f64,
-    pub(super) outside: bool,
-    pub(super) title: String,
+pub struct DrawnState {
+    pub body: Body,
+    pub plate: Option<Plate>,
+    pub blocks: Vec<Block>,
+    pub force_n: f64,
+    pub outside: bool,
+    pub title: String,
 }
 
 impl DrawnState {
@@ -47,9 +47,9 @@ impl DrawnState {
 }
 
 /// Shots side by side under a heading.
-pub(super) struct Group {
-    heading: String,
-    states: Vec<DrawnState>,
+pub struct Group {
+    pub heading: String,
+    pub states: Vec<DrawnState>,
 }
 
 impl Group {
@@ -136,7 +136,7 @@ fn plate(gap_mm: f64, extent: &Footprint) -> Plate {
 pub fn one(args: &Args, model: &Model) -> Result<Canvas> {
     let needs = model.header.needs();
     let pressure = if needs.pressure { args.pressure_mpa()? } else { f64::NAN };
-    let mut state = StateDrawer::new(model, args.field)?.draw_state(pressure, args.gap_mm)?;
+    let mut state = StateDrawer::new(model, args.look.field)?.draw_state(pressure, args.gap_mm)?;
     let given = args.settings.iter().map(|(name, value)| format!("{name} = {value}"));
     let own = needs.pressure.then(|| state_title(pressure, args.gap_mm));
     state.title = own.into_iter().chain(given).collect::<Vec<_>>().join(", ");
@@ -145,12 +145,12 @@ pub fn one(args: &Args, model: &Model) -> Result<Canvas> {
         true => format!("Markers predicted by the measured model {name}."),
         false => format!("Predicted by the reduced-order model {name}."),
     };
-    draw(args, &[Group::alone(state)], None, caption)
+    draw(&args.look, &[Group::alone(state)], None, caption)
 }
 
 /// The paper's Fig. 9.
 pub fn fig9(args: &Args, model: &Model) -> Result<Canvas> {
-    let mut studio = StateDrawer::new(model, args.field)?;
+    let mut studio = StateDrawer::new(model, args.look.field)?;
     let mut state = |gap_mm: f64, pressure_mpa: f64| -> Result<DrawnState> {
         let title = format!("P = {pressure_mpa} MPa");
         Ok(DrawnState { title, ..studio.draw_state(pressure_mpa, Some(gap_mm))? })
@@ -164,7 +164,7 @@ pub fn fig9(args: &Args, model: &Model) -> Result<Canvas> {
     let caption =
         "Predicted by the reduced-order model. Bold: contact force on the plate (lines every 10 mm).";
     let headline = if groups.len() == 3 { "Three gaps, five pressures" } else { "One gap, five pressures" };
-    draw(args, &groups, Some(headline), caption.into())
+    draw(&args.look, &groups, Some(headline), caption.into())
 }
 
 /// Trained range of an input; none if the model does not take it.
@@ -205,9 +205,9 @@ pub fn case(args: &Args, wanted: &str) -> Result<Canvas> {
     for scene in formats::database::obstacle_kinds(dir).map_err(refusal)? {
         let database = files::database(dir, scene)?;
         if let Some(index) = database.cases.iter().position(|case| case.name == wanted) {
-            let state = drawn_case(&database, index, args.field)?;
+            let state = drawn_case(&database, index, args.look.field)?;
             let caption = format!("Finite elements: case {wanted} of {}.", database.actuator);
-            return draw(args, &[Group::alone(state)], None, caption);
+            return draw(&args.look, &[Group::alone(state)], None, caption);
         }
     }
     anyhow::bail!("no case {wanted:?} in {}", dir.display())
@@ -243,7 +243,7 @@ fn drawn_case(database: &Database, index: usize, shown: Shown) -> Result<DrawnSt
 
 /// The scale of all states and the largest value. Stress peaks at single nodes of sharp corners; the scale ends where
 /// 99.5 % of the visible nodes lie, so that the rest of the body is not all one colour, and the label says how far it goes.
-fn colour_scale(args: &Args, groups: &[Group]) -> (Scale, f32) {
+fn colour_scale(range: Option<[f32; 2]>, groups: &[Group]) -> (Scale, f32) {
     let visible = |state: &DrawnState| {
         let mut seen = state.body.facets.as_flattened().to_vec();
         seen.sort_unstable();
@@ -255,25 +255,25 @@ fn colour_scale(args: &Args, groups: &[Group]) -> (Scale, f32) {
     values.sort_unstable_by(f32::total_cmp);
     let largest = values.last().copied().unwrap_or(0.0);
     let most = values.get(values.len() * 995 / 1000).copied().unwrap_or(0.0);
-    let scale = args.range.map_or_else(|| Scale::rounded([0.0, most], 5), |range| Scale::new(range, 5));
+    let scale = range.map_or_else(|| Scale::rounded([0.0, most], 5), |range| Scale::new(range, 5));
     (scale, largest)
 }
 
 /// Arranges states with one colour scale for all. Without a headline there is one state, whose title is the picture's.
-pub(super) fn draw(args: &Args, groups: &[Group], headline: Option<&str>, caption: String) -> Result<Canvas> {
-    let (scale, largest) = colour_scale(args, groups);
+pub fn draw(look: &Look, groups: &[Group], headline: Option<&str>, caption: String) -> Result<Canvas> {
+    let (scale, largest) = colour_scale(look.range, groups);
     let single = headline.is_none();
-    let panel_px = usize::from(args.width.unwrap_or(if single { 1100 } else { 420 }));
+    let panel_px = usize::from(look.width.unwrap_or(if single { 1100 } else { 420 }));
     let sheet = Sheet {
         title: headline.map_or_else(|| groups[0].states[0].full_title(), str::to_owned),
         caption,
         rows: groups.iter().map(|group| group.row(scale.range, !single)).collect(),
-        bar_label: format!("{}, largest {largest:.2}", args.field.label()),
+        bar_label: format!("{}, largest {largest:.2}", look.field.label()),
         map: ColourMap::stress(),
-        camera: args.view.camera(),
+        camera: look.view.camera(),
         panel_px,
         text_px: if single { (panel_px as f32 / TEXT_SHARE).min(22.0) } else { 21.0 },
-        theme: args.theme.colours(),
+        theme: look.theme.colours(),
         scale,
     };
     sheet.draw()

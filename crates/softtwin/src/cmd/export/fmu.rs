@@ -1,13 +1,14 @@
 //! A model as an FMU: description, library and resources in one archive, the same bytes for the same model.
 
 use crate::failure::{configuration, usage};
-use crate::{files, output};
+use crate::{files, report};
 use anyhow::{Context, Result};
 use fmu::{ChosenNode, IDENTIFIER, MODEL_FILE, NODES_FILE};
 use formats::file;
 use rom::model::{MAX_MODEL_BYTES, Model};
 use rom::probe::model_tip;
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 use zip::ZipWriter;
@@ -78,14 +79,8 @@ pub fn write(source: &Path, out: &Path, mut nodes: Vec<ChosenNode>, as_json: boo
         archive.write_all(content)?;
     }
     files::save(out, &archive.finish()?.into_inner())?;
-    if as_json {
-        let nodes = nodes.iter().map(|chosen| (chosen.name.clone(), json!(chosen.node)));
-        return output::json(&json!({ "fmu": out, "library": library_file,
-            "nodes": nodes.collect::<serde_json::Map<_, _>>() }));
-    }
-    let names: Vec<String> = nodes.iter().map(|c| format!("{} (node {})", c.name, c.node)).collect();
-    output!("{}: FMI 3.0, {binary}; nodes: {}", out.display(), names.join(", "))?;
-    Ok(())
+    let nodes: BTreeMap<String, u32> = nodes.into_iter().map(|chosen| (chosen.name, chosen.node)).collect();
+    report::print(&json!({ "fmu": out, "library": library_file, "nodes": nodes }), as_json)
 }
 
 /// The FMU's library: beside this program, where cargo leaves it, or where the package has it.

@@ -4,7 +4,6 @@ mod fmu;
 mod recorded;
 mod source;
 
-use crate::bench;
 use crate::failure::{configuration, usage};
 use crate::{files, output, report};
 use anyhow::Result;
@@ -90,7 +89,7 @@ impl Args {
     /// A source that cannot be read, options that do not belong to it, a file that cannot be written.
     pub fn run(self) -> Result<()> {
         if let Some(log) = &self.log {
-            let recording = bench::read(&self.source, &bench::mapping(log)?)?;
+            let recording = files::bench_run(&self.source, log)?;
             files::save(&self.out, recording.csv().as_bytes())?;
             recording.remarks.iter().try_for_each(|remark| output!("  note: {remark}"))?;
             return Ok(output!("{} rows in {}", recording.time_s.len(), self.out.display())?);

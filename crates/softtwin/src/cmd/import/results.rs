@@ -11,6 +11,7 @@ use formats::results::{
     ImportOptions, ImportedStates, InputSource, Wanted, collect, input_ranges, plain_name,
 };
 use formats::table::Table;
+use formats::unit::{Quantity, known_of, unit};
 use formats::vtu::Cells;
 use rom::snapshots::{Database, Split};
 use serde::Serialize;
@@ -52,11 +53,11 @@ pub struct Args {
     #[arg(long)]
     replace: bool,
     /// Unit of length in the files.
-    #[arg(long, value_enum)]
-    length_unit: Length,
+    #[arg(long = "length-unit", value_name = "UNIT", value_parser = |text: &str| factor(text, Quantity::Length))]
+    length_mm: f64,
     /// Unit of stress in the files; needed where they hold a stress.
-    #[arg(long, value_enum)]
-    stress_unit: Option<Stress>,
+    #[arg(long = "stress-unit", value_name = "UNIT", value_parser = |text: &str| factor(text, Quantity::Pressure))]
+    stress_mpa: Option<f64>,
     /// Table of inputs: columns file, the inputs, and where needed step, case, regime, split, contact_force_n.
     #[arg(long, value_name = "FILE.csv")]
     inputs: Option<PathBuf>,
@@ -93,28 +94,16 @@ pub struct Args {
     json: bool,
 }
 
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum Length {
-    Um,
-    Mm,
-    Cm,
-    M,
-    In,
-}
-
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum Stress {
-    Pa,
-    Kpa,
-    Mpa,
-    Gpa,
-    Psi,
-}
-
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Steps {
     Last,
     All,
+}
+
+/// Factor of a unit to mm or MPa.
+fn factor(text: &str, of: Quantity) -> Result<f64, String> {
+    let found = unit(text).filter(|(quantity, _)| *quantity == of);
+    found.map(|(_, factor)| factor).ok_or_else(|| format!("expected one of {}", known_of(of)))
 }
 
 fn field(text: &str) -> Result<(String, String), String> {
@@ -136,20 +125,8 @@ impl Args {
             )));
         }
         let wanted = Wanted {
-            length_mm: match self.length_unit {
-                Length::Um => 1e-3,
-                Length::Mm => 1.0,
-                Length::Cm => 10.0,
-                Length::M => 1e3,
-                Length::In => 25.4,
-            },
-            stress_mpa: self.stress_unit.map(|unit| match unit {
-                Stress::Pa => 1e-6,
-                Stress::Kpa => 1e-3,
-                Stress::Mpa => 1.0,
-                Stress::Gpa => 1e3,
-                Stress::Psi => 0.006_894_757_293_168_361,
-            }),
+            length_mm: self.length_mm,
+            stress_mpa: self.stress_mpa,
             displacement: self.displacement.clone(),
             stress: self.stress.clone(),
             fields: self.fields.clone(),

@@ -5,6 +5,7 @@ use control::inverse::{Model, Quantity, inverse};
 use control::settings::TARGET_FRACTION;
 use control::twin_model::TwinModel;
 use formats::trace::around;
+use rom::statistics::ends;
 
 /// Setpoints over time, as straight lines between points of time in s and MPa.
 #[derive(Debug, Clone)]
@@ -82,8 +83,7 @@ impl Experiment {
 
     /// Lowest and highest pressure, MPa.
     pub(super) fn range_mpa(&self) -> [f64; 2] {
-        let pressures = || self.points.iter().map(|point| point[1]);
-        [pressures().fold(f64::INFINITY, f64::min), pressures().fold(f64::NEG_INFINITY, f64::max)]
+        ends(self.points.iter().map(|point| point[1]))
     }
 
     /// Setpoint at a time, MPa.
