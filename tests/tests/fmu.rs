@@ -247,6 +247,22 @@ fn fmu_of_a_learned_model_answers_as_its_session_bit_for_bit() {
     let expected: Vec<f64> = (1..=70).map(&mut at).collect();
     assert_eq!(found, expected);
     assert!(found[69] != found[12], "{found:?}");
+    // Beyond what was learned the value of the session, whose interval contains the truth or is absent; farther out none.
+    importer.set(0.15);
+    let settled = importer.run(70, 600)[599];
+    let inputs = |pressure_mpa: f64| Inputs::new(pressure_mpa, f64::INFINITY).with(2, outlet);
+    for k in 71..=670_u64 {
+        session.step_held(5_000_000 * k, inputs(0.15), &mut evaluation).unwrap();
+    }
+    let (value, width) = (evaluation.coefficients[0], evaluation.output_half_widths[0]);
+    assert!(evaluation.flags.extrapolated && (settled - value).abs() < 1e-5, "{settled} {value}");
+    assert!(width.is_nan() || (value - 200.0 * (0.15 - outlet)).abs() < width, "{value} {width}");
+    importer.set(1.0);
+    importer.step(3.35, 0.005);
+    let mut far = f64::NAN;
+    // SAFETY: one reference and a place for one value.
+    let status = unsafe { fmi3GetFloat64(importer.instance, &raw const importer.tip_y, 1, &raw mut far, 1) };
+    assert!(status != OK || far.is_nan(), "{far}");
 }
 
 #[test]

@@ -245,6 +245,23 @@ fn twin_of_a_learned_model_follows_its_marker_and_allocates_only_the_transports_
     }
     assert_eq!(counted, 2 * 280);
     assert!(widths[399] < 0.9 * widths[99], "{} {}", widths[99], widths[399]);
+    // Beyond what was learned: a flag and a wider interval or none; farther out no state.
+    for (k, pressure_mpa) in [(1_u64, 0.15), (2, 1.0)] {
+        let t_sensor_ns = begin_ns + 8_000_000_000 + k * 20_000_000;
+        let mut sample =
+            SensorSample { boot_id: 5, seq: 400 + k, t_sensor_ns, pressure_mpa, ..Default::default() };
+        assert!(sample.add_input("outlet_mpa", 0.03));
+        sensor.publish(sample).unwrap();
+        twin.turn(Duration::from_millis(100));
+        let Some(state) = states.newest().unwrap() else {
+            assert_eq!(k, 2);
+            continue;
+        };
+        let width = state.displacement_halfwidth_mm;
+        assert!(k == 1 && (width.is_nan() || width > widths[399]), "{k} {width}");
+        assert!(state.flags & flags::OUTSIDE_DOMAIN != 0, "{k}");
+    }
+    assert_eq!(twin.health().next().unwrap().count(wire::Outcome::DroppedModel), 1);
     let refused = std::fs::read_to_string(&path).unwrap().replace("node = 0", "at_mm = [0.0, 0.0, 0.0]");
     std::fs::write(&path, refused).unwrap();
     assert!(load_scene(&Scene::load(&path).unwrap(), &path).is_err());

@@ -38,6 +38,45 @@ fn empty_bus_is_reported_with_a_remedy() {
 }
 
 #[test]
+fn predictions_beyond_what_was_learned_have_an_interval_with_the_truth_or_none() {
+    let stage = Stage::with_model("beyond", &tests::learned_model().to_bytes().unwrap());
+    let model = stage.path("beam.twin").display().to_string();
+    let truth_mm = 200.0 * (0.15 - 0.03);
+    let (code, said) =
+        run(&stage, &["predict", &model, "--pressure", "0.15", "--set", "outlet_mpa=0.03", "--json"]);
+    assert_eq!(code, Some(0), "{said:?}");
+    let answer = said.iter().position(|line| line.starts_with('{')).unwrap();
+    let tip = &json(&said[answer..=answer])[0]["outputs"]["tip_y_mm"];
+    let value = tip["value"].as_f64().unwrap();
+    assert!(tip["half_width"].as_f64().is_none_or(|width| (value - truth_mm).abs() < width), "{tip}");
+    let rows: String = (0..200).map(|k| format!("{},{},0.03\n", 0.02 * f64::from(k), 0.15)).collect();
+    let trace = stage.write("trace.csv", &format!("t_s,pressure_mpa,outlet_mpa\n{rows}"));
+    let series = stage.path("series.csv");
+    let paths = [&trace, &series].map(|path| path.display().to_string());
+    let (code, said) = run(&stage, &["predict", &model, "--trace", &paths[0], "--out", &paths[1]]);
+    assert_eq!(code, Some(0), "{said:?}");
+    let table = std::fs::read_to_string(series).unwrap();
+    let mut lines = table.lines().filter(|line| !line.starts_with('#'));
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let last: Vec<&str> = lines.next_back().unwrap().split(',').collect();
+    let column = |name: &str| -> Option<f64> {
+        last[names.iter().position(|known| *known == name).unwrap()]
+            .parse()
+            .ok()
+            .filter(|v: &f64| v.is_finite())
+    };
+    let of_trace = column("tip_y_mm").unwrap();
+    assert!((of_trace - value).abs() < 1e-3, "{of_trace} {value}");
+    assert!(
+        column("tip_y_mm_half_width").is_none_or(|width| (of_trace - truth_mm).abs() < width),
+        "{last:?}"
+    );
+    let far = ["predict", &model, "--pressure", "1.0", "--set", "outlet_mpa=0.03", "--json"];
+    let (code, said) = run(&stage, &far);
+    assert!(code != Some(0), "no answer: {said:?}");
+}
+
+#[test]
 fn commands_show_published_samples() {
     let stage = Stage::new("tool");
     let scene = stage.finger(SOURCE);

@@ -21,7 +21,10 @@ struct Opened {
 
 impl Opened {
     fn step(&mut self, t_ns: u64, pressure_mpa: f64) -> softtwin_status {
-        let inputs = [pressure_mpa, 20.0, f64::NAN];
+        self.step_under(t_ns, [pressure_mpa, 20.0, f64::NAN])
+    }
+
+    fn step_under(&mut self, t_ns: u64, inputs: [f64; 3]) -> softtwin_status {
         let mut out = MaybeUninit::<softtwin_prediction>::uninit();
         // SAFETY: the motion is open, the arrays have the sizes of the model.
         unsafe {
@@ -82,4 +85,36 @@ fn motion_in_c_is_that_of_the_session_over_random_readings() {
         (answered, refused) = (answered + u32::from(has_fields), refused + u32::from(stepped.is_err()));
     }
     assert!(answered > 900 && refused > 50, "{answered} {refused}");
+}
+
+#[test]
+fn learned_model_in_c_has_an_interval_beyond_what_was_learned_or_none_and_no_answer_far_out() {
+    let model = tests::learned_model();
+    let stage = Stage::with_model("capilearned", &model.to_bytes().unwrap());
+    let path = CString::new(stage.path("beam.twin").to_str().unwrap()).unwrap();
+    let entries = Reconstructor::new(&model, &Selection::default()).unwrap().entries();
+    let mut opened = Opened { model: null_mut(), motion: null_mut(), values: vec![0.0; entries] };
+    // SAFETY: places for two pointers.
+    unsafe {
+        assert_eq!(softtwin_model_open(path.as_ptr(), &raw mut opened.model), softtwin_status::SOFTTWIN_OK);
+        let status = softtwin_motion_open(opened.model, &raw mut opened.motion);
+        assert_eq!(status, softtwin_status::SOFTTWIN_OK);
+    }
+    let mut session = Session::new(&model, Gaps::Live).unwrap();
+    let mut evaluation = session.evaluation();
+    let outlet = model.header.inputs[2].value.unwrap();
+    for k in 0..300 {
+        let (t_ns, pressure_mpa) = (20_000_000 * k, if k < 10 { 0.05 } else { 0.15 });
+        session
+            .step(t_ns, Inputs::new(pressure_mpa, f64::INFINITY).with(2, outlet), &mut evaluation)
+            .unwrap();
+        let status = opened.step_under(t_ns, [pressure_mpa, f64::NAN, outlet]);
+        assert_eq!(status, softtwin_status::SOFTTWIN_OK, "{k}");
+        assert!(opened.values.iter().any(|v| (f64::from(*v) - evaluation.coefficients[0]).abs() < 1e-4), "{k}");
+    }
+    let (value, width) = (evaluation.coefficients[0], evaluation.output_half_widths[0]);
+    assert!(evaluation.flags.extrapolated);
+    assert!(width.is_nan() || (value - 200.0 * (0.15 - outlet)).abs() < width, "{value} {width}");
+    let far = opened.step_under(6_000_000_000, [1.0, f64::NAN, outlet]);
+    assert_eq!(far, softtwin_status::SOFTTWIN_REFUSED);
 }

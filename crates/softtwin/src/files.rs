@@ -172,7 +172,9 @@ pub fn answered(
         bail!(why);
     }
     if let Some(why) = evaluator.outside(evaluation).filter(|_| says) {
-        tracing::warn!("outside the training range, so the answer has no half-widths: {why}");
+        let widths =
+            if evaluator.learned().is_some() { "wider half-widths or none" } else { "no half-widths" };
+        tracing::warn!("outside the training range, so the answer has {widths}: {why}");
     }
     Ok(peaks?)
 }
