@@ -98,8 +98,8 @@ fn extremes(problem: &Problem, nodes: &[u32], axis: usize, narrowest_mm: f64) ->
         return None;
     }
     let near = |level_mm: f64| {
-        let own = nodes.iter().copied().filter(|n| (level(*n) - level_mm).abs() <= 0.1 * narrowest_mm);
-        own.min_by(|a, b| off(*a).total_cmp(&off(*b))).map(|n| n as usize)
+        let at_level = nodes.iter().copied().filter(|n| (level(*n) - level_mm).abs() <= 0.1 * narrowest_mm);
+        at_level.min_by(|a, b| off(*a).total_cmp(&off(*b))).map(|n| n as usize)
     };
     Some([near(low_mm)?, near(high_mm)?])
 }

@@ -98,8 +98,8 @@ impl Family {
 
     /// A variant's value of a quantity; NaN for an unknown name.
     pub fn value(&self, variant: &Variant, name: &str) -> f64 {
-        let own = variant.0.iter().find(|(key, _)| key == name).map(|(_, value)| *value);
-        own.or_else(|| self.actuator.quantity(name).ok()).unwrap_or(f64::NAN)
+        let changed = variant.0.iter().find(|(key, _)| key == name).map(|(_, value)| *value);
+        changed.or_else(|| self.actuator.quantity(name).ok()).unwrap_or(f64::NAN)
     }
 
     /// The variant with one quantity changed by `step`.

@@ -98,9 +98,9 @@ impl<'a> Locator<'a> {
         let [i, j, k] = self.cell(x);
         let around = |at: usize, count: usize| at.saturating_sub(1)..=(at + 1).min(count - 1);
         // A point on the cell's face may belong to a neighbour by rounding.
-        let own = self.nearest(x, self.cells[self.index([i, j, k])].iter());
-        if own.as_ref().is_some_and(|place| place.outside < 1.0e-9) {
-            return own;
+        let in_cell = self.nearest(x, self.cells[self.index([i, j, k])].iter());
+        if in_cell.as_ref().is_some_and(|place| place.outside < 1.0e-9) {
+            return in_cell;
         }
         let neighbours = around(i, self.counts[0])
             .flat_map(|i| around(j, self.counts[1]).map(move |j| (i, j)))

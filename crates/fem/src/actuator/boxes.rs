@@ -113,8 +113,9 @@ impl Boxes {
 
     /// Row in whose cavity, or on whose wall, a point lies.
     pub(crate) fn cavity_at(&self, p: [f64; 3], tolerance_mm: f64) -> Option<usize> {
-        let of = |row: &Row| row.chambers.iter().chain(&row.channels).any(|b| inside(b, p, tolerance_mm));
-        self.rows.iter().position(of)
+        let encloses =
+            |row: &Row| row.chambers.iter().chain(&row.channels).any(|b| inside(b, p, tolerance_mm));
+        self.rows.iter().position(encloses)
     }
 
     /// Number and side, `lower` or `upper`, of the slot on whose wall across x a point lies; those of the opposite row follow.

@@ -107,9 +107,9 @@ fn area(file: &MeshFile, facets: impl Iterator<Item = [u32; 3]>) -> (f64, Vec3) 
     let (mut area, mut moment) = (0.0, [0.0; 3]);
     for facet in facets {
         let [a, b, c] = facet.map(|n| file.points_mm[n as usize]);
-        let own = 0.5 * norm(cross(sub(b, a), sub(c, a)));
-        axpy(own / 3.0, add(add(a, b), c), &mut moment);
-        area += own;
+        let area_mm2 = 0.5 * norm(cross(sub(b, a), sub(c, a)));
+        axpy(area_mm2 / 3.0, add(add(a, b), c), &mut moment);
+        area += area_mm2;
     }
     (area, scale(1.0 / area, moment))
 }

@@ -133,11 +133,11 @@ impl Actuator {
             let count = shape.slots.map_or(0, |_| rows * (shape.chambers.count - 1));
             return (0..count).map(|i| i.to_string()).collect();
         }
-        let of = |name: &String| {
+        let slot_number = |name: &String| {
             let rest = name.strip_prefix("slot_lower_").or_else(|| name.strip_prefix("slot_upper_"));
             rest.map(str::to_owned)
         };
-        file.surfaces.keys().filter_map(of).collect::<BTreeSet<_>>().into_iter().collect()
+        file.surfaces.keys().filter_map(slot_number).collect::<BTreeSet<_>>().into_iter().collect()
     }
 
     /// Material of each tetrahedron: 0 is `elastomer`, then those of the named volumes.

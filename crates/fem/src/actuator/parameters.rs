@@ -85,9 +85,9 @@ pub fn unit(name: &str) -> &'static str {
         ("_n", "N"),
         ("_s", "s"),
     ];
-    let of = |key: &str| units.iter().find(|(end, _)| key.ends_with(end)).map(|(_, unit)| *unit);
+    let known_unit = |key: &str| units.iter().find(|(end, _)| key.ends_with(end)).map(|(_, unit)| *unit);
     // A place in a list (`gravity_mm_s2.1`) and the name of a cavity (`pressure_mpa.left`) are behind the unit.
-    name.rsplit('.').find_map(of).unwrap_or("")
+    name.rsplit('.').find_map(known_unit).unwrap_or("")
 }
 
 fn collect(name: &str, value: &Value, found: &mut Vec<Setting>) {

@@ -32,8 +32,8 @@ impl Actuator {
     pub fn material(path: &Path) -> Result<Option<(PathBuf, MaterialFile)>, FormatError> {
         let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
         let named = material_paths(path, &text).map_err(|found| FormatError::one(path, found))?;
-        let own = named.into_iter().find_map(|(volume, path)| volume.is_none().then_some(path));
-        own.map(|path| MaterialFile::read(&path).map(|material| (path, material))).transpose()
+        let elastomer_path = named.into_iter().find_map(|(volume, path)| volume.is_none().then_some(path));
+        elastomer_path.map(|path| MaterialFile::read(&path).map(|material| (path, material))).transpose()
     }
 
     /// [`Actuator::read`] from memory.
@@ -57,9 +57,9 @@ impl Actuator {
 /// `file` of `elastomer` and of each material, relative to the actuator's folder; invalid TOML names none.
 fn material_paths(path: &Path, text: &str) -> Result<Vec<Named>, Diagnostic> {
     let Ok(table) = text.parse::<Table>() else { return Ok(Vec::new()) };
-    let own = table.get("elastomer").map(|value| (None, value));
+    let elastomer = table.get("elastomer").map(|value| (None, value));
     let volumes = table.get("materials").and_then(Value::as_table).into_iter().flatten();
-    let all = own.into_iter().chain(volumes.map(|(name, value)| (Some(name.clone()), value)));
+    let all = elastomer.into_iter().chain(volumes.map(|(name, value)| (Some(name.clone()), value)));
     let mut named = Vec::new();
     for (volume, value) in all {
         let Some(elastomer) = value.as_table() else { continue };

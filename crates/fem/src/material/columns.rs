@@ -144,7 +144,7 @@ pub struct TestDescription {
     /// What the table leaves open.
     #[serde(default)]
     pub table: TableForm,
-    /// TestKind; by default from the file's name.
+    /// What was done to the specimen; by default told by the file's name.
     pub test: Option<TestKind>,
     /// Weight of the test's error.
     #[serde(default = "one")]

@@ -81,8 +81,8 @@ pub(super) fn inverse(m: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     let column = |unit: usize| {
         let mut y = vec![0.0; n];
         for i in 0..n {
-            let own = if i == unit { 1.0 } else { 0.0 };
-            y[i] = (own - (0..i).map(|k| l[i][k] * y[k]).sum::<f64>()) / l[i][i];
+            let right_hand_side = if i == unit { 1.0 } else { 0.0 };
+            y[i] = (right_hand_side - (0..i).map(|k| l[i][k] * y[k]).sum::<f64>()) / l[i][i];
         }
         for i in (0..n).rev() {
             y[i] = (y[i] - (i + 1..n).map(|k| l[k][i] * y[k]).sum::<f64>()) / l[i][i];

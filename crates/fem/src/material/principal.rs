@@ -29,8 +29,8 @@ impl Principal {
     fn of_invariant(energy: &Energy, x: Vec3) -> Self {
         let moduli = std::array::from_fn(|i| {
             std::array::from_fn(|j| {
-                let own = if i == j { 4.0 * energy.d1 * x[i] } else { 0.0 };
-                own + 4.0 * energy.d2 * x[i] * x[j]
+                let diagonal = if i == j { 4.0 * energy.d1 * x[i] } else { 0.0 };
+                diagonal + 4.0 * energy.d2 * x[i] * x[j]
             })
         });
         Self { t: x.map(|x| 2.0 * energy.d1 * x), moduli }
@@ -82,7 +82,7 @@ impl Hyperelastic {
         if self.is_always_stable() {
             return None;
         }
-        let of = |ratio: f64| {
+        let stable_invariant = |ratio: f64| {
             let first = |k: &usize| !self.is_stable_at(ratio, EXAMINED.ln() * *k as f64 / STEPS as f64);
             let step = (1..=STEPS).find(first)?;
             let at = |k: usize| EXAMINED.ln() * k as f64 / STEPS as f64;
@@ -93,7 +93,7 @@ impl Hyperelastic {
             }
             Some(stretches(ratio, low).iter().sum::<f64>())
         };
-        let limit = RATIOS.into_iter().filter_map(of).fold(f64::INFINITY, f64::min);
+        let limit = RATIOS.into_iter().filter_map(stable_invariant).fold(f64::INFINITY, f64::min);
         let stretch = super::tension::stretch_at(limit);
         (stretch <= EXAMINED).then_some(stretch)
     }

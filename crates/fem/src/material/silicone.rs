@@ -150,7 +150,7 @@ pub fn named(text: &str) -> Result<&'static Silicone, String> {
     })
 }
 
-/// HardnessFigure of a data sheet.
+/// A figure of a data sheet that tells how stiff a silicone is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HardnessFigure {
     /// Shore A hardness.

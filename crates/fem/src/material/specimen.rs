@@ -425,7 +425,7 @@ struct OriginFit {
 }
 
 impl OriginFit {
-    /// OriginFits if too few rows are near the origin.
+    /// Both are 0 if fewer than five rows are near the origin.
     fn of(deformation: Deformation, rows: &[[f64; 2]]) -> Self {
         let largest_mpa = rows.iter().map(|row| row[1].abs()).fold(0.0, f64::max);
         let first: Vec<&[f64; 2]> = rows.iter().filter(|p| p[0].max(1.0 / p[0]) <= FIRST_STRETCH).collect();

@@ -44,8 +44,8 @@ impl Mesh {
         };
         // Of equal ends the first: x before y and z, upwards before downwards.
         let first_best = |best: ((usize, f64), f64), end| {
-            let own = reach(end);
-            if own > best.1 * (1.0 + 1.0e-9) { (end, own) } else { best }
+            let end_reach_mm = reach(end);
+            if end_reach_mm > best.1 * (1.0 + 1.0e-9) { (end, end_reach_mm) } else { best }
         };
         let ((axis, sense), reach_mm) = ends.fold(((0, 1.0), 0.0), first_best);
         let across = [(axis + 1) % 3, (axis + 2) % 3];
@@ -84,9 +84,9 @@ impl Mesh {
         let (mut area, mut moment) = (0.0, [0.0; 3]);
         for corners in Boundary::new(&self.tets).faces().filter(|f| f.iter().all(|n| is_in[*n as usize])) {
             let [a, b, c] = corners.map(|n| self.nodes_mm[n as usize]);
-            let own = 0.5 * norm(cross(sub(b, a), sub(c, a)));
-            axpy(own / 3.0, add(add(a, b), c), &mut moment);
-            area += own;
+            let area_mm2 = 0.5 * norm(cross(sub(b, a), sub(c, a)));
+            axpy(area_mm2 / 3.0, add(add(a, b), c), &mut moment);
+            area += area_mm2;
         }
         match area > 0.0 {
             // The faces come in no order: rounding makes the sum the same in every run.

@@ -95,9 +95,9 @@ pub(crate) fn enclosed(points_mm: &[Vec3], triangles: &[[u32; 3]]) -> (f64, Vec3
     let (mut volume, mut moment) = (0.0, [0.0; 3]);
     for triangle in triangles {
         let [a, b, c] = triangle.map(|n| sub(at(n), origin));
-        let own = dot(a, cross(b, c)) / 6.0;
-        volume += own;
-        axpy(0.25 * own, add(add(a, b), c), &mut moment);
+        let tetrahedron_mm3 = dot(a, cross(b, c)) / 6.0;
+        volume += tetrahedron_mm3;
+        axpy(0.25 * tetrahedron_mm3, add(add(a, b), c), &mut moment);
     }
     (volume, add(origin, scale(1.0 / volume, moment)))
 }

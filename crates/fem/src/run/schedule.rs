@@ -35,7 +35,7 @@ pub(super) fn starts(cases: &[Case], nominal: &[f64]) -> Vec<Vec<Start>> {
             scale.place(scale.driven(case), case.gap_mm, &values)
         })
         .collect();
-    let of = |i: usize| -> Vec<Start> {
+    let starts = |i: usize| -> Vec<Start> {
         let before = places[..i].iter().enumerate().map(|(j, place)| (Start::Case(j), place));
         let all = std::iter::once((Start::Rest, &rest)).chain(before);
         let distances = all.map(|(start, place)| (scale.distance(place, &places[i]), start));
@@ -44,7 +44,7 @@ pub(super) fn starts(cases: &[Case], nominal: &[f64]) -> Vec<Vec<Start>> {
         nearest.sort_by(|a, b| a.0.total_cmp(&b.0));
         nearest.into_iter().take(STARTS).map(|(_, start)| start).collect()
     };
-    (0..cases.len()).map(of).collect()
+    (0..cases.len()).map(starts).collect()
 }
 
 /// A case in scaled inputs.

@@ -110,12 +110,12 @@ impl Trace {
         let Columns { pressure, gap, gravity, cavities } = self.columns;
         let values = self.inputs.at(t_s);
         let first = &self.inputs.rows[0].1;
-        let of = |at: Option<usize>| at.map(|at| values[at]);
+        let value = |at: Option<usize>| at.map(|at| values[at]);
         TraceRow {
             t_s,
-            pressure_mpa: of(pressure).unwrap_or_default(),
-            gap_mm: of(gap).filter(|gap| gap.is_finite()),
-            gravity_mm_s2: std::array::from_fn(|i| of(gravity[i]).unwrap_or(self.gravity_mm_s2[i])),
+            pressure_mpa: value(pressure).unwrap_or_default(),
+            gap_mm: value(gap).filter(|gap| gap.is_finite()),
+            gravity_mm_s2: std::array::from_fn(|i| value(gravity[i]).unwrap_or(self.gravity_mm_s2[i])),
             cavities_change_mpa: cavities.map(|at| at.map_or(0.0, |at| values[at] - first[at])),
         }
     }
