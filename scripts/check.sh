@@ -57,7 +57,7 @@ readers_python() {
 
 clients_python() {
     [ ! clients/python/pyproject.toml -nt build/clients-venv/installed ] || rm -f build/clients-venv/installed
-    python clients "iceoryx2==0.10.0" numpy pytest matplotlib mypy xarray pyvista fmpy 'pymoca<0.13' jsonschema basyx-python-sdk \
+    python clients numpy pandas polars pytest matplotlib mypy xarray pyvista fmpy 'pymoca<0.13' jsonschema basyx-python-sdk \
         mcap mcap-protobuf-support 'foxglove-sdk<0.31' rerun-sdk gymnasium nbclient nbformat ipykernel \
         'meshio==5.3.5' h5py lxml mapdl-archive
 }
@@ -149,12 +149,16 @@ for task in {task for task, _ in rms}:
     assert own <= peer, "expected softtwin to be no worse than a polynomial"'
 }
 
+# native_module: the built module where Python finds it beside the package's sources.
+native_module() {
+    ln -sf "$(realpath "$target")/debug/lib_native.so" clients/python/src/softtwin/_native.abi3.so
+}
+
 clients() {
     clients_python
     build
     export PYTHONPATH=$PWD/clients/python/src
-    SOFTTWIN_LIBRARY=$(realpath "$target")/debug/libcapi.so
-    export SOFTTWIN_LIBRARY
+    native_module
     "$python" -m mypy --cache-dir build/mypy --ignore-missing-imports --no-error-summary clients/python/src/softtwin
     exec "$python" -m pytest -q clients/python/tests "$@"
 }

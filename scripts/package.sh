@@ -3,12 +3,12 @@
 #   scripts/package.sh deb OUT [--gateway]       Debian package: softtwin, softtwind, softtwin-demo, services, udev rule, man pages, shell
 #                                                completions, models, configuration under /etc/softtwin that an upgrade keeps, C library with
 #                                                headers, library of FMUs; --gateway: a second package, softtwin-gateway
-#   scripts/package.sh wheel OUT                 Python wheel: the client, C library, daemon, demonstration, one model
+#   scripts/package.sh wheel OUT                 Python wheel: the package with its native module, the programs, one model
 #   scripts/package.sh c PREFIX                  C and C++ client: libsofttwin (shared, static), headers, pkg-config and CMake files:
 #                                                PKG_CONFIG_PATH=PREFIX/lib/pkgconfig pkg-config --cflags --libs softtwin
 #                                                cmake -DCMAKE_PREFIX_PATH=PREFIX ...
 #   scripts/package.sh share FOLDER [MODEL...]   content of share/softtwin: scenes, traces, settings, models (default: every model)
-# Needs Rust and a C compiler; deb: dpkg-deb; wheel: Python 3.9 or newer with pip and setuptools.
+# Needs Rust and a C compiler; deb: dpkg-deb; wheel: Python 3.10 or newer with pip.
 set -euo pipefail
 usage() { sed -n '2,11s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 [ $# -ge 2 ] || usage
@@ -75,17 +75,7 @@ c_client() {
 }
 
 wheel() {
-    local carried=$work/src/softtwin/carried program
-    compile -p capi -p softtwind --bins --lib
-    cp -r clients/python/{pyproject.toml,README.md,src} "$work/"
-    share "$carried/share" pneunet
-    mkdir -p "$carried/bin" "$carried/lib" "$carried/include"
-    for program in softtwind softtwin-demo; do strip -o "$carried/bin/$program" "$folder/$program"; done
-    strip --strip-unneeded -o "$carried/lib/libsofttwin.so.0" "$folder/libcapi.so"
-    cp crates/capi/include/softtwin* "$carried/include/"
-    # Programs for this processor, for every Python 3.
-    printf '[bdist_wheel]\npython_tag = py3\nplat_name = %s\n' "linux_$(uname -m)" >"$work/setup.cfg"
-    "${PYTHON:-python3}" -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$out" "$work"
+    MATURIN_PEP517_ARGS="--profile $profile" "${PYTHON:-python3}" -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$out" clients/python
     ls "$out"/softtwin-*.whl
 }
 

@@ -1,9 +1,9 @@
 """A running twin in ParaView: a live source, coloured by stress.
 
-    PYTHONPATH=clients/python/src:$(python -c 'import iceoryx2, os; print(os.path.dirname(os.path.dirname(iceoryx2.__file__)))') \
-    SOFTTWIN_LIBRARY=target/release/libcapi.so SOFTTWIN_MODEL=models/pneunet/pneunet.twin paraview --script=clients/paraview/live.py
+    python -m pip install --target PLACE build/packages/softtwin-*.whl     # for any Python from 3.10, ParaView's too
+    PYTHONPATH=PLACE SOFTTWIN_MODEL=models/pneunet/pneunet.twin paraview --script=clients/paraview/live.py
 
-SOFTTWIN_TOPIC names another field topic (default: softtwin/finger/field). ParaView's Python must be of the version that iceoryx2 was installed for.
+SOFTTWIN_TOPIC names another field topic (default: softtwin/finger/field).
 """
 
 import os

@@ -51,19 +51,16 @@ echo '# mine' >> "$root/etc/softtwin/finger.toml"
 dpkg --install "$work"/softtwin_*.deb
 grep -q '^# mine$' "$root/etc/softtwin/finger.toml" || fail "installing again replaced a changed /etc/softtwin/finger.toml"
 
-python3 -m venv "$work/venv"
-"$work/venv/bin/pip" install --quiet --disable-pip-version-check setuptools wheel
 client() { git status --porcelain --ignored clients/python | grep -v '__pycache__\|\.pytest_cache' || true; }
 client_before=$(client)
-"$work/venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --no-build-isolation ./clients/python
-[ "$client_before" = "$(client)" ] || fail "pip install ./clients/python left files in the checkout"
-PYTHON=$work/venv/bin/python scripts/package.sh wheel "$work" --profile "$profile"
+scripts/package.sh wheel "$work" --profile "$profile"
+[ "$client_before" = "$(client)" ] || fail "building the wheel left files in clients/python"
 python3 -m venv "$work/clean"
 "$work/clean/bin/pip" install --quiet --disable-pip-version-check "$work"/softtwin-*.whl
 demonstration "$work/clean/bin/softtwin-demo"
 export SOFTTWIN_DOMAIN=install$$ SOFTTWIN_ROOT=$work/iox
 cd /
-scene=$("$work/clean/bin/python" -c 'from softtwin.programs import carried; print(carried("share/config/scenes/finger.toml"))')
+scene=$("$work/clean/bin/python" -c 'import softtwin; print(softtwin.shared_file("config/scenes/finger.toml"))')
 "$work/clean/bin/softtwind" twin --scene "$scene" 2>"$work/twin.log" &
 twin=$!
 until grep -q ready: "$work/twin.log"; do
@@ -73,13 +70,12 @@ done
 "$work/clean/bin/softtwind" bridge --scene "$scene" --loop 2>"$work/bridge.log" &
 "$work/clean/bin/python" - <<'END' || fail "the Python subscription"
 import softtwin
-from softtwin.programs import carried
 
 for field in softtwin.subscribe("softtwin/finger/field", timeout_s=20.0):
     assert len(field.von_mises) == 25022, len(field.von_mises)
     print(f"check.sh: Python received field {field.header.seq}, largest stress {field.von_mises.max():.3f} MPa")
     break
-model = softtwin.Model(carried("share/models/pneunet/pneunet.twin"))
+model = softtwin.Model(softtwin.shared_file("models/pneunet/pneunet.twin"))
 print(f"check.sh: Python predicts {model.predict(0.05, 30.0).contact_force_n:.4f} N without a daemon")
 END
 cd - >/dev/null

@@ -19,7 +19,7 @@ def percentiles(durations_ns):
 def listen(topic, seconds):
     samples = softtwin.subscribe(topic, timeout_s=5.0)
     samples.newest()  # discards samples sent before the start
-    samples.lost, latencies, end = 0, [], time.monotonic() + seconds
+    before, latencies, end = samples.lost, [], time.monotonic() + seconds
     while time.monotonic() < end:
         sample = samples.next()
         header = getattr(sample, "header", sample)
@@ -27,7 +27,7 @@ def listen(topic, seconds):
             sample.values[-1, -1]  # the view is made and read
         latencies.append(softtwin.now_ns() - header.t_publish_ns)
         del sample
-    return latencies, samples.lost
+    return latencies, samples.lost - before
 
 
 def ask(actuator, seconds):

@@ -5,18 +5,17 @@ import subprocess
 
 import pytest
 import softtwin
-from conftest import REPOSITORY
-from softtwin.library import library
+from conftest import PROGRAMS, REPOSITORY
 
 MODEL = REPOSITORY / "models/pneunet/pneunet.twin"
 SCENE = REPOSITORY / "config/scenes/rig.toml"
 
 
 def compiled(folder):
-    """clients/c/examples/control.c with the library of this process."""
+    """clients/c/examples/control.c with the library that was built."""
     folder.mkdir()
     for name in ("libsofttwin.so", "libsofttwin.so.0"):
-        (folder / name).symlink_to(library()._name)
+        (folder / name).symlink_to(PROGRAMS / "libcapi.so")
     source, headers = REPOSITORY / "clients/c/examples/control.c", REPOSITORY / "crates/capi/include"
     command = ["cc", "-std=c11", source, "-I", headers, "-L", folder, f"-Wl,-rpath,{folder}", "-lsofttwin", "-lm"]
     subprocess.run([*map(str, command), "-o", str(folder / "control")], check=True)

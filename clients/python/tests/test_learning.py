@@ -1,6 +1,9 @@
 """The notebook runs; Gymnasium accepts the environment, and a controller improves its reward."""
 
+import json
 import os
+import subprocess
+import sys
 import warnings
 
 import gymnasium
@@ -89,3 +92,29 @@ def test_invalid_arguments_raise(environment):
     with pytest.raises(RuntimeError):
         softtwin.environment.HoldForce(MODEL).step(np.array([0.0]))
 
+
+
+def test_many_fingers_are_single_ones_side_by_side():
+    quiet = {"model": MODEL, "cell_noise_n": 0.0, "gauge_noise_mpa": 0.0, "steps": 20}
+    many = gymnasium.make_vec("softtwin/HoldForce-v0", num_envs=64, vectorization_mode="vector_entry_point", **quiet)
+    forces, gaps = np.linspace(0.1, 0.4, 64), np.linspace(27.0, 33.0, 64)
+    seen, _ = many.reset(seed=1, options={"force_n": forces, "gap_mm": gaps})
+    single = gymnasium.make("softtwin/HoldForce-v0", **quiet)
+    alone, _ = single.reset(options={"force_n": forces[17], "gap_mm": gaps[17]})
+    np.testing.assert_array_equal(seen[17], alone)
+    for at in range(20):
+        actions = np.full((64, 1), -1.0 + 0.09 * at, np.float32)
+        seen, rewards, _, ended, _ = many.step(actions)
+        alone, reward, _, cut, _ = single.step(actions[17])
+        np.testing.assert_array_equal(seen[17], alone)
+        assert rewards[17] == reward and ended[17] == cut == (at == 19)
+    seen, rewards, _, ended, info = many.step(actions)
+    assert not rewards.any() and not ended.any() and len(set(info["gap_mm"])) == 64, "the next episodes have begun"
+
+
+def test_a_policy_is_trained_in_the_example():
+    program = REPOSITORY / "clients/python/examples/train_policy.py"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(REPOSITORY / "clients/python/src"), os.environ.get("PYTHONPATH", "")])}
+    done = subprocess.run([sys.executable, program, "--seconds", "5", "--fingers", "256"], env=environment, capture_output=True, text=True, check=True)
+    said = json.loads(done.stdout)
+    assert said["reward"] > 0.5 * said["reward_untrained"], said

@@ -5,7 +5,6 @@ import json
 import multiprocessing
 import pickle
 import subprocess
-import sys
 import threading
 
 import numpy as np
@@ -166,13 +165,6 @@ def found_slope(model):
     return model.predict(0.05, 30.0, fields=False).force_gradient["gap_mm"]
 
 
-def test_missing_library_names_its_remedy(tmp_path):
-    program = f"import softtwin\nsofttwin.Model({str(MODEL)!r})"
-    environment = {"PYTHONPATH": ":".join(sys.path), "SOFTTWIN_LIBRARY": str(tmp_path / "none.so")}
-    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
-    assert done.returncode == 1 and "set SOFTTWIN_LIBRARY=target/release/libcapi.so" in done.stderr, done.stderr
-
-
 def test_models_and_selections_are_pickled_and_copied(model, tmp_path):
     tip = model.select(["x", "y"], "bottom")
     for original in (model, tip):
@@ -200,16 +192,17 @@ def test_half_widths_are_listed(model):
     found = model.predict(0.05, 30.0)
     assert {"force_halfwidth_n", "displacement_halfwidth_mm", "von_mises_halfwidth_mpa", "von_mises"} <= set(dir(found))
 
-def test_motion_of_a_static_model_follows_at_once_and_refuses_times_that_do_not_rise(model):
-    motion = model.motion()
+
+def test_session_of_a_static_model_follows_at_once_and_refuses_times_that_do_not_rise(model):
+    session = model.session()
     for at, (pressure_mpa, gap_mm) in enumerate(STATES):
-        found, expected = motion.step(0.1 * at, pressure_mpa, gap_mm), model.predict(pressure_mpa, gap_mm)
+        found, expected = session.step(0.1 * at, pressure_mpa, gap_mm), model.predict(pressure_mpa, gap_mm)
         assert found.values.tobytes() == expected.values.tobytes()
         assert found.contact_force_n == expected.contact_force_n
     for bad in (-1.0, float("nan")):
         with pytest.raises(ValueError):
-            motion.step(bad, 0.05, 30.0)
+            session.step(bad, 0.05, 30.0)
     with pytest.raises(TypeError):
-        motion.step(9.0, [0.05, 0.06], 30.0)
-    motion.reset()
-    assert motion.step(0.0, 0.05, 30.0, fields=False).contact_force_n == model.predict(0.05, 30.0).contact_force_n
+        session.step(9.0, [0.05, 0.06], 30.0)
+    session.restart()
+    assert session.step(0.0, 0.05, 30.0, fields=False).contact_force_n == model.predict(0.05, 30.0).contact_force_n

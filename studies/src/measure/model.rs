@@ -8,7 +8,6 @@ use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use serde_json::{Value, json};
-use softtwin::daemon::program;
 use std::process::Command;
 use std::time::Instant;
 
@@ -45,9 +44,8 @@ impl Args {
         let path = model()?;
         let model = Model::read(&path)?.0;
         let mut state = ModelState::new(&model, &Selection::default())?;
-        let library = program("softtwind")?.with_file_name("libcapi.so");
         let mut python = Command::new(PYTHON);
-        python.env("PYTHONPATH", "clients/python/src").env("SOFTTWIN_LIBRARY", library);
+        python.env("PYTHONPATH", "clients/python/src");
         python
             .arg("clients/python/examples/predict_time.py")
             .arg(&path)

@@ -1,8 +1,8 @@
-"""Client of the softtwin runtime: a soft actuator's digital twin, in this process or in shared memory.
+"""Digital twins of soft pneumatic actuators, in this process or in shared memory.
 
     import softtwin
 
-    model = softtwin.Model("finger.twin")
+    model = softtwin.Model(softtwin.shared_file("models/pneunet/pneunet.twin"))
     print(model.predict(0.05, 30.0).contact_force_n, model.predict([0.03, 0.05], 30.0).von_mises.max(axis=-1))
 
     for field in softtwin.subscribe("softtwin/finger/field"):
@@ -16,6 +16,7 @@ Everything is woken by event; fields are read-only numpy views of shared memory 
 
 from .bus import Bus, now_ns
 from .control import Control, Cycle
+from .database import Database, train
 from .errors import (
     AlreadyPublished,
     Refused,
@@ -26,11 +27,13 @@ from .errors import (
     VersionMismatch,
 )
 from .field import Field
+from .files import shared_file
 from .layout import Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Target, Valve
-from .model import Input, Model, Motion
+from .model import Input, Model, Session
 from .prediction import Prediction
 from .publish import CommandPublisher, SensorPublisher, SetpointPublisher, TargetPublisher
 from .query import Client
+from .recording import Comparison, Recording, compare, learn
 from .subscribe import Subscription, newest, subscribe
 
 __version__ = "0.1.0"
@@ -42,18 +45,21 @@ __all__ = [
     "Client",
     "Command",
     "CommandPublisher",
+    "Comparison",
     "Control",
     "Cycle",
+    "Database",
     "Field",
     "FieldHeader",
     "Grasp",
     "Health",
     "Input",
     "Model",
-    "Motion",
     "Prediction",
     "Query",
+    "Recording",
     "Refused",
+    "Session",
     "SensorPublisher",
     "Estimate",
     "SensorSample",
@@ -69,7 +75,11 @@ __all__ = [
     "TwinSilent",
     "Valve",
     "VersionMismatch",
+    "compare",
+    "learn",
     "newest",
+    "shared_file",
     "now_ns",
     "subscribe",
+    "train",
 ]

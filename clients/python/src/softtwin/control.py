@@ -1,16 +1,12 @@
 """The control law in your loop, without a bus: `softtwin.Control(model, "force_n", "finger.toml")`."""
 
-import ctypes
 import math
 import os
-import weakref
+import pathlib
 from dataclasses import dataclass
 from typing import Optional, Tuple
 
-from .library import ControlCycle, ControlReading, check, library
 from .model import Model
-
-_LIMITS = ("force", "range", "rate", "correction", "valve")
 
 
 @dataclass(frozen=True)
@@ -49,13 +45,8 @@ class Control:
         scene: "os.PathLike[str] | str | None" = None,
         actuator: Optional[str] = None,
     ) -> None:
-        path = None if scene is None else os.fsencode(scene)
-        name = None if actuator is None else actuator.encode()
-        out = ctypes.c_void_p()
-        check(library().softtwin_control_open(model._handle, path, name, held.encode(), ctypes.byref(out)))
-        self._model, self._handle = model, out.value or 0
-        self._cycle = ControlCycle()
-        self._end = weakref.finalize(self, library().softtwin_control_close, self._handle)
+        text = None if scene is None else pathlib.Path(scene).read_text()
+        self._model, self._native = model, model._native.control(held, text, actuator)
 
     def step(
         self,
@@ -73,31 +64,17 @@ class Control:
 
         Raises `ValueError` for a time that is not later and for pressure, gap or target that are not finite; nothing has changed, send no setpoint.
         """
-        reading = ControlReading(pressure_mpa, gap_mm, measured, written_mpa)
-        found = self._cycle
-        step = library().softtwin_control_step
-        check(step(self._handle, t_ns, target, rate_per_s, ctypes.byref(reading), ctypes.byref(found)))
-        limited = tuple(name for at, name in enumerate(_LIMITS) if found.limited >> at & 1)
-        fault = library().softtwin_control_fault_name(found.fault).decode() if found.fault else None
-        return Cycle(
-            found.setpoint_mpa,
-            found.target,
-            found.reference_mpa,
-            found.followed,
-            found.correction_mpa,
-            found.bias_mpa,
-            limited,
-            fault,
-        )
+        numbers, limited, fault = self._native.step(t_ns, [target, rate_per_s], [pressure_mpa, gap_mm, measured, written_mpa])
+        setpoint_mpa, held_target, reference_mpa, followed, correction_mpa, bias_mpa = numbers
+        return Cycle(setpoint_mpa, held_target, reference_mpa, followed, correction_mpa, bias_mpa, tuple(limited), fault)
 
     def start(self, pressure_mpa: float, gap_mm: float = 1e4, measured: float = math.nan) -> None:
         """Begins again where the actuator is, for each cycle in which the valve does not follow the setpoint."""
-        reading = ControlReading(pressure_mpa, gap_mm, measured, math.nan)
-        check(library().softtwin_control_start(self._handle, ctypes.byref(reading)))
+        self._native.start(pressure_mpa, gap_mm, measured)
 
     def release(self) -> None:
         """Releases a fault: the next cycle begins the control again."""
-        library().softtwin_control_release(self._handle)
+        self._native.release()
 
     def inputs(self, **inputs: float) -> None:
         """Sets inputs of the model by name for the cycles that follow; one that is left out has the model's value, `pressure_mpa` beside a driven
@@ -107,4 +84,4 @@ class Control:
         """
         given = {self._model._name(name): value for name, value in inputs.items()}
         values = [given.get(name, math.nan) for name in self._model._position]
-        check(library().softtwin_control_inputs(self._handle, (ctypes.c_double * len(values))(*values), len(values)))
+        self._native.set_inputs(values)

@@ -1,36 +1,11 @@
-"""Fields as numpy views that keep their shared memory."""
+"""Fields in shared memory as numpy arrays, without a copy."""
 
-import ctypes
 from typing import Any, Dict, List, Union
 
 import numpy as np
 
-from .layout import FIELD_NAMES, Answer, FieldHeader, text
-from .start import Holder, hold
-
-
-class _Keeper(Holder):
-    """Memory of a sample for numpy: the sample lives as long as any view.
-
-    numpy keeps the object whose `__array_interface__` it read; that object keeps the sample.
-    """
-
-    def __init__(self, sample: Any, address: int, shape: Any) -> None:
-        self._sample = sample
-        hold(self)
-        self.__array_interface__ = {
-            "version": 3,
-            "typestr": "<f4",
-            "shape": shape,
-            "data": (address, True),  # read-only: the pages are mapped so
-        }
-
-
-def view(sample: Any, address: int, fields: int, nodes: int) -> np.ndarray:
-    """The values of a sample as a read-only array of shape (fields, nodes), without a copy."""
-    if fields * nodes == 0:
-        return np.empty((fields, nodes), dtype=np.float32)
-    return np.asarray(_Keeper(sample, address, (fields, nodes)))
+from .layout import FIELD_NAMES, Answer, FieldHeader
+from .payload import text
 
 
 class Field:
@@ -40,11 +15,11 @@ class Field:
     asking for more.
     """
 
-    def __init__(self, sample: Any, header: Union[FieldHeader, Answer], address: int) -> None:
+    def __init__(self, sample: Any, header: Union[FieldHeader, Answer]) -> None:
         #: Header of the field; a copy, valid without the sample.
         self.header = header
         #: All values, shape (fields, nodes).
-        self.values = view(sample, address, header.field_count, header.node_count)
+        self.values: "np.ndarray[Any, Any]" = np.asarray(sample)
 
     @property
     def names(self) -> List[str]:
@@ -57,13 +32,14 @@ class Field:
         """Name of the node set; `all` for all nodes."""
         return text(self.header.node_set)
 
-    def __getitem__(self, name: str) -> np.ndarray:
+    def __getitem__(self, name: str) -> "np.ndarray[Any, Any]":
         names = self.names
         if name not in names:
             raise KeyError(f"this field has {', '.join(names)}, not `{name}`")
-        return self.values[names.index(name)]
+        found: "np.ndarray[Any, Any]" = self.values[names.index(name)]
+        return found
 
-    def __getattr__(self, name: str) -> np.ndarray:
+    def __getattr__(self, name: str) -> "np.ndarray[Any, Any]":
         if name in FIELD_NAMES.values():
             try:
                 return self[name]
@@ -71,14 +47,9 @@ class Field:
                 raise AttributeError(str(error)) from None
         raise AttributeError(f"{type(self).__name__} has no attribute `{name}`")
 
-    def as_dict(self) -> Dict[str, np.ndarray]:
+    def as_dict(self) -> "Dict[str, np.ndarray[Any, Any]]":
         """Views by name."""
         return dict(zip(self.names, self.values))
 
     def __repr__(self) -> str:
         return f"Field(seq={getattr(self.header, 'seq', None)}, {self.header.node_count} nodes x {self.names})"
-
-
-def copy_of(kind: Any, address: int) -> Any:
-    """A payload copied out of shared memory (at most 768 bytes)."""
-    return kind.from_buffer_copy(ctypes.string_at(address, ctypes.sizeof(kind)))

@@ -1,22 +1,20 @@
 """A model in this process: `softtwin.Model("finger.twin").predict(0.05, 30.0)`, without a daemon.
 
-The answers are bit-identical to those of `softtwin predict`. The library writes them straight into numpy's memory.
+The answers are bit-identical to those of `softtwin predict`, and are written straight into numpy's memory.
 """
 
-import ctypes
 import difflib
 import os
-import weakref
 from dataclasses import dataclass
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
 
-from .library import ModelInfo, PredictionRow, check, library, open_model
+from . import _native
 from .prediction import Prediction
 
-_ROW = np.dtype(PredictionRow)
+_NO_VALUES = np.empty(0, np.float32)
 Number = Union[float, npt.ArrayLike]
 Nodes = Union[str, Sequence[int], "np.ndarray[Any, Any]"]
 
@@ -39,40 +37,74 @@ class Input:
 class Model:
     """A model file, ready to predict. Any number of threads may use one; the interpreter's lock is free meanwhile."""
 
+    _origin: Tuple[Any, Any, Any]
+
     def __init__(self, path: "os.PathLike[str] | str") -> None:
         os.stat(path)  # raises FileNotFoundError and the like
-        self._attach(open_model(path), None, (os.path.abspath(os.fspath(path)), None, None))
+        self._attach(_native.Model(os.fspath(path)), None, (os.path.abspath(os.fspath(path)), None, None))
+
+    @classmethod
+    def _made(cls, native: Any, report: Dict[str, Any]) -> "Model":
+        made = cls.__new__(cls)
+        made._attach(native, None, (None, None, None))
+        made.report = report
+        return made
+
+    @property
+    def errors(self) -> Dict[str, Dict[str, Dict[str, float]]]:
+        """Leave-one-out and truncation errors of a model that was trained in this process, by regime and group of fields, in the field's unit."""
+        found: Dict[str, Dict[str, Dict[str, float]]] = {}
+        for regime in (self.report or {}).get("regimes", []):
+            fits = [*regime["groups"], *([regime["force"]] if regime.get("force") else [])]
+            numbers = ("modes", "leave_one_out", "truncation_error")
+            found[regime["kind"].lower()] = {fit["name"]: {name: fit[name] for name in numbers} for fit in fits}
+        return found
+
+    def save(self, path: "os.PathLike[str] | str") -> None:
+        """Writes the model file, without a selection of fields and nodes. A file that is there is replaced at once or not at all."""
+        path = os.path.abspath(os.fspath(path))
+        beside = f"{path}.{os.getpid()}"
+        with open(beside, "wb") as file:
+            file.write(self._native.to_bytes())
+        os.replace(beside, path)
+        if self._origin[0] is None:
+            self._origin = (path, *self._origin[1:])
+
+    def compare(self, run: Any, *, follow_s: Optional[float] = None, **channels: Any) -> Any:
+        """How far the model is from a run of a bench, as `softtwin.compare`."""
+        from .recording import compare
+
+        return compare(self, run, follow_s=follow_s, **channels)
 
     def __reduce__(self) -> Any:
-        """Pickles and copies the path and the selection: the copy opens the file, in whatever process."""
+        """Pickles and copies the path and the selection: the copy opens the file, in whatever process. A model without a file, its bytes."""
+        if self._origin[0] is None:
+            return _from_bytes, (self._native.to_bytes(), self.report, *self._origin[1:])
         return _opened, self._origin
 
-    def _attach(self, handle: int, nodes: Optional["np.ndarray[Any, Any]"], origin: Tuple[Any, Any, Any]) -> None:
-        self._handle, self._origin = handle, origin
-        self._end = weakref.finalize(self, library().softtwin_model_close, handle)
-        info = ModelInfo()
-        check(library().softtwin_model_describe(handle, ctypes.byref(info)))
-        self._info = info
-        all_inputs = [info.inputs[at] for at in range(info.input_count)]
+    def _attach(self, native: Any, nodes: Optional["np.ndarray[Any, Any]"], origin: Tuple[Any, Any, Any]) -> None:
+        self._native: Any = native
+        self._origin = origin
+        #: What training or learning told, of a model that was made in this process.
+        self.report: Optional[Dict[str, Any]] = None
         #: Name of the actuator.
-        self.actuator: str = info.actuator.decode()
+        self.actuator: str = native.actuator
+        all_inputs = native.inputs
         #: Inputs by name, in order: pressure and gap where the model has them, then parameters.
-        self.inputs: Dict[str, Input] = {
-            i.name.decode(): Input(i.name.decode(), i.unit.decode(), i.min, i.max, None if np.isnan(i.value) else i.value)
-            for at, i in enumerate(all_inputs)
-            if at >= 2 or np.isnan(i.value)
-        }
-        fields = [info.fields[at] for at in range(info.field_count)]
+        self.inputs: Dict[str, Input] = {given[0]: Input(*given) for given in all_inputs if given is not None}
         #: Units of the fields by name, in the order in which they are reconstructed.
-        self.fields: Dict[str, str] = {field.name.decode(): field.unit.decode() for field in fields}
-        named = [info.observables[at] for at in range(info.observable_count)]
+        self.fields: Dict[str, str] = dict(native.fields)
         #: Units of the observables by name, such as a bending angle.
-        self.observables: Dict[str, str] = {one.name.decode(): one.unit.decode() for one in named}
+        self.observables: Dict[str, str] = dict(native.observables)
         #: Numbers of the nodes that are reconstructed, in order; None: all of the model.
         self.nodes = nodes
         #: Nodes of each field.
-        self.node_count: int = info.node_count
-        self._position = {i.name.decode(): at for at, i in enumerate(all_inputs)}
+        self.node_count: int = native.node_count
+        #: Units of the numbers of a prediction by name.
+        self.columns: Dict[str, str] = dict(native.columns)
+        self._width = len(all_inputs)
+        self._position = {given[0]: at for at, given in enumerate(all_inputs) if given is not None}
+        self._column = {name: at for at, name in enumerate(self.columns)}
         self._by_keyword = {name.replace(".", "_"): name for name in self.inputs}
 
     def select(self, fields: Optional[Sequence[str]] = None, nodes: Optional[Nodes] = None) -> "Model":
@@ -80,45 +112,41 @@ class Model:
 
         Values of a selection differ from those of the whole by rounding of the interpolation, about 1e-4 mm.
         """
-        names = None if fields is None else ",".join(fields).encode()
-        out = ctypes.c_void_p()
         chosen: Optional["np.ndarray[Any, Any]"] = None
         if isinstance(nodes, str):
-            check(library().softtwin_model_select(self._handle, names, nodes.encode(), None, 0, ctypes.byref(out)))
+            native = self._native.select(fields, nodes, None)
             chosen = self.node_sets[nodes]
         elif nodes is None:
-            check(library().softtwin_model_select(self._handle, names, None, None, 0, ctypes.byref(out)))
+            native = self._native.select(fields, None, None)
         else:
             given = np.asarray(nodes)
             if given.ndim != 1 or not np.issubdtype(given.dtype, np.integer) or given.size == 0 or given.min() < 0:
                 raise ValueError(f"nodes: expected a list of numbers from 0, found {nodes!r}")
             chosen = np.ascontiguousarray(given, np.uint32)
-            where = chosen.ctypes.data
-            check(library().softtwin_model_select(self._handle, names, None, where, chosen.size, ctypes.byref(out)))
+            native = self._native.select(fields, None, chosen)
         selected = Model.__new__(Model)
-        selected._attach(out.value or 0, chosen, (self._origin[0], fields, nodes))
+        selected._attach(native, chosen, (self._origin[0], fields, nodes))
+        selected.report = self.report
         return selected
 
     @property
     def node_sets(self) -> Dict[str, "np.ndarray[Any, Any]"]:
         """Numbers of the nodes of each named set."""
-        sets = (self._info.node_sets[at] for at in range(self._info.node_set_count))
-        return {s.name.decode(): np.ctypeslib.as_array(s.nodes, (s.count,)).copy() for s in sets}
+        return dict(self._native.node_sets)
 
     @property
     def undeformed_mm(self) -> "np.ndarray[Any, Any]":
         """All nodes of the model without pressure, shape (nodes, 3), mm."""
-        if not self._info.undeformed_mm[0]:
+        found: "Optional[np.ndarray[Any, Any]]" = self._native.undeformed_mm
+        if found is None:
             raise ValueError("this model file has no undeformed coordinates")
-        shape = (self._info.model_node_count,)
-        return np.stack([np.ctypeslib.as_array(axis, shape) for axis in self._info.undeformed_mm], axis=1)
+        return found.T
 
     @property
     def triangles(self) -> "np.ndarray[Any, Any]":
         """Triangles of the surface, shape (triangles, 3), as numbers of nodes of the model."""
-        if self._info.triangle_count == 0:
-            return np.empty((0, 3), np.uint32)
-        return np.ctypeslib.as_array(self._info.triangles, (self._info.triangle_count, 3)).copy()
+        found: "np.ndarray[Any, Any]" = self._native.triangles
+        return found
 
     def triangles_in(self, node_set: str, node_count: int) -> "np.ndarray[Any, Any]":
         """Triangles of the surface as numbers of the nodes of a sample: its node set ("" or "all": all nodes) and its number of nodes.
@@ -130,7 +158,7 @@ class Model:
             sets = self.node_sets
             if node_set not in sets:
                 raise ValueError(f"the model has no node set {node_set!r}; it has {', '.join(sets)}")
-            place = np.full(self._info.model_node_count, -1, np.int64)
+            place = np.full(self._native.model_node_count, -1, np.int64)
             place[sets[node_set]] = np.arange(len(sets[node_set]))
             triangles = place[triangles]
             triangles = triangles[(triangles >= 0).all(axis=1)]
@@ -144,6 +172,7 @@ class Model:
         gap_mm: Optional[Number] = None,
         *,
         fields: bool = True,
+        observables: bool = True,
         out: Optional["np.ndarray[Any, Any]"] = None,
         **inputs: Number,
     ) -> Prediction:
@@ -151,7 +180,7 @@ class Model:
 
         A parameter's dots are written as underscores (`elastomer_law_mu_mpa=0.6`) or passed by `**{"elastomer.law.mu_mpa": 0.6}`;
         one that is left out has the model's value. Arrays are broadcast against each other; the answer has their shape, its
-        fields that shape and (fields, nodes) behind it. `fields=False`: force, gradients and half-widths only. `out`: float32
+        fields that shape and (fields, nodes) behind it. `fields=False`: force, gradients, half-widths and observables only; with `observables=False` these are NaN, at a tenth of the cost. `out`: float32
         memory for the fields, for repeated use.
 
         Raises `ValueError` for NaN, `TypeError` for inputs that the model does not have, and without a pressure that it has. Outside the
@@ -160,25 +189,11 @@ class Model:
         """
         names, states = self._states(pressure_mpa, gap_mm, inputs)
         shape = states.shape[:-1]
-        rows = np.empty(shape, _ROW)
+        rows = np.empty((*shape, len(self.columns)))
         values = self._room(shape, out) if fields or out is not None else None
-        check(
-            library().softtwin_model_predict(
-                self._handle, states.ctypes.data, rows.size, rows.ctypes.data, None if values is None else values.ctypes.data
-            )
-        )
-        return self._prediction(names, states, rows, values)
-
-    def _prediction(
-        self,
-        names: List[str],
-        states: "np.ndarray[Any, Any]",
-        rows: "np.ndarray[Any, Any]",
-        values: Optional["np.ndarray[Any, Any]"],
-    ) -> Prediction:
-        return Prediction(
-            self.inputs, self._position, self.fields, self.observables, names, states, rows, values, self.nodes
-        )
+        flat = _NO_VALUES if values is None else values.reshape(-1)
+        self._native.predict(states.reshape(-1, self._width), observables, rows.reshape(-1, len(self.columns)), flat)
+        return Prediction(self, names, states, rows, values)
 
     def _states(
         self, pressure_mpa: Optional[Number], gap_mm: Optional[Number], further: Mapping[str, Number]
@@ -194,11 +209,13 @@ class Model:
         for name, value in further.items():
             given[self._name(name)] = value
         if all(isinstance(value, (int, float)) for value in given.values()):  # one state: a third of the time of the general case
-            states = np.array([given.get(name, np.nan) for name in self._position], np.float64)
+            states = np.full(self._width, np.nan)
+            for name, value in given.items():
+                states[self._position[name]] = value
         else:
             given = {name: np.asarray(value, np.float64) for name, value in given.items()}
             shape = np.broadcast_shapes(*(value.shape for value in given.values()))
-            states = np.full((*shape, len(self._position)), np.nan)
+            states = np.full((*shape, self._width), np.nan)
             for name, value in given.items():
                 states[..., self._position[name]] = value
         if np.isnan(states).any():
@@ -225,9 +242,9 @@ class Model:
             )
         return out
 
-    def motion(self) -> "Motion":
-        """The model along readings: its memory and its inertia."""
-        return Motion(self)
+    def session(self) -> "Session":
+        """The model with a past: its memory and its inertia along readings."""
+        return Session(self)
 
     def mesh(self, pressure_mpa: Optional[float] = None, gap_mm: Optional[float] = None, **inputs: float) -> Any:
         """The deformed surface at one state as a `pyvista.PolyData` with all fields as point data; needs pyvista."""
@@ -236,7 +253,7 @@ class Model:
         except ImportError as error:
             raise ImportError("Model.mesh needs pyvista, which is not installed: pip install pyvista") from error
         missing = [axis for axis in "xyz" if axis not in self.fields]
-        if self.nodes is not None or missing or self._info.triangle_count == 0:
+        if self.nodes is not None or missing or not len(self.triangles):
             raise ValueError(
                 "a mesh needs the fields x, y and z on all nodes and the model's surface; this one is a selection, or its file "
                 "has no surface"
@@ -253,17 +270,14 @@ class Model:
         return f"Model({self.actuator}: {inputs}; {', '.join(self.fields)} on {self.node_count} nodes)"
 
 
-class Motion:
-    """A model with inertia or memory along readings, without a daemon; for one thread.
+class Session:
+    """A model along readings, without a daemon: its memory and its inertia.
 
     It begins at equilibrium with the first reading; inputs are straight lines between readings. A static model follows at once.
     """
 
     def __init__(self, model: Model) -> None:
-        out = ctypes.c_void_p()
-        check(library().softtwin_motion_open(model._handle, ctypes.byref(out)))
-        self._model, self._handle = model, out.value or 0
-        self._end = weakref.finalize(self, _close_motion, self._handle, model)
+        self._model, self._native = model, model._native.session()
 
     def step(
         self,
@@ -277,28 +291,27 @@ class Motion:
     ) -> Prediction:
         """The answer at a time, s, 0 or more and later than the last one; inputs and fields as in `Model.predict`.
 
-        Raises `ValueError` for a time that is not later; the motion is then unchanged.
+        Raises `ValueError` for a time that is not later; the session is then unchanged.
         """
         if not 0.0 <= t_s < 1e9:
             raise ValueError(f"t_s: expected a time of 0 to 1e9 s, found {t_s!r}")
-        names, state = self._model._states(pressure_mpa, gap_mm, inputs)
+        model = self._model
+        names, state = model._states(pressure_mpa, gap_mm, inputs)
         if state.ndim != 1:
             raise TypeError("a step takes one state: expected numbers, found arrays")
-        row = np.empty((), _ROW)
-        values = self._model._room((), out) if fields or out is not None else None
-        where = None if values is None else values.ctypes.data
-        t_ns = round(1e9 * t_s)
-        check(library().softtwin_motion_step(self._handle, t_ns, state.ctypes.data, row.ctypes.data, where))
-        return self._model._prediction(names, state, row, values)
+        row = np.empty(len(model.columns))
+        values = model._room((), out) if fields or out is not None else None
+        self._native.step(round(1e9 * t_s), state, row, _NO_VALUES if values is None else values.reshape(-1))
+        return Prediction(model, names, state, row, values)
 
-    def reset(self) -> None:
+    def restart(self) -> None:
         """Forgets the past: the next reading begins at equilibrium, at any time."""
-        library().softtwin_motion_reset(self._handle)
+        self._native.restart()
 
 
-def _close_motion(handle: int, _model: Model) -> None:
-    """Closes a motion; its finalizer keeps the model open."""
-    library().softtwin_motion_close(handle)
+def _from_bytes(content: bytes, report: Any, fields: Optional[Sequence[str]], nodes: Optional[Nodes]) -> Model:
+    model = Model._made(_native.Model.from_bytes(content), report)
+    return model if fields is None and nodes is None else model.select(fields, nodes)
 
 
 def _opened(path: str, fields: Optional[Sequence[str]], nodes: Optional[Nodes]) -> Model:

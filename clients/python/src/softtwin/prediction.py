@@ -1,24 +1,15 @@
 """Answer of a model at one state or at an array of states."""
 
-from typing import Any, Dict, List, Mapping, Optional
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional
 
 import numpy as np
 
 from .layout import DOMAIN_STATUSES, REGIMES
 
-_UNITS = {
-    "contact_force_n": "N",
-    "onset_pressure_mpa": "MPa",
-    "force_halfwidth_n": "N",
-    "displacement_halfwidth_mm": "mm",
-    "von_mises_halfwidth_mpa": "MPa",
-    "coverage": "1",
-    "domain_distance": "1",
-    "max_displacement_mm": "mm",
-    "max_von_mises_mpa": "MPa",
-    "max_displacement_node": "",
-    "max_von_mises_node": "",
-}
+if TYPE_CHECKING:
+    from .model import Model
+
+_WHOLE = ("max_displacement_node", "max_von_mises_node")
 
 
 class Prediction:
@@ -49,91 +40,92 @@ class Prediction:
 
     def __init__(
         self,
-        inputs: Mapping[str, Any],
-        positions: Mapping[str, int],
-        fields: Mapping[str, str],
-        observables: Mapping[str, str],
+        model: "Model",
         names: List[str],
         states: "np.ndarray[Any, Any]",
         rows: "np.ndarray[Any, Any]",
         values: Optional["np.ndarray[Any, Any]"],
-        nodes: Optional["np.ndarray[Any, Any]"],
     ) -> None:
-        self._inputs, self._fields, self._rows, self._nodes = inputs, fields, rows, nodes
-        self._observables = observables
-        self._positions, self._given, self._states = positions, names, states
+        self._model, self._given, self._states, self._rows = model, names, states, rows
         #: All fields, shape of the states and (fields, nodes); None when they were not asked for.
         self.values = values
+
+    def _number(self, name: str) -> Any:
+        found = self._rows[..., self._model._column[name]]
+        return found if found.ndim else float(found)
 
     @property
     def inputs(self) -> Dict[str, Any]:
         """The inputs that were given, by name."""
-        return {name: self._states[..., self._positions[name]][()] for name in self._inputs if name in self._given}
+        position = self._model._position
+        return {name: self._states[..., position[name]][()] for name in self._model.inputs if name in self._given}
 
     @property
     def names(self) -> List[str]:
         """The fields in their order."""
-        return list(self._fields)
+        return list(self._model.fields)
 
     @property
     def force_gradient(self) -> Dict[str, Any]:
         """Derivative of the force with respect to each input, N per unit of the input."""
-        return {name: self._rows["force_gradient"][..., self._positions[name]][()] for name in self._inputs}
+        return {name: self._number(f"force_by_{name}") for name in self._model.inputs}
 
     @property
     def observables(self) -> Dict[str, Any]:
         """Observables by name, in the unit at its end."""
-        return {name: self._rows["observables"][..., at][()] for at, name in enumerate(self._observables)}
+        return {name: self._number(name) for name in self._model.observables}
 
     @property
     def observable_halfwidths(self) -> Dict[str, Any]:
         """Half-widths of the observables by name."""
-        return {name: self._rows["observable_halfwidths"][..., at][()] for at, name in enumerate(self._observables)}
+        return {name: self._number(f"{name}_halfwidth") for name in self._model.observables}
 
     @property
     def observable_offsets(self) -> Dict[str, Any]:
         """Part of each observable that is a measured difference from the finite elements, by name; 0 without one."""
-        return {name: self._rows["observable_offsets"][..., at][()] for at, name in enumerate(self._observables)}
+        return {name: self._number(f"{name}_offset") for name in self._model.observables}
 
     @property
     def regime(self) -> Any:
         """`free` or `contact`."""
-        return _words(REGIMES, self._rows["regime"])
+        return _words(REGIMES, self._number("regime"))
 
     @property
     def domain(self) -> Any:
         """Place of the state: `inside`, `near-edge` or `outside-domain` of the training range."""
-        return _words(DOMAIN_STATUSES, self._rows["domain_status"])
+        return _words(DOMAIN_STATUSES, self._number("domain_status"))
 
     @property
     def in_domain(self) -> Any:
         """True inside the training range."""
-        return self._rows["domain_status"] == 0
+        return self._number("domain_status") == 0
 
     @property
     def force_clamped(self) -> Any:
         """True if the interpolated force is negative and set to 0."""
-        return self._rows["force_clamped"] != 0
+        return self._number("force_clamped") != 0
 
     def __getitem__(self, name: str) -> "np.ndarray[Any, Any]":
         if self.values is None:
             raise KeyError(f"{name}: no fields were asked for; predict with fields=True")
-        if name not in self._fields:
-            raise KeyError(f"this prediction has {', '.join(self._fields)}, not `{name}`")
+        if name not in self._model.fields:
+            raise KeyError(f"this prediction has {', '.join(self._model.fields)}, not `{name}`")
         found: "np.ndarray[Any, Any]" = self.values[..., self.names.index(name), :]
         return found
 
     def __dir__(self) -> List[str]:
-        return sorted({*super().__dir__(), *_UNITS, *self._fields})
+        return sorted({*super().__dir__(), *self._model.columns, *self._model.fields})
 
     def __getattr__(self, name: str) -> Any:
-        if name in _UNITS:
-            return self._rows[name][()]
-        if not name.startswith("_") and name in self._fields:
-            try:
-                return self[name]
-            except KeyError as error:
-                raise AttributeError(str(error)) from None
+        if not name.startswith("_"):
+            if name in self._model._column:
+                found = self._number(name)
+                return _node(found) if name in _WHOLE else found
+            if name in self._model.fields:
+                try:
+                    return self[name]
+                except KeyError as error:
+                    raise AttributeError(str(error)) from None
         raise AttributeError(f"a prediction has no attribute `{name}`")
 
     def to_xarray(self) -> Any:
@@ -142,27 +134,28 @@ class Prediction:
             import xarray
         except ImportError as error:
             raise ImportError("Prediction.to_xarray needs xarray, which is not installed: pip install xarray") from error
-        shape = self._rows.shape
+        shape, model = self._states.shape[:-1], self._model
         moving = [name for name, value in self.inputs.items() if len(shape) == 1 and np.unique(value).size > 1]
         states = [moving[0]] if len(moving) == 1 else [f"state_{at}" for at in range(len(shape))]
-        known = {name: (states, value, {"units": self._inputs[name].unit}) for name, value in self.inputs.items()}
-        data: Dict[str, Any] = {name: (states, self._rows[name], {"units": unit}) for name, unit in _UNITS.items()}
-        for name, value in self.force_gradient.items():
-            data[f"force_by_{name}"] = (states, value, {"units": f"N/({self._inputs[name].unit})"})
-        for name, value in self.observables.items():
-            data[name] = (states, value, {"units": self._observables[name]})
-            data[f"{name}_halfwidth"] = (states, self.observable_halfwidths[name], {"units": self._observables[name]})
+        known = {name: (states, value, {"units": model.inputs[name].unit}) for name, value in self.inputs.items()}
+        data: Dict[str, Any] = {name: (states, getattr(self, name), {"units": unit}) for name, unit in model.columns.items()}
         data["regime"], data["domain"] = (states, self.regime), (states, self.domain)
         if self.values is not None:
-            known["node"] = (["node"], np.arange(self.values.shape[-1]) if self._nodes is None else self._nodes, {})
-            for name, unit in self._fields.items():
+            known["node"] = (["node"], np.arange(self.values.shape[-1]) if model.nodes is None else model.nodes, {})
+            for name, unit in self._model.fields.items():
                 data[name] = ([*states, "node"], self[name], {"units": unit})
         return xarray.Dataset(data, known)
 
     def __repr__(self) -> str:
-        return f"Prediction(shape={self._rows.shape}, contact_force_n={self.contact_force_n!r}, domain={self.domain!r})"
+        return f"Prediction(shape={self._states.shape[:-1]}, contact_force_n={self.contact_force_n!r}, domain={self.domain!r})"
 
 
-def _words(names: Mapping[int, str], numbers: "np.ndarray[Any, Any]") -> Any:
-    words = np.array([names.get(number, "unknown") for number in range(max(names) + 1)])[numbers]
+def _node(numbers: Any) -> Any:
+    """Numbers of nodes; -1 without fields."""
+    whole = np.where(np.isnan(numbers), -1, numbers).astype(np.int64)
+    return whole if whole.ndim else int(whole)
+
+
+def _words(names: Mapping[int, str], numbers: Any) -> Any:
+    words = np.array([names.get(number, "unknown") for number in range(max(names) + 1)])[np.asarray(numbers, np.int64)]
     return str(words) if np.ndim(words) == 0 else words

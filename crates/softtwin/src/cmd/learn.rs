@@ -5,12 +5,10 @@ use crate::{files, output, report};
 use formats::log::{Recording, Series};
 use serde::Serialize;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use train::comparison::{RecordedInputs, SensorBiases};
 use train::measured::{
-    Difference, Learned, Measured, MeasuredError, MeasuredStates, ModesDifference, OutputReport, Run,
-    correct, learn,
+    Difference, LearningReport, Measured, MeasuredError, MeasuredStates, ModesDifference, Run, correct, learn,
 };
 
 const EXAMPLES: &str = "\
@@ -72,10 +70,12 @@ impl Args {
             });
         }
         let name = self.out.file_stem().map_or("measured".into(), |stem| stem.to_string_lossy().into_owned());
-        let learned = learn(&name, &data).map_err(unexplained)?;
-        remarks.extend(learned.remarks.iter().cloned());
+        let mut learned = learn(&name, &data).map_err(unexplained)?;
+        learned.remarks.splice(0..0, remarks);
         files::save(&self.out, &learned.model.to_bytes()?)?;
-        report::print(&LearnedReport::new(&self.out, learned, remarks), self.json)
+        let title = format!("{}: measured", self.out.display());
+        let learned = LearningReport::of(&learned);
+        report::print(&LearnedModel { title, learned }, self.json)
     }
 
     /// Adds the measured difference to a finite-element model.
@@ -171,57 +171,8 @@ impl Args {
 
 /// What was learned from measurements alone.
 #[derive(Serialize)]
-struct LearnedReport {
+struct LearnedModel {
     title: String,
-    source: &'static str,
-    rows: usize,
-    inputs: Vec<String>,
-    /// Error on left-out parts as a fraction of the length of the outputs' range: of a linear map without lags, and of the model.
-    memoryless_share: f64,
-    error_share: f64,
-    /// Best lag common to all inputs; none where there is no lag.
-    filling_s: Option<f64>,
-    emptying_s: Option<f64>,
-    polynomial_share: f64,
-    kernel_share: f64,
-    reservoir_share: f64,
-    turns: usize,
-    outputs: BTreeMap<String, LearnedOutput>,
-    remarks: Vec<String>,
-}
-
-/// An output in the report.
-#[derive(Serialize)]
-struct LearnedOutput {
-    range: f64,
-    noise: f64,
-    rms: f64,
-    half_width: f64,
-    loop_share: f64,
-    explained: f64,
-}
-
-impl LearnedReport {
-    fn new(out: &Path, learned: Learned, remarks: Vec<String>) -> Self {
-        let output = |of: OutputReport| {
-            let OutputReport { name, range, noise, rms, half_width, loop_share, explained } = of;
-            (name, LearnedOutput { range, noise, rms, half_width, loop_share, explained })
-        };
-        Self {
-            title: format!("{}: measured", out.display()),
-            source: "measured",
-            rows: learned.rows,
-            inputs: learned.inputs,
-            memoryless_share: learned.memoryless_share,
-            error_share: learned.error_share,
-            filling_s: learned.lag_s.map(|[filling, _]| filling),
-            emptying_s: learned.lag_s.map(|[_, emptying]| emptying),
-            polynomial_share: learned.shares[0],
-            kernel_share: learned.shares[1],
-            reservoir_share: learned.shares[2],
-            turns: learned.turns,
-            outputs: learned.outputs.into_iter().map(output).collect(),
-            remarks,
-        }
-    }
+    #[serde(flatten)]
+    learned: LearningReport,
 }

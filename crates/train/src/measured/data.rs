@@ -2,6 +2,8 @@
 
 use rom::inputs::Inputs;
 use rom::model::{Model, ModelFileError};
+use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// Fewest states of a measured difference.
 pub(super) const MIN_STATES: usize = 12;
@@ -44,9 +46,10 @@ pub struct Run {
 }
 
 /// Figures of an output.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct OutputReport {
     /// Name.
+    #[serde(skip)]
     pub name: String,
     /// Largest minus smallest value.
     pub range: f64,
@@ -85,6 +88,47 @@ pub struct Learned {
     pub error_share: f64,
     /// The same of a linear map without lags.
     pub memoryless_share: f64,
+}
+
+/// What a program tells of a learned model.
+#[derive(Clone, Debug, Serialize)]
+pub struct LearningReport {
+    source: &'static str,
+    rows: usize,
+    inputs: Vec<String>,
+    /// Error on left-out parts as a fraction of the length of the outputs' range: of a linear map without lags, and of the model.
+    memoryless_share: f64,
+    error_share: f64,
+    /// Best lag common to all inputs; none where there is no lag.
+    filling_s: Option<f64>,
+    emptying_s: Option<f64>,
+    polynomial_share: f64,
+    kernel_share: f64,
+    reservoir_share: f64,
+    turns: usize,
+    outputs: BTreeMap<String, OutputReport>,
+    remarks: Vec<String>,
+}
+
+impl LearningReport {
+    /// That of a model.
+    pub fn of(learned: &Learned) -> Self {
+        Self {
+            source: "measured",
+            rows: learned.rows,
+            inputs: learned.inputs.clone(),
+            memoryless_share: learned.memoryless_share,
+            error_share: learned.error_share,
+            filling_s: learned.lag_s.map(|[filling, _]| filling),
+            emptying_s: learned.lag_s.map(|[_, emptying]| emptying),
+            polynomial_share: learned.shares[0],
+            kernel_share: learned.shares[1],
+            reservoir_share: learned.shares[2],
+            turns: learned.turns,
+            outputs: learned.outputs.iter().map(|output| (output.name.clone(), output.clone())).collect(),
+            remarks: learned.remarks.clone(),
+        }
+    }
 }
 
 /// Reason why nothing can be learned.

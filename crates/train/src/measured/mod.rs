@@ -13,7 +13,7 @@ mod motion;
 mod segments;
 mod widths;
 
-pub use data::{Learned, Measured, MeasuredError, MeasuredStates, OutputReport, Run};
+pub use data::{Learned, LearningReport, Measured, MeasuredError, MeasuredStates, OutputReport, Run};
 pub use difference::{Corrected, Difference, correct};
 pub use layout::{MeasuredOutput, outputs, place};
 pub use modes::ModesDifference;

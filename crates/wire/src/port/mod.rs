@@ -6,7 +6,7 @@ pub(crate) mod retry;
 pub(crate) mod service;
 mod topic;
 
-pub use query::{AnswerSample, QueryClient, QueryServer, Question};
+pub use query::{AnswerSample, Asked, QueryClient, QueryServer, Question};
 pub use topic::{
     AnyReader, AnySample, Carried, CommandReader, CommandWriter, EstimateReader, EstimateWriter, FieldLoan,
     FieldReader, FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter, Reader,

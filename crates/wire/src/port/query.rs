@@ -23,6 +23,7 @@ use iceoryx2::service::builder::request_response::{
 };
 use iceoryx2::service::port_factory::client::ClientCreateError;
 use iceoryx2::service::port_factory::request_response::PortFactory;
+use std::os::fd::OwnedFd;
 use std::time::{Duration, Instant};
 
 type Service = PortFactory<Ipc, Query, (), [f32], Answer>;
@@ -56,6 +57,13 @@ const LOOK_AGAIN: Duration = Duration::from_millis(100);
 pub struct Question<'a> {
     server: &'a QueryServer,
     request: ActiveRequest<Ipc, Query, (), [f32], Answer>,
+}
+
+/// A question that was sent.
+#[derive(Debug)]
+pub struct Asked {
+    query: Query,
+    pending: Pending,
 }
 
 /// Received answer. Nothing was copied; the memory is unchanged until this is dropped.
@@ -201,29 +209,65 @@ impl QueryClient {
     /// [`Answer::refusal`].
     pub fn ask(&mut self, query: &Query, timeout: Duration) -> Result<AnswerSample, WireError> {
         let end = Instant::now() + timeout;
+        let mut asked = self.send(query)?;
         loop {
-            let pending = self.send(query)?;
-            loop {
-                if let Some(response) = self.receive(&pending)? {
-                    return Ok(AnswerSample { response });
-                }
-                let left = end.saturating_duration_since(Instant::now());
-                if left.is_zero() {
-                    let timeout_ms = u64::try_from(timeout.as_millis()).unwrap_or(u64::MAX);
-                    return Err(WireError::NoAnswer { name: self.name.clone(), timeout_ms });
-                }
-                // Every answer to anybody wakes all who wait: look, do not assume.
-                let woken = self.answered.wait(left.min(LOOK_AGAIN))?;
-                if woken == Wake::Timeout && !pending.is_connected() {
-                    break;
-                }
+            if let Some(answer) = self.answer(&mut asked)? {
+                return Ok(answer);
             }
-            if let Some(response) = self.receive(&pending)? {
-                return Ok(AnswerSample { response });
+            let left = end.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(self.silent(timeout));
             }
+            // Every answer to anybody wakes all who wait: look, do not assume.
+            self.wait(left.min(LOOK_AGAIN))?;
+        }
+    }
+
+    /// Sends a question, for a program that waits in its own way.
+    ///
+    /// # Errors
+    /// [`WireError::NobodyAnswers`] when the twin has gone, [`WireError::Send`] when the ports broke.
+    pub fn send(&self, query: &Query) -> Result<Asked, WireError> {
+        Ok(Asked { query: *query, pending: self.pending(query)? })
+    }
+
+    /// The answer, if it has come. Never blocks.
+    ///
+    /// # Errors
+    /// As [`Self::ask`], without the time.
+    pub fn answer(&self, asked: &mut Asked) -> Result<Option<AnswerSample>, WireError> {
+        let is_held = asked.pending.is_connected();
+        if let Some(response) = self.receive(&asked.pending)? {
+            return Ok(Some(AnswerSample { response }));
+        }
+        if !is_held {
             // The twin let go of the question and no answer came: one that was sent while the connection was being made is
             // lost. Asked again, or refused when the twin has gone.
+            asked.pending = self.pending(&asked.query)?;
         }
+        Ok(None)
+    }
+
+    /// Sleeps until a twin has answered somebody, `limit` is over, or a signal comes.
+    ///
+    /// # Errors
+    /// As [`WakeSet::wait`].
+    pub fn wait(&mut self, limit: Duration) -> Result<Wake, WireError> {
+        self.answered.wait(limit)
+    }
+
+    /// As [`WakeSet::descriptor`].
+    ///
+    /// # Errors
+    /// As [`WakeSet::descriptor`].
+    pub fn descriptor(&self) -> Result<OwnedFd, WireError> {
+        self.answered.descriptor()
+    }
+
+    /// The error of a question that was not answered in time.
+    pub fn silent(&self, timeout: Duration) -> WireError {
+        let timeout_ms = u64::try_from(timeout.as_millis()).unwrap_or(u64::MAX);
+        WireError::NoAnswer { name: self.name.clone(), timeout_ms }
     }
 
     /// The answer, if it has come.
@@ -232,7 +276,7 @@ impl QueryClient {
         received.map_err(|error| WireError::Receive { topic: self.name.clone(), cause: format!("{error:?}") })
     }
 
-    fn send(&self, query: &Query) -> Result<Pending, WireError> {
+    fn pending(&self, query: &Query) -> Result<Pending, WireError> {
         let failed = |cause: String| WireError::Send { topic: self.name.clone(), cause };
         let pending = self.client.send_copy(*query).map_err(|error| failed(format!("{error:?}")))?;
         if pending.number_of_server_connections() == 0 {

@@ -1,0 +1,98 @@
+//! The controller in a loop of Python's.
+
+use crate::refused;
+use control::held::Stepping;
+use control::law::{Limited, Reading, Target};
+use pyo3::prelude::*;
+use rom::inputs::{GAP, MAX_INPUTS};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// A controller of one quantity.
+#[pyclass(frozen, module = "softtwin._native")]
+pub struct Control {
+    stepping: Mutex<Stepping>,
+    /// Positions of the inputs that the model has, among all of the header.
+    taken: Vec<usize>,
+}
+
+/// Setpoint, target, reference, held quantity, correction, error of the valve; limits that bind; fault.
+type Cycle = ([f64; 6], Vec<&'static str>, Option<&'static str>);
+
+impl Control {
+    pub fn new(
+        model: &rom::model::Model,
+        held: &str,
+        scene: Option<&str>,
+        actuator: Option<&str>,
+    ) -> PyResult<Self> {
+        let stepping = Stepping::open(model, scene, actuator, held).map_err(refused)?;
+        let taken = model.header.taken_inputs().map(|(at, _)| at).collect();
+        Ok(Self { stepping: Mutex::new(stepping), taken })
+    }
+
+    fn stepping(&self) -> MutexGuard<'_, Stepping> {
+        self.stepping.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[pymethods]
+impl Control {
+    /// One cycle: time, target and its rate, then gauge, gap, measured quantity and written pressure.
+    fn step(&self, py: Python<'_>, t_ns: u64, target: [f64; 2], reading: [f64; 4]) -> PyResult<Cycle> {
+        let [pressure_mpa, gap_mm, measured, written_mpa] = reading;
+        let reading = Reading { pressure_mpa, gap_mm, measured, written_mpa };
+        let target = Target { value: target[0], rate: target[1] };
+        let cycle = py.detach(|| self.stepping().step(t_ns, target, reading)).map_err(refused)?;
+        let Limited { by_force, by_range, by_rate, by_correction, by_valve } = cycle.limited;
+        let limits = [
+            (by_force, "force"),
+            (by_range, "range"),
+            (by_rate, "rate"),
+            (by_correction, "correction"),
+            (by_valve, "valve"),
+        ];
+        let numbers = [
+            cycle.pressure_mpa,
+            cycle.target,
+            cycle.reference_mpa,
+            cycle.followed,
+            cycle.correction_mpa,
+            cycle.bias_mpa,
+        ];
+        let binding = limits.into_iter().filter(|(binds, _)| *binds).map(|(_, name)| name).collect();
+        Ok((numbers, binding, cycle.fault.map(|fault| fault.name())))
+    }
+
+    /// Begins again where the actuator is: gauge, gap, measured quantity.
+    fn start(&self, pressure_mpa: f64, gap_mm: f64, measured: f64) -> PyResult<()> {
+        if !pressure_mpa.is_finite() || !gap_mm.is_finite() {
+            return Err(refused("expected a finite pressure_mpa and gap_mm to start from"));
+        }
+        let reading = Reading { pressure_mpa, gap_mm, measured, written_mpa: f64::NAN };
+        self.stepping().controller_mut().start(reading);
+        Ok(())
+    }
+
+    /// Releases a fault.
+    fn release(&self) {
+        self.stepping().controller_mut().release();
+    }
+
+    /// Sets inputs of the model, one value for each of the header's; NaN: the model's.
+    fn set_inputs(&self, inputs: Vec<f64>) -> PyResult<()> {
+        let mut stepping = self.stepping();
+        let model = stepping.controller_mut().model_mut();
+        let of_readings =
+            [model.driven(), GAP].into_iter().any(|at| inputs.get(at).is_some_and(|v| !v.is_nan()));
+        if of_readings || inputs.iter().any(|value| value.is_infinite()) {
+            return Err(refused(
+                "expected finite inputs, NaN for the model's value, and NaN for the gap and the driven pressure, which are those of each step",
+            ));
+        }
+        let mut values = [f64::NAN; MAX_INPUTS];
+        let taken = self.taken.iter().map(|at| inputs.get(*at).copied().unwrap_or(f64::NAN));
+        values.iter_mut().zip(taken).for_each(|(to, value)| *to = value);
+        model.set_inputs(&values);
+        Ok(())
+    }
+}

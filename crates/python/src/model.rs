@@ -1,0 +1,395 @@
+//! Models and sessions. A prediction is one row of numbers, whose names are [`Model::columns`], and one row of field values.
+
+use crate::control::Control;
+use crate::refused;
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1,
+    PyReadwriteArray2,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use rom::evaluation::{Evaluation, NUMBERS};
+use rom::evaluator::{Evaluator, Query};
+use rom::inputs::{GAP, Inputs, PRESSURE};
+use rom::model::{BlockKind, Nodes, Selection};
+use rom::observable::Observables;
+use rom::reconstructor::{Peak, Peaks, Reconstructor};
+use rom::session::Gaps;
+use rom::snapshots::RegimeKind;
+use std::borrow::Cow;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+
+/// What a row has besides [`NUMBERS`], the gradient of the force, and three numbers for each observable.
+const FURTHER: [(&str, &str); 6] = [
+    ("coverage", "1"),
+    ("force_clamped", ""),
+    ("max_displacement_mm", "mm"),
+    ("max_displacement_node", ""),
+    ("max_von_mises_mpa", "MPa"),
+    ("max_von_mises_node", ""),
+];
+
+/// Name, unit, smallest and largest training value, default.
+type InputRow = (String, String, f64, f64, Option<f64>);
+
+/// Fewest states for which another thread is started.
+const STATES_PER_THREAD: usize = 256;
+
+/// A model file with a selection of its fields and nodes.
+#[pyclass(frozen, module = "softtwin._native")]
+pub struct Model {
+    shared: Arc<Loaded>,
+}
+
+struct Loaded {
+    model: Arc<rom::model::Model>,
+    evaluator: Evaluator,
+    reconstructor: Reconstructor,
+    observables: Observables,
+    fields: Vec<usize>,
+}
+
+impl Model {
+    /// A model that was just made.
+    pub fn of(model: rom::model::Model) -> PyResult<Self> {
+        Ok(Self { shared: Arc::new(Loaded::new(Arc::new(model), &Selection::default())?) })
+    }
+
+    pub fn model(&self) -> &rom::model::Model {
+        &self.shared.model
+    }
+}
+
+impl Loaded {
+    fn new(model: Arc<rom::model::Model>, selection: &Selection) -> PyResult<Self> {
+        Ok(Self {
+            evaluator: Evaluator::new(&model.header).map_err(refused)?,
+            reconstructor: Reconstructor::new(&model, selection).map_err(refused)?,
+            observables: Observables::of(&model).map_err(refused)?,
+            fields: model.header.resolve_fields(selection.fields.as_deref()).map_err(refused)?,
+            model,
+        })
+    }
+
+    fn columns(&self) -> Vec<(String, String)> {
+        let numbers = NUMBERS.iter().map(|number| (number.key, number.unit)).chain(FURTHER);
+        let mut columns: Vec<_> = numbers.map(|(key, unit)| (key.to_owned(), unit.to_owned())).collect();
+        for input in self.evaluator.inputs() {
+            columns.push((format!("force_by_{}", input.key()), format!("N/({})", input.unit)));
+        }
+        for (name, unit) in self.observables.names().zip(self.observables.units()) {
+            for part in ["", "_halfwidth", "_offset"] {
+                columns.push((format!("{name}{part}"), unit.to_owned()));
+            }
+        }
+        columns
+    }
+
+    fn width(&self) -> usize {
+        NUMBERS.len() + FURTHER.len() + self.evaluator.inputs().len() + 3 * self.observables.count()
+    }
+
+    /// The state at `values`, one for each input; NaN is the model's value of a parameter.
+    fn state(&self, at: usize, values: &[f64]) -> Result<Inputs, String> {
+        let needs = self.evaluator.needs();
+        let mut inputs = Inputs::new(f64::NAN, f64::NAN);
+        for (position, (value, spec)) in values.iter().zip(self.evaluator.inputs()).enumerate() {
+            let (fits, expected) = match position {
+                PRESSURE if !needs.pressure => (value.is_nan(), "NaN (the model does not have it)"),
+                GAP if !needs.gap => (value.is_nan(), "NaN (the model does not have it)"),
+                PRESSURE => (value.is_finite(), "a number"),
+                GAP => (!value.is_nan(), "a number"),
+                _ => (!value.is_infinite(), "a number"),
+            };
+            if !fits {
+                return Err(format!("state {at}: expected {expected} for {}, found {value}", spec.key()));
+            }
+            inputs = inputs.with(position, *value);
+        }
+        Ok(inputs)
+    }
+
+    /// Writes an evaluation's row and, unless `values` is empty, its fields.
+    fn write(
+        &self,
+        at: usize,
+        evaluation: &Evaluation,
+        row: &mut [f64],
+        values: &mut [f32],
+    ) -> Result<(), String> {
+        let refuse =
+            |why: String| Err(format!("state {at} belongs to regime {}: {why}", evaluation.regime.name()));
+        if let Some(why) = self.evaluator.refusal(evaluation) {
+            return refuse(why);
+        }
+        let peaks = match values.is_empty() {
+            true => Peaks::default(),
+            false => match self.reconstructor.reconstruct_into(evaluation, values) {
+                Ok(peaks) => peaks,
+                Err(error) => return refuse(error.to_string()),
+            },
+        };
+        let peak =
+            |found: Option<Peak>| found.map_or([f64::NAN; 2], |peak| [peak.value.into(), peak.node.into()]);
+        let [displacement, stress] = [peak(peaks.displacement_mm), peak(peaks.stress_mpa)];
+        let clamped = f64::from(u8::from(evaluation.flags.force_clamped));
+        let further =
+            [evaluation.halfwidths.coverage, clamped, displacement[0], displacement[1], stress[0], stress[1]];
+        let gradient = &evaluation.force_gradient[..self.evaluator.inputs().len()];
+        let observed = (0..self.observables.count()).flat_map(|at| {
+            if evaluation.coefficients.is_empty() {
+                return [f64::NAN; 3];
+            }
+            let observed = self.observables.value(at, evaluation);
+            [observed.value, observed.halfwidth, observed.offset]
+        });
+        let numbers = NUMBERS.iter().map(|number| (number.value)(evaluation));
+        let all = numbers.chain(further).chain(gradient.iter().copied()).chain(observed);
+        row.iter_mut().zip(all).for_each(|(to, value)| *to = value);
+        Ok(())
+    }
+
+    /// Rows and fields of states, on as many threads as there are cores where it is worth it.
+    fn predict(
+        &self,
+        states: &[f64],
+        with_observables: bool,
+        rows: &mut [f64],
+        values: &mut [f32],
+    ) -> Result<(), String> {
+        let (width, columns) = (self.evaluator.inputs().len(), self.width());
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let each = (states.len() / width).div_ceil(cores).max(STATES_PER_THREAD);
+        let entries = if values.is_empty() { 0 } else { self.reconstructor.entries() };
+        if states.len() <= each * width {
+            return self.predict_part(0, states, with_observables, rows, values);
+        }
+        std::thread::scope(|scope| {
+            let (mut rest, mut started) = (values, Vec::new());
+            let parts = states.chunks(each * width).zip(rows.chunks_mut(each * columns));
+            for (part, (states, rows)) in parts.enumerate() {
+                let (values, others) = std::mem::take(&mut rest).split_at_mut(states.len() / width * entries);
+                rest = others;
+                started.push(
+                    scope.spawn(move || {
+                        self.predict_part(part * each, states, with_observables, rows, values)
+                    }),
+                );
+            }
+            let mut ended = started.into_iter().map(|thread| thread.join());
+            ended.try_for_each(|end| end.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        })
+    }
+
+    /// Without observables and fields the coefficients are not interpolated, which are nine tenths of the cost. States are counted from `first`.
+    fn predict_part(
+        &self,
+        first: usize,
+        states: &[f64],
+        with_observables: bool,
+        rows: &mut [f64],
+        values: &mut [f32],
+    ) -> Result<(), String> {
+        let has_coefficients = with_observables || !values.is_empty() || self.evaluator.learned().is_some();
+        let (width, entries) = (self.evaluator.inputs().len(), self.reconstructor.entries());
+        let entries = if values.is_empty() { 0 } else { entries };
+        let mut evaluation = self.evaluator.evaluation();
+        let mut evaluator = Cow::Borrowed(&self.evaluator);
+        let places = states.chunks_exact(width).zip(rows.chunks_exact_mut(self.width()));
+        for (at, (given, row)) in places.enumerate() {
+            let number = first + at;
+            let state = self.state(number, given)?;
+            if !evaluator.has_values(&state) {
+                let set = evaluator.to_mut().set_parameters(&state, &mut evaluation);
+                set.map_err(|error| format!("state {number}: {error}"))?;
+            }
+            let query = if has_coefficients { Query::COEFFICIENTS } else { Query::STATE };
+            evaluator.answer(state, query, &mut evaluation);
+            let values = values.get_mut(at * entries..(at + 1) * entries).unwrap_or_default();
+            self.write(number, &evaluation, row, values)?;
+        }
+        Ok(())
+    }
+}
+
+#[pymethods]
+impl Model {
+    /// Reads a model file.
+    #[new]
+    fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let read = py.detach(|| rom::model::Model::read(&path));
+        let (model, _) = read.map_err(|error| refused(format!("{}: {error}", path.display())))?;
+        Self::of(model)
+    }
+
+    /// A model from the bytes of its file.
+    #[staticmethod]
+    fn from_bytes(py: Python<'_>, content: &[u8]) -> PyResult<Self> {
+        Self::of(py.detach(|| rom::model::Model::from_bytes(content)).map_err(refused)?)
+    }
+
+    /// The bytes of its file.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let bytes = py.detach(|| self.shared.model.to_bytes()).map_err(refused)?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    /// The same model with some of its fields on the nodes of a set or of a list.
+    #[pyo3(signature = (fields, node_set, nodes))]
+    fn select(
+        &self,
+        fields: Option<Vec<String>>,
+        node_set: Option<String>,
+        nodes: Option<PyReadonlyArray1<'_, u32>>,
+    ) -> PyResult<Self> {
+        let nodes = match (node_set, nodes) {
+            (Some(set), _) => Nodes::Set(set),
+            (None, Some(list)) => Nodes::List(list.as_array().to_vec()),
+            (None, None) => Nodes::All,
+        };
+        let loaded = Loaded::new(self.shared.model.clone(), &Selection { fields, nodes })?;
+        Ok(Self { shared: Arc::new(loaded) })
+    }
+
+    #[getter]
+    fn actuator(&self) -> &str {
+        &self.shared.model.header.actuator
+    }
+
+    /// Name, unit, smallest and largest training value and default of each input; an input that the model does not have is `None`.
+    #[getter]
+    fn inputs(&self) -> Vec<Option<InputRow>> {
+        let needs = self.shared.evaluator.needs();
+        let inputs = self.shared.evaluator.inputs().iter().enumerate();
+        inputs
+            .map(|(at, input)| {
+                let is_taken = (at != PRESSURE || needs.pressure) && (at != GAP || needs.gap);
+                is_taken
+                    .then(|| (input.key(), input.unit.clone(), input.range[0], input.range[1], input.value))
+            })
+            .collect()
+    }
+
+    /// Name and unit of each field, in the order in which they are reconstructed.
+    #[getter]
+    fn fields(&self) -> Vec<(String, String)> {
+        let known = &self.shared.model.header.fields;
+        let fields = self.shared.fields.iter().filter_map(|at| known.get(*at));
+        fields.map(|field| (field.spec.name.clone(), field.spec.unit.clone())).collect()
+    }
+
+    #[getter]
+    fn observables(&self) -> Vec<(String, String)> {
+        let observables = &self.shared.observables;
+        observables.names().map(str::to_owned).zip(observables.units().map(str::to_owned)).collect()
+    }
+
+    /// Name and unit of each number of a row.
+    #[getter]
+    fn columns(&self) -> Vec<(String, String)> {
+        self.shared.columns()
+    }
+
+    /// Nodes of each field.
+    #[getter]
+    fn node_count(&self) -> usize {
+        self.shared.reconstructor.rows()
+    }
+
+    /// Nodes of the whole model.
+    #[getter]
+    fn model_node_count(&self) -> usize {
+        self.shared.model.header.node_count
+    }
+
+    #[getter]
+    fn node_sets<'py>(&self, py: Python<'py>) -> Vec<(String, Bound<'py, PyArray1<u32>>)> {
+        let sets = self.shared.model.header.node_sets.iter();
+        sets.map(|set| (set.name.clone(), PyArray1::from_slice(py, &set.nodes))).collect()
+    }
+
+    /// Nodes without pressure, shape (3, nodes), mm; `None` where the file has none.
+    #[getter]
+    fn undeformed_mm<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f32>>>> {
+        let axis = |axis| Some(self.shared.model.f32_block(BlockKind::Undeformed(axis))?.to_vec());
+        let all: Option<Vec<_>> = (0..3).map(axis).collect();
+        all.map(|all| PyArray2::from_vec2(py, &all).map_err(refused)).transpose()
+    }
+
+    /// Triangles of the surface, shape (triangles, 3).
+    #[getter]
+    fn triangles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        let surface = self.shared.model.u32_block(BlockKind::Surface).unwrap_or(&[]);
+        surface.to_vec().into_pyarray(py).reshape([surface.len() / 3, 3])
+    }
+
+    /// Writes the rows of states, and their fields into `values`, which has room for all of them or for none.
+    fn predict(
+        &self,
+        py: Python<'_>,
+        states: PyReadonlyArray2<'_, f64>,
+        with_observables: bool,
+        mut rows: PyReadwriteArray2<'_, f64>,
+        mut values: PyReadwriteArray1<'_, f32>,
+    ) -> PyResult<()> {
+        let (states, rows, values) = (states.as_slice()?, rows.as_slice_mut()?, values.as_slice_mut()?);
+        py.detach(|| self.shared.predict(states, with_observables, rows, values)).map_err(refused)
+    }
+
+    /// The model along readings, without a past.
+    fn session(&self) -> PyResult<Session> {
+        let session = rom::session::Session::new(&self.shared.model, Gaps::Live).map_err(refused)?;
+        let evaluation = session.evaluation();
+        Ok(Session { shared: self.shared.clone(), state: Mutex::new((session, evaluation)) })
+    }
+
+    /// A controller of the quantity `held`, with what a scene's text says of an actuator.
+    fn control(&self, held: &str, scene: Option<&str>, actuator: Option<&str>) -> PyResult<Control> {
+        Control::new(&self.shared.model, held, scene, actuator)
+    }
+}
+
+/// A model with its past.
+#[pyclass(frozen, module = "softtwin._native")]
+pub struct Session {
+    shared: Arc<Loaded>,
+    state: Mutex<(rom::session::Session, Evaluation)>,
+}
+
+impl Session {
+    fn advance(&self, t_ns: u64, state: &[f64], row: &mut [f64], values: &mut [f32]) -> Result<(), String> {
+        let inputs = self.shared.state(0, state)?;
+        let mut held = self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let (session, evaluation) = &mut *held;
+        session.set_parameters(&inputs, evaluation).map_err(|error| error.to_string())?;
+        // Only a model that lacks a regime can have no answer after its step.
+        let evaluator = session.evaluator();
+        let is_whole = [RegimeKind::Free, RegimeKind::Contact].iter().all(|kind| evaluator.has_regime(*kind));
+        let before = (!is_whole && evaluator.onset().is_some()).then(|| session.clone());
+        session.step(t_ns, inputs, evaluation).map_err(|error| error.to_string())?;
+        let written = self.shared.write(0, evaluation, row, values);
+        written.inspect_err(|_| before.into_iter().for_each(|before| *session = before))
+    }
+}
+
+#[pymethods]
+impl Session {
+    /// Takes a reading and writes its row and, unless `values` is empty, its fields. A reading that is refused changes nothing.
+    fn step(
+        &self,
+        py: Python<'_>,
+        t_ns: u64,
+        state: PyReadonlyArray1<'_, f64>,
+        mut row: PyReadwriteArray1<'_, f64>,
+        mut values: PyReadwriteArray1<'_, f32>,
+    ) -> PyResult<()> {
+        let (state, row, values) = (state.as_slice()?, row.as_slice_mut()?, values.as_slice_mut()?);
+        py.detach(|| self.advance(t_ns, state, row, values)).map_err(refused)
+    }
+
+    /// Forgets the past: the next reading begins at equilibrium, at any time.
+    fn restart(&self) {
+        self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner).0.restart();
+    }
+}
