@@ -106,3 +106,22 @@ def test_what_cannot_be_a_run_is_refused(runs):
     with pytest.raises(ValueError, match="the same inputs and outputs"):
         other = softtwin.Recording(frame, time="time_s", inputs={"stroke_mm": "stroke_mm"}, outputs=CHANNELS["outputs"])
         softtwin.learn([softtwin.Recording(frame, **CHANNELS), other])
+
+
+def test_a_learned_model_runs_as_a_twin(stage, learned):
+    with softtwin.Twin(learned, name="cylinder", bus=stage.bus) as twin:
+        states, fields = twin.subscribe("state", timeout_s=60), twin.subscribe("field", timeout_s=60)
+        sent = twin.send(0.3, stroke_mm=10.0)
+        state = next(state for state in states if state.sensor_seq == sent)
+        assert state.input_values["stroke_mm"] == (10.0, "measured")
+        field = next(field for field in fields if field.header.sensor_seq == sent)
+        session = learned.session()
+        np.testing.assert_allclose(field.values, session.step(0.0, 0.3, stroke_mm=10.0).values)
+    with pytest.raises(softtwin.TwinSilent):
+        twin.subscribe("state", timeout_s=0.1, wait_for_twin=True).next()
+
+
+def test_a_twin_that_cannot_start_says_why(stage, learned):
+    with softtwin.Twin(learned, name="cylinder", bus=stage.bus):
+        with pytest.raises(softtwin.SofttwinError, match="did not start"):
+            softtwin.Twin(learned, name="cylinder", bus=stage.bus)

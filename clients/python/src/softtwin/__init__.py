@@ -35,6 +35,7 @@ from .publish import CommandPublisher, SensorPublisher, SetpointPublisher, Targe
 from .query import Client
 from .recording import Comparison, Recording, compare, learn
 from .subscribe import Subscription, newest, subscribe
+from .twin import Twin
 
 __version__ = "0.1.0"
 
@@ -70,6 +71,7 @@ __all__ = [
     "SofttwinError",
     "State",
     "Subscription",
+    "Twin",
     "TwinAbsent",
     "TwinRestarted",
     "TwinSilent",

@@ -19,6 +19,9 @@ class Bus:
     def __init__(self, domain: Optional[str] = None, root: Optional[str] = None) -> None:
         self._process = os.getpid()
         self._native: Any = _native.Bus(domain or None, root or None)
+        given = {"SOFTTWIN_DOMAIN": domain, "SOFTTWIN_ROOT": root}
+        #: Variables with which a program joins the same domain.
+        self.environment = {name: value for name, value in given.items() if value}
 
     @property
     def folder(self) -> str:
