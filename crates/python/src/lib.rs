@@ -3,6 +3,7 @@
 //!
 //! Arrays are numpy's and are written in place. Whatever computes or waits lets other threads of the interpreter run.
 
+mod actuator;
 mod bus;
 mod control;
 mod database;
@@ -28,6 +29,8 @@ fn refused(error: impl std::fmt::Display) -> PyErr {
 
 #[pymodule]
 mod _native {
+    #[pymodule_export]
+    use super::actuator::{Actuator, Simulation};
     #[pymodule_export]
     use super::bus::{Bus, Client, Reader, Sample, Writer, now_ns};
     #[pymodule_export]

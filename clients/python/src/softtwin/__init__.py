@@ -14,6 +14,7 @@
 Everything is woken by event; fields are read-only numpy views of shared memory that keep their sample alive.
 """
 
+from .actuator import Actuator, SimulatedState
 from .bus import Bus, now_ns
 from .control import Control, Cycle
 from .database import Database, train
@@ -40,6 +41,7 @@ from .twin import Twin
 __version__ = "0.1.0"
 
 __all__ = [
+    "Actuator",
     "AlreadyPublished",
     "Answer",
     "Bus",
@@ -69,6 +71,7 @@ __all__ = [
     "Target",
     "TargetPublisher",
     "SofttwinError",
+    "SimulatedState",
     "State",
     "Subscription",
     "Twin",
