@@ -4,7 +4,7 @@
 pub mod packed;
 pub mod wrapped;
 
-use recording::message::{Recorded, channel, decode_reading};
+use recording::message::{EncodeJson, channel, decode_reading};
 use recording::{Reader, Writer};
 use rom::rng::Rng;
 use runtime::config::{Scene, Settings};

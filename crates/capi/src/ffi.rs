@@ -131,6 +131,15 @@ pub(crate) unsafe fn handle<'a, T>(handle: *mut T) -> Result<&'a mut T, Failure>
     unsafe { handle.as_mut() }.ok_or_else(|| argument("a handle is null"))
 }
 
+/// A handle from C that several threads may use.
+///
+/// # Safety
+/// `handle` is null or came from the `..._open` of its type and was not closed.
+pub(crate) unsafe fn shared<'a, T>(handle: *const T, what: &str) -> Result<&'a T, Failure> {
+    // SAFETY: by the caller's promise it points to a live value.
+    unsafe { handle.as_ref() }.ok_or_else(|| argument(&format!("{what} is null")))
+}
+
 /// Gives a new value to C.
 ///
 /// # Safety

@@ -1,6 +1,6 @@
 //! A model in this process: its answers without a daemon, bit-identical to `softtwin predict`, and its answers along readings.
 
-use crate::ffi::{Failure, argument, call, name, put, softtwin_status, take, text, write_handle};
+use crate::ffi::{Failure, argument, call, name, put, shared, softtwin_status, take, text, write_handle};
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS, Needs, PRESSURE};
@@ -276,7 +276,7 @@ pub unsafe extern "C" fn softtwin_model_select(
 ) -> softtwin_status {
     call(|| {
         // SAFETY: null or live by the caller's promise.
-        let model = unsafe { model.as_ref() }.ok_or_else(|| argument("the model is null"))?;
+        let model = unsafe { shared(model, "the model") }?;
         // SAFETY: by the caller's promise.
         let (fields, set) = unsafe { (text(fields)?, text(node_set)?) };
         let nodes = match set {
@@ -301,7 +301,7 @@ pub unsafe extern "C" fn softtwin_model_describe(
 ) -> softtwin_status {
     call(|| {
         // SAFETY: null or live by the caller's promise.
-        let model = unsafe { model.as_ref() }.ok_or_else(|| argument("the model is null"))?;
+        let model = unsafe { shared(model, "the model") }?;
         if out.is_null() {
             return Err(argument("the place for the result is null"));
         }
@@ -343,7 +343,7 @@ pub unsafe extern "C" fn softtwin_model_predict(
 ) -> softtwin_status {
     call(|| {
         // SAFETY: null or live by the caller's promise.
-        let model = unsafe { model.as_ref() }.ok_or_else(|| argument("the model is null"))?;
+        let model = unsafe { shared(model, "the model") }?;
         if states > 0 && (inputs.is_null() || predictions.is_null()) {
             return Err(argument("the inputs or the place for the predictions is null"));
         }
@@ -396,7 +396,7 @@ pub unsafe extern "C" fn softtwin_motion_open(
 ) -> softtwin_status {
     call(|| {
         // SAFETY: null or live by the caller's promise.
-        let of = unsafe { model.as_ref() }.ok_or_else(|| argument("the model is null"))?;
+        let of = unsafe { shared(model, "the model") }?;
         let session = Session::new(of.model(), Gaps::Live).map_err(|error| argument(&error.to_string()))?;
         let evaluation = session.evaluation();
         // SAFETY: by the caller's promise.
@@ -418,7 +418,7 @@ pub unsafe extern "C" fn softtwin_motion_step(
         // SAFETY: null or live by the caller's promise, and so is its model.
         let motion = unsafe { motion.as_mut() }.ok_or_else(|| argument("the motion is null"))?;
         // SAFETY: the model is live by the caller's promise.
-        let model = unsafe { motion.model.as_ref() }.ok_or_else(|| argument("the model is null"))?;
+        let model = unsafe { shared(motion.model, "the model") }?;
         if inputs.is_null() || out.is_null() {
             return Err(argument("the inputs or the place for the prediction is null"));
         }

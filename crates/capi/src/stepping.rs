@@ -1,6 +1,6 @@
 //! The controller in a loop of the caller: from a model and a scene's file, stepped by readings with their times, without a bus.
 
-use crate::ffi::{argument, call, handle, name, put, softtwin_status, take, text, write_handle};
+use crate::ffi::{argument, call, handle, name, put, shared, softtwin_status, take, text, write_handle};
 use crate::model::softtwin_model;
 use control::held::Stepping;
 use control::law::{Cycle, Limited, Reading, Target};
@@ -83,7 +83,7 @@ pub unsafe extern "C" fn softtwin_control_open(
 ) -> softtwin_status {
     call(|| {
         // SAFETY: null or live by the caller's promise.
-        let model = unsafe { model.as_ref() }.ok_or_else(|| argument("the model is null"))?.model();
+        let model = unsafe { shared(model, "the model") }?.model();
         // SAFETY: by the caller's promise.
         let (scene, actuator, held) = unsafe { (text(scene)?, text(actuator)?, name(held)?) };
         let read = |path: &str| {

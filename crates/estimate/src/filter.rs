@@ -280,9 +280,7 @@ impl Filter {
     fn prior(&self) -> Option<Prior> {
         let (noise, count) = self.setup.noise_information();
         let information = self.covariance.cholesky()?.inverse().extended(&noise[..count]);
-        let mut states = self.mean;
-        states[self.setup.unknowns.len()..].fill(0.0);
-        Some(Prior { states, information })
+        Some(Prior { states: self.setup.without_noise(&self.mean), information })
     }
 
     fn problem<'a>(
@@ -471,9 +469,7 @@ impl Filter {
         let (matrix, right) = problem.equations(&states, &explained.linear, &lasting);
         let (step, factor) = problem.step(&states, &matrix, &right)?;
         states.iter_mut().zip(&step).for_each(|(x, s)| *x += s);
-        for (x, unknown) in states.iter_mut().zip(&self.setup.unknowns) {
-            *x = x.clamp(unknown.range[0], unknown.range[1]);
-        }
+        problem.keep_in_range(&mut states);
         let count = self.setup.unknowns.len();
         self.learn_memory(&problem.weights, &lasting, explained, &factor);
         let inputs = self.setup.inputs_at(measurement, &states);
@@ -544,8 +540,7 @@ impl Filter {
     }
 
     fn unchanged(&self, status: Status, measurement: &Measurement) -> Update {
-        let mut states = self.mean;
-        states[self.setup.unknowns.len()..].fill(0.0);
+        let states = self.setup.without_noise(&self.mean);
         let inputs = self.setup.inputs_at(measurement, &states);
         Update {
             status,
@@ -645,7 +640,7 @@ const SPACING_MM: f64 = 0.5;
 const CLEARANCE_MM: f64 = 1.5;
 
 #[derive(Clone, Copy, Debug)]
-struct Before {
+struct SavedEstimate {
     t_s: f64,
     mean: Vector,
     covariance: Symmetric,
@@ -655,7 +650,7 @@ struct Before {
 
 /// Last estimates, the newest last. The capacity is allocated once.
 #[derive(Debug)]
-struct Rewind(Vec<Before>);
+struct Rewind(Vec<SavedEstimate>);
 
 /// Clones with full capacity.
 impl Clone for Rewind {
@@ -683,11 +678,11 @@ impl Rewind {
         if self.0.len() == REWIND_MAX {
             self.0.remove(0);
         }
-        self.0.push(Before { t_s, mean: *mean, covariance: *covariance, gap_floor_mm });
+        self.0.push(SavedEstimate { t_s, mean: *mean, covariance: *covariance, gap_floor_mm });
     }
 
     /// Last estimate from before a contact with an obstacle at `gap_mm`.
-    fn before_contact(&self, gap_mm: f64) -> Option<Before> {
+    fn before_contact(&self, gap_mm: f64) -> Option<SavedEstimate> {
         self.0.iter().rev().find(|kept| kept.gap_floor_mm <= gap_mm - CLEARANCE_MM).copied()
     }
 

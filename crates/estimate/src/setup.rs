@@ -323,6 +323,13 @@ impl Setup {
         self.inputs.iter().position(|role| *role == InputRole::Estimated(load))
     }
 
+    /// States with all noise of inputs and motion at 0.
+    pub(crate) fn without_noise(&self, states: &Vector) -> Vector {
+        let mut states = *states;
+        states[self.unknowns.len()..].fill(0.0);
+        states
+    }
+
     /// Unknown of the gap, if it is estimated.
     pub(crate) fn gap_unknown(&self) -> Option<usize> {
         match self.inputs[self.gap?] {

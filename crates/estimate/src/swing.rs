@@ -152,9 +152,7 @@ pub(crate) fn moving_inputs(
     states: &Vector,
     is_open: bool,
 ) -> [f64; MAX_INPUTS] {
-    let mut states = *states;
-    states[setup.unknowns.len()..].fill(0.0);
-    let mut inputs = setup.inputs_at(at, &states);
+    let mut inputs = setup.inputs_at(at, &setup.without_noise(states));
     if let (true, Some(gap)) = (is_open, setup.gap) {
         inputs[gap] = f64::INFINITY;
     }

@@ -3,7 +3,7 @@
 //! network wants it.
 
 use crate::link::{Link, count, network};
-use recording::message::{GapMessage, Json, Recorded};
+use recording::message::{EncodeJson, GapMessage, Json};
 use recording::{Gap, GapCounter, GapObservation};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};

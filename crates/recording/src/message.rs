@@ -17,7 +17,7 @@ use wire::layout::{
 use wire::{Answer, Arrival, Arrivals, FieldHeader, SensorSample, Stamp};
 
 /// A message of a recording.
-pub trait Recorded {
+pub trait EncodeJson {
     /// The message as JSON, into a reused buffer.
     fn encode(&self, out: &mut Vec<u8>);
 }
@@ -27,13 +27,13 @@ pub fn channel(layout: &Layout, topic: &str) -> Channel {
     Channel { topic: topic.to_owned(), schema_name: layout.schema.to_owned(), schema: payload_schema(layout) }
 }
 
-impl Recorded for Json<'_> {
+impl EncodeJson for Json<'_> {
     fn encode(&self, out: &mut Vec<u8>) {
         write(self, out);
     }
 }
 
-impl Recorded for View<'_> {
+impl EncodeJson for View<'_> {
     fn encode(&self, out: &mut Vec<u8>) {
         Json::new(*self).encode(out);
     }
@@ -236,7 +236,7 @@ impl Serialize for FieldMessage<'_> {
     }
 }
 
-impl Recorded for FieldMessage<'_> {
+impl EncodeJson for FieldMessage<'_> {
     fn encode(&self, out: &mut Vec<u8>) {
         write(self, out);
     }
@@ -354,7 +354,7 @@ impl GapMessage {
     }
 }
 
-impl Recorded for GapMessage {
+impl EncodeJson for GapMessage {
     fn encode(&self, out: &mut Vec<u8>) {
         write(self, out);
     }

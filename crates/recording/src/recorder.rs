@@ -9,7 +9,7 @@
 //! bytes; messages beyond it are dropped and counted, so that a slow disk costs messages and never memory.
 
 use crate::message;
-use crate::message::{FieldMessage, GapCounter, GapMessage, GapObservation, Recorded};
+use crate::message::{EncodeJson, FieldMessage, GapCounter, GapMessage, GapObservation};
 use crate::rotate::{DiskUse, RotateOptions, RotateSummary, RotatingWriter};
 use crate::writer::{Channel, WriteError};
 use std::collections::{BTreeMap, BTreeSet};

@@ -6,7 +6,7 @@ use rom::inputs::{InputSpec, Inputs};
 use std::collections::BTreeMap;
 use std::ops::Deref;
 use std::sync::atomic::{AtomicBool, Ordering};
-use wire::layout::set_slot;
+use wire::layout::pack_slot;
 use wire::{FieldHeader, KeyExpr, State, Topic, TopicKind};
 
 /// Fields that are kept of one actuator; of more, every second one is dropped until they fit.
@@ -94,9 +94,9 @@ impl RecordedState {
         let State { pressure_mpa, gap_mm, input_count, .. } = self.values;
         let mut inputs = Inputs::new(pressure_mpa, gap_mm);
         let mut is_reading = input_count > 0 || pressure_mpa.is_finite() && !gap_mm.is_nan();
-        let places: Vec<[u8; 32]> = of.iter().map(|input| packed(&input.key())).collect();
+        let places: Vec<[u8; 32]> = of.iter().map(|input| pack_slot(&input.key())).collect();
         for input in self.values.inputs() {
-            let at = places.iter().position(|name| *name == packed(&input.name))?;
+            let at = places.iter().position(|name| *name == pack_slot(&input.name))?;
             inputs = inputs.with(at, input.value);
             is_reading &= !input.value.is_nan();
         }
@@ -104,14 +104,6 @@ impl RecordedState {
         (is_reading && !is_below_0).then_some(inputs)
     }
 }
-
-/// The name of an input as states carry it.
-fn packed(key: &str) -> [u8; 32] {
-    let mut name = [0; 32];
-    set_slot(&mut name, 0, key);
-    name
-}
-
 pub struct RecordedField {
     /// Seconds after the recording's first message.
     pub t_s: f64,

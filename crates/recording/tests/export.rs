@@ -1,6 +1,6 @@
 //! Recordings as tables.
 
-use recording::message::{self, Recorded};
+use recording::message::{self, EncodeJson};
 use recording::{Channel, Ending, Reader, TableForm, Writer, export_csv};
 use wire::{KeyExpr, Payload, SensorSample, State};
 

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use recording::Channel;
-use recording::message::{FieldMessage, Recorded, channel, decode, decode_field, decode_reading};
+use recording::message::{EncodeJson, FieldMessage, channel, decode, decode_field, decode_reading};
 use serde_json::Value;
 use wire::layout::{
     COEFFICIENTS_MAX, FINGERS_MAX, GROUPS_MAX, LAYOUT_VERSION, Layout, PARAMETERS_MAX, PAYLOADS, Payload,
@@ -65,7 +65,7 @@ fn violation(schema: &Value, root: &Value, value: &Value) -> Option<String> {
 }
 
 /// A message has the properties of its schema, each as the schema says.
-fn check(layout: &Layout, message: &dyn Recorded) -> Value {
+fn check(layout: &Layout, message: &dyn EncodeJson) -> Value {
     let mut bytes = Vec::new();
     message.encode(&mut bytes);
     let value: Value = serde_json::from_slice(&bytes).expect("a message is JSON");

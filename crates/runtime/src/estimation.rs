@@ -25,7 +25,7 @@ use rom::probe::{ProbePosition, Probes};
 use rom::regime::LastOnset;
 use rom::snapshots::RegimeKind;
 use wire::layout::{
-    MARKERS_MAX, Marker, PARAMETERS_MAX, UNKNOWNS_MAX, estimate_alarm, estimate_status, set_slot,
+    MARKERS_MAX, Marker, PARAMETERS_MAX, UNKNOWNS_MAX, estimate_alarm, estimate_status, pack_slot,
 };
 use wire::{Estimate, SensorSample};
 
@@ -349,13 +349,13 @@ pub struct Estimator {
     sensors: SensorModel,
     values: SensorValues,
     rejected_total: u64,
-    used: Used,
+    used: LastUsed,
 }
 
 /// Times of the force, the markers and the named values that were used last, ns: a measurement counts once, although the readings
 /// repeat a slow sensor's value.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Used {
+pub(crate) struct LastUsed {
     force_ns: u64,
     markers_ns: [u64; MARKERS_MAX],
     named_ns: [u64; PARAMETERS_MAX],
@@ -363,16 +363,16 @@ pub(crate) struct Used {
 
 /// Values of a reading that were not used before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct New {
+pub(crate) struct NewValues {
     pub(crate) force: bool,
     pub(crate) markers: [bool; MARKERS_MAX],
     pub(crate) named: [bool; PARAMETERS_MAX],
 }
 
-impl Used {
+impl LastUsed {
     /// Values that are new in this reading; they count as used from now on. Without ages all are new.
-    pub(crate) fn new_in(&mut self, sample: &SensorSample) -> New {
-        let mut new = New::ALL;
+    pub(crate) fn new_in(&mut self, sample: &SensorSample) -> NewValues {
+        let mut new = NewValues::ALL;
         if sample.age_count == 0 {
             return new;
         }
@@ -417,7 +417,7 @@ impl Estimator {
             sensors,
             values: SensorValues::new(spec),
             rejected_total: 0,
-            used: Used::default(),
+            used: LastUsed::default(),
         }))
     }
 
@@ -516,19 +516,12 @@ pub fn measurement(
     let operating = Inputs::new(reading.pressure_mpa, reading.gap_mm);
     let of_inputs = named.of(reading.input_count, &reading.input_names, &reading.inputs);
     let inputs = of_inputs.fold(operating, |inputs, measured| inputs.with(measured.input, measured.value));
-    values.of(t_s, reading, *inputs.values(), &New::ALL)
+    values.of(t_s, reading, *inputs.values(), &NewValues::ALL)
 }
 
-impl New {
+impl NewValues {
     pub(crate) const ALL: Self =
         Self { force: true, markers: [true; MARKERS_MAX], named: [true; PARAMETERS_MAX] };
-}
-
-/// A name as readings carry it.
-pub fn packed(name: &str) -> [u8; 32] {
-    let mut packed = [0; 32];
-    set_slot(&mut packed, 0, name);
-    packed
 }
 
 /// Values of a reading in the order of the rows of [`setup`]: the force, x, y, z of each marker, the observables.
@@ -544,11 +537,17 @@ impl SensorValues {
     pub fn new(spec: &ActuatorSpec) -> Self {
         Self {
             markers: spec.markers.len(),
-            observables: spec.observables.keys().map(|name| packed(name)).collect(),
+            observables: spec.observables.keys().map(|name| pack_slot(name)).collect(),
         }
     }
 
-    fn of(&self, t_s: f64, reading: &SensorSample, inputs: [f64; MAX_INPUTS], new: &New) -> Measurement {
+    fn of(
+        &self,
+        t_s: f64,
+        reading: &SensorSample,
+        inputs: [f64; MAX_INPUTS],
+        new: &NewValues,
+    ) -> Measurement {
         let mut out = Measurement::at(t_s);
         out.inputs = inputs;
         let force_n = if new.force { reading.measured_force_n } else { f64::NAN };

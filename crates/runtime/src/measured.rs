@@ -2,7 +2,7 @@
 
 use crate::config::ActuatorSpec;
 use rom::inputs::InputSpec;
-use wire::layout::{PARAMETERS_MAX, set_slot};
+use wire::layout::{PARAMETERS_MAX, pack_slot};
 
 /// Measured inputs with the ranges in the scene.
 #[derive(Debug, Clone, Default)]
@@ -34,9 +34,12 @@ impl MeasuredInputs {
     pub fn new(spec: &ActuatorSpec, inputs: &[InputSpec]) -> Self {
         let position = |name: &str| inputs.iter().position(|input| input.key() == name);
         let measured = |(name, within): (&str, crate::config::WithinSpec)| {
-            let mut packed = [0; 32];
-            set_slot(&mut packed, 0, name);
-            Some(MeasuredInput { input: position(name)?, name: packed, min: within.min, max: within.max })
+            Some(MeasuredInput {
+                input: position(name)?,
+                name: pack_slot(name),
+                min: within.min,
+                max: within.max,
+            })
         };
         Self(spec.measured_inputs().filter_map(measured).collect())
     }

@@ -12,6 +12,9 @@ use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::{Layer, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 
+/// Order of a help: what the program does, examples (`before_help`), usage, options, notes.
+pub const HELP_TEMPLATE: &str = "{about}\n\n{before-help}{usage-heading} {usage}\n\n{all-args}{after-help}";
+
 /// Log lines that could not be written since the start.
 static LOST_LINES: AtomicU64 = AtomicU64::new(0);
 

@@ -1,6 +1,6 @@
 //! Recordings as traces are bit-identical to the published readings.
 
-use recording::message::{Recorded, channel};
+use recording::message::{EncodeJson, channel};
 use recording::{RotateOptions, RotatingWriter};
 use runtime::source::{InputNames, Poll, Reading, SourceSpec, Trace, TraceError};
 use std::path::{Path, PathBuf};

@@ -3,7 +3,7 @@
 //! `SOFTTWIN_SECONDS=3600 cargo test --workspace --test all -- --nocapture recording_memory::` measures an hour (some GB of disk, minutes);
 //! without it 5 s are recorded, so that what reads them is tried each time.
 
-use recording::message::{Recorded, channel};
+use recording::message::{EncodeJson, channel};
 use recording::{Retention, RotateOptions, RotatingWriter};
 use std::io::{BufRead, BufReader};
 use std::path::Path;

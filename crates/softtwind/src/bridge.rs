@@ -2,7 +2,7 @@
 
 use crate::bridge_reload::{BridgeReloader, SharedDevices, open};
 use crate::options::BridgeOptions;
-use crate::usage::Usage;
+use crate::reading_use::ReadingUse;
 use anyhow::Context;
 use runtime::bridge::{Bridge, BridgeCounters, BridgeDevices, BridgeError};
 use runtime::config::{self, ActuatorSpec, ConfigError, Scene};
@@ -64,7 +64,7 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     let (signal, unused) = (stop.clone(), Arc::<Mutex<Option<String>>>::default());
     let found = unused.clone();
     group.start("status", move |end| {
-        let mut usage = Usage::new(&domain, boot_id, begin_ns, &names)?;
+        let mut usage = ReadingUse::new(&domain, boot_id, begin_ns, &names)?;
         report(&counted, &of_devices, &mut usage, end);
         if !signal.load(Ordering::Relaxed) {
             *found.lock().unwrap_or_else(PoisonError::into_inner) = usage.unused();
@@ -106,7 +106,7 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
 }
 
 /// The status thread: feeds the watchdog while the loop runs, and updates the status line.
-fn report(counters: &BridgeCounters, devices: &SharedDevices, usage: &mut Usage, end: &StopFlag) {
+fn report(counters: &BridgeCounters, devices: &SharedDevices, usage: &mut ReadingUse, end: &StopFlag) {
     background_thread();
     let mut watchdog = Watchdog::from_env();
     let mut next_status = Instant::now() + STATUS_EVERY;

@@ -1,7 +1,7 @@
 //! The order of a help: what the command does, its examples, usage, options, notes.
 
 /// Template of a help whose examples stand in `before_help`.
-pub const TEMPLATE: &str = "{about}\n\n{before-help}{usage-heading} {usage}\n\n{all-args}{after-help}";
+pub const TEMPLATE: &str = runtime::service::HELP_TEMPLATE;
 
 /// Gives a command and all below it this order.
 #[must_use]

@@ -22,11 +22,11 @@ mod bridge;
 mod bridge_reload;
 mod metrics;
 mod options;
+mod reading_use;
 mod reload;
 mod reporter;
 mod side_services;
 mod twin;
-mod usage;
 
 pub use options::DomainArgs;
 

@@ -47,10 +47,10 @@ pub use layout::{
 };
 pub use leftover::{Removed, own_folder};
 pub use port::{
-    AnswerSample, AnyReader, AnySample, Asked, Carried, CommandReader, CommandWriter, EstimateReader,
-    EstimateWriter, FieldLoan, FieldReader, FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader,
-    HealthWriter, QueryClient, QueryServer, Question, Reader, SensorReader, SensorWriter, SetpointReader,
-    SetpointWriter, Stamp, StateReader, StateWriter, TargetReader, TargetWriter, ValveReader, ValveWriter,
+    AnswerSample, AnyReader, AnySample, Asked, CommandReader, CommandWriter, EstimateReader, EstimateWriter,
+    FieldLoan, FieldReader, FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter,
+    QueryClient, QueryServer, Question, Reader, SensorReader, SensorWriter, SetpointReader, SetpointWriter,
+    Stamp, StateReader, StateWriter, TargetReader, TargetWriter, TopicContent, ValveReader, ValveWriter,
     Writer,
 };
 pub use selector::{Selector, SelectorError};

@@ -1,7 +1,7 @@
 //! Tests of `src/tracks.rs` that need its private parts.
 
 use super::*;
-use crate::message::Recorded;
+use crate::message::EncodeJson;
 use wire::Payload;
 
 #[test]

@@ -3,7 +3,7 @@
 use crate::problems::Problems;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
-use wire::layout::{PARAMETERS_MAX, set_slot};
+use wire::layout::{PARAMETERS_MAX, pack_slot};
 
 /// Inputs by name (`load_n`, `"elastomer.law.mu_mpa"`).
 pub type InputSpecs = BTreeMap<String, InputFrom>;
@@ -73,11 +73,7 @@ pub(super) fn problems<'a>(
     problems: &mut Problems,
 ) {
     let mut ends = BTreeSet::new();
-    let mut is_new = |name: &str| {
-        let mut end = [0; 32];
-        set_slot(&mut end, 0, name);
-        ends.insert(end)
-    };
+    let mut is_new = |name: &str| ends.insert(pack_slot(name));
     for (name, from) in inputs {
         let key = format!("inputs.\"{name}\"");
         let mut expect = |fits: bool, expected: &str, found: String| {

@@ -1,6 +1,6 @@
 //! Validation of a reading before anything is computed from it.
 
-use crate::config::{ActuatorSpec, Gap, Limits, ms_to_ns};
+use crate::config::{Gap, Limits, ms_to_ns};
 use crate::load::LoadedActuator;
 use crate::measured::{MeasuredInputs, MeasuredValue};
 use rom::inputs::{Inputs, Needs};
@@ -28,13 +28,11 @@ impl Needed {
         let measured = MeasuredInputs::new(&loaded.spec, loaded.session.evaluator().inputs());
         let mut depends = loaded.session.evaluator().needs();
         depends.pressure |= loaded.session.follows_pressure();
-        Self { gap: gap_of(&loaded.spec), depends, measured }
+        // A reading's gap is ignored if the gap is estimated.
+        let estimated = loaded.spec.estimate.get("gap_mm");
+        let gap = estimated.map_or(loaded.spec.gap_mm, |unknown| Gap::Fixed(unknown.prior));
+        Self { gap, depends, measured }
     }
-}
-
-/// Source of the gap; a reading's gap is ignored if the gap is estimated.
-fn gap_of(spec: &ActuatorSpec) -> Gap {
-    spec.estimate.get("gap_mm").map_or(spec.gap_mm, |unknown| Gap::Fixed(unknown.prior))
 }
 
 /// Validates readings in their order: keeps run, sequence and time of the last one.

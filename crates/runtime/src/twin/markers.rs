@@ -2,7 +2,7 @@
 
 use super::residual::{Residual, ResidualVerdict, Watch};
 use crate::config::ActuatorSpec;
-use crate::estimation::{MarkerModel, Used};
+use crate::estimation::{LastUsed, MarkerModel};
 use estimate::{MAX_ROWS, Model, Predicted};
 use rom::evaluation::Evaluation;
 use rom::session::Session;
@@ -16,7 +16,7 @@ pub(super) struct Markers {
     predicted: [Predicted; MAX_ROWS],
     count: usize,
     sigmas_mm: [Marker; MARKERS_MAX],
-    used: Used,
+    used: LastUsed,
     watches: [[Watch; 3]; MARKERS_MAX],
     judged: [ResidualVerdict; MARKERS_MAX],
 }
@@ -28,7 +28,7 @@ impl Markers {
             predicted: [Predicted::default(); MAX_ROWS],
             count: spec.markers.len().min(MARKERS_MAX),
             sigmas_mm: spec.marker_sigmas_mm(),
-            used: Used::default(),
+            used: LastUsed::default(),
             watches: Default::default(),
             judged: [ResidualVerdict::default(); MARKERS_MAX],
         }

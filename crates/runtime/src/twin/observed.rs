@@ -2,21 +2,21 @@
 
 use super::residual::{Residual, ResidualVerdict, Watch};
 use crate::config::ActuatorSpec;
-use crate::estimation::{Used, packed};
+use crate::estimation::LastUsed;
 use rom::evaluation::Evaluation;
 use rom::observable::Observables;
 use wire::SensorSample;
-use wire::layout::OBSERVABLES_MAX;
+use wire::layout::{OBSERVABLES_MAX, pack_slot};
 
 /// The measured observables of an actuator.
 #[derive(Debug)]
 pub(super) struct MeasuredObservables {
-    all: Vec<One>,
-    used: Used,
+    all: Vec<ObservableWatch>,
+    used: LastUsed,
 }
 
 #[derive(Debug)]
-struct One {
+struct ObservableWatch {
     /// Name as readings carry it.
     name: [u8; 32],
     /// Position among the model's observables.
@@ -29,14 +29,17 @@ struct One {
 impl MeasuredObservables {
     /// Those of the scene, at these positions among the model's.
     pub(super) fn new(spec: &ActuatorSpec, positions: &[usize]) -> Self {
-        let measured = |(name, at): (&String, &usize)| One {
-            name: packed(name),
+        let measured = |(name, at): (&String, &usize)| ObservableWatch {
+            name: pack_slot(name),
             at: *at,
             sigma: spec.named_sigma(name).unwrap_or(f64::NAN),
             watch: Watch::default(),
             judged: ResidualVerdict::default(),
         };
-        Self { all: spec.observables.keys().zip(positions).map(measured).collect(), used: Used::default() }
+        Self {
+            all: spec.observables.keys().zip(positions).map(measured).collect(),
+            used: LastUsed::default(),
+        }
     }
 
     /// Takes those of a reading with this evaluation; true if one contradicts the model for `after_s`. A slow sensor's value counts once.
@@ -51,7 +54,7 @@ impl MeasuredObservables {
             return false;
         }
         let new = self.used.new_in(sample);
-        for One { name, at, sigma, watch, judged } in &mut self.all {
+        for ObservableWatch { name, at, sigma, watch, judged } in &mut self.all {
             let found = sample.input(name).filter(|(_, value)| !value.is_nan());
             if found.is_some_and(|(slot, _)| new.named.get(slot) == Some(&false)) {
                 continue;
@@ -70,7 +73,7 @@ impl MeasuredObservables {
 
     /// Adds what the residuals require to the half-widths of the model's observables.
     pub(super) fn widen(&self, halfwidths: &mut [f64; OBSERVABLES_MAX]) {
-        for One { at, judged, .. } in &self.all {
+        for ObservableWatch { at, judged, .. } in &self.all {
             if let Some(halfwidth) = halfwidths.get_mut(*at) {
                 *halfwidth = halfwidth.hypot(judged.contribution);
             }

@@ -3,11 +3,11 @@
 use super::*;
 use wire::layout::{AGES_MAX, Ages};
 
-const ALL_NEW: New = New::ALL;
+const ALL_NEW: NewValues = NewValues::ALL;
 
 #[test]
 fn measurement_repeated_in_later_readings_is_new_once() {
-    let mut used = Used::default();
+    let mut used = LastUsed::default();
     let mut reading =
         SensorSample { age_count: AGES_MAX as u32, t_sensor_ns: 1000, ..SensorSample::default() };
     (reading.ages_ns.force, reading.ages_ns.markers[1]) = (10, 300);

@@ -86,6 +86,13 @@ pub fn set_slot(names: &mut [u8], at: usize, name: &str) {
     }
 }
 
+/// The name as readings and payloads carry it: of a name of more than 31 bytes the end.
+pub fn pack_slot(name: &str) -> [u8; 32] {
+    let mut packed = [0; 32];
+    set_slot(&mut packed, 0, name);
+    packed
+}
+
 /// Reads a zero-padded name; bytes that are not UTF-8 are shown as the replacement character.
 pub fn unpack_name(packed: &[u8]) -> String {
     let text: Vec<u8> = packed.iter().copied().take_while(|byte| *byte != 0).collect();

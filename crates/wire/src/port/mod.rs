@@ -8,8 +8,8 @@ mod topic;
 
 pub use query::{AnswerSample, Asked, QueryClient, QueryServer, Question};
 pub use topic::{
-    AnyReader, AnySample, Carried, CommandReader, CommandWriter, EstimateReader, EstimateWriter, FieldLoan,
+    AnyReader, AnySample, CommandReader, CommandWriter, EstimateReader, EstimateWriter, FieldLoan,
     FieldReader, FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter, Reader,
     SensorReader, SensorWriter, SetpointReader, SetpointWriter, Stamp, StateReader, StateWriter,
-    TargetReader, TargetWriter, ValveReader, ValveWriter, Writer,
+    TargetReader, TargetWriter, TopicContent, ValveReader, ValveWriter, Writer,
 };

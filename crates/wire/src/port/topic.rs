@@ -26,7 +26,7 @@ use std::fmt::Debug;
 use std::rc::Rc;
 
 /// Content of a topic's samples: a payload, or `[f32]` behind a [`FieldHeader`].
-pub trait Carried: Debug + IceoryxSend + 'static {
+pub trait TopicContent: Debug + IceoryxSend + 'static {
     /// Header of a sample.
     type Header: Debug + ZeroCopySend + 'static;
 
@@ -45,9 +45,9 @@ pub trait Carried: Debug + IceoryxSend + 'static {
 }
 
 /// A sample, if one waits.
-type Received<P> = Result<Option<Sample<Ipc, P, <P as Carried>::Header>>, ReceiveError>;
+type Received<P> = Result<Option<Sample<Ipc, P, <P as TopicContent>::Header>>, ReceiveError>;
 
-impl<P: Payload> Carried for P {
+impl<P: Payload> TopicContent for P {
     type Header = ();
 
     fn service(bus: &Bus, topic: &Topic, missing: Missing) -> Result<PubSub<P, ()>, WireError> {
@@ -72,7 +72,7 @@ impl<P: Payload> Carried for P {
     }
 }
 
-impl Carried for [f32] {
+impl TopicContent for [f32] {
     type Header = FieldHeader;
 
     fn service(bus: &Bus, topic: &Topic, missing: Missing) -> Result<PubSub<[f32], FieldHeader>, WireError> {
@@ -101,7 +101,7 @@ impl Carried for [f32] {
 
 /// The ports of the one writer of a topic.
 #[derive(Debug)]
-struct WriterPort<P: Carried + ?Sized> {
+struct WriterPort<P: TopicContent + ?Sized> {
     topic: Topic,
     publisher: Publisher<Ipc, P, P::Header>,
     notifier: Notifier<Ipc>,
@@ -109,7 +109,7 @@ struct WriterPort<P: Carried + ?Sized> {
     _lock: WriterLock,
 }
 
-impl<P: Carried + ?Sized> WriterPort<P> {
+impl<P: TopicContent + ?Sized> WriterPort<P> {
     /// Becomes the writer and reserves all memory.
     fn create(bus: &Bus, topic: &Topic, owner: &str, entries: usize) -> Result<Self, WireError> {
         service::require_place(bus, topic)?;
@@ -143,7 +143,7 @@ pub struct Writer<P: Payload>(WriterPort<P>);
 
 /// One of many readers of a topic. Dropping it frees its slot.
 #[derive(Debug)]
-pub struct Reader<P: Carried + ?Sized> {
+pub struct Reader<P: TopicContent + ?Sized> {
     topic: Topic,
     subscriber: Subscriber<Ipc, P, P::Header>,
     waker: Waker,
@@ -232,7 +232,7 @@ impl<P: Payload> Writer<P> {
     }
 }
 
-impl<P: Carried + ?Sized> Reader<P> {
+impl<P: TopicContent + ?Sized> Reader<P> {
     /// Reads a topic that must exist.
     ///
     /// # Errors
@@ -270,11 +270,6 @@ impl<P: Carried + ?Sized> Reader<P> {
 
     fn receive_failed(&self, error: impl Debug) -> WireError {
         WireError::Receive { topic: self.topic.name().into(), cause: format!("{error:?}") }
-    }
-
-    /// Whether a sample waits; false on an error, which the next receive returns. Never blocks, takes nothing.
-    pub fn has_next(&self) -> bool {
-        self.subscriber.has_samples().unwrap_or(false)
     }
 
     /// The topic.
@@ -333,7 +328,7 @@ impl Reader<[f32]> {
     }
 }
 
-impl<P: Carried + ?Sized> Wakeable for Reader<P> {
+impl<P: TopicContent + ?Sized> Wakeable for Reader<P> {
     fn waker(&self) -> Waker {
         self.waker.clone()
     }
@@ -573,14 +568,6 @@ macro_rules! kinds {
                     $(Self::$kind(reader) => reader.newest()?.map(AnySample::$kind),)+
                     Self::Field(reader) => reader.newest()?.map(AnySample::Field),
                 })
-            }
-
-            /// True if a sample is waiting; false on errors, which [`Self::next`] returns. Never blocks, takes nothing.
-            pub fn has_next(&self) -> bool {
-                match self {
-                    $(Self::$kind(reader) => reader.has_next(),)+
-                    Self::Field(reader) => reader.has_next(),
-                }
             }
         }
 

@@ -5,7 +5,7 @@ use control::held::Held;
 use control::inverse::Quantity;
 use rom::inputs::PRESSURE;
 use runtime::config::{ActuatorSpec, CameraSpec};
-use runtime::estimation::packed;
+use wire::layout::pack_slot;
 use wire::{Bus, SensorReader, SensorSample, State, Topic, Waking};
 
 pub(super) struct Sensors {
@@ -43,7 +43,7 @@ enum Gauge {
 impl Gauge {
     fn new(held: &Held) -> Self {
         match (&held.settings.cavity, held.has_memory) {
-            (Some(cavity), true) => Self::Named(packed(&format!("pressure_mpa.{cavity}"))),
+            (Some(cavity), true) => Self::Named(pack_slot(&format!("pressure_mpa.{cavity}"))),
             (None, true) => Self::Reading,
             (Some(_), false) => Self::Input(held.slot),
             (None, false) => Self::State,
@@ -81,7 +81,7 @@ impl Sensors {
             (None, Quantity::Pressure) => ("gauge".into(), By::Gauge),
             (None, Quantity::Force) => ("load cell".into(), By::LoadCell),
             (None, Quantity::Observable) if spec.observables.contains_key(&held.name) => {
-                (format!("sensor of {}", held.name), By::Named(packed(&held.name)))
+                (format!("sensor of {}", held.name), By::Named(pack_slot(&held.name)))
             }
             (None, Quantity::Observable) => ("model".into(), By::Model),
         };

@@ -12,16 +12,16 @@ const LAST: Duration = Duration::from_millis(1500);
 const TAKEN_NS: u64 = 50_000_000;
 
 /// The readings of all actuators.
-pub(crate) struct Usage {
+pub(crate) struct ReadingUse {
     bus: Bus,
     boot_id: u64,
     begin_ns: u64,
     next_search: Instant,
-    actuators: Vec<Use>,
+    actuators: Vec<ActuatorUse>,
 }
 
 /// The readings of one actuator.
-struct Use {
+struct ActuatorUse {
     name: String,
     topic: Topic,
     /// Open from the time that there is a twin.
@@ -33,7 +33,7 @@ struct Use {
     is_reported: bool,
 }
 
-impl Usage {
+impl ReadingUse {
     /// For the bridge with this run id that sends its first reading after `begin_ns`.
     pub(crate) fn new(
         domain: &Domain,
@@ -41,8 +41,8 @@ impl Usage {
         begin_ns: u64,
         names: &[String],
     ) -> Result<Self, WireError> {
-        let of = |name: &String| {
-            Ok(Use {
+        let actuator_use = |name: &String| {
+            Ok(ActuatorUse {
                 name: name.clone(),
                 topic: Topic::health(name)?,
                 reader: None,
@@ -52,7 +52,7 @@ impl Usage {
                 is_reported: false,
             })
         };
-        let actuators = names.iter().map(of).collect::<Result<_, WireError>>()?;
+        let actuators = names.iter().map(actuator_use).collect::<Result<_, WireError>>()?;
         Ok(Self { bus: Bus::open(domain)?, boot_id, begin_ns, next_search: Instant::now(), actuators })
     }
 
@@ -62,11 +62,11 @@ impl Usage {
         if is_search {
             self.next_search = Instant::now() + SEARCH;
         }
-        for one in &mut self.actuators {
-            if one.reader.is_none() && is_search {
-                one.reader = HealthReader::open(&self.bus, &one.topic).ok();
+        for actuator in &mut self.actuators {
+            if actuator.reader.is_none() && is_search {
+                actuator.reader = HealthReader::open(&self.bus, &actuator.topic).ok();
             }
-            one.update(self.boot_id, self.begin_ns);
+            actuator.update(self.boot_id, self.begin_ns);
         }
     }
 
@@ -75,21 +75,28 @@ impl Usage {
     pub(crate) fn unused(mut self) -> Option<String> {
         let (end, end_ns) = (Instant::now() + LAST, now_ns() + TAKEN_NS);
         let pause = StopFlag::default();
-        let waits =
-            |one: &Use| one.reader.is_some() && one.newest.is_none_or(|health| health.t_publish_ns < end_ns);
+        let waits = |actuator: &ActuatorUse| {
+            actuator.reader.is_some() && actuator.newest.is_none_or(|health| health.t_publish_ns < end_ns)
+        };
         self.update();
-        while Instant::now() < end && self.actuators.iter().any(|one| !one.is_used && waits(one)) {
+        while Instant::now() < end
+            && self.actuators.iter().any(|actuator| !actuator.is_used && waits(actuator))
+        {
             pause.pause(Duration::from_millis(10));
             self.update();
         }
-        let is_any_used = self.actuators.iter().any(|one| one.is_used);
-        let unused: Vec<&str> =
-            self.actuators.iter().filter(|one| one.is_reported).map(|one| one.name.as_str()).collect();
+        let is_any_used = self.actuators.iter().any(|actuator| actuator.is_used);
+        let unused: Vec<&str> = self
+            .actuators
+            .iter()
+            .filter(|actuator| actuator.is_reported)
+            .map(|actuator| actuator.name.as_str())
+            .collect();
         (!is_any_used && !unused.is_empty()).then(|| unused.join(", "))
     }
 }
 
-impl Use {
+impl ActuatorUse {
     fn update(&mut self, boot_id: u64, begin_ns: u64) {
         let found = self.reader.as_ref().and_then(|reader| reader.newest().ok().flatten());
         let Some(health) = found else { return };
@@ -103,7 +110,7 @@ impl Use {
         }
         let before = self.before;
         let since = |outcome: Outcome| health.count(outcome).saturating_sub(before.count(outcome));
-        // Those of an earlier bridge may be counted, too, but then the last good reading is older than this one.
+        // Those of an earlier bridge may be counted, too, but then the last good reading is older than this actuator.
         if since(Outcome::Published) > 0 && health.t_publish_ns.saturating_sub(health.age_ns) >= begin_ns {
             self.is_used = true;
             return;
