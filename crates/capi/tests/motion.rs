@@ -110,7 +110,10 @@ fn learned_model_in_c_has_an_interval_beyond_what_was_learned_or_none_and_no_ans
             .unwrap();
         let status = opened.step_under(t_ns, [pressure_mpa, f64::NAN, outlet]);
         assert_eq!(status, softtwin_status::SOFTTWIN_OK, "{k}");
-        assert!(opened.values.iter().any(|v| (f64::from(*v) - evaluation.coefficients[0]).abs() < 1e-4), "{k}");
+        assert!(
+            opened.values.iter().any(|v| (f64::from(*v) - evaluation.coefficients[0]).abs() < 1e-4),
+            "{k}"
+        );
     }
     let (value, width) = (evaluation.coefficients[0], evaluation.output_half_widths[0]);
     assert!(evaluation.flags.extrapolated);
