@@ -4,7 +4,7 @@ use crate::halfwidths::HalfWidths;
 use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
 use crate::kernel::sums::Scratch;
-use crate::learned::Past;
+use crate::learned::LearnedState;
 use crate::snapshots::RegimeKind;
 use thiserror::Error;
 
@@ -79,7 +79,7 @@ pub struct Evaluation {
     pub(crate) difference_mm: f64,
     pub(crate) scratch: Scratch,
     /// Settled state of a model learned from measurements, to answer without a past.
-    pub(crate) settled: Option<Box<Past>>,
+    pub(crate) settled: Option<Box<LearnedState>>,
 }
 
 impl Evaluation {

@@ -19,7 +19,7 @@ use crate::hull::{DomainStatus, TrainingRange};
 use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, Needs, PARAMETERS, PRESSURE, Point, rounded};
 use crate::interpolant::Interpolant;
 use crate::kernel::sums::{Scratch, Sums};
-use crate::learned::{Following, LearnedMap, Past};
+use crate::learned::{LearnedMap, LearnedState, OffsetFilter};
 use crate::model::{GroupModel, ModelError, ModelHeader, PressureLimit, RegimeModel};
 use crate::regime::{LastOnset, Onset, OnsetAt, OnsetTable};
 use crate::snapshots::RegimeKind;
@@ -323,7 +323,7 @@ impl Evaluator {
 
     /// Evaluation with capacity for any state.
     pub fn evaluation(&self) -> Evaluation {
-        let settled = self.learned.as_ref().map(|map| Box::new(map.past()));
+        let settled = self.learned.as_ref().map(|map| Box::new(map.initial_state()));
         Evaluation { settled, ..Evaluation::with_scratch(self.coefficients, self.scratch.clone()) }
     }
 
@@ -425,7 +425,7 @@ impl Evaluator {
             out.flags.refusal = Some(Refusal::TooFar);
             return self.fill_refused(out);
         };
-        let mut settled = out.settled.take().unwrap_or_else(|| Box::new(map.past()));
+        let mut settled = out.settled.take().unwrap_or_else(|| Box::new(map.initial_state()));
         settled.settle(map, &out.inputs);
         self.ask(map, &mut settled, None, out);
         out.settled = Some(settled);
@@ -435,8 +435,8 @@ impl Evaluator {
     fn ask(
         &self,
         map: &LearnedMap,
-        past: &mut Past,
-        following: Option<(&Following, u64)>,
+        past: &mut LearnedState,
+        following: Option<(&OffsetFilter, u64)>,
         out: &mut Evaluation,
     ) {
         let [distance, displacement_mm] =
@@ -468,8 +468,8 @@ impl Evaluator {
     pub(crate) fn remember(
         &self,
         inputs: Inputs,
-        past: &mut Past,
-        following: Option<(&Following, u64)>,
+        past: &mut LearnedState,
+        following: Option<(&OffsetFilter, u64)>,
         out: &mut Evaluation,
     ) {
         self.answer(inputs, Query::REGIME, out);

@@ -155,7 +155,7 @@ pub struct OutputWidth {
     pub past: f64,
 }
 
-/// Constants of an offset that follows measured values ([`Following`]), by output.
+/// Constants of an offset that follows measured values ([`OffsetFilter`]), by output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Drift {
     /// Variance at the beginning.
@@ -189,7 +189,7 @@ pub struct LearnedMap {
     pub support: Support,
     /// Half-widths by output.
     pub widths: Vec<OutputWidth>,
-    /// Following, by output.
+    /// OffsetFilter, by output.
     pub drifts: Vec<Drift>,
     /// Outputs that are coordinates of a marker, by marker.
     pub markers: Vec<Vec<u32>>,
@@ -197,7 +197,7 @@ pub struct LearnedMap {
 
 /// State of the lags and neurons at an instant, with memory to answer in: allocates nothing after its construction.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Past {
+pub struct LearnedState {
     last: [f64; MAX_INPUTS],
     last_ns: Option<u64>,
     /// Time since the neurons' last step, ns.
@@ -295,8 +295,8 @@ impl LearnedMap {
     /// Standardised inputs of a reading.
     pub fn scaled(&self, inputs: &Inputs) -> [f64; MAX_INPUTS] {
         let mut scaled = [0.0; MAX_INPUTS];
-        for (to, of) in scaled.iter_mut().zip(&self.inputs) {
-            *to = (inputs.values()[of.input as usize] - of.mean) / of.deviation;
+        for (scaled, input) in scaled.iter_mut().zip(&self.inputs) {
+            *scaled = (inputs.values()[input.input as usize] - input.mean) / input.deviation;
         }
         scaled
     }
@@ -307,12 +307,12 @@ impl LearnedMap {
     }
 
     /// A state before the first reading.
-    pub fn past(&self) -> Past {
-        let times = || self.reservoirs.iter().flat_map(|of| &of.times_s);
+    pub fn initial_state(&self) -> LearnedState {
+        let times = || self.reservoirs.iter().flat_map(|reservoir| &reservoir.times_s);
         let step_s = 1e-9 * self.step_ns as f64;
-        let kernels: usize = self.kernels.iter().map(|of| of.maps.len()).sum();
+        let kernels: usize = self.kernels.iter().map(|kernels| kernels.maps.len()).sum();
         let members = self.polynomials.len() + kernels + self.reservoirs.len();
-        Past {
+        LearnedState {
             last: [0.0; MAX_INPUTS],
             last_ns: None,
             since_ns: 0,
@@ -335,38 +335,50 @@ impl LearnedMap {
         let (outputs, count) = (self.outputs(), self.inputs.len());
         require(outputs == coefficients && (1..=MAX_OUTPUTS).contains(&outputs), "it has other outputs")?;
         require((1..=MAX_INPUTS).contains(&count), "expected one to eight inputs")?;
-        let is_input =
-            |of: &MapInput| (of.input as usize) < inputs && of.deviation > 0.0 && of.mean.is_finite();
+        let is_input = |input: &MapInput| {
+            (input.input as usize) < inputs && input.deviation > 0.0 && input.mean.is_finite()
+        };
         require(self.inputs.iter().all(is_input), "an input is missing or has no range")?;
         require(self.step_ns > 0 && self.max_gap_s > 0.0, "a time is not above 0 s")?;
         let positive = |line: Line| line.fill_s > 0.0 && line.empty_s > 0.0;
-        let is_lag = |of: &Lag| (of.input as usize) < count && of.line.is_none_or(positive);
+        let is_lag = |lag: &Lag| (lag.input as usize) < count && lag.line.is_none_or(positive);
         require(self.lags.iter().all(is_lag), "a lag is not valid")?;
         let known = |lags: &[u32]| lags.iter().all(|lag| (*lag as usize) < self.lags.len());
         let base = self.base.weights.len() == (1 + self.base.lags.len()) * outputs;
         require(known(&self.base.lags) && base, "the base is cut")?;
-        for of in &self.polynomials {
-            let terms = polynomial_terms(of.lags.len(), of.degree);
-            require(known(&of.lags) && of.weights.len() == terms * outputs, "a polynomial is cut")?;
+        for polynomial in &self.polynomials {
+            let terms = polynomial_terms(polynomial.lags.len(), polynomial.degree);
+            require(
+                known(&polynomial.lags) && polynomial.weights.len() == terms * outputs,
+                "a polynomial is cut",
+            )?;
         }
-        for of in &self.kernels {
-            let (lags, centres) = (of.lags.len(), of.centres.len() / of.lags.len().max(1));
-            require(lags > 0 && known(&of.lags) && of.centres.len() == centres * lags, "centres are cut")?;
+        for kernels in &self.kernels {
+            let (lags, centres) = (kernels.lags.len(), kernels.centres.len() / kernels.lags.len().max(1));
+            require(
+                lags > 0 && known(&kernels.lags) && kernels.centres.len() == centres * lags,
+                "centres are cut",
+            )?;
             let is_whole =
                 |map: &KernelMap| map.radius > 0.0 && map.weights.len() == (1 + lags + centres) * outputs;
-            require(of.maps.iter().all(is_whole), "a kernel map is cut")?;
+            require(kernels.maps.iter().all(is_whole), "a kernel map is cut")?;
         }
-        for of in &self.reservoirs {
-            let n = of.neurons();
+        for reservoir in &self.reservoirs {
+            let n = reservoir.neurons();
             require(
-                (1..=MAX_NEURONS).contains(&n) && of.times_s.iter().all(|t| *t > 0.0),
+                (1..=MAX_NEURONS).contains(&n) && reservoir.times_s.iter().all(|t| *t > 0.0),
                 "a reservoir has no neurons",
             )?;
-            let lengths = [of.drive.len(), of.starts.len(), of.weights.len(), of.strengths.len()];
-            let expected = [n * (1 + count), n + 1, (1 + count + n) * outputs, of.sources.len()];
-            let ordered =
-                of.starts.is_sorted() && of.starts.last().map(|end| *end as usize) == Some(of.sources.len());
-            let sources = of.sources.iter().all(|source| (*source as usize) < n);
+            let lengths = [
+                reservoir.drive.len(),
+                reservoir.starts.len(),
+                reservoir.weights.len(),
+                reservoir.strengths.len(),
+            ];
+            let expected = [n * (1 + count), n + 1, (1 + count + n) * outputs, reservoir.sources.len()];
+            let ordered = reservoir.starts.is_sorted()
+                && reservoir.starts.last().map(|end| *end as usize) == Some(reservoir.sources.len());
+            let sources = reservoir.sources.iter().all(|source| (*source as usize) < n);
             require(lengths == expected && ordered && sources, "a reservoir is cut")?;
         }
         let support = &self.support;
@@ -380,12 +392,13 @@ impl LearnedMap {
         require(self.drifts.len() == outputs, "its drifts are cut")
     }
 
-    /// Answers at a past and, where measured values are followed, at a time, ns: values of the outputs and their half-widths, the distance from the training in training ranges, and the half-width
-    /// of the marker with the widest, NaN without one.
+    /// Evaluates the map, with offsets where measured values are followed up to a time (ns). Writes the outputs into `outcome` and their
+    /// half-widths into `half_widths`; returns the distance beyond the training, in training ranges, and the half-width of the widest
+    /// marker, NaN without one.
     pub(crate) fn answer(
         &self,
-        past: &mut Past,
-        following: Option<(&Following, u64)>,
+        past: &mut LearnedState,
+        following: Option<(&OffsetFilter, u64)>,
         outcome: &mut Vec<f64>,
         half_widths: &mut Vec<f64>,
     ) -> [f64; 2] {
@@ -409,17 +422,18 @@ impl LearnedMap {
         outcome.clear();
         half_widths.clear();
         let far = distance.min(BASE_ALONE * self.support.reach);
-        for (k, of) in self.widths.iter().enumerate() {
-            let offset = following.map_or(0.0, |(of, _)| of.offset(k));
+        for (k, width) in self.widths.iter().enumerate() {
+            let offset = following.map_or(0.0, |(filter, _)| filter.offset(k));
             outcome.push(base[k] + gate * (mean[k] - base[k]) + offset);
-            let squares = of.noise + of.spread * variance[k] * gate * gate + of.distance * far * far;
+            let squares = width.noise + width.spread * variance[k] * gate * gate + width.distance * far * far;
             let squares = match following {
                 Some((following, t_ns)) => following.squared_half_width(k, t_ns, squares),
-                None => squares + of.allowance,
+                None => squares + width.allowance,
             };
-            let unknown = past.unknown * of.past;
-            let width = (squares + unknown * unknown).sqrt() + (1.0 - gate) * of.base + of.growth * beyond;
-            half_widths.push(if width < of.range { width } else { f64::NAN });
+            let unknown = past.unknown * width.past;
+            let half_width =
+                (squares + unknown * unknown).sqrt() + (1.0 - gate) * width.base + width.growth * beyond;
+            half_widths.push(if half_width < width.range { half_width } else { f64::NAN });
         }
         let of_marker =
             |outputs: &Vec<u32>| outputs.iter().map(|k| half_widths[*k as usize].powi(2)).sum::<f64>().sqrt();
@@ -429,36 +443,36 @@ impl LearnedMap {
     }
 
     fn shares(&self) -> impl Iterator<Item = f64> + '_ {
-        let polynomials = self.polynomials.iter().map(|of| of.share);
-        let kernels = self.kernels.iter().flat_map(|of| &of.maps).map(|map| map.share);
-        polynomials.chain(kernels).chain(self.reservoirs.iter().map(|of| of.share))
+        let polynomials = self.polynomials.iter().map(|polynomial| polynomial.share);
+        let kernels = self.kernels.iter().flat_map(|kernels| &kernels.maps).map(|map| map.share);
+        polynomials.chain(kernels).chain(self.reservoirs.iter().map(|reservoir| reservoir.share))
     }
 
     /// Values of all members.
-    fn members(&self, past: &mut Past) {
+    fn members(&self, past: &mut LearnedState) {
         let outputs = self.outputs();
         past.members.fill(0.0);
         let mut places = past.members.chunks_exact_mut(outputs);
-        for (of, out) in self.polynomials.iter().zip(&mut places) {
-            let mut rows = of.weights.chunks_exact(outputs);
-            let value = |at: usize| past.lags[of.lags[at] as usize];
-            polynomial(of.lags.len(), of.degree, value, |term| {
+        for (terms, out) in self.polynomials.iter().zip(&mut places) {
+            let mut rows = terms.weights.chunks_exact(outputs);
+            let value = |at: usize| past.lags[terms.lags[at] as usize];
+            polynomial(terms.lags.len(), terms.degree, value, |term| {
                 rows.by_ref().take(1).for_each(|row| add(out, term, row))
             });
         }
-        for of in &self.kernels {
-            let width = of.lags.len();
+        for kernels in &self.kernels {
+            let width = kernels.lags.len();
             let square = |centre: &[f64]| -> f64 {
-                of.lags.iter().zip(centre).map(|(lag, c)| (past.lags[*lag as usize] - c).powi(2)).sum()
+                kernels.lags.iter().zip(centre).map(|(lag, c)| (past.lags[*lag as usize] - c).powi(2)).sum()
             };
-            for (map, out) in of.maps.iter().zip(&mut places) {
+            for (map, out) in kernels.maps.iter().zip(&mut places) {
                 let (first, rows) = map.weights.split_at((1 + width) * outputs);
                 add(out, 1.0, &first[..outputs]);
-                for (lag, row) in of.lags.iter().zip(first[outputs..].chunks_exact(outputs)) {
+                for (lag, row) in kernels.lags.iter().zip(first[outputs..].chunks_exact(outputs)) {
                     add(out, past.lags[*lag as usize], row);
                 }
                 let scale = 1.0 / (map.radius * (width as f64).sqrt());
-                for (centre, row) in of.centres.chunks_exact(width).zip(rows.chunks_exact(outputs)) {
+                for (centre, row) in kernels.centres.chunks_exact(width).zip(rows.chunks_exact(outputs)) {
                     let value = kernel(scale * square(centre).sqrt());
                     if value > 0.0 {
                         add(out, value, row);
@@ -467,25 +481,27 @@ impl LearnedMap {
             }
         }
         let mut begin = 0;
-        for (of, out) in self.reservoirs.iter().zip(places) {
-            let neurons = &past.neurons[begin..begin + of.neurons()];
-            begin += of.neurons();
+        for (reservoir, out) in self.reservoirs.iter().zip(places) {
+            let neurons = &past.neurons[begin..begin + reservoir.neurons()];
+            begin += reservoir.neurons();
             let features = [1.0].iter().chain(&past.last[..self.inputs.len()]).chain(neurons);
-            features.zip(of.weights.chunks_exact(outputs)).for_each(|(value, row)| add(out, *value, row));
+            features
+                .zip(reservoir.weights.chunks_exact(outputs))
+                .for_each(|(value, row)| add(out, *value, row));
         }
     }
 
     /// Distance of lags from the nearest row of the training.
     fn distance(&self, lags: &[f64]) -> f64 {
-        let of = &self.support;
+        let support = &self.support;
         let square = |row: &[f64]| -> f64 {
-            of.lags.iter().zip(row).map(|(lag, r)| (lags[*lag as usize] - r).powi(2)).sum()
+            support.lags.iter().zip(row).map(|(lag, r)| (lags[*lag as usize] - r).powi(2)).sum()
         };
-        of.rows.chunks_exact(of.lags.len()).map(square).fold(f64::INFINITY, f64::min).sqrt()
+        support.rows.chunks_exact(support.lags.len()).map(square).fold(f64::INFINITY, f64::min).sqrt()
     }
 }
 
-impl Past {
+impl LearnedState {
     /// Forgets: the next reading begins settled.
     pub fn restart(&mut self) {
         self.last_ns = None;
@@ -507,10 +523,10 @@ impl Past {
         self.lags.iter_mut().zip(&map.lags).for_each(|(value, lag)| *value = self.last[lag.input as usize]);
         self.stepped.fill(0.0);
         let mut begin = 0;
-        for of in &map.reservoirs {
-            let neurons = &mut self.stepped[begin..begin + of.neurons()];
-            (0..SETTLING).for_each(|_| of.step(&self.last[..map.inputs.len()], |_| 0.5, neurons));
-            begin += of.neurons();
+        for reservoir in &map.reservoirs {
+            let neurons = &mut self.stepped[begin..begin + reservoir.neurons()];
+            (0..SETTLING).for_each(|_| reservoir.step(&self.last[..map.inputs.len()], |_| 0.5, neurons));
+            begin += reservoir.neurons();
         }
         self.neurons.copy_from_slice(&self.stepped);
         (self.since_ns, self.unknown) = (0, 0.0);
@@ -569,14 +585,16 @@ impl Past {
     /// One step of all neurons; `None` for the map's own step.
     fn step(&mut self, map: &LearnedMap, inputs: &[f64; MAX_INPUTS], length_s: Option<f64>) {
         let mut begin = 0;
-        for of in &map.reservoirs {
-            let range = begin..begin + of.neurons();
+        for reservoir in &map.reservoirs {
+            let range = begin..begin + reservoir.neurons();
             begin = range.end;
-            let (inputs, neurons, own) =
+            let (inputs, neurons, rates) =
                 (&inputs[..map.inputs.len()], &mut self.stepped[range.clone()], &self.rates[range]);
             match length_s {
-                None => of.step(inputs, |k| own[k], neurons),
-                Some(length_s) => of.step(inputs, |k| -(-length_s / of.times_s[k]).exp_m1(), neurons),
+                None => reservoir.step(inputs, |k| rates[k], neurons),
+                Some(length_s) => {
+                    reservoir.step(inputs, |k| -(-length_s / reservoir.times_s[k]).exp_m1(), neurons)
+                }
             }
         }
     }
@@ -586,13 +604,13 @@ impl Past {
 /// variance takes the place of the allowance for a further run. Where errors scatter by more than those of the training, a measured value
 /// counts for less, and the half-width is at least that scatter.
 #[derive(Clone, Debug)]
-pub struct Following {
-    offsets: Vec<FollowedOffset>,
+pub struct OffsetFilter {
+    offsets: Vec<OutputOffset>,
     last_ns: Option<u64>,
 }
 
 #[derive(Clone, Debug)]
-struct FollowedOffset {
+struct OutputOffset {
     drift: Drift,
     /// Variance of the error beside the offset, in the training.
     noise: f64,
@@ -604,10 +622,10 @@ struct FollowedOffset {
     count: f64,
 }
 
-impl Following {
+impl OffsetFilter {
     /// Without a measured value the offsets are 0.
     pub fn new(map: &LearnedMap) -> Self {
-        let offset = |(drift, width): (&Drift, &OutputWidth)| FollowedOffset {
+        let initial = |(drift, width): (&Drift, &OutputWidth)| OutputOffset {
             drift: *drift,
             noise: width.noise / SQUARED_SIGMAS,
             value: 0.0,
@@ -616,20 +634,20 @@ impl Following {
             seen: 0.0,
             count: 0.0,
         };
-        Self { offsets: map.drifts.iter().zip(&map.widths).map(offset).collect(), last_ns: None }
+        Self { offsets: map.drifts.iter().zip(&map.widths).map(initial).collect(), last_ns: None }
     }
 
     /// Values were measured.
     pub fn has_begun(&self) -> bool {
-        self.offsets.iter().any(|of| of.count > 0.0)
+        self.offsets.iter().any(|offset| offset.count > 0.0)
     }
 
     /// Forgets what was measured.
     pub fn restart(&mut self) {
         self.last_ns = None;
-        for of in &mut self.offsets {
-            (of.value, of.variance) = (0.0, of.drift.start);
-            (of.mean, of.seen, of.count) = (0.0, 0.0, 0.0);
+        for offset in &mut self.offsets {
+            (offset.value, offset.variance) = (0.0, offset.drift.start);
+            (offset.mean, offset.seen, offset.count) = (0.0, 0.0, 0.0);
         }
     }
 
@@ -637,27 +655,27 @@ impl Following {
         self.last_ns.map_or(0.0, |last_ns| 1e-9 * t_ns.saturating_sub(last_ns) as f64)
     }
 
-    /// Takes measured minus freely predicted values of a time, ns, not before that of the last call; NaN where nothing was measured.
+    /// Takes measured minus freely predicted values offset a time, ns, not before that offset the last call; NaN where nothing was measured.
     pub fn take(&mut self, t_ns: u64, errors: &[f64]) {
         let passed_s = self.passed_s(t_ns);
         self.last_ns = Some(t_ns);
-        self.offsets.iter_mut().zip(errors).for_each(|(of, error)| of.take(passed_s, *error));
+        self.offsets.iter_mut().zip(errors).for_each(|(offset, error)| offset.take(passed_s, *error));
     }
 
-    /// Offset of an output in its predicted values.
+    /// Offset offset an output in its predicted values.
     pub fn offset(&self, output: usize) -> f64 {
         self.offsets[output].value
     }
 
-    /// Square of the half-width of an output at a time, ns, from that without the allowance.
+    /// Square offset the half-width offset an output at a time, ns, from that without the allowance.
     pub fn squared_half_width(&self, output: usize, t_ns: u64, without: f64) -> f64 {
-        let of = &self.offsets[output];
-        (without + SQUARED_SIGMAS * of.later(self.passed_s(t_ns))).max(SQUARED_SIGMAS * of.seen)
+        let offset = &self.offsets[output];
+        (without + SQUARED_SIGMAS * offset.later(self.passed_s(t_ns))).max(SQUARED_SIGMAS * offset.seen)
     }
 }
 
-impl FollowedOffset {
-    /// Variance after some time: it grows, up to that of the difference between two runs.
+impl OutputOffset {
+    /// Variance after some time: it grows, up to that offset the difference between two runs.
     fn later(&self, passed_s: f64) -> f64 {
         (self.variance + self.drift.per_s * passed_s).min(2.0 * self.drift.start)
     }

@@ -10,7 +10,7 @@ use crate::halfwidths::HalfWidths;
 use crate::inertia::model_motion::ModelMotion;
 use crate::inertia::stepper::ReadingError;
 use crate::inputs::{Inputs, MAX_INPUTS};
-use crate::learned::{Following, Past};
+use crate::learned::{LearnedState, OffsetFilter};
 use crate::memory::{Advance, Memory};
 use crate::model::{Model, ModelError, ModelFileError};
 
@@ -31,9 +31,9 @@ pub struct Session {
     evaluator: Evaluator,
     memory: Option<Memory>,
     /// State of a model learned from measurements, and the longest gap that is bridged, s.
-    learned: Option<(Box<Past>, f64)>,
+    learned: Option<(Box<LearnedState>, f64)>,
     /// Offsets of a learned model's outputs that follow their measured values.
-    following: Option<Following>,
+    following: Option<OffsetFilter>,
     follower: Option<Follower>,
     motion: Option<Box<ModelMotion>>,
     /// Time of the last reading, ns.
@@ -108,7 +108,7 @@ impl Session {
         let max_gap_s = |of: f64| if gaps == Gaps::Recorded { f64::INFINITY } else { of };
         let mut session = Self {
             evaluator: Evaluator::new(&model.header)?,
-            learned: learned.map(|map| (Box::new(map.past()), max_gap_s(map.max_gap_s))),
+            learned: learned.map(|map| (Box::new(map.initial_state()), max_gap_s(map.max_gap_s))),
             following: None,
             memory: Memory::of(model)?,
             follower: None,
@@ -145,7 +145,7 @@ impl Session {
 
     /// From now on the outputs of a learned model have offsets that follow measured values ([`Self::follow`]). False for another model.
     pub fn start_following(&mut self) -> bool {
-        self.following = self.evaluator.learned().map(|map| Following::new(map));
+        self.following = self.evaluator.learned().map(|map| OffsetFilter::new(map));
         self.following.is_some()
     }
 
@@ -157,7 +157,7 @@ impl Session {
 
     /// True if answers have offsets that follow measured values.
     pub fn has_followed(&self) -> bool {
-        self.following.as_ref().is_some_and(Following::has_begun)
+        self.following.as_ref().is_some_and(OffsetFilter::has_begun)
     }
 
     /// Part of an output's value that follows measured values; 0 where none are followed.
@@ -197,7 +197,7 @@ impl Session {
     pub fn restart(&mut self) {
         self.memory.iter_mut().for_each(Memory::restart);
         self.learned.iter_mut().for_each(|(past, _)| past.restart());
-        self.following.iter_mut().for_each(Following::restart);
+        self.following.iter_mut().for_each(OffsetFilter::restart);
         self.follower.iter_mut().for_each(Follower::restart);
         self.motion.iter_mut().for_each(|motion| motion.reset());
         self.last_ns = None;

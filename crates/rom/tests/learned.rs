@@ -2,7 +2,7 @@
 
 use rom::inputs::{Inputs, PARAMETERS};
 use rom::learned::{
-    Drift, Following, KernelMap, Kernels, Lag, LearnedMap, LinearMap, MapInput, OutputWidth, Past,
+    Drift, KernelMap, Kernels, Lag, LearnedMap, LearnedState, LinearMap, MapInput, OffsetFilter, OutputWidth,
     Polynomial, Reservoir, Support,
 };
 use rom::memory::Line;
@@ -58,8 +58,8 @@ fn inputs(value: f64) -> Inputs {
     Inputs::new(0.0, f64::INFINITY).with(PARAMETERS, value)
 }
 
-fn follow(map: &LearnedMap, trace: impl Iterator<Item = (u64, f64)>) -> Past {
-    let mut past = map.past();
+fn follow(map: &LearnedMap, trace: impl Iterator<Item = (u64, f64)>) -> LearnedState {
+    let mut past = map.initial_state();
     trace.for_each(|(t_ns, value)| {
         past.advance(map, t_ns, &inputs(value), f64::INFINITY);
     });
@@ -100,15 +100,15 @@ fn neurons_settle_and_a_settled_state_stays() {
     let past = follow(&map, (0..500).map(|k| (k * 20_000_000, 0.4)));
     let [a, b] = [past.neurons()[0], past.neurons()[1]];
     assert!((a - (0.4 + 0.3 * b).tanh()).abs() < 1e-9 && (b - (0.1 - 0.2 + 0.4 * a).tanh()).abs() < 1e-9);
-    let mut settled = map.past();
+    let mut settled = map.initial_state();
     settled.settle(&map, &inputs(0.4));
     assert!((settled.neurons()[0] - a).abs() < 1e-9);
 }
 
 #[test]
 fn following_takes_over_a_constant_offset_and_leaves_out_what_was_not_measured() {
-    let mut following = Following::new(&map());
-    let square = |of: &Following, t_ns: u64| of.squared_half_width(0, t_ns, 1.0);
+    let mut following = OffsetFilter::new(&map());
+    let square = |of: &OffsetFilter, t_ns: u64| of.squared_half_width(0, t_ns, 1.0);
     assert!((square(&following, 0) - (1.0 + 1.64 * 1.64)).abs() < 1e-12, "{}", square(&following, 0));
     following.take(0, &[1.0]);
     assert_eq!(following.offset(0), 0.0, "one value of unknown duration");

@@ -2,7 +2,7 @@
 
 use super::data::{COVERAGE, Learned, MIN_EXPLAINED, Measured, MeasuredError, OutputReport, range_of};
 use super::layout::{Layout, unit_of};
-use super::maps::{Found, Rows, Sight, positions};
+use super::maps::{ChosenMaps, FittedRows, MemberFeatures, positions};
 use super::motion::noise_of;
 use super::segments::{centres, directions, loop_size, turns};
 use super::widths::Places;
@@ -23,7 +23,7 @@ use rom::statistics::{mean, median};
 use std::sync::Arc;
 
 /// Figures of the outputs, without half-widths.
-pub(super) fn reports(data: &Measured, rows: &Rows, found: &Found) -> Vec<OutputReport> {
+pub(super) fn reports(data: &Measured, rows: &FittedRows, found: &ChosenMaps) -> Vec<OutputReport> {
     let run: Vec<usize> = rows.fitted.iter().map(|at| at.0).collect();
     let report = |(k, name): (usize, &String)| {
         let values: Vec<f64> = rows.y.col(k).iter().copied().collect();
@@ -70,8 +70,8 @@ fn flat(weights: &Mat<f64>) -> Vec<f64> {
 }
 
 fn map(
-    rows: &Rows,
-    found: Found,
+    rows: &FittedRows,
+    found: ChosenMaps,
     places: Places,
     widths: Vec<OutputWidth>,
     drifts: Vec<Drift>,
@@ -82,17 +82,26 @@ fn map(
     let (mut polynomials, mut kernels, mut reservoirs) = (Vec::new(), Vec::<Kernels>::new(), Vec::new());
     for member in found.members {
         let weights = flat(&member.fit.weights);
-        match member.sight {
-            Sight::Polynomial { lags: of, degree } => {
-                polynomials.push(Polynomial { share: member.share, lags: lags.places(&of), degree, weights });
+        match member.features {
+            MemberFeatures::Polynomial { lags: own, degree } => {
+                polynomials.push(Polynomial {
+                    share: member.share,
+                    lags: lags.places(&own),
+                    degree,
+                    weights,
+                });
             }
-            Sight::Reservoir(of) => reservoirs.push(Reservoir { share: member.share, weights, ..of }),
-            Sight::Kernel { lags: of, centres, radius } => {
-                let of = lags.places(&of);
+            MemberFeatures::Reservoir(of) => {
+                reservoirs.push(Reservoir { share: member.share, weights, ..of })
+            }
+            MemberFeatures::Kernel { lags: own, centres, radius } => {
+                let places = lags.places(&own);
                 let map = KernelMap { share: member.share, radius, weights };
-                match kernels.iter_mut().find(|known| known.lags == of) {
+                match kernels.iter_mut().find(|known| known.lags == places) {
                     Some(known) => known.maps.push(map),
-                    None => kernels.push(Kernels { lags: of, centres: centres.concat(), maps: vec![map] }),
+                    None => {
+                        kernels.push(Kernels { lags: places, centres: centres.concat(), maps: vec![map] })
+                    }
                 }
             }
         }
@@ -106,8 +115,8 @@ fn map(
 pub(super) fn model(
     actuator: &str,
     data: &Measured,
-    rows: &Rows,
-    found: Found,
+    rows: &FittedRows,
+    found: ChosenMaps,
     places: Places,
     (widths, drifts): (Vec<OutputWidth>, Vec<Drift>),
     mut reports: Vec<OutputReport>,
@@ -117,10 +126,10 @@ pub(super) fn model(
     let errors = found.errors;
     let mut shares = [0.0; 3];
     for member in &found.members {
-        let family = match member.sight {
-            Sight::Polynomial { .. } => 0,
-            Sight::Kernel { .. } => 1,
-            Sight::Reservoir(_) => 2,
+        let family = match member.features {
+            MemberFeatures::Polynomial { .. } => 0,
+            MemberFeatures::Kernel { .. } => 1,
+            MemberFeatures::Reservoir(_) => 2,
         };
         shares[family] += member.share;
     }
@@ -128,8 +137,8 @@ pub(super) fn model(
     let mut learned = map(rows, found, places, widths, drifts);
     let marker = |node: usize| {
         let is_coordinate = |spec: &FieldSpec| matches!(spec.kind, FieldKind::Coordinate(_));
-        let of = layout.fields.iter().filter(|(spec, _)| is_coordinate(spec));
-        of.filter_map(|(_, places)| places[node].map(|output| output as u32)).collect()
+        let coordinates = layout.fields.iter().filter(|(spec, _)| is_coordinate(spec));
+        coordinates.filter_map(|(_, places)| places[node].map(|output| output as u32)).collect()
     };
     learned.markers = (0..layout.nodes.len()).map(marker).collect();
     let header = header(actuator, data, rows, &layout, Arc::new(learned));
@@ -147,7 +156,9 @@ pub(super) fn model(
             let values = rows.runs[*run].inputs[*row];
             rows.inputs
                 .iter()
-                .map(|of| (values.values()[of.input as usize] - of.mean) / (of.deviation * of.range))
+                .map(|input| {
+                    (values.values()[input.input as usize] - input.mean) / (input.deviation * input.range)
+                })
                 .sum()
         })
         .collect();
@@ -188,7 +199,7 @@ fn length(reports: &[OutputReport], data: &Measured) -> f64 {
 
 /// Median half-widths over the training, as a session gives them.
 fn typical_half_widths(
-    rows: &Rows,
+    rows: &FittedRows,
     model: &mut Model,
     reports: &mut [OutputReport],
 ) -> Result<(), MeasuredError> {
@@ -225,7 +236,7 @@ fn typical_half_widths(
 fn header(
     actuator: &str,
     data: &Measured,
-    rows: &Rows,
+    rows: &FittedRows,
     layout: &Layout,
     learned: Arc<LearnedMap>,
 ) -> ModelHeader {
@@ -306,7 +317,7 @@ type Blocks = Vec<(BlockKind, BlockData)>;
 
 /// Means of 0 and a mode of each output where it is; positions of the markers at the smallest inputs, 0 where there are none. A scalar is the same
 /// at all nodes.
-fn blocks(rows: &Rows, layout: &Layout) -> Result<Blocks, MeasuredError> {
+fn blocks(rows: &FittedRows, layout: &Layout) -> Result<Blocks, MeasuredError> {
     let (nodes, regime) = (layout.node_count(), RegimeKind::Free);
     let mut blocks = Vec::new();
     for (field, (_, places)) in layout.fields.iter().enumerate() {
@@ -320,7 +331,7 @@ fn blocks(rows: &Rows, layout: &Layout) -> Result<Blocks, MeasuredError> {
     let sum = |row: usize| -> f64 {
         let (run, at) = rows.fitted[row];
         let values = rows.runs[run].inputs[at];
-        rows.inputs.iter().map(|of| values.values()[of.input as usize] / of.deviation).sum()
+        rows.inputs.iter().map(|input| values.values()[input.input as usize] / input.deviation).sum()
     };
     let rest = (0..rows.fitted.len()).min_by(|a, b| sum(*a).total_cmp(&sum(*b))).unwrap_or(0);
     for axis in 0..3 {

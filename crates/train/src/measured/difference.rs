@@ -92,8 +92,9 @@ fn correct_in_place(
     model.header.regimes.iter_mut().for_each(|regime| regime.difference = None);
     let places = places(model, outputs, &mut observables, remarks)?;
     let modes = modes::correct(model, &places, &observables, runs)?;
-    let optimism =
-        |kind: RegimeKind| modes.iter().find(|of| of.regime == kind && of.is_kept).map(|of| of.optimism);
+    let optimism = |kind: RegimeKind| {
+        modes.iter().find(|found| found.regime == kind && found.is_kept).map(|found| found.optimism)
+    };
     let mut found = Vec::new();
     let refused = |error: ModelError| ModelFileError::Header(error.to_string());
     let evaluator = Evaluator::new(&model.header).map_err(refused)?;
@@ -142,7 +143,7 @@ fn correct_in_place(
             found.push(report);
         }
     }
-    if !found.iter().any(|report| report.is_kept) && !modes.iter().any(|of| of.is_kept) {
+    if !found.iter().any(|report| report.is_kept) && !modes.iter().any(|found| found.is_kept) {
         let reason = |report: &Difference| {
             format!("{}: RMS {:.3e}, {:.3e} on left-out parts", report.name, report.rms, report.rms_left_out)
         };

@@ -22,7 +22,7 @@ use rom::rng::Rng;
 use rom::statistics::{mean, median};
 use std::ops::Range;
 
-/// Rows beyond which only every n-th is used, and the rows of a regression.
+/// FittedRows beyond which only every n-th is used, and the rows of a regression.
 const MAX_ROWS: usize = 20_000;
 const FITTED_ROWS: usize = 1500;
 /// Left-out parts of one or two runs, and most parts of several.
@@ -70,7 +70,7 @@ pub(super) struct DrivenRun {
 }
 
 /// Measured rows, prepared.
-pub(super) struct Rows {
+pub(super) struct FittedRows {
     pub runs: Vec<DrivenRun>,
     /// Run and row of those that are fitted, in order.
     pub fitted: Vec<(usize, usize)>,
@@ -106,7 +106,7 @@ pub(super) fn positions(names: &[String]) -> Vec<usize> {
     (0..names.len()).map(position).collect()
 }
 
-impl Rows {
+impl FittedRows {
     pub(super) fn new(data: &Measured, remarks: &mut Vec<String>) -> Result<Self, MeasuredError> {
         let driven: Vec<Vec<usize>> = data.runs.iter().map(driven).collect();
         let all: usize = driven.iter().map(Vec::len).sum();
@@ -155,17 +155,17 @@ impl Rows {
             MapInput { input: *at as u32, mean: centre, deviation, range }
         };
         let inputs: Vec<MapInput> = positions.iter().map(input).collect();
-        let roughness = |of: &MapInput| {
-            let steps = values(of.input as usize).flat_map(|run| {
+        let roughness = |input: &MapInput| {
+            let steps = values(input.input as usize).flat_map(|run| {
                 let run: Vec<f64> = run.collect();
                 run.windows(2).map(|v| (v[1] - v[0]).powi(2)).collect::<Vec<_>>()
             });
-            0.5 * mean(steps) / of.deviation.powi(2)
+            0.5 * mean(steps) / input.deviation.powi(2)
         };
-        let are_dealt = inputs.iter().any(|of| roughness(of) > DEALT);
-        let is_own = |of: &MapInput| {
-            let ranges = values(of.input as usize).map(|run| super::data::range_of(run) / of.deviation);
-            ranges.fold(0.0, f64::max) < OWN_INPUT * of.range
+        let are_dealt = inputs.iter().any(|input| roughness(input) > DEALT);
+        let is_own = |input: &MapInput| {
+            let ranges = values(input.input as usize).map(|run| super::data::range_of(run) / input.deviation);
+            ranges.fold(0.0, f64::max) < OWN_INPUT * input.range
         };
         let have_own_inputs = runs.len() > 2 && inputs.iter().any(is_own);
         let whole_runs = parts(&fitted, 1);
@@ -236,8 +236,8 @@ impl Rows {
     }
 
     /// Values behind the lags and neurons at the fitted rows, as a session has them.
-    fn follow(&self, map: &LearnedMap, mut at_row: impl FnMut(&rom::learned::Past)) {
-        let mut past = map.past();
+    fn follow(&self, map: &LearnedMap, mut at_row: impl FnMut(&rom::learned::LearnedState)) {
+        let mut past = map.initial_state();
         let mut next = self.fitted.iter().peekable();
         for (at, run) in self.runs.iter().enumerate() {
             past.restart();
@@ -271,7 +271,7 @@ fn parts(fitted: &[(usize, usize)], per_run: usize) -> Vec<Range<usize>> {
     parts.retain(|part| !part.is_empty());
     // Many runs: neighbours together.
     let joined = parts.len().div_ceil(MOST_PARTS);
-    parts.chunks(joined).map(|of| of[0].start..of[of.len() - 1].end).collect()
+    parts.chunks(joined).map(|joined| joined[0].start..joined[joined.len() - 1].end).collect()
 }
 
 /// The rows of a run that have all inputs and come after the row before.
@@ -294,7 +294,7 @@ pub(super) struct Ridge {
     pub left_out: Mat<f64>,
     /// Predictions with nothing left out.
     pub fitted: Mat<f64>,
-    /// Predictions with [`Rows::far_parts`] left out; no rows without these.
+    /// Predictions with [`FittedRows::far_parts`] left out; no rows without these.
     pub far: Mat<f64>,
     /// `features x outputs`.
     pub weights: Mat<f64>,
@@ -310,7 +310,7 @@ pub(super) fn solve(gram: &Mat<f64>, right: &Mat<f64>, smoothing: f64, rows: f64
     solution.norm_max().is_finite().then_some(solution)
 }
 
-impl Rows {
+impl FittedRows {
     /// The fit with the largest of the smoothings that others do not beat by [`SMOOTHER`] in left-out error.
     pub(super) fn ridge(&self, features: &Mat<f64>, smoothings: &[f64]) -> Option<Ridge> {
         let (n, p) = (features.nrows(), features.ncols());
@@ -358,13 +358,13 @@ impl Rows {
 }
 
 /// Values of filtered inputs at the fitted rows, each computed once.
-pub(super) struct Filtered<'a> {
-    rows: &'a Rows,
+pub(super) struct LagColumns<'a> {
+    rows: &'a FittedRows,
     found: Vec<(Lag, Vec<f64>)>,
 }
 
-impl<'a> Filtered<'a> {
-    pub(super) fn new(rows: &'a Rows) -> Self {
+impl<'a> LagColumns<'a> {
+    pub(super) fn new(rows: &'a FittedRows) -> Self {
         Self { rows, found: Vec::new() }
     }
 
@@ -406,20 +406,20 @@ fn square(x: &Mat<f64>, row: usize, centre: &[f64]) -> f64 {
     centre.iter().enumerate().map(|(j, c)| (x[(row, j)] - c).powi(2)).sum()
 }
 
-/// Rows spread over all: the one nearest to the mean, then each time the one farthest from those before it.
+/// FittedRows spread over all: the one nearest to the mean, then each time the one farthest from those before it.
 fn centres(x: &Mat<f64>) -> Vec<Vec<f64>> {
-    let at = |row: usize| -> Vec<f64> { x.row(row).iter().copied().collect() };
+    let row_values = |row: usize| -> Vec<f64> { x.row(row).iter().copied().collect() };
     let middle: Vec<f64> = (0..x.ncols()).map(|j| mean(x.col(j).iter().copied())).collect();
     let rows = || 0..x.nrows();
     let Some(first) = rows().min_by(|a, b| square(x, *a, &middle).total_cmp(&square(x, *b, &middle))) else {
         return Vec::new();
     };
-    let mut found = vec![at(first)];
+    let mut found = vec![row_values(first)];
     let mut nearest: Vec<f64> = rows().map(|row| square(x, row, &found[0])).collect();
     while found.len() < CENTRES {
         let farthest = rows().rev().max_by(|a, b| nearest[*a].total_cmp(&nearest[*b]));
         let Some(next) = farthest.filter(|row| nearest[*row] > 1e-12) else { break };
-        found.push(at(next));
+        found.push(row_values(next));
         let newest = &found[found.len() - 1];
         nearest.iter_mut().enumerate().for_each(|(row, d)| *d = d.min(square(x, row, newest)));
     }
@@ -435,8 +435,8 @@ fn kernel_features(x: &Mat<f64>, squares: &Mat<f64>, radius: f64) -> Mat<f64> {
     })
 }
 
-/// What a member sees.
-pub(super) enum Sight {
+/// The features of which a member is a ridge map.
+pub(super) enum MemberFeatures {
     Polynomial { lags: Vec<Lag>, degree: u32 },
     Kernel { lags: Vec<Lag>, centres: Vec<Vec<f64>>, radius: f64 },
     Reservoir(Reservoir),
@@ -444,19 +444,19 @@ pub(super) enum Sight {
 
 /// A member of the answer.
 pub(super) struct Member {
-    pub sight: Sight,
+    pub features: MemberFeatures,
     pub fit: Ridge,
     pub share: f64,
 }
 
 /// Lags and members.
-pub(super) struct Found {
+pub(super) struct ChosenMaps {
     pub members: Vec<Member>,
     /// Left-out predictions of the members together.
     pub left_out: Mat<f64>,
     /// The same with nothing left out.
     pub fitted: Mat<f64>,
-    /// The same with whole runs left out ([`Rows::far_parts`]).
+    /// The same with whole runs left out ([`FittedRows::far_parts`]).
     pub far: Mat<f64>,
     /// The best common lags, and those of the base with its fit.
     pub common: Vec<Lag>,
@@ -466,7 +466,7 @@ pub(super) struct Found {
 }
 
 /// Chooses lags and maps. Cost `O(rows features^2)` for each of some 60 maps.
-pub(super) fn search(rows: &Rows, filtered: &mut Filtered<'_>) -> Option<Found> {
+pub(super) fn search(rows: &FittedRows, filtered: &mut LagColumns<'_>) -> Option<ChosenMaps> {
     let times = times(rows);
     let same = |line: Option<Line>| -> Vec<Lag> {
         (0..rows.inputs.len()).map(|input| Lag { input: input as u32, line }).collect()
@@ -489,20 +489,20 @@ pub(super) fn search(rows: &Rows, filtered: &mut Filtered<'_>) -> Option<Found> 
     };
     let mut first = sorted(lines.into_iter().map(same).collect(), &mut quick);
     first.truncate(SETS);
-    let mut own: Vec<Option<Line>> = vec![None];
+    let mut further_lines: Vec<Option<Line>> = vec![None];
     if !rows.are_dealt {
         // A lag as long as the run nearly integrates; among inputs of one kind it would only follow the drift of this run.
         let whole_run = Some(&rows.duration_s).filter(|_| rows.are_mixed);
         let further = times.iter().chain(whole_run);
-        own.extend(further.map(|time| Some(Line { fill_s: *time, empty_s: *time })));
+        further_lines.extend(further.map(|time| Some(Line { fill_s: *time, empty_s: *time })));
     }
     let mut sets: Vec<Vec<Lag>> = Vec::new();
     for (error, lags) in &first {
         sets.push(lags.clone());
-        let of_input = |input: u32| own.iter().map(move |line| Lag { input, line: *line });
+        let of_input = |input: u32| further_lines.iter().map(move |line| Lag { input, line: *line });
         let further = (0..rows.inputs.len() as u32).flat_map(of_input).filter(|lag| !lags.contains(lag));
-        let with = |lag: Lag| lags.iter().copied().chain([lag]).collect();
-        let found = sorted(further.map(with).collect(), &mut quick);
+        let extended = |lag: Lag| lags.iter().copied().chain([lag]).collect();
+        let found = sorted(further.map(extended).collect(), &mut quick);
         if found.first().is_some_and(|best| best.0 <= (1.0 - GAIN) * error) {
             sets.extend(found.into_iter().take(3).map(|(_, set)| set));
         }
@@ -513,7 +513,7 @@ pub(super) fn search(rows: &Rows, filtered: &mut Filtered<'_>) -> Option<Found> 
         for degree in 1..=3 {
             let Some(fit) = rows.ridge(&polynomial(&x, degree), &SMOOTHINGS) else { continue };
             families[1].push(Member {
-                sight: Sight::Polynomial { lags: lags.clone(), degree },
+                features: MemberFeatures::Polynomial { lags: lags.clone(), degree },
                 fit,
                 share: 0.0,
             });
@@ -522,8 +522,8 @@ pub(super) fn search(rows: &Rows, filtered: &mut Filtered<'_>) -> Option<Found> 
         let squares = Mat::from_fn(x.nrows(), centres.len(), |row, k| square(&x, row, &centres[k]));
         for radius in RADII {
             let Some(fit) = rows.ridge(&kernel_features(&x, &squares, radius), &SMOOTHINGS) else { continue };
-            let sight = Sight::Kernel { lags: lags.clone(), centres: centres.clone(), radius };
-            families[0].push(Member { sight, fit, share: 0.0 });
+            let features = MemberFeatures::Kernel { lags: lags.clone(), centres: centres.clone(), radius };
+            families[0].push(Member { features, fit, share: 0.0 });
         }
     }
     if !rows.are_dealt {
@@ -539,7 +539,7 @@ pub(super) fn search(rows: &Rows, filtered: &mut Filtered<'_>) -> Option<Found> 
     let (_, lags) = bases.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
     let base = linear(&lags, &[BASE_SMOOTHING])?;
     let without = linear(&same(None), &SMOOTHINGS)?.error;
-    Some(Found {
+    Some(ChosenMaps {
         errors: [without, rows.size(&left_out)],
         members,
         left_out,
@@ -551,14 +551,14 @@ pub(super) fn search(rows: &Rows, filtered: &mut Filtered<'_>) -> Option<Found> 
 }
 
 /// Times of lags, s.
-pub(super) fn times(rows: &Rows) -> Vec<f64> {
+pub(super) fn times(rows: &FittedRows) -> Vec<f64> {
     let shortest = 2.0 * rows.interval_s;
     let ratio = (rows.duration_s / 8.0).max(2.0 * shortest) / shortest;
     (0..TIMES).map(|k| shortest * ratio.powf(k as f64 / (TIMES - 1) as f64)).collect()
 }
 
 /// Members with their shares: the mean of the best of each family, the families weighted by the left-out error of that mean.
-fn ensemble(rows: &Rows, mut families: Vec<Vec<Member>>) -> Option<(Vec<Member>, [Mat<f64>; 3])> {
+fn ensemble(rows: &FittedRows, mut families: Vec<Vec<Member>>) -> Option<(Vec<Member>, [Mat<f64>; 3])> {
     families.retain(|family| !family.is_empty());
     let mut weights = Vec::new();
     for family in &mut families {
@@ -576,19 +576,19 @@ fn ensemble(rows: &Rows, mut families: Vec<Vec<Member>>) -> Option<(Vec<Member>,
     for (family, weight) in families.into_iter().zip(weights).filter(|(_, weight)| weight / all > LEAST_SHARE)
     {
         let share = weight / all / family.len() as f64;
-        members.extend(family.into_iter().map(|of| Member { share, ..of }));
+        members.extend(family.into_iter().map(|member| Member { share, ..member }));
     }
-    let all: f64 = members.iter().map(|of| of.share).sum();
-    members.iter_mut().for_each(|of| of.share /= all);
+    let all: f64 = members.iter().map(|member| member.share).sum();
+    members.iter_mut().for_each(|member| member.share /= all);
     let together = |predicted: fn(&Ridge) -> &Mat<f64>| {
-        let parts = members.iter().map(|of| predicted(&of.fit) * faer::Scale(of.share));
+        let parts = members.iter().map(|member| predicted(&member.fit) * faer::Scale(member.share));
         parts.reduce(|sum, of| sum + of)
     };
     let predicted = [together(|fit| &fit.left_out)?, together(|fit| &fit.fitted)?, together(|fit| &fit.far)?];
     Some((members, predicted))
 }
 
-fn reservoirs(rows: &Rows, times: &[f64]) -> Vec<Member> {
+fn reservoirs(rows: &FittedRows, times: &[f64]) -> Vec<Member> {
     let drawings =
         (0..DRAWINGS).flat_map(|_| SPECTRAL_RADII.into_iter().flat_map(|r| INPUT_SCALES.map(|s| (r, s))));
     let drawn = drawings.enumerate().map(|(seed, (radius, scale))| {
@@ -606,7 +606,7 @@ fn reservoirs(rows: &Rows, times: &[f64]) -> Vec<Member> {
             j => seen[row].1[k * NEURONS + j - first],
         });
         let fit = rows.ridge(&features, &SMOOTHINGS)?;
-        Some(Member { sight: Sight::Reservoir(reservoir), fit, share: 0.0 })
+        Some(Member { features: MemberFeatures::Reservoir(reservoir), fit, share: 0.0 })
     };
     map.reservoirs.into_iter().enumerate().filter_map(member).collect()
 }
@@ -631,7 +631,7 @@ fn draw(
         }
     }
     let eigenvalues = matrix.eigenvalues().ok()?;
-    let largest = eigenvalues.iter().map(|of| of.re.hypot(of.im)).fold(0.0, f64::max);
+    let largest = eigenvalues.iter().map(|value| value.re.hypot(value.im)).fold(0.0, f64::max);
     let (mut starts, mut sources, mut strengths) = (vec![0], Vec::new(), Vec::new());
     for i in 0..NEURONS {
         for j in (0..NEURONS).filter(|j| matrix[(i, *j)] != 0.0) {

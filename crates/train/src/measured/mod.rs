@@ -20,7 +20,7 @@ pub use modes::ModesDifference;
 pub use motion::select;
 
 use data::MIN_EXPLAINED;
-use maps::{Filtered, Rows, search};
+use maps::{FittedRows, LagColumns, search};
 pub(crate) use segments::{directions, turns};
 
 /// Selects the columns that move, then fits. Cost: some seconds for 1,500 rows.
@@ -41,8 +41,8 @@ pub fn learn(actuator: &str, data: &Measured) -> Result<Learned, MeasuredError> 
 /// [`MeasuredError`].
 pub fn fit(actuator: &str, data: &Measured) -> Result<Learned, MeasuredError> {
     let mut remarks = Vec::new();
-    let rows = Rows::new(data, &mut remarks)?;
-    let mut filtered = Filtered::new(&rows);
+    let rows = FittedRows::new(data, &mut remarks)?;
+    let mut filtered = LagColumns::new(&rows);
     let found = search(&rows, &mut filtered).ok_or(MeasuredError::Singular)?;
     let reports = assemble::reports(data, &rows, &found);
     let explained = reports.iter().map(|report| report.explained).fold(f64::NEG_INFINITY, f64::max);

@@ -50,11 +50,11 @@ pub struct ModesDifference {
 }
 
 /// A coefficient and its standard deviation over the training states.
-type Leading = Vec<(usize, f64)>;
+type LeadingModes = Vec<(usize, f64)>;
 
 /// Measured values of one regime.
 #[derive(Default)]
-struct Rows {
+struct ModeRows {
     x: Vec<Point>,
     r: Vec<f64>,
     by: Vec<[f64; MODES]>,
@@ -63,7 +63,7 @@ struct Rows {
 }
 
 /// Chosen on left-out segments.
-struct Choice {
+struct RidgeChoice {
     reach: f64,
     smoothing: f64,
     errors: Vec<f64>,
@@ -123,7 +123,7 @@ pub(super) fn correct(
             rms_mm,
             rms_left_out_mm,
             share_mm: rms(&changes),
-            half_width_mm: own.map_or(f64::NAN, |of| of.residual_mm),
+            half_width_mm: own.map_or(f64::NAN, |fit| fit.residual_mm),
             optimism: (rms_left_out_mm / rms(&rest)).max(1.0),
             is_kept,
         });
@@ -140,13 +140,13 @@ fn set(model: &mut Model, kind: RegimeKind, difference: Option<FieldDifference>)
 }
 
 /// The modes of the coordinates with the largest variance over the training states.
-fn leading(model: &Model, regime: &RegimeModel) -> Leading {
+fn leading(model: &Model, regime: &RegimeModel) -> LeadingModes {
     let is_coordinate = |field: &usize| {
         let spec = model.header.fields.get(*field).map(|field| field.spec.kind);
         matches!(spec, Some(FieldKind::Coordinate(_)))
     };
     let groups = regime.groups.iter().filter(|group| group.fields.iter().any(is_coordinate));
-    let mut all: Leading = groups
+    let mut all: LeadingModes = groups
         .flat_map(|group| {
             let states = group.surrogate.centre_count().max(1) as f64;
             let deviations = group.singular_values.iter().map(move |s| s / states.sqrt());
@@ -163,15 +163,15 @@ fn leading(model: &Model, regime: &RegimeModel) -> Leading {
 fn rows(
     model: &Model,
     kind: RegimeKind,
-    leading: &Leading,
+    leading: &LeadingModes,
     places: &[(usize, usize)],
     observables: &Observables,
     runs: &[MeasuredStates],
-) -> Result<Rows, MeasuredError> {
+) -> Result<ModeRows, MeasuredError> {
     let refused = |error: rom::model::ModelError| ModelFileError::Header(error.to_string());
     let evaluator = Evaluator::new(&model.header).map_err(refused)?;
     let mut evaluation = evaluator.evaluation();
-    let mut found = Rows::default();
+    let mut found = ModeRows::default();
     let Some(regime) = model.regime(kind) else { return Ok(found) };
     let step = runs.iter().map(|run| run.states.len()).sum::<usize>().div_ceil(MAX_STATES).max(1);
     let directions: Vec<Vec<f64>> = leading
@@ -216,22 +216,29 @@ fn rows(
     Ok(found)
 }
 
-/// Matrix, right side and number of rows of a part of the values.
-type System = (Vec<f64>, Vec<f64>, f64);
+/// Normal equations of a part of the values, with the scale of the ridge in its number of rows.
+#[derive(Clone)]
+struct NormalEquations {
+    matrix: Vec<f64>,
+    right: Vec<f64>,
+    weight: f64,
+}
 
-impl Rows {
+impl ModeRows {
     /// Centres with a part in each row.
     fn terms(&self, centres: &[Point], reach: f64) -> Vec<Vec<(usize, f64)>> {
-        let own = |x: &Point| terms(centres, reach, x).enumerate().filter(|(_, g)| *g > 0.0).collect();
-        self.x.iter().map(own).collect()
+        let active_terms =
+            |x: &Point| terms(centres, reach, x).enumerate().filter(|(_, g)| *g > 0.0).collect();
+        self.x.iter().map(active_terms).collect()
     }
 
-    /// Normal equations by fold, with the ridge's scale in the number of rows.
-    fn systems(&self, terms: &[Vec<(usize, f64)>], centres: usize, modes: usize) -> Vec<System> {
+    /// Normal equations by fold.
+    fn systems(&self, terms: &[Vec<(usize, f64)>], centres: usize, modes: usize) -> Vec<NormalEquations> {
         let n = centres * modes;
-        let mut systems = vec![(vec![0.0; n * n], vec![0.0; n], 0.0); FOLDS];
+        let mut systems =
+            vec![NormalEquations { matrix: vec![0.0; n * n], right: vec![0.0; n], weight: 0.0 }; FOLDS];
         for (at, own) in terms.iter().enumerate() {
-            let (matrix, right, weight) = &mut systems[self.fold[at]];
+            let NormalEquations { matrix, right, weight } = &mut systems[self.fold[at]];
             let by = &self.by[at][..modes];
             *weight += by.iter().map(|b| b * b).sum::<f64>();
             for ((k, g), (i, b)) in own.iter().flat_map(|k| by.iter().enumerate().map(move |i| (*k, i))) {
@@ -248,16 +255,16 @@ impl Rows {
 
     /// Change of a value by these weights.
     fn change(&self, at: usize, terms: &[(usize, f64)], u: &[f64], modes: usize) -> f64 {
-        let of = |(k, g): &(usize, f64)| {
+        let contribution = |(k, g): &(usize, f64)| {
             g * u[k * modes..][..modes].iter().zip(&self.by[at]).map(|(u, by)| u * by).sum::<f64>()
         };
-        terms.iter().map(of).sum()
+        terms.iter().map(contribution).sum()
     }
 
     fn left_out(
         &self,
         terms: &[Vec<(usize, f64)>],
-        systems: &[System],
+        systems: &[NormalEquations],
         modes: usize,
         smoothing: f64,
     ) -> Option<Vec<f64>> {
@@ -271,8 +278,8 @@ impl Rows {
         Some(errors)
     }
 
-    fn choose(&self, centres: &[Point], modes: usize, dimensions: usize) -> Option<Choice> {
-        let mut best: Option<(f64, Choice)> = None;
+    fn choose(&self, centres: &[Point], modes: usize, dimensions: usize) -> Option<RidgeChoice> {
+        let mut best: Option<(f64, RidgeChoice)> = None;
         for reach in REACHES.map(|reach| reach * (dimensions as f64).sqrt()) {
             let terms = self.terms(centres, reach);
             let systems = self.systems(&terms, centres.len(), modes);
@@ -280,7 +287,7 @@ impl Rows {
                 let Some(errors) = self.left_out(&terms, &systems, modes, smoothing) else { continue };
                 let square = mean(errors.iter().map(|e| e * e));
                 if best.as_ref().is_none_or(|(least, _)| square < *least) {
-                    best = Some((square, Choice { reach, smoothing, errors }));
+                    best = Some((square, RidgeChoice { reach, smoothing, errors }));
                 }
             }
         }
@@ -289,14 +296,14 @@ impl Rows {
 }
 
 /// Weights from all parts but one.
-fn weights(systems: &[System], without: Option<usize>, smoothing: f64) -> Option<Vec<f64>> {
-    let mut right = vec![0.0; systems.first()?.1.len()];
+fn weights(systems: &[NormalEquations], without: Option<usize>, smoothing: f64) -> Option<Vec<f64>> {
+    let mut right = vec![0.0; systems.first()?.right.len()];
     let used = || systems.iter().enumerate().filter(|(part, _)| Some(*part) != without).map(|(_, of)| of);
-    used().for_each(|of| right.iter_mut().zip(&of.1).for_each(|(to, own)| *to += own));
+    used().for_each(|system| right.iter_mut().zip(&system.right).for_each(|(sum, part)| *sum += part));
     let n = right.len();
-    let ridge = smoothing * used().map(|of| of.2).sum::<f64>().max(f64::MIN_POSITIVE);
+    let ridge = smoothing * used().map(|system| system.weight).sum::<f64>().max(f64::MIN_POSITIVE);
     let entry = |i: usize, j: usize| {
-        let sum: f64 = used().map(|of| of.0[i * n + j]).sum();
+        let sum: f64 = used().map(|system| system.matrix[i * n + j]).sum();
         if i == j { sum + ridge } else { sum }
     };
     Dense::from_fn(n, entry).solve(&mut right, 1)?;

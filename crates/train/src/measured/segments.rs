@@ -62,7 +62,8 @@ pub(crate) fn directions(run: &[usize], values: &[f64]) -> Vec<i8> {
 fn shift(run: &[usize], errors: &[f64]) -> f64 {
     let runs = run.iter().max().map_or(1, |last| last + 1);
     let block = |at: usize| if runs > 1 { run[at] } else { 2 * at / errors.len() };
-    let of_block = |of: usize| mean((0..errors.len()).filter(|at| block(*at) == of).map(|at| errors[at]));
+    let of_block =
+        |wanted: usize| mean((0..errors.len()).filter(|at| block(*at) == wanted).map(|at| errors[at]));
     let means: Vec<f64> = (0..runs.max(2)).map(of_block).filter(|v| v.is_finite()).collect();
     let (n, centre) = (means.len() as f64, mean(means.iter().copied()));
     let variance = means.iter().map(|m| (m - centre).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);

@@ -10,7 +10,9 @@
 //! Errors with segments left out show what is near the data, those with halves or whole runs left out what is far from it.
 
 use super::data::{COVERAGE, range_of};
-use super::maps::{BASE_SMOOTHING, Filtered, Found, Member, Ridge, Rows, polynomial, solve, times};
+use super::maps::{
+    BASE_SMOOTHING, ChosenMaps, FittedRows, LagColumns, Member, Ridge, polynomial, solve, times,
+};
 use faer::Mat;
 use rom::learned::{Drift, Lag, OutputWidth, Support};
 use rom::memory::Line;
@@ -50,13 +52,13 @@ const LONGER_PAST: usize = 7;
 pub(super) struct Places {
     pub lags: Vec<Lag>,
     pub support: Support,
-    /// Distance of each fitted row from those of other parts, and of those with [`Rows::far_parts`] left out.
+    /// Distance of each fitted row from those of other parts, and of those with [`FittedRows::far_parts`] left out.
     distances: [Vec<f64>; 2],
 }
 
 /// Distance of each row of a part from the nearest row outside it.
 fn distances(z: &Mat<f64>, is_in: impl Fn(usize) -> bool) -> Vec<(usize, f64)> {
-    let (own, others): (Vec<usize>, Vec<usize>) = (0..z.nrows()).partition(|row| is_in(*row));
+    let (inside, others): (Vec<usize>, Vec<usize>) = (0..z.nrows()).partition(|row| is_in(*row));
     let row = |row: usize| -> Vec<f64> { z.row(row).iter().copied().collect() };
     let others: Vec<Vec<f64>> = others.into_iter().map(row).collect();
     let nearest = |at: usize| {
@@ -64,17 +66,19 @@ fn distances(z: &Mat<f64>, is_in: impl Fn(usize) -> bool) -> Vec<(usize, f64)> {
         let square = |y: &Vec<f64>| x.iter().zip(y).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
         (at, others.iter().map(square).fold(f64::INFINITY, f64::min).sqrt())
     };
-    own.into_iter().map(nearest).collect()
+    inside.into_iter().map(nearest).collect()
 }
 
 /// Places that the training visited: inputs now, behind the common lag, and behind a long one.
-pub(super) fn places(rows: &Rows, found: &Found, filtered: &mut Filtered<'_>) -> Places {
+pub(super) fn places(rows: &FittedRows, found: &ChosenMaps, filtered: &mut LagColumns<'_>) -> Places {
     let mut lags: Vec<Lag> = Vec::new();
     let long = (!rows.are_dealt).then(|| times(rows)[LONGER_PAST]);
-    let of = |line: Option<Line>| (0..rows.inputs.len()).map(move |input| Lag { input: input as u32, line });
+    let lags_of =
+        |line: Option<Line>| (0..rows.inputs.len()).map(move |input| Lag { input: input as u32, line });
     let long = long.map(|time| Line { fill_s: time, empty_s: time });
-    for lag in
-        of(None).chain(found.common.iter().copied()).chain(long.into_iter().flat_map(|line| of(Some(line))))
+    for lag in lags_of(None)
+        .chain(found.common.iter().copied())
+        .chain(long.into_iter().flat_map(|line| lags_of(Some(line))))
     {
         if !lags.contains(&lag) {
             lags.push(lag);
@@ -89,7 +93,7 @@ pub(super) fn places(rows: &Rows, found: &Found, filtered: &mut Filtered<'_>) ->
     let of_reach = &left[usize::from(rows.have_own_inputs)];
     let finite = || of_reach.iter().copied().filter(|d| d.is_finite());
     let reach = quantile(finite(), REACHED).max(LEAST_REACH * (lags.len() as f64).sqrt());
-    let range = mean(rows.inputs.iter().map(|of| of.range));
+    let range = mean(rows.inputs.iter().map(|input| input.range));
     let all = (0..z.nrows()).flat_map(|row| (0..z.ncols()).map(move |j| (row, j)));
     let support = Support { lags: Vec::new(), rows: all.map(|at| z[at]).collect(), reach, extent: range };
     Places { lags, support, distances: left }
@@ -97,21 +101,22 @@ pub(super) fn places(rows: &Rows, found: &Found, filtered: &mut Filtered<'_>) ->
 
 /// Half-widths and drifts by output.
 pub(super) fn widths(
-    rows: &Rows,
-    found: &Found,
+    rows: &FittedRows,
+    found: &ChosenMaps,
     places: &Places,
-    filtered: &mut Filtered<'_>,
+    filtered: &mut LagColumns<'_>,
 ) -> (Vec<OutputWidth>, Vec<Drift>) {
     let base_errors: Vec<f64> = (0..rows.outputs()).map(|k| base_error(rows, found, k)).collect();
     let growths = growths(rows, found, places, &base_errors, filtered);
-    let one = |k: usize| {
+    let output_width = |k: usize| {
         let mut terms: Vec<[f64; 3]> = Vec::new();
         let mut errors_and_terms = |left_out: &Mat<f64>,
                                     of_member: fn(&Ridge) -> &Mat<f64>,
                                     distances: &[f64]| {
             let spread = |row: usize| -> f64 {
-                let of = |member: &Member| (of_member(&member.fit)[(row, k)] - left_out[(row, k)]).powi(2);
-                found.members.iter().map(|member| member.share * of(member)).sum()
+                let squared_deviation =
+                    |member: &Member| (of_member(&member.fit)[(row, k)] - left_out[(row, k)]).powi(2);
+                found.members.iter().map(|member| member.share * squared_deviation(member)).sum()
             };
             terms
                 .extend((0..left_out.nrows()).map(|row| [1.0, spread(row), distances[row].min(1e6).powi(2)]));
@@ -163,17 +168,17 @@ pub(super) fn widths(
         };
         (width, drift)
     };
-    (0..rows.outputs()).map(one).unzip()
+    (0..rows.outputs()).map(output_width).unzip()
 }
 
 /// Error of the base on left-out parts that nine of ten rows stay below.
-fn base_error(rows: &Rows, found: &Found, output: usize) -> f64 {
+fn base_error(rows: &FittedRows, found: &ChosenMaps, output: usize) -> f64 {
     let errors = rows.y.col(output).iter().zip(found.base.1.left_out.col(output).iter());
     quantile(errors.map(|(y, predicted)| (predicted - y).abs()), COVERAGE)
 }
 
 /// Time over which errors of successive rows agree, s; at least an interval.
-fn agreement_s(rows: &Rows, errors: &[f64]) -> f64 {
+fn agreement_s(rows: &FittedRows, errors: &[f64]) -> f64 {
     let centre = mean(errors.iter().copied());
     let product = |a: f64, b: f64| (a - centre) * (b - centre);
     let correlation =
@@ -227,9 +232,9 @@ fn not_negative(rows: impl Iterator<Item = ([f64; 3], f64)>) -> [f64; 3] {
         }
         let mut factors = [0.0; 3];
         has.iter().zip(&solution).for_each(|(k, c)| factors[*k] = c / size(*k));
-        let own: f64 =
+        let curvature: f64 =
             (0..3).map(|i| factors[i] * (0..3).map(|j| gram[i][j] * factors[j]).sum::<f64>()).sum();
-        let loss = own - 2.0 * factors.iter().zip(right).map(|(c, r)| c * r).sum::<f64>();
+        let loss = curvature - 2.0 * factors.iter().zip(right).map(|(c, r)| c * r).sum::<f64>();
         if loss < best.0 {
             best = (loss, factors);
         }
@@ -239,11 +244,11 @@ fn not_negative(rows: impl Iterator<Item = ([f64; 3], f64)>) -> [f64; 3] {
 
 /// Growth of the base's error beyond its data: it is fitted without the outer part in either direction of each lagged input and judged there.
 fn growths(
-    rows: &Rows,
-    found: &Found,
+    rows: &FittedRows,
+    found: &ChosenMaps,
     places: &Places,
     base_errors: &[f64],
-    filtered: &mut Filtered<'_>,
+    filtered: &mut LagColumns<'_>,
 ) -> Vec<f64> {
     let x = filtered.columns(&found.base.0);
     let z = filtered.columns(&places.lags);
@@ -263,11 +268,11 @@ fn growths(
         let Some(weights) = fitted else { continue };
         let far = distances(&z, is_outer);
         let growth = |k: usize| {
-            let of = |(row, d): &(usize, f64)| {
+            let growth_at = |(row, d): &(usize, f64)| {
                 let value: f64 = (0..features.ncols()).map(|j| features[(*row, j)] * weights[(j, k)]).sum();
                 ((value - rows.y[(*row, k)]).abs() - base_errors[k]).max(0.0) / (d + NEAR)
             };
-            quantile(far.iter().map(of), COVERAGE)
+            quantile(far.iter().map(growth_at), COVERAGE)
         };
         let found: Vec<f64> = (0..rows.outputs()).map(growth).collect();
         let known = growths.get_or_insert_with(|| found.clone());
