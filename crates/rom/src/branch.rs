@@ -81,7 +81,7 @@ pub struct BranchState {
 
 impl BranchState {
     /// Adds pressure, flags and position in the training range to the evaluation at this volume.
-    pub fn describe(&self, out: &mut Evaluation) {
+    pub fn apply_to(&self, out: &mut Evaluation) {
         out.inputs = out.inputs.with(PRESSURE, self.pressure_mpa);
         (out.flags.snapped, out.flags.branch_unknown) = (self.branch > 0 || self.is_behind, self.is_unknown);
         if self.is_behind {

@@ -40,7 +40,7 @@ pub struct Residual {
 
 /// The best inputs found.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Found {
+pub struct Solution {
     /// The inputs.
     pub inputs: Inputs,
     /// Residuals of the goal there.
@@ -49,30 +49,37 @@ pub struct Found {
     pub evaluations: usize,
 }
 
-impl Found {
+impl Solution {
     /// True if every part is met to its tolerance.
     pub fn is_met(&self) -> bool {
         self.residuals.iter().all(|r| r.value.abs() <= r.tolerance)
     }
 }
 
-/// Changes the inputs at `within` (position, low, high) until the residuals that `at` gives are met; `start` holds the others. `None`
-/// if `at` returns `None` at every start. Cost: about ten calls of `at` if the first start succeeds, some hundreds if none does.
+/// Changes the inputs at `within` (position, low, high) until the residuals that `residuals_at` gives are met; `start` holds the others. `None`
+/// if it returns `None` at every start. Cost: about ten calls of it if the first start succeeds, some hundreds if none does.
 pub fn reach(
     within: &[(usize, [f64; 2])],
     start: Inputs,
-    at: &mut dyn FnMut(Inputs) -> Option<Vec<Residual>>,
-) -> Option<Found> {
+    residuals_at: &mut dyn FnMut(Inputs) -> Option<Vec<Residual>>,
+) -> Option<Solution> {
     let mut evaluations = 0;
     let mut best: Option<(f64, Inputs, Vec<Residual>)> = None;
-    let own = within.iter().map(|(input, [low, high])| (start.values()[*input] - low) / (high - low));
-    let first: Vec<f64> = own.map(|x| x.clamp(0.0, 1.0)).collect();
+    let scaled_start =
+        within.iter().map(|(input, [low, high])| (start.values()[*input] - low) / (high - low));
+    let first: Vec<f64> = scaled_start.map(|x| x.clamp(0.0, 1.0)).collect();
     for number in 0..STARTS {
         // Golden ratios of one, two, ... dimensions: points of a sequence that fills the bounds.
         let root = |k: usize| (k as f64 + 2.0).sqrt();
         let share = |k: usize| (0.5 + number as f64 * root(k)).fract();
         let x = if number == 0 { first.clone() } else { (0..within.len()).map(share).collect() };
-        let mut goal = Goal { within, start, at: &mut *at, evaluations: &mut evaluations, here: Vec::new() };
+        let mut goal = Goal {
+            within,
+            start,
+            residuals_at: &mut *residuals_at,
+            evaluations: &mut evaluations,
+            here: Vec::new(),
+        };
         let Some(found) = minimise(&mut goal, &x, &SEARCH) else { continue };
         let sum = square(&found.residuals);
         if best.as_ref().is_none_or(|(least, ..)| sum < *least) {
@@ -83,13 +90,13 @@ pub fn reach(
             break;
         }
     }
-    best.map(|(_, inputs, residuals)| Found { inputs, residuals, evaluations })
+    best.map(|(_, inputs, residuals)| Solution { inputs, residuals, evaluations })
 }
 
 struct Goal<'a> {
     within: &'a [(usize, [f64; 2])],
     start: Inputs,
-    at: &'a mut dyn FnMut(Inputs) -> Option<Vec<Residual>>,
+    residuals_at: &'a mut dyn FnMut(Inputs) -> Option<Vec<Residual>>,
     evaluations: &'a mut usize,
     /// Residuals at the best inputs so far.
     here: Vec<Residual>,
@@ -111,7 +118,7 @@ impl Residuals for Goal<'_> {
     fn at(&mut self, x: &[f64]) -> Option<Vec<f64>> {
         *self.evaluations += 1;
         let inputs = self.inputs(x);
-        let residuals = (self.at)(inputs)?;
+        let residuals = (self.residuals_at)(inputs)?;
         let found = over_tolerances(&residuals);
         if self.here.is_empty() || square(&found) < square(&over_tolerances(&self.here)) {
             self.here = residuals;
@@ -219,7 +226,7 @@ pub struct Goals<'a> {
     evaluator: Evaluator,
     evaluation: Evaluation,
     probes: Probes,
-    /// Residuals of points and force only.
+    /// The evaluation that the probes fill.
     at_points: Evaluation,
     positions: Vec<ProbePosition>,
     /// Only where an objective is a stress: it needs all nodes.
@@ -281,7 +288,7 @@ impl<'a> Goals<'a> {
     /// Residuals of the objectives at some inputs.
     pub fn residuals(&mut self, inputs: Inputs) -> Option<Vec<Residual>> {
         let values = self.values(inputs)?;
-        let one = |(objective, (value, gradient)): (&Objective, (f64, [f64; MAX_INPUTS]))| {
+        let residual = |(objective, (value, gradient)): (&Objective, (f64, [f64; MAX_INPUTS]))| {
             let missed = objective.missed(value);
             let tolerance = match objective {
                 Objective::Force(_) => FORCE_N,
@@ -291,7 +298,7 @@ impl<'a> Goals<'a> {
             let kept = matches!(objective, Objective::Stress(_)) && missed == 0.0;
             Residual { value: missed, tolerance, gradient: if kept { [0.0; MAX_INPUTS] } else { gradient } }
         };
-        Some(self.objectives.iter().zip(values).map(one).collect())
+        Some(self.objectives.iter().zip(values).map(residual).collect())
     }
 
     /// Which inputs of the last evaluation are outside the training range, and by how much.
@@ -312,13 +319,16 @@ fn stress(
     within: &[(usize, [f64; 2])],
     inputs: Inputs,
 ) -> Option<(f64, [f64; MAX_INPUTS])> {
-    let mut at = |inputs: Inputs| Some(f64::from(whole.update(inputs).ok()?.stress_mpa?.value));
+    let mut largest_stress = |inputs: Inputs| Some(f64::from(whole.update(inputs).ok()?.stress_mpa?.value));
     let mut gradient = [0.0; MAX_INPUTS];
     for (input, [low, high]) in within {
         let step = STRESS_STEP * (high - low);
         let value = inputs.values()[*input];
-        let (above, below) = (at(inputs.with(*input, value + step))?, at(inputs.with(*input, value - step))?);
+        let (above, below) = (
+            largest_stress(inputs.with(*input, value + step))?,
+            largest_stress(inputs.with(*input, value - step))?,
+        );
         gradient[*input] = (above - below) / (2.0 * step);
     }
-    Some((at(inputs)?, gradient))
+    Some((largest_stress(inputs)?, gradient))
 }

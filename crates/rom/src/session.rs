@@ -67,8 +67,8 @@ impl FilteredInputs {
     }
 
     /// Adds the branch and what the memory does not know to an evaluation at these inputs.
-    pub fn describe(&self, out: &mut Evaluation) {
-        self.followed.iter().for_each(|followed| followed.describe(out));
+    pub fn apply_to(&self, out: &mut Evaluation) {
+        self.followed.iter().for_each(|followed| followed.apply_to(out));
         if let Some(halfwidths) = &self.halfwidths {
             out.halfwidths = out.halfwidths.with(halfwidths);
         }
@@ -284,7 +284,7 @@ impl Session {
             }
             (None, None) => self.evaluator.answer(filtered.inputs, Query::STATE, out),
         }
-        filtered.describe(out);
+        filtered.apply_to(out);
         Ok(outcome)
     }
 

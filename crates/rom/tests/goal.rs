@@ -2,7 +2,7 @@
 
 use crate::synthetic::design;
 use rom::evaluator::Evaluator;
-use rom::goal::{Found, Residual, reach};
+use rom::goal::{Residual, Solution, reach};
 use rom::inputs::{Inputs, MAX_INPUTS};
 use rom::snapshots::Split;
 use std::sync::OnceLock;
@@ -22,7 +22,7 @@ fn evaluator() -> Evaluator {
 
 const WITHIN: [(usize, [f64; 2]); 2] = [(2, [0.6, 1.0]), (3, [2.6, 3.4])];
 
-fn for_force(force_n: f64, within: &[(usize, [f64; 2])]) -> Found {
+fn for_force(force_n: f64, within: &[(usize, [f64; 2])]) -> Solution {
     let evaluator = evaluator();
     let mut evaluation = evaluator.evaluation();
     let start = Inputs::new(0.06, 25.0).with(2, 0.8).with(3, 3.0);

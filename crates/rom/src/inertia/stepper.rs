@@ -91,7 +91,7 @@ pub struct MotionState {
 
 /// Everything that the next step depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Now {
+struct MotionInstant {
     regime: RegimeKind,
     instant: Instant,
     position: Coordinates,
@@ -104,14 +104,14 @@ struct Now {
     relaxing_mpa: [f64; MAX_PRONY],
     force_n: f64,
     /// Force of the relaxed elastomer, and its internal variables.
-    relaxed_n: Relaxed,
+    relaxed_n: RelaxedForce,
     /// Path, and amplitudes of impacts and of an unknown past, in coordinates.
     faded: [f64; 3],
 }
 
 /// Contact force of the relaxed elastomer, N, and internal variables of its relaxation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Relaxed {
+struct RelaxedForce {
     force_n: f64,
     internal_n: [f64; MAX_PRONY],
 }
@@ -130,7 +130,7 @@ struct Clock {
 pub struct Motion<M> {
     manifold: M,
     settings: MotionSettings,
-    now: Option<(Now, Clock)>,
+    now: Option<(MotionInstant, Clock)>,
     /// Before the first reading the body may have moved.
     is_past_unknown: bool,
     prony: [PronyTerm; MAX_PRONY],
@@ -235,7 +235,7 @@ impl<M: Manifold> Motion<M> {
     }
 
     /// Largest distance of a load from its training range, as a fraction of it.
-    fn outside(&self, now: &Now) -> f64 {
+    fn outside(&self, now: &MotionInstant) -> f64 {
         let loads = self.manifold.loads().iter().zip(now.instant.at);
         let distances = loads.map(|(load, at)| {
             let [low, high] = load.range;
@@ -255,7 +255,7 @@ impl<M: Manifold> Motion<M> {
         let instant = Instant::at_rest(at, &place, &self.space(regime, &place.tangents));
         let (position, velocity) = (place.position, Coordinates::default());
         let [force_n, _] = self.force_n(regime, inputs, &instant, [0.0; 2]);
-        let relaxed_n = Relaxed { force_n, ..Relaxed::default() };
+        let relaxed_n = RelaxedForce { force_n, ..RelaxedForce::default() };
         let reach = if self.is_past_unknown { PAST_FRACTION } else { 0.0 };
         // A swing is one of the free body, which may touch only now.
         let tangents = self.manifold.place(RegimeKind::Free, inputs).tangents;
@@ -264,7 +264,7 @@ impl<M: Manifold> Motion<M> {
         let past = reach * squares.sum::<f64>().sqrt();
         let faded = [0.0, 0.0, past];
         let (inputs, ahead_mpa, relaxing_mpa) = (*inputs, 0.0, [0.0; _]);
-        let now = Now {
+        let now = MotionInstant {
             regime,
             instant,
             position,
@@ -281,7 +281,7 @@ impl<M: Manifold> Motion<M> {
         MotionStep { state, load_distance: self.outside(&now), held: false, at_rest: true }
     }
 
-    fn state(&self, now: &Now) -> MotionState {
+    fn state(&self, now: &MotionInstant) -> MotionState {
         let loads = self.manifold.loads();
         let mass = dot(&loads[0].unit, &loads[0].unit);
         let Instant { at, of_pressure, .. } = now.instant;
@@ -325,9 +325,9 @@ impl<M: Manifold> Motion<M> {
     }
 
     /// Contact force after a step, and what the next one needs of it.
-    fn relaxed_n(&self, now: &Now, [force_n, damping_n]: [f64; 2], h: f64) -> (f64, Relaxed) {
+    fn relaxed_n(&self, now: &MotionInstant, [force_n, damping_n]: [f64; 2], h: f64) -> (f64, RelaxedForce) {
         let internal_n = self.relaxed(&now.relaxed_n.internal_n, force_n - now.relaxed_n.force_n, h);
-        (force_n + damping_n + self.borne(&internal_n), Relaxed { force_n, internal_n })
+        (force_n + damping_n + self.borne(&internal_n), RelaxedForce { force_n, internal_n })
     }
 
     /// Internal variables of the relaxation of a quantity that changes within a step.
@@ -346,7 +346,7 @@ impl<M: Manifold> Motion<M> {
     }
 
     /// One step with its change of regime, if any.
-    fn step(&mut self, now: &Now, step_ns: u64, next: &Inputs) -> Option<Now> {
+    fn step(&mut self, now: &MotionInstant, step_ns: u64, next: &Inputs) -> Option<MotionInstant> {
         let damping_s = self.settings.damping_s;
         let (prony, terms) = (self.prony, self.terms);
         let rest = [&now.inputs, next].map(|inputs| rest(self.manifold.loads(), inputs));
@@ -373,7 +373,7 @@ impl<M: Manifold> Motion<M> {
             self.relaxed(&now.relaxing_mpa, next.pressure_mpa() - now.inputs.pressure_mpa(), h);
         let moved = |regime, stepped: StepEnd, (force_n, relaxed_n), faded| {
             let StepEnd { instant, position, velocity } = stepped;
-            Now {
+            MotionInstant {
                 regime,
                 instant,
                 position,
@@ -405,7 +405,7 @@ impl<M: Manifold> Motion<M> {
         let arrived_n = self.force_n(regime, next, &arrived, rates);
         let force_n = match regime {
             RegimeKind::Contact => self.relaxed_n(now, arrived_n, h),
-            RegimeKind::Free => (0.0, Relaxed::default()),
+            RegimeKind::Free => (0.0, RelaxedForce::default()),
         };
         let lost: Coordinates = std::array::from_fn(|i| now.velocity[i] - other.velocity[i]);
         let rate = self.contact_rate(&arrived).max(f64::MIN_POSITIVE);
@@ -424,7 +424,7 @@ impl<M: Manifold> Motion<M> {
     }
 
     /// Path, and amplitudes of impacts and of an unknown past, after a step.
-    fn faded(&self, now: &Now, stepped: &StepEnd, step_ns: u64) -> [f64; 3] {
+    fn faded(&self, now: &MotionInstant, stepped: &StepEnd, step_ns: u64) -> [f64; 3] {
         let h = step_ns as f64 * 1e-9;
         let periods = |rate: f64| rate * h / std::f64::consts::TAU;
         let square = self.square_rate(&now.instant);
@@ -445,7 +445,7 @@ impl<M: Manifold> Motion<M> {
 
     /// The present instant in another regime: loads and amplitudes at the onset nearest to the position, momenta of the velocity tested
     /// with the tangents of arrival.
-    fn arrival(&mut self, now: &Now, step: &Step<'_>) -> Option<Instant> {
+    fn arrival(&mut self, now: &MotionInstant, step: &Step<'_>) -> Option<Instant> {
         let reached = with_loads(self.manifold.loads(), &now.inputs, &now.instant.at);
         let onset = self.manifold.onset_load(&reached);
         let place = self.manifold.place(step.regime, &reached.with(self.manifold.loads()[0].input, onset));
@@ -498,7 +498,7 @@ pub struct MotionArrival {
 
 /// A motion at an instant.
 #[derive(Clone, Copy, Debug)]
-pub struct SavedMotion(Option<(Now, Clock)>);
+pub struct SavedMotion(Option<(MotionInstant, Clock)>);
 
 /// A motion whose load and velocity are set: an estimator corrects them at each reading, and tries others.
 impl<M: Manifold> Motion<M> {
@@ -530,10 +530,10 @@ impl<M: Manifold> Motion<M> {
     /// Moves to a reading, at which a new grid of steps begins. Steps are equal and at most `longest_ns`. A first reading, one after a long
     /// gap and one to which no motion leads begin at rest. A reading that is not later than the last changes nothing.
     pub fn arrive(&mut self, t_ns: u64, inputs: &Inputs, longest_ns: u64) -> MotionArrival {
-        let Some((mut now, clock)) = self.now else { return self.begun(t_ns, inputs) };
+        let Some((mut now, clock)) = self.now else { return self.arrive_at_rest(t_ns, inputs) };
         let gap_ns = t_ns.saturating_sub(clock.last_ns);
         if gap_ns > self.settings.restart_after_ns {
-            return self.begun(t_ns, inputs);
+            return self.arrive_at_rest(t_ns, inputs);
         }
         let held = gap_ns > self.settings.held_after_ns;
         let count = gap_ns.div_ceil(longest_ns.max(1));
@@ -547,7 +547,7 @@ impl<M: Manifold> Motion<M> {
             };
             let stepped = self.step(&now, at_ns(step) - at_ns(step - 1), &next);
             let Some(stepped) = stepped.filter(|next| self.outside(next) <= FAR) else {
-                return self.begun(t_ns, inputs);
+                return self.arrive_at_rest(t_ns, inputs);
             };
             load_distance = load_distance.max(self.outside(&stepped));
             has_changed |= stepped.regime != now.regime;
@@ -560,7 +560,7 @@ impl<M: Manifold> Motion<M> {
         MotionArrival { moved, has_changed }
     }
 
-    fn begun(&mut self, t_ns: u64, inputs: &Inputs) -> MotionArrival {
+    fn arrive_at_rest(&mut self, t_ns: u64, inputs: &Inputs) -> MotionArrival {
         MotionArrival { moved: self.begin(t_ns, inputs), has_changed: false }
     }
 
@@ -605,7 +605,7 @@ impl<M: Manifold> Motion<M> {
                 self.force_n(regime, inputs, &instant, [0.0; 2]).iter().sum::<f64>() + relaxing_n
             }
         };
-        let now = Now { regime, instant, position, velocity, inputs: *inputs, force_n, ..now };
+        let now = MotionInstant { regime, instant, position, velocity, inputs: *inputs, force_n, ..now };
         self.now = Some((now, Clock { last: *inputs, ..clock }));
         Some(self.state(&now))
     }

@@ -381,7 +381,7 @@ impl ActuatorTwin {
             moving = estimator.evaluate_motion(&mut self.evaluation);
         }
         match moving {
-            Some(_) => filtered.describe(&mut self.evaluation),
+            Some(_) => filtered.apply_to(&mut self.evaluation),
             None => {
                 self.parts.session.answer(&filtered, &mut self.evaluation).map_err(refused)?;
             }

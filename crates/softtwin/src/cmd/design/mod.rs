@@ -7,7 +7,7 @@ use crate::failure::usage;
 use crate::{files, output};
 use anyhow::{Context, bail};
 use fem::plan::Parameter;
-use rom::goal::{Found, GoalError, Goals, Objective, reach};
+use rom::goal::{GoalError, Goals, Objective, Solution, reach};
 use rom::hull::{DomainStatus, TrainingRange};
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
 use rom::model::ModelHeader;
@@ -162,7 +162,7 @@ impl Args {
         Ok(specs.iter().enumerate().fold(Inputs::new(pressure_mpa, gap_mm), nominal))
     }
 
-    fn answer(&self, header: &ModelHeader, goals: &mut Goals, found: &Found, predicted: &[f64]) -> Value {
+    fn answer(&self, header: &ModelHeader, goals: &mut Goals, found: &Solution, predicted: &[f64]) -> Value {
         let evaluation = goals.evaluation(found.inputs);
         json!({
             "met": found.is_met(),
