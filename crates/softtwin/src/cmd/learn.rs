@@ -22,8 +22,8 @@ Examples:
     softtwin learn run1.csv --log log.toml --model finger.twin --out mine.twin
 
 Without --model the model is measured, without mesh. With it, the outputs of the mapping are observables of the model or coordinates \
-of its node sets; they move the leading modes of the field and get offsets for the rest, smooth over the inputs and 0 where nothing was
-measured. Exit code 65: the recording teaches nothing.";
+of its node sets; they move the leading modes of the field and get offsets for the rest, smooth over the inputs and 0 where nothing was \
+measured. Exit code 65: the model explains too little of the recording.";
 
 /// Make a model of measurements, or correct a finite-element model by them: from recordings of a bench.
 #[derive(clap::Args)]

@@ -1,6 +1,6 @@
 //! A fitted map as a model: markers are nodes, and each output is a coefficient with a mode of its own.
 
-use super::data::{COVERAGE, Learned, MIN_EXPLAINED, Measured, MeasuredError, OutputReport, range_of};
+use super::data::{COVERAGE, Learned, MIN_EXPLAINED, Measured, MeasuredError, OutputReport};
 use super::layout::{Layout, unit_of};
 use super::maps::{ChosenMaps, FittedRows, MemberFeatures, positions};
 use super::motion::noise_of;
@@ -29,7 +29,7 @@ pub(super) fn reports(data: &Measured, rows: &FittedRows, found: &ChosenMaps) ->
         let values: Vec<f64> = rows.y.col(k).iter().copied().collect();
         let predicted: Vec<f64> = found.left_out.col(k).iter().copied().collect();
         let square = mean(values.iter().zip(&predicted).map(|(y, p)| (y - p).powi(2)));
-        let (range, centre) = (range_of(values.iter().copied()), mean(values.iter().copied()));
+        let (range, centre) = (rom::statistics::range(values.iter().copied()), mean(values.iter().copied()));
         let noise = rows.measured.chunk_by(|a, b| a.0 == b.0).map(|of_run| {
             noise_of(&of_run.iter().map(|(_, outputs)| outputs[k]).collect::<Vec<_>>()).powi(2)
         });

@@ -212,18 +212,10 @@ pub(super) const COVERAGE: f64 = 0.9;
 /// Unit of each output's error: length of the ranges of all outputs with its unit.
 pub(super) fn scales(names: &[String], runs: &[Run]) -> Vec<f64> {
     let unit = |at: usize| names[at].rsplit('_').next().unwrap_or_default();
-    let range = |at: usize| {
-        range_of(runs.iter().flat_map(|run| run.outputs[at].iter().copied()).filter(|v| v.is_finite()))
-    };
+    let range = |at: usize| rom::statistics::range(runs.iter().flat_map(|run| run.outputs[at].iter()));
     let scale = |at: usize| {
         let same = (0..names.len()).filter(|other| unit(*other) == unit(at));
         same.map(|other| range(other).powi(2)).sum::<f64>().sqrt()
     };
     (0..names.len()).map(scale).collect()
-}
-
-pub(super) fn range_of(values: impl IntoIterator<Item = f64>) -> f64 {
-    let (low, high) =
-        values.into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-    (high - low).max(0.0)
 }

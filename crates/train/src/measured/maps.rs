@@ -151,7 +151,7 @@ impl FittedRows {
             let centre = mean(values(*at).flatten());
             let deviation =
                 mean(values(*at).flatten().map(|v| (v - centre).powi(2))).sqrt().max(f64::MIN_POSITIVE);
-            let range = super::data::range_of(values(*at).flatten()) / deviation;
+            let range = rom::statistics::range(values(*at).flatten()) / deviation;
             MapInput { input: *at as u32, mean: centre, deviation, range }
         };
         let inputs: Vec<MapInput> = positions.iter().map(input).collect();
@@ -164,7 +164,8 @@ impl FittedRows {
         };
         let are_dealt = inputs.iter().any(|input| roughness(input) > DEALT);
         let is_own = |input: &MapInput| {
-            let ranges = values(input.input as usize).map(|run| super::data::range_of(run) / input.deviation);
+            let ranges =
+                values(input.input as usize).map(|run| rom::statistics::range(run) / input.deviation);
             ranges.fold(0.0, f64::max) < OWN_INPUT * input.range
         };
         let have_own_inputs = runs.len() > 2 && inputs.iter().any(is_own);

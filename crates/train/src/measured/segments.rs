@@ -1,8 +1,8 @@
 //! Segments of a run: directions of what moves, and errors on what was left out.
 
-use super::data::{COVERAGE, range_of};
+use super::data::COVERAGE;
 use rom::inputs::Point;
-use rom::statistics::{mean, quantile};
+use rom::statistics::{mean, quantile, range};
 use std::collections::BTreeMap;
 
 const MAX_CENTRES: usize = 48;
@@ -20,7 +20,7 @@ const MIN_LOOP_ROWS: f64 = 3.0;
 /// Mean difference of the values on rising and falling at equal predicted values.
 pub(super) fn loop_size(run: &[usize], values: &[f64], predicted: &[f64]) -> f64 {
     let low = predicted.iter().copied().fold(f64::INFINITY, f64::min);
-    let width = range_of(predicted.iter().copied()) / LOOP_CELLS as f64;
+    let width = range(predicted.iter().copied()) / LOOP_CELLS as f64;
     let mut cells = vec![[(0.0_f64, 0.0_f64); 2]; LOOP_CELLS];
     let ways = directions(run, predicted);
     for ((value, p), way) in values.iter().zip(predicted).zip(ways).filter(|(_, way)| *way != 0) {
@@ -42,7 +42,7 @@ pub(crate) fn turns(ways: &[i8]) -> usize {
 
 /// Direction of a value at each row: 1 rising, -1 falling, 0 not known.
 pub(crate) fn directions(run: &[usize], values: &[f64]) -> Vec<i8> {
-    let least = LEAST_TURN * range_of(values.iter().copied());
+    let least = LEAST_TURN * range(values.iter().copied());
     let (mut directions, mut way, mut extreme) = (Vec::with_capacity(values.len()), 0_i8, values[0]);
     for (at, value) in values.iter().enumerate() {
         if at > 0 && run[at] != run[at - 1] {

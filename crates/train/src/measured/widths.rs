@@ -9,7 +9,7 @@
 //!
 //! Errors with segments left out show what is near the data, those with halves or whole runs left out what is far from it.
 
-use super::data::{COVERAGE, range_of};
+use super::data::COVERAGE;
 use super::maps::{
     BASE_SMOOTHING, ChosenMaps, FittedRows, LagColumns, Member, Ridge, polynomial, solve, times,
 };
@@ -130,7 +130,7 @@ pub(super) fn widths(
         let factors = squared_error(&all, &terms, residual * residual);
         let scale = |terms: &[f64; 3]| terms.iter().zip(&factors).map(|(t, c)| t * c).sum::<f64>().sqrt();
         let q = quantile(all.iter().zip(&terms).map(|(e, t)| e.abs() / scale(t)), COVERAGE).powi(2);
-        let range = range_of(rows.y.col(k).iter().copied());
+        let range = rom::statistics::range(rows.y.col(k).iter().copied());
         let prior = ALLOWANCE * range.powf(OWN_RANGE) * rows.units[k].powf(1.0 - OWN_RANGE);
         let square_of_mean = |part: &Range<usize>| mean(errors[part.clone()].iter().copied()).powi(2);
         let between = |parts: &[Range<usize>]| mean(parts.iter().map(square_of_mean));
@@ -279,6 +279,6 @@ fn growths(
         known.iter_mut().zip(&found).for_each(|(a, b)| *a = a.max(*b));
     }
     growths.unwrap_or_else(|| {
-        (0..rows.outputs()).map(|k| 0.2 * range_of(rows.y.col(k).iter().copied())).collect()
+        (0..rows.outputs()).map(|k| 0.2 * rom::statistics::range(rows.y.col(k).iter().copied())).collect()
     })
 }

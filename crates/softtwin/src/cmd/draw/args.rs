@@ -65,7 +65,7 @@ pub struct Args {
     /// Case of the database, by its name.
     #[arg(long, value_name = "NAME", help_heading = "State")]
     pub case: Option<String>,
-    /// Pressure in the chambers: MPa, or with a unit (50kPa, 0.5bar, 7psi) (0 to 100).
+    /// Pressure in the chambers: MPa, or with a unit such as 50kPa, 0.5bar, 7psi; 0 to 100 MPa.
     #[arg(long = "pressure", value_name = "MPA", value_parser = crate::range::pressure_mpa, help_heading = "State")]
     pub pressure_mpa: Option<f64>,
     /// Gap from the underside of the undeformed base to the plate, mm (0 to 10000); no plate when left out.

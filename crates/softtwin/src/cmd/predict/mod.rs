@@ -38,7 +38,7 @@ Examples:
     softtwin predict finger.twin --pressure 0.05
   Along a trace (t_s, pressure_mpa; gap_mm and other inputs if given), with the columns of `softtwin simulate --trace`:
     softtwin predict finger.twin --trace swing.csv --out series.csv
-  Whether a gripper holds its object at a pressure, and from which pressure on it does; or another object:
+  Does a gripper hold its object at this pressure, and from which pressure on? Or another object:
     softtwin predict config/scenes/gripper.toml --pressure 79kPa
     softtwin predict config/scenes/gripper.toml --pressure 50kPa \\
       --friction 0.3 --mass-g 30
