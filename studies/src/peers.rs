@@ -6,6 +6,7 @@ use crate::testbed::Testbed;
 use anyhow::Context;
 use serde::Deserialize;
 use serde_json::Value;
+use softtwin::daemon::program;
 use softtwin::failure::usage;
 use softtwin::output;
 use std::io::{BufRead, BufReader, Write};
@@ -24,7 +25,8 @@ const NOTES: &str = "\
 All on the same contact states and with one thread, measured in turn in one run. Run it in the repository's folder.
 Python packages go into build/peers-venv; EZyRB is installed without PyTorch, which its POD and RBF do not use.";
 
-/// Time a prediction and a training beside numpy, EZyRB and the paper's own way; prints the README's table.
+/// Time a prediction and a training beside numpy, EZyRB, a Gaussian process and the paper's own way, with the errors of each on the same
+/// held-back states.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
@@ -67,8 +69,8 @@ impl Args {
         python::install(&python, &["--no-deps", "ezyrb==1.3.3"])?;
         let testbed = Testbed::new("peers")?;
         let database = unpacked(&self.database, &testbed)?;
-        let mut peers = Peers::start(&python, &database, self.modes, &testbed)?;
         let (model, training) = self.trained(&database, &testbed)?;
+        let mut peers = Peers::start(&python, &database, self.modes, &model, &testbed)?;
         let mut ours = [const { Vec::new() }; OURS.len()];
         let mut theirs = vec![Vec::new(); peers.hello.peers.len()];
         for _ in 0..self.rounds {
@@ -85,20 +87,29 @@ impl Args {
             }
         }
         let [.., input_to_field] = ours.each_ref().map(|times| median(times.iter().copied()));
-        let Hello { entries, modes, states, .. } = peers.hello;
+        let Hello { entries, modes, states, held_back, own_errors_percent, .. } = peers.hello;
         output!(
-            "{entries} entries, {modes} modes, {states} contact states, one thread; median of {} rounds\n",
+            "{entries} entries, {modes} modes, {states} contact states, one thread; median of {} rounds. Errors at {held_back} held-back states, mean / 95th percentile\n",
             self.rounds
         )?;
-        output!("| one full field | us | softtwin is faster by | training, s |")?;
-        output!("| --- | ---: | ---: | ---: |")?;
+        output!(
+            "| one full field | us | softtwin is faster by | training, s | displacement, % | stress, % |"
+        )?;
+        output!("| --- | ---: | ---: | ---: | ---: | ---: |")?;
+        let errors = |[displacement, stress]: [[f64; 2]; 2]| {
+            let cell = |[mean, p95]: [f64; 2]| format!("{mean:.4} / {p95:.4}");
+            format!("{} | {}", cell(displacement), cell(stress))
+        };
         for (peer, times) in peers.hello.peers.iter().zip(theirs) {
             let us = median(times.into_iter());
-            output!("| {} | {us:.0} | {:.1} | {:.2} |", peer.name, us / input_to_field, peer.training_s)?;
+            let Peer { name, training_s, errors_percent } = peer;
+            let faster = us / input_to_field;
+            output!("| {name} | {us:.0} | {faster:.1} | {training_s:.2} | {} |", errors(*errors_percent))?;
         }
         for ((name, _), times) in OURS.iter().zip(ours) {
             let us = median(times.into_iter());
-            output!("| {name} | {us:.1} | {:.2} | {training} |", us / input_to_field)?;
+            let own = errors(own_errors_percent);
+            output!("| {name} | {us:.1} | {:.2} | {training} | {own} |", us / input_to_field)?;
         }
         Ok(())
     }
@@ -133,13 +144,18 @@ struct Hello {
     entries: usize,
     modes: usize,
     states: usize,
+    held_back: usize,
     peers: Vec<Peer>,
+    /// As of the peers.
+    own_errors_percent: [[f64; 2]; 2],
 }
 
 #[derive(Deserialize)]
 struct Peer {
     name: String,
     training_s: f64,
+    /// Of displacement and stress: mean and 95th percentile over the held-back states.
+    errors_percent: [[f64; 2]; 2],
 }
 
 /// The running Python program: a line in, the times of a round out.
@@ -151,10 +167,16 @@ struct Peers {
 }
 
 impl Peers {
-    fn start(python: &Path, database: &Path, modes: u16, testbed: &Testbed) -> anyhow::Result<Self> {
+    fn start(
+        python: &Path,
+        database: &Path,
+        modes: u16,
+        model: &str,
+        testbed: &Testbed,
+    ) -> anyhow::Result<Self> {
         let mut command = Command::new(python);
         command.arg("studies/python/peers.py").arg(database).arg(testbed.path("modes.csv"));
-        command.arg(modes.to_string());
+        command.arg(modes.to_string()).arg(program("softtwin")?).arg(model);
         command.envs(THREADS.map(|name| (name, "1"))).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().context("cannot start the peers")?;
         let input = child.stdin.take().context("no standard input")?;

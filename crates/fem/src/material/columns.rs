@@ -1,6 +1,7 @@
 //! Which column of a test's table holds what: what its description says, and what its headings tell.
 
 use super::Deformation;
+use super::fit::Family;
 use formats::log::{Column, Log};
 use formats::table::TableForm;
 use formats::{Diagnostic, FormatError, file, unit};
@@ -114,6 +115,35 @@ words! {
         Slack = "slack",
         /// At the stress to which the first 30 % extrapolate at no strain.
         Load = "load",
+    }
+}
+
+words! {
+    /// A law by the name that a command and a material file give it.
+    LawName {
+        /// One constant.
+        NeoHookean = "neo-hookean",
+        /// Two constants; neo-Hookean where the second is not needed.
+        MooneyRivlin = "mooney-rivlin",
+        /// Two constants; stiffens towards a limit.
+        Gent = "gent",
+        /// Two or three constants.
+        Yeoh = "yeoh",
+        /// One to three terms.
+        Ogden = "ogden",
+    }
+}
+
+impl LawName {
+    /// The families that are tried for it.
+    pub fn families(self) -> &'static [Family] {
+        match self {
+            Self::NeoHookean => &[Family::NeoHookean],
+            Self::MooneyRivlin => &[Family::NeoHookean, Family::MooneyRivlin],
+            Self::Gent => &[Family::Gent],
+            Self::Yeoh => &[Family::Yeoh2, Family::Yeoh3],
+            Self::Ogden => &[Family::Ogden1, Family::Ogden2, Family::Ogden3],
+        }
     }
 }
 

@@ -15,8 +15,8 @@ mod specimen;
 mod tension;
 
 pub use columns::{
-    CurveOrigin, DeformationQuantity, LoadQuantity, LoadingBranch, TestColumn, TestDescription, TestKind,
-    read_list,
+    CurveOrigin, DeformationQuantity, LawName, LoadQuantity, LoadingBranch, TestColumn, TestDescription,
+    TestKind, read_list,
 };
 pub use file::{FitRecord, MaterialFile, TestRecord, material_text};
 pub use film::{Fibres, Film, Isotropic};

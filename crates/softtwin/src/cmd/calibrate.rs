@@ -1,25 +1,23 @@
 //! `softtwin calibrate`.
 
+mod found;
 mod memory;
 mod plan;
 
 use crate::failure::{configuration, unexplained, usage};
-use crate::picture::{Figure, Mark, Panel, Series};
 use crate::unknowns::Unknowns;
 use crate::{files, report};
 use anyhow::{Context, bail};
-use estimate::{Estimate, Filter, Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
+use estimate::{Fit, Measurement, Setup, Structure};
+use found::{Curves, Summary, figure};
 use memory::Calibration;
 use plan::PlanArgs;
 use rom::inputs::InputSpec;
 use runtime::config::Scene;
-use runtime::estimation::{self, SensorModel, SensorValues};
+use runtime::estimation::{self, SensorValues};
 use runtime::measured::MeasuredInputs;
 use runtime::source::Trace;
-use serde::Serialize;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use train::memory::Identified;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -83,9 +81,6 @@ pub struct Args {
     #[command(flatten)]
     plan: PlanArgs,
 }
-
-/// Correlation from which two unknowns can hardly be told apart.
-const ALIKE: f64 = 0.9;
 
 impl Args {
     /// Fits, then prints the estimates.
@@ -221,169 +216,4 @@ fn reasons(fit: &Fit, structures: &[(String, Structure)], driving: &str, max_rej
         reasons.push(format!("{name}: {}", shape.join(", ")));
     }
     reasons
-}
-
-/// What the command found.
-#[derive(Serialize)]
-struct Summary<'a> {
-    readings: usize,
-    readings_skipped: usize,
-    values_used: usize,
-    outliers: usize,
-    chi2_per_dof: f64,
-    converged: bool,
-    is_explained: bool,
-    estimates: BTreeMap<&'a str, FittedUnknown>,
-    residuals: BTreeMap<&'a str, &'a Structure>,
-    /// Pairs of unknowns.
-    correlations: Vec<(&'a str, &'a str, f64)>,
-    unexplained: &'a [String],
-    #[serde(skip_serializing_if = "Option::is_none")]
-    memory: Option<&'a Identified>,
-    remarks: Vec<String>,
-}
-
-/// An estimate beside its prior.
-#[derive(Serialize)]
-struct FittedUnknown {
-    #[serde(flatten)]
-    estimate: Estimate,
-    prior: f64,
-    prior_sigma: f64,
-}
-
-impl<'a> Summary<'a> {
-    fn new(
-        setup: &'a Setup,
-        fit: &Fit,
-        readings: usize,
-        structures: &'a [(String, Structure)],
-        unexplained: &'a [String],
-        memory: Option<&'a Identified>,
-    ) -> Self {
-        let both = || setup.unknowns.iter().zip(&fit.estimates);
-        let estimates = both().map(|(unknown, estimate)| {
-            let fitted =
-                FittedUnknown { estimate: *estimate, prior: unknown.prior, prior_sigma: unknown.sigma };
-            (unknown.name.as_str(), fitted)
-        });
-        let count = setup.unknowns.len();
-        let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
-        let name = |at: usize| setup.unknowns[at].name.as_str();
-        let correlations: Vec<_> = pairs.map(|(a, b)| (name(a), name(b), fit.correlation(a, b))).collect();
-        let mut remarks = memory.map_or_else(Vec::new, |found| found.remarks.clone());
-        for (unknown, _) in both().filter(|(_, estimate)| !estimate.identifiable) {
-            remarks
-                .push(format!("{}: not identifiable from this recording, rests on the prior", unknown.name));
-        }
-        for (a, b, correlation) in correlations.iter().filter(|pair| pair.2.abs() > ALIKE) {
-            remarks.push(format!("{a} and {b} can hardly be told apart: correlation {correlation:.3}"));
-        }
-        Self {
-            readings,
-            readings_skipped: fit.skipped,
-            values_used: fit.used,
-            outliers: fit.outliers,
-            chi2_per_dof: fit.chi2_per_dof,
-            converged: fit.converged,
-            is_explained: unexplained.is_empty(),
-            estimates: estimates.collect(),
-            residuals: structures.iter().map(|(name, found)| (name.as_str(), found)).collect(),
-            correlations,
-            unexplained,
-            memory,
-            remarks,
-        }
-    }
-}
-
-/// Predictions for each reading, by measured quantity.
-struct Curves {
-    before: Vec<Vec<f64>>,
-    after: Vec<Vec<f64>>,
-    /// Position and key of the first input that varies.
-    driving: usize,
-    driving_name: String,
-}
-
-impl Curves {
-    /// With the priors and with the fitted values.
-    fn of(
-        setup: &Setup,
-        readings: &[Measurement],
-        fit: &Fit,
-        sensors: &mut SensorModel,
-        keys: &[String],
-    ) -> Self {
-        let mut predict = |unknowns: &[f64]| -> Vec<Vec<f64>> {
-            // A motion is that which explains the readings with these values.
-            let mut motion = setup.swing.and_then(|_| Filter::new(setup.clone().held_at(unknowns)).ok());
-            let one = |reading: &Measurement| {
-                let mut rows = vec![Predicted::default(); setup.rows.len()];
-                let inputs = match &mut motion {
-                    Some(motion) => motion.update(reading, sensors).inputs,
-                    None => setup.inputs(reading, unknowns),
-                };
-                sensors.predict(&inputs, &mut rows);
-                let bias = |at: usize| setup.rows[at].bias.map_or(0.0, |bias| unknowns[bias]);
-                rows.iter().enumerate().map(|(at, row)| row.value + bias(at)).collect()
-            };
-            readings.iter().map(one).collect()
-        };
-        let before: Vec<f64> = setup.unknowns.iter().map(|unknown| unknown.prior).collect();
-        let after: Vec<f64> = fit.estimates.iter().map(|estimate| estimate.value).collect();
-        let varies = |at: &usize| {
-            readings.windows(2).any(|pair| (pair[0].inputs[*at] - pair[1].inputs[*at]).abs() > 0.0)
-        };
-        let driving = (0..keys.len()).find(varies).unwrap_or(0);
-        let driving_name = keys.get(driving).cloned().unwrap_or_default();
-        Self { before: predict(&before), after: predict(&after), driving, driving_name }
-    }
-
-    /// Structure of the residuals by measured quantity.
-    fn structures(&self, setup: &Setup, readings: &[Measurement]) -> Vec<(String, Structure)> {
-        let t_s: Vec<f64> = readings.iter().map(|reading| reading.t_s).collect();
-        let driving: Vec<f64> = readings.iter().map(|reading| reading.inputs[self.driving]).collect();
-        let of_row = |(at, row): (usize, &estimate::Row)| {
-            let measured: Vec<f64> = readings.iter().map(|reading| reading.rows[at]).collect();
-            let predicted: Vec<f64> = self.after.iter().map(|rows| rows[at]).collect();
-            let sigma = row.variance(1.0).sqrt();
-            let series = ResidualSeries {
-                t_s: &t_s,
-                measured: &measured,
-                predicted: &predicted,
-                driving: &driving,
-                sigma,
-            };
-            Some((row.name.clone(), Structure::of(series)?))
-        };
-        setup.rows.iter().enumerate().filter_map(of_row).collect()
-    }
-}
-
-/// Measured values, predictions before and after the fit, residuals after it; one row of panels a measured quantity.
-fn figure(setup: &Setup, readings: &[Measurement], curves: &Curves) -> Figure {
-    let Curves { before, after, .. } = curves;
-    let begin_s = readings.first().map_or(0.0, |reading| reading.t_s);
-    let mut panels = Vec::new();
-    for (at, row) in setup.rows.iter().enumerate() {
-        if !readings.iter().any(|reading| reading.rows[at].is_finite()) {
-            continue;
-        }
-        let series = |name: &str, colour, mark, value: &dyn Fn(usize) -> f64| {
-            let points = readings.iter().enumerate().map(|(i, reading)| (reading.t_s - begin_s, value(i)));
-            Series::new(name, colour, mark, points)
-        };
-        let values = vec![
-            series("measured", 0, Mark::Dots, &|i| readings[i].rows[at]),
-            series("predicted with the priors", 1, Mark::Line, &|i| before[i][at]),
-            series("predicted after the fit", 2, Mark::Line, &|i| after[i][at]),
-        ];
-        panels.push(Panel::new("", "time [s]", row.name.as_str(), values));
-        let residuals =
-            series("measured - predicted", 0, Mark::Dots, &|i| readings[i].rows[at] - after[i][at]);
-        let label = format!("{}: residual", row.name);
-        panels.push(Panel::new("", "time [s]", label.as_str(), vec![residuals]));
-    }
-    Figure { title: format!("Fit to {} readings", readings.len()), panels, columns: 2 }
 }
