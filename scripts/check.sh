@@ -149,9 +149,9 @@ for task in {task for task, _ in rms}:
     assert own <= peer, "expected softtwin to be no worse than a polynomial"'
 }
 
-# native_module: the built module where Python finds it beside the package's sources.
+# native_module: the built module where Python finds it beside the package's sources. A copy, because another check may build meanwhile.
 native_module() {
-    ln -sf "$(realpath "$target")/debug/lib_native.so" clients/python/src/softtwin/_native.abi3.so
+    cp -f --remove-destination "$target/debug/lib_native.so" clients/python/src/softtwin/_native.abi3.so
 }
 
 clients() {

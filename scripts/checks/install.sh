@@ -51,9 +51,10 @@ echo '# mine' >> "$root/etc/softtwin/finger.toml"
 dpkg --install "$work"/softtwin_*.deb
 grep -q '^# mine$' "$root/etc/softtwin/finger.toml" || fail "installing again replaced a changed /etc/softtwin/finger.toml"
 
+python3 -m venv "$work/venv"
 client() { git status --porcelain --ignored clients/python | grep -v '__pycache__\|\.pytest_cache' || true; }
 client_before=$(client)
-scripts/package.sh wheel "$work" --profile "$profile"
+PYTHON=$work/venv/bin/python scripts/package.sh wheel "$work" --profile "$profile"
 [ "$client_before" = "$(client)" ] || fail "building the wheel left files in clients/python"
 python3 -m venv "$work/clean"
 "$work/clean/bin/pip" install --quiet --disable-pip-version-check "$work"/softtwin-*.whl
