@@ -10,7 +10,7 @@ fail() { echo "check.sh: $*" >&2; exit 1; }
 work=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
 root=$work/root
-before=$(git status --porcelain --ignored 2>/dev/null | grep -v '__pycache__\|\.pytest_cache' || true)
+before=$(git status --porcelain --ignored 2>/dev/null | grep -v '__pycache__\|\.pytest_cache\|_native' || true)
 
 # demonstration PROGRAM...: runs it for three seconds in the root folder and checks that fields arrive.
 demonstration() {
@@ -52,7 +52,7 @@ dpkg --install "$work"/softtwin_*.deb
 grep -q '^# mine$' "$root/etc/softtwin/finger.toml" || fail "installing again replaced a changed /etc/softtwin/finger.toml"
 
 python3 -m venv "$work/venv"
-client() { git status --porcelain --ignored clients/python | grep -v '__pycache__\|\.pytest_cache' || true; }
+client() { git status --porcelain --ignored clients/python | grep -v '__pycache__\|\.pytest_cache\|_native' || true; }
 client_before=$(client)
 PYTHON=$work/venv/bin/python scripts/package.sh wheel "$work" --profile "$profile"
 [ "$client_before" = "$(client)" ] || fail "building the wheel left files in clients/python"
@@ -80,5 +80,5 @@ model = softtwin.Model(softtwin.shared_file("models/pneunet/pneunet.twin"))
 print(f"check.sh: Python predicts {model.predict(0.05, 30.0).contact_force_n:.4f} N without a daemon")
 END
 cd - >/dev/null
-[ "$before" = "$(git status --porcelain --ignored 2>/dev/null | grep -v '__pycache__\|\.pytest_cache' || true)" ] || fail "the packages left files in the checkout: $(git status --porcelain --ignored)"
+[ "$before" = "$(git status --porcelain --ignored 2>/dev/null | grep -v '__pycache__\|\.pytest_cache\|_native' || true)" ] || fail "the packages left files in the checkout: $(git status --porcelain --ignored)"
 echo "check.sh: the Debian package and the wheel were built, installed and used"
