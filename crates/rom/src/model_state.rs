@@ -3,9 +3,8 @@
 use crate::evaluation::Evaluation;
 use crate::evaluator::Evaluator;
 use crate::inputs::Inputs;
-use crate::kernel::Precision;
 use crate::model::{Model, ModelError, Selection};
-use crate::reconstructor::{Peaks, ReconstructError, Reconstructor};
+use crate::reconstructor::{BasisOptions, Peaks, ReconstructError, Reconstructor};
 
 /// Evaluates and reconstructs in one call, for programs that want whole states one after the other.
 #[derive(Clone, Debug)]
@@ -17,24 +16,24 @@ pub struct ModelState {
 }
 
 impl ModelState {
-    /// Prepares a model for a selection of fields and nodes in the number format of the model.
+    /// Prepares a model for a selection of fields and nodes with the default [`BasisOptions`].
     ///
     /// # Errors
     /// As [`Reconstructor::new`].
     pub fn new(model: &Model, selection: &Selection) -> Result<Self, ModelError> {
-        Self::with_precision(model, selection, None)
+        Self::with_options(model, selection, BasisOptions::default())
     }
 
-    /// As [`Self::new`], with the modes in this number format.
+    /// As [`Self::new`], with the given number format and accepted error.
     ///
     /// # Errors
-    /// As [`Reconstructor::with_precision`].
-    pub fn with_precision(
+    /// As [`Reconstructor::with_options`].
+    pub fn with_options(
         model: &Model,
         selection: &Selection,
-        precision: Option<Precision>,
+        options: BasisOptions,
     ) -> Result<Self, ModelError> {
-        let reconstructor = Reconstructor::with_precision(model, selection, precision)?;
+        let reconstructor = Reconstructor::with_options(model, selection, options)?;
         let evaluator = Evaluator::new(&model.header)?;
         let (evaluation, fields) = (evaluator.evaluation(), vec![0.0; reconstructor.entries()]);
         Ok(Self { evaluator, reconstructor, evaluation, fields })

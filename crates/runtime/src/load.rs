@@ -13,7 +13,7 @@ use rom::model::{
     Selection,
 };
 use rom::observable::Observables;
-use rom::reconstructor::{Basis, Reconstructor};
+use rom::reconstructor::{Basis, BasisOptions, Reconstructor};
 use rom::session::{Gaps, Session};
 use rom::snapshots::{FieldKind, RegimeKind};
 use std::io::{Read, Seek};
@@ -226,18 +226,18 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<LoadedActuator, Ve
         return Err(problem(format!("it has no regime for gaps of {min} .. {max} mm")));
     }
     let selections = selections(spec, &header, &mut reader)?;
-    let mut needed = needed_blocks(&header, &selections);
+    let mut needed = needed_blocks(&header, &regimes, &selections);
     needed.push(BlockKind::Memory);
     if follows {
         let pressure = Selection { fields: Some(vec!["pressure".into()]), nodes: Nodes::All };
-        needed.extend(needed_blocks(&header, &[pressure]));
+        needed.extend(needed_blocks(&header, &regimes, &[pressure]));
     }
     if !spec.markers.is_empty() {
         let coordinates =
             header.fields.iter().filter(|field| matches!(field.spec.kind, FieldKind::Coordinate(_)));
         let fields = coordinates.map(|field| field.spec.name.clone()).collect();
         let whole = Selection { fields: Some(fields), nodes: Nodes::All };
-        needed.extend(needed_blocks(&header, &[whole]));
+        needed.extend(needed_blocks(&header, &regimes, &[whole]));
         needed.extend((0..3).map(BlockKind::Undeformed));
     }
     let file_block_bytes = reader.blocks().iter().map(|entry| entry.bytes).sum();
@@ -380,7 +380,7 @@ fn nodes_in_box<R: Read + Seek>(
 }
 
 /// The blocks that the selections need, derived fields with what they are derived from.
-fn needed_blocks(header: &ModelHeader, selections: &[Selection]) -> Vec<BlockKind> {
+fn needed_blocks(header: &ModelHeader, regimes: &[RegimeKind], selections: &[Selection]) -> Vec<BlockKind> {
     let mut fields: Vec<usize> = Vec::new();
     for selection in selections {
         // Unknown fields were reported before.
@@ -393,8 +393,7 @@ fn needed_blocks(header: &ModelHeader, selections: &[Selection]) -> Vec<BlockKin
         blocks.extend((0..3).map(BlockKind::Undeformed));
     }
     for field in fields.into_iter().chain(axes).map(|field| field as u32) {
-        // A regime may share the basis of another one that is out of reach.
-        for regime in RegimeKind::Free.with_other() {
+        for &regime in regimes {
             blocks.push(BlockKind::Mean { regime, field });
             blocks.push(BlockKind::Modes { regime, field });
         }
@@ -410,7 +409,8 @@ fn outputs(
     let mut problems = Vec::new();
     let mut outputs = Vec::new();
     for (index, (output, selection)) in spec.outputs.iter().zip(selections).enumerate() {
-        match Reconstructor::new(model, &selection) {
+        let (precision, accepted_error) = (output.precision, output.accepted_error);
+        match Reconstructor::with_options(model, &selection, BasisOptions { precision, accepted_error }) {
             Ok(reconstructor) => outputs.push(describe(output, model, &selection, reconstructor)),
             Err(error) => problems.push(format!("output[{index}]: {error}")),
         }

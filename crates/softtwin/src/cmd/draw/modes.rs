@@ -10,7 +10,7 @@ use crate::picture::sheet::{Panel, Row, Sheet};
 use crate::picture::skin::Body;
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
-use rom::model::{Model, RegimeModel};
+use rom::model::{BlockKind, Model, RegimeModel};
 use rom::snapshots::RegimeKind;
 
 /// Modes a picture shows, and drawings a row.
@@ -68,9 +68,7 @@ fn shapes(model: &Model, regime: &RegimeModel, name: &str) -> Result<Vec<Vec<f32
         let largest = values.iter().copied().fold(0.0_f32, |a, b| if b.abs() > a.abs() { b } else { a });
         values.iter().map(|value| if largest == 0.0 { 0.0 } else { value / largest }).collect()
     };
-    Ok((0..regime.group_of(field as usize).map_or(0, |group| group.coefficients.len()).min(MAX_MODES))
-        .map(shape)
-        .collect())
+    Ok((0..modes.count().min(MAX_MODES)).map(shape).collect())
 }
 
 /// The mean state of a regime, once a shape, with the shape as values.
@@ -78,7 +76,7 @@ fn mean_state(model: &Model, regime: RegimeKind, shapes: &[Vec<f32>]) -> Result<
     let fields = &model.header.fields;
     let mean = |name: &str| {
         let field = fields.iter().position(|field| field.spec.name == name)? as u32;
-        model.mean(regime, field)
+        model.f32_block(BlockKind::Mean { regime, field })
     };
     let (Some(x), Some(y), Some(z)) = (mean("x"), mean("y"), mean("z")) else {
         return Err(usage("modes are drawn on the mean state, and this model has no means of x, y and z"));
