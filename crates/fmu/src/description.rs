@@ -2,7 +2,7 @@
 
 use rom::evaluation::NUMBERS;
 use rom::inputs::{GAP, InputSpec};
-use rom::model::{BlockKind, Model, ModelFileError, ModelHeader};
+use rom::model::{BlockKind, Model, ModelFileError, ModelHeader, hex};
 use rom::observable::Observables;
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -36,8 +36,7 @@ pub fn nodes_text(nodes: &[ChosenNode]) -> String {
 /// Instantiation token, which identifies a description's resources: the hash at the end of the model file, and the nodes.
 pub fn token(model_file: &[u8], nodes: &[ChosenNode]) -> String {
     let hash = model_file.last_chunk::<32>().copied().unwrap_or_default();
-    let hash: String = hash.iter().map(|byte| format!("{byte:02x}")).collect();
-    nodes.iter().fold(hash, |token, chosen| format!("{token};{} {}", chosen.name, chosen.node))
+    nodes.iter().fold(hex(&hash), |token, chosen| format!("{token};{} {}", chosen.name, chosen.node))
 }
 
 /// Parses [`NODES_FILE`].
@@ -178,7 +177,7 @@ pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> Result<Stri
          description=\"Digital twin of a soft pneumatic actuator; database {}\">\n  \
          {exchange}<CoSimulation modelIdentifier=\"{IDENTIFIER}\" canHandleVariableCommunicationStepSize=\"true\" \
          canGetAndSetFMUState=\"true\"/>\n  <UnitDefinitions>\n",
-        header.database_hash.iter().map(|byte| format!("{byte:02x}")).collect::<String>()
+        hex(&header.database_hash)
     );
     for unit in units.iter().filter(|unit| !unit.is_empty()) {
         let base = UNITS.iter().find(|(known, _)| known == unit).map_or("", |(_, base)| base);

@@ -46,7 +46,6 @@ pub enum ThemeName {
 }
 
 impl ThemeName {
-    /// Its colours.
     pub fn colours(self) -> Theme {
         match self {
             Self::Light => Theme::LIGHT,

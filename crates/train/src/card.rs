@@ -2,7 +2,7 @@
 
 use formats::{FormatError, file};
 use rom::inputs::{InputAxis, InputMap, Point};
-use rom::model::{Model, RegimeModel};
+use rom::model::{Model, RegimeModel, hex};
 use rom::observable::{Correction, Observables};
 use rom::statistics::ends;
 use serde_json::{Map, Value, json};
@@ -258,8 +258,4 @@ pub fn submodel(card: &Value) -> Value {
             "value": "https://admin-shell.io/idta/SimulationModels/SimulationModels/1/0" }] },
         "submodelElements": [collection("SimulationModel00", model)],
     })
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -36,11 +36,6 @@ pub(crate) struct OnsetModel {
 }
 
 impl OnsetModel {
-    /// True if the onset depends on parameters.
-    pub fn has_parameters(&self) -> bool {
-        self.solver.is_some()
-    }
-
     /// Onset at a state.
     pub fn at(&self, inputs: &Inputs) -> OnsetAt {
         match &self.solver {
@@ -177,7 +172,7 @@ pub(crate) fn contact(
     let largest_gap = points.iter().map(Inputs::gap_mm).fold(f64::NEG_INFINITY, f64::max);
     let (mut far, mut along_onset) = (Vec::new(), Vec::new());
     match boundary {
-        Some((_, onset)) if onset.has_parameters() => {
+        Some((_, onset)) if onset.solver.is_some() => {
             // Neighbours in the list differ in their parameters: fewer along the onset for each input.
             let count = config.boundary_states * 3 / 4 * (1 + database.parameters.len());
             let at_onset = onset_with_parameters(&points, onset, count.min(cases.len()), 0.0);

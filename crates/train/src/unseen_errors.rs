@@ -8,7 +8,7 @@ use formats::{FormatError, file};
 use rom::halfwidths::Errors;
 use rom::hull::DomainStatus;
 use rom::inputs::Inputs;
-use rom::model::Model;
+use rom::model::{Model, hex};
 use std::path::Path;
 
 /// Columns behind the inputs: worst node's displacement and stress, force, and whose errors these are.
@@ -105,5 +105,5 @@ pub fn read(path: &Path, model: &Model) -> Result<Vec<UnseenState>, FormatError>
 /// Eight bytes that tell the predictions of one model from those of another, hexadecimal.
 fn prediction_mark(path: &Path, model: &Model) -> Result<String, FormatError> {
     let hash = model.prediction_hash().map_err(|error| FormatError::refused(path, error))?;
-    Ok(hash[..8].iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(hex(&hash[..8]))
 }

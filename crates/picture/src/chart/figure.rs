@@ -89,7 +89,6 @@ impl Series {
         Self { name: name.into(), colour, mark, points }
     }
 
-    /// A line.
     pub fn line(
         name: impl Into<String>,
         colour: usize,

@@ -12,3 +12,8 @@ pub use header::{
     PressureLimit, RegimeModel, modes_within, truncation_error,
 };
 pub use selection::{ModelError, Nodes, Selection};
+
+/// Hexadecimal digits, as people read the hash of a model.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -139,7 +139,6 @@ pub enum View {
 }
 
 impl View {
-    /// Its camera.
     pub fn camera(self) -> Camera {
         match self {
             Self::Oblique => Camera::new(24.0, 17.0),
