@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import warnings
 from pathlib import Path
 from unittest.mock import MagicMock
 
@@ -115,6 +116,7 @@ def train_ezyrb(inputs, fields):
         # EZyRB imports PyTorch for its neural networks, which are not used here: the name is enough.
         torch = MagicMock()
         torch.nn.Module = object
+        torch.Tensor = type("Tensor", (), {})  # scipy asks whether an array is one
         sys.modules.update({"torch": torch, "torch.nn": torch.nn})
     from ezyrb import POD, RBF, Database, ReducedOrderModel
 
@@ -126,8 +128,11 @@ def train_ezyrb(inputs, fields):
 
 def train_process(inputs, fields):
     """POD and a Gaussian process for each mode."""
+    from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+
+    warnings.simplefilter("ignore", ConvergenceWarning)  # a length at the end of its bounds is an answer
 
     start = time.perf_counter()
     mean = fields.mean(axis=0)
