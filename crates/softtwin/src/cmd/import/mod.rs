@@ -1,5 +1,6 @@
 //! `softtwin import`: meshes of other programs as VTU, and their finished simulations as a database.
 
+mod found;
 mod results;
 
 use crate::failure::usage;
