@@ -58,7 +58,7 @@ SIGHUP reads the configuration again, with certificates and users, and reconnect
 Exit codes: 0 stopped as asked, 1 run-time failure, 2 usage, 78 configuration.";
 
 /// What the program does, examples, options, notes.
-const HELP: &str = runtime::service::HELP_TEMPLATE;
+const HELP: &str = service::HELP_TEMPLATE;
 
 /// The twins of this machine on a Zenoh network.
 #[derive(Parser)]
