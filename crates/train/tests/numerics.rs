@@ -131,10 +131,17 @@ proptest! {
                 let expected = value - prediction;
                 prop_assert!((found - expected).abs() <= 1e-5 * (1.0 + expected.abs()), "{i} of {n}: {found}, refitted {expected}");
             },
-            // Without it the tail is undetermined, or so nearly that its prediction is far beyond the values, which are at most 6.
+            // Its leverage h on the tail is within 1e-8 of 1, and without it the smallest singular value of the tail's terms is at most
+            // sqrt(1 - h) times the largest one with it: the tail is undetermined, or nearly so.
             Err(FitError::TailRestsOn { sample, .. }) => {
-                let prediction = without(sample);
-                prop_assert!(prediction.is_none_or(|found| found.abs() > 1e3), "{prediction:?}");
+                let singular_values = |left_out: Option<usize>| {
+                    let kept: Vec<usize> = (0..n).filter(|j| Some(*j) != left_out).collect();
+                    let terms = Mat::from_fn(kept.len(), tail.terms(dimensions), |i, j| tail.values(dimensions, &inputs[kept[i]])[j]);
+                    terms.singular_values().expect("finite terms")
+                };
+                let (all, rest) = (singular_values(None), singular_values(Some(sample)));
+                let least = if n - 1 < tail.terms(dimensions) { 0.0 } else { rest[tail.terms(dimensions) - 1] };
+                prop_assert!(least <= 1.01e-4 * all[0], "{least} of {}", all[0]);
             }
             Err(FitError::TailUndetermined { .. } | FitError::Coincident { .. }) => {
                 prop_assert_eq!(refitted(spec, dimensions, &inputs, &values, &inputs[0]), None);
