@@ -3,7 +3,7 @@
 use crate::ffi::{Failure, argument, call, name, put, shared, softtwin_status, take, text, write_handle};
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
-use rom::inputs::{GAP, Inputs, MAX_INPUTS, Needs, PRESSURE};
+use rom::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
 use rom::model::{Model, Nodes, Selection};
 use rom::observable::{MAX_OBSERVABLES, Observables};
 use rom::reconstructor::{Peak, Peaks, Reconstructor};
@@ -97,7 +97,6 @@ pub struct softtwin_model {
     model: Arc<Model>,
     evaluator: Evaluator,
     reconstructor: Reconstructor,
-    needs: Needs,
     observables: Observables,
     description: Description,
 }
@@ -157,7 +156,6 @@ impl softtwin_model {
         Ok(Self {
             evaluator: Evaluator::new(&model.header).map_err(refused)?,
             reconstructor: Reconstructor::new(&model, selection).map_err(refused)?,
-            needs: model.header.needs(),
             description: Description::new(&model, &fields, &observables),
             observables,
             model,
@@ -205,25 +203,7 @@ impl softtwin_model {
 
     /// The state at `values`, one for each input; NaN is the model's value of a parameter.
     pub(crate) fn state(&self, at: usize, values: &[f64]) -> Result<Inputs, Failure> {
-        let mut inputs = Inputs::new(f64::NAN, f64::NAN);
-        for (position, (value, spec)) in values.iter().zip(self.evaluator.inputs()).enumerate() {
-            let fits = match position {
-                PRESSURE if !self.needs.pressure => value.is_nan(),
-                GAP if !self.needs.gap => value.is_nan(),
-                PRESSURE => value.is_finite(),
-                GAP => !value.is_nan(),
-                _ => !value.is_infinite(),
-            };
-            if !fits {
-                let key = spec.key();
-                let is_taken =
-                    (position != PRESSURE || self.needs.pressure) && (position != GAP || self.needs.gap);
-                let expected = if is_taken { "a number" } else { "NaN (the model does not have it)" };
-                return Err(argument(&format!("state {at}: expected {expected} for {key}, found {value}")));
-            }
-            inputs = inputs.with(position, *value);
-        }
-        Ok(inputs)
+        self.evaluator.state(values).map_err(|error| argument(&format!("state {at}: {error}")))
     }
 }
 

@@ -5,7 +5,7 @@ use crate::model::softtwin_model;
 use control::held::Stepping;
 use control::law::{Cycle, Limited, Reading, Target};
 use control::monitor::Fault;
-use rom::inputs::{GAP, MAX_INPUTS};
+use rom::inputs::MAX_INPUTS;
 use std::ffi::c_char;
 use std::path::Path;
 
@@ -17,8 +17,6 @@ const FAULTS: [Fault; 4] =
 
 pub struct softtwin_control {
     stepping: Stepping,
-    /// Positions of the inputs that the model has, among all of the header.
-    taken: Vec<usize>,
 }
 
 #[repr(C)]
@@ -97,9 +95,8 @@ pub unsafe extern "C" fn softtwin_control_open(
         let scene = scene.map(read).transpose()?;
         let stepping = Stepping::open(model, scene.as_deref(), actuator, held);
         let stepping = stepping.map_err(|error| argument(&error.to_string()))?;
-        let taken = model.header.taken_inputs().map(|(at, _)| at).collect();
         // SAFETY: by the caller's promise.
-        unsafe { write_handle(out, softtwin_control { stepping, taken }) }
+        unsafe { write_handle(out, softtwin_control { stepping }) }
     })
 }
 
@@ -119,19 +116,7 @@ pub unsafe extern "C" fn softtwin_control_inputs(
         }
         // SAFETY: not null, and `count` numbers by the caller's promise.
         let inputs = unsafe { std::slice::from_raw_parts(inputs, count) };
-        let model = control.stepping.controller_mut().model_mut();
-        let of_readings =
-            [model.driven(), GAP].into_iter().any(|at| inputs.get(at).is_some_and(|value| !value.is_nan()));
-        if of_readings || inputs.iter().any(|value| value.is_infinite()) {
-            return Err(argument(
-                "expected finite inputs, NaN for the model's value, and NaN for the gap and the driven pressure, which are those of each step",
-            ));
-        }
-        let mut values = [f64::NAN; MAX_INPUTS];
-        let taken = control.taken.iter().map(|at| inputs.get(*at).copied().unwrap_or(f64::NAN));
-        values.iter_mut().zip(taken).for_each(|(to, value)| *to = value);
-        model.set_inputs(&values);
-        Ok(())
+        control.stepping.set_inputs(inputs).map_err(|error| argument(&error.to_string()))
     })
 }
 

@@ -4,7 +4,7 @@ use crate::inverse::Quantity;
 use crate::law::{Controller, Cycle, Reading, Target};
 use crate::settings::{Limits, Settings};
 use crate::twin_model::{TwinModel, TwinModelError};
-use rom::inputs::PRESSURE;
+use rom::inputs::{GAP, MAX_INPUTS, PRESSURE};
 use rom::model::Model;
 use rom::observable::Observables;
 use rom::probe::{MeshPoint, PointError};
@@ -278,6 +278,8 @@ fn angle(model: &Model, hold: &str) -> Result<String, HeldError> {
 pub struct Stepping {
     controller: Controller<TwinModel>,
     last_ns: Option<u64>,
+    /// Positions of the inputs that the model has, among all of the header.
+    taken: Vec<usize>,
 }
 
 /// Why a reading was refused; nothing has changed, and the setpoint before expires.
@@ -289,6 +291,11 @@ pub enum StepError {
     /// A value that has to be a number.
     #[error("{name}: expected a number, found {found}")]
     NotFinite { name: &'static str, found: f64 },
+    /// Inputs that are not the caller's to set.
+    #[error(
+        "expected finite inputs, NaN for the model's value, and NaN for the gap and the driven pressure, which are those of each step"
+    )]
+    Inputs,
 }
 
 impl Stepping {
@@ -303,7 +310,8 @@ impl Stepping {
         let of = scene.map(|text| Description::read(text, actuator)).transpose()?.unwrap_or_default();
         let held = Held::new(&of, model.clone(), column)?;
         let controller = Controller::new(held.model()?, held.quantity, held.settings, held.limits);
-        Ok(Self { controller, last_ns: None })
+        let taken = model.header.taken_inputs().map(|(at, _)| at).collect();
+        Ok(Self { controller, last_ns: None, taken })
     }
 
     /// One control cycle at `t_ns`, later than the last one. The target moves on by its rate. Never allocates with the first law. A `measured` or `written_mpa` that is NaN is absent.
@@ -331,7 +339,24 @@ impl Stepping {
         Ok(self.controller.update(&targets, reading, elapsed_ns as f64 * 1e-9))
     }
 
-    /// The controller: to start it where the valve does not follow, to release a fault, to set the model's inputs.
+    /// Sets inputs of the model for the cycles that follow, one value for each of the header's; NaN: the model's.
+    ///
+    /// # Errors
+    /// [`StepError::Inputs`]; nothing has changed.
+    pub fn set_inputs(&mut self, inputs: &[f64]) -> Result<(), StepError> {
+        let model = self.controller.model_mut();
+        let is_given = |at: usize| inputs.get(at).is_some_and(|value| !value.is_nan());
+        if [model.driven(), GAP].into_iter().any(is_given) || inputs.iter().any(|value| value.is_infinite()) {
+            return Err(StepError::Inputs);
+        }
+        let mut values = [f64::NAN; MAX_INPUTS];
+        let taken = self.taken.iter().map(|at| inputs.get(*at).copied().unwrap_or(f64::NAN));
+        values.iter_mut().zip(taken).for_each(|(to, value)| *to = value);
+        model.set_inputs(&values);
+        Ok(())
+    }
+
+    /// The controller: to start it where the valve does not follow, to release a fault.
     pub fn controller_mut(&mut self) -> &mut Controller<TwinModel> {
         &mut self.controller
     }

@@ -4,15 +4,12 @@ use crate::refused;
 use control::held::Stepping;
 use control::law::{Limited, Reading, Target};
 use pyo3::prelude::*;
-use rom::inputs::{GAP, MAX_INPUTS};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// A controller of one quantity.
 #[pyclass(frozen, module = "softtwin._native")]
 pub struct Control {
     stepping: Mutex<Stepping>,
-    /// Positions of the inputs that the model has, among all of the header.
-    taken: Vec<usize>,
 }
 
 /// Setpoint, target, reference, held quantity, correction, error of the valve; limits that bind; fault.
@@ -26,8 +23,7 @@ impl Control {
         actuator: Option<&str>,
     ) -> PyResult<Self> {
         let stepping = Stepping::open(model, scene, actuator, held).map_err(refused)?;
-        let taken = model.header.taken_inputs().map(|(at, _)| at).collect();
-        Ok(Self { stepping: Mutex::new(stepping), taken })
+        Ok(Self { stepping: Mutex::new(stepping) })
     }
 
     fn stepping(&self) -> MutexGuard<'_, Stepping> {
@@ -80,19 +76,6 @@ impl Control {
 
     /// Sets inputs of the model, one value for each of the header's; NaN: the model's.
     fn set_inputs(&self, inputs: Vec<f64>) -> PyResult<()> {
-        let mut stepping = self.stepping();
-        let model = stepping.controller_mut().model_mut();
-        let of_readings =
-            [model.driven(), GAP].into_iter().any(|at| inputs.get(at).is_some_and(|v| !v.is_nan()));
-        if of_readings || inputs.iter().any(|value| value.is_infinite()) {
-            return Err(refused(
-                "expected finite inputs, NaN for the model's value, and NaN for the gap and the driven pressure, which are those of each step",
-            ));
-        }
-        let mut values = [f64::NAN; MAX_INPUTS];
-        let taken = self.taken.iter().map(|at| inputs.get(*at).copied().unwrap_or(f64::NAN));
-        values.iter_mut().zip(taken).for_each(|(to, value)| *to = value);
-        model.set_inputs(&values);
-        Ok(())
+        self.stepping().set_inputs(&inputs).map_err(refused)
     }
 }

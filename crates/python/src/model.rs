@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use rom::evaluation::{Evaluation, NUMBERS};
 use rom::evaluator::{Evaluator, Query};
-use rom::inputs::{GAP, Inputs, PRESSURE};
+use rom::inputs::{GAP, PRESSURE};
 use rom::model::{BlockKind, Nodes, Selection};
 use rom::observable::Observables;
 use rom::reconstructor::{Peak, Peaks, Reconstructor};
@@ -88,26 +88,6 @@ impl Loaded {
 
     fn width(&self) -> usize {
         NUMBERS.len() + FURTHER.len() + self.evaluator.inputs().len() + 3 * self.observables.count()
-    }
-
-    /// The state at `values`, one for each input; NaN is the model's value of a parameter.
-    fn state(&self, at: usize, values: &[f64]) -> Result<Inputs, String> {
-        let needs = self.evaluator.needs();
-        let mut inputs = Inputs::new(f64::NAN, f64::NAN);
-        for (position, (value, spec)) in values.iter().zip(self.evaluator.inputs()).enumerate() {
-            let (fits, expected) = match position {
-                PRESSURE if !needs.pressure => (value.is_nan(), "NaN (the model does not have it)"),
-                GAP if !needs.gap => (value.is_nan(), "NaN (the model does not have it)"),
-                PRESSURE => (value.is_finite(), "a number"),
-                GAP => (!value.is_nan(), "a number"),
-                _ => (!value.is_infinite(), "a number"),
-            };
-            if !fits {
-                return Err(format!("state {at}: expected {expected} for {}, found {value}", spec.key()));
-            }
-            inputs = inputs.with(position, *value);
-        }
-        Ok(inputs)
     }
 
     /// Writes an evaluation's row and, unless `values` is empty, its fields.
@@ -199,7 +179,7 @@ impl Loaded {
         let places = states.chunks_exact(width).zip(rows.chunks_exact_mut(self.width()));
         for (at, (given, row)) in places.enumerate() {
             let number = first + at;
-            let state = self.state(number, given)?;
+            let state = evaluator.state(given).map_err(|error| format!("state {number}: {error}"))?;
             if !evaluator.has_values(&state) {
                 let set = evaluator.to_mut().set_parameters(&state, &mut evaluation);
                 set.map_err(|error| format!("state {number}: {error}"))?;
@@ -359,7 +339,7 @@ pub struct Session {
 
 impl Session {
     fn advance(&self, t_ns: u64, state: &[f64], row: &mut [f64], values: &mut [f32]) -> Result<(), String> {
-        let inputs = self.shared.state(0, state)?;
+        let inputs = self.shared.evaluator.state(state).map_err(|error| format!("state 0: {error}"))?;
         let mut held = self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let (session, evaluation) = &mut *held;
         session.set_parameters(&inputs, evaluation).map_err(|error| error.to_string())?;

@@ -289,6 +289,29 @@ impl Evaluator {
         &self.inputs
     }
 
+    /// The state at one value for each of [`Self::inputs`]; NaN is the model's value of a parameter.
+    ///
+    /// # Errors
+    /// The input that is no number, or that the model does not have, in words.
+    pub fn state(&self, values: &[f64]) -> Result<Inputs, String> {
+        let needs = self.needs();
+        let mut inputs = Inputs::new(f64::NAN, f64::NAN);
+        for (position, (value, spec)) in values.iter().zip(self.inputs()).enumerate() {
+            let (fits, expected) = match position {
+                PRESSURE if !needs.pressure => (value.is_nan(), "NaN (the model does not have it)"),
+                GAP if !needs.gap => (value.is_nan(), "NaN (the model does not have it)"),
+                PRESSURE => (value.is_finite(), "a number"),
+                GAP => (!value.is_nan(), "a number"),
+                _ => (!value.is_infinite(), "a number"),
+            };
+            if !fits {
+                return Err(format!("expected {expected} for {}, found {value}", spec.key()));
+            }
+            inputs = inputs.with(position, *value);
+        }
+        Ok(inputs)
+    }
+
     /// The inputs that the answers depend on, with their position.
     pub fn taken_inputs(&self) -> impl Iterator<Item = (usize, &InputSpec)> {
         self.inputs.iter().enumerate().filter(|(at, _)| self.is_taken[*at])
