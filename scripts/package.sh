@@ -74,7 +74,11 @@ c_client() {
     echo "installed libsofttwin $version to $root"
 }
 
+# Code for browsers, where the compiler has the library for it; without it `softtwin export` makes no pages.
+page() { scripts/page.sh >&2 || echo "package.sh: exported pages are left out of this package" >&2; }
+
 wheel() {
+    page
     MATURIN_PEP517_ARGS="--profile $profile" "${PYTHON:-python3}" -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$out" clients/python
     ls "$out"/softtwin-*.whl
 }
@@ -118,6 +122,7 @@ package() {
 
 deb() {
     local root=$work/softtwin program scene
+    page
     compile -p softtwind -p softtwin --bins
     mkdir -p "$root/usr/bin"
     for program in softtwin softtwind softtwin-demo; do strip -o "$root/usr/bin/$program" "$folder/$program"; done

@@ -276,6 +276,89 @@ def what_if_answers_sliders_without_a_twin_and_its_colours_are_the_published_max
         page.browser.close()
 
 
+def saved(stage, model, *more):
+    """A page of `softtwin export`, opened from disk; None where this build has no code for browsers."""
+    file = pathlib.Path(stage.folder.name) / f"{pathlib.Path(model).stem}{len(more)}.html"
+    made = stage.run("softtwin", "export", model, "--out", file, "--json", *more)
+    if made.returncode == 78 and "scripts/page.sh" in made.stderr:
+        print("   not checked: this build has no code for browsers (scripts/page.sh makes it)")
+        return None
+    assert made.returncode == 0, made.stderr
+    return file
+
+
+@check
+def a_saved_page_answers_as_predict_without_a_server(stage, program):
+    file = saved(stage, MODEL)
+    if file is None:
+        return
+    page = Page(program, file.as_uri())
+    try:
+        wait(lambda: page.shown("predicted"), "a prediction", 60)
+        print(f"   {file.stat().st_size * 1e-6:.1f} MB, first picture after {page.run('performance.now()') / 1000:.1f} s at most")
+        # Free, in contact, at the edge, outside.
+        for pressure, gap in ((0.01, 60), (0.03, 30), (0.07, 30), (0.09, 71), (0.1, 25)):
+            page.slide("input-gap", gap)
+            page.slide("input-pressure", pressure)
+            wait(lambda: page.shown("pressure_mpa") == pressure and page.shown("gap_mm") == gap, "the sliders' state")
+            answer = json.loads(stage.run("softtwin", "predict", MODEL, "--json", "--pressure", str(pressure), "--gap", str(gap)).stdout)
+            widths = answer["half_widths"] or {}
+            for name, expected in (("contact_force_n", answer["contact_force_n"]), ("force_halfwidth_n", widths.get("force_n")),
+                                   ("displacement_halfwidth_mm", widths.get("displacement_mm")), ("von_mises_halfwidth_mpa", widths.get("stress_mpa"))):
+                found = page.shown(name)
+                same = found == expected or abs(found - expected) <= 1e-12 * abs(expected)
+                assert same, f"{name} at {pressure} MPa, {gap} mm: the page {found}, predict {expected}"
+            assert page.shown("regime") == answer["regime"]
+        fields = pathlib.Path(stage.folder.name) / "state.csv"
+        assert stage.run("softtwin", "export", MODEL, "--pressure", "0.1", "--gap", "25", "--out", fields).returncode == 0
+        with open(fields) as rows:
+            names = next(rows).strip().split(",")
+            columns = [names.index(name) for name in ("x_mm", "y_mm", "z_mm", "von_mises_mpa")]
+            expected = [[float(row.split(",")[k]) for k in columns] for row in rows]
+        nodes = page.run("[...softtwin.chosen().body.ids]")
+        shown = page.run("['x', 'y', 'z', 'von_mises'].map((name) => [...softtwin.chosen().shape.fields[name]])")
+        for k, name in enumerate(("x", "y", "z", "von_mises")):
+            found, whole = shown[k], [expected[node][k] for node in nodes]
+            span = max(whole) - min(whole)
+            worst = max(abs(a - b) for a, b in zip(found, whole))
+            print(f"   {name}: largest difference {worst / span:.1e} of its range at {len(nodes)} nodes")
+            assert worst < 2e-4 * span, f"{name} differs by {worst} of {span}"
+        assert not page.browser.complaints(), page.browser.complaints()
+    finally:
+        page.browser.close()
+
+
+@check
+def a_saved_page_plays_a_trace_and_a_body_with_inertia_swings_in_it(stage, program):
+    file = saved(stage, MODEL, "--recording", "config/traces/gap40.csv")
+    if file is None:
+        return
+    page = Page(program, file.as_uri())
+    try:
+        wait(lambda: page.badge() == "recording gap40" and (page.shown("t_s") or 0) > 0.2, "the trace to play", 60)
+        page.click("pause")
+        page.slide("scrub", 3)
+        wait(lambda: page.shown("t_s") == 3, "the time that was asked for")
+        answer = json.loads(stage.run("softtwin", "predict", MODEL, "--json", "--pressure", str(page.shown("pressure_mpa")), "--gap", str(page.shown("gap_mm"))).stdout)
+        assert abs(page.shown("contact_force_n") - answer["contact_force_n"]) <= 1e-12, answer
+        assert not page.browser.complaints(), page.browser.complaints()
+    finally:
+        page.browser.close()
+    page = Page(program, saved(stage, "models/pneunet/motion/pneunet-motion.twin").as_uri())
+    try:
+        wait(lambda: page.shown("predicted"), "a prediction", 60)
+        height = lambda: page.run("softtwin.chosen().shape.fields.y.reduce((a, b) => Math.min(a, b), 0)")
+        page.slide("input-gap", 80)
+        page.slide("input-pressure", 0.05)
+        first = height()
+        heights = []
+        wait(lambda: heights.append(height()) or len(set(heights)) > 5, "the body to move while the sliders stand still", 30)
+        assert max(heights) - min(heights) > 0.01 * abs(first), heights
+        assert not page.browser.complaints(), page.browser.complaints()
+    finally:
+        page.browser.close()
+
+
 @check
 def what_if_has_a_slider_for_every_input_and_numbers_show_the_parameters(stage, program):
     view, url = stage.view("models/pneunet-design/pneunet-design.twin")

@@ -178,6 +178,15 @@ impl Messages {
 }
 
 impl RecordingData {
+    /// States of one actuator, in order of time, that come from elsewhere than a file.
+    pub fn of_states(name: &str, actuator: &str, states: Vec<RecordedState>) -> Self {
+        let duration_s = states.last().map_or(0.0, |state| state.t_s);
+        let mut track = Track::new();
+        states.into_iter().for_each(|state| track.add_state(state));
+        let tracks = BTreeMap::from([(actuator.to_owned(), track)]);
+        Self { name: name.into(), duration_s, tracks, remarks: Vec::new() }
+    }
+
     /// Reads a recording; of each actuator at most [`MAX_STATES`] states, all peaks among them, and of fields at most some
     /// hundreds, those of the topics that `fields` names.
     ///

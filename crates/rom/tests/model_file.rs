@@ -266,3 +266,35 @@ proptest! {
         prop_assert!(Model::from_bytes(&bytes).is_err());
     }
 }
+
+#[test]
+fn a_part_of_the_nodes_has_the_fields_and_the_force_of_the_whole() {
+    let (model, _) = model();
+    let count = model.header.node_count as u32;
+    let nodes: Vec<u32> = (0..count).rev().step_by(3).collect();
+    let part = model.at_nodes(&nodes).expect("nodes of the model");
+    let part = Model::from_bytes(&part.to_bytes().expect("encodes")).expect("loads");
+    let mut whole_state = ModelState::new(model, &Selection::default()).expect("predicts");
+    let mut part_state = ModelState::new(&part, &Selection::default()).expect("predicts");
+    for (pressure_mpa, gap_mm) in [(0.01, 40.0), (0.04, 12.0), (0.06, 30.0)] {
+        let inputs = Inputs::new(pressure_mpa, gap_mm);
+        whole_state.update(inputs).expect("an answer");
+        part_state.update(inputs).expect("an answer");
+        assert_eq!(whole_state.evaluation().coefficients, part_state.evaluation().coefficients);
+        assert_eq!(
+            whole_state.evaluation().contact_force_n.to_bits(),
+            part_state.evaluation().contact_force_n.to_bits()
+        );
+        let whole = whole_state.fields().chunks(count as usize);
+        for (whole, part) in whole.zip(part_state.fields().chunks(nodes.len())) {
+            let span = whole.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
+            for (node, value) in nodes.iter().zip(part) {
+                let expected = whole[*node as usize];
+                assert!((value - expected).abs() <= 1e-4 * span, "node {node}: {value}, expected {expected}");
+            }
+        }
+    }
+    assert!(part.facets().as_flattened().iter().all(|node| (*node as usize) < nodes.len()));
+    let beyond = model.at_nodes(&[0, count]).expect_err("a node too many");
+    assert_eq!(beyond, ModelError::NodeOutOfRange { node: count, node_count: count as usize });
+}

@@ -128,6 +128,11 @@ impl InputTrace {
         Ok(Self { rows: read.rows.iter().map(row).collect(), begin_s })
     }
 
+    /// Its rows: time after the first one, ns, and inputs.
+    pub fn rows(&self) -> impl Iterator<Item = (u64, Inputs)> + '_ {
+        self.rows.iter().copied()
+    }
+
     /// Duration, s.
     pub fn length_s(&self) -> f64 {
         1e-9 * self.rows.last().map_or(0, |(t_ns, _)| *t_ns) as f64

@@ -1,12 +1,13 @@
 //! One page: it gets frames when it is ready for them and sends requests. Time and number of its messages are limited.
 
-use crate::catalogue::{Card, Catalogue, Stand};
+use crate::catalogue::{Catalogue, Stand};
 use crate::hub::Hub;
 use crate::pictures::Picture;
 use crate::player::{Command, Library};
 use crate::readings::Cursors;
 use axum::body::Bytes;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
+use page::Card;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -1,9 +1,10 @@
 //! Plays a recording into the hub at the recorded pace. All pages show the same time of the recording.
 
 use crate::catalogue::Catalogue;
-use crate::frame::{FrameHead, bits, encode};
+use crate::frame::FrameHead;
 use crate::hub::Hub;
 use anyhow::{Context, Result};
+use page::frame::{bits, encode};
 use recording::{ReadError, RecordedState, RecordingData, Series, Track};
 use serde::Serialize;
 use std::path::Path;
@@ -84,13 +85,13 @@ struct Opened<'a> {
     name: &'a str,
     names: Vec<String>,
     duration_s: f64,
-    tracks: Vec<Strip<'a>>,
+    tracks: Vec<Strip>,
 }
 
 /// One actuator's quantities over time, thinned for the strip charts.
 #[derive(Serialize)]
-struct Strip<'a> {
-    actuator: &'a str,
+pub(crate) struct Strip {
+    actuator: String,
     t_s: Vec<f64>,
     pressure_mpa: Vec<f64>,
     contact_force_n: Vec<f64>,
@@ -209,8 +210,8 @@ impl Player {
     /// The field that was recorded, as points; a frame of numbers alone when there is none.
     fn recorded_field(&self, track: &Track, mut head: FrameHead) -> Vec<u8> {
         let Some(field) = track.field_at(self.at_s) else { return encode(&head, &[]) };
-        head.fields = field.header.fields().map(field_id::as_str).collect();
-        head.count = field.header.node_count as usize;
+        head.shape.fields = field.header.fields().map(field_id::as_str).collect();
+        head.shape.count = field.header.node_count as usize;
         encode(&head, &[&bits(field.values.iter().copied())])
     }
 }
@@ -228,8 +229,8 @@ fn read(recording: &Series, catalogue: &Catalogue, stop: &AtomicBool) -> Result<
     RecordingData::read(recording, KeyExpr::new("softtwin/**").ok().as_ref(), stop)
 }
 
-impl<'a> Strip<'a> {
-    fn new(actuator: &'a str, track: &Track, catalogue: &Catalogue) -> Self {
+impl Strip {
+    pub(crate) fn new(actuator: &str, track: &Track, catalogue: &Catalogue) -> Self {
         let column = |value: fn(&RecordedState) -> f64| track.thinned(MAX_POINTS).map(value).collect();
         let stress = |state: &RecordedState| {
             let model = catalogue.find(state.values.model_hash)?;
@@ -238,7 +239,7 @@ impl<'a> Strip<'a> {
         };
         let (stress_t_s, max_von_mises_mpa) = track.thinned(MAX_SHAPES).filter_map(stress).unzip();
         Self {
-            actuator,
+            actuator: actuator.to_owned(),
             t_s: column(|state| state.t_s),
             pressure_mpa: column(|state| state.values.pressure_mpa),
             contact_force_n: column(|state| state.values.contact_force_n),

@@ -1,11 +1,12 @@
 //! Reads shared memory into the hub while there are viewers.
 
 use crate::catalogue::Catalogue;
-use crate::frame::{FrameHead, bits, encode};
+use crate::frame::FrameHead;
 use crate::grasp::Grasps;
 use crate::hub::Hub;
 use crate::readings::Reading;
 use anyhow::{Context, Result};
+use page::frame::{bits, encode};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -189,7 +190,7 @@ impl Source {
             hub.put(actuator, encode(&self.head, &[&values]));
         } else if state.is_some() {
             self.add_state();
-            self.head.count = 0;
+            self.head.shape.count = 0;
             hub.put(actuator, encode(&self.head, &[]));
         }
         Ok(())
@@ -213,14 +214,14 @@ impl Source {
         let nodes = (header.node_count as usize).max(1);
         match self.mesh.as_ref().and_then(|(_, mesh)| mesh.as_ref()) {
             Some((model, places)) if places.iter().all(|place| (*place as usize) < nodes) => {
-                self.head.model = Some(*model);
-                self.head.count = places.len();
+                self.head.shape.model = Some(*model);
+                self.head.shape.count = places.len();
                 let columns = values.chunks_exact(nodes);
                 bits(columns.flat_map(|column| places.iter().map(|place| column[*place as usize])))
             }
             _ => {
-                self.head.model = None;
-                self.head.count = header.node_count as usize;
+                self.head.shape.model = None;
+                self.head.shape.count = header.node_count as usize;
                 bits(values.iter().copied())
             }
         }

@@ -1,6 +1,6 @@
 //! The newest readings of every actuator, for the strip charts: all of them, however few frames a page draws.
 
-use crate::frame::{bits, encode};
+use page::frame::{bits, encode};
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
 use wire::{Estimate, FieldHeader, State};

@@ -13,7 +13,7 @@ use axum::routing::{any, get};
 use hyper_util::service::TowerToHyperService;
 use picture::colour::{ColourMap, ENTRIES};
 use std::net::{IpAddr, SocketAddr};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use tokio::net::TcpListener;
 
 /// Largest message a page may send, bytes.
@@ -22,13 +22,14 @@ const MAX_MESSAGE: usize = 4096;
 const POLICY: &str = "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; connect-src 'self'; frame-ancestors 'none'";
 
 /// The parts of the browser: path, type, content.
-const PARTS: &[(&str, &str, &str)] = &[
+pub(crate) const PARTS: &[(&str, &str, &str)] = &[
     ("/", "text/html; charset=utf-8", include_str!("assets/index.html")),
     ("/app.css", "text/css; charset=utf-8", include_str!("assets/app.css")),
     ("/main.js", SCRIPT, include_str!("assets/main.js")),
     ("/actuator.js", SCRIPT, include_str!("assets/actuator.js")),
     ("/camera.js", SCRIPT, include_str!("assets/camera.js")),
     ("/charts.js", SCRIPT, include_str!("assets/charts.js")),
+    ("/computed.js", SCRIPT, include_str!("assets/computed.js")),
     ("/gl.js", SCRIPT, include_str!("assets/gl.js")),
     ("/history.js", SCRIPT, include_str!("assets/history.js")),
     ("/link.js", SCRIPT, include_str!("assets/link.js")),
@@ -42,7 +43,7 @@ const PARTS: &[(&str, &str, &str)] = &[
     ("/solid.js", SCRIPT, include_str!("assets/solid.js")),
     ("/whatif.js", SCRIPT, include_str!("assets/whatif.js")),
 ];
-const SCRIPT: &str = "text/javascript; charset=utf-8";
+pub(crate) const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// A server about to run.
 pub struct Server {
@@ -103,11 +104,14 @@ async fn check_request(State(guard): State<Arc<Guard>>, request: Request, next: 
     response
 }
 
-/// The colour table as RGB bytes: the browser uses the same colours as the pictures.
-async fn colours() -> impl IntoResponse {
+/// The colour table as RGB bytes: the page uses the same colours as the pictures.
+pub(crate) static COLOURS: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let map = ColourMap::stress();
-    let table: Vec<u8> = (0..ENTRIES).flat_map(|k| map.srgb(k as f32 / (ENTRIES - 1) as f32)).collect();
-    ([(header::CONTENT_TYPE, "application/octet-stream")], table)
+    (0..ENTRIES).flat_map(|k| map.srgb(k as f32 / (ENTRIES - 1) as f32)).collect()
+});
+
+async fn colours() -> impl IntoResponse {
+    ([(header::CONTENT_TYPE, "application/octet-stream")], COLOURS.as_slice())
 }
 
 async fn websocket(State(shared): State<Shared>, upgrade: WebSocketUpgrade) -> Response {

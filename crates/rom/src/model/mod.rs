@@ -4,6 +4,7 @@ mod check;
 mod codec;
 mod file;
 mod header;
+mod part;
 mod selection;
 
 pub use file::{BlockEntry, Encoding, MAGIC, MAX_MODEL_BYTES, ModelFileError, ModelReader, VERSION};

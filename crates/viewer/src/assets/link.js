@@ -37,7 +37,7 @@ export class Link {
   }
 }
 
-function unpack(buffer) {
+export function unpack(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
   return [header, buffer, Math.ceil((4 + length) / 4) * 4];

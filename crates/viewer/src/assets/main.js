@@ -3,6 +3,7 @@
 import { Actuator } from "./actuator.js";
 import { Camera } from "./camera.js";
 import { COLOURS, Charts } from "./charts.js";
+import { Computed, embedded } from "./computed.js";
 import { Painter } from "./gl.js";
 import { SPAN_MS } from "./history.js";
 import { Link } from "./link.js";
@@ -21,7 +22,8 @@ const SHORTEST_MS = 2000; // that the charts show
 const READINGS_EVERY_MS = 100;
 const RESTORED_MS = 10000; // that a browser has to restore a graphics context
 
-const table = new Uint8Array(await (await fetch(`colours${location.search}`)).arrayBuffer());
+const page = await embedded();
+const table = page ? page.colours : new Uint8Array(await (await fetch(`colours${location.search}`)).arrayBuffer());
 const state = { models: new Map(), meshes: new Map(), actuators: new Map(), chosen: null, places: {}, plates: {}, blocks: [], up: false, everUp: false, noContext: false, paused: false,
   age_ms: 0, frozen_ms: 0, dirty: true, lit: true, lines: false, drawn: [], frames: 0, reason: "" };
 
@@ -40,18 +42,21 @@ at("scene").addEventListener("webglcontextlost", (event) => {
 });
 at("scene").addEventListener("webglcontextrestored", () => location.reload());
 
-const link = new Link({
+const callbacks = {
+  isPredicting: () => whatIf.active,
   onUp: () => { Object.assign(state, { up: true, everUp: true, reason: "" }); whatIf.reset(); if (whatIf.active) whatIf.request(); touch(); },
   onDown: (reason) => { Object.assign(state, { up: false, reason }); whatIf.reset(); touch(); },
   onMessage: (message) => {
     if (message.type === "hello") hello(message);
+    if (message.type === "ready" && !recording.on) at("whatif-toggle").click(); // a page without server and recording
     if (message.type === "notice") notice(message.text);
     if (message.type === "recording") openRecording(message);
     if (message.type === "grasp") showGrasp(message);
     if (message.type === "refused") { notice(message.text); whatIf.answered(); }
   },
   onFrame: (header, buffer, start) => ({ mesh: addMesh, frame: addFrame, readings: addReadings })[header.kind](header, buffer, start),
-});
+};
+const link = page ? new Computed(page, callbacks) : new Link(callbacks);
 const recording = new Recording((message) => link.send(message));
 const whatIf = new WhatIf((message) => link.send(message), () => { scene.forget(); choose(null); reshow(); touch(); });
 

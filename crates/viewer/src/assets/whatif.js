@@ -38,7 +38,7 @@ export class WhatIf {
       const value = parseFloat(input.value);
       inputs[card.key] = value;
       output.textContent = `${value.toFixed(digitsOf(card))} ${card.unit}`;
-      note.textContent = value < card.range[0] || value > card.range[1] ? "outside the trained range" : `trained ${card.range.map((v) => v.toFixed(digitsOf(card) - 1)).join(" to ")}`;
+      note.textContent = value < card.range[0] || value > card.range[1] ? "outside the trained range" : `trained ${card.range.map((v) => v.toFixed(Math.max(0, digitsOf(card) - 1))).join(" to ")}`;
     }
     for (const { key, range: [low, high] } of this.model.inputs) if (low === high) inputs[key] = low;
     if (this.waiting) { this.again = true; return; }

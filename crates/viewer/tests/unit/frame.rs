@@ -1,6 +1,7 @@
 //! Tests of `src/frame.rs`.
 
 use super::*;
+use page::frame::{bits, encode};
 
 #[test]
 fn numbers_start_at_a_multiple_of_four_after_the_header() {

@@ -1,6 +1,7 @@
 //! `softtwin export`: states as files that other programs open.
 
 mod fmu;
+mod page;
 mod recorded;
 mod source;
 
@@ -41,13 +42,16 @@ Examples:
   All files of a recorder that rotates, as one recording; of one series where the folder holds several:
     softtwin export /var/lib/softtwin --out tables
     softtwin export /var/lib/softtwin/finger --out tables
+  A page that anyone can open and move, without softtwin and without a network; with a recording or a trace that plays in it:
+    softtwin export finger.twin --out finger.html
+    softtwin export finger.twin --recording run.mcap --out run.html
   A model for Simulink, Modelica and others, as an FMU of FMI 3.0, with two nodes as outputs (docs/fmi.md):
     softtwin export finger.twin --fmu finger.fmu --node tip=9696 \\
       --node middle=120
   A table of a bench as a trace for replay, bridge and import: t_s and the names of the mapping
     softtwin export run.csv --log log.toml --out trace.csv
 
-Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row per node and state), .npy, .fmu (--fmu FILE is the same as --out FILE). \
+Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row per node and state), .npy, .html (a page with the model in it), .fmu (--fmu FILE is the same as --out FILE). \
 VTU files (as field data) and CSV files (as columns) carry every input, the contact force, the observables and the name of the case.";
 
 /// Export predictions, a database or a recording as VTU series, Tecplot, XDMF, CSV or NumPy files; a recording as tables.
@@ -77,6 +81,9 @@ pub struct Args {
     /// Node whose fields are outputs of an FMU, by its number from 0 [default: the middle of the end along x]. Repeatable.
     #[arg(long = "node", value_name = "NAME=NUMBER", value_parser = fmu::chosen)]
     nodes: Vec<::fmu::ChosenNode>,
+    /// Recording, or trace of inputs (.csv), that plays in a page.
+    #[arg(long, value_name = "FILE")]
+    recording: Option<PathBuf>,
     /// End with one JSON object.
     #[arg(long)]
     json: bool,
@@ -102,6 +109,12 @@ impl Args {
             return Err(usage(
                 "--fmi belongs to tables of a recording: softtwin export RUN.mcap --fmi --out FOLDER",
             ));
+        }
+        if self.out.extension().is_some_and(|ending| ending == "html") {
+            return page::write(&self.source, self.recording.as_deref(), &self.out, self.json);
+        }
+        if self.recording.is_some() {
+            return Err(usage("--recording plays in a page: --out FILE.html"));
         }
         if self.out.extension().is_some_and(|ending| ending == "fmu") {
             return fmu::write(&self.source, &self.out, self.nodes, self.json);
