@@ -1,5 +1,5 @@
 """Snapshots of Ansys' static reduced-order models as a database: a folder per quantity with settings.json, points.bin, doe.csv and
-snapshots/*.bin (a u64 count, then f64, little-endian). One quantity deforms the points, a second one may be a stress."""
+`snapshots/*.bin` (a u64 count, then f64, little-endian). One quantity deforms the points, a second one may be a stress."""
 
 import csv
 import json
