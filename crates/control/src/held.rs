@@ -1,5 +1,6 @@
 //! The held quantity as a scene describes it, with its model, settings and limits; and the controller of one, for a loop that is not ours.
 
+use crate::ahead::{Series, Trend};
 use crate::inverse::Quantity;
 use crate::law::{Controller, Cycle, Reading, Target};
 use crate::settings::{Limits, Settings};
@@ -223,6 +224,9 @@ impl Held {
             (limits.range_mpa, limits.rate_mpa_per_s) = (valve.range_mpa, valve.rate_mpa_per_s);
             settings.force_max_n = settings.force_max_n.min(valve.force_max_n);
         }
+        if let Some(valve_mpa_per_s) = settings.valve_mpa_per_s {
+            limits.rate_mpa_per_s = limits.rate_mpa_per_s.min(valve_mpa_per_s);
+        }
         let slot = model.header.taken_inputs().position(|(at, _)| at == driven).unwrap_or(0);
         let point = point.map_err(TwinModelError::from)?;
         Ok(Self { quantity, name, unit, marker, driven, slot, settings, limits, has_memory, point, model })
@@ -278,6 +282,7 @@ fn angle(model: &Model, hold: &str) -> Result<String, HeldError> {
 pub struct Stepping {
     controller: Controller<TwinModel>,
     last_ns: Option<u64>,
+    trend: Trend,
     /// Positions of the inputs that the model has, among all of the header.
     taken: Vec<usize>,
 }
@@ -291,11 +296,18 @@ pub enum StepError {
     /// A value that has to be a number.
     #[error("{name}: expected a number, found {found}")]
     NotFinite { name: &'static str, found: f64 },
+    /// A distance in time that is none.
+    #[error("interval_s: expected more than 0 s between two targets, found {found}")]
+    Interval { found: f64 },
     /// Inputs that are not the caller's to set.
     #[error(
         "expected finite inputs, NaN for the model's value, and NaN for the gap and the driven pressure, which are those of each step"
     )]
     Inputs,
+}
+
+fn finite(name: &'static str, found: f64) -> Result<(), StepError> {
+    if found.is_finite() { Ok(()) } else { Err(StepError::NotFinite { name, found }) }
 }
 
 impl Stepping {
@@ -311,32 +323,55 @@ impl Stepping {
         let held = Held::new(&of, model.clone(), column)?;
         let controller = Controller::new(held.model()?, held.quantity, held.settings, held.limits);
         let taken = model.header.taken_inputs().map(|(at, _)| at).collect();
-        Ok(Self { controller, last_ns: None, taken })
+        Ok(Self { controller, last_ns: None, trend: Trend::default(), taken })
     }
 
-    /// One control cycle at `t_ns`, later than the last one. The target moves on by its rate. Never allocates with the first law. A `measured` or `written_mpa` that is NaN is absent.
+    /// One control cycle at `t_ns`, later than the last one. The target goes on with its rate, and with the rate's change. Never allocates with the
+    /// first law. A `measured` or `written_mpa` that is NaN is absent.
     ///
     /// # Errors
     /// [`StepError`]: nothing has changed.
     pub fn step(&mut self, t_ns: u64, target: Target, reading: Reading) -> Result<Cycle, StepError> {
-        for (name, found) in [
-            ("pressure_mpa", reading.pressure_mpa),
-            ("gap_mm", reading.gap_mm),
-            ("target", target.value),
-            ("rate", target.rate),
-        ] {
-            if !found.is_finite() {
-                return Err(StepError::NotFinite { name, found });
-            }
+        finite("target", target.value)?;
+        finite("rate", target.rate)?;
+        let dt_s = self.elapsed_s(t_ns, reading)?;
+        let targets = self.trend.step(target, dt_s);
+        Ok(self.controller.update(&targets, reading, dt_s))
+    }
+
+    /// The same with the values that are known ahead, the first one for now. They should reach as far as the law looks: the first law by delay
+    /// and one period of the swing, the predictive one by delay and horizon. After the last value the target stays.
+    ///
+    /// # Errors
+    /// [`StepError`]: nothing has changed.
+    pub fn step_ahead(
+        &mut self,
+        t_ns: u64,
+        targets: Series<'_>,
+        reading: Reading,
+    ) -> Result<Cycle, StepError> {
+        if targets.values.is_empty() {
+            return Err(StepError::NotFinite { name: "target", found: f64::NAN });
         }
+        targets.values.iter().try_for_each(|value| finite("target", *value))?;
+        if !(targets.interval_s > 0.0 && targets.interval_s.is_finite()) {
+            return Err(StepError::Interval { found: targets.interval_s });
+        }
+        let dt_s = self.elapsed_s(t_ns, reading)?;
+        self.trend = Trend::default();
+        Ok(self.controller.update(&|ahead_s| targets.at(ahead_s), reading, dt_s))
+    }
+
+    /// Takes the time of a reading; returns the time since the last one, s.
+    fn elapsed_s(&mut self, t_ns: u64, reading: Reading) -> Result<f64, StepError> {
+        finite("pressure_mpa", reading.pressure_mpa)?;
+        finite("gap_mm", reading.gap_mm)?;
         if let Some(last_ns) = self.last_ns.filter(|last_ns| t_ns <= *last_ns) {
             return Err(StepError::NotLater { last_ns, found_ns: t_ns });
         }
         let elapsed_ns = self.last_ns.map_or(0, |last_ns| t_ns - last_ns);
         self.last_ns = Some(t_ns);
-        let targets =
-            |ahead_s: f64| Target { value: target.value + target.rate * ahead_s, rate: target.rate };
-        Ok(self.controller.update(&targets, reading, elapsed_ns as f64 * 1e-9))
+        Ok(elapsed_ns as f64 * 1e-9)
     }
 
     /// Sets inputs of the model for the cycles that follow, one value for each of the header's; NaN: the model's.

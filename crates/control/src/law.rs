@@ -13,13 +13,13 @@
 //!
 //! `d` compares pressure and quantity of one instant, so the line is not in its loop: what is in it is the fraction by which the model's slope is
 //! wrong. No integral can wind up: `d` is computed from measurements, `b` from the limited command, and the path never asks for more than the
-//! line gives.
+//! line gives. The gauge shows a command `delay_s` later, so it is compared with the `c` of then.
 
 use crate::inverse::{Inverse, Model, Quantity, inverse};
-use crate::monitor::{Fault, Monitor, Signs};
+use crate::monitor::{Fault, Monitor, Signs, Turns};
 use crate::plan::{PlanInput, Planner};
 use crate::settings::{GaugeAt, LawKind, Limits, Settings, TARGET_FRACTION};
-use crate::shape::{Notch, Path, Plays, Shaper, lag};
+use crate::shape::{Delay, Notch, Path, Plays, Shaper, lag};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
@@ -64,8 +64,11 @@ pub struct Cycle {
     /// The valve's error, MPa.
     pub bias_mpa: f64,
     pub limited: Limited,
-    /// The predictive law had no plan in time: the command is that of the inverse.
+    /// The predictive law had no plan in time, or its commands oscillate: the command is that of the inverse.
     pub is_fallback: bool,
+    /// The commands have swung to and fro although the target did not: line, delay or play of the settings are wrong. It stays until the control
+    /// starts again.
+    pub is_oscillating: bool,
     /// Fault that has ended the control.
     pub fault: Option<Fault>,
 }
@@ -115,6 +118,12 @@ const PRESSURE_GAIN: f64 = 1.0;
 const STILL_MPA: f64 = 3e-4;
 /// Time in which a difference behind the play is taken up at rest, s.
 const SIDE_S: f64 = 0.1;
+/// The same once the reference has been at its target for [`REST_S`]; a difference below [`SIDE_MPA`] is left then. Before, the side is still
+/// being found.
+const REST_SIDE_S: f64 = 0.2;
+const REST_S: f64 = 1.5;
+/// Part of the valve's error that is corrected in motion, relative to that at rest.
+const BIAS_MOVING: f64 = 0.1;
 /// Part of half of the play from which its side is reached.
 const THROUGH: f64 = 0.1;
 /// Fraction of the force limit that no planned state exceeds.
@@ -140,6 +149,9 @@ pub struct Controller<M> {
     /// Distance of the wanted pressure in the cavity from the one behind the play, MPa.
     side_mpa: f64,
     bias_mpa: f64,
+    /// What was written and what was wanted in the cavity, as late as the gauge shows it.
+    late_written: Delay,
+    late_cavity: Delay,
     /// Pressure at the gauge as expected from what was written, and in the cavity as measured, MPa.
     expected_mpa: f64,
     cavity_mpa: f64,
@@ -147,9 +159,12 @@ pub struct Controller<M> {
     /// The last searches: for target, measured value and force limit.
     last: [Search; 3],
     is_started: bool,
+    /// Time since the reference arrived, s.
+    calm_s: f64,
     /// The quantity was measured since the start.
     is_seen: bool,
     monitor: Monitor,
+    turns: Turns,
     planner: Option<Box<Planner>>,
     is_fallback: bool,
     fault: Option<Fault>,
@@ -162,6 +177,8 @@ impl<M: Model> Controller<M> {
             model,
             quantity,
             shaper: Shaper::new(&settings),
+            late_written: Delay::new(settings.delay_s),
+            late_cavity: Delay::new(settings.delay_s),
             planner: (settings.law == LawKind::Predictive)
                 .then(|| Box::new(Planner::new(&settings, &limits))),
             is_fallback: false,
@@ -179,8 +196,10 @@ impl<M: Model> Controller<M> {
             command_mpa: 0.0,
             last: [Search::default(); 3],
             is_started: false,
+            calm_s: 0.0,
             is_seen: false,
             monitor: Monitor::new(),
+            turns: Turns::default(),
             fault: None,
         }
     }
@@ -211,6 +230,7 @@ impl<M: Model> Controller<M> {
             return;
         }
         (self.monitor, self.is_seen) = (Monitor::new(), false);
+        (self.turns, self.calm_s) = (Turns::default(), 0.0);
         self.command_mpa = pressure_mpa.clamp(low, high);
         (self.expected_mpa, self.cavity_mpa) = (pressure_mpa, pressure_mpa);
         self.plays = Plays::at(pressure_mpa);
@@ -221,6 +241,8 @@ impl<M: Model> Controller<M> {
         self.path.value = pressure_mpa - correction_mpa;
         self.shaped_mpa = self.path.value;
         self.shaper.start(self.path.value);
+        self.late_written.start(self.command_mpa);
+        self.late_cavity.start(pressure_mpa);
         if let Some(planner) = &mut self.planner {
             planner.start(self.command_mpa, pressure_mpa, correction_mpa);
         }
@@ -254,16 +276,20 @@ impl<M: Model> Controller<M> {
         self.follow_path(wanted, reading.gap_mm, behind_mpa, dt_s, &mut limited);
         self.learn_bias(reading, dt_s);
         let cavity_mpa = self.shaped_mpa + self.lags_mpa[1] + self.side_mpa;
-        let slope = if dt_s > 0.0 { (cavity_mpa - before_mpa) / dt_s } else { 0.0 };
+        // At rest it is mostly noise that moves the wanted pressure: the line is not inverted for it.
+        let is_driven = dt_s > 0.0 && !self.is_resting();
+        let slope = if is_driven { (cavity_mpa - before_mpa) / dt_s } else { 0.0 };
         let time_s = if slope >= 0.0 { self.settings.line.fill_s } else { self.settings.line.empty_s };
+        let late_mpa = self.late_cavity.step(before_mpa, dt_s);
         let behind_mpa = match self.settings.gauge_at {
-            GaugeAt::Cavity => PRESSURE_GAIN * (before_mpa - reading.pressure_mpa),
+            GaugeAt::Cavity => PRESSURE_GAIN * (late_mpa - reading.pressure_mpa),
             GaugeAt::Valve => 0.0,
         };
         let inverted_mpa = cavity_mpa + time_s * slope + behind_mpa + self.bias_mpa;
         let planned_mpa = self.plan(targets, reading.gap_mm, error_mpa, dt_s);
-        self.is_fallback = self.planner.is_some() && planned_mpa.is_none();
         self.command(planned_mpa.unwrap_or(inverted_mpa), dt_s, &mut limited);
+        let play_mpa = 2.0 * self.settings.half_play_mpa();
+        self.turns.step(self.command_mpa, self.last[0].pressure_mpa, play_mpa, dt_s);
         self.cycle(wanted.value, followed, limited)
     }
 
@@ -283,6 +309,7 @@ impl<M: Model> Controller<M> {
             bias_mpa: self.bias_mpa,
             limited,
             is_fallback: self.is_fallback,
+            is_oscillating: self.turns.is_oscillating(),
             fault: self.fault,
         }
     }
@@ -307,7 +334,7 @@ impl<M: Model> Controller<M> {
 
     /// Pressures that the written one gives.
     fn expect(&mut self, written_mpa: f64, dt_s: f64) {
-        let into_mpa = written_mpa - self.bias_mpa;
+        let into_mpa = self.late_written.step(written_mpa, dt_s) - self.bias_mpa;
         self.expected_mpa = match self.settings.gauge_at {
             GaugeAt::Cavity => lag(self.expected_mpa, into_mpa, self.settings.line, dt_s),
             GaugeAt::Valve => into_mpa,
@@ -352,6 +379,16 @@ impl<M: Model> Controller<M> {
         let down = (HEADROOM * (low - at_mpa) / line.empty_s).min(0.0);
         let up = (HEADROOM * (high - at_mpa) / line.fill_s).max(0.0);
         let missing_mpa = self.shaped_mpa + shift_mpa - behind_mpa;
+        let is_there = |from_mpa: f64, to_mpa: f64| (to_mpa - from_mpa).abs() <= SIDE_MPA;
+        let is_calm = rate == 0.0
+            && is_there(within_mpa, self.path.value)
+            && is_there(self.path.value, self.shaped_mpa);
+        let was_resting = self.is_resting();
+        self.calm_s = if is_calm { self.calm_s + dt_s } else { 0.0 };
+        if self.planner.is_some() && self.is_resting() && !was_resting {
+            // The plan has led the pressure here, and the first law goes on from it.
+            self.side_mpa = (self.cavity_mpa - self.shaped_mpa - shift_mpa).clamp(-half_mpa, half_mpa);
+        }
         let is_through = self.take_side(within_mpa - self.path.value, rate, missing_mpa, [down, up], dt_s);
         if is_through {
             let slopes = [down.max(-fall), up.min(rise)];
@@ -433,7 +470,9 @@ impl<M: Model> Controller<M> {
         let [down, up] = slopes.map(|slope| slope * dt_s);
         if ahead_mpa.abs() <= SIDE_MPA {
             // At rest: by small steps, which noise does not carry across the play.
-            let step_mpa = (missing_mpa * dt_s / SIDE_S).clamp(down, up);
+            let (side_s, still_mpa) = if self.is_resting() { (REST_SIDE_S, SIDE_MPA) } else { (SIDE_S, 0.0) };
+            let missing_mpa = missing_mpa - missing_mpa.clamp(-still_mpa, still_mpa);
+            let step_mpa = (missing_mpa * dt_s / side_s).clamp(down, up);
             self.side_mpa = (self.side_mpa + step_mpa).clamp(-half_mpa, half_mpa);
             return true;
         }
@@ -447,12 +486,11 @@ impl<M: Model> Controller<M> {
         let is_still =
             self.settings.gauge_at == GaugeAt::Valve || self.monitor.gauge_moved_mpa.abs() < STILL_MPA;
         let at_rest = is_still && (self.command_mpa - self.bias_mpa - self.expected_mpa).abs() < REST_MPA;
-        if at_rest {
-            let limit = self.settings.bias_max_mpa;
-            let error_mpa = self.expected_mpa - reading.pressure_mpa;
-            self.bias_mpa =
-                (self.bias_mpa + self.settings.bias_per_s * error_mpa * dt_s).clamp(-limit, limit);
-        }
+        // In motion a wrong line is taken for an error of the valve, so little of it counts; without any, a leak would stay in a sine for good.
+        let per_s = self.settings.bias_per_s * if at_rest { 1.0 } else { BIAS_MOVING };
+        let limit = self.settings.bias_max_mpa;
+        let error_mpa = self.expected_mpa - reading.pressure_mpa;
+        self.bias_mpa = (self.bias_mpa + per_s * error_mpa * dt_s).clamp(-limit, limit);
     }
 
     fn command(&mut self, wanted_mpa: f64, dt_s: f64, limited: &mut Limited) {
@@ -473,7 +511,13 @@ impl<M: Model> Controller<M> {
         self.search_of(2, Quantity::Force, TARGET_FRACTION * limit_n, gap_mm).pressure_mpa
     }
 
-    /// The command of the predictive law; `None` without it, or where it has none in time.
+    /// The reference has been at its target for [`REST_S`].
+    fn is_resting(&self) -> bool {
+        self.calm_s > REST_S
+    }
+
+    /// The command of the predictive law; `None` without it, at rest, where its commands oscillate, or where it has none in time. At rest the first
+    /// law holds, because a plan would lead through the play for every error of the noise.
     fn plan(
         &mut self,
         targets: &dyn Fn(f64) -> Target,
@@ -481,6 +525,10 @@ impl<M: Model> Controller<M> {
         error_mpa: Option<f64>,
         dt_s: f64,
     ) -> Option<f64> {
+        self.is_fallback = self.planner.is_some() && self.turns.is_oscillating();
+        if self.is_fallback {
+            return None;
+        }
         let mut planner = self.planner.take()?;
         let (shift_mpa, mut is_touching) = (self.lags_mpa[1], false);
         for knot in planner.knots() {
@@ -505,7 +553,14 @@ impl<M: Model> Controller<M> {
             missing_mpa: error_mpa.map(|error_mpa| shift_mpa - error_mpa),
             most_mpa,
         };
-        let command_mpa = planner.command(&self.settings, &now, dt_s);
+        let is_resting = self.is_resting() && planner.is_flat(SIDE_MPA);
+        let command_mpa = if is_resting {
+            planner.rest(&self.settings, &now, dt_s);
+            None
+        } else {
+            planner.command(&self.settings, &now, dt_s)
+        };
+        self.is_fallback = !is_resting && command_mpa.is_none();
         self.planner = Some(planner);
         command_mpa
     }

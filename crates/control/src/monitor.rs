@@ -163,3 +163,70 @@ impl Monitor {
         lasts.map(|at| faults[at])
     }
 }
+
+/// Turns of the command that nothing asks for: a loop that oscillates.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Turns {
+    /// Where the command has turned last, and the farthest from there since, MPa.
+    turned_mpa: f64,
+    farthest_mpa: f64,
+    /// Wanted pressure and the direction in which it went last, MPa.
+    wanted_mpa: f64,
+    direction: f64,
+    since_s: f64,
+    /// Turns in a row, and the time from the first of them, s.
+    count: u32,
+    run_s: f64,
+    is_started: bool,
+    is_oscillating: bool,
+}
+
+/// Smallest way between two turns beyond that through the play, MPa, and longest time, s.
+const TURN_MPA: f64 = 1e-2;
+const TURN_S: f64 = 0.4;
+/// Turns in a row from which a loop oscillates, and the time that they take at least, s: a plan that looks for the other side of the play turns
+/// as often, but for a shorter time.
+const TURNS: u32 = 8;
+const RUN_S: f64 = 1.5;
+
+impl Turns {
+    /// Takes a command and the pressure of the target, whose own turns and steps are none of the loop's. `play_mpa` is the whole width of the play.
+    pub(crate) fn step(&mut self, command_mpa: f64, wanted_mpa: f64, play_mpa: f64, dt_s: f64) {
+        if self.is_oscillating {
+            return;
+        }
+        if !self.is_started {
+            *self = Self {
+                turned_mpa: command_mpa,
+                farthest_mpa: command_mpa,
+                wanted_mpa,
+                is_started: true,
+                ..Self::default()
+            };
+        }
+        let change_mpa = wanted_mpa - self.wanted_mpa;
+        if change_mpa.abs() > MOVED_MPA {
+            if change_mpa * self.direction <= 0.0 {
+                self.count = 0;
+            }
+            (self.direction, self.wanted_mpa) = (change_mpa.signum(), wanted_mpa);
+        }
+        self.since_s += dt_s;
+        self.run_s += dt_s;
+        let way_mpa = self.farthest_mpa - self.turned_mpa;
+        if (command_mpa - self.farthest_mpa) * way_mpa >= 0.0 {
+            self.farthest_mpa = command_mpa;
+        } else if (command_mpa - self.farthest_mpa).abs() > TURN_MPA + play_mpa {
+            self.count += 1;
+            if self.since_s > TURN_S || self.count == 1 {
+                (self.count, self.run_s) = (1, 0.0);
+            }
+            self.is_oscillating = self.count >= TURNS && self.run_s >= RUN_S;
+            (self.turned_mpa, self.farthest_mpa, self.since_s) = (self.farthest_mpa, command_mpa, 0.0);
+        }
+    }
+
+    pub(crate) fn is_oscillating(self) -> bool {
+        self.is_oscillating
+    }
+}

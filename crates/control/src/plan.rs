@@ -35,6 +35,12 @@ const MOVE_WEIGHT: f64 = 0.02;
 const BEYOND_WEIGHT: f64 = 1e3;
 /// Share of the swing's frequency with which the prediction of the swing follows what is measured.
 const SEEN_SHARE: f64 = 0.3;
+/// Time constant of the approach relative to `approach_s`: the plan has no shaper, and this much slower a swing that is off by a third, or a body
+/// that is softer by as much, overshoots by less than 5 %.
+const APPROACH: f64 = 1.6;
+/// Part of the program's change that is taken in a cycle: within the play the derivatives are those at its end, and whole changes would lead to
+/// and fro from cycle to cycle.
+const RELAXED: f64 = 0.3;
 /// Commands that are remembered until they reach the valve.
 const SENT: usize = 256;
 
@@ -165,9 +171,22 @@ impl Planner {
         self.state(settings, now, start, dt_s);
         let change = self.program.solve(self.max_iterations)?;
         for (moved, by) in self.moves_mpa.iter_mut().zip(&change) {
-            *moved += UNIT_MPA * by;
+            *moved += RELAXED * UNIT_MPA * by;
         }
         Some(self.moves_mpa[0])
+    }
+
+    /// Follows the readings while the first law commands; a plan that begins later begins at its command.
+    pub(crate) fn rest(&mut self, settings: &Settings, now: &PlanInput, dt_s: f64) {
+        self.observe(settings, now, dt_s);
+        self.approach(settings, dt_s);
+        self.moves_mpa = [now.command_mpa; MOVES];
+    }
+
+    /// The target is the same over the horizon, within a pressure.
+    pub(crate) fn is_flat(&self, within_mpa: f64) -> bool {
+        let [first, ..] = self.knots;
+        self.knots.iter().all(|knot| (knot.reference_mpa - first.reference_mpa).abs() <= within_mpa)
     }
 
     /// Moves the swing's state to the time of the reading.
@@ -220,7 +239,7 @@ impl Planner {
         let expected_mpa = first + (second - first) * dt_s / (KNOT_STAGES as f64 * self.stage_s);
         self.last_mpa = [self.knots[0].reference_mpa, self.knots[1].reference_mpa];
         self.away_mpa =
-            (self.away_mpa + expected_mpa - self.last_mpa[0]) * (-dt_s / settings.approach_s).exp();
+            (self.away_mpa + expected_mpa - self.last_mpa[0]) * (-dt_s / approach_s(settings)).exp();
     }
 
     /// States the program: prediction along the plan, weights, limits.
@@ -238,7 +257,7 @@ impl Planner {
                 let before = along.step(&command, now.bias_mpa);
                 let time_s = (stage + 1) as f64 * self.stage_s;
                 let reference_mpa = self.reference(time_s);
-                let away = now.shift_mpa + self.away_mpa * (-time_s / settings.approach_s).exp();
+                let away = now.shift_mpa + self.away_mpa * (-time_s / approach_s(settings)).exp();
                 let after = along.swing[0];
                 self.square(&after.mixed(1.0, &Dual::constant(reference_mpa + away), -1.0), 1.0);
                 if settings.swing_hz > 0.0 {
@@ -286,6 +305,10 @@ impl Planner {
         let [first, second] = [before, before + 1].map(|knot| self.knots[knot].reference_mpa);
         first + (second - first) * (at - before as f64).min(1.0)
     }
+}
+
+fn approach_s(settings: &Settings) -> f64 {
+    APPROACH * settings.approach_s
 }
 
 /// Iterations after which there is no plan: twice what the hardest of the studies' plants needed.

@@ -48,6 +48,8 @@ pub struct Settings {
     pub play: Vec<Play>,
     /// Time from command to valve, s.
     pub delay_s: f64,
+    /// Fastest change that the valve itself gives, MPa/s, where that is slower than its `rate_mpa_per_s`; default: it is not.
+    pub valve_mpa_per_s: Option<f64>,
     /// Lowest frequency of the swing, Hz; 0: none.
     pub swing_hz: f64,
     pub swing_damping: f64,
@@ -85,6 +87,7 @@ impl Default for Settings {
             line: Line { fill_s: 0.08, empty_s: 0.08 },
             play: Vec::new(),
             delay_s: 0.01,
+            valve_mpa_per_s: None,
             swing_hz: 0.0,
             swing_damping: 0.02,
             gauge_at: GaugeAt::Cavity,
@@ -135,6 +138,7 @@ impl Settings {
         };
         for (name, value, most) in [
             ("line.fill_s", self.line.fill_s, 60.0),
+            ("valve_mpa_per_s", self.valve_mpa_per_s.unwrap_or(1.0), f64::INFINITY),
             ("line.empty_s", self.line.empty_s, 60.0),
             ("approach_s", self.approach_s, 60.0),
             ("horizon_s", self.horizon_s, 60.0),

@@ -41,64 +41,112 @@ impl Plays {
     }
 }
 
-/// Entries of half a period of the shaper's past.
-const ENTRIES: usize = 32;
-const PAST: usize = 2 * ENTRIES + 2;
+/// Entries of a [`Past`].
+const ENTRIES: usize = 64;
+/// They, and the two between which the oldest value lies.
+const KEPT: usize = ENTRIES + 2;
+
+/// A value over the last `span_s`, at `ENTRIES` evenly spaced times.
+#[derive(Debug, Clone)]
+struct Past {
+    spacing_s: f64,
+    values: [f64; KEPT],
+    newest: usize,
+    /// Time since the newest entry, s.
+    rest_s: f64,
+}
+
+impl Past {
+    fn new(span_s: f64) -> Self {
+        Self { spacing_s: span_s / ENTRIES as f64, values: [0.0; KEPT], newest: 0, rest_s: 0.0 }
+    }
+
+    fn start(&mut self, value: f64) {
+        self.values = [value; KEPT];
+    }
+
+    /// `value` is reached at the end of the step.
+    fn step(&mut self, value: f64, dt_s: f64) {
+        let before = self.values[self.newest];
+        self.rest_s += dt_s;
+        let mut passed = 0;
+        while self.rest_s >= self.spacing_s && passed < KEPT {
+            self.rest_s -= self.spacing_s;
+            self.newest = (self.newest + 1) % KEPT;
+            // The value at that instant on the line from the last entry.
+            let along = (1.0 - self.rest_s / dt_s).clamp(0.0, 1.0);
+            self.values[self.newest] = before + (value - before) * along;
+            passed += 1;
+        }
+        self.rest_s = self.rest_s.min(self.spacing_s);
+    }
+
+    /// The value `entries` spacings ago.
+    fn late(&self, entries: usize) -> f64 {
+        let [older, newer] =
+            [entries, entries - 1].map(|back| self.values[(self.newest + KEPT - back) % KEPT]);
+        older + (newer - older) * (self.rest_s / self.spacing_s)
+    }
+}
+
+/// A value as it was a fixed time ago.
+#[derive(Debug, Clone)]
+pub(crate) struct Delay {
+    past: Option<Past>,
+}
+
+impl Delay {
+    pub(crate) fn new(delay_s: f64) -> Self {
+        Self { past: (delay_s > 0.0).then(|| Past::new(delay_s)) }
+    }
+
+    pub(crate) fn start(&mut self, value: f64) {
+        if let Some(past) = &mut self.past {
+            past.start(value);
+        }
+    }
+
+    /// The late value; `value` is reached at the end of the step.
+    pub(crate) fn step(&mut self, value: f64, dt_s: f64) -> f64 {
+        let Some(past) = &mut self.past else { return value };
+        past.step(value, dt_s);
+        past.late(ENTRIES)
+    }
+}
 
 /// Shaper of zero vibration and derivative (Singer and Seering 1990): the input now, half a period and a period ago, weighted so that their swings
 /// cancel, also with a frequency that is off by some percent. A convex sum of paths that the line can follow is one as well.
 #[derive(Debug, Clone)]
 pub(crate) struct Shaper {
-    half_period_s: f64,
     weights: [f64; 3],
-    past: [f64; PAST],
-    at: usize,
-    rest_s: f64,
+    /// Over a period; `None` without swing.
+    past: Option<Past>,
 }
 
 impl Shaper {
     pub(crate) fn new(settings: &Settings) -> Self {
         let damped = (1.0 - settings.swing_damping.powi(2)).sqrt();
         let decay = (-std::f64::consts::PI * settings.swing_damping / damped).exp();
-        let half_period_s = if settings.swing_hz > 0.0 { 0.5 / (settings.swing_hz * damped) } else { 0.0 };
         let sum = (1.0 + decay).powi(2);
+        let period_s = 1.0 / (settings.swing_hz * damped);
         Self {
-            half_period_s,
             weights: [1.0 / sum, 2.0 * decay / sum, decay * decay / sum],
-            past: [0.0; PAST],
-            at: 0,
-            rest_s: 0.0,
+            past: (settings.swing_hz > 0.0).then(|| Past::new(period_s)),
         }
     }
 
     pub(crate) fn start(&mut self, value: f64) {
-        self.past = [value; PAST];
+        if let Some(past) = &mut self.past {
+            past.start(value);
+        }
     }
 
     /// Shaped value; `value` is reached at the end of the step.
     pub(crate) fn step(&mut self, value: f64, dt_s: f64) -> f64 {
-        if self.half_period_s == 0.0 {
-            return value;
-        }
-        let spacing_s = self.half_period_s / ENTRIES as f64;
-        let before = self.past[self.at];
-        self.rest_s += dt_s;
-        let mut passed = 0;
-        while self.rest_s >= spacing_s && passed < PAST {
-            self.rest_s -= spacing_s;
-            self.at = (self.at + 1) % PAST;
-            // The value at that instant on the line from the last entry.
-            let along = (1.0 - self.rest_s / dt_s).clamp(0.0, 1.0);
-            self.past[self.at] = before + (value - before) * along;
-            passed += 1;
-        }
-        self.rest_s = self.rest_s.min(spacing_s);
-        let late = |entries: usize| {
-            let [older, newer] = [entries, entries - 1].map(|back| self.past[(self.at + PAST - back) % PAST]);
-            older + (newer - older) * (self.rest_s / spacing_s)
-        };
+        let Some(past) = &mut self.past else { return value };
+        past.step(value, dt_s);
         let [now, half, whole] = self.weights;
-        now * value + half * late(ENTRIES) + whole * late(2 * ENTRIES)
+        now * value + half * past.late(ENTRIES / 2) + whole * past.late(ENTRIES)
     }
 }
 

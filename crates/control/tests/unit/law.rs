@@ -106,6 +106,115 @@ fn steps_settle(run: &mut Loop<Controller<Straight>, Straight>) {
     }
 }
 
+/// The gauge shows a command a delay later, and is compared with what was wanted then.
+#[test]
+fn a_known_delay_makes_no_overshoot_where_nothing_swings() {
+    for delay_s in [0.0, 0.01, 0.05, 0.09, 0.13, 0.25] {
+        let spec = PlantSpec {
+            swing_hz: 0.0,
+            valve_s: 0.0,
+            delay_s,
+            stiffness: 1.0,
+            gauge_bias_mpa: 0.0,
+            ..finger()
+        };
+        // A reading is answered one cycle after it was taken.
+        let known = Settings { swing_hz: 0.0, delay_s: delay_s + DT_S, ..settings() };
+        let law = Controller::new(MODEL, Quantity::Force, known, Limits::default());
+        let (mut run, mut from, mut moments) = (on(law, Quantity::Force, spec), 0.2, Vec::new());
+        run.hold(from, 4.0, &mut moments);
+        for target in [0.4, 0.1, 0.5, 0.3] {
+            moments.clear();
+            run.hold(target, 4.0, &mut moments);
+            let found = step_figures(from, &moments, |moment| moment.truth).unwrap();
+            assert!(found.overshoot < 0.02 && found.final_error.abs() < 2e-3, "{delay_s} s: {found:?}");
+            from = target;
+        }
+    }
+}
+
+/// 4 kPa of play, a load cell with 2 mN of noise: noise must not lead the command through the play.
+#[test]
+fn at_rest_the_command_moves_by_less_than_2_kpa() {
+    let stiff = PlantSpec {
+        line: Line { fill_s: 0.2, empty_s: 0.8 },
+        play: vec![Play { threshold: 0.002, weight: 1.0 }],
+        swing_hz: 0.0,
+        gauge_noise_mpa: 1e-4,
+        ..PlantSpec::default()
+    };
+    for (law, spec) in LAWS.into_iter().flat_map(|law| [(law, finger()), (law, stiff.clone())]) {
+        let known =
+            Settings { law, line: spec.line, play: spec.play.clone(), delay_s: 0.035, ..Settings::default() };
+        let known = if spec.swing_hz > 0.0 { known.with_swing(spec.swing_hz, 0.02) } else { known };
+        let law = Controller::new(MODEL, Quantity::Force, known, Limits::default());
+        let (mut run, mut moments) = (on(law, Quantity::Force, spec), Vec::new());
+        run.hold(0.1, 3.0, &mut moments);
+        run.hold(0.3, 12.0, &mut moments);
+        let last = &moments[moments.len() - 1200..];
+        let [low, high] = last.iter().fold([f64::INFINITY, 0.0], |[low, high]: [f64; 2], moment| {
+            [low.min(moment.command_mpa), high.max(moment.command_mpa)]
+        });
+        assert!(high - low < 2e-3, "{} kPa", 1e3 * (high - low));
+        assert!(last.iter().all(|moment| (moment.truth - 0.3).abs() < 6e-3), "{:?}", last[0]);
+    }
+}
+
+#[test]
+fn with_a_delay_that_is_wrong_by_40_ms_both_laws_settle() {
+    for (truth_s, law) in [0.01, 0.05, 0.09].into_iter().flat_map(|truth_s| LAWS.map(|law| (truth_s, law))) {
+        let known = Settings { law, delay_s: 0.05, ..settings() };
+        let law = Controller::new(MODEL, Quantity::Force, known, Limits::default());
+        let spec = PlantSpec { delay_s: truth_s, valve_s: 0.0, ..finger() };
+        let (mut run, mut moments) = (on(law, Quantity::Force, spec), Vec::new());
+        let mut from = 0.2;
+        run.hold(from, 4.0, &mut moments);
+        for target in [0.4, 0.1, 0.3] {
+            moments.clear();
+            run.hold(target, 4.0, &mut moments);
+            let found = step_figures(from, &moments, |moment| moment.truth).unwrap();
+            assert!(found.overshoot < 0.08, "{truth_s} s: {found:?}");
+            assert!(found.settling_s.is_some_and(|settling_s| settling_s < 3.0), "{truth_s} s: {found:?}");
+            // Also where the plan has given way to the first law, nothing goes on to and fro.
+            let last = moments[600..].iter().map(|moment| moment.command_mpa);
+            let [low, high] = [last.clone().fold(f64::INFINITY, f64::min), last.fold(0.0, f64::max)];
+            assert!(high - low < 6e-3, "{truth_s} s: {low} {high}");
+            from = target;
+        }
+    }
+}
+
+/// A delay of which the settings know nothing makes the plan swing from one end of the range to the other.
+#[test]
+fn a_plan_that_oscillates_gives_way_to_the_first_law_and_says_so() {
+    let line = Line { fill_s: 0.06, empty_s: 0.06 };
+    let known =
+        Settings { law: LawKind::Predictive, line, delay_s: 0.0, approach_s: 0.02, ..Settings::default() };
+    let law = Controller::new(MODEL, Quantity::Force, known, Limits::default());
+    let spec = PlantSpec { line, delay_s: 0.2, valve_s: 0.0, ..PlantSpec::default() };
+    let (mut run, mut moments) = (on(law, Quantity::Force, spec), Vec::new());
+    run.hold(0.4, 3.0, &mut moments);
+    assert!(run.law.turns.is_oscillating() && run.law.is_fallback);
+    moments.clear();
+    run.hold(0.3, 6.0, &mut moments);
+    assert!(moments[800..].iter().all(|moment| (moment.truth - 0.3).abs() < 0.02), "{:?}", moments[1199]);
+    run.law.start(reading(0.03, 0.2));
+    assert!(!run.law.turns.is_oscillating());
+}
+
+#[test]
+fn turns_of_the_target_are_none_of_the_loops() {
+    let sine = |time_s: f64| 0.04 + 0.01 * (std::f64::consts::TAU * 2.0 * time_s).sin();
+    for is_asked in [true, false] {
+        let mut turns = Turns::default();
+        for cycle in 0..1000 {
+            let pressure_mpa = sine(f64::from(cycle) * DT_S);
+            turns.step(pressure_mpa, if is_asked { pressure_mpa } else { 0.04 }, 2e-3, DT_S);
+        }
+        assert_eq!(turns.is_oscillating(), !is_asked);
+    }
+}
+
 #[test]
 fn observable_follows_a_sine_of_known_rate() {
     let w = std::f64::consts::PI;

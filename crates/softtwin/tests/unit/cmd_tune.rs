@@ -30,8 +30,8 @@ fn rows(spec: PlantSpec, experiment: &Experiment, is_measured: bool) -> Vec<Actu
     let row = |at: usize| {
         let time_s = at as f64 / 200.0;
         let command_mpa = experiment.at(time_s);
-        plant.command(command_mpa);
         let shown = plant.step(1.0 / 200.0);
+        plant.command(command_mpa);
         let measured = if is_measured { shown.observable } else { f64::NAN };
         ActuationCycle { time_s, command_mpa, gauge_mpa: shown.pressure_mpa, measured }
     };
@@ -61,7 +61,7 @@ fn constants_of_a_plant_are_identified() {
     near(of.line.empty_s, 0.5, 0.1);
     near(of.swing_hz, 3.0, 0.03);
     assert!((0.01..0.08).contains(&of.swing_damping), "{}", of.swing_damping);
-    assert!((of.delay_s - 0.02).abs() < 0.021, "{}", of.delay_s);
+    assert!((of.delay_s - 0.02).abs() < 0.005, "{}", of.delay_s);
     let half_mpa: f64 = of.play.iter().map(|play| play.weight * play.threshold).sum();
     near(half_mpa, 2e-3, 0.2);
     near(found.noise.unwrap(), 0.02, 0.2);
@@ -98,7 +98,7 @@ fn settings_are_written_with_comments_kept() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.toml");
     let text = "# rig\nname = \"s\"\n[[actuator]]\nname = \"a\"\n[[actuator]]\nname = \"b\" # second\n\
-                [actuator.control]\nhold = \"tip\"\ndelay_s = 0.5 # s\n";
+                [actuator.control]\nhold = \"tip\"\ndelay_s = 0.5 # s\nvalve_mpa_per_s = 0.1\n";
     std::fs::write(&path, text).unwrap();
     let settings = Settings {
         line: Line { fill_s: 0.25, empty_s: 1.0 },
@@ -114,5 +114,6 @@ fn settings_are_written_with_comments_kept() {
     let control = table["actuator"][1]["control"].clone();
     let read: Settings = control.try_into().unwrap();
     assert_eq!((read.line, read.play, read.hold.as_str()), (settings.line, settings.play, "tip"));
+    assert_eq!(read.valve_mpa_per_s, None);
     assert!(table["actuator"][0].get("control").is_none());
 }

@@ -26,7 +26,7 @@ use train::actuation::{Actuation, ActuationCycle, identify_actuation};
 
 const EXAMPLES: &str = "\
 Examples:
-  Identify line, delay, play and swing on the running scene, and write them to it:
+  Identify line, delay, the valve's rate, play and swing on the running scene, and write them to it:
     softtwin tune --scene config/scenes/rig.toml --out tune.svg
   The same on a simulated actuator that has the settings of the scene; nothing is written:
     softtwin tune --scene config/scenes/rig.toml --simulate";
@@ -35,7 +35,7 @@ const NOTES: &str = "\
 The experiment: steps up and down at three pressures, then a ramp up and down, within the range of [actuator.valve], at most at its rate, and up to 80 % of the \
 force limit. It is shown and asked for first. Ctrl-C, a closed terminal, an interlock or a valve that does not follow end it at the safe value, and nothing is written.";
 
-/// Identify line, delay, play and swing by a bounded experiment on the valve, and set the controller.
+/// Identify line, delay, the valve's rate, play and swing by a bounded experiment on the valve, and set the controller.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
@@ -110,8 +110,9 @@ impl Args {
         let count = (experiment.end_s() * RATE_HZ) as usize;
         let row = |at: usize| {
             let (time_s, command_mpa) = (at as f64 / RATE_HZ, experiment.at(at as f64 / RATE_HZ));
-            plant.command(command_mpa);
+            // The command answers the reading, as on the actuator.
             let shown = plant.step(1.0 / RATE_HZ);
+            plant.command(command_mpa);
             let measured = if held.settings.is_measured { shown.of(held.quantity)[0] } else { f64::NAN };
             ActuationCycle { time_s, command_mpa, gauge_mpa: shown.pressure_mpa, measured }
         };
@@ -168,7 +169,8 @@ fn predicted(
 fn settings(old: &Settings, found: &Actuation) -> Settings {
     let mut new = old.clone();
     if let Some(line) = &found.line {
-        (new.line, new.delay_s) = (line.line, line.delay_s);
+        (new.line, new.delay_s) = (line.line, line.delay.value);
+        new.valve_mpa_per_s = line.valve_rate.map(|rate| rate.value);
     }
     if found.noise.is_none() {
         return new;

@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use std::path::Path;
 use toml_edit::{DocumentMut, Item, value};
 
-/// Keys of `[actuator.control]` that an experiment sets.
-pub(super) fn keys(settings: &Settings) -> [(&'static str, Value); 7] {
+/// Keys of `[actuator.control]` that an experiment sets; null: the key is not in the scene.
+pub(super) fn keys(settings: &Settings) -> [(&'static str, Value); 8] {
     // Four digits: more are noise.
     let short = |value: f64| format!("{value:.3e}").parse::<f64>().unwrap_or(value);
     let plays = settings
@@ -18,6 +18,7 @@ pub(super) fn keys(settings: &Settings) -> [(&'static str, Value); 7] {
     [
         ("line", json!({ "fill_s": short(settings.line.fill_s), "empty_s": short(settings.line.empty_s) })),
         ("delay_s", json!(short(settings.delay_s))),
+        ("valve_mpa_per_s", json!(settings.valve_mpa_per_s.map(short))),
         ("play", plays.collect()),
         ("swing_hz", json!(short(settings.swing_hz))),
         ("swing_damping", json!(short(settings.swing_damping))),
@@ -38,6 +39,10 @@ pub(super) fn write(path: &Path, at: usize, settings: &Settings) -> anyhow::Resu
     let control = control.as_table_like_mut();
     let control = control.ok_or_else(|| configuration(anyhow!("{}: expected a table control", place())))?;
     for (key, of) in keys(settings) {
+        if of.is_null() {
+            control.remove(key);
+            continue;
+        }
         let decor = control.get(key).and_then(Item::as_value).map(|old| old.decor().clone());
         let mut new = inline(&of);
         if let Some(decor) = decor {

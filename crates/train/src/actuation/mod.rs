@@ -1,12 +1,16 @@
 //! Line, delay, play, swing and noise of an actuator from the control cycles of an experiment on its valve.
 //!
-//! The experiment drives steps, holds and a ramp. The line between command and gauge and the play between gauge and quantity are those that
-//! [`crate::memory`] identifies; what swings freely after a step is fitted to the holds.
+//! The experiment drives steps, holds and a ramp. First comes the line between command and gauge with its delay (`line`). The play between
+//! gauge and quantity is what [`crate::memory`] identifies, and what swings freely after a step is fitted to the holds.
+
+mod line;
+
+pub use line::ActuationLine;
 
 use crate::measured::Run;
 use crate::memory::{Identified, identify};
 use rom::dense::Dense;
-use rom::memory::{InputMemory, Line, Play};
+use rom::memory::{InputMemory, Play};
 use rom::statistics::{mean, median, range};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -46,22 +50,6 @@ pub struct Actuation {
     pub remarks: Vec<String>,
 }
 
-/// A line with its delay.
-#[derive(Debug, Clone, Serialize)]
-pub struct ActuationLine {
-    /// Its times.
-    #[serde(skip)]
-    pub line: Line,
-    /// They and their intervals.
-    #[serde(rename = "line")]
-    pub constants: Constants,
-    /// Time from command to valve, s.
-    pub delay_s: f64,
-    /// Error on parts that were left out.
-    #[serde(skip)]
-    error: f64,
-}
-
 /// Play operators.
 #[derive(Debug, Clone, Serialize)]
 pub struct ActuationPlay {
@@ -96,10 +84,6 @@ pub struct ConstantInterval {
     pub unit: &'static str,
 }
 
-/// Delays that are tried: every third, then the neighbours of the best.
-const DELAYS: usize = 10;
-const DELAYS_COARSE: usize = 3;
-const DELAY_STEP_S: f64 = 0.01;
 /// Rows of a search at most: more are thinned.
 const ROWS: usize = 1_500;
 /// Frequencies of the swing that are tried, Hz, and their ratio.
@@ -125,7 +109,7 @@ pub fn identify_actuation(
             remarks.push(text.to_owned());
         }
     };
-    let line = if sees_line { line(cycles) } else { None };
+    let line = if sees_line { line::line(cycles) } else { None };
     remark(sees_line && line.is_none(), "line: the gauge does not follow the command with a lag");
     remark(!sees_line, "line: the gauge is before it; `calibrate --memory` identifies it from a recording");
     let is_measured = is_measured && cycles.iter().any(|cycle| cycle.measured.is_finite());
@@ -174,30 +158,6 @@ fn search<'a>(
     let of = identify(&[run], false, &[scale], None)?;
     let memory = of.memory.as_ref()?.inputs.first()?.clone();
     Some((memory, of))
-}
-
-/// The line between command and gauge, at the delay that leaves the smallest error.
-fn line(rows: &[ActuationCycle]) -> Option<ActuationLine> {
-    let command_mpa = |time_s: f64| {
-        let at = rows.partition_point(|row| row.time_s <= time_s);
-        rows[at.saturating_sub(1)].command_mpa
-    };
-    let of_delay = |steps: usize| {
-        let delay_s = steps as f64 * DELAY_STEP_S;
-        let (memory, of) =
-            search(thinned(rows), |row| command_mpa(row.time_s - delay_s), |row| row.gauge_mpa)?;
-        Some(ActuationLine {
-            line: memory.line?,
-            constants: constants(&of, "line"),
-            delay_s,
-            error: of.left_out[1],
-        })
-    };
-    let least = |a: &ActuationLine, b: &ActuationLine| a.error.total_cmp(&b.error);
-    let coarse = (0..DELAYS).step_by(DELAYS_COARSE).filter_map(of_delay).min_by(least)?;
-    let at = (coarse.delay_s / DELAY_STEP_S).round() as usize;
-    let near = [at.checked_sub(1), Some(at + 1)].into_iter().flatten().filter_map(of_delay);
-    near.chain([coarse]).min_by(least)
 }
 
 /// The play between gauge and quantity: the ramp shows its width, the steps that it is no lag.
