@@ -47,6 +47,29 @@ def test_setpoints_are_those_of_c(tmp_path, held, law):
     assert [float(line.split()[0]) for line in done.stdout.splitlines()] == setpoints
 
 
+def test_a_series_is_seen_ahead():
+    """A ramp as a series is the ramp with its rate; a step that is known begins before it comes, by the law's lead."""
+    model = softtwin.Model(MODEL)
+
+    def commands(target, **more):
+        control = softtwin.Control(model, "pressure_mpa", SCENE)
+        cycles = [control.step(5_000_000 * k, target(0.005 * k), 0.02, **more) for k in range(1, 40)]
+        assert not any(cycle.is_fallback or cycle.is_limited or cycle.is_oscillating for cycle in cycles)
+        return [cycle.setpoint_mpa for cycle in cycles]
+
+    with_rate = commands(lambda t_s: 0.02 + 0.01 * t_s, rate_per_s=0.01)
+    as_series = commands(lambda t_s: [0.02 + 0.01 * t_s, 0.03 + 0.01 * t_s], interval_s=1.0)
+    assert with_rate == pytest.approx(as_series, abs=1e-9)
+    blind = commands(lambda t_s: 0.02 if t_s < 0.1 else 0.04)
+    ahead = commands(lambda t_s: [0.02 if t_s + 0.005 * k < 0.1 else 0.04 for k in range(20)], interval_s=0.005)
+    first = [next(at for at, setpoint in enumerate(of) if setpoint > 0.021) for of in (blind, ahead)]
+    assert first[1] < first[0]
+    control = softtwin.Control(model, "pressure_mpa")
+    for targets, interval_s in [([], 0.1), ([0.02, math.nan], 0.1), ([0.02], 0.0), ([0.02], math.nan)]:
+        with pytest.raises(ValueError):
+            control.step(1, targets, 0.02, interval_s=interval_s)
+
+
 def test_refusals_and_faults():
     control = softtwin.Control(softtwin.Model(MODEL), "pressure_mpa")
     control.step(5_000_000, 0.05, 0.0)

@@ -120,13 +120,14 @@ typedef enum {
   SOFTTWIN_LIMITED_RANGE = 2,      /**< The target is beyond the model's or the valve's range. */
   SOFTTWIN_LIMITED_RATE = 4,       /**< Line, slew or rate of the valve are slower than the reference. */
   SOFTTWIN_LIMITED_CORRECTION = 8, /**< The correction is at its largest. */
-  SOFTTWIN_LIMITED_VALVE = 16      /**< The valve was given another pressure than the setpoint. */
+  SOFTTWIN_LIMITED_VALVE = 16,     /**< The valve was given another pressure than the setpoint. */
+  SOFTTWIN_LIMITED_SUPPLY = 32     /**< The supply gives less than the target needs: what it gives is held. */
 } softtwin_limited;
 
 /** Result of one control cycle. */
 typedef struct {
   double setpoint_mpa;   /**< Pressure for the valve, MPa; NaN: none, because of a fault. */
-  double target;         /**< The target, cut at the force limit. */
+  double target;         /**< The target, cut at the force limit and at what a low supply gives. */
   double reference_mpa;  /**< Reference as a pressure in the cavity, MPa. */
   double followed;       /**< The held quantity: measured, or the model's. */
   double correction_mpa; /**< The model's error as a pressure, MPa. */
@@ -272,6 +273,11 @@ softtwin_status softtwin_control_inputs(softtwin_control *control, const double 
  *  changed; send no setpoint. */
 softtwin_status softtwin_control_step(softtwin_control *control, uint64_t t_ns, double target, double rate_per_s,
                                       const softtwin_control_reading *reading, softtwin_control_cycle *out);
+/** The same with `count` targets that are known ahead, the first for now, each `interval_s` (more than 0) after the one before; the last stays.
+ *  They should reach as far as the law looks: delay and a period of the swing, with the predictive law delay and horizon. */
+softtwin_status softtwin_control_step_ahead(softtwin_control *control, uint64_t t_ns, const double *targets, size_t count,
+                                            double interval_s, const softtwin_control_reading *reading,
+                                            softtwin_control_cycle *out);
 /** Begins again where the actuator is, for each cycle in which the valve does not follow the setpoint. */
 softtwin_status softtwin_control_start(softtwin_control *control, const softtwin_control_reading *reading);
 /** Releases a fault: the next cycle begins the control again. */

@@ -2,6 +2,7 @@
 
 use crate::ffi::{argument, call, handle, name, put, shared, softtwin_status, take, text, write_handle};
 use crate::model::softtwin_model;
+use control::ahead::Series;
 use control::held::Stepping;
 use control::law::{Cycle, Limited, Reading, Target};
 use control::monitor::Fault;
@@ -11,6 +12,8 @@ use std::path::Path;
 
 /// Largest file that is read as a scene, bytes.
 const MAX_SCENE_BYTES: u64 = 1 << 20;
+/// Most targets of a series: a minute at 1 kHz is more than any horizon.
+const MAX_TARGETS: usize = 60_000;
 /// Faults by their number, less one.
 const FAULTS: [Fault; 4] =
     [Fault::NoResponse, Fault::OppositeSign, Fault::Unexplained, Fault::MeasurementLost];
@@ -53,8 +56,8 @@ impl From<softtwin_control_reading> for Reading {
 
 impl From<Cycle> for softtwin_control_cycle {
     fn from(cycle: Cycle) -> Self {
-        let Limited { by_force, by_range, by_rate, by_correction, by_valve } = cycle.limited;
-        let bits = [by_force, by_range, by_rate, by_correction, by_valve];
+        let Limited { by_force, by_range, by_rate, by_correction, by_valve, by_supply } = cycle.limited;
+        let bits = [by_force, by_range, by_rate, by_correction, by_valve, by_supply];
         let number = |fault| FAULTS.iter().position(|known| *known == fault).map_or(0, |at| at as u32 + 1);
         Self {
             setpoint_mpa: cycle.pressure_mpa,
@@ -140,6 +143,34 @@ pub unsafe extern "C" fn softtwin_control_step(
         }
         let target = Target { value: target, rate: rate_per_s };
         let cycle = control.stepping.step(t_ns, target, reading.into());
+        // SAFETY: by the caller's promise.
+        unsafe { put(out, cycle.map_err(|error| argument(&error.to_string()))?.into()) }
+    })
+}
+
+/// # Safety
+/// `control` is live and used by one thread, `targets` points to `count` numbers, `reading` and `out` are null or point to structures.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_control_step_ahead(
+    control: *mut softtwin_control,
+    t_ns: u64,
+    targets: *const f64,
+    count: usize,
+    interval_s: f64,
+    reading: *const softtwin_control_reading,
+    out: *mut softtwin_control_cycle,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: by the caller's promise.
+        let (control, reading) = unsafe { (handle(control)?, reading.as_ref()) };
+        let reading = *reading.ok_or_else(|| argument("the reading is null"))?;
+        if out.is_null() || targets.is_null() || count > MAX_TARGETS {
+            let expected = format!("expected a place for the cycle and at most {MAX_TARGETS} targets");
+            return Err(argument(&format!("{expected}, found {count}")));
+        }
+        // SAFETY: not null, and `count` numbers by the caller's promise.
+        let values = unsafe { std::slice::from_raw_parts(targets, count) };
+        let cycle = control.stepping.step_ahead(t_ns, Series { values, interval_s }, reading.into());
         // SAFETY: by the caller's promise.
         unsafe { put(out, cycle.map_err(|error| argument(&error.to_string()))?.into()) }
     })

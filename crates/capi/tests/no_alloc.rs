@@ -114,6 +114,10 @@ fn a_control_cycle_allocates_nothing() {
             let status =
                 softtwin_control_step(control, k * 5_000_000, 0.03, 0.0, reading.as_ptr().cast(), place);
             assert_eq!(status, OK);
+            let (ahead, reading) = ([0.03, 0.04], reading.as_ptr().cast());
+            let t_ns = k * 5_000_000 + 1;
+            let status = softtwin_control_step_ahead(control, t_ns, ahead.as_ptr(), 2, 0.1, reading, place);
+            assert_eq!(status, OK);
         }
         assert_eq!(COUNT.get() - before, 0);
         softtwin_control_close(control);

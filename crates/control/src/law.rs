@@ -18,7 +18,7 @@
 use crate::inverse::{Inverse, Model, Quantity, inverse};
 use crate::monitor::{Fault, Monitor, Signs, Turns};
 use crate::plan::{PlanInput, Planner};
-use crate::settings::{GaugeAt, LawKind, Limits, Settings, TARGET_FRACTION};
+use crate::settings::{GaugeAt, LawKind, Limits, LowSupply, Settings, TARGET_FRACTION};
 use crate::shape::{Delay, Notch, Path, Plays, Shaper, lag};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,7 +53,7 @@ pub struct Reading {
 pub struct Cycle {
     /// The command, MPa; NaN: the valve is let go because of a fault.
     pub pressure_mpa: f64,
-    /// The target, cut at the force limit.
+    /// The target, cut at the force limit and at what a low supply gives.
     pub target: f64,
     /// Reference as a pressure in the cavity, MPa.
     pub reference_mpa: f64,
@@ -85,12 +85,14 @@ pub struct Limited {
     pub by_correction: bool,
     /// The valve was given another pressure than the command.
     pub by_valve: bool,
+    /// The supply gives less than the target needs: what it gives is held.
+    pub by_supply: bool,
 }
 
 impl Limited {
     /// The target cannot be reached.
     pub fn is_limited(self) -> bool {
-        self.by_force || self.by_range || self.by_correction || self.by_valve
+        self.by_force || self.by_range || self.by_correction || self.by_valve || self.by_supply
     }
 }
 
@@ -124,6 +126,8 @@ const REST_SIDE_S: f64 = 0.2;
 const REST_S: f64 = 1.5;
 /// Part of the valve's error that is corrected in motion, relative to that at rest.
 const BIAS_MOVING: f64 = 0.1;
+/// Pressure above what a low supply gives up to which is commanded, MPa.
+const SUPPLY_MPA: f64 = 2e-3;
 /// Part of half of the play from which its side is reached.
 const THROUGH: f64 = 0.1;
 /// Fraction of the force limit that no planned state exceeds.
@@ -173,6 +177,7 @@ pub struct Controller<M> {
 impl<M: Model> Controller<M> {
     /// A controller that has not begun.
     pub fn new(model: M, quantity: Quantity, settings: Settings, limits: Limits) -> Self {
+        let monitor = Monitor::new(settings.low_supply == LowSupply::Hold);
         Self {
             model,
             quantity,
@@ -198,7 +203,7 @@ impl<M: Model> Controller<M> {
             is_started: false,
             calm_s: 0.0,
             is_seen: false,
-            monitor: Monitor::new(),
+            monitor,
             turns: Turns::default(),
             fault: None,
         }
@@ -229,7 +234,8 @@ impl<M: Model> Controller<M> {
         if !self.is_started {
             return;
         }
-        (self.monitor, self.is_seen) = (Monitor::new(), false);
+        let holds_low_supply = self.settings.low_supply == LowSupply::Hold;
+        (self.monitor, self.is_seen) = (Monitor::new(holds_low_supply), false);
         (self.turns, self.calm_s) = (Turns::default(), 0.0);
         self.command_mpa = pressure_mpa.clamp(low, high);
         (self.expected_mpa, self.cavity_mpa) = (pressure_mpa, pressure_mpa);
@@ -273,8 +279,10 @@ impl<M: Model> Controller<M> {
         let error_mpa = self.error_mpa(reading, behind_mpa);
         limited.by_correction = self.correct(error_mpa, dt_s);
         self.watch(reading, written_mpa, behind_mpa, error_mpa, limited.by_correction, dt_s);
-        self.follow_path(wanted, reading.gap_mm, behind_mpa, dt_s, &mut limited);
-        self.learn_bias(reading, dt_s);
+        let instead_mpa = self.follow_path(wanted, reading.gap_mm, behind_mpa, dt_s, &mut limited);
+        if !limited.by_supply {
+            self.learn_bias(reading, dt_s);
+        }
         let cavity_mpa = self.shaped_mpa + self.lags_mpa[1] + self.side_mpa;
         // At rest it is mostly noise that moves the wanted pressure: the line is not inverted for it.
         let is_driven = dt_s > 0.0 && !self.is_resting();
@@ -287,10 +295,19 @@ impl<M: Model> Controller<M> {
         };
         let inverted_mpa = cavity_mpa + time_s * slope + behind_mpa + self.bias_mpa;
         let planned_mpa = self.plan(targets, reading.gap_mm, error_mpa, dt_s);
-        self.command(planned_mpa.unwrap_or(inverted_mpa), dt_s, &mut limited);
+        let wanted_mpa = match limited.by_supply {
+            // All that the supply gives: so the gauge shows when it gives more.
+            true => self.monitor.most_mpa() + SUPPLY_MPA + self.bias_mpa,
+            false => planned_mpa.unwrap_or(inverted_mpa),
+        };
+        self.command(wanted_mpa, dt_s, &mut limited);
         let play_mpa = 2.0 * self.settings.half_play_mpa();
         self.turns.step(self.command_mpa, self.last[0].pressure_mpa, play_mpa, dt_s);
-        self.cycle(wanted.value, followed, limited)
+        let held = instead_mpa.map(|instead_mpa| {
+            let point = self.model.at(instead_mpa, reading.gap_mm);
+            self.quantity.of(&point, instead_mpa).0
+        });
+        self.cycle(held.unwrap_or(wanted.value), followed, limited)
     }
 
     /// A reading as the settings take it.
@@ -351,7 +368,8 @@ impl<M: Model> Controller<M> {
         self.plays.follow(&self.settings.play, self.cavity_mpa)
     }
 
-    /// Moves the reference; its slopes are what the line gives from the present pressure.
+    /// Moves the reference; its slopes are what the line gives from the present pressure. Returns the model's pressure that is held instead of the
+    /// target's where the supply is low.
     fn follow_path(
         &mut self,
         target: Target,
@@ -359,7 +377,7 @@ impl<M: Model> Controller<M> {
         behind_mpa: f64,
         dt_s: f64,
         limited: &mut Limited,
-    ) {
+    ) -> Option<f64> {
         let value = target.value;
         let ahead = self.search(0, value, gap_mm);
         let most_mpa = self.limit_mpa(&ahead, value, gap_mm);
@@ -367,11 +385,13 @@ impl<M: Model> Controller<M> {
         let half_mpa = self.settings.half_play_mpa();
         let shift_mpa = self.lags_mpa[1];
         // How far the goal may go before the pressure in the cavity would leave the range of the valve.
-        let ends = [low - shift_mpa - half_mpa, high - shift_mpa - half_mpa];
+        let given_mpa = high.min(self.monitor.most_mpa() + SUPPLY_MPA);
+        let ends = [low - shift_mpa - half_mpa, given_mpa - shift_mpa - half_mpa];
         let goal_mpa = ahead.pressure_mpa.min(most_mpa);
         let within_mpa = goal_mpa.clamp(ends[0], ends[1]);
         limited.by_force |= goal_mpa < ahead.pressure_mpa;
         limited.by_range = !ahead.is_reached || within_mpa != goal_mpa;
+        limited.by_supply = given_mpa < high && goal_mpa > within_mpa;
         let rate = if ahead.slope != 0.0 && within_mpa == goal_mpa { target.rate / ahead.slope } else { 0.0 };
         let line = self.settings.line;
         let [rise, fall] = self.settings.slew_mpa_per_s;
@@ -395,6 +415,7 @@ impl<M: Model> Controller<M> {
             limited.by_rate = self.path.step(within_mpa, rate, slopes, self.settings.approach_s, dt_s);
         }
         self.shaped_mpa = self.shaper.step(self.path.value, dt_s);
+        limited.by_supply.then_some(within_mpa)
     }
 
     /// Error of the model as a pressure, from pressure and measurement of one instant; `None` where the measurement says nothing.
@@ -495,6 +516,7 @@ impl<M: Model> Controller<M> {
 
     fn command(&mut self, wanted_mpa: f64, dt_s: f64, limited: &mut Limited) {
         let ([low, high], step) = (self.limits.range_mpa, self.limits.rate_mpa_per_s * dt_s);
+        let high = high.min(self.monitor.most_mpa() + SUPPLY_MPA + self.bias_mpa).max(low);
         let within = wanted_mpa.clamp(low, high);
         let step = if step.is_nan() { 0.0 } else { step };
         self.command_mpa = within.clamp(self.command_mpa - step, self.command_mpa + step);
@@ -531,11 +553,12 @@ impl<M: Model> Controller<M> {
         }
         let mut planner = self.planner.take()?;
         let (shift_mpa, mut is_touching) = (self.lags_mpa[1], false);
+        let given_mpa = self.monitor.most_mpa() + SUPPLY_MPA - shift_mpa - self.settings.half_play_mpa();
         for knot in planner.knots() {
             let target = self.within(targets(knot.ahead_s)).0;
             let found = inverse(&mut self.model, self.quantity, gap_mm, target.value, knot.reference_mpa);
             let most_mpa = self.limit_mpa(&found, target.value, gap_mm);
-            knot.reference_mpa = found.pressure_mpa.min(most_mpa);
+            knot.reference_mpa = found.pressure_mpa.min(most_mpa).min(given_mpa);
             is_touching |= found.force_n > 0.0;
         }
         let most_n = PLAN_FRACTION * self.settings.force_max_n;

@@ -111,27 +111,67 @@ impl Still {
     }
 }
 
+/// Time for which the gauge stays below what was written until the supply is taken for low, and until its not following even that is a fault, s.
+const SHORT_S: f64 = 0.2;
+const STAYS_S: f64 = 1.0;
+/// Pressure with which nothing is held any more: a supply that gives less is gone, MPa.
+const NOTHING_MPA: f64 = 5e-3;
+
+/// The highest pressure that a low supply gives, by what the gauge shows.
+#[derive(Debug, Clone, Copy)]
+struct Supply {
+    is_held: bool,
+    most_mpa: f64,
+    short_s: f64,
+    stays_s: f64,
+}
+
+impl Supply {
+    /// Whether a gauge that stays below the written pressure is explained by the supply.
+    fn explains(&mut self, read_mpa: f64, is_below: bool, dt_s: f64) -> bool {
+        // A supply that comes back lets the gauge rise to the last limit, and the limit with it.
+        self.most_mpa = self.most_mpa.max(read_mpa);
+        self.short_s = if is_below { self.short_s + dt_s } else { 0.0 };
+        self.stays_s = if is_below { self.stays_s + dt_s } else { 0.0 };
+        if self.short_s > SHORT_S && read_mpa > NOTHING_MPA {
+            if self.most_mpa - read_mpa > MOVED_MPA {
+                self.stays_s = 0.0;
+            }
+            (self.most_mpa, self.short_s) = (read_mpa, 0.0);
+        }
+        self.is_held && is_below && read_mpa > NOTHING_MPA && self.stays_s < STAYS_S
+    }
+}
+
 /// Movements and how long each sign lasts.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Monitor {
     gauge: Movement,
     still: Still,
     quantity: [Movement; 2],
+    supply: Supply,
     since_s: [f64; 4],
     /// Gauge minus its mean over the last `MEMORY_S`, MPa.
     pub(crate) gauge_moved_mpa: f64,
 }
 
 impl Monitor {
-    pub(crate) fn new() -> Self {
+    /// `holds_low_supply`: a gauge that stays below what was written is a limit first.
+    pub(crate) fn new(holds_low_supply: bool) -> Self {
         let unknown = Movement { mean: f64::NAN };
         Self {
             gauge: unknown,
             still: Still::UNKNOWN,
             quantity: [unknown; 2],
+            supply: Supply { is_held: holds_low_supply, most_mpa: f64::INFINITY, short_s: 0.0, stays_s: 0.0 },
             since_s: [0.0; 4],
             gauge_moved_mpa: 0.0,
         }
+    }
+
+    /// The highest pressure that the supply gives; infinite where nothing shows it.
+    pub(crate) fn most_mpa(&self) -> f64 {
+        if self.supply.is_held { self.supply.most_mpa } else { f64::INFINITY }
     }
 
     /// The first fault whose sign has lasted long enough.
@@ -151,8 +191,11 @@ impl Monitor {
                 false
             }
         };
-        let is_frozen = self.still.step(read_mpa, expected_mpa + signs.bias_mpa) > FROZEN_MPA;
         let is_away = apart_mpa > APART_MPA && moved_mpa < MOVED_MPA;
+        let is_below = is_away && read_mpa < written_mpa.min(expected_mpa);
+        let is_away = is_away && !self.supply.explains(read_mpa, is_below, dt_s);
+        let should_mpa = (expected_mpa + signs.bias_mpa).min(self.most_mpa());
+        let is_frozen = self.still.step(read_mpa, should_mpa) > FROZEN_MPA;
         let is_there = [is_frozen || is_away, opposite, signs.is_at_limit, signs.is_missing];
         for (since_s, is_there) in self.since_s.iter_mut().zip(is_there) {
             *since_s = if is_there { *since_s + dt_s } else { 0.0 };

@@ -27,6 +27,17 @@ pub enum LawKind {
     Predictive,
 }
 
+/// What a supply that gives less than the target needs leads to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LowSupply {
+    /// What it gives is held, so that a gripped part does not fall.
+    #[default]
+    Hold,
+    /// The fault `no-response`: the valve takes its safe value.
+    Release,
+}
+
 /// Dynamics of the actuator and times of the loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -67,6 +78,7 @@ pub struct Settings {
     pub bias_per_s: f64,
     /// Largest correction of the valve, MPa.
     pub bias_max_mpa: f64,
+    pub low_supply: LowSupply,
     /// Largest force, N; a target is cut at [`TARGET_FRACTION`] of it.
     pub force_max_n: f64,
 }
@@ -97,6 +109,7 @@ impl Default for Settings {
             correction_max_mpa: 0.04,
             bias_per_s: 2.0,
             bias_max_mpa: 0.01,
+            low_supply: LowSupply::Hold,
             force_max_n: 0.6,
         }
     }

@@ -4,7 +4,7 @@ import math
 import os
 import pathlib
 from dataclasses import dataclass
-from typing import Optional, Tuple
+from typing import Optional, Sequence, Tuple, Union
 
 from .model import Model
 
@@ -16,7 +16,7 @@ class Cycle:
     setpoint_mpa: float
     """Pressure for the valve, MPa; NaN: none, because of a fault."""
     target: float
-    """The target, cut at the force limit."""
+    """The target, cut at the force limit and at what a low supply gives."""
     reference_mpa: float
     """Reference as a pressure in the cavity, MPa."""
     followed: float
@@ -26,7 +26,13 @@ class Cycle:
     bias_mpa: float
     """The valve's error, MPa."""
     limited: Tuple[str, ...]
-    """Limits that bind: `force`, `range`, `rate`, `correction`, `valve`."""
+    """Limits that bind: `force`, `range`, `rate`, `correction`, `valve`, `supply`."""
+    is_limited: bool
+    """The target cannot be reached: any of these but `rate`."""
+    is_fallback: bool
+    """The predictive law had no plan, or its commands oscillate: the setpoint is that of the first law."""
+    is_oscillating: bool
+    """The setpoints have swung to and fro although the target did not: line, delay or play of the settings are wrong."""
     fault: Optional[str]
     """Why the valve was let go, such as `no-response`; it stays until `Control.release`."""
 
@@ -51,22 +57,27 @@ class Control:
     def step(
         self,
         t_ns: int,
-        target: float,
+        target: "Union[float, Sequence[float]]",
         pressure_mpa: float,
         gap_mm: float = 1e4,
         measured: float = math.nan,
         *,
         rate_per_s: float = 0.0,
+        interval_s: float = math.nan,
         written_mpa: float = math.nan,
     ) -> Cycle:
         """One control cycle at a time in ns, later than the last one (after more than 0.1 s it starts again), with gauge, gap (1e4: no obstacle) and measured
-        quantity (NaN: none). `rate_per_s`: known change of the target. `written_mpa`: pressure that the valve was last given.
+        quantity (NaN: none). `rate_per_s`: known change of the target; or `target` is a series of values that are known ahead, the first for now, each `interval_s`
+        after the one before, the last of which stays. `written_mpa`: pressure that the valve was last given.
 
         Raises `ValueError` for a time that is not later and for pressure, gap or target that are not finite; nothing has changed, send no setpoint.
         """
-        numbers, limited, fault = self._native.step(t_ns, [target, rate_per_s], [pressure_mpa, gap_mm, measured, written_mpa])
-        setpoint_mpa, held_target, reference_mpa, followed, correction_mpa, bias_mpa = numbers
-        return Cycle(setpoint_mpa, held_target, reference_mpa, followed, correction_mpa, bias_mpa, tuple(limited), fault)
+        reading = [pressure_mpa, gap_mm, measured, written_mpa]
+        if not hasattr(target, "__len__"):
+            numbers, limited, marks, fault = self._native.step(t_ns, [target, rate_per_s], reading)
+        else:
+            numbers, limited, marks, fault = self._native.step_ahead(t_ns, [float(value) for value in target], interval_s, reading)
+        return Cycle(*numbers, tuple(limited), *marks, fault)
 
     def start(self, pressure_mpa: float, gap_mm: float = 1e4, measured: float = math.nan) -> None:
         """Begins again where the actuator is, for each cycle in which the valve does not follow the setpoint."""

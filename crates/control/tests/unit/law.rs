@@ -176,7 +176,7 @@ fn with_a_delay_that_is_wrong_by_40_ms_both_laws_settle() {
             assert!(found.overshoot < 0.08, "{truth_s} s: {found:?}");
             assert!(found.settling_s.is_some_and(|settling_s| settling_s < 3.0), "{truth_s} s: {found:?}");
             // Also where the plan has given way to the first law, nothing goes on to and fro.
-            let last = moments[600..].iter().map(|moment| moment.command_mpa);
+            let last = moments[720..].iter().map(|moment| moment.command_mpa);
             let [low, high] = [last.clone().fold(f64::INFINITY, f64::min), last.fold(0.0, f64::max)];
             assert!(high - low < 6e-3, "{truth_s} s: {low} {high}");
             from = target;
@@ -362,9 +362,47 @@ fn fault_of(moments: &[Moment]) -> Option<(Fault, f64)> {
     Some((first.fault?, first.time_s - moments[0].time_s))
 }
 
+/// What a falling supply still gives is held and said; when it comes back the target is followed again. `release` lets go as a missing one.
+#[test]
+fn falling_supply_lowers_the_target_and_holds() {
+    for (law, low_supply) in
+        LAWS.into_iter().flat_map(|law| [(law, LowSupply::Hold), (law, LowSupply::Release)])
+    {
+        let known = Settings { law, low_supply, ..settings() };
+        let law = Controller::new(MODEL, Quantity::Force, known, Limits::default());
+        let (mut run, mut moments) = (on(law, Quantity::Force, finger()), Vec::new());
+        run.hold(0.45, 5.0, &mut moments);
+        assert!((moments[999].truth - 0.45).abs() < 5e-3 && !moments[999].is_limited);
+        run.plant.spec.supply_mpa = 0.03;
+        moments.clear();
+        run.hold(0.45, 8.0, &mut moments);
+        if low_supply == LowSupply::Release {
+            assert!(fault_of(&moments).is_some_and(|(fault, _)| fault == Fault::NoResponse));
+            continue;
+        }
+        assert_eq!(fault_of(&moments), None);
+        let last = *moments.last().unwrap();
+        // 30 kPa give 0.2 N without the play, and 0.04 N more after a fall through it.
+        assert!(
+            last.is_limited && (0.15..0.25).contains(&last.truth) && last.command_mpa < 0.037,
+            "{last:?}"
+        );
+        assert!(moments[1000..].iter().all(|moment| (moment.truth - last.truth).abs() < 0.02));
+        let cycle = run.law.update(&|_| Target::step(0.45), reading(last.pressure_mpa, last.truth), DT_S);
+        assert!(cycle.limited.by_supply && (cycle.target - last.truth).abs() < 0.06, "{cycle:?}");
+        run.plant.spec.supply_mpa = 0.09;
+        moments.clear();
+        run.hold(0.45, 12.0, &mut moments);
+        let last = moments.last().unwrap();
+        assert!((last.truth - 0.45).abs() < 5e-3 && !last.is_limited, "{last:?}");
+    }
+}
+
 #[test]
 fn missing_supply_is_flagged_within_a_second_until_it_is_released() {
-    let mut run = run(Quantity::Force, finger());
+    let known = Settings { low_supply: LowSupply::Release, ..settings() };
+    let law = Controller::new(MODEL, Quantity::Force, known, Limits::default());
+    let mut run = on(law, Quantity::Force, finger());
     let mut moments = Vec::new();
     run.hold(0.2, 3.0, &mut moments);
     assert_eq!(fault_of(&moments), None);
@@ -381,6 +419,17 @@ fn missing_supply_is_flagged_within_a_second_until_it_is_released() {
     moments.clear();
     run.hold(0.2, 3.0, &mut moments);
     assert!(fault_of(&moments).is_none() && (moments[599].truth - 0.2).abs() < 0.01);
+}
+
+#[test]
+fn supply_that_gives_nothing_is_a_fault_though_a_low_one_is_held() {
+    let mut run = run(Quantity::Force, finger());
+    let mut moments = Vec::new();
+    run.hold(0.2, 3.0, &mut moments);
+    run.plant.spec.supply_mpa = 0.0;
+    moments.clear();
+    run.hold(0.4, 8.0, &mut moments);
+    assert!(fault_of(&moments).is_some_and(|(fault, _)| fault == Fault::NoResponse), "{:?}", moments.last());
 }
 
 #[test]

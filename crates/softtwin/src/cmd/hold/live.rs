@@ -90,6 +90,8 @@ struct Loop<'a> {
     measured: Thinned<f64>,
     predicted: Thinned<f64>,
     is_rate_limited: bool,
+    /// Whether a low supply and an oscillation were said.
+    said: [bool; 2],
     fallbacks: u64,
 }
 
@@ -130,6 +132,7 @@ impl<'a> Loop<'a> {
             measured: Thinned::new(MOST_VALUES),
             predicted: Thinned::new(MOST_VALUES),
             is_rate_limited: false,
+            said: [false; 2],
             fallbacks: 0,
         })
     }
@@ -227,11 +230,32 @@ impl<'a> Loop<'a> {
             bail!("{}: {}", fault.name(), fault.advice());
         }
         self.is_rate_limited = self.cycle.limited.by_rate;
+        self.say_what_is_new();
         if seen.is_finite() {
             self.measured.offer(|| Some(seen));
         }
         self.predicted.offer(|| Some(self.cycle.followed));
         Ok(true)
+    }
+
+    /// Says once each time that the supply is low, and that the commands oscillate; the loop goes on.
+    fn say_what_is_new(&mut self) {
+        let Cycle { limited, is_oscillating, target, .. } = self.cycle;
+        let before = std::mem::replace(&mut self.said, [limited.by_supply, is_oscillating]);
+        let (name, unit) = (&self.held.name, self.held.unit);
+        let texts = [
+            format!(
+                "supply: the gauge stays below the setpoint; {name} {target:.4} {unit} is held, which it still gives"
+            ),
+            "oscillation: the setpoints swing while the target does not; run `softtwin tune` again"
+                .to_owned(),
+        ];
+        for ((text, is_so), was_so) in texts.iter().zip(self.said).zip(before) {
+            if is_so && !was_so {
+                // A closed error stream is no reason to let go of the valve.
+                let _ = writeln!(std::io::stderr(), "{text}");
+            }
+        }
     }
 
     /// The command of the cycle of this state as a setpoint.
@@ -283,6 +307,8 @@ impl<'a> Loop<'a> {
             "final_error": followed.map(|followed| followed - goal.last()),
             "is_limited": self.cycle.limited.is_limited(),
             "is_rate_limited": self.is_rate_limited,
+            "is_supply_low": self.cycle.limited.by_supply,
+            "is_oscillating": self.cycle.is_oscillating,
             "fallbacks": self.fallbacks,
             "fault": self.cycle.fault,
             "setpoints": self.owner.seq,
