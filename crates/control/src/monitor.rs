@@ -193,7 +193,8 @@ impl Monitor {
         };
         let is_away = apart_mpa > APART_MPA && moved_mpa < MOVED_MPA;
         let is_below = is_away && read_mpa < written_mpa.min(expected_mpa);
-        let is_away = is_away && !self.supply.explains(read_mpa, is_below, dt_s);
+        let is_explained = self.supply.explains(read_mpa, is_below, dt_s);
+        let is_away = is_away && !is_explained;
         let should_mpa = (expected_mpa + signs.bias_mpa).min(self.most_mpa());
         let is_frozen = self.still.step(read_mpa, should_mpa) > FROZEN_MPA;
         let is_there = [is_frozen || is_away, opposite, signs.is_at_limit, signs.is_missing];
