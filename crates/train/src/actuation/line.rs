@@ -8,7 +8,7 @@
 //! readings do not show a delay. The scan over the delay finds the right valley, Gauss and Newton's method its bottom. Each interval is the
 //! spread over the constants that follow when a tenth of the record is left out, which includes what the equations above do not describe.
 
-use super::{ActuationCycle, ConstantInterval, Constants};
+use super::data::{ActuationCycle, ConstantInterval, Constants};
 use rom::dense::Dense;
 use rom::memory::Line;
 use rom::statistics::mean;

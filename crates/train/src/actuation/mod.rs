@@ -3,8 +3,10 @@
 //! The experiment drives steps, holds and a ramp. First comes the line between command and gauge with its delay (`line`). The play between
 //! gauge and quantity is what [`crate::memory`] identifies, and what swings freely after a step is fitted to the holds.
 
+mod data;
 mod line;
 
+pub use data::{ActuationCycle, ConstantInterval, Constants};
 pub use line::ActuationLine;
 
 use crate::measured::Run;
@@ -13,20 +15,6 @@ use rom::dense::Dense;
 use rom::memory::{InputMemory, Play};
 use rom::statistics::{mean, median, range};
 use serde::Serialize;
-use std::collections::BTreeMap;
-
-/// One control cycle.
-#[derive(Debug, Clone, Copy)]
-pub struct ActuationCycle {
-    /// Time, s.
-    pub time_s: f64,
-    /// Pressure that was commanded.
-    pub command_mpa: f64,
-    /// Pressure that the gauge showed.
-    pub gauge_mpa: f64,
-    /// The quantity that is controlled; NaN: not measured.
-    pub measured: f64,
-}
 
 /// What an experiment tells; absent is what it does not show.
 #[derive(Debug, Clone, Serialize)]
@@ -70,18 +58,6 @@ pub struct Swing {
     pub damping: f64,
     /// Its amplitude over that of the noise at the same frequency.
     pub over_noise: f64,
-}
-
-/// Constants by name.
-pub type Constants = BTreeMap<&'static str, ConstantInterval>;
-
-/// A constant with its 90 % interval.
-#[derive(Debug, Clone, Copy, Serialize)]
-#[allow(missing_docs)] // the names say what the values are
-pub struct ConstantInterval {
-    pub value: f64,
-    pub interval: [f64; 2],
-    pub unit: &'static str,
 }
 
 /// Rows of a search at most: more are thinned.
