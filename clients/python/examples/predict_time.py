@@ -1,4 +1,5 @@
-"""Times predictions in this process: the median of one state at a time, whole field, into reused memory."""
+"""Times predictions in this process: the median of one state at a time, whole field, into reused memory; with `--batch`, the numbers of many
+states in one call, and the same in jax with the gradient of the force, without its compilation."""
 
 import argparse
 import json
@@ -12,6 +13,7 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("model")
     options.add_argument("--states", type=int, default=500)
+    options.add_argument("--batch", type=int, help="also time so many states at once")
     given = options.parse_args()
     model = softtwin.Model(given.model)
     pressures = np.linspace(0.02, 0.08, given.states)
@@ -24,7 +26,30 @@ def main() -> None:
             model.predict(pressure_mpa, 30.0, out=memory)
             times.append(time.perf_counter_ns() - began)
         found[name] = float(np.median(times)) / 1e3
-    print(json.dumps(found))
+    print(json.dumps({**found, **(batch(model, given.batch) if given.batch else {})}))
+
+
+def batch(model, count):
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    finger = model.jax(fields=False)
+    states = {name: np.linspace(i.min, i.max, count) for name, i in model.inputs.items()}
+    ways = {
+        "predict_ms": lambda: model.predict(**states, fields=False),
+        "vmap_ms": lambda run=jax.jit(jax.vmap(finger)): jax.block_until_ready(run(states)),
+        "vmap_grad_ms": lambda run=jax.jit(jax.vmap(jax.value_and_grad(lambda s: finger(s)["contact_force_n"]))): jax.block_until_ready(run(states)),
+    }
+    found = {}
+    for name, way in ways.items():
+        way()
+        times = []
+        for _ in range(5):
+            began = time.perf_counter_ns()
+            way()
+            times.append(time.perf_counter_ns() - began)
+        found[name] = round(float(np.median(times)) / 1e6, 1)
+    return found
 
 
 if __name__ == "__main__":

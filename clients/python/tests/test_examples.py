@@ -100,11 +100,11 @@ def test_the_controller_keeps_to_range_and_rate_of_the_scene(stage):
         hold_force.limits(free, "other")
 
 
-@pytest.mark.parametrize("number", range(7))
+@pytest.mark.parametrize("number", range(8))
 def test_programs_of_the_documentation_run(live, number, tmp_path):
     pages = [(REPOSITORY / page).read_text() for page in ("docs/clients/python.md", "README.md")]
     programs = [program for page in pages for program in re.findall(r"```python\n(.*?)```", page, re.S)]
-    assert len(programs) == 7, "six of the client's document, one of README.md"
+    assert len(programs) == 8, "seven of the client's document, one of README.md"
     path = tmp_path / f"program{number}.py"
     path.write_text(programs[number])
     if "SensorPublisher" in programs[number]:

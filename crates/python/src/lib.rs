@@ -10,6 +10,7 @@ mod database;
 mod layout;
 mod measured;
 mod model;
+mod parameters;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

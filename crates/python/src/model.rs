@@ -1,6 +1,7 @@
 //! Models and sessions. A prediction is one row of numbers, whose names are [`Model::columns`], and one row of field values.
 
 use crate::control::Control;
+use crate::parameters::{self, FieldRow, ShiftRow};
 use crate::refused;
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1,
@@ -48,6 +49,8 @@ struct Loaded {
     reconstructor: Reconstructor,
     observables: Observables,
     fields: Vec<usize>,
+    /// Nodes of the selection; `None`: all.
+    nodes: Option<Vec<u32>>,
 }
 
 impl Model {
@@ -68,6 +71,7 @@ impl Loaded {
             reconstructor: Reconstructor::new(&model, selection).map_err(refused)?,
             observables: Observables::of(&model).map_err(refused)?,
             fields: model.header.resolve_fields(selection.fields.as_deref()).map_err(refused)?,
+            nodes: model.header.resolve_nodes(&selection.nodes).map_err(refused)?,
             model,
         })
     }
@@ -302,6 +306,23 @@ impl Model {
     fn triangles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
         let surface = self.shared.model.u32_block(BlockKind::Surface).unwrap_or(&[]);
         surface.to_vec().into_pyarray(py).reshape([surface.len() / 3, 3])
+    }
+
+    /// All parameters: the small ones as JSON, and where `with_fields` what the fields are sums of.
+    fn parameters<'py>(
+        &self,
+        py: Python<'py>,
+        with_fields: bool,
+    ) -> PyResult<(String, Vec<FieldRow<'py>>, Vec<ShiftRow<'py>>)> {
+        let Loaded { model, reconstructor, observables, nodes, .. } = &*self.shared;
+        let small = parameters::small(model, observables)?;
+        if !with_fields {
+            return Ok((small, Vec::new(), Vec::new()));
+        }
+        let all = || (0..model.header.node_count as u32).collect();
+        let nodes = nodes.clone().unwrap_or_else(all);
+        let fields = parameters::fields(py, model, reconstructor, &nodes)?;
+        Ok((small, fields, parameters::shifts(py, model, &nodes)))
     }
 
     /// Writes the rows of states, and their fields into `values`, which has room for all of them or for none.

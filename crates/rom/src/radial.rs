@@ -144,13 +144,17 @@ impl KernelKind {
     }
 }
 
-/// Kernels in model files: their number and their parameter, 0 for those without one. A number is never given to another kernel.
+/// Kernels in model files: their number and their parameter, 0 for those without one. A number is never given to another kernel. In text
+/// they have their names.
 pub(crate) mod numbered {
     use super::KernelKind;
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     pub fn serialize<S: Serializer>(kernel: &KernelKind, to: S) -> Result<S::Ok, S::Error> {
+        if to.is_human_readable() {
+            return kernel.serialize(to);
+        }
         let number_and_parameter: (u32, f64) = match *kernel {
             KernelKind::Linear => (0, 0.0),
             KernelKind::ThinPlate => (1, 0.0),
@@ -164,6 +168,9 @@ pub(crate) mod numbered {
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<KernelKind, D::Error> {
+        if from.is_human_readable() {
+            return KernelKind::deserialize(from);
+        }
         Ok(match <(u32, f64)>::deserialize(from)? {
             (0, _) => KernelKind::Linear,
             (1, _) => KernelKind::ThinPlate,

@@ -213,11 +213,26 @@ impl Basis {
     }
 }
 
+/// The modes of one field as a basis sums them: `sum_k modes_k c_(first + k)` over the first `count` of them.
+#[derive(Clone, Copy, Debug)]
+pub struct FieldModes<'a> {
+    /// Position in [`crate::model::ModelHeader::fields`].
+    pub field: usize,
+    /// First of its coefficients.
+    pub first: usize,
+    /// Modes in use.
+    pub count: usize,
+    /// The modes over the nodes of the selection; [`Modes::value`] is what the sweep reads.
+    pub modes: &'a Modes,
+}
+
 /// The bases of a model for one selection of fields and nodes.
 #[derive(Clone, Debug)]
 pub struct Reconstructor {
     regimes: Vec<(RegimeKind, Basis)>,
     rows: usize,
+    /// Fields of the output, and behind them coordinates that a published magnitude needs.
+    fields: Vec<usize>,
     field_count: usize,
     max_coefficients: usize,
     /// Inputs that move the undeformed mesh, with the value at which it is the model's: their differences follow the
@@ -263,6 +278,7 @@ impl Reconstructor {
             moving,
             rows: nodes.map_or(header.node_count, |n| n.len()),
             field_count: fields.len(),
+            fields: with_hidden(model, &fields),
         })
     }
 
@@ -284,6 +300,19 @@ impl Reconstructor {
     /// The basis of a regime; `None` when the model was not trained in it.
     pub fn basis(&self, kind: RegimeKind) -> Option<&Basis> {
         self.regimes.iter().find(|(regime, _)| *regime == kind).map(|(_, basis)| basis)
+    }
+
+    /// The modes that the basis of a regime sums, field by field: for those who write the sum elsewhere. Coordinates that are not published
+    /// are among them where a published magnitude needs them.
+    pub fn field_modes(&self, kind: RegimeKind) -> impl Iterator<Item = FieldModes<'_>> {
+        self.basis(kind).into_iter().flat_map(|basis| {
+            basis.plan.ops.iter().zip(&basis.rows.modes).map(|(op, modes)| FieldModes {
+                field: self.fields[op.field],
+                first: op.first_coefficient,
+                count: op.modes,
+                modes,
+            })
+        })
     }
 
     /// All bases.
@@ -379,6 +408,12 @@ fn shifts<'a>(model: &'a Model, moving: &[(usize, f64)], first: usize) -> Vec<Sh
     moving.iter().enumerate().map(shift).collect()
 }
 
+/// Fields, and behind them the coordinates that a magnitude among them needs and that are not published.
+fn with_hidden(model: &Model, fields: &[usize]) -> Vec<usize> {
+    let derived = fields.iter().filter_map(|f| model.header.fields[*f].magnitude_of).flatten();
+    fields.iter().copied().chain(derived.filter(|axis| !fields.contains(axis))).collect()
+}
+
 /// Describes the selected fields of a regime to the kernel and lets it lay them out. Coordinates a derived magnitude
 /// needs are computed though not published.
 fn basis(
@@ -389,9 +424,7 @@ fn basis(
     options: BasisOptions,
     shifts: &[Shift<'_>],
 ) -> Result<Basis, ModelError> {
-    let derived = fields.iter().filter_map(|f| model.header.fields[*f].magnitude_of).flatten();
-    let hidden: Vec<usize> = derived.filter(|axis| !fields.contains(axis)).collect();
-    let order: Vec<usize> = fields.iter().chain(&hidden).copied().collect();
+    let order = with_hidden(model, fields);
     let mut roles = Vec::new();
     let mut described = Vec::new();
     for (at, &field) in order.iter().enumerate() {

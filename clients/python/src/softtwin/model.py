@@ -6,13 +6,16 @@ The answers are bit-identical to those of `softtwin predict`, and are written st
 import difflib
 import os
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _native
 from .prediction import Prediction
+
+if TYPE_CHECKING:
+    from .differentiable import Differentiable
 
 _NO_VALUES = np.empty(0, np.float32)
 Number = Union[float, npt.ArrayLike]
@@ -245,6 +248,21 @@ class Model:
     def session(self) -> "Session":
         """The model with a past: its memory and its inertia along readings."""
         return Session(self)
+
+    def jax(self, *, fields: bool = True, play_width: float = 0.0) -> "Differentiable":
+        """The model as a pure function of jax arrays, with derivatives; needs jax. `fields=False`: numbers and observables only.
+
+        `play_width`: loops of a session turn within this range of their input (in its unit) instead of at a corner, so that derivatives are continuous.
+        """
+        from .differentiable import Differentiable
+
+        return Differentiable(self, fields, play_width)
+
+    def to_onnx(self, path: "os.PathLike[str] | str", *, fields: bool = True) -> None:
+        """Writes the model as an ONNX graph of 64 bits: a vector of states by input, answers with the names of `columns` and `fields`; needs onnx."""
+        from .onnx_graph import to_onnx
+
+        to_onnx(self, os.fspath(path), fields)
 
     def mesh(self, pressure_mpa: Optional[float] = None, gap_mm: Optional[float] = None, **inputs: float) -> Any:
         """The deformed surface at one state as a `pyvista.PolyData` with all fields as point data; needs pyvista."""
