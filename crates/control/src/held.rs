@@ -3,7 +3,7 @@
 use crate::ahead::{Series, Trend};
 use crate::inverse::Quantity;
 use crate::law::{Controller, Cycle, Reading, Target};
-use crate::settings::{Limits, Settings};
+use crate::settings::{Limits, Settings, table_of};
 use crate::twin_model::{TwinModel, TwinModelError};
 use rom::inputs::{GAP, MAX_INPUTS, PRESSURE};
 use rom::model::Model;
@@ -195,7 +195,7 @@ impl Held {
         let number = |value: &toml::Value| value.as_float().or(value.as_integer().map(|whole| whole as f64));
         let given = of.inputs.iter().filter_map(|(name, value)| Some((name.as_str(), number(value)?)));
         model.header.set_parameters(given).map_err(TwinModelError::from)?;
-        let mut settings = of.control.clone();
+        let mut settings = of.control.of(table_of(column)).map_err(HeldError::Scene)?;
         let driven = match &settings.cavity {
             Some(cavity) => {
                 let input = model.header.parameter(&format!("pressure_mpa.{cavity}"));

@@ -10,11 +10,13 @@
 //! | `twin_model` | force and observable of a trained model |
 //! | `plant` | simulated actuator: delay, line, play, swing, noise |
 //! | `ahead` | targets ahead of now, from a rate or a series |
+//! | `experiment` | drive of the valve by which `softtwin tune` identifies it |
 //! | `held` | held quantity with its model, settings and limits, from a scene; the controller in a loop that is not ours |
 //! | `trial` | a controller on a plant in simulated time, and what is read off it |
 #![forbid(unsafe_code)]
 
 pub mod ahead;
+pub mod experiment;
 pub mod held;
 pub mod inverse;
 pub mod law;

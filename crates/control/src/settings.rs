@@ -4,6 +4,7 @@ use crate::twin_model::TwinModelError;
 use rom::memory::{Line, MemorySpec, Play};
 use rom::model::Model;
 use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
 
 /// Where the gauge is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -81,6 +82,28 @@ pub struct Settings {
     pub low_supply: LowSupply,
     /// Largest force, N; a target is cut at [`TARGET_FRACTION`] of it.
     pub force_max_n: f64,
+    /// Settings that count instead while the force, the tip, a pressure or an observable is held.
+    #[serde(skip_serializing_if = "Table::is_empty")]
+    pub force: Table,
+    #[serde(skip_serializing_if = "Table::is_empty")]
+    pub tip: Table,
+    #[serde(skip_serializing_if = "Table::is_empty")]
+    pub pressure: Table,
+    #[serde(skip_serializing_if = "Table::is_empty")]
+    pub observable: Table,
+}
+
+/// Tables of single quantities, by their names in a scene.
+pub const QUANTITIES: [&str; 4] = ["force", "tip", "pressure", "observable"];
+
+/// The table of a held quantity, of which `column` is that of its targets.
+pub fn table_of(column: &str) -> &'static str {
+    match column {
+        "force_n" => "force",
+        "tip_y_mm" => "tip",
+        "pressure_mpa" => "pressure",
+        _ => "observable",
+    }
 }
 
 /// Fraction of the force limit at which a target is cut: the rest is for overshoot.
@@ -111,11 +134,42 @@ impl Default for Settings {
             bias_max_mpa: 0.01,
             low_supply: LowSupply::Hold,
             force_max_n: 0.6,
+            force: Table::new(),
+            tip: Table::new(),
+            pressure: Table::new(),
+            observable: Table::new(),
         }
     }
 }
 
 impl Settings {
+    fn table(&self, name: &str) -> &Table {
+        match name {
+            "force" => &self.force,
+            "tip" => &self.tip,
+            "pressure" => &self.pressure,
+            _ => &self.observable,
+        }
+    }
+
+    /// The settings for a quantity, by the name of its table.
+    ///
+    /// # Errors
+    /// What of the table is no setting.
+    pub fn of(&self, name: &str) -> Result<Self, String> {
+        let own = self.table(name);
+        let mut all = Table::try_from(self).map_err(|error| error.to_string())?;
+        QUANTITIES.iter().for_each(|name| drop(all.remove(*name)));
+        // What is held and by which valve is no setting of a quantity.
+        let of_all = |key: &&String| ["hold", "cavity", "marker"].contains(&key.as_str());
+        let is_table = |key: &&String| QUANTITIES.contains(&key.as_str());
+        if let Some(key) = own.keys().find(|key| of_all(key) || is_table(key)) {
+            return Err(format!("{key}: expected in [actuator.control] only"));
+        }
+        all.extend(own.clone());
+        Value::Table(all).try_into().map_err(|error: toml::de::Error| error.message().to_owned())
+    }
+
     /// Times of the loop for the frequency of the swing: 0.9 of its period for the approach, 0.4 for each lag of the correction.
     #[must_use]
     pub fn with_swing(self, swing_hz: f64, swing_damping: f64) -> Self {
@@ -144,6 +198,13 @@ impl Settings {
     /// All errors; `key` is the table's place in the scene.
     pub fn problems(&self, key: &str) -> Vec<String> {
         let mut problems = Vec::new();
+        for name in QUANTITIES.into_iter().filter(|name| !self.table(name).is_empty()) {
+            let key = format!("{key}.{name}");
+            match self.of(name) {
+                Ok(own) => problems.extend(own.problems(&key)),
+                Err(error) => problems.push(format!("{key}: {error}")),
+            }
+        }
         let mut expect = |fits: bool, name: &str, expected: &str, found: f64| {
             if !fits {
                 problems.push(format!("{key}.{name}: expected {expected}, found {found}"));
@@ -215,3 +276,7 @@ impl Default for Limits {
         Self { range_mpa: [0.0, 0.09], rate_mpa_per_s: f64::INFINITY, contact_n: 0.008 }
     }
 }
+
+#[cfg(test)]
+#[path = "../tests/unit/settings.rs"]
+mod tests;

@@ -1,27 +1,67 @@
-//! The experiment on the valve.
+//! The experiment on the valve. Readings that come late, and the time-out that follows, are made up for by repeating the part; whatever else keeps
+//! the valve from following ends it.
 
-use super::super::live::{Silence, VALID, WAITS, first, state_gap_mm};
+use super::super::live::{Silence, first, state_gap_mm};
 use super::super::sensors::Sensors;
-use super::experiment::Experiment;
 use crate::live::Owner;
 use anyhow::{Context, bail, ensure};
+use control::experiment::{Experiment, MOST_REPEATS, Progress};
 use control::held::Held;
 use control::law::LONGEST_S;
 use runtime::config::ActuatorSpec;
+use std::io::Write;
 use std::sync::atomic::Ordering;
+use std::time::Duration;
 use train::actuation::ActuationCycle;
-use wire::layout::valve_reason;
-use wire::{Bus, StateReader, Topic, ValveReader, WakeSet, Wakeable, Waking};
+use wire::layout::{valve_interlock, valve_reason};
+use wire::{Bus, StateReader, Topic, Valve, ValveReader, WakeSet, Wakeable, Waking};
 
 /// The owner's name.
 const OWNER: &str = "softtwin-tune";
-/// Time after which the valve has to follow, s.
+/// Time after which the valve has to follow, also after a repeat, s.
 const FOLLOWS_S: f64 = 1.0;
+
+/// What keeps the valve from following.
+enum Hindrance {
+    /// A reading or a setpoint came late: the part is repeated.
+    Late(String),
+    /// Somebody or something closed the valve: why, and what to do.
+    Closed(String),
+}
+
+/// Why a valve does not follow; `None` if it does.
+fn hindrance(valve: &Valve) -> Option<Hindrance> {
+    let names = || valve_interlock::names(valve.valve_interlock).collect::<Vec<_>>().join(", ");
+    let late = valve_interlock::STALE | valve_interlock::NO_STATE;
+    match valve.valve_reason {
+        valve_reason::TIMEOUT => Some(Hindrance::Late("a setpoint came later than its validity".into())),
+        valve_reason::INTERLOCK if valve.valve_interlock & !late == 0 => {
+            Some(Hindrance::Late(format!("interlock {}: a state came late", names())))
+        }
+        valve_reason::INTERLOCK => Some(Hindrance::Closed(format!(
+            "interlock {}; end its cause (docs/control.md#driving-a-valve; after `force`: `softtwin setpoint ACTUATOR --release`), then begin again",
+            names()
+        ))),
+        valve_reason::OVERRIDE => Some(Hindrance::Closed(
+            "an operator's override; end it with `softtwin setpoint ACTUATOR --release`, then begin again"
+                .into(),
+        )),
+        valve_reason::DEVICE_ERROR => Some(Hindrance::Closed(
+            "the device does not confirm what is written; `softtwin doctor` and the bridge's output say why"
+                .into(),
+        )),
+        valve_reason::NO_SETPOINT => Some(Hindrance::Closed(
+            "the bridge has no setpoint; is another domain or actuator driven?".into(),
+        )),
+        _ => None,
+    }
+}
 
 /// Cycles of the experiment, and the gap; whatever ends it lets go of the valve.
 pub(super) fn run(
     bus: &Bus,
     given_gap_mm: Option<f64>,
+    valid: Duration,
     spec: &ActuatorSpec,
     held: &Held,
     consent: impl FnOnce(&Experiment) -> anyhow::Result<()>,
@@ -40,12 +80,13 @@ pub(super) fn run(
     let cavity = held.settings.cavity.as_deref();
     let valves = ValveReader::attach_as(bus, &Topic::valve(&spec.name)?.of_cavity(cavity)?, Waking::Never)?;
     let mut sensors = Sensors::open(bus, spec, held)?;
-    let mut owner = Owner::new(bus, &Topic::setpoint(&spec.name)?.of_cavity(cavity)?, OWNER, VALID)?;
-    let mut rows = Vec::new();
+    let mut owner = Owner::new(bus, &Topic::setpoint(&spec.name)?.of_cavity(cavity)?, OWNER, valid)?;
+    let mut rows: Vec<ActuationCycle> = Vec::new();
     let mut drive = || -> anyhow::Result<()> {
-        let (mut begin_ns, mut time_s) = (None, 0.0);
+        let (mut begin_ns, mut elapsed_s, mut since_s) = (None, 0.0, 0.0);
+        let mut progress = Progress::begin();
         let mut silence = Silence::begin();
-        while time_s < experiment.end_s() {
+        while progress.time_s(elapsed_s) < experiment.end_s() {
             ensure!(!stop.load(Ordering::Relaxed), "interrupted: the valve is let go, nothing is written");
             let Some(state) = states.newest()? else {
                 silence.wait(&mut wake)?;
@@ -54,27 +95,47 @@ pub(super) fn run(
             if !silence.has_reading(&state)? || !sensors.take(&state)? {
                 continue;
             }
-            let before_s = time_s;
-            time_s =
-                state.t_sensor_ns.saturating_sub(*begin_ns.get_or_insert(state.t_sensor_ns)) as f64 * 1e-9;
-            ensure!(
-                time_s - before_s <= LONGEST_S,
-                "no reading for {:.2} s: the valve may have closed meanwhile; let go, nothing is written",
-                time_s - before_s
-            );
-            if let Some(valve) = valves.newest()?.filter(|_| time_s > FOLLOWS_S) {
-                let reason = valve.valve_reason;
-                if WAITS.contains(&reason) || reason == valve_reason::NO_SETPOINT {
-                    bail!(
-                        "the valve does not follow ({}): let go, nothing is written",
-                        valve_reason::as_str(reason)
-                    );
-                }
+            let before_s = elapsed_s;
+            let begin_ns = *begin_ns.get_or_insert(state.t_sensor_ns);
+            elapsed_s = state.t_sensor_ns.saturating_sub(begin_ns) as f64 * 1e-9;
+            // All samples: a time-out may last for one only.
+            let mut found = None;
+            while let Some(valve) = valves.next()? {
+                found = found.or_else(|| hindrance(&valve));
             }
+            let at_s = progress.time_s(elapsed_s);
+            let late = match found.filter(|_| elapsed_s - since_s > FOLLOWS_S) {
+                Some(Hindrance::Closed(why)) => {
+                    bail!(
+                        "{at_s:.1} s into the experiment the valve does not follow: {why}. It is let go, nothing is written"
+                    )
+                }
+                Some(Hindrance::Late(why)) => Some(why),
+                None if elapsed_s - before_s > LONGEST_S => {
+                    Some(format!("no reading for {:.2} s", elapsed_s - before_s))
+                }
+                None => None,
+            };
+            if let Some(why) = late {
+                let Some(from_s) = progress.repeat(&experiment, elapsed_s) else {
+                    bail!(
+                        "{at_s:.1} s into the experiment: {why}, after {MOST_REPEATS} repeats. The valve is let go, nothing is written. Give twin, bridge and \
+                         this program a priority (`chrt -f 50`), or setpoints more time: --valid-ms, now {:.0}",
+                        1e3 * valid.as_secs_f64()
+                    );
+                };
+                // A closed error stream is no reason to let go of the valve.
+                let _ = writeln!(std::io::stderr(), "{at_s:.1} s: {why}; the step is repeated");
+                rows.retain(|row| row.time_s < from_s);
+                since_s = elapsed_s;
+            }
+            let time_s = progress.time_s(elapsed_s);
             let command_mpa = experiment.at(time_s);
             owner.send(command_mpa, state.t_sensor_ns)?;
             let (gauge_mpa, measured) = (sensors.pressure_mpa(&state), sensors.measured(&state));
-            rows.push(ActuationCycle { time_s, command_mpa, gauge_mpa, measured });
+            if progress.counts(time_s) {
+                rows.push(ActuationCycle { time_s, command_mpa, gauge_mpa, measured });
+            }
         }
         Ok(())
     };

@@ -1,6 +1,5 @@
 //! `softtwin tune`: a bounded experiment on the valve, and the settings that follow from it.
 
-mod experiment;
 mod live;
 mod scene;
 
@@ -10,18 +9,19 @@ use crate::failure::{configuration, usage};
 use crate::live::DomainArgs;
 use crate::picture::{Figure, Panel, Series};
 use crate::{output, report};
+use control::experiment::Experiment;
 use control::held::Held;
 use control::inverse::{Model, Quantity};
 use control::law::{Controller, Target};
 use control::plant::Plant;
-use control::settings::{GaugeAt, Settings};
+use control::settings::{GaugeAt, Settings, table_of};
 use control::trial::{Loop, Trial, step_figures};
 use control::twin_model::OUT_OF_REACH_MM;
-use experiment::Experiment;
 use runtime::config::Scene;
 use serde_json::{Value, json};
 use std::io::{BufRead, IsTerminal};
 use std::path::PathBuf;
+use std::time::Duration;
 use train::actuation::{Actuation, ActuationCycle, identify_actuation};
 
 const EXAMPLES: &str = "\
@@ -33,13 +33,14 @@ Examples:
 
 const NOTES: &str = "\
 The experiment: steps up and down at three pressures, then a ramp up and down, within the range of [actuator.valve], at most at its rate, and up to 80 % of the \
-force limit. It is shown and asked for first. Ctrl-C, a closed terminal, an interlock or a valve that does not follow end it at the safe value, and nothing is written.";
+force limit. It is shown and asked for first. A step that a late reading has disturbed is repeated, up to five times. Ctrl-C, a closed terminal, an override, an interlock \
+or a device that does not answer end it at the safe value, and nothing is written.";
 
 /// Identify line, delay, the valve's rate, play and swing by a bounded experiment on the valve, and set the controller.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
-    /// Scene of the running twin and bridge; its [actuator.control] is changed.
+    /// Scene of the running twin and bridge; its [actuator.control] is changed, and in it the table of what is held.
     #[arg(long, value_name = "FILE")]
     scene: PathBuf,
     /// Actuator; default: the scene's first.
@@ -48,6 +49,9 @@ pub struct Args {
     /// Gap that is assumed if the twin's states have none, mm.
     #[arg(long = "gap", value_name = "MM", value_parser = crate::range::gap_mm)]
     gap_mm: Option<f64>,
+    /// Validity of each setpoint, ms: a reading that comes later closes the valve. At most valid_max_ms of the valve counts.
+    #[arg(long, value_name = "MS", default_value_t = 50.0, value_parser = crate::range::number(1.0, 60_000.0))]
+    valid_ms: f64,
     /// Does not ask.
     #[arg(long)]
     yes: bool,
@@ -81,7 +85,9 @@ impl Args {
         let (rows, experiment, gap_mm) = if self.simulate {
             self.simulated(&held)?
         } else {
-            live::run(&self.domain.join()?, self.gap_mm, spec, &held, |experiment| self.consent(experiment))?
+            let valid = Duration::from_secs_f64(1e-3 * self.valid_ms);
+            let consent = |experiment: &Experiment| self.consent(experiment);
+            live::run(&self.domain.join()?, self.gap_mm, valid, spec, &held, consent)?
         };
         let sees_line = held.settings.gauge_at == GaugeAt::Cavity;
         let is_measured = held.quantity != Quantity::Pressure;
@@ -92,7 +98,7 @@ impl Args {
             picture(&held, &rows).save(out)?;
         }
         if !self.simulate {
-            scene::write(&self.scene, at, &settings)?;
+            scene::write(&self.scene, at, table_of(&held.name), &settings)?;
         }
         let report = json!({
             "held": held.name, "unit": held.unit, "seconds": experiment.end_s(), "rows": rows.len(), "found": found,
@@ -184,8 +190,13 @@ fn settings(old: &Settings, found: &Actuation) -> Settings {
 
 /// The keys that are written.
 fn control_keys(settings: &Settings) -> Value {
-    let keys = scene::keys(settings);
-    keys.into_iter().map(|(key, value)| (key.to_owned(), value)).collect::<serde_json::Map<_, _>>().into()
+    let (of_line, of_quantity) = scene::keys(settings);
+    of_line
+        .into_iter()
+        .chain(of_quantity)
+        .map(|(key, value)| (key.to_owned(), value))
+        .collect::<serde_json::Map<_, _>>()
+        .into()
 }
 
 /// Command and gauge over time, and the quantity over the gauge.

@@ -5,52 +5,65 @@ use anyhow::{Context, anyhow};
 use control::settings::Settings;
 use serde_json::{Value, json};
 use std::path::Path;
-use toml_edit::{DocumentMut, Item, value};
+use toml_edit::{DocumentMut, Item, TableLike, value};
 
-/// Keys of `[actuator.control]` that an experiment sets; null: the key is not in the scene.
-pub(super) fn keys(settings: &Settings) -> [(&'static str, Value); 8] {
+/// A key of a scene with its value; null: the key is not in the scene.
+type Key = (&'static str, Value);
+
+/// Keys that an experiment sets: those of valve and line, and those of the held quantity.
+pub(super) fn keys(settings: &Settings) -> ([Key; 3], [Key; 5]) {
     // Four digits: more are noise.
     let short = |value: f64| format!("{value:.3e}").parse::<f64>().unwrap_or(value);
     let plays = settings
         .play
         .iter()
         .map(|play| json!({ "threshold": short(play.threshold), "weight": short(play.weight) }));
-    [
+    let of_line = [
         ("line", json!({ "fill_s": short(settings.line.fill_s), "empty_s": short(settings.line.empty_s) })),
         ("delay_s", json!(short(settings.delay_s))),
         ("valve_mpa_per_s", json!(settings.valve_mpa_per_s.map(short))),
+    ];
+    let of_quantity = [
         ("play", plays.collect()),
         ("swing_hz", json!(short(settings.swing_hz))),
         ("swing_damping", json!(short(settings.swing_damping))),
         ("approach_s", json!(short(settings.approach_s))),
         ("correction_s", json!(short(settings.correction_s))),
-    ]
+    ];
+    (of_line, of_quantity)
 }
 
-/// Writes the keys to the `at`-th actuator.
-pub(super) fn write(path: &Path, at: usize, settings: &Settings) -> anyhow::Result<()> {
+/// Writes the keys to the `at`-th actuator: those of the line to its `control`, those of the quantity to the table of this name in it.
+pub(super) fn write(path: &Path, at: usize, quantity: &str, settings: &Settings) -> anyhow::Result<()> {
     let place = || path.display().to_string();
     let text = std::fs::read_to_string(path).with_context(place)?;
     let mut document: DocumentMut = text.parse().map_err(configuration)?;
     let actuators = document.get_mut("actuator").and_then(Item::as_array_of_tables_mut);
     let actuator = actuators.and_then(|actuators| actuators.get_mut(at));
     let actuator = actuator.ok_or_else(|| configuration(anyhow!("{}: expected [[actuator]]", place())))?;
+    let no_table = |name: &str| configuration(anyhow!("{}: expected a table {name}", place()));
     let control = actuator.entry("control").or_insert(toml_edit::table());
-    let control = control.as_table_like_mut();
-    let control = control.ok_or_else(|| configuration(anyhow!("{}: expected a table control", place())))?;
-    for (key, of) in keys(settings) {
+    let control = control.as_table_like_mut().ok_or_else(|| no_table("control"))?;
+    let (of_line, of_quantity) = keys(settings);
+    set(control, of_line);
+    let own = control.entry(quantity).or_insert(toml_edit::table());
+    set(own.as_table_like_mut().ok_or_else(|| no_table(quantity))?, of_quantity);
+    crate::files::save(path, document.to_string().as_bytes())
+}
+
+fn set(table: &mut dyn TableLike, keys: impl IntoIterator<Item = Key>) {
+    for (key, of) in keys {
         if of.is_null() {
-            control.remove(key);
+            table.remove(key);
             continue;
         }
-        let decor = control.get(key).and_then(Item::as_value).map(|old| old.decor().clone());
+        let decor = table.get(key).and_then(Item::as_value).map(|old| old.decor().clone());
         let mut new = inline(&of);
         if let Some(decor) = decor {
             *new.decor_mut() = decor;
         }
-        control.insert(key, value(new));
+        table.insert(key, value(new));
     }
-    crate::files::save(path, document.to_string().as_bytes())
 }
 
 fn inline(of: &Value) -> toml_edit::Value {
