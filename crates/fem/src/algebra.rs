@@ -1,53 +1,9 @@
-//! Three-component vectors and 3 x 3 matrices as plain arrays: all the small algebra the elements need.
+//! 3 x 3 matrices as plain arrays, beside the vectors of [`rom::vector`]: all the small algebra the elements need.
 
-/// A vector of three components.
-pub(crate) type Vec3 = [f64; 3];
+pub(crate) use rom::vector::{Vec3, add, axpy, cross, dot, norm, scale, sub};
+
 /// A 3 x 3 matrix, row by row.
 pub(crate) type Mat3 = [[f64; 3]; 3];
-
-/// `a - b`.
-#[inline]
-pub(crate) fn sub(a: Vec3, b: Vec3) -> Vec3 {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-/// `a + b`.
-#[inline]
-pub(crate) fn add(a: Vec3, b: Vec3) -> Vec3 {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-/// `s a`.
-#[inline]
-pub(crate) fn scale(s: f64, a: Vec3) -> Vec3 {
-    [s * a[0], s * a[1], s * a[2]]
-}
-
-/// `y += s x`.
-#[inline]
-pub(crate) fn axpy(s: f64, x: Vec3, y: &mut Vec3) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y += s * x;
-    }
-}
-
-/// Scalar product.
-#[inline]
-pub(crate) fn dot(a: Vec3, b: Vec3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// Vector product.
-#[inline]
-pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// Euclidean length.
-#[inline]
-pub(crate) fn norm(a: Vec3) -> f64 {
-    dot(a, a).sqrt()
-}
 
 /// `m v`.
 #[inline]

@@ -6,6 +6,7 @@ use crate::contact::{Obstacle, Round};
 use crate::dynamics::Dynamics;
 use crate::element::cavity::CavityLoad;
 use crate::material::{Elastomer, Film, Hyperelastic, SheetMaterial, VolumeChange};
+use rom::memory::ATMOSPHERE_MPA;
 use rom::snapshots::Footprint;
 
 /// Gravity along -y (mm/s2), the actuator's usual attitude.
@@ -147,7 +148,7 @@ pub struct Load {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub injected_mm3: Option<f64>,
     /// Volume of the supply that the cavity is connected to (mm3). If given, `injected_mm3` is that of gas at atmospheric pressure, added
-    /// to cavity and supply; see [`crate::gas`].
+    /// to cavity and supply (`(P + P_a) (V + V_d) = P_a (V_0 + V_d + n)` at constant temperature).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_mm3: Option<f64>,
     /// Obstacle below the base.
@@ -157,6 +158,14 @@ pub struct Load {
     /// Pressures of further cavities minus those of the configuration's `cavities_mpa` (MPa).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub cavities_change_mpa: [f64; 6],
+}
+
+/// Volume of a milligram of air at 20 degrees Celsius and atmospheric pressure (mm3): R = 287.05 J/(kg K).
+pub const MM3_PER_MG: f64 = 287.05e-3 * 293.15 / ATMOSPHERE_MPA;
+
+/// Gas in a cavity of the volume `cavity_mm3` (mm3 at atmospheric pressure), with that of its supply.
+pub(crate) fn amount_mm3(pressure_mpa: f64, cavity_mm3: f64, dead_mm3: f64) -> f64 {
+    (1.0 + pressure_mpa / ATMOSPHERE_MPA) * (cavity_mm3 + dead_mm3)
 }
 
 /// Most cavities in addition to that of the load's pressure: a model has at most eight inputs.

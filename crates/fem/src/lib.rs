@@ -12,7 +12,6 @@ mod dynamics;
 mod element;
 mod energy;
 mod family;
-pub mod gas;
 pub mod inertia;
 mod krylov;
 mod linear;
@@ -38,7 +37,7 @@ mod vibration;
 
 pub use bending::{Bending, observables};
 pub use config::{
-    ContactSettings, GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2, Load, NewtonSettings, ProblemConfig,
+    ContactSettings, GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2, Load, MM3_PER_MG, NewtonSettings, ProblemConfig,
 };
 pub use contact::{Form, Obstacle, Round};
 pub use dynamics::{Dynamics, PronyTerm};

@@ -14,7 +14,6 @@ use crate::config::Load;
 use crate::element::membrane::{self, Plane};
 use crate::element::tet10::Invalid;
 use crate::family::VariantError;
-use crate::gas::ATMOSPHERE_MPA;
 use crate::linear::CONSTRAINED;
 use crate::linear::LinearError;
 use crate::output::{MAX_RESIDUAL, balance};
@@ -22,6 +21,7 @@ use crate::problem::Problem;
 use crate::state::State;
 use crate::system::{Ahead, InvalidState, System, face};
 use crate::tangent::Tangent;
+use rom::memory::ATMOSPHERE_MPA;
 
 /// Error of the iteration at one load.
 #[derive(Clone, Debug, Error, PartialEq)]

@@ -12,6 +12,7 @@ use crate::contact::Obstacle;
 use crate::newton::{Closure, Effort, NewtonError, product};
 use crate::solver::{NotConverged, Report, SolveError, Solver};
 use crate::state::State;
+use rom::cubic::Cubic;
 
 /// Equilibrium on a path.
 #[derive(Clone, Debug, PartialEq)]
@@ -128,8 +129,6 @@ const SHORTEST: f64 = 1.0e-3;
 const MAX_POINTS: usize = 10;
 /// Largest displacement of a step, in its length.
 const MAX_LENGTHS: f64 = 3.0;
-/// Halvings of a bisection.
-const HALVINGS: usize = 60;
 /// Steps within which a limit of the pressure is looked for, steps behind it within which its pressure is looked for, and the first
 /// step as a fraction of the step that failed.
 const SEARCH_STEPS: usize = 16;
@@ -384,7 +383,7 @@ impl Solver {
         if a.sense == b.sense || a.both_turn(b) {
             return None;
         }
-        let cubic = Cubic::pressure(a, b);
+        let cubic = pressure_over_volume([a, b]);
         let injected_mm3 = Some(cubic.x_at(cubic.root(|[_, slope]| slope)));
         let (state, report) = self.solve_to(&a.state, &Load { injected_mm3, ..a.state.load }).ok()?;
         effort.factorisations += report.factorisations;
@@ -496,55 +495,21 @@ fn same(a: f64, b: f64) -> f64 {
     if (a < 0.0) == (b < 0.0) { 1.0 } else { -1.0 }
 }
 
-/// Cubic through two points with their slopes.
-#[derive(Clone, Copy)]
-struct Cubic {
-    x: [f64; 2],
-    y: [f64; 2],
-    slope: [f64; 2],
+/// Pressure over volume between two points.
+fn pressure_over_volume([a, b]: [&PathPoint; 2]) -> Cubic {
+    Cubic {
+        x: [a.injected_mm3, b.injected_mm3],
+        y: [a.pressure_mpa(), b.pressure_mpa()],
+        slope: [1.0 / a.compliance_mm3_per_mpa, 1.0 / b.compliance_mm3_per_mpa],
+    }
 }
 
-impl Cubic {
-    /// Pressure over volume between two points.
-    fn pressure(a: &PathPoint, b: &PathPoint) -> Self {
-        Self {
-            x: [a.injected_mm3, b.injected_mm3],
-            y: [a.pressure_mpa(), b.pressure_mpa()],
-            slope: [1.0 / a.compliance_mm3_per_mpa, 1.0 / b.compliance_mm3_per_mpa],
-        }
-    }
-
-    /// Volume over pressure between two points.
-    fn volume(a: &PathPoint, b: &PathPoint) -> Self {
-        Self {
-            x: [a.pressure_mpa(), b.pressure_mpa()],
-            y: [a.injected_mm3, b.injected_mm3],
-            slope: [a.compliance_mm3_per_mpa, b.compliance_mm3_per_mpa],
-        }
-    }
-
-    /// Value and slope at a fraction of the interval.
-    fn at(&self, t: f64) -> [f64; 2] {
-        let h = self.x[1] - self.x[0];
-        let [a, b] = self.slope.map(|slope| slope * h);
-        let rise = self.y[1] - self.y[0];
-        let (c, d) = (3.0 * rise - 2.0 * a - b, a + b - 2.0 * rise);
-        [self.y[0] + t * (a + t * (c + t * d)), (a + t * (2.0 * c + 3.0 * t * d)) / h]
-    }
-
-    /// Fraction at which a component changes its sign, by bisection.
-    fn root(&self, of: impl Fn([f64; 2]) -> f64) -> f64 {
-        let (mut low, mut high) = (0.0, 1.0);
-        let rising = of(self.at(0.0)) < 0.0;
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (low + high);
-            if (of(self.at(middle)) < 0.0) == rising { low = middle } else { high = middle }
-        }
-        0.5 * (low + high)
-    }
-
-    fn x_at(&self, t: f64) -> f64 {
-        self.x[0] + t * (self.x[1] - self.x[0])
+/// Volume over pressure between two points.
+fn volume_over_pressure([a, b]: [&PathPoint; 2]) -> Cubic {
+    Cubic {
+        x: [a.pressure_mpa(), b.pressure_mpa()],
+        y: [a.injected_mm3, b.injected_mm3],
+        slope: [a.compliance_mm3_per_mpa, b.compliance_mm3_per_mpa],
     }
 }
 
@@ -556,12 +521,12 @@ pub fn limits(points: &[PathPoint]) -> Vec<Limit> {
         let pressure_turns = a.sense * b.sense < 0.0;
         let volume_turns = a.sense * a.compliance_mm3_per_mpa * b.sense * b.compliance_mm3_per_mpa < 0.0;
         let (kind, pressure_mpa, injected_mm3) = if pressure_turns {
-            let cubic = Cubic::pressure(a, b);
+            let cubic = pressure_over_volume([a, b]);
             let t = cubic.root(|[_, slope]| slope);
             let kind = if a.sense > 0.0 { LimitKind::PressureMaximum } else { LimitKind::PressureMinimum };
             (kind, cubic.at(t)[0], cubic.x_at(t))
         } else if volume_turns {
-            let cubic = Cubic::volume(a, b);
+            let cubic = volume_over_pressure([a, b]);
             let t = cubic.root(|[_, slope]| slope);
             (LimitKind::Volume, cubic.x_at(t), cubic.at(t)[0])
         } else if a.negative_eigenvalues != b.negative_eigenvalues {
@@ -594,7 +559,7 @@ fn crossing(pair: &[PathPoint], pressure_mpa: f64) -> Option<f64> {
     let stable = a.is_stable_at_pressure() || b.is_stable_at_pressure();
     let rising = a.compliance_mm3_per_mpa > 0.0 || b.compliance_mm3_per_mpa > 0.0;
     (low * high <= 0.0 && stable && rising).then(|| {
-        let cubic = Cubic::pressure(a, b);
+        let cubic = pressure_over_volume([a, b]);
         cubic.x_at(cubic.root(|[pressure, _]| pressure - pressure_mpa))
     })
 }

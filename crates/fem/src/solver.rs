@@ -6,10 +6,9 @@ use std::time::Instant;
 use thiserror::Error;
 
 use crate::algebra::{Vec3, norm, sub};
-use crate::config::{Load, NewtonSettings, pressures_mpa};
+use crate::config::{Load, NewtonSettings, amount_mm3, pressures_mpa};
 use crate::contact::Obstacle;
 use crate::family::VariantError;
-use crate::gas::amount_mm3;
 use crate::linear::LinearError;
 use crate::newton::{Closure, Effort, Newton, NewtonError};
 use crate::output::{self, MAX_RESIDUAL, Output};

@@ -2,9 +2,9 @@
 
 use crate::builder::close;
 use crate::closed_forms::{hollow_sphere, sphere_pressure};
-use fem::gas::ATMOSPHERE_MPA;
 use fem::material::Hyperelastic;
 use fem::{LimitKind, Load, NewtonError, PathSettings, SolveError, Solver, State, limits};
+use rom::memory::ATMOSPHERE_MPA;
 use std::f64::consts::PI;
 use std::sync::Arc;
 

@@ -7,7 +7,6 @@ pub mod database;
 mod error;
 pub mod export;
 pub mod file;
-mod foreign;
 pub mod log;
 pub mod mesh_file;
 mod mesh_reader;

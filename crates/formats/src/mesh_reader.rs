@@ -2,7 +2,7 @@
 
 use crate::cells::{Block, Kind};
 use crate::error::FormatError;
-use crate::foreign;
+use crate::file::unreadable;
 use crate::mesh_file::MeshFile;
 use crate::{abaqus, msh, vtu};
 use std::path::Path;
@@ -21,7 +21,7 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, FormatError> {
             let solids = solids.map_err(|error| FormatError::one(path, error))?;
             Ok(MeshFile { surfaces: mesh.surfaces, volumes: mesh.volumes, ..solids })
         }
-        _ => Err(foreign::error(path, "a mesh as .vtu, .msh or .inp", "vtu")),
+        _ => Err(unreadable(path, "a mesh as .vtu, .msh or .inp", "vtu")),
     }
 }
 

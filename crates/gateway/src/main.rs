@@ -25,7 +25,7 @@ use clap::{CommandFactory, Parser};
 use config::{Config, Endpoint, list};
 use link::{Counters, Link, Liveness};
 use runtime::config::ConfigError;
-use runtime::{metrics, removed_files, service};
+use runtime::{metrics, service};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -110,7 +110,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
     let counted = counters.clone();
     metrics::start(&mut group, listener, || move || counted.metrics())?;
     let own_files = OwnFiles::of(&Domain::from_env())?;
-    group.start(removed_files::NAME, move |end| removed_files::watch(&own_files, end))?;
+    group.start("files", move |end| service::watch_files(&own_files, end))?;
     let mut liveness = Liveness::from_env();
     let ended = loop {
         liveness.forget_threads();

@@ -1,6 +1,7 @@
 //! The surface of a body visible from outside: without the walls of closed cavities.
 
 use super::camera::{Vec3, cross, dot};
+use rom::parts::Parts;
 
 /// The facets that can be seen from outside: connected parts of the boundary that enclose material, without those that
 /// enclose a cavity.
@@ -11,11 +12,7 @@ use super::camera::{Vec3, cross, dot};
 pub fn visible_facets(nodes_mm: &[Vec3], facets: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let known = |facet: &[u32; 3]| facet.iter().all(|&node| (node as usize) < nodes_mm.len());
     let facets: Vec<[u32; 3]> = facets.iter().copied().filter(known).collect();
-    let mut parts = Parts::new(nodes_mm.len());
-    for facet in &facets {
-        parts.join(facet[0], facet[1]);
-        parts.join(facet[0], facet[2]);
-    }
+    let mut parts = Parts::new(nodes_mm.len(), &facets);
     let mut volume_mm3 = vec![0.0_f64; nodes_mm.len()];
     for facet in &facets {
         volume_mm3[parts.root(facet[0]) as usize] += cone_volume(facet.map(|node| nodes_mm[node as usize]));
@@ -28,30 +25,6 @@ pub fn visible_facets(nodes_mm: &[Vec3], facets: &[[u32; 3]]) -> Vec<[u32; 3]> {
 /// Signed volume between the origin and a triangle.
 fn cone_volume([a, b, c]: [Vec3; 3]) -> f64 {
     f64::from(dot(a, cross(b, c))) / 6.0
-}
-
-/// Union-find over nodes.
-struct Parts(Vec<u32>);
-
-impl Parts {
-    fn new(count: usize) -> Self {
-        Self((0..count as u32).collect())
-    }
-
-    fn root(&mut self, node: u32) -> u32 {
-        let mut at = node;
-        while self.0[at as usize] != at {
-            let up = self.0[self.0[at as usize] as usize];
-            self.0[at as usize] = up;
-            at = up;
-        }
-        at
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
 }
 
 #[cfg(test)]

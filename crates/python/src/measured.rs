@@ -7,14 +7,26 @@ use formats::unit::{in_heading, unit};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use train::comparison::{ComparedOutput, SensorBiases};
-use train::measured::{LearningReport, Measured, Run};
+use train::measured::{LearningReport, Measured};
 
 /// A run: times, and values by input and by output.
 type Columns<'py> =
     (PyReadonlyArray1<'py, f64>, Vec<PyReadonlyArray1<'py, f64>>, Vec<PyReadonlyArray1<'py, f64>>);
 
-fn values(columns: &[PyReadonlyArray1<'_, f64>]) -> Vec<Vec<f64>> {
-    columns.iter().map(|column| column.as_array().to_vec()).collect()
+fn recording(inputs: &[String], outputs: &[String], run: &Columns<'_>) -> Recording {
+    let series = |names: &[String], columns: &[PyReadonlyArray1<'_, f64>]| {
+        let named = names.iter().zip(columns);
+        named
+            .map(|(name, column)| Series { name: name.clone(), values: column.as_array().to_vec() })
+            .collect()
+    };
+    Recording {
+        start_s: 0.0,
+        time_s: run.0.as_array().to_vec(),
+        inputs: series(inputs, &run.1),
+        outputs: series(outputs, &run.2),
+        remarks: Vec::new(),
+    }
 }
 
 /// Learns a model from runs with columns of these names. Gives the model and the report.
@@ -26,12 +38,7 @@ pub fn learn(
     outputs: Vec<String>,
     runs: Vec<Columns<'_>>,
 ) -> PyResult<(Model, String)> {
-    let run = |(time, inputs, outputs): &Columns<'_>| Run {
-        time_s: time.as_array().to_vec(),
-        inputs: values(inputs),
-        outputs: values(outputs),
-    };
-    let data = Measured { inputs, outputs, runs: runs.iter().map(run).collect() };
+    let data = Measured::of(runs.iter().map(|run| recording(&inputs, &outputs, run)).collect());
     let learned = py.detach(|| train::measured::learn(name, &data)).map_err(refused)?;
     let report = serde_json::to_string(&LearningReport::of(&learned)).map_err(refused)?;
     Ok((Model::of(learned.model)?, report))
@@ -51,17 +58,7 @@ pub fn compare<'py>(
     run: Columns<'py>,
     follow_s: Option<f64>,
 ) -> PyResult<(String, Vec<OutputArrays<'py>>)> {
-    let series = |names: Vec<String>, columns: &[PyReadonlyArray1<'_, f64>]| {
-        let named = names.into_iter().zip(values(columns));
-        named.map(|(name, values)| Series { name, values }).collect()
-    };
-    let recording = Recording {
-        start_s: 0.0,
-        time_s: run.0.as_array().to_vec(),
-        inputs: series(inputs, &run.1),
-        outputs: series(outputs, &run.2),
-        remarks: Vec::new(),
-    };
+    let recording = recording(&inputs, &outputs, &run);
     let compare = || train::comparison::compare(model.model(), &recording, SensorBiases::default(), follow_s);
     let found = py.detach(compare).map_err(refused)?;
     let report = serde_json::to_string(&found).map_err(refused)?;

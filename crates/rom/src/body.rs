@@ -8,7 +8,7 @@
 
 use crate::affine::Affine;
 use crate::evaluation::Evaluation;
-use crate::observable::form::Form;
+use crate::observable::Form;
 use crate::snapshots::RegimeKind;
 use std::ops::Range;
 

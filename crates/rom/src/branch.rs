@@ -11,6 +11,7 @@
 //! of interpolation and is levelled.
 
 use crate::contract::{Output, contracted};
+use crate::cubic::Cubic;
 use crate::evaluation::Evaluation;
 use crate::evaluator::{Evaluator, Query};
 use crate::hull::DomainStatus;
@@ -30,8 +31,6 @@ const SHALLOW: f64 = 1e-3;
 const AT_REST: f64 = 0.01;
 /// Longest time between two readings over which the branch stays known, s.
 const MAX_GAP_S: f64 = 1.0;
-/// Halvings of a bisection.
-const HALVINGS: u32 = 50;
 
 /// State of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -291,8 +290,8 @@ impl Branch {
             return end.volume_mm3 + ((pressure_mpa - end.pressure_mpa) / slope).clamp(-length, length);
         }
         let pair = [self.samples[after - 1], self.samples[after]];
-        let fraction = bisect(|t| cubic(pair, t)[0] > pressure_mpa);
-        pair[0].volume_mm3 + fraction * (pair[1].volume_mm3 - pair[0].volume_mm3)
+        let cubic = cubic(pair);
+        cubic.x_at(cubic.root(|[found_mpa, _]| found_mpa - pressure_mpa))
     }
 }
 
@@ -303,9 +302,9 @@ fn with_limits(samples: &[Sample]) -> Vec<Sample> {
         let pair = [pair[0], pair[1]];
         all.push(pair[0]);
         if pair[0].slope * pair[1].slope < 0.0 {
-            let t = bisect(|t| (cubic(pair, t)[1] < 0.0) == (pair[1].slope < 0.0));
-            let volume_mm3 = pair[0].volume_mm3 + t * (pair[1].volume_mm3 - pair[0].volume_mm3);
-            all.push(Sample { volume_mm3, pressure_mpa: cubic(pair, t)[0], slope: 0.0 });
+            let cubic = cubic(pair);
+            let t = cubic.root(|[_, slope]| slope);
+            all.push(Sample { volume_mm3: cubic.x_at(t), pressure_mpa: cubic.at(t)[0], slope: 0.0 });
         }
     }
     all.extend(samples.last());
@@ -329,20 +328,11 @@ fn turns(samples: &[Sample], depth_mpa: f64) -> Vec<usize> {
     turns
 }
 
-/// Pressure and slope over the fraction of the interval between two samples.
-fn cubic([a, b]: [Sample; 2], t: f64) -> [f64; 2] {
-    let h = b.volume_mm3 - a.volume_mm3;
-    let (rise, from, to) = (b.pressure_mpa - a.pressure_mpa, a.slope * h, b.slope * h);
-    let (c, d) = (3.0 * rise - 2.0 * from - to, from + to - 2.0 * rise);
-    [a.pressure_mpa + t * (from + t * (c + t * d)), (from + t * (2.0 * c + 3.0 * t * d)) / h]
-}
-
-/// Fraction from which on a condition holds.
-fn bisect(holds: impl Fn(f64) -> bool) -> f64 {
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (low + high);
-        if holds(middle) { high = middle } else { low = middle }
+/// Pressure over volume between two samples.
+fn cubic(pair: [Sample; 2]) -> Cubic {
+    Cubic {
+        x: pair.map(|sample| sample.volume_mm3),
+        y: pair.map(|sample| sample.pressure_mpa),
+        slope: pair.map(|sample| sample.slope),
     }
-    0.5 * (low + high)
 }

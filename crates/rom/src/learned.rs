@@ -15,6 +15,7 @@
 //! Lags are exact for inputs that are straight between readings. Neurons step by `step_ns` since the first reading; at a reading between two
 //! steps they are brought forward without being kept, so that the state does not depend on how readings were cut.
 
+use crate::halfwidths::HALFWIDTH_SIGMAS;
 use crate::inputs::{Inputs, MAX_INPUTS};
 use crate::line::Line;
 use serde::{Deserialize, Serialize};
@@ -30,7 +31,7 @@ pub const MAX_OUTPUTS: usize = 256;
 /// Distance, in units of the reach, from which on the base alone answers.
 const BASE_ALONE: f64 = 3.0;
 /// Square of the standard deviations in a half-width.
-const SQUARED_SIGMAS: f64 = 1.64 * 1.64;
+const SQUARED_SIGMAS: f64 = HALFWIDTH_SIGMAS * HALFWIDTH_SIGMAS;
 /// Part of an unknown past below which it is forgotten.
 const FADED: f64 = 1e-4;
 /// Largest size of a standardised input that is a number.

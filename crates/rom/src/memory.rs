@@ -329,7 +329,7 @@ impl MemorySpec {
 }
 
 /// Pressure of the atmosphere, MPa: inputs are gauge pressures.
-const ATMOSPHERE_MPA: f64 = 0.101_325;
+pub const ATMOSPHERE_MPA: f64 = 0.101_325;
 /// Pressure ratio from which the flow is laminar, in proportion to the difference.
 const LAMINAR: f64 = 0.99;
 

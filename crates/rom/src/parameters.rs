@@ -8,6 +8,11 @@ use crate::model::{ModelError, ModelHeader};
 use crate::snapshots::FieldKind;
 
 impl ModelHeader {
+    /// Position of the field that is the coordinate along an axis (0 = x, 1 = y, 2 = z).
+    pub fn coordinate_field(&self, axis: u8) -> Option<usize> {
+        self.fields.iter().position(|field| field.spec.kind == FieldKind::Coordinate(axis))
+    }
+
     /// Sets default values of parameters by name. All are checked before any is changed; the onset table is that of the new values.
     ///
     /// # Errors

@@ -13,7 +13,7 @@ use crate::inertia::data::InertiaModel;
 use crate::inertia::manifold::Amplitudes;
 use crate::inputs::{Inputs, MAX_INPUTS};
 use crate::model::{BlockKind, Model, ModelError, RegimeModel};
-use crate::snapshots::{FieldKind, RegimeKind};
+use crate::snapshots::RegimeKind;
 use thiserror::Error;
 
 /// Nodes that a point's weights are spread over.
@@ -290,10 +290,12 @@ pub(crate) fn coordinate(
     axis: u8,
 ) -> Result<(f64, usize, Vec<f64>), ModelError> {
     let nodes = model.header.node_count;
-    let is_axis = |kind: FieldKind| kind == FieldKind::Coordinate(axis);
-    let missing = |block: String, found: usize| ModelError::MissingBlock { block, expected: nodes, found };
-    let field = model.header.fields.iter().position(|field| is_axis(field.spec.kind));
-    field_at(model, regime, point, field.ok_or_else(|| missing(format!("coordinate {axis}"), 0))?)
+    let field = model.header.coordinate_field(axis).ok_or_else(|| ModelError::MissingBlock {
+        block: format!("coordinate {axis}"),
+        expected: nodes,
+        found: 0,
+    });
+    field_at(model, regime, point, field?)
 }
 
 /// [`coordinate`] as a function of all coefficients.

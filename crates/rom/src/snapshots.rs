@@ -25,6 +25,16 @@ pub enum FieldKind {
     Other,
 }
 
+/// Names of the axes 0, 1, 2.
+pub const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// Marker and axis of a measured coordinate: `tip` and 0 of `tip_x_mm`; `None` for another name.
+#[must_use]
+pub fn marker_axis(output: &str) -> Option<(&str, usize)> {
+    let (marker, axis) = output.strip_suffix("_mm")?.rsplit_once('_')?;
+    Some((marker, AXES.iter().position(|known| *known == axis)?))
+}
+
 /// One field of the database: name, unit and meaning.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FieldSpec {

@@ -1,5 +1,6 @@
 //! Learned maps: lags and neurons over time, answers and half-widths, following.
 
+use rom::halfwidths::HALFWIDTH_SIGMAS;
 use rom::inputs::{Inputs, PARAMETERS};
 use rom::learned::{
     Drift, KernelMap, Kernels, Lag, LearnedMap, LearnedState, LinearMap, MapInput, OffsetFilter, OutputWidth,
@@ -109,7 +110,11 @@ fn neurons_settle_and_a_settled_state_stays() {
 fn following_takes_over_a_constant_offset_and_leaves_out_what_was_not_measured() {
     let mut following = OffsetFilter::new(&map());
     let square = |of: &OffsetFilter, t_ns: u64| of.squared_half_width(0, t_ns, 1.0);
-    assert!((square(&following, 0) - (1.0 + 1.64 * 1.64)).abs() < 1e-12, "{}", square(&following, 0));
+    assert!(
+        (square(&following, 0) - (1.0 + HALFWIDTH_SIGMAS.powi(2))).abs() < 1e-12,
+        "{}",
+        square(&following, 0)
+    );
     following.take(0, &[1.0]);
     assert_eq!(following.offset(0), 0.0, "one value of unknown duration");
     // A variance of 1 at first and of 0.5 / 0.5 s = 1 of a value: half of the error.
@@ -121,7 +126,7 @@ fn following_takes_over_a_constant_offset_and_leaves_out_what_was_not_measured()
     assert!((following.offset(0) - 1.0).abs() < 0.05 && square(&following, 20_000_000_000) < 1.2);
     // Errors that the training does not explain: the half-width contains them.
     (40..400).for_each(|k| following.take(500_000_000 * k, &[if k % 2 == 0 { 6.0 } else { -6.0 }]));
-    assert!(following.offset(0).abs() < 2.0 && square(&following, 200_000_000_000) > 30.0 * 1.64);
+    assert!(following.offset(0).abs() < 2.0 && square(&following, 200_000_000_000) > 30.0 * HALFWIDTH_SIGMAS);
     following.restart();
     assert_eq!(following.offset(0), 0.0);
 }

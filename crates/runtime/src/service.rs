@@ -1,16 +1,19 @@
-//! Log, signals and service manager of long-running programs.
+//! Log, signals, service manager and files in shared memory of long-running programs.
 
 use sd_notify::NotifyState;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use std::io::{IsTerminal, Write};
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
+use std::process::Child;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::{Layer, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
+use wire::thread_group::{StopFlag, ThreadResult};
+use wire::{OwnFiles, background_thread};
 
 /// Order of a help: what the program does, examples (`before_help`), usage, options, notes.
 pub const HELP_TEMPLATE: &str = "{about}\n\n{before-help}{usage-heading} {usage}\n\n{all-args}{after-help}";
@@ -187,6 +190,41 @@ pub fn notify_status(status: &str) {
 /// The end has begun.
 pub fn notify_stopping() {
     notify_manager(&[NotifyState::Stopping]);
+}
+
+/// Sends a signal to a child process, for example SIGTERM, which asks it to end; does nothing when it has ended already.
+pub fn signal(child: &mut Child, signal: i32) -> std::io::Result<()> {
+    if child.try_wait()?.is_some() {
+        return Ok(());
+    }
+    // SAFETY: the child has not been waited for (just checked, and it is borrowed mutably), so its number is still its own.
+    match unsafe { libc::kill(child.id() as libc::pid_t, signal) } {
+        0 => Ok(()),
+        _ => Err(std::io::Error::last_os_error()),
+    }
+}
+
+/// Time between two checks of this program's files.
+const FILES_INTERVAL: Duration = Duration::from_secs(1);
+
+/// Checks until `end` that nobody removes this program's files in shared memory, as a cleaner of temporary files may; an error if
+/// somebody did. Without them other programs do not find its topics, and it does not find the topics of programs that were restarted.
+pub fn watch_files(own: &OwnFiles, end: &StopFlag) -> ThreadResult {
+    background_thread();
+    loop {
+        end.pause(FILES_INTERVAL);
+        if end.is_set() {
+            return Ok(());
+        }
+        if let Some(file) = own.removed().first() {
+            let file = file.display();
+            return Err(format!(
+                "files in shared memory were removed, such as {file}; exclude that folder from cleaners of temporary files (see \
+                 OPERATIONS.md), then start again"
+            )
+            .into());
+        }
+    }
 }
 
 /// Feeds the service manager's watchdog, but only while the loop makes progress.

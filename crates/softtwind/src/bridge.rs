@@ -7,7 +7,6 @@ use anyhow::Context;
 use runtime::bridge::{Bridge, BridgeCounters, BridgeDevices, BridgeError};
 use runtime::config::{self, ActuatorSpec, ConfigError, Scene};
 use runtime::metrics as page;
-use runtime::removed_files;
 use runtime::service::{self, Watchdog};
 use runtime::source::{Devices, SourceSpec};
 use runtime::thread_group::{StopFlag, ThreadGroup};
@@ -71,7 +70,7 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
         }
         Ok(())
     })?;
-    group.start(removed_files::NAME, move |end| removed_files::watch(&own_files, end))?;
+    group.start("files", move |end| service::watch_files(&own_files, end))?;
     let requested = service::reload_flag().context("cannot listen for signals")?;
     let reloader =
         BridgeReloader { scene, sources: bridge.accept_sources(), devices: devices.clone(), paths };

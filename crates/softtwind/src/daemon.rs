@@ -118,7 +118,7 @@ impl Daemon {
 
     /// Sends a signal, unless it has ended.
     pub fn signal(&mut self, signal: i32) -> std::io::Result<()> {
-        runtime::process::signal(&mut self.child, signal)
+        runtime::service::signal(&mut self.child, signal)
     }
 
     /// Ends it with SIGKILL and waits for its end.
@@ -133,7 +133,7 @@ impl Daemon {
     /// # Errors
     /// It does not end, or ends with another exit code than 0.
     pub fn stop(&mut self) -> anyhow::Result<()> {
-        runtime::process::signal(&mut self.child, libc::SIGTERM)?;
+        runtime::service::signal(&mut self.child, libc::SIGTERM)?;
         self.wait()
     }
 

@@ -1,14 +1,12 @@
 //! Latencies and their percentiles.
 
 use hdrhistogram::Histogram;
+use runtime::latency::histogram;
 use serde::Serialize;
 
-/// Largest latency that is resolved, ns: ten minutes.
-const MAX_NS: u64 = 600_000_000_000;
-
-/// A collection of latencies, to three significant digits.
+/// A collection of latencies; percentiles are at most 1 % too high.
 #[derive(Debug)]
-pub struct Latencies(Histogram<u64>);
+pub struct Latencies(Histogram<u32>);
 
 /// Percentiles in microseconds; 0 when nothing was recorded.
 #[derive(Debug, Serialize)]
@@ -20,11 +18,9 @@ pub struct PercentilesUs {
 
 impl Latencies {
     /// An empty collection.
-    ///
-    /// # Errors
-    /// Invalid bounds of the histogram.
-    pub fn new() -> anyhow::Result<Self> {
-        Ok(Self(Histogram::new_with_bounds(1, MAX_NS, 3)?))
+    #[expect(clippy::new_without_default, reason = "made in one way")]
+    pub fn new() -> Self {
+        Self(histogram())
     }
 
     /// Adds a latency (ns).

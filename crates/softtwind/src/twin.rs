@@ -9,7 +9,7 @@ use runtime::load::{LoadedActuator, load_scene};
 use runtime::thread_group::ThreadGroup;
 use runtime::twin::{Twin, event_channel};
 use runtime::wire::{Bus, Health, Outcome, OwnFiles, layout};
-use runtime::{realtime, removed_files, service};
+use runtime::{realtime, service};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
@@ -43,7 +43,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
         reporter::run(&events, &reported, &progressed, end);
         Ok(())
     })?;
-    group.start(removed_files::NAME, move |end| removed_files::watch(&own_files, end))?;
+    group.start("files", move |end| service::watch_files(&own_files, end))?;
     let listener = options.metrics.open()?;
     let metrics_domain = domain.clone();
     runtime::metrics::start(&mut group, listener, move || metrics::twins(&metrics_domain, &shown))?;

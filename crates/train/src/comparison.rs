@@ -4,7 +4,7 @@
 //! The model follows the rows of the recording as the twin would have, with the model's memory and motion. Outputs are found by name:
 //! an observable, a coordinate `tip_x_mm` at the node set `tip`, or the contact force.
 
-use crate::measured::place;
+use crate::measured::{MeasuredStates, place};
 use formats::log::{Recording, Series};
 use rom::evaluation::Evaluation;
 use rom::inertia::stepper::ReadingError;
@@ -13,10 +13,10 @@ use rom::model::{Model, ModelError, ModelFileError, ModelHeader, Selection};
 use rom::observable::Observables;
 use rom::reconstructor::{ReconstructError, Reconstructor};
 use rom::session::{Gaps, Session};
-use rom::snapshots::FieldKind;
-use rom::statistics::{mean, quantile, range};
+use rom::snapshots::{AXES, FieldKind, NodeSet, marker_axis};
+use rom::statistics::{ends, mean, quantile, range};
 use serde::Serialize;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 /// Ratios of units that are taken for one another.
 const KNOWN_RATIOS: [(f64, &str); 7] = [
@@ -219,6 +219,112 @@ impl<'a> RecordedInputs<'a> {
             remarks.push(format!("{refused} rows are left out, the first at {first}"));
         }
         Ok(remarks)
+    }
+}
+
+impl MeasuredStates {
+    /// The states of a model at the rows of a recording, and what was measured there; remarks say what was left out.
+    ///
+    /// # Errors
+    /// As [`RecordedInputs::new`] and [`RecordedInputs::follow`].
+    pub fn of(
+        model: &Model,
+        recording: &Recording,
+        remarks: &mut Vec<String>,
+    ) -> Result<Self, ComparisonError> {
+        let inputs = RecordedInputs::new(&model.header, recording, SensorBiases::default(), remarks)?;
+        let mut states = vec![None; recording.time_s.len()];
+        remarks.extend(inputs.follow(model, |row, evaluation| {
+            states[row] = Some(evaluation.inputs);
+            Ok(())
+        })?);
+        Ok(Self { states, outputs: recording.outputs.iter().map(|series| series.values.clone()).collect() })
+    }
+}
+
+/// The body at an instant of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedBody {
+    /// Time in the recording, s.
+    pub time_s: f64,
+    /// Predicted nodes, mm.
+    pub nodes_mm: Vec<[f32; 3]>,
+    /// Measured markers that the model has as node sets, mm; a coordinate that was not measured is the model's.
+    pub markers_mm: Vec<[f32; 3]>,
+    /// The state is outside the model's training range.
+    pub is_outside: bool,
+}
+
+/// Fractions of the range of the input that moves most, at which a body is looked at.
+const INSTANTS: [f64; 3] = [0.0, 0.5, 1.0];
+
+impl RecordedInputs<'_> {
+    /// The body at the rows nearest to these times; without times at the smallest, middle and largest value of the input that moves most.
+    /// Empty without coordinates or without measured markers that the model has.
+    ///
+    /// # Errors
+    /// As [`Self::follow`], and those of reconstructing the fields.
+    pub fn bodies(&self, model: &Model, at_s: &[f64]) -> Result<Vec<RecordedBody>, ComparisonError> {
+        let header = &model.header;
+        let [Some(x), Some(y), Some(z)] = [0, 1, 2].map(|axis| header.coordinate_field(axis)) else {
+            return Ok(Vec::new());
+        };
+        let measured = self.recording.outputs.iter().filter_map(|series| marker_axis(&series.name));
+        let names: BTreeSet<&str> = measured.map(|(marker, _)| marker).collect();
+        let is_measured = |set: &&NodeSet| names.contains(set.name.as_str()) && !set.nodes.is_empty();
+        let sets: Vec<&NodeSet> = header.node_sets.iter().filter(is_measured).collect();
+        if sets.is_empty() {
+            return Ok(Vec::new());
+        }
+        let (wanted, mut bodies) = (self.rows_at(at_s), Vec::new());
+        let reconstructor = Reconstructor::new(model, &Selection::default())?;
+        let mut fields = vec![0.0; reconstructor.entries()];
+        self.follow(model, |row, evaluation| {
+            if wanted.contains(&row) {
+                reconstructor.reconstruct_into(evaluation, &mut fields)?;
+                let node = |node: usize| [x, y, z].map(|field| fields[field * header.node_count + node]);
+                let nodes_mm: Vec<[f32; 3]> = (0..header.node_count).map(node).collect();
+                let marker = |set: &&NodeSet| self.marker_mm(row, set, &nodes_mm);
+                bodies.push(RecordedBody {
+                    time_s: self.recording.time_s[row],
+                    markers_mm: sets
+                        .iter()
+                        .map(marker)
+                        .filter(|at| at.iter().all(|v| v.is_finite()))
+                        .collect(),
+                    nodes_mm,
+                    is_outside: evaluation.flags.extrapolated,
+                });
+            }
+            Ok(())
+        })?;
+        Ok(bodies)
+    }
+
+    /// Measured position of a marker; along an axis that was not measured the mean of its nodes.
+    fn marker_mm(&self, row: usize, set: &NodeSet, nodes_mm: &[[f32; 3]]) -> [f32; 3] {
+        [0, 1, 2].map(|axis| {
+            let is_of = |series: &&Series| marker_axis(&series.name) == Some((set.name.as_str(), axis));
+            let measured = self.recording.outputs.iter().find(is_of);
+            let sum = || set.nodes.iter().map(|node| nodes_mm[*node as usize][axis]).sum::<f32>();
+            measured.map_or_else(|| sum() / set.nodes.len() as f32, |series| series.values[row] as f32)
+        })
+    }
+
+    fn rows_at(&self, at_s: &[f64]) -> Vec<usize> {
+        let nearest = |distance: &dyn Fn(usize) -> f64| {
+            let rows = 0..self.recording.time_s.len();
+            let known = rows.filter(|row| distance(*row).is_finite() && self.row(*row).is_some());
+            known.min_by(|a, b| distance(*a).total_cmp(&distance(*b)))
+        };
+        if !at_s.is_empty() {
+            let times = &self.recording.time_s;
+            return at_s.iter().filter_map(|t_s| nearest(&|row| (times[row] - t_s).abs())).collect();
+        }
+        let Some(main) = self.widest() else { return Vec::new() };
+        let [low, high] = ends(&main.values);
+        let wanted = INSTANTS.map(|part| low + part * (high - low));
+        wanted.iter().filter_map(|wanted| nearest(&|row| (main.values[row] - wanted).abs())).collect()
     }
 }
 
@@ -524,8 +630,8 @@ impl ComparedOutput {
 
 fn markers(outputs: &BTreeMap<String, OutputStatistics>) -> BTreeMap<String, MarkerError> {
     let marker = |name: &String| {
-        let marker = name.strip_suffix("_x_mm")?;
-        let axes = ["x", "y", "z"].map(|axis| outputs.get(&format!("{marker}_{axis}_mm")));
+        let (marker, _) = marker_axis(name).filter(|(_, axis)| *axis == 0)?;
+        let axes = AXES.map(|axis| outputs.get(&format!("{marker}_{axis}_mm")));
         let norm = |value: fn(&OutputStatistics) -> f64| {
             axes.iter().flatten().map(|axis| value(axis).powi(2)).sum::<f64>().sqrt()
         };

@@ -10,7 +10,7 @@ use rom::inertia::manifold::{MAX_COORDINATES, MAX_LINEAR_MODES};
 use rom::inputs::PARAMETERS;
 use rom::memory::PronyTerm;
 use rom::model::{BlockKind, Model, RegimeModel};
-use rom::snapshots::{Database, FieldKind, RegimeKind, Split};
+use rom::snapshots::{Database, RegimeKind, Split};
 
 /// Vector at each node, all x, then all y, then all z.
 pub type Nodal = Vec<f64>;
@@ -175,12 +175,7 @@ impl<'a> CoordinateModes<'a> {
         let nodes = model.header.node_count;
         let (mut mean, mut modes) = (Vec::new(), vec![[None; 3]; regime.coefficient_count()]);
         for (axis, field) in fields.into_iter().enumerate() {
-            let is_axis = |at: usize| model.header.fields[at].spec.kind == FieldKind::Coordinate(axis as u8);
-            let field = if is_axis(field) {
-                field
-            } else {
-                (0..model.header.fields.len()).find(|at| is_axis(*at)).unwrap_or(field)
-            };
+            let field = model.header.coordinate_field(axis as u8).unwrap_or(field);
             let group = regime.group_of(field).ok_or("inertia: a coordinate has no group")?;
             let block = BlockKind::Mean { regime: regime.kind, field: field as u32 };
             let values = model.f32_block(block).ok_or("inertia: a coordinate has no mean")?;

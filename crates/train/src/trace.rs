@@ -14,7 +14,6 @@ use rom::model::{BlockKind, Model, ModelError, ModelFileError, Selection};
 use rom::probe::model_tip;
 use rom::reconstructor::{BasisOptions, ReconstructError, Reconstructor};
 use rom::session::{Gaps, Session};
-use rom::snapshots::FieldKind;
 use rom::statistics::{mean, range};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -289,11 +288,8 @@ impl SeriesColumns {
             let inputs = header.taken_inputs().map(|(at, input)| (at, input.key())).collect();
             SeriesKind::Measured { inputs, outputs: measured::outputs(model) }
         } else {
-            let coordinate = |axis: u8| {
-                let kind = FieldKind::Coordinate(axis);
-                let found = header.fields.iter().position(|field| field.spec.kind == kind);
-                found.ok_or(TraceError::NoCoordinate { axis })
-            };
+            let coordinate =
+                |axis: u8| header.coordinate_field(axis).ok_or(TraceError::NoCoordinate { axis });
             SeriesKind::Shape {
                 axes: [coordinate(0)?, coordinate(1)?, coordinate(2)?],
                 tip: model_tip(model).ok_or(TraceError::NoTip)?,

@@ -2,6 +2,7 @@
 //! with its comments.
 
 use super::file::Shape;
+use crate::cases::three_digits;
 use crate::material::silicone::{HardnessFigure, Silicone};
 use rom::snapshots::Footprint;
 
@@ -219,8 +220,4 @@ fn replaced(line: &str, key: &str, value: &str) -> String {
     let comment = line.find('#').map_or("", |at| &line[at..]);
     let column = line.find('#').unwrap_or(0);
     format!("{:column$}{comment}\n", format!("{key} = {value} "))
-}
-
-fn three_digits(value: f64) -> f64 {
-    format!("{value:.2e}").parse().unwrap_or(value)
 }

@@ -4,7 +4,7 @@
 //! nodes at that end: a plane end gives its nodes, a dome gives a cap as wide as a tenth of the body. The tip is the centroid of the
 //! face's area, so it does not depend on where a mesher put its nodes.
 
-use super::orient::Boundary;
+use super::check::Boundary;
 use super::types::Mesh;
 use crate::algebra::{Vec3, add, axpy, cross, dot, norm, sub};
 use rom::statistics::range;

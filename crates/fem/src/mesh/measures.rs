@@ -3,11 +3,11 @@
 //! All of it follows from the body's surface, whatever its cells are. A wall is measured by a ray from the middle of each facet into the
 //! body, to the facet where it leaves. Cost: `n log n` in the facets.
 
-use super::orient::closed;
+use super::check::closed;
 use crate::algebra::{Vec3, add, axpy, cross, dot, norm, scale, sub};
 use formats::cells::{Block, surface};
+use rom::parts::connected;
 use serde::Serialize;
-use std::collections::HashMap;
 
 /// Cosine between a ray and the normal of the facet where it leaves, from which both sides face each other: at a corner they do not.
 const FACING: f64 = 0.8;
@@ -67,7 +67,7 @@ impl Measures {
         }
         let mut hollows = Vec::new();
         let mut volume_mm3 = 0.0;
-        for shell in shells(&skin) {
+        for shell in connected(&skin, points_mm.len()) {
             let (own_mm3, centre_mm) = enclosed(points_mm, &shell);
             volume_mm3 += own_mm3;
             // Normals leave the solid, so those of a hollow point into it.
@@ -100,36 +100,6 @@ pub(crate) fn enclosed(points_mm: &[Vec3], triangles: &[[u32; 3]]) -> (f64, Vec3
         axpy(0.25 * tetrahedron_mm3, add(add(a, b), c), &mut moment);
     }
     (volume, add(origin, scale(1.0 / volume, moment)))
-}
-
-/// The connected parts of a surface.
-fn shells(skin: &[[u32; 3]]) -> Vec<Vec<[u32; 3]>> {
-    let mut parent: HashMap<u32, u32> = HashMap::new();
-    fn root(parent: &mut HashMap<u32, u32>, mut node: u32) -> u32 {
-        while let Some(above) = parent.get(&node).copied().filter(|above| *above != node) {
-            let next = parent.get(&above).copied().unwrap_or(above);
-            parent.insert(node, next);
-            node = next;
-        }
-        node
-    }
-    for [a, b, c] in skin {
-        let to = root(&mut parent, *a);
-        for node in [b, c] {
-            let from = root(&mut parent, *node);
-            parent.insert(from, to);
-        }
-    }
-    let mut shells: Vec<Vec<[u32; 3]>> = Vec::new();
-    let mut places: HashMap<u32, usize> = HashMap::new();
-    for triangle in skin {
-        let place = *places.entry(root(&mut parent, triangle[0])).or_insert(shells.len());
-        if place == shells.len() {
-            shells.push(Vec::new());
-        }
-        shells[place].push(*triangle);
-    }
-    shells
 }
 
 /// Facets in a tree of boxes, for rays.

@@ -2,7 +2,7 @@
 
 use super::{Notice, PlanError};
 use crate::bending::Bending;
-use crate::cases::Case;
+use crate::cases::{Case, three_digits};
 use crate::family::Family;
 use crate::material::Elastomer;
 use crate::run::{Outcome, Run, Solved};
@@ -110,7 +110,7 @@ pub fn find(run: &Run<'_>, notice: &mut dyn FnMut(Notice)) -> Result<Pressures, 
     let mut stretch = problem.stretches(&rest.state).largest;
     let mut step = FIRST_SHARE * run.family.actuator.elastomer.law.shear_modulus_mpa();
     let reason = loop {
-        let pressure = rounded(states[states.len() - 1].0 + step);
+        let pressure = three_digits(states[states.len() - 1].0 + step);
         list.push(Case::new(format!("p{}", list.len()), pressure, None));
         notice(Notice::Begins(format!("solving at {pressure} MPa")));
         let outcome = run.solve(&list, &|_| ())?;
@@ -236,9 +236,4 @@ fn at_limit(limit_mpa: f64, travel: &Travel) -> String {
 
 fn last(outcome: &Outcome, index: usize) -> Option<&Solved> {
     outcome.solved.iter().find(|(found, _)| *found == index).map(|(_, solved)| solved.as_ref())
-}
-
-/// Three significant digits: pressures that people can read.
-fn rounded(pressure_mpa: f64) -> f64 {
-    format!("{pressure_mpa:.2e}").parse().unwrap_or(pressure_mpa)
 }

@@ -1,5 +1,7 @@
 //! Places of nodes: local systems, instances, and cylindrical and spherical coordinates.
 
+use rom::vector::{cross, dot, sub};
+
 /// Rotation, by rows, and translation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placement {
@@ -28,9 +30,9 @@ impl Placement {
         let Some(b) = first.get(3..).filter(|rest| !rest.is_empty()) else {
             return second.is_none().then_some(Self { shift: a, ..Self::IDENTITY });
         };
-        let x = unit(minus(padded(b)?, a))?;
+        let x = unit(sub(padded(b)?, a))?;
         let z = match second {
-            Some(c) => unit(cross(x, minus(padded(c)?, a)))?,
+            Some(c) => unit(cross(x, sub(padded(c)?, a)))?,
             None if x[2] == 0.0 => [0.0, 0.0, 1.0],
             None => return None,
         };
@@ -48,14 +50,14 @@ impl Placement {
         };
         let &[ax, ay, az, bx, by, bz, degrees] = line.as_slice() else { return None };
         let a = [ax, ay, az];
-        let axis = unit(minus([bx, by, bz], a))?;
+        let axis = unit(sub([bx, by, bz], a))?;
         let (sin, cos) = degrees.to_radians().sin_cos();
         let rotate = |x: [f64; 3]| {
             let across = cross(axis, x);
             [0, 1, 2].map(|i| x[i] * cos + across[i] * sin + axis[i] * dot(axis, x) * (1.0 - cos))
         };
         let columns = Self::IDENTITY.rows.map(rotate);
-        let moved = rotate(minus(shift, a));
+        let moved = rotate(sub(shift, a));
         Some(Self {
             rows: [0, 1, 2].map(|i| columns.map(|column| column[i])),
             shift: [0, 1, 2].map(|i| moved[i] + a[i]),
@@ -67,18 +69,6 @@ impl Placement {
 fn padded(values: &[f64]) -> Option<[f64; 3]> {
     let value = |k: usize| values.get(k).copied().unwrap_or(0.0);
     (values.len() <= 3).then(|| [0, 1, 2].map(value))
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|i| a[i] - b[i])
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 fn unit(a: [f64; 3]) -> Option<[f64; 3]> {

@@ -7,6 +7,7 @@ use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
 use crate::table::TableForm;
 use crate::unit::{self, Quantity};
+use rom::snapshots::{AXES, marker_axis};
 use rom::statistics::{ends, median, range};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -460,7 +461,7 @@ impl Frame {
         let markers: BTreeSet<String> =
             outputs.iter().filter_map(|series| marker_of(&series.name)).map(str::to_owned).collect();
         for marker in markers {
-            let place = |axis: &char| outputs.iter().position(|s| s.name == format!("{marker}_{axis}_mm"));
+            let place = |axis: &&str| outputs.iter().position(|s| s.name == format!("{marker}_{axis}_mm"));
             let places: Vec<Option<usize>> = AXES.iter().map(place).collect();
             let mixes = |to: usize, from: usize| {
                 (places[to].is_none() != places[from].is_none()) && self.rotation[to][from].abs() > RIGID
@@ -483,12 +484,8 @@ impl Frame {
     }
 }
 
-const AXES: [char; 3] = ['x', 'y', 'z'];
-
-/// `tip` of `tip_x_mm`.
 fn marker_of(name: &str) -> Option<&str> {
-    let (marker, axis) = name.strip_suffix("_mm")?.rsplit_once('_')?;
-    (axis.len() == 1 && axis.contains(AXES)).then_some(marker)
+    marker_axis(name).map(|(marker, _)| marker)
 }
 
 /// Rows in which the position of a marker is no measurement: cameras write a marker that they do not see as 0, 0, 0 or repeat its last position.

@@ -6,7 +6,8 @@ use super::run::{Run, Step};
 use super::{frd, nodal, stacks, vtk};
 use crate::cells::Block;
 use crate::database::ANY_REGIME;
-use crate::{Diagnostic, FormatError, foreign};
+use crate::file::unreadable;
+use crate::{Diagnostic, FormatError};
 use rom::inputs::{MAX_INPUTS, PARAMETERS, Parameter};
 use rom::snapshots::{Case, Database, RegimeKind, Split};
 use std::collections::BTreeMap;
@@ -25,7 +26,7 @@ pub fn read(path: &Path) -> Result<Run, FormatError> {
         Some("pvd") => vtk::read_series(path),
         Some("inp") => nodal::read(path),
         Some("npz") => stacks::read_archive(path),
-        _ => Err(foreign::error(path, "results as .frd, .vtu, .pvd, .inp, .npz or a folder of .npy", "npz")),
+        _ => Err(unreadable(path, "results as .frd, .vtu, .pvd, .inp, .npz or a folder of .npy", "npz")),
     }
 }
 

@@ -3,8 +3,7 @@
 //! Columns are fixed, without separators: `-1`, the node in 10 (short form: 5) characters, 12 characters per value.
 //! A job that fails stores the state of the failed increment and omits the last line, `9999`.
 
-use super::dat;
-use super::run::{Quantity, Run, Step, same_or_new};
+use super::run::{Quantity, Run, Step, Total, same_or_new};
 use crate::cells::{Block, Kind};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
@@ -24,7 +23,7 @@ const VALUES: usize = 6;
 pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
     let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
     let run = parse(&bytes).map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })?;
-    Ok(Run { totals: dat::beside(path)?, ..run })
+    Ok(Run { totals: totals_beside(path)?, ..run })
 }
 
 /// Reads the content of a file. Cost and memory are linear in the bytes.
@@ -349,4 +348,52 @@ fn numbers(line: &str, from: usize, count: usize) -> Option<[f64; VALUES]> {
         *value = line.get(at..(at + VALUE).min(line.len()))?.trim().parse().ok()?;
     }
     Some(values)
+}
+
+/// Words before the name of the set, and between it and the time.
+const TOTAL_WORDS: [&str; 2] = ["total force (fx,fy,fz) for set ", " and time "];
+
+/// Total forces that CalculiX prints into `job.dat`, next to `job.frd`, for `*NODE PRINT, NSET=PLATE, TOTALS=ONLY` with `RF`; empty if
+/// there is no such file.
+fn totals_beside(frd: &Path) -> Result<Vec<Total>, FormatError> {
+    let path = frd.with_extension("dat");
+    if !path.is_file() {
+        return Ok(Vec::new());
+    }
+    let bytes = file::read_bytes(&path, file::MAX_DATA_BYTES)?;
+    parse_dat(&String::from_utf8_lossy(&bytes))
+        .map_err(|diagnostics| FormatError::Content { path, diagnostics: vec![diagnostics] })
+}
+
+/// Reads the content of a `.dat`; other output is ignored. The file of a killed job may be cut short.
+///
+/// # Errors
+/// A total without a time, or without its three numbers.
+pub fn parse_dat(text: &str) -> Result<Vec<Total>, Diagnostic> {
+    let mut totals = Vec::new();
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    while let Some((at, line)) = lines.next() {
+        let Some(rest) = line.trim().strip_prefix(TOTAL_WORDS[0]) else { continue };
+        let place = format!("line {}", at + 1);
+        let known =
+            rest.rsplit_once(TOTAL_WORDS[1]).and_then(|(set, time)| Some((set.trim(), finite(time)?)));
+        let Some((set, time)) = known else {
+            return Err(Diagnostic::new(place, "a set and a time", rest));
+        };
+        let Some((at, numbers)) = lines.next() else { break };
+        let force: Option<Vec<f64>> = numbers.split_ascii_whitespace().map(finite).collect();
+        let Some(force) = force.and_then(|force| <[f64; 3]>::try_from(force).ok()) else {
+            return Err(Diagnostic::new(
+                format!("line {}", at + 1),
+                "three numbers, the force along x, y and z",
+                numbers,
+            ));
+        };
+        totals.push(Total { set: set.to_owned(), time, force });
+    }
+    Ok(totals)
+}
+
+fn finite(word: &str) -> Option<f64> {
+    word.trim().parse().ok().filter(|value: &f64| value.is_finite())
 }

@@ -3,7 +3,7 @@
 //! | ending | content | reader |
 //! | --- | --- | --- |
 //! | `.frd` | CalculiX, ASCII; an unconverged last state is left out | `frd.rs` |
-//! | `.dat` of the same name | total forces of node sets | `dat.rs` |
+//! | `.dat` of the same name | total forces of node sets | `frd.rs` |
 //! | `.vtu` | VTK, one step | `vtk.rs` |
 //! | `.pvd` | ParaView's list of `.vtu` files, one step each | `vtk.rs` |
 //! | `.inp` | Abaqus mesh; the results are in a `.csv` or `.npz` of the same name | `nodal.rs` |
@@ -14,9 +14,7 @@
 
 mod assemble;
 mod collect;
-mod dat;
 mod frd;
-mod groups;
 mod labels;
 mod nodal;
 mod run;
@@ -25,8 +23,7 @@ mod vtk;
 
 pub use assemble::{Assembly, Wanted};
 pub use collect::{ImportOptions, ImportedStates, collect, input_ranges, plain_name, read};
-pub use dat::parse as parse_dat;
-pub use frd::parse as parse_frd;
+pub use frd::{parse as parse_frd, parse_dat};
 pub use labels::{ImportError, InputSource};
 pub use run::{Quantity, Run, Step, Total};
 pub use stacks::parse_archive as parse_npz;

@@ -1,10 +1,10 @@
 //! Values of observables at points, and their derivatives.
 
 use super::definition::{DOWNWARDS, Definition, MAX_POINTS, ObservableKind};
-use super::vector::{cross, dot, norm};
 use super::volume::Walls;
 use crate::model::Model;
 use crate::probe::{MeshPoint, PointError};
+use crate::vector::{Vec3, cross, dot, norm, sub};
 use serde::{Deserialize, Serialize};
 
 /// Square of the sine below which a vector lies along the axis and has no angle.
@@ -17,7 +17,7 @@ pub(super) struct Item {
     /// First of its points, and their number; of a volume its number and 0.
     pub points: [usize; 2],
     /// Two unit vectors normal to the axis, and the axis.
-    pub frame: [[f64; 3]; 3],
+    pub frame: [Vec3; 3],
     /// Value of the undeformed shape, which is subtracted.
     pub rest: f64,
 }
@@ -30,7 +30,7 @@ pub(super) enum Source {
 
 /// Points of one observable.
 pub(super) struct Shape {
-    pub points: [[f64; 3]; MAX_POINTS],
+    pub points: [Vec3; MAX_POINTS],
     pub count: usize,
 }
 
@@ -40,7 +40,7 @@ impl Shape {
     }
 
     /// Weighted means of nodes.
-    pub fn of(places: &[MeshPoint], node: impl Fn(usize) -> [f64; 3]) -> Self {
+    pub fn of(places: &[MeshPoint], node: impl Fn(usize) -> Vec3) -> Self {
         let mut shape = Self::new();
         for (to, place) in shape.points.iter_mut().zip(places) {
             for (at, weight) in &place.weights {
@@ -51,13 +51,13 @@ impl Shape {
         shape
     }
 
-    fn vector(&self, from: usize, to: usize) -> [f64; 3] {
-        [0, 1, 2].map(|axis| self.points[to][axis] - self.points[from][axis])
+    fn vector(&self, from: usize, to: usize) -> Vec3 {
+        sub(self.points[to], self.points[from])
     }
 }
 
 /// Derivatives of a value with respect to the points.
-pub(super) type ByPoint = [[f64; 3]; MAX_POINTS];
+pub(super) type ByPoint = [Vec3; MAX_POINTS];
 
 impl Item {
     /// The observable and its source; `first` is the number of points before it, `volumes` that of volumes.
@@ -144,7 +144,7 @@ impl Item {
     }
 
     /// Angle of a vector in the plane normal to the axis, degrees, and its derivatives; NaN for a vector along the axis.
-    fn angle(&self, v: [f64; 3]) -> (f64, [f64; 3]) {
+    fn angle(&self, v: Vec3) -> (f64, Vec3) {
         let [t1, t2, _] = self.frame;
         let (x, y) = (dot(v, t1), dot(v, t2));
         let square = x * x + y * y;
@@ -176,9 +176,9 @@ impl Item {
         let scale = 2.0 / (la * lb * lc);
         let value = scale * dot(n, cross(a, b));
         // n . a x b = a . b x n = b . n x a; the lengths by the logarithm.
-        let by_a: [f64; 3] = [0, 1, 2].map(|k| scale * cross(b, n)[k] - value * a[k] / (la * la));
-        let by_b: [f64; 3] = [0, 1, 2].map(|k| scale * cross(n, a)[k] - value * b[k] / (lb * lb));
-        let by_c: [f64; 3] = c.map(|v| -value * v / (lc * lc));
+        let by_a: Vec3 = [0, 1, 2].map(|k| scale * cross(b, n)[k] - value * a[k] / (la * la));
+        let by_b: Vec3 = [0, 1, 2].map(|k| scale * cross(n, a)[k] - value * b[k] / (lb * lb));
+        let by_c: Vec3 = c.map(|v| -value * v / (lc * lc));
         add(by, 0, 1, by_a, 1.0);
         add(by, 1, 2, by_b, 1.0);
         add(by, 0, 2, by_c, 1.0);
@@ -192,7 +192,7 @@ pub(super) fn wrapped(angle_deg: f64) -> f64 {
 }
 
 /// Adds the derivatives of a function of `x_to - x_from`.
-fn add(by: &mut ByPoint, from: usize, to: usize, along: [f64; 3], factor: f64) {
+fn add(by: &mut ByPoint, from: usize, to: usize, along: Vec3, factor: f64) {
     for (axis, value) in along.into_iter().enumerate() {
         by[to][axis] += factor * value;
         by[from][axis] -= factor * value;
@@ -200,7 +200,7 @@ fn add(by: &mut ByPoint, from: usize, to: usize, along: [f64; 3], factor: f64) {
 }
 
 /// A right-handed frame whose third vector is the given unit vector.
-fn frame(n: [f64; 3]) -> [[f64; 3]; 3] {
+fn frame(n: Vec3) -> [Vec3; 3] {
     let least = if n[0].abs() <= n[1].abs() && n[0].abs() <= n[2].abs() {
         [1.0, 0.0, 0.0]
     } else if n[1].abs() <= n[2].abs() {

@@ -19,13 +19,12 @@
 
 mod correction;
 mod definition;
-pub(crate) mod form;
 mod item;
-mod vector;
 mod volume;
 
 pub use correction::Correction;
 pub use definition::{Definition, ObservableKind, Place};
+pub(crate) use volume::Form;
 
 use crate::affine::Affine;
 use crate::evaluation::Evaluation;
@@ -34,12 +33,11 @@ use crate::model::{BlockKind, Model, ModelError, ModelFileError, ModelHeader, Re
 use crate::probe::{MeshPoint, affine_coordinate};
 use crate::snapshots::RegimeKind;
 use crate::statistics::quantile;
+use crate::vector::norm;
 use definition::MAX_POINTS;
-use form::Form;
 use item::{Item, Shape, Source, wrapped};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use vector::norm;
 use volume::Walls;
 
 /// Most observables of a model.

@@ -4,11 +4,12 @@
 //! linear in the x, the y and the z of the nodes. With coordinates affine in the modal coefficients (Eq. 6 of the paper) the volume is
 //! `sum_ijk t_ijk a_i b_j c_k`, where `a`, `b`, `c` are the coefficients of x, y, z after a leading 1. These few numbers are kept.
 
-use super::form::Form;
-use super::vector::{cross, dot, norm};
 use crate::model::{Model, ModelError, RegimeModel};
+use crate::parts::connected;
 use crate::probe::{self, MeshPoint};
 use crate::snapshots::RegimeKind;
+use crate::vector::{Vec3, cross, dot, norm, sub};
+use serde::{Deserialize, Serialize};
 
 /// Most numbers of a form: a hundred times those of three coordinates with some ten modes.
 const MAX_NUMBERS: usize = 200_000;
@@ -58,7 +59,7 @@ impl Walls {
     }
 
     /// Enclosed volume, mm3.
-    pub fn volume_mm3(&self, place: impl Fn(u32) -> [f64; 3]) -> f64 {
+    pub fn volume_mm3(&self, place: impl Fn(u32) -> Vec3) -> f64 {
         let below_facet = |facet: &[u32; 3]| {
             let [a, b, c] = facet.map(&place);
             -dot(a, cross(b, c)) / 6.0
@@ -67,38 +68,62 @@ impl Walls {
     }
 
     /// Area, mm2: the largest change of the volume per displacement.
-    pub fn area_mm2(&self, place: impl Fn(u32) -> [f64; 3]) -> f64 {
+    pub fn area_mm2(&self, place: impl Fn(u32) -> Vec3) -> f64 {
         let facet_area = |facet: &[u32; 3]| {
             let [a, b, c] = facet.map(&place);
-            let along = |to: [f64; 3]| [0, 1, 2].map(|k| to[k] - a[k]);
-            norm(cross(along(b), along(c))) / 2.0
+            norm(cross(sub(b, a), sub(c, a))) / 2.0
         };
         self.0.iter().map(facet_area).sum()
     }
 }
 
-/// Facets by the parts of the surface with common nodes.
-fn connected(facets: &[[u32; 3]], nodes: usize) -> Vec<Vec<[u32; 3]>> {
-    let mut parent: Vec<u32> = (0..nodes as u32).collect();
-    fn root(parent: &mut [u32], mut at: u32) -> u32 {
-        while parent[at as usize] != at {
-            parent[at as usize] = parent[parent[at as usize] as usize];
-            at = parent[at as usize];
+/// The volume of a regime's shapes as a function of the coefficients.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Form {
+    /// First coefficient and number of coefficients of x, y, z.
+    pub(super) axes: [(usize, usize); 3],
+    /// `t`, the index of z running fastest.
+    pub(super) numbers: Vec<f64>,
+    /// Area of the undeformed walls, mm2.
+    pub(crate) area_mm2: f64,
+}
+
+impl Form {
+    /// True if it fits a regime of `count` coefficients.
+    pub(crate) fn fits(&self, count: usize) -> bool {
+        let inside = self.axes.iter().all(|(first, own)| first.saturating_add(*own) <= count);
+        let expected: usize = self.axes.iter().map(|(_, own)| own.saturating_add(1)).product();
+        inside && self.numbers.len() == expected && self.numbers.iter().all(|v| v.is_finite())
+    }
+
+    /// The volume; with `change`, its derivative along that change of the coefficients. Allocates nothing.
+    pub(crate) fn value(&self, coefficients: &[f64], change: Option<&[f64]>) -> f64 {
+        let [x, y, z] = self.axes;
+        let factor = |values: &[f64], (first, _): (usize, usize), i: usize, lead: f64| {
+            i.checked_sub(1).map_or(lead, |i| values[first + i])
+        };
+        let (mut sum, mut rest) = (0.0, self.numbers.as_slice());
+        for i in 0..=x.1 {
+            for j in 0..=y.1 {
+                let Some((row, behind)) = rest.split_at_checked(z.1 + 1) else { return f64::NAN };
+                rest = behind;
+                let along = |values: &[f64], lead: f64| -> f64 {
+                    row[0] * lead + row[1..].iter().zip(&values[z.0..]).map(|(t, c)| t * c).sum::<f64>()
+                };
+                let (a, b) = (factor(coefficients, x, i, 1.0), factor(coefficients, y, j, 1.0));
+                sum += match change {
+                    None => a * b * along(coefficients, 1.0),
+                    Some(change) => {
+                        let inner = along(coefficients, 1.0);
+                        factor(change, x, i, 0.0) * b * inner
+                            + a * factor(change, y, j, 0.0) * inner
+                            + a * b * along(change, 0.0)
+                    }
+                };
+            }
         }
-        at
+        sum
     }
-    for [a, b, c] in facets {
-        let into = root(&mut parent, *a);
-        for other in [*b, *c] {
-            let other = root(&mut parent, other);
-            parent[other as usize] = into;
-        }
-    }
-    let mut parts: std::collections::BTreeMap<u32, Vec<[u32; 3]>> = std::collections::BTreeMap::new();
-    for facet in facets {
-        parts.entry(root(&mut parent, facet[0])).or_default().push(*facet);
-    }
-    parts.into_values().collect()
 }
 
 /// The volume of the shapes of a regime.

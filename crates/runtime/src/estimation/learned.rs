@@ -5,7 +5,6 @@ use crate::config::{ActuatorSpec, CameraSpec, MarkerSpec};
 use rom::evaluation::Evaluation;
 use rom::model::Model;
 use rom::session::Session;
-use rom::snapshots::FieldKind;
 use wire::layout::Marker;
 
 /// What predicts the markers of an actuator.
@@ -88,9 +87,5 @@ impl LearnedMarkers {
 
 /// Outputs that are a marker's coordinates.
 fn outputs_of(model: &Model, marker: &MarkerSpec) -> [Option<usize>; 3] {
-    [0, 1, 2].map(|axis| {
-        let mut fields = model.header.fields.iter();
-        let field = fields.position(|field| field.spec.kind == FieldKind::Coordinate(axis))?;
-        model.learned_output(field, marker.node? as usize)
-    })
+    [0, 1, 2].map(|axis| model.learned_output(model.header.coordinate_field(axis)?, marker.node? as usize))
 }

@@ -3,7 +3,6 @@
 //! Every actuator gets a second model in memory: the small part always, the basis only where the scene has
 //! `queries = "fields"`.
 
-mod root;
 mod solve;
 
 pub use solve::{NoSolution, Solution, Solver};

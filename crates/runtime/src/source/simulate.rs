@@ -2,12 +2,10 @@
 
 use super::reading::{Reading, Scheduled, Source};
 use crate::problems::Problems;
+use rom::memory::ATMOSPHERE_MPA;
 use rom::rng::Rng;
 use serde::{Deserialize, Serialize};
 use wire::SensorSample;
-
-/// Pressure of the surrounding air, MPa.
-const AMBIENT_MPA: f64 = 0.101325;
 
 /// Settings of a simulated gauge.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -87,8 +85,8 @@ impl Profile {
             Self::ConstantFlow { flow_ml_per_min, volume_mm3, compliance_mm3_per_mpa: c, until_mpa } => {
                 // c P^2 + (V0 + c Pa) P - Pa Q t = 0, positive root in the form that survives c = 0.
                 let inflow_mm3 = flow_ml_per_min * 1000.0 / 60.0 * t_s;
-                let half = 0.5 * (volume_mm3 + c * AMBIENT_MPA);
-                let load = AMBIENT_MPA * inflow_mm3;
+                let half = 0.5 * (volume_mm3 + c * ATMOSPHERE_MPA);
+                let load = ATMOSPHERE_MPA * inflow_mm3;
                 (load / (half + (half * half + c * load).sqrt())).min(until_mpa)
             }
             Self::Ramp { from_mpa, to_mpa, rise_s } => {

@@ -1,4 +1,4 @@
-//! Tests of `src/query/root.rs` that need its private parts.
+//! Tests of `src/query/solve.rs` that need its private parts.
 
 use super::*;
 

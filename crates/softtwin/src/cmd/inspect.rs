@@ -1,18 +1,21 @@
-//! `softtwin inspect`: a model here, a scene and a table of a bench in their modules.
+//! `softtwin inspect`: what a model, a scene or a table of a bench contains.
 
-mod scene;
-mod table;
-
-use crate::failure::usage;
+use crate::failure::{configuration, usage};
+use crate::picture::{Figure, Panel, Series};
 use crate::{files, output, report};
+use formats::log::{Log, TableDescription, describe};
+use formats::table::TableForm;
 use rom::hull::TrainingRange;
 use rom::inputs::InputSpec;
 use rom::model::{Model, ModelHeader, OutputField, PressureLimit, RegimeModel};
 use rom::regime::OnsetTable;
+use runtime::config::Scene;
+use runtime::explain::{Explained, explain};
+use runtime::load::load_scene;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use train::card;
 use wire::layout::hex;
 
@@ -72,12 +75,12 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         match self.file.extension().and_then(|ending| ending.to_str()) {
             Some(ending) if !["twin", "toml"].contains(&ending) && self.card.is_none() => {
-                return table::run(&self.file, self.out.as_deref(), self.picture.as_deref(), self.json);
+                return describe_table(&self.file, self.out.as_deref(), self.picture.as_deref(), self.json);
             }
             _ if self.out.is_some() || self.picture.is_some() => {
                 return Err(usage("--out and --picture belong to a table"));
             }
-            Some("toml") if self.card.is_none() => return scene::explain_scene(&self.file, self.json),
+            Some("toml") if self.card.is_none() => return explain_scene(&self.file, self.json),
             _ => {}
         }
         let (model, hash) = files::model_and_hash(&self.file)?;
@@ -195,4 +198,49 @@ fn domain(regime: &RegimeModel) -> String {
         ),
         hull => format!("the convex hull of its samples, {} vertices", hull.vertex_count()),
     }
+}
+
+/// Prints what each actuator of a scene loads and costs.
+fn explain_scene(path: &Path, json: bool) -> anyhow::Result<()> {
+    let scene = Scene::load(path).map_err(configuration)?;
+    let loaded = load_scene(&scene, path).map_err(configuration)?;
+    let explained: Vec<Explained> = loaded.iter().map(explain).collect();
+    report::print(&explained, json)
+}
+
+/// Describes a table and proposes a mapping of its columns.
+fn describe_table(file: &Path, out: Option<&Path>, picture: Option<&Path>, json: bool) -> anyhow::Result<()> {
+    let log = Log::read(file, &TableForm::default()).map_err(files::refusal)?;
+    let found = describe(&log, &file.display().to_string());
+    if let Some(out) = out {
+        files::save(out, found.mapping.as_bytes())?;
+    }
+    if let Some(picture) = picture {
+        columns_figure(&log, &found).save(picture)?;
+    }
+    report::print(&found, json)?;
+    match out {
+        _ if json => {}
+        Some(out) => output!("mapping to complete: {}", out.display())?,
+        None => output!("\n{}", found.mapping.trim_end())?,
+    }
+    Ok(())
+}
+
+fn columns_figure(log: &Log, found: &TableDescription) -> Figure {
+    let rows: Vec<f64> = (0..log.rows()).map(|row| row as f64).collect();
+    let x = found.time_column.map_or(&rows, |number| &log.columns[number - 1]);
+    let first = x.first().copied().unwrap_or(0.0);
+    let label = if found.time_column.is_some() { "time, in the column's unit" } else { "row" };
+    let others = found.columns.iter().filter(|column| Some(column.column) != found.time_column);
+    let panels = others.map(|column| {
+        let points = x.iter().zip(&log.columns[column.column - 1]).map(|(x, y)| (x - first, *y));
+        let y = match &column.unit {
+            _ if column.constant => "constant",
+            unit => unit.as_deref().unwrap_or("unit not known"),
+        };
+        let title = format!("{} {}", column.column, column.heading);
+        Panel::new(title, label, y, vec![Series::line("", 0, points)])
+    });
+    Figure { title: "columns against time".into(), panels: panels.collect(), columns: 3 }
 }

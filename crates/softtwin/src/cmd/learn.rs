@@ -1,15 +1,11 @@
 //! `softtwin learn`.
 
 use crate::failure::{configuration, unexplained};
-use crate::{files, output, report};
-use formats::log::{Recording, Series};
+use crate::{files, report};
+use formats::log::Recording;
 use serde::Serialize;
-use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use train::comparison::{RecordedInputs, SensorBiases};
-use train::measured::{
-    Difference, LearningReport, Measured, MeasuredError, MeasuredStates, ModesDifference, Run, correct, learn,
-};
+use train::measured::{Corrected, LearningReport, Measured, MeasuredError, MeasuredStates, correct, learn};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -58,19 +54,8 @@ impl Args {
         if let Some(model) = &self.model {
             return self.correct(model, &recordings, remarks);
         }
-        let mut data = Measured::default();
-        for recording in recordings {
-            data.inputs = recording.inputs.iter().map(|series| series.name.clone()).collect();
-            data.outputs = recording.outputs.iter().map(|series| series.name.clone()).collect();
-            let values = |all: Vec<Series>| all.into_iter().map(|series| series.values).collect();
-            data.runs.push(Run {
-                time_s: recording.time_s,
-                inputs: values(recording.inputs),
-                outputs: values(recording.outputs),
-            });
-        }
         let name = self.out.file_stem().map_or("measured".into(), |stem| stem.to_string_lossy().into_owned());
-        let mut learned = learn(&name, &data).map_err(unexplained)?;
+        let mut learned = learn(&name, &Measured::of(recordings)).map_err(unexplained)?;
         learned.remarks.splice(0..0, remarks);
         files::save(&self.out, &learned.model.to_bytes()?)?;
         let title = format!("{}: measured", self.out.display());
@@ -89,83 +74,16 @@ impl Args {
         }
         let outputs: Vec<String> =
             recordings.first().map_or_else(Vec::new, |r| r.outputs.iter().map(|s| s.name.clone()).collect());
-        let mut runs = Vec::new();
-        for recording in recordings {
-            let inputs = RecordedInputs::new(&model.header, recording, SensorBiases::default(), &mut remarks);
-            let mut states = vec![None; recording.time_s.len()];
-            let of_rows = inputs.and_then(|inputs| {
-                inputs.follow(&model, |row, evaluation| {
-                    states[row] = Some(evaluation.inputs);
-                    Ok(())
-                })
-            });
-            let of_rows = of_rows.map_err(files::not_compared)?;
-            remarks.extend(of_rows);
-            runs.push(MeasuredStates {
-                states,
-                outputs: recording.outputs.iter().map(|series| series.values.clone()).collect(),
-            });
-        }
+        let states = |recording| MeasuredStates::of(&model, recording, &mut remarks);
+        let runs: Vec<_> =
+            recordings.iter().map(states).collect::<Result<_, _>>().map_err(files::not_compared)?;
         let found = correct(&mut model, &outputs, &runs, &mut remarks).map_err(|error| match error {
             MeasuredError::NoSuchOutput { .. } => configuration(error),
             error => unexplained(error),
         })?;
         files::save(&self.out, &model.to_bytes()?)?;
-        if self.json {
-            let one = |of: &Difference| {
-                json!({"name": of.name, "regime": of.regime.name(), "states": of.states, "rms": of.rms,
-                    "rms_left_out": of.rms_left_out, "largest_offset": of.largest_offset, "half_width": of.half_width,
-                    "kept": of.is_kept})
-            };
-            let of_modes = |of: &ModesDifference| {
-                json!({"regime": of.regime.name(), "modes": of.modes, "values": of.values, "rms_mm": of.rms_mm,
-                    "rms_left_out_mm": of.rms_left_out_mm, "share_mm": of.share_mm, "half_width_mm": of.half_width_mm,
-                    "kept": of.is_kept})
-            };
-            let offsets: Vec<Value> = found.offsets.iter().map(one).collect();
-            let modes: Vec<Value> = found.modes.iter().map(of_modes).collect();
-            return output::json(
-                &json!({"source": "finite elements", "modes": modes, "offsets": offsets, "remarks": remarks}),
-            );
-        }
-        output!("{}: finite elements with a measured difference", self.out.display())?;
-        for of in &found.modes {
-            output!(
-                "  {} modes of the {} regime: {} values, RMS {:.3} mm, {:.3} on left-out parts, changed by {:.3}{}",
-                of.modes,
-                of.regime.name(),
-                of.values,
-                of.rms_mm,
-                of.rms_left_out_mm,
-                of.share_mm,
-                if of.is_kept { "" } else { "  not kept" }
-            )?;
-        }
-        output!(
-            "  {:<20}{:>8}{:>8}{:>12}{:>14}{:>16}{:>12}",
-            "output",
-            "regime",
-            "states",
-            "RMS before",
-            "RMS left out",
-            "largest offset",
-            "half-width"
-        )?;
-        for of in &found.offsets {
-            output!(
-                "  {:<20}{:>8}{:>8}{:>12.4}{:>14.4}{:>16.4}{:>12.4}{}",
-                of.name,
-                of.regime.name(),
-                of.states,
-                of.rms,
-                of.rms_left_out,
-                of.largest_offset,
-                of.half_width,
-                if of.is_kept { "" } else { "  not kept" }
-            )?;
-        }
-        remarks.iter().try_for_each(|remark| output!("  note: {remark}"))?;
-        Ok(())
+        let title = format!("{}: finite elements with a measured difference", self.out.display());
+        report::print(&CorrectedModel { title, source: "finite elements", found, remarks }, self.json)
     }
 }
 
@@ -175,4 +93,14 @@ struct LearnedModel {
     title: String,
     #[serde(flatten)]
     learned: LearningReport,
+}
+
+/// A finite-element model with what was measured beside it.
+#[derive(Serialize)]
+struct CorrectedModel {
+    title: String,
+    source: &'static str,
+    #[serde(flatten)]
+    found: Corrected,
+    remarks: Vec<String>,
 }

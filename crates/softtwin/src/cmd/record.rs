@@ -7,7 +7,6 @@ use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 use recording::{FreeSpace, RecordSummary, Recorder, RecorderOptions, Retention, RotateOptions};
 use runtime::metrics;
-use runtime::removed_files;
 use runtime::service::{self, Watchdog};
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -101,7 +100,7 @@ impl Args {
         let mut recorder = Recorder::start(&domain, options)?;
         let mut group = ThreadGroup::new(stop.clone());
         let own_files = OwnFiles::of(&domain)?;
-        group.start(removed_files::NAME, move |end| removed_files::watch(&own_files, end))?;
+        group.start("files", move |end| service::watch_files(&own_files, end))?;
         let shown = Arc::new(Mutex::new(RecordSummary::default()));
         let (of_page, place) = (shown.clone(), self.folder());
         metrics::start(&mut group, listener, || move || page(&of_page, &place))?;

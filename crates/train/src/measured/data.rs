@@ -1,8 +1,10 @@
 //! Measured runs, and what is learned from them.
 
+use formats::log::{Recording, Series};
 use rom::inputs::Inputs;
 use rom::model::{Model, ModelFileError};
-use serde::Serialize;
+use rom::snapshots::RegimeKind;
+use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 
 /// Fewest states of a measured difference.
@@ -43,6 +45,25 @@ pub struct Run {
     pub inputs: Vec<Vec<f64>>,
     /// Values by output, then row.
     pub outputs: Vec<Vec<f64>>,
+}
+
+impl Measured {
+    /// Recordings of one bench: the last one names inputs and outputs.
+    #[must_use]
+    pub fn of(recordings: Vec<Recording>) -> Self {
+        let names = |all: &[Series]| all.iter().map(|series| series.name.clone()).collect();
+        let values = |all: Vec<Series>| all.into_iter().map(|series| series.values).collect();
+        let (inputs, outputs) =
+            recordings.last().map(|last| (names(&last.inputs), names(&last.outputs))).unwrap_or_default();
+        let run =
+            |of: Recording| Run { time_s: of.time_s, inputs: values(of.inputs), outputs: values(of.outputs) };
+        Self { inputs, outputs, runs: recordings.into_iter().map(run).collect() }
+    }
+}
+
+/// Writes a regime as people and files call it.
+pub(super) fn regime_name<S: Serializer>(regime: &RegimeKind, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(regime.name())
 }
 
 /// Figures of an output.

@@ -8,8 +8,9 @@
 //! `r` is measured minus predicted with the modes' difference, `x` the inputs scaled as in the model, centres `c` the means of cells of the measured states. Segments of the
 //! runs that are left out choose `R` and `lambda`, and decide whether there is an offset at all.
 
-use super::data::{COVERAGE, MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS};
-use super::layout::coordinate;
+use super::data::{
+    COVERAGE, MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS, regime_name,
+};
 use super::modes::{self, ModesDifference};
 use super::segments::{FOLDS, SEGMENTS, centres, fold, half_width};
 use rom::dense::Dense;
@@ -18,16 +19,18 @@ use rom::evaluator::Evaluator;
 use rom::inputs::{Inputs, Point};
 use rom::model::{BlockKind, Model, ModelError, ModelFileError};
 use rom::observable::{Correction, Definition, MAX_OBSERVABLES, ObservableKind, Observables, Place};
-use rom::snapshots::RegimeKind;
+use rom::snapshots::{RegimeKind, marker_axis};
 use rom::statistics::{mean, quantile};
+use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// Figures of one output in one regime.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Difference {
     /// Name.
     pub name: String,
     /// Regime.
+    #[serde(serialize_with = "regime_name")]
     pub regime: RegimeKind,
     /// States.
     pub states: usize,
@@ -40,11 +43,12 @@ pub struct Difference {
     /// Half-width at measured states.
     pub half_width: f64,
     /// True if the model has the offset; false where it does not lower the error on left-out segments.
+    #[serde(rename = "kept")]
     pub is_kept: bool,
 }
 
 /// Measured differences of a model.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Corrected {
     /// Modes by regime.
     pub modes: Vec<ModesDifference>,
@@ -165,7 +169,7 @@ fn places(
     let mut found = Vec::new();
     for (output, name) in outputs.iter().enumerate() {
         if observables.names().all(|known| known != name)
-            && let Some((marker, axis)) = coordinate(name).filter(|(marker, _)| has_set(marker))
+            && let Some((marker, axis)) = marker_axis(name).filter(|(marker, _)| has_set(marker))
             && observables.count() < MAX_OBSERVABLES
         {
             let mut direction = [0.0; 3];

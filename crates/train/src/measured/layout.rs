@@ -2,12 +2,10 @@
 
 use rom::evaluation::Evaluation;
 use rom::model::{BlockKind, Model, ModelHeader};
-use rom::snapshots::{FieldKind, FieldSpec};
+use rom::snapshots::{AXES, FieldKind, FieldSpec, marker_axis};
 
 /// Name of the model's pressure.
 pub(super) const PRESSURE_NAME: &str = "pressure_mpa";
-
-const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Field and nodes of the outputs.
 pub(super) struct Layout {
@@ -17,30 +15,24 @@ pub(super) struct Layout {
     pub fields: Vec<(FieldSpec, Vec<Option<usize>>)>,
 }
 
-/// Marker and axis of `NAME_x_mm`.
-pub(super) fn coordinate(output: &str) -> Option<(&str, usize)> {
-    let (marker, axis) = output.strip_suffix("_mm")?.rsplit_once('_')?;
-    Some((marker, AXES.iter().position(|known| *known == axis)?))
-}
-
 impl Layout {
     pub(super) fn of(outputs: &[&str]) -> Self {
         let mut nodes: Vec<String> = Vec::new();
-        for (marker, _) in outputs.iter().filter_map(|name| coordinate(name)) {
+        for (marker, _) in outputs.iter().filter_map(|name| marker_axis(name)) {
             if !nodes.iter().any(|node| node == marker) {
                 nodes.push(marker.to_owned());
             }
         }
         let mut fields = Vec::new();
         for (k, axis) in AXES.iter().enumerate() {
-            let at = |node: &String| outputs.iter().position(|name| coordinate(name) == Some((node, k)));
+            let at = |node: &String| outputs.iter().position(|name| marker_axis(name) == Some((node, k)));
             let places: Vec<Option<usize>> = nodes.iter().map(at).collect();
             if places.iter().any(Option::is_some) {
                 let kind = FieldKind::Coordinate(k as u8);
                 fields.push((FieldSpec { name: (*axis).into(), unit: "mm".into(), kind }, places));
             }
         }
-        for (at, name) in outputs.iter().enumerate().filter(|(_, name)| coordinate(name).is_none()) {
+        for (at, name) in outputs.iter().enumerate().filter(|(_, name)| marker_axis(name).is_none()) {
             let spec = FieldSpec { name: (*name).into(), unit: unit_of(name), kind: FieldKind::Other };
             fields.push((spec, vec![Some(at); nodes.len().max(1)]));
         }
@@ -72,10 +64,9 @@ pub fn place(header: &ModelHeader, output: &str) -> Option<(usize, usize)> {
     if let Some(at) = field(output) {
         return Some((at, 0));
     }
-    let (marker, axis) = coordinate(output)?;
+    let (marker, axis) = marker_axis(output)?;
     let node = *header.node_sets.iter().find(|set| set.name == marker)?.nodes.first()?;
-    let of_axis = |field: &rom::model::OutputField| field.spec.kind == FieldKind::Coordinate(axis as u8);
-    Some((header.fields.iter().position(of_axis)?, node as usize))
+    Some((header.coordinate_field(axis as u8)?, node as usize))
 }
 
 /// Output of a measured model.

@@ -8,7 +8,9 @@
 //! the unit. `s_j` is the standard deviation of the coefficient over the training states, the prior of the ridge. Angles are linearised
 //! again at the state found. Segments of the runs that are left out choose `R` and `lambda`, and decide whether there is a difference.
 
-use super::data::{COVERAGE, MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS};
+use super::data::{
+    COVERAGE, MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS, regime_name,
+};
 use super::segments::{FOLDS, SEGMENTS, centres, fold, half_width};
 use rom::dense::Dense;
 use rom::difference::{FieldDifference, terms};
@@ -18,6 +20,7 @@ use rom::model::{Model, ModelFileError, RegimeModel};
 use rom::observable::Observables;
 use rom::snapshots::{FieldKind, RegimeKind};
 use rom::statistics::{mean, quantile};
+use serde::Serialize;
 
 /// Most modes.
 const MODES: usize = 4;
@@ -27,9 +30,10 @@ const ROUNDS: usize = 3;
 const MAX_STATES: usize = 2000;
 
 /// Figures of the modes' difference in one regime.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct ModesDifference {
     /// Regime.
+    #[serde(serialize_with = "regime_name")]
     pub regime: RegimeKind,
     /// Modes.
     pub modes: usize,
@@ -44,8 +48,10 @@ pub struct ModesDifference {
     /// Displacement's half-width at measured states that comes from the difference, mm.
     pub half_width_mm: f64,
     /// RMS on left-out segments over that on the rows that were fitted, at least 1.
+    #[serde(skip)]
     pub(super) optimism: f64,
     /// True if the model has it; false where it does not lower the error on left-out segments.
+    #[serde(rename = "kept")]
     pub is_kept: bool,
 }
 

@@ -14,6 +14,7 @@ use super::maps::{
     BASE_SMOOTHING, ChosenMaps, FittedRows, LagColumns, Member, Ridge, polynomial, solve, times,
 };
 use faer::Mat;
+use rom::halfwidths::HALFWIDTH_SIGMAS;
 use rom::learned::{Drift, Lag, OutputWidth, Support};
 use rom::memory::Line;
 use rom::statistics::{mean, median, quantile};
@@ -27,8 +28,7 @@ const OWN_RANGE: f64 = 1.0 / 3.0;
 const WANDERS_ON: f64 = 4.0;
 /// Runs that the allowance of one run counts for.
 const PRIOR_RUNS: f64 = 2.0;
-/// Standard deviations in a half-width, and the share of values within one.
-const SIGMAS: f64 = 1.64;
+/// Share of values within a standard deviation.
 const ONE_SIGMA: f64 = 0.68;
 /// Smallest reach per root of the number of lags.
 const LEAST_REACH: f64 = 0.25;
@@ -154,7 +154,7 @@ pub(super) fn widths(
             noise: q * factors[0],
             spread: q * factors[1],
             distance: q * factors[2],
-            allowance: SIGMAS * SIGMAS * allowance,
+            allowance: HALFWIDTH_SIGMAS.powi(2) * allowance,
             base: base_errors[k],
             growth: growths[k],
             range,

@@ -1,8 +1,12 @@
 //! `softtwin compare`.
 
-mod body;
-
+use crate::cmd::draw::{DrawnState, Group, Look, Shown, View, draw};
 use crate::failure::{configuration, usage};
+use crate::picture::canvas::Canvas;
+use crate::picture::scene::Block;
+use crate::picture::skin::{Body, distances, marker_mm};
+use crate::picture::theme::ThemeName;
+use crate::picture::visible::visible_facets;
 use crate::picture::{Figure, Panel, Series as Line};
 use crate::{files, output, report};
 use anyhow::Context;
@@ -11,7 +15,10 @@ use formats::table::to_text;
 use rom::model::Model;
 use runtime::config::{BIASES, Scene};
 use std::path::{Path, PathBuf};
-use train::comparison::{ComparedOutput, RecordedInputs, SensorBiases, compare};
+use train::comparison::{ComparedOutput, RecordedBody, RecordedInputs, SensorBiases, compare};
+
+/// Width of a body in the picture.
+const PANEL_PX: u16 = 520;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -78,8 +85,9 @@ impl Args {
         let inputs = inputs.map_err(files::not_compared)?;
         figure(&recording, inputs.widest(), &found.series, &earlier).save(&self.out.join("compare.svg"))?;
         files::save(&self.out.join("compare.csv"), table(&recording, &found.series).as_bytes())?;
-        if let Some(picture) = body::picture(&model, &inputs, &recording, &self.at_s)? {
-            picture.write_png(&self.out.join("body.png"))?;
+        let bodies = inputs.bodies(&model, &self.at_s).map_err(files::not_compared)?;
+        if !bodies.is_empty() {
+            body(&model, bodies)?.write_png(&self.out.join("body.png"))?;
         }
         report::print(&found, self.json)?;
         if !self.json {
@@ -106,6 +114,34 @@ fn subject(path: &Path) -> anyhow::Result<(Model, SensorBiases)> {
     given.map_err(configuration).with_context(|| path.display().to_string())?;
     let bias = |name: &str| spec.estimate.get(name).map_or(0.0, |unknown| unknown.prior);
     Ok((model, SensorBiases { pressure_mpa: bias(BIASES[0]), force_n: bias(BIASES[1]) }))
+}
+
+/// The body with its measured markers, instants side by side.
+fn body(model: &Model, bodies: Vec<RecordedBody>) -> anyhow::Result<Canvas> {
+    let rest = model.undeformed_nodes_mm().unwrap_or_default();
+    let (facets, size) = (visible_facets(&rest, model.facets()), marker_mm(&rest));
+    let block = |at: &[f32; 3]| Block { min_mm: at.map(|v| v - size), max_mm: at.map(|v| v + size) };
+    let state = |of: RecordedBody| DrawnState {
+        body: if facets.is_empty() {
+            Body::of_markers(&of.nodes_mm, &rest)
+        } else {
+            Body { values: distances(&of.nodes_mm, &rest), nodes_mm: of.nodes_mm, facets: facets.clone() }
+        },
+        plate: None,
+        blocks: of.markers_mm.iter().map(block).collect(),
+        force_n: 0.0,
+        outside: of.is_outside,
+        title: format!("{:.2} s", of.time_s),
+    };
+    let group = Group { heading: String::new(), states: bodies.into_iter().map(state).collect() };
+    let look = Look {
+        field: Shown::Displacement,
+        range: None,
+        view: View::Oblique,
+        theme: ThemeName::Light,
+        width: Some(PANEL_PX),
+    };
+    draw(&look, &[group], Some("Model and measured markers"), "Blocks: measured markers.".into())
 }
 
 fn figure(
