@@ -6,6 +6,7 @@
 //! | `reading.rs` | one reading as a least-squares problem; its solution by steps, rejection of outliers, a bounded number of predictions |
 //! | `filter.rs` | the filter over readings: drift, contact or not, consistency |
 //! | `batch.rs` | the fit of constants to a whole recording, and the structure of its residuals |
+//! | `curves.rs` | measured values beside the predictions before and after a fit, and why it explains nothing |
 //! | `identify.rs` | identifiability of the unknowns, and the plan of an experiment that identifies them |
 //! | `watch.rs` | alarms: persistent contradictions, play and lag of the plant |
 //! | `swing.rs` | motion between two readings |
@@ -19,6 +20,7 @@
 //! solution is used.
 
 mod batch;
+mod curves;
 mod filter;
 mod identify;
 mod matrix;
@@ -28,6 +30,7 @@ mod swing;
 mod watch;
 
 pub use batch::{Fit, ResidualSeries, Structure, fit};
+pub use curves::Curves;
 pub use filter::Filter;
 pub use identify::{ExpectedFit, choose, expected_fit, information};
 pub use matrix::{MAX_STATES, Symmetric};

@@ -1,9 +1,9 @@
-//! Several states of each of many designs: what a design's free states cost is shared by all of its states.
+//! Lists of states: chosen one by one, or several of each of many designs, whose free states then cost once for all.
 
 use super::PlanError;
-use super::lists::Parameter;
+use super::lists::{ListRegime, Parameter};
 use crate::cases::{Case, rounded};
-use crate::sample::{onset_pressure_mpa, sequence};
+use crate::sample::{self, grid, latin_hypercube, onset_pressure_mpa, sequence};
 use formats::database::bottom_nodes;
 use rom::evaluation::Evaluation;
 use rom::evaluator::{Evaluator, Query};
@@ -27,32 +27,99 @@ const SURELY: f64 = 1.3;
 const SURELY_MPA: f64 = 1.5e-3;
 
 /// States to list.
-pub struct Designs<'a> {
-    /// Parameters that differ between designs.
+pub struct List<'a> {
+    /// Parameters that vary.
     pub parameters: &'a [Parameter],
-    /// Number of designs.
+    /// Number of states or designs; of a grid: of pressures.
     pub count: usize,
-    /// States of each: a free one for each of [`FREE_SHARES`], the rest with the obstacle.
-    pub states: usize,
     /// Pressures (MPa) and gaps (mm).
     pub loads: [[f64; 2]; 2],
     /// First part of all names.
     pub prefix: &'a str,
     /// `train` or `check`.
     pub split: &'a str,
-    /// Seed of the sequences.
+    /// Seed of hypercubes and sequences.
     pub seed: u64,
 }
 
-impl Designs<'_> {
-    /// The states, design after design, the free ones first, then from the farthest obstacle to the nearest.
-    pub fn cases(&self, mut onset: Option<Onset>) -> Result<Vec<Case>, PlanError> {
+/// How states are chosen.
+pub enum Sampling {
+    /// Latin hypercube.
+    Hypercube,
+    /// Low-discrepancy sequence.
+    Sequence,
+    /// Grid of pressures and so many gaps, of an actuator whose parameters do not vary.
+    Grid {
+        /// Number of gaps.
+        gaps: usize,
+    },
+    /// Points on the onset of contact.
+    Onset(Onset),
+}
+
+impl List<'_> {
+    /// States of a regime, chosen one by one.
+    ///
+    /// # Errors
+    /// An onset that does not know the parameters, or no gap of the list.
+    pub fn cases(&self, regime: ListRegime, sampling: Sampling) -> Result<Vec<Case>, PlanError> {
+        let loads = if regime == ListRegime::Free { &self.loads[..1] } else { &self.loads };
+        let ranges: Vec<[f64; 2]> =
+            loads.iter().copied().chain(self.parameters.iter().map(|p| p.range)).collect();
+        let points = match sampling {
+            Sampling::Hypercube => latin_hypercube(self.count, &ranges, self.seed),
+            Sampling::Sequence => sequence(self.count, &ranges, self.seed),
+            Sampling::Grid { gaps } => grid(&[self.count, gaps][..loads.len()], loads),
+            Sampling::Onset(onset) => self.on_onset(onset, &ranges[1..])?,
+        };
+        let case = |(index, point): (usize, &Vec<f64>)| {
+            let (load, values) = point.split_at(point.len() - self.parameters.len());
+            let regime = regime.of(index);
+            let gap_mm = load.get(1).copied().filter(|_| regime != ListRegime::Free);
+            let settings = self.parameters.iter().zip(values);
+            Case {
+                settings: settings.map(|(p, value)| (p.name.clone(), rounded(*value, 1e9))).collect(),
+                ..regime.case(format!("{}{:03}", self.prefix, index + 1), self.split, (load[0], gap_mm))
+            }
+        };
+        Ok(points.iter().enumerate().map(case).collect())
+    }
+
+    /// Points on the onset over gaps and parameters.
+    fn on_onset(&self, mut onset: Onset, ranges: &[[f64; 2]]) -> Result<Vec<Vec<f64>>, PlanError> {
+        let points: Vec<Vec<f64>> = match &mut onset {
+            Onset::OneDesign(_) if !self.parameters.is_empty() => {
+                return Err(PlanError::Refused(
+                    "--database: expected one over the parameters, found one without".into(),
+                ));
+            }
+            Onset::OneDesign(clearances) => sample::onset(self.count, clearances, self.loads[1]),
+            Onset::Model(..) => {
+                let point = |at: Vec<f64>| Some([&[onset.pressure_mpa(at[0], &at[1..])?], &at[..]].concat());
+                sequence(self.count, ranges, self.seed).into_iter().filter_map(point).collect()
+            }
+        };
+        if points.is_empty() {
+            let [low, high] = self.loads[1];
+            return Err(PlanError::Database(format!(
+                "its free states reach no gap of {low} to {high} mm; simulate free states at higher pressures"
+            )));
+        }
+        Ok(points)
+    }
+
+    /// States of each design, design after design: a free one for each of [`FREE_SHARES`], then the rest with the obstacle, from the
+    /// farthest to the nearest.
+    ///
+    /// # Errors
+    /// Too few states touch.
+    pub fn designs(&self, states: usize, mut onset: Option<Onset>) -> Result<Vec<Case>, PlanError> {
         let [pressures, gaps] = self.loads;
         let ranges: Vec<[f64; 2]> = self.parameters.iter().map(|p| p.range).collect();
         let at = |share: f64| pressures[0] + share * (pressures[1] - pressures[0]);
         let free =
             sequence(self.count, &FREE_SHARES.map(|part| part.map(at)), self.seed.wrapping_add(FREE_SEED));
-        let touching = self.states - FREE_SHARES.len();
+        let touching = states - FREE_SHARES.len();
         let draws = |states: usize, pressures: [f64; 2], seed: u64| {
             sequence(self.count * states * DRAWS, &[pressures, gaps], self.seed.wrapping_add(seed))
                 .into_iter()
@@ -74,16 +141,19 @@ impl Designs<'_> {
             }
             loads.sort_by(|a, b| b[1].total_cmp(&a[1]));
             let name = |kind: &str, k: usize| format!("{}{:02}{kind}{}", self.prefix, design + 1, k + 1);
-            let free = free.iter().enumerate().map(|(k, p)| self.case(name("f", k), (*p, None), values));
-            let loads =
-                loads.iter().enumerate().map(|(k, l)| self.case(name("c", k), (l[0], Some(l[1])), values));
+            let free =
+                free.iter().enumerate().map(|(k, p)| self.design_case(name("f", k), (*p, None), values));
+            let loads = loads
+                .iter()
+                .enumerate()
+                .map(|(k, l)| self.design_case(name("c", k), (l[0], Some(l[1])), values));
             cases.extend(free.chain(loads));
         }
         Ok(cases)
     }
 
-    /// A case, rounded to 1e-6 of the units (gaps to 1e-4 mm) for shorter lists.
-    fn case(&self, name: String, (pressure_mpa, gap_mm): (f64, Option<f64>), values: &[f64]) -> Case {
+    /// A design's case, rounded to 1e-6 of the units (gaps to 1e-4 mm) for shorter lists.
+    fn design_case(&self, name: String, (pressure_mpa, gap_mm): (f64, Option<f64>), values: &[f64]) -> Case {
         let settings = self.parameters.iter().zip(values);
         Case {
             split: self.split.into(),

@@ -7,7 +7,7 @@ mod pressures;
 mod refine;
 mod states;
 
-pub use designs::{Designs, Onset};
+pub use designs::{List, Onset, Sampling};
 pub use lists::{ListRegime, Parameter, check_corners};
 pub use pressures::{Pressures, find};
 pub use refine::{add_states, solve_and_refine};

@@ -8,11 +8,11 @@ use crate::failure::{configuration, unexplained, usage};
 use crate::unknowns::Unknowns;
 use crate::{files, report};
 use anyhow::{Context, bail};
-use estimate::{Fit, Measurement, Setup, Structure};
-use found::{Curves, Summary, figure};
+use estimate::{Curves, Fit, InputRole, Measurement, Setup};
+use found::{Summary, figure};
 use memory::Calibration;
 use plan::PlanArgs;
-use rom::inputs::InputSpec;
+use rom::inputs::{InputSpec, PRESSURE};
 use runtime::config::Scene;
 use runtime::estimation::{self, SensorValues};
 use runtime::measured::MeasuredInputs;
@@ -111,7 +111,7 @@ impl Args {
                     "--memory: expected a model without inertia, found one with it; identify the memory with the static model",
                 ));
             }
-            Some(_) if !memory::is_pressure_measured(setup) => {
+            Some(_) if !matches!(setup.inputs.get(PRESSURE), Some(InputRole::Measured { .. })) => {
                 return Err(usage("--memory: expected a model with a measured pressure, found none"));
             }
             Some(out) => {
@@ -124,7 +124,7 @@ impl Args {
         let keys: Vec<String> = header.inputs.iter().map(InputSpec::key).collect();
         let curves = Curves::of(&setup, &readings, &fit, &mut sensors, &keys);
         let structures = curves.structures(&setup, &readings);
-        let reasons = reasons(&fit, &structures, &curves.driving_name, self.max_rejected);
+        let reasons = curves.reasons(&fit, &structures, self.max_rejected);
         let is_explained = reasons.is_empty();
         if let Some(out) = self.out.as_ref().filter(|_| fit.converged && (is_explained || self.force)) {
             self.save_scene(&scene, &spec.name, &setup, &fit, out)?;
@@ -188,32 +188,4 @@ fn check_recording(setup: &Setup, readings: &[Measurement]) -> anyhow::Result<()
         bail!("the recording has no measured value of {}; nothing can be fitted", names.join(", "));
     }
     Ok(())
-}
-
-/// Why a fit explains nothing; empty if it does.
-fn reasons(fit: &Fit, structures: &[(String, Structure)], driving: &str, max_rejected: f64) -> Vec<String> {
-    let values = fit.used + fit.outliers;
-    let mut reasons = Vec::new();
-    if fit.outliers as f64 > max_rejected * values as f64 {
-        reasons.push(format!(
-            "{} of {values} values contradict the fit (--max-rejected {max_rejected})",
-            fit.outliers
-        ));
-    }
-    if let Some(alarm) = fit.alarm {
-        reasons.push(format!("the alarm of the filter over the motion: {alarm}"));
-    }
-    for (name, found) in structures.iter().filter(|(_, found)| found.is_unexplained) {
-        let mut shape = vec![format!("{:.3} of {:.3} RMS is no noise", found.systematic, found.rms)];
-        shape.extend(found.lag_s.map(|lag_s| format!("it lags by about {lag_s:.2} s")));
-        shape.extend(found.drift_per_s.map(|drift| format!("it drifts by {drift:.2e} per s")));
-        if found.loop_share.abs() > 0.01 {
-            shape.push(format!(
-                "rising and falling {driving} differ by {:.1} % of the range",
-                100.0 * found.loop_share.abs()
-            ));
-        }
-        reasons.push(format!("{name}: {}", shape.join(", ")));
-    }
-    reasons
 }

@@ -1,10 +1,10 @@
 //! `softtwin compare`.
 
-use crate::cmd::draw::{DrawnState, Group, Look, Shown, View, draw};
 use crate::failure::{configuration, usage};
 use crate::picture::canvas::Canvas;
 use crate::picture::scene::Block;
 use crate::picture::skin::{Body, distances, marker_mm};
+use crate::picture::states::{DrawnState, Group, Look, Shown, View, draw};
 use crate::picture::theme::ThemeName;
 use crate::picture::visible::visible_facets;
 use crate::picture::{Figure, Panel, Series as Line};

@@ -9,11 +9,13 @@
 //! [`KEPT`] and on at least half of the parts. A time constant at the longest that the runs can show is drift and no block. Inputs share
 //! their constants. Remarks name what the recordings cannot show.
 
+mod beside;
 mod blocks;
 mod map;
 mod search;
 mod slopes;
 
+pub use beside::{FittedUnknowns, MemoryError, identify_beside};
 pub use blocks::Block;
 pub use map::ModelTerms;
 pub use slopes::slopes;

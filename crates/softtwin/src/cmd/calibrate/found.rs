@@ -1,8 +1,7 @@
 //! What a calibration found: the report, and measured values beside the model's before and after.
 
 use crate::picture::{Figure, Mark, Panel, Series};
-use estimate::{Estimate, Filter, Fit, Measurement, Model as _, Predicted, ResidualSeries, Setup, Structure};
-use runtime::estimation::SensorModel;
+use estimate::{Curves, Estimate, Fit, Measurement, Setup, Structure};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use train::memory::Identified;
@@ -81,70 +80,6 @@ impl<'a> Summary<'a> {
             memory,
             remarks,
         }
-    }
-}
-
-/// Predictions for each reading, by measured quantity.
-pub struct Curves {
-    before: Vec<Vec<f64>>,
-    after: Vec<Vec<f64>>,
-    /// Position and key of the first input that varies.
-    driving: usize,
-    pub driving_name: String,
-}
-
-impl Curves {
-    /// With the priors and with the fitted values.
-    pub fn of(
-        setup: &Setup,
-        readings: &[Measurement],
-        fit: &Fit,
-        sensors: &mut SensorModel,
-        keys: &[String],
-    ) -> Self {
-        let mut predict = |unknowns: &[f64]| -> Vec<Vec<f64>> {
-            // A motion is that which explains the readings with these values.
-            let mut motion = setup.swing.and_then(|_| Filter::new(setup.clone().held_at(unknowns)).ok());
-            let one = |reading: &Measurement| {
-                let mut rows = vec![Predicted::default(); setup.rows.len()];
-                let inputs = match &mut motion {
-                    Some(motion) => motion.update(reading, sensors).inputs,
-                    None => setup.inputs(reading, unknowns),
-                };
-                sensors.predict(&inputs, &mut rows);
-                let bias = |at: usize| setup.rows[at].bias.map_or(0.0, |bias| unknowns[bias]);
-                rows.iter().enumerate().map(|(at, row)| row.value + bias(at)).collect()
-            };
-            readings.iter().map(one).collect()
-        };
-        let before: Vec<f64> = setup.unknowns.iter().map(|unknown| unknown.prior).collect();
-        let after: Vec<f64> = fit.estimates.iter().map(|estimate| estimate.value).collect();
-        let varies = |at: &usize| {
-            readings.windows(2).any(|pair| (pair[0].inputs[*at] - pair[1].inputs[*at]).abs() > 0.0)
-        };
-        let driving = (0..keys.len()).find(varies).unwrap_or(0);
-        let driving_name = keys.get(driving).cloned().unwrap_or_default();
-        Self { before: predict(&before), after: predict(&after), driving, driving_name }
-    }
-
-    /// Structure of the residuals by measured quantity.
-    pub fn structures(&self, setup: &Setup, readings: &[Measurement]) -> Vec<(String, Structure)> {
-        let t_s: Vec<f64> = readings.iter().map(|reading| reading.t_s).collect();
-        let driving: Vec<f64> = readings.iter().map(|reading| reading.inputs[self.driving]).collect();
-        let of_row = |(at, row): (usize, &estimate::Row)| {
-            let measured: Vec<f64> = readings.iter().map(|reading| reading.rows[at]).collect();
-            let predicted: Vec<f64> = self.after.iter().map(|rows| rows[at]).collect();
-            let sigma = row.variance(1.0).sqrt();
-            let series = ResidualSeries {
-                t_s: &t_s,
-                measured: &measured,
-                predicted: &predicted,
-                driving: &driving,
-                sigma,
-            };
-            Some((row.name.clone(), Structure::of(series)?))
-        };
-        setup.rows.iter().enumerate().filter_map(of_row).collect()
     }
 }
 

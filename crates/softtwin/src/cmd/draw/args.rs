@@ -2,8 +2,7 @@
 
 use crate::failure::usage;
 use crate::options::setting;
-use crate::picture::camera::Camera;
-use crate::picture::theme::ThemeName;
+use crate::picture::states::Look;
 use anyhow::Result;
 use std::path::PathBuf;
 
@@ -84,27 +83,6 @@ pub struct Args {
     pub look: Look,
 }
 
-/// How bodies are drawn.
-#[derive(clap::Args)]
-#[command(next_help_heading = "Drawing")]
-pub struct Look {
-    /// Quantity shown as colour.
-    #[arg(long, value_enum, default_value = "stress")]
-    pub field: Shown,
-    /// Ends of the colour scale in the field's unit, LOW:HIGH; fitted to the picture when left out.
-    #[arg(long, value_name = "LOW:HIGH", value_parser = parse_range)]
-    pub range: Option<[f32; 2]>,
-    /// Direction of view.
-    #[arg(long, value_enum, default_value = "oblique")]
-    pub view: View,
-    /// Colours of the background.
-    #[arg(long, value_enum, default_value = "light")]
-    pub theme: ThemeName,
-    /// Width of one drawing, pixels (100 to 4000); the whole picture has at most 100 megapixels.
-    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(100..=4000))]
-    pub width: Option<u16>,
-}
-
 /// What a model has learnt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Chart {
@@ -116,62 +94,6 @@ pub enum Chart {
     Coefficients,
     /// Observables of the free regime, outputs of a measured model, over the inputs.
     Observables,
-}
-
-/// A field that can be shown.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Shown {
-    /// Von Mises stress, MPa.
-    Stress,
-    /// Displacement magnitude, mm (for modes: the vertical coordinate).
-    Displacement,
-}
-
-/// A direction of view, as typed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum View {
-    /// From the side, a little from above and from the tip.
-    Oblique,
-    /// From the side.
-    Side,
-    /// From above.
-    Top,
-}
-
-impl View {
-    pub fn camera(self) -> Camera {
-        match self {
-            Self::Oblique => Camera::new(24.0, 17.0),
-            Self::Side => Camera::new(0.0, 0.0),
-            Self::Top => Camera::new(0.0, 89.9),
-        }
-    }
-}
-
-impl Shown {
-    /// Name in models and databases.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Stress => "von_mises",
-            Self::Displacement => "displacement",
-        }
-    }
-
-    /// Label of the colour bar.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Stress => "von Mises stress (MPa)",
-            Self::Displacement => "displacement (mm)",
-        }
-    }
-}
-
-fn parse_range(text: &str) -> Result<[f32; 2], String> {
-    let ends: Option<[f32; 2]> = text
-        .split_once(':')
-        .and_then(|(low, high)| Some([low.trim().parse().ok()?, high.trim().parse().ok()?]))
-        .filter(|[low, high]: &[f32; 2]| low < high && high.is_finite() && low.is_finite());
-    ends.ok_or_else(|| format!("expected LOW:HIGH with LOW < HIGH, such as 0:0.5, found {text:?}"))
 }
 
 impl Args {
@@ -189,7 +111,3 @@ impl Args {
         )))
     }
 }
-
-#[cfg(test)]
-#[path = "../../../tests/unit/cmd_draw_args.rs"]
-mod tests;

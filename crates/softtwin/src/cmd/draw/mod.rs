@@ -7,9 +7,8 @@ mod placed;
 mod recording;
 mod states;
 
-pub use args::{Args, Look, Shown, View};
+pub use args::Args;
 pub use charts::observables;
-pub use states::{DrawnState, Group, draw};
 
 use crate::cmd::export::is_recording;
 use crate::failure::usage;

@@ -1,6 +1,6 @@
 //! POD modes as pictures: each mode's shape as colour on the mean state of its regime (the paper's Fig. 6).
 
-use super::args::{Args, Shown};
+use super::args::Args;
 use crate::failure::usage;
 use crate::picture::canvas::Canvas;
 use crate::picture::colour::ColourMap;
@@ -8,6 +8,7 @@ use crate::picture::scale::Scale;
 use crate::picture::scene::Scene;
 use crate::picture::sheet::{Panel, Row, Sheet};
 use crate::picture::skin::Body;
+use crate::picture::states::Shown;
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
 use rom::model::{BlockKind, Model, RegimeModel};

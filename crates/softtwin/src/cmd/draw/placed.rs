@@ -1,12 +1,13 @@
 //! A whole scene as a picture: its actuators in their places, its blocks between them.
 
 use super::args::Args;
-use super::states::{DrawnState, Group, StateDrawer, draw};
+use super::states::StateDrawer;
 use crate::failure::{configuration, usage};
 use crate::files;
 use crate::picture::canvas::Canvas;
 use crate::picture::scene::Block;
 use crate::picture::skin::Body;
+use crate::picture::states::{DrawnState, Group, draw};
 use anyhow::Result;
 use runtime::config::{BlockSpec, PlaceSpec, Scene};
 use std::path::Path;

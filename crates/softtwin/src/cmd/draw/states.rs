@@ -1,14 +1,12 @@
 //! States of a model or of a database as pictures.
 
-use super::args::{Args, Look, Shown};
+use super::args::Args;
 use crate::failure::usage;
 use crate::files::{self, refusal};
 use crate::picture::canvas::Canvas;
-use crate::picture::colour::ColourMap;
-use crate::picture::scale::Scale;
-use crate::picture::scene::{Block, Plate, Scene};
-use crate::picture::sheet::{Panel, Row, Sheet};
+use crate::picture::scene::Plate;
 use crate::picture::skin::Body;
+use crate::picture::states::{DrawnState, Group, Shown, draw};
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
 use rom::inputs::{GAP, Inputs, PRESSURE};
@@ -19,51 +17,6 @@ use rom::snapshots::{Database, Footprint, RegimeKind};
 /// The paper's three scenes and five pressures.
 const FIG9_GAPS_MM: [f64; 3] = [80.0, 40.0, 15.0];
 const FIG9_PRESSURES_MPA: [f64; 5] = [0.01, 0.025, 0.04, 0.055, 0.07];
-/// Smallest width of a single drawing, in letter heights.
-const TEXT_SHARE: f32 = 26.0;
-
-/// A state ready to draw.
-pub struct DrawnState {
-    pub body: Body,
-    pub plate: Option<Plate>,
-    pub blocks: Vec<Block>,
-    pub force_n: f64,
-    pub outside: bool,
-    pub title: String,
-}
-
-impl DrawnState {
-    fn full_title(&self) -> String {
-        format!("{}{}", self.title, if self.outside { " (extrapolated)" } else { "" })
-    }
-
-    fn panel(&self, range: [f32; 2], with_title: bool) -> Panel<'_> {
-        Panel {
-            scene: Scene { body: &self.body, plate: self.plate, blocks: &self.blocks, range },
-            title: if with_title { self.full_title() } else { String::new() },
-            note: if self.force_n > 0.0 { format!("{:.3} N", self.force_n) } else { String::new() },
-        }
-    }
-}
-
-/// Shots side by side under a heading.
-pub struct Group {
-    pub heading: String,
-    pub states: Vec<DrawnState>,
-}
-
-impl Group {
-    /// One state without a heading.
-    pub(super) fn alone(state: DrawnState) -> Self {
-        Self { heading: String::new(), states: vec![state] }
-    }
-
-    fn row(&self, range: [f32; 2], with_titles: bool) -> Row<'_> {
-        let panels = self.states.iter().map(|state| state.panel(range, with_titles)).collect();
-        Row { heading: self.heading.clone(), panels }
-    }
-}
-
 /// A model of which states are drawn.
 pub(super) struct StateDrawer {
     state: ModelState,
@@ -239,44 +192,6 @@ fn drawn_case(database: &Database, index: usize, shown: Shown) -> Result<DrawnSt
         outside: false,
         title: state_title(case.pressure_mpa, case.gap_mm),
     })
-}
-
-/// The scale of all states and the largest value. Stress peaks at single nodes of sharp corners; the scale ends where
-/// 99.5 % of the visible nodes lie, so that the rest of the body is not all one colour, and the label says how far it goes.
-fn colour_scale(range: Option<[f32; 2]>, groups: &[Group]) -> (Scale, f32) {
-    let visible = |state: &DrawnState| {
-        let mut seen = state.body.facets.as_flattened().to_vec();
-        seen.sort_unstable();
-        seen.dedup();
-        seen.into_iter().map(|node| state.body.values[node as usize]).collect::<Vec<f32>>()
-    };
-    let states = groups.iter().flat_map(|group| &group.states);
-    let mut values: Vec<f32> = states.flat_map(visible).filter(|value| value.is_finite()).collect();
-    values.sort_unstable_by(f32::total_cmp);
-    let largest = values.last().copied().unwrap_or(0.0);
-    let most = values.get(values.len() * 995 / 1000).copied().unwrap_or(0.0);
-    let scale = range.map_or_else(|| Scale::rounded([0.0, most], 5), |range| Scale::new(range, 5));
-    (scale, largest)
-}
-
-/// Arranges states with one colour scale for all. Without a headline there is one state, whose title is the picture's.
-pub fn draw(look: &Look, groups: &[Group], headline: Option<&str>, caption: String) -> Result<Canvas> {
-    let (scale, largest) = colour_scale(look.range, groups);
-    let single = headline.is_none();
-    let panel_px = usize::from(look.width.unwrap_or(if single { 1100 } else { 420 }));
-    let sheet = Sheet {
-        title: headline.map_or_else(|| groups[0].states[0].full_title(), str::to_owned),
-        caption,
-        rows: groups.iter().map(|group| group.row(scale.range, !single)).collect(),
-        bar_label: format!("{}, largest {largest:.2}", look.field.label()),
-        map: ColourMap::stress(),
-        camera: look.view.camera(),
-        panel_px,
-        text_px: if single { (panel_px as f32 / TEXT_SHARE).min(22.0) } else { 21.0 },
-        theme: look.theme.colours(),
-        scale,
-    };
-    sheet.draw()
 }
 
 #[cfg(test)]

@@ -5,9 +5,8 @@ mod refine;
 use crate::failure::usage;
 use crate::files::{self, not_planned, save};
 use crate::report;
-use fem::cases::{Case, to_csv};
-use fem::plan::{Designs, ListRegime, Onset, Parameter, check_corners};
-use fem::sample;
+use fem::cases::to_csv;
+use fem::plan::{List, ListRegime, Onset, Parameter, Sampling, check_corners};
 use formats::database::ObstacleKind;
 use refine::{Refinement, Target};
 use serde::Serialize;
@@ -160,139 +159,74 @@ impl Args {
         let (Some(kind), Some(n)) = (self.kind, self.n) else {
             return Err(usage("expected --kind and --n, or --refine with --database"));
         };
-        let mut bounds = self.bounds(n)?;
+        if n.saturating_mul(self.n_gaps) > MAX_STATES {
+            let found = format!("{n} x {}", self.n_gaps);
+            return Err(usage(format!("--n, --n-gaps: expected 1 to {MAX_STATES} states, found {found}")));
+        }
         if !self.parameter.is_empty() {
             if kind == Kind::Grid {
                 return Err(usage("--parameter: expected --kind hypercube, sequence or onset"));
             }
             let family = files::family(self.refinement.actuator.as_deref().unwrap_or(Path::new("")))?;
             check_corners(&family, &self.parameter).map_err(not_planned)?;
-            bounds.extend(self.parameter.iter().map(|p| p.range));
         }
-        if let Some(states) = self.states_per_design {
-            if kind != Kind::Sequence || self.regime != Regime::Both {
+        let prefix = self.prefix.clone().unwrap_or_else(|| self.own_prefix(kind));
+        let list = List {
+            parameters: &self.parameter,
+            count: n,
+            loads: [bounds("--pressure", &self.pressure_mpa, 0.0)?, bounds("--gap", &self.gap_mm, 1e-6)?],
+            prefix: &prefix,
+            split: if self.split == Split::Train { "train" } else { "check" },
+            seed: self.seed,
+        };
+        let cases = match self.states_per_design {
+            Some(_) if kind != Kind::Sequence || self.regime != Regime::Both => {
                 return Err(usage("--states-per-design: expected --kind sequence and --regime both"));
             }
-            return self.write(&self.designs(n, states)?);
-        }
-        let points = match kind {
-            Kind::Sequence => sample::sequence(n, &bounds, self.seed),
-            Kind::Hypercube => sample::latin_hypercube(n, &bounds, self.seed),
-            Kind::Grid => sample::grid(&[n, self.n_gaps][..bounds.len()], &bounds),
-            Kind::Onset => self.onset(n)?,
+            Some(states) => list.designs(states, self.known_onset()?),
+            None => list.cases(self.regime.into(), self.sampling(kind)?),
         };
-        let cases: Vec<Case> = points.iter().enumerate().map(|(i, p)| self.case(i, p)).collect();
-        self.write(&cases)
-    }
-
-    fn write(&self, cases: &[Case]) -> anyhow::Result<()> {
-        save(&self.out, to_csv(cases).as_bytes())?;
+        let cases = cases.map_err(not_planned)?;
+        save(&self.out, to_csv(&cases).as_bytes())?;
         report::print(&ListReport { cases: cases.len(), out: &self.out }, false)
     }
 
-    fn designs(&self, count: usize, states: usize) -> anyhow::Result<Vec<Case>> {
-        let onset = self.database.as_deref().map(|path| self.known_onset(path)).transpose()?;
-        let designs = Designs {
-            parameters: &self.parameter,
-            count,
-            states,
-            loads: [&self.pressure_mpa, &self.gap_mm].map(|range| [range[0], range[1]]),
-            prefix: &self.prefix(),
-            split: self.split(),
-            seed: self.seed,
-        };
-        designs.cases(onset).map_err(not_planned)
+    fn sampling(&self, kind: Kind) -> anyhow::Result<Sampling> {
+        Ok(match kind {
+            Kind::Hypercube => Sampling::Hypercube,
+            Kind::Sequence => Sampling::Sequence,
+            Kind::Grid => Sampling::Grid { gaps: self.n_gaps },
+            Kind::Onset if self.regime == Regime::Free => {
+                return Err(usage("--kind onset: expected --regime contact or gripper, found free"));
+            }
+            Kind::Onset => Sampling::Onset(
+                self.known_onset()?.ok_or_else(|| usage("--kind onset: expected --database"))?,
+            ),
+        })
     }
 
-    fn known_onset(&self, path: &Path) -> anyhow::Result<Onset> {
+    fn known_onset(&self) -> anyhow::Result<Option<Onset>> {
+        let Some(path) = &self.database else { return Ok(None) };
         let names: Vec<&str> = self.parameter.iter().map(|p| p.name.as_str()).collect();
-        Onset::of(&files::database(path, ObstacleKind::Plate)?, &names).map_err(not_planned)
-    }
-
-    /// One range a dimension: pressure, and gap unless free.
-    fn bounds(&self, n: usize) -> anyhow::Result<Vec<[f64; 2]>> {
-        if n.saturating_mul(self.n_gaps) > MAX_STATES {
-            let found = format!("{n} x {}", self.n_gaps);
-            return Err(usage(format!("--n, --n-gaps: expected 1 to {MAX_STATES} states, found {found}")));
-        }
-        let mut bounds = Vec::new();
-        for (name, range, least) in [("--pressure", &self.pressure_mpa, 0.0), ("--gap", &self.gap_mm, 1e-6)] {
-            let [low, high] = range[..] else { return Err(usage(format!("{name}: expected two numbers"))) };
-            if !(low >= least && high > low && high.is_finite()) {
-                return Err(usage(format!("{name}: expected {least} <= lower < upper, found {low} {high}")));
-            }
-            bounds.push([low, high]);
-        }
-        if self.regime == Regime::Free {
-            bounds.truncate(1);
-        }
-        Ok(bounds)
-    }
-
-    fn onset(&self, n: usize) -> anyhow::Result<Vec<Vec<f64>>> {
-        if self.regime == Regime::Free {
-            return Err(usage("--kind onset: expected --regime contact or gripper, found free"));
-        }
-        let path = self.database.as_deref().unwrap_or(Path::new("."));
-        let mut onset = self.known_onset(path)?;
-        let gaps = [self.gap_mm[0], self.gap_mm[1]];
-        let points: Vec<Vec<f64>> = match &mut onset {
-            Onset::OneDesign(_) if !self.parameter.is_empty() => {
-                return Err(usage(format!(
-                    "--database: expected one over the parameters, {} has none",
-                    path.display()
-                )));
-            }
-            Onset::OneDesign(clearances) => sample::onset(n, clearances, gaps),
-            Onset::Model(..) => {
-                let ranges: Vec<[f64; 2]> =
-                    [gaps].into_iter().chain(self.parameter.iter().map(|p| p.range)).collect();
-                let places = sample::sequence(n, &ranges, self.seed);
-                let point = |at: Vec<f64>| Some([&[onset.pressure_mpa(at[0], &at[1..])?], &at[..]].concat());
-                places.into_iter().filter_map(point).collect()
-            }
-        };
-        if points.is_empty() {
-            anyhow::bail!(
-                "{}: its free states reach no gap of {} to {} mm; simulate free states at higher pressures",
-                path.display(),
-                self.gap_mm[0],
-                self.gap_mm[1]
-            );
-        }
-        Ok(points)
+        Onset::of(&files::database(path, ObstacleKind::Plate)?, &names).map(Some).map_err(not_planned)
     }
 
     /// `free`, `contact-grid`, `contact-check` and so on.
-    fn prefix(&self) -> String {
-        let kind = match self.kind {
-            Some(Kind::Grid) => "-grid",
-            Some(Kind::Onset) => "-onset",
-            Some(Kind::Sequence) => "-sequence",
-            _ => "",
+    fn own_prefix(&self, kind: Kind) -> String {
+        let way = match kind {
+            Kind::Grid => "-grid",
+            Kind::Onset => "-onset",
+            Kind::Sequence => "-sequence",
+            Kind::Hypercube => "",
         };
         let purpose = if self.split == Split::Check { "-check" } else { "" };
-        self.prefix
-            .clone()
-            .unwrap_or_else(|| format!("{}{kind}{purpose}", ListRegime::from(self.regime).name()))
+        format!("{}{way}{purpose}", ListRegime::from(self.regime).name())
     }
+}
 
-    fn split(&self) -> &'static str {
-        if self.split == Split::Train { "train" } else { "check" }
-    }
-
-    fn case(&self, index: usize, point: &[f64]) -> Case {
-        let name = format!("{}{:03}", self.prefix(), index + 1);
-        let (load, values) = point.split_at(point.len() - self.parameter.len());
-        let regime = ListRegime::from(self.regime).of(index);
-        let mut case = regime.case(
-            name,
-            self.split(),
-            (load[0], load.get(1).copied().filter(|_| regime != ListRegime::Free)),
-        );
-        let rounded = |value: f64| (value * 1e9).round() / 1e9;
-        case.settings =
-            self.parameter.iter().zip(values).map(|(p, v)| (p.name.clone(), rounded(*v))).collect();
-        case
+fn bounds(name: &str, range: &[f64], least: f64) -> anyhow::Result<[f64; 2]> {
+    match range {
+        [low, high] if *low >= least && high > low && high.is_finite() => Ok([*low, *high]),
+        _ => Err(usage(format!("{name}: expected {least} <= lower < upper, found {range:?}"))),
     }
 }

@@ -1,4 +1,4 @@
-//! Tests of `src/cmd/draw/args.rs`.
+//! Tests of `src/states.rs`.
 
 use super::*;
 
