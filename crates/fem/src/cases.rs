@@ -210,34 +210,3 @@ pub fn to_csv(cases: &[Case]) -> String {
 
 /// Columns of a table of cavity volumes.
 pub(crate) const VOLUME_COLUMNS: [&str; 4] = ["case", "pressure_mpa", "gap_mm", "cavity_volume_mm3"];
-
-/// A row of `volumes.csv`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Volume {
-    /// Cavity pressure (MPa).
-    pub pressure_mpa: f64,
-    /// Distance of the obstacle (mm); `None` for a free case.
-    pub gap_mm: Option<f64>,
-    /// Volume of the cavity (mm3).
-    pub cavity_volume_mm3: f64,
-}
-
-/// Reads the `volumes.csv` of a run.
-///
-/// # Errors
-/// All errors: I/O, another heading, values that are not finite.
-pub fn read_volumes(path: &Path) -> Result<Vec<Volume>, FormatError> {
-    let table = Table::read(path, false)?;
-    let wrong = |diagnostics| FormatError::Content { path: path.into(), diagnostics };
-    let [_, pressure, gap, volume] = table.columns(VOLUME_COLUMNS).map_err(wrong)?;
-    let mut diagnostics = Vec::new();
-    let rows = table.rows().filter_map(|row| {
-        Some(Volume {
-            pressure_mpa: collect(row.number(pressure), &mut diagnostics)?,
-            gap_mm: collect(row.optional_number(gap), &mut diagnostics)?,
-            cavity_volume_mm3: collect(row.number(volume), &mut diagnostics)?,
-        })
-    });
-    let rows = rows.collect();
-    FormatError::check(rows, path, diagnostics)
-}

@@ -41,14 +41,7 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
     let sigmas = spec.sigmas();
     let keys: Vec<String> = inputs.iter().map(InputSpec::key).collect();
     let names: Vec<&str> = keys.iter().map(String::as_str).chain(BIASES).collect();
-    let mut problems: Vec<String> = Vec::new();
-    for name in spec.estimate.keys().filter(|name| !names.contains(&name.as_str())) {
-        problems
-            .push(format!("estimate.{name}: expected one of {}, found no such quantity", names.join(", ")));
-    }
-    if spec.estimate.contains_key("pressure_mpa") {
-        problems.push("estimate.pressure_mpa: the pressure is measured; estimate `pressure_bias_mpa`".into());
-    }
+    let mut problems = wrong_names(spec, &keys, &names);
     let estimated: Vec<&str> =
         names.iter().copied().filter(|name| spec.estimate.contains_key(*name)).collect();
     let position = |name: &str| estimated.iter().position(|other| *other == name);
@@ -78,13 +71,7 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
             range: range(name),
         })
     });
-    let is_measured = |key: &str| spec.inputs.get(key).is_some_and(|from| from.measured().is_some());
-    for key in keys.iter().filter(|key| is_measured(key) && spec.named_sigma(key).is_none()) {
-        problems.push(format!(
-            "inputs.\"{key}\": expected the standard deviation of its readings for the estimation, `sigma` of its sensor or \
-             {{ sigma = ... }} here; found none"
-        ));
-    }
+    let is_measured = |key: &str| is_measured(spec, key);
     let load_input = swing.as_ref().map(|(input, ..)| *input);
     if let Some(key) = load_input.and_then(|input| keys.get(input))
         && (is_measured(key) || position(key).is_some())
@@ -130,6 +117,35 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
         model_correlation_s: spec.sigma.model_correlation_s,
         swing: swing_error.map(|frequency_error| Swing { load, rate: load + 1, frequency_error }),
     };
+    problems.extend(wrong_setup(&out));
+    if problems.is_empty() { Ok(out) } else { Err(problems) }
+}
+
+fn is_measured(spec: &ActuatorSpec, key: &str) -> bool {
+    spec.inputs.get(key).is_some_and(|from| from.measured().is_some())
+}
+
+/// What a scene names that the model does not have, and inputs without the scatter of their readings.
+fn wrong_names(spec: &ActuatorSpec, keys: &[String], names: &[&str]) -> Vec<String> {
+    let mut problems: Vec<String> = Vec::new();
+    for name in spec.estimate.keys().filter(|name| !names.contains(&name.as_str())) {
+        problems
+            .push(format!("estimate.{name}: expected one of {}, found no such quantity", names.join(", ")));
+    }
+    if spec.estimate.contains_key("pressure_mpa") {
+        problems.push("estimate.pressure_mpa: the pressure is measured; estimate `pressure_bias_mpa`".into());
+    }
+    for key in keys.iter().filter(|key| is_measured(spec, key) && spec.named_sigma(key).is_none()) {
+        problems.push(format!(
+            "inputs.\"{key}\": expected the standard deviation of its readings for the estimation, `sigma` of its sensor or \
+             {{ sigma = ... }} here; found none"
+        ));
+    }
+    problems
+}
+
+fn wrong_setup(out: &Setup) -> Vec<String> {
+    let mut problems = Vec::new();
     if out.unknowns.len() > UNKNOWNS_MAX {
         let names: Vec<&str> = out.unknowns.iter().map(|unknown| unknown.name.as_str()).collect();
         problems.push(format!(
@@ -141,7 +157,7 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
     if let Err(errors) = out.check() {
         problems.extend(errors.iter().map(|error| format!("estimate: {error}")));
     }
-    if problems.is_empty() { Ok(out) } else { Err(problems) }
+    problems
 }
 
 /// The force, then x, y, z of each marker, then the observables.

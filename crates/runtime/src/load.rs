@@ -226,29 +226,8 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<LoadedActuator, Ve
         return Err(problem(format!("it has no regime for gaps of {min} .. {max} mm")));
     }
     let selections = selections(spec, &header, &mut reader)?;
-    let mut needed = needed_blocks(&header, &regimes, &selections);
-    needed.push(BlockKind::Memory);
-    if follows {
-        let pressure = Selection { fields: Some(vec!["pressure".into()]), nodes: Nodes::All };
-        needed.extend(needed_blocks(&header, &regimes, &[pressure]));
-    }
-    if !spec.markers.is_empty() {
-        let coordinates =
-            header.fields.iter().filter(|field| matches!(field.spec.kind, FieldKind::Coordinate(_)));
-        let fields = coordinates.map(|field| field.spec.name.clone()).collect();
-        let whole = Selection { fields: Some(fields), nodes: Nodes::All };
-        needed.extend(needed_blocks(&header, &regimes, &[whole]));
-        needed.extend((0..3).map(BlockKind::Undeformed));
-    }
     let file_block_bytes = reader.blocks().iter().map(|entry| entry.bytes).sum();
-    let moves =
-        |kind| matches!(kind, BlockKind::UndeformedBy { .. }) && needed.contains(&BlockKind::Undeformed(0));
-    let is_needed = |entry: &&BlockEntry| {
-        needed.contains(&entry.kind)
-            || moves(entry.kind)
-            || matches!(entry.kind, BlockKind::Observables | BlockKind::Inertia)
-    };
-    let entries: Vec<BlockEntry> = reader.blocks().iter().filter(is_needed).cloned().collect();
+    let entries = blocks_of(spec, &header, &regimes, (&selections, follows), reader.blocks());
     let read =
         entries.iter().map(|entry| ReadBlock { kind: entry.kind, bytes: entry.bytes }).collect::<Vec<_>>();
     let blocks = reader.read_blocks(&entries).map_err(|error| problem(error.to_string()))?;
@@ -295,6 +274,38 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<LoadedActuator, Ve
         read,
         file_block_bytes,
     })
+}
+
+/// Blocks that an actuator's outputs, markers and past take.
+fn blocks_of(
+    spec: &ActuatorSpec,
+    header: &ModelHeader,
+    regimes: &[RegimeKind],
+    (selections, follows): (&[Selection], bool),
+    all: &[BlockEntry],
+) -> Vec<BlockEntry> {
+    let mut needed = needed_blocks(header, regimes, selections);
+    needed.push(BlockKind::Memory);
+    if follows {
+        let pressure = Selection { fields: Some(vec!["pressure".into()]), nodes: Nodes::All };
+        needed.extend(needed_blocks(header, regimes, &[pressure]));
+    }
+    if !spec.markers.is_empty() {
+        let coordinates =
+            header.fields.iter().filter(|field| matches!(field.spec.kind, FieldKind::Coordinate(_)));
+        let fields = coordinates.map(|field| field.spec.name.clone()).collect();
+        let whole = Selection { fields: Some(fields), nodes: Nodes::All };
+        needed.extend(needed_blocks(header, regimes, &[whole]));
+        needed.extend((0..3).map(BlockKind::Undeformed));
+    }
+    let moves =
+        |kind| matches!(kind, BlockKind::UndeformedBy { .. }) && needed.contains(&BlockKind::Undeformed(0));
+    let is_needed = |entry: &&BlockEntry| {
+        needed.contains(&entry.kind)
+            || moves(entry.kind)
+            || matches!(entry.kind, BlockKind::Observables | BlockKind::Inertia)
+    };
+    all.iter().filter(is_needed).cloned().collect()
 }
 
 /// The first entries of a list in an array of fixed size; the rest are 0.

@@ -1,6 +1,6 @@
 //! Resources that a process has used, from `/proc`; `None` without it. A process is `self` or its number.
 
-use std::fs::{read_dir, read_to_string};
+use std::fs::read_to_string;
 
 /// Ticks a second of the times in `/proc`: fixed by Linux's interface to programs, whatever the kernel's own clock.
 const TICKS_PER_S: f64 = 100.0;
@@ -14,11 +14,6 @@ pub fn cpu_s(process: &str) -> Option<f64> {
 /// `Threads`.
 pub fn status(process: &str, key: &str) -> Option<u64> {
     status_of(&read_to_string(format!("/proc/{process}/status")).ok()?, key)
-}
-
-/// Open files and sockets.
-pub fn open_files(process: &str) -> Option<u64> {
-    Some(read_dir(format!("/proc/{process}/fd")).ok()?.count() as u64)
 }
 
 /// Fields 14 and 15; the program's name before them may hold blanks, so they are counted from its closing bracket.

@@ -1,6 +1,6 @@
 //! Months in compressed time: what happens once a day or once a week there happens thousands of times here, and nothing may grow.
 
-use super::observe::count_files;
+use super::observe::{count_files, open_files};
 use crate::slope::Slope;
 use crate::testbed::{Sine, Testbed};
 use anyhow::Context;
@@ -298,6 +298,6 @@ impl<'a> Programs<'a> {
 /// Own memory in kB and open files of a process.
 fn usage(name: &str, process: &str) -> Vec<(String, f64)> {
     let memory = resources::status(process, "RssAnon").map(|kb| (format!("{name}.private_kb"), kb as f64));
-    let open = resources::open_files(process).map(|count| (format!("{name}.open_files"), count as f64));
+    let open = open_files(process).map(|count| (format!("{name}.open_files"), count as f64));
     memory.into_iter().chain(open).collect()
 }

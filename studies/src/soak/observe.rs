@@ -46,7 +46,7 @@ impl Row {
             Usage {
                 resident_kb: status("VmRSS"),
                 private_kb: status("RssAnon"),
-                open_files: resources::open_files(&process).unwrap_or(0),
+                open_files: open_files(&process).unwrap_or(0),
                 threads: status("Threads"),
             }
         };
@@ -72,4 +72,9 @@ pub fn echo(testbed: &Testbed, key: &str) -> anyhow::Result<Daemon> {
 pub fn count_files(folder: &Path) -> u64 {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     entries.map(|entry| if entry.path().is_dir() { count_files(&entry.path()) } else { 1 }).sum()
+}
+
+/// Open files and sockets of a process.
+pub fn open_files(process: &str) -> Option<u64> {
+    Some(std::fs::read_dir(format!("/proc/{process}/fd")).ok()?.count() as u64)
 }

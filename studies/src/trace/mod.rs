@@ -3,7 +3,8 @@
 mod inflation;
 
 use fem::Solver;
-use fem::cases;
+use formats::table::{Table, TableRow};
+use formats::{Diagnostic, FormatError};
 use indicatif::{ProgressBar, ProgressStyle};
 use inflation::{Inflation, to_csv};
 use softtwin::failure::usage;
@@ -64,12 +65,17 @@ impl Args {
 
     /// Cavity volumes (MPa, mm3) at this gap from a table, by rising pressure.
     fn tabulated(&self, table: &Path) -> anyhow::Result<Vec<(f64, f64)>> {
-        let rows = cases::read_volumes(table).map_err(refusal)?;
-        let mut volumes: Vec<(f64, f64)> = rows
-            .into_iter()
-            .filter(|row| row.gap_mm == Some(self.gap_mm))
-            .map(|row| (row.pressure_mpa, row.cavity_volume_mm3))
-            .collect();
+        let found = Table::read(table, false).map_err(refusal)?;
+        let refused = |diagnostics| refusal(FormatError::Content { path: table.into(), diagnostics });
+        let columns = found.columns(["pressure_mpa", "gap_mm", "cavity_volume_mm3"]).map_err(refused)?;
+        let row = |row: TableRow<'_>| -> Result<Option<(f64, f64)>, Diagnostic> {
+            let [pressure, gap, volume] = columns;
+            let is_here = row.optional_number(gap)? == Some(self.gap_mm);
+            Ok(is_here.then_some((row.number(pressure)?, row.number(volume)?)))
+        };
+        let rows: Result<Vec<_>, _> = found.rows().map(row).collect();
+        let rows = rows.map_err(|diagnostic| refused(vec![diagnostic]))?;
+        let mut volumes: Vec<(f64, f64)> = rows.into_iter().flatten().collect();
         volumes.sort_by(|a, b| a.0.total_cmp(&b.0));
         Ok(volumes)
     }

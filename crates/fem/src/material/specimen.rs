@@ -2,10 +2,11 @@
 //! Then the law of several tests, with what is suspicious about them.
 
 use super::columns::{
-    self, CurveOrigin, DeformationQuantity, LoadQuantity, LoadingBranch, TestDescription, TestKind,
+    self, ChosenColumn, CurveOrigin, DeformationQuantity, LoadQuantity, LoadingBranch, TestDescription, TestKind,
 };
 use super::fit::{self, Family, Fitted, Test, stretch_range};
 use super::{Deformation, Hyperelastic};
+use crate::mesh::four_digits;
 use formats::FormatError;
 use formats::log::Log;
 use formats::unit;
@@ -83,6 +84,114 @@ const OUTLIER: f64 = 1.5;
 /// Stress at no strain that is reported, as a fraction of the largest.
 const OFFSET: f64 = 0.01;
 
+/// Says what is missing for a fit.
+fn check(points: &[[f64; 2]], notes: &[String]) -> Result<(), String> {
+    if points.len() < FEWEST {
+        return Err(format!(
+            "expected at least {FEWEST} rows of loading, found {} ({})",
+            points.len(),
+            notes.join("; ")
+        ));
+    }
+    let mut stretches: Vec<f64> = points.iter().map(|point| point[0]).collect();
+    stretches.sort_by(f64::total_cmp);
+    stretches.dedup_by(|next, last| *next - *last < SAME_STRETCH);
+    if stretches.len() < FEWEST_STRETCHES {
+        return Err(format!(
+            "expected rows at {FEWEST_STRETCHES} different stretches at least, found {}: {:?}; is it the column of the deformation?",
+            stretches.len(),
+            stretches
+        ));
+    }
+    Ok(())
+}
+
+/// True for a test that shortens the specimen.
+fn is_compressed(rows: &[[f64; 2]]) -> bool {
+    rows.iter().map(|row| row[0].ln()).sum::<f64>() < 0.0
+}
+
+/// The rows of a table that have both values, as stretches and nominal stresses (MPa).
+fn stretches_and_stresses(
+    (log, deformation, load): (&Log, &ChosenColumn<DeformationQuantity>, &ChosenColumn<LoadQuantity>),
+    description: &TestDescription,
+    kind: TestKind,
+    notes: &mut Vec<String>,
+) -> Result<Vec<[f64; 2]>, String> {
+    let (head, quantity) = (Head::of(log), deformation.quantity);
+    let mut size = |stated: Option<f64>, in_head: Option<f64>, note: &str, missing: &str| {
+        if let (None, Some(value)) = (stated, in_head) {
+            notes.push(note.replace("{}", &four_digits(value)));
+        }
+        stated.or(in_head).ok_or_else(|| missing.to_owned())
+    };
+    let length_mm = match quantity {
+        DeformationQuantity::Displacement | DeformationQuantity::Length => size(
+            description.length_mm,
+            head.length_mm,
+            "length {} mm from the head of the file; --length-mm states it",
+            "a displacement or length needs the specimen's --length-mm",
+        )?,
+        _ => 1.0,
+    };
+    let area_mm2 = match load.quantity {
+        LoadQuantity::Force => size(
+            description.area_mm2,
+            head.area_mm2,
+            "cross-section {} mm2 from the head of the file; --area-mm2 states it",
+            "a force needs the specimen's --area-mm2",
+        )?,
+        _ => 1.0,
+    };
+    let values = log.columns[deformation.index].iter().zip(&log.columns[load.index]);
+    let finite: Vec<[f64; 2]> = values
+        .map(|(d, l)| [d * deformation.factor, l * load.factor / area_mm2])
+        .filter(|row| row.iter().all(|v| v.is_finite()))
+        .collect();
+    let is_missing =
+        |at: &usize| !(log.columns[deformation.index][*at] + log.columns[load.index][*at]).is_finite();
+    if let Some(first) = (0..log.rows()).find(is_missing) {
+        notes.push(format!(
+            "{} of {} rows without a value left out, the first in line {}",
+            log.rows() - finite.len(),
+            log.rows(),
+            log.lines[first]
+        ));
+    }
+    let is_strain = !matches!(quantity, DeformationQuantity::Stretch | DeformationQuantity::Length);
+    let sum: f64 = finite.iter().map(|row| row[0]).sum();
+    let sign = if kind == TestKind::Compression && is_strain && sum > 0.0 { -1.0 } else { 1.0 };
+    let stretch = |value: f64| match quantity {
+        DeformationQuantity::Strain => 1.0 + value,
+        DeformationQuantity::TrueStrain => value.exp(),
+        DeformationQuantity::Stretch => value,
+        DeformationQuantity::Displacement => 1.0 + value / length_mm,
+        DeformationQuantity::Length => value / length_mm,
+    };
+    let mut rows: Vec<[f64; 2]> = finite.iter().map(|row| [stretch(sign * row[0]), row[1]]).collect();
+    if rows.iter().any(|row| row[0].is_nan() || row[0] <= 0.0) {
+        return Err(
+            "expected stretches above 0, found a strain of -1 or less; check quantity and unit of the deformation".into(),
+        );
+    }
+    if is_compressed(&rows) && rows.iter().map(|row| row[1]).sum::<f64>() > 0.0 {
+        rows.iter_mut().for_each(|row| row[1] = -row[1]);
+        notes.push("compression with positive loads: their sign is changed".into());
+    }
+    if description.origin == CurveOrigin::Table
+        && let Some(begin) = begins_stretched(&rows)
+    {
+        return Err(format!(
+            "expected a test that begins near no strain, found a stretch of {begin:.2} with hardly any load; an elongation that counts from \
+             100 % is --deformation stretch, a distance of grips needs its first value as --length-mm, and --origin slack removes slack"
+        ));
+    }
+    if load.quantity == LoadQuantity::TrueStress {
+        rows.iter_mut().for_each(|row| row[1] /= row[0]);
+    }
+    Ok(rows)
+}
+
 impl Specimen {
     /// Reads a test; strains above `max_strain` are left out, and working strains count by `working_weight` ([`Test::working_weight`]).
     ///
@@ -107,58 +216,6 @@ impl Specimen {
             ));
         }
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        let head = Head::of(&log);
-        let needs_length =
-            matches!(deformation.quantity, DeformationQuantity::Displacement | DeformationQuantity::Length);
-        if let (None, Some(length_mm)) = (description.length_mm, head.length_mm)
-            && needs_length
-        {
-            notes.push(format!("length {length_mm} mm from the head of the file; --length-mm states it"));
-        }
-        let length = || {
-            let missing = || error("a displacement or length needs the specimen's --length-mm".into());
-            description.length_mm.or(head.length_mm).ok_or_else(missing)
-        };
-        if let (None, Some(area_mm2)) = (description.area_mm2, head.area_mm2)
-            && load.quantity == LoadQuantity::Force
-        {
-            notes.push(format!(
-                "cross-section {area_mm2:.4} mm2 from the head of the file; --area-mm2 states it"
-            ));
-        }
-        let area = || {
-            let missing = || error("a force needs the specimen's --area-mm2".into());
-            description.area_mm2.or(head.area_mm2).ok_or_else(missing)
-        };
-        let stretch: Box<dyn Fn(f64) -> f64> = match deformation.quantity {
-            DeformationQuantity::Strain => Box::new(|v| 1.0 + v),
-            DeformationQuantity::TrueStrain => Box::new(f64::exp),
-            DeformationQuantity::Stretch => Box::new(|v| v),
-            DeformationQuantity::Displacement => {
-                let length = length()?;
-                Box::new(move |v| 1.0 + v / length)
-            }
-            DeformationQuantity::Length => {
-                let length = length()?;
-                Box::new(move |v| v / length)
-            }
-        };
-        let area_mm2 = if load.quantity == LoadQuantity::Force { area()? } else { 1.0 };
-        let values = log.columns[deformation.index].iter().zip(&log.columns[load.index]);
-        let finite: Vec<[f64; 2]> = values
-            .map(|(d, l)| [d * deformation.factor, l * load.factor / area_mm2])
-            .filter(|row| row.iter().all(|v| v.is_finite()))
-            .collect();
-        let is_missing =
-            |at: &usize| !(log.columns[deformation.index][*at] + log.columns[load.index][*at]).is_finite();
-        if let Some(first) = (0..log.rows()).find(is_missing) {
-            notes.push(format!(
-                "{} of {} rows without a value left out, the first in line {}",
-                log.rows() - finite.len(),
-                log.rows(),
-                log.lines[first]
-            ));
-        }
         let (kind, why) = match description.test {
             Some(kind) => (kind, ""),
             None => guessed(&name, &log).map_err(error)?,
@@ -166,32 +223,8 @@ impl Specimen {
         if !why.is_empty() {
             notes.push(format!("a {} test, {why}; --test states it", kind.word()));
         }
-        let is_strain =
-            !matches!(deformation.quantity, DeformationQuantity::Stretch | DeformationQuantity::Length);
-        let sum: f64 = finite.iter().map(|row| row[0]).sum();
-        let sign = if kind == TestKind::Compression && is_strain && sum > 0.0 { -1.0 } else { 1.0 };
-        let mut rows: Vec<[f64; 2]> = finite.iter().map(|row| [stretch(sign * row[0]), row[1]]).collect();
-        if rows.iter().any(|row| row[0].is_nan() || row[0] <= 0.0) {
-            return Err(error(
-                "expected stretches above 0, found a strain of -1 or less; check quantity and unit of the deformation".into(),
-            ));
-        }
-        let compressed = rows.iter().map(|row| row[0].ln()).sum::<f64>() < 0.0;
-        if compressed && rows.iter().map(|row| row[1]).sum::<f64>() > 0.0 {
-            rows.iter_mut().for_each(|row| row[1] = -row[1]);
-            notes.push("compression with positive loads: their sign is changed".into());
-        }
-        if description.origin == CurveOrigin::Table
-            && let Some(begin) = begins_stretched(&rows)
-        {
-            return Err(error(format!(
-                "expected a test that begins near no strain, found a stretch of {begin:.2} with hardly any load; an elongation that counts from \
-                 100 % is --deformation stretch, a distance of grips needs its first value as --length-mm, and --origin slack removes slack"
-            )));
-        }
-        if load.quantity == LoadQuantity::TrueStress {
-            rows.iter_mut().for_each(|row| row[1] /= row[0]);
-        }
+        let rows = stretches_and_stresses((&log, &deformation, &load), description, kind, &mut notes).map_err(error)?;
+        let compressed = is_compressed(&rows);
         let (branch, loops) = branch(&rows, description.branch, &mut notes);
         let origin = OriginFit::of(kind.deformation(), &branch);
         let zeroed = |rows: Vec<[f64; 2]>| {
@@ -200,23 +233,7 @@ impl Specimen {
         let (branch, rows): (Vec<[f64; 2]>, Vec<[f64; 2]>) = (zeroed(branch), zeroed(rows));
         notes.extend(origin.note(description.origin));
         let points = usable(branch, compressed, max_strain, &mut notes);
-        if points.len() < FEWEST {
-            return Err(error(format!(
-                "expected at least {FEWEST} rows of loading, found {} ({})",
-                points.len(),
-                notes.join("; ")
-            )));
-        }
-        let mut stretches: Vec<f64> = points.iter().map(|point| point[0]).collect();
-        stretches.sort_by(f64::total_cmp);
-        stretches.dedup_by(|next, last| *next - *last < SAME_STRETCH);
-        if stretches.len() < FEWEST_STRETCHES {
-            return Err(error(format!(
-                "expected rows at {FEWEST_STRETCHES} different stretches at least, found {}: {:?}; is it the column of the deformation?",
-                stretches.len(),
-                stretches
-            )));
-        }
+        check(&points, &notes).map_err(error)?;
         let (weight, shape_only) = (description.weight, description.shape_only);
         let test = Test { deformation: kind.deformation(), points, weight, shape_only, working_weight };
         let is_load_assumed = load.note.contains("assumed");

@@ -266,26 +266,7 @@ fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
     let mut text = format!(
         "# Proposed by softtwin inspect for {file}: check every unit against the picture.\n\n[time]\n"
     );
-    match time {
-        Some(at) if columns[at].counts() => {
-            text +=
-                &format!("column = {} # counts rows or frames:\nrate_hz = 0 # of them per second\n", at + 1);
-        }
-        Some(at) => {
-            let has_unit = matches!(columns[at].time, TimeSign::Unit | TimeSign::NamedWithUnit);
-            let spelling = columns[at].unit.as_deref().filter(|_| has_unit);
-            let of_days = Some("d").filter(|_| columns[at].is_in_days);
-            let of_size = EPOCHS.iter().find(|(from, _)| columns[at].low >= *from).map(|(_, unit)| *unit);
-            let of_step = columns[at].integer_step.filter(|step| *step >= MS_STEP).map(|_| "ms");
-            let known = spelling.or(of_days).or(of_size).or(of_step).unwrap_or("s");
-            let note =
-                if spelling.is_some() { "" } else { " # not in the heading: ns, us, ms, s, min, h or d" };
-            text += &format!("column = {}\nunit = \"{known}\"{note}\n", at + 1);
-        }
-        None => {
-            text += "# no column rises throughout: column = N with unit, or\nrate_hz = 0 # rows per second; 1 for settled states without time\n"
-        }
-    }
+    text += &time_proposal(time.map(|at| &columns[at]));
     let others = || {
         let is_other =
             |column: &&Known| Some(column.number) != time.map(|at| at + 1) && column.low <= column.high;
@@ -301,47 +282,77 @@ fn proposal(file: &str, columns: &[Known], time: Option<usize>) -> String {
         if names.contains(&name) {
             name = format!("{stem}_{}_{suffix}", column.number);
         }
-        let mut entry = format!(
-            "[[{kind}]] # {:.5} .. {:.5}\nname = \"{name}\"\ncolumn = {}\nunit = \"{}\"\n",
-            column.low,
-            column.high,
-            column.number,
-            column.unit.as_deref().unwrap_or("?")
-        );
-        names.push(name);
-        if column.is_in_pixels() {
-            entry += "mm_per_px = 0 # to be measured\n";
-        }
-        // `tip x, tip y, tip likelihood`
-        let group = |of: &Known| of.heading.rsplit_once(' ').map(|(group, _)| group.to_owned());
-        let confidence = columns[column.number..].iter().take(3).find(|other| other.has(&CONFIDENCE));
-        if let Some(other) =
-            confidence.filter(|other| group(other).is_some() && group(other) == group(column))
-        {
-            entry += &format!("confidence = {}\n", other.number);
-        }
-        let why = match column.kind() {
-            _ if column.is_constant() => "constant",
-            _ if column.has(&CONFIDENCE) => "confidence of a position",
-            Some(("input", _)) if has_measured && column.has(&WANTED) => {
-                "wanted; the measured one is the input"
-            }
-            None if column.counts() => "counts rows",
-            None => "input or output and unit not known",
-            _ if column.is_in_pixels() => "size of a pixel not known",
-            _ if column.quantity.is_none() && column.has(&ABSOLUTE) => {
-                "an absolute pressure: offset = -0.1013 MPa in its unit makes it one above the atmosphere's"
-            }
-            _ if column.quantity.is_none() => "unit not known",
-            _ => "",
-        };
         text += "\n";
-        if why.is_empty() {
-            text += &entry;
-        } else {
-            text += &format!("# {why}:\n");
-            entry.lines().for_each(|line| text += &format!("# {line}\n"));
-        }
+        text += &channel_proposal(column, columns, (kind, &name), has_measured);
+        names.push(name);
     }
     text
+}
+
+fn time_proposal(column: Option<&Known>) -> String {
+    match column {
+        Some(column) if column.counts() => {
+            format!("column = {} # counts rows or frames:\nrate_hz = 0 # of them per second\n", column.number)
+        }
+        Some(column) => {
+            let has_unit = matches!(column.time, TimeSign::Unit | TimeSign::NamedWithUnit);
+            let spelling = column.unit.as_deref().filter(|_| has_unit);
+            let of_days = Some("d").filter(|_| column.is_in_days);
+            let of_size = EPOCHS.iter().find(|(from, _)| column.low >= *from).map(|(_, unit)| *unit);
+            let of_step = column.integer_step.filter(|step| *step >= MS_STEP).map(|_| "ms");
+            let known = spelling.or(of_days).or(of_size).or(of_step).unwrap_or("s");
+            let note =
+                if spelling.is_some() { "" } else { " # not in the heading: ns, us, ms, s, min, h or d" };
+            format!("column = {}\nunit = \"{known}\"{note}\n", column.number)
+        }
+        None => {
+            "# no column rises throughout: column = N with unit, or\nrate_hz = 0 # rows per second; 1 for settled states without time\n".into()
+        }
+    }
+}
+
+/// An entry of the mapping; as comments with the reason, where somebody has to decide.
+fn channel_proposal(
+    column: &Known,
+    columns: &[Known],
+    (kind, name): (&str, &str),
+    has_measured: bool,
+) -> String {
+    let mut entry = format!(
+        "[[{kind}]] # {:.5} .. {:.5}\nname = \"{name}\"\ncolumn = {}\nunit = \"{}\"\n",
+        column.low,
+        column.high,
+        column.number,
+        column.unit.as_deref().unwrap_or("?")
+    );
+    if column.is_in_pixels() {
+        entry += "mm_per_px = 0 # to be measured\n";
+    }
+    // `tip x, tip y, tip likelihood`
+    let group = |of: &Known| of.heading.rsplit_once(' ').map(|(group, _)| group.to_owned());
+    let confidence = columns[column.number..].iter().take(3).find(|other| other.has(&CONFIDENCE));
+    if let Some(other) =
+        confidence.filter(|other| group(other).is_some() && group(other) == group(column))
+    {
+        entry += &format!("confidence = {}\n", other.number);
+    }
+    let why = match column.kind() {
+        _ if column.is_constant() => "constant",
+        _ if column.has(&CONFIDENCE) => "confidence of a position",
+        Some(("input", _)) if has_measured && column.has(&WANTED) => {
+            "wanted; the measured one is the input"
+        }
+        None if column.counts() => "counts rows",
+        None => "input or output and unit not known",
+        _ if column.is_in_pixels() => "size of a pixel not known",
+        _ if column.quantity.is_none() && column.has(&ABSOLUTE) => {
+            "an absolute pressure: offset = -0.1013 MPa in its unit makes it one above the atmosphere's"
+        }
+        _ if column.quantity.is_none() => "unit not known",
+        _ => "",
+    };
+    if why.is_empty() {
+        return entry;
+    }
+    entry.lines().fold(format!("# {why}:\n"), |text, line| text + "# " + line + "\n")
 }

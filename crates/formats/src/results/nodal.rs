@@ -39,6 +39,24 @@ pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
     with_table(mesh, results)
 }
 
+/// Each column once, and one for the instance where the mesh has several.
+fn check_header(names: &[String], has_instance: bool, mesh: &AbaqusMesh) -> Result<(), Diagnostic> {
+    let again = (0..names.len()).find(|at| {
+        !names[*at].is_empty() && names[..*at].iter().any(|name| name.eq_ignore_ascii_case(&names[*at]))
+    });
+    if let Some(at) = again {
+        let found = format!("two columns `{}`", names[at]);
+        return Err(Diagnostic::new("header", "every column once", found));
+    }
+    if !has_instance && mesh.instances.len() > 1 {
+        let names: Vec<&str> = mesh.instances.iter().map(|(name, _)| name.as_str()).collect();
+        let expected =
+            format!("a column `instance` beside `node`: the mesh has the instances {}", names.join(", "));
+        return Err(Diagnostic::new("header", expected, "none of that name"));
+    }
+    Ok(())
+}
+
 fn with_table(mesh: AbaqusMesh, path: &Path) -> Result<Run, FormatError> {
     let table = Table::read(path, true)?;
     let names = table.header();
@@ -48,19 +66,7 @@ fn with_table(mesh: AbaqusMesh, path: &Path) -> Result<Run, FormatError> {
         let missing = table.column("node").err().into_iter().collect();
         return Err(FormatError::Content { path: path.into(), diagnostics: missing });
     };
-    let again = (0..names.len()).find(|at| {
-        !names[*at].is_empty() && names[..*at].iter().any(|name| name.eq_ignore_ascii_case(&names[*at]))
-    });
-    if let Some(at) = again {
-        let found = format!("two columns `{}`", names[at]);
-        return Err(FormatError::one(path, Diagnostic::new("header", "every column once", found)));
-    }
-    if instance.is_none() && mesh.instances.len() > 1 {
-        let names: Vec<&str> = mesh.instances.iter().map(|(name, _)| name.as_str()).collect();
-        let expected =
-            format!("a column `instance` beside `node`: the mesh has the instances {}", names.join(", "));
-        return Err(FormatError::one(path, Diagnostic::new("header", expected, "none of that name")));
-    }
+    check_header(names, instance.is_some(), &mesh).map_err(|wrong| FormatError::one(path, wrong))?;
     let values: Vec<usize> =
         (0..names.len()).filter(|at| ![Some(node), step, time, instance].contains(&Some(*at))).collect();
     let groups = groups(&values, names);
