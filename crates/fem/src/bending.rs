@@ -1,4 +1,5 @@
-//! What is observed of an actuator: the place of its tip, and bending angles, by how much the section at the free end has turned about an axis across the body, against the first section.
+//! What is observed of an actuator: the place of its tip, and bending angles, by how much the section at the free end has turned about
+//! an axis across the body, against the first section.
 //!
 //! `simulate` and `build` measure them on finite elements, a model as observables. Both go through the four nodes chosen here, so that a
 //! pressure that `build` reports for 90 degrees gives 90 degrees in the model.

@@ -184,8 +184,8 @@ pub(crate) fn pressures_mpa(config: &ProblemConfig, load: &Load) -> [f64; 1 + MA
     pressures
 }
 
-/// Debug form of a configuration without the fields of absent parts (round obstacle, range of stretches, films, further cavities), and without motion, of which
-/// static states are independent; part of a checkpoint's fingerprint.
+/// Debug form of a configuration without the fields of absent parts (round obstacle, range of stretches, films, further cavities), and
+/// without motion, of which static states are independent; part of a checkpoint's fingerprint.
 pub(crate) fn flat(debug: &str) -> String {
     let motion = format!(", dynamics: {:?}", Dynamics::default());
     [

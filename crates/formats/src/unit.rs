@@ -101,9 +101,10 @@ const WORDS: [&str; 6] = ["in", "a", "l", "d", "h", "day"];
 /// Unit of pixels, whose size a mapping states.
 pub const PIXELS: &str = "px";
 
-/// Spelling of the unit that a heading contains: in brackets, behind its last `_`, blank or `/` (`pressure_kpa`, `p/kPa`) or, of a time, alone (`millis`);
-/// pixels included. A bracketed number is an index (`data[1]`), a unit behind `/` and another unit is a rate (`deg/s`, `L/min`), and a
-/// pressure that is said to be absolute has none of these units, which are of pressures above the atmosphere's.
+/// Spelling of the unit that a heading contains: in brackets, behind its last `_`, blank or `/` (`pressure_kpa`, `p/kPa`) or, of a
+/// time, alone (`millis`); pixels included. A bracketed number is an index (`data[1]`), a unit behind `/` and another unit is a rate
+/// (`deg/s`, `L/min`), and a pressure that is said to be absolute has none of these units, which are of pressures above the
+/// atmosphere's.
 #[must_use]
 pub fn in_heading(heading: &str) -> Option<&str> {
     let is_known = |spelling: &&str| match unit(spelling) {

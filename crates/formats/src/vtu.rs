@@ -15,7 +15,8 @@ use std::fmt::Write as _;
 use std::io::Read;
 use std::path::Path;
 
-// Reader: one piece of 10-node tetrahedra, or of any cells with quantities at their nodes; arrays in ASCII, base64 or raw appended, plain or zlib, either byte order.
+// Reader: one piece of 10-node tetrahedra, or of any cells with quantities at their nodes; arrays in ASCII, base64 or raw appended,
+// plain or zlib, either byte order.
 
 const POINTS: [usize; 2] = [1, 2];
 /// Lines: trusses, beams, springs.

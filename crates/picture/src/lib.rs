@@ -2,7 +2,8 @@
 //!
 //! `chart`: figures of axes, curves and maps as SVG or PNG. The other modules render bodies: [`skin`] makes lit corners
 //! from nodes and facets, `raster` fills pixels with a depth buffer, [`scene`] combines body, plate, light and shadow,
-//! [`sheet`] arranges scenes with labels and a colour bar, [`states`] states of bodies on a sheet. Colours, fonts and PNG files are the same for both.
+//! [`sheet`] arranges scenes with labels and a colour bar, [`states`] states of bodies on a sheet. Colours, fonts and PNG files are
+//! the same for both.
 #![forbid(unsafe_code)]
 
 pub mod camera;

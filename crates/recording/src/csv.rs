@@ -79,7 +79,8 @@ pub fn export_csv(
 pub enum TableForm {
     /// Every property, unchanged.
     Whole,
-    /// For programs that use FMI: `time` (s, since the table's first row; it never falls, whatever was done to the clock), then the properties that are single numbers, NaN if absent.
+    /// For programs that use FMI: `time` (s, since the table's first row; it never falls, whatever was done to the clock), then the
+    /// properties that are single numbers, NaN if absent.
     Fmi,
 }
 

@@ -1,7 +1,7 @@
 //! Inputs that reach a goal, such as a force or a point at a place: bounded least squares on the model's gradients, from several starts.
 //!
-//! Residuals are divided by their tolerances, inputs scaled to [0, 1] between their bounds. The first start is the caller's, the others fill the bounds
-//! evenly.
+//! Residuals are divided by their tolerances, inputs scaled to [0, 1] between their bounds. The first start is the caller's, the
+//! others fill the bounds evenly.
 
 use crate::evaluation::Evaluation;
 use crate::evaluator::{Evaluator, Query};

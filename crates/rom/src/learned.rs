@@ -533,8 +533,8 @@ impl LearnedState {
         (self.since_ns, self.unknown) = (0, 0.0);
     }
 
-    /// Moves to a reading at `t_ns`, later than the last one. Returns whether it began here, and whether the inputs were held over a gap longer than
-    /// `max_gap_s`.
+    /// Moves to a reading at `t_ns`, later than the last one. Returns whether it began here, and whether the inputs were held over a
+    /// gap longer than `max_gap_s`.
     pub fn advance(&mut self, map: &LearnedMap, t_ns: u64, inputs: &Inputs, max_gap_s: f64) -> (bool, bool) {
         let Some(last_ns) = self.last_ns.replace(t_ns) else {
             self.settle(map, inputs);

@@ -1,8 +1,8 @@
 //! Damped least squares after Levenberg and Marquardt, for a handful of unknowns between bounds.
 //!
-//! A step solves `(J^T J + damping) s = -J^T r` over the unknowns that do not press against a bound. The damping grows until a step reduces the sum of
-//! squares, and shrinks after it: near the minimum the steps are those of Gauss and Newton. It also keeps the answer near its start where the
-//! residuals leave unknowns open.
+//! A step solves `(J^T J + damping) s = -J^T r` over the unknowns that do not press against a bound. The damping grows until a step
+//! reduces the sum of squares, and shrinks after it: near the minimum the steps are those of Gauss and Newton. It also keeps the
+//! answer near its start where the residuals leave unknowns open.
 
 use crate::dense::Dense;
 
@@ -15,8 +15,8 @@ pub trait Residuals {
     /// Residuals at some unknowns; `None` where there are none.
     fn at(&mut self, unknowns: &[f64]) -> Option<Vec<f64>>;
 
-    /// Their derivatives, one column per unknown, at the unknowns at which [`Residuals::at`] gave `residuals` last with a smaller sum of squares than
-    /// before; `None` where there are none.
+    /// Their derivatives, one column per unknown, at the unknowns at which [`Residuals::at`] gave `residuals` last with a smaller sum
+    /// of squares than before; `None` where there are none.
     fn jacobian(&mut self, unknowns: &[f64], residuals: &[f64]) -> Option<Vec<Vec<f64>>>;
 
     /// Smallest and largest value of an unknown.

@@ -61,7 +61,8 @@ impl Trace {
     /// Reads a trace of an actuator.
     ///
     /// Columns `t_s` and `pressure_mpa`; `gap_mm`, and dotted keys of numbers in `actuator.toml`, if given. Gravity and the pressures
-    /// of further cavities may change in time, other quantities may not. Results of an earlier transient are ignored, so that its series is a trace.
+    /// of further cavities may change in time, other quantities may not. Results of an earlier transient are ignored, so that its
+    /// series is a trace.
     ///
     /// # Errors
     /// All errors in it: I/O, missing or unknown columns, times that do not rise, values out of range.

@@ -1,4 +1,5 @@
-//! Lines of serial monitors and of JSON as rows: `t:20,p:1.5`, `t=20ms P=1.5kPa`, `20 ms, P = 1.5 kPa`, `{"t": 20, "p": 1.5}`, `10:12:13.1 -> 1.5,2`.
+//! Lines of serial monitors and of JSON as rows: `t:20,p:1.5`, `t=20ms P=1.5kPa`, `20 ms, P = 1.5 kPa`, `{"t": 20, "p": 1.5}`,
+//! `10:12:13.1 -> 1.5,2`.
 
 use super::lines;
 use super::number::is_content;
@@ -9,8 +10,8 @@ const PROBE: usize = 200;
 /// Between the clock of a serial monitor and its line.
 const ARROW: &str = " -> ";
 
-/// The label of each column, and the text with tabs between the values; `None` unless most of the first lines have the same labels. Lines without the
-/// labels are unchanged.
+/// The label of each column, and the text with tabs between the values; `None` unless most of the first lines have the same labels.
+/// Lines without the labels are unchanged.
 pub(super) fn rows(text: &str) -> Option<(Vec<String>, String)> {
     let all = || lines(text).map(|(_, place)| text[place].trim());
     let probe: Vec<Option<(Vec<String>, String)>> =

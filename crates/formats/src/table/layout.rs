@@ -1,7 +1,7 @@
 //! The form of a table that a bench wrote: its separator, its first row, the headings and parameters above it.
 //!
-//! Each separator is tried; the one whose rows of equal width hold most numbers is taken. Headings are the lines directly above the first row. What could be
-//! meant in two ways is refused with the key of `[table]` that says it.
+//! Each separator is tried; the one whose rows of equal width hold most numbers is taken. Headings are the lines directly above the
+//! first row. What could be meant in two ways is refused with the key of `[table]` that says it.
 
 use super::number::{Spelling, is_content, is_number, number_of_head, spelling};
 use super::{SEPARATORS, Table, TableForm, cells, labelled, lines};

@@ -1,8 +1,8 @@
 //! Delimited text with named columns: the one reader of tables, and a writer.
 //!
-//! Every table is lines of cells between separators, with the names of the columns above. The project's own tables (cases, traces, targets, inputs of
-//! imported states) have commas and the names in the first line: [`Table`]. What benches write has any separator, decimal commas, headings somewhere
-//! above and clocks: [`Log`](crate::log::Log), whose form `layout` finds or refuses.
+//! Every table is lines of cells between separators, with the names of the columns above. The project's own tables (cases, traces,
+//! targets, inputs of imported states) have commas and the names in the first line: [`Table`]. What benches write has any separator,
+//! decimal commas, headings somewhere above and clocks: [`Log`](crate::log::Log), whose form `layout` finds or refuses.
 
 mod labelled;
 pub(crate) mod layout;
@@ -176,8 +176,8 @@ fn lines(text: &str) -> impl Iterator<Item = (usize, Range<usize>)> + '_ {
     })
 }
 
-/// Cells of a line, trimmed. A quote begins a cell in which separators are text (`""` is a quote then); a quote elsewhere, or one that nothing closes, is a
-/// character like others (`Extension (")`). A blank as separator stands for any number of blanks.
+/// Cells of a line, trimmed. A quote begins a cell in which separators are text (`""` is a quote then); a quote elsewhere, or one that
+/// nothing closes, is a character like others (`Extension (")`). A blank as separator stands for any number of blanks.
 fn cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
     if separator == ' ' {
         return line.split_whitespace().map(|cell| cell.trim_matches('"').into()).collect();

@@ -1,8 +1,8 @@
 //! Numbers and clocks of tables that somebody else wrote, decided by column.
 //!
 //! `2.100` is 2.1 or 2100, `03/04/2024` is in March or in April, `12:30` is half past twelve or 750 s. One cell does not tell; the other cells of its
-//! column, or the decimal separator of the other columns, often do. Where they do not, the column has no values but a doubt, which is the error of whoever
-//! asks for it. A remark names what was read by the convention of the table.
+//! column, or the decimal separator of the other columns, often do. Where they do not, the column has no values but a doubt, which is
+//! the error of whoever asks for it. A remark names what was read by the convention of the table.
 
 use super::{DateOrder, Table, TableForm};
 

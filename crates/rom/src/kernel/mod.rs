@@ -15,7 +15,8 @@
 //! mode after mode, in memory as in a model file. The sweep passes over all fields of a tile together, so that derived fields
 //! cost no second pass, and leaves out the last modes of a field where fewer are enough.
 //!
-//! The kernel sums of interpolants are here as well, for their instruction sets (`sums.rs`, `weigh.rs`) and means over the cases around a state (`around.rs`).
+//! The kernel sums of interpolants are here as well, for their instruction sets (`sums.rs`, `weigh.rs`) and means over the cases
+//! around a state (`around.rs`).
 //!
 //! The reconstruction knows nothing of the model: [`Spec`] describes what to build from plain slices. The tests
 //! hold every instruction set to the same equations computed in the plainest way and in f64.

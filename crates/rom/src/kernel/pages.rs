@@ -1,6 +1,6 @@
 //! Memory that a sweep reads from its start to its end, in large pages where the system has them (transparent huge pages of Linux, where they
-//! are allowed at all or on request). A processor follows a stream of addresses within a page and looks up where each page lies: from memory that no
-//! cache holds, a basis in large pages is read in little more than half the time.
+//! are allowed at all or on request). A processor follows a stream of addresses within a page and looks up where each page lies: from
+//! memory that no cache holds, a basis in large pages is read in little more than half the time.
 
 use std::alloc::{Layout, alloc, dealloc, handle_alloc_error};
 use std::ops::{Deref, DerefMut};

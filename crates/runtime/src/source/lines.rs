@@ -36,8 +36,8 @@ pub enum LineError {
 /// Cells of a line.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cells {
-    /// Numbers between separators; `None` where there is nothing. What is no number is an error for who needs it: a device may send its name, a clock or a
-    /// status as well.
+    /// Numbers between separators; `None` where there is nothing. What is no number is an error for who needs it: a device may send
+    /// its name, a clock or a status as well.
     Numbers(Vec<Result<Option<f64>, LineError>>),
     Json(Map<String, Value>),
 }

@@ -1,4 +1,5 @@
-//! Recorded traces: CSV with a header, `t_s,pressure_mpa[,gap_mm][,measured_force_n][,marker1_x_mm,marker1_y_mm,marker1_z_mm]...`, comment lines begin with `#`.
+//! Recorded traces: CSV with a header, `t_s,pressure_mpa[,gap_mm][,measured_force_n][,marker1_x_mm,marker1_y_mm,marker1_z_mm]...`,
+//! comment lines begin with `#`.
 //!
 //! A trace is read as a whole before anything is sent: an invalid cell in line 900 is reported at the start, not after 4.5 s.
 //! Recordings (MCAP) are traces as well, see `recorded`. Where a scene calls model inputs measured (`load_n`), each is a column of its name, and

@@ -8,7 +8,8 @@ use wire::{Outcome, SensorSample};
 
 /// Most sequence numbers between two readings; more is a fault of the later one.
 const MAX_JUMP: u64 = 65_536;
-/// Most readings that a pause can have lost: 24 days at 2 kHz. A larger jump is another beginning of the sender's count, of which nothing is missing.
+/// Most readings that a pause can have lost: 24 days at 2 kHz. A larger jump is another beginning of the sender's count, of which
+/// nothing is missing.
 const MAX_LOST: u64 = 1 << 32;
 /// Number of consecutive readings that begin a new order if they agree with each other and not with the earlier ones: one wrong
 /// number must not make all later readings look old.

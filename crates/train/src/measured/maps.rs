@@ -1,13 +1,15 @@
 //! Maps of measured runs by ridge regression, chosen on left-out parts: the lags first, then kernel maps and reservoirs of them.
 //!
 //! Parts are six contiguous segments of one or two runs, or whole runs of several. Where each run has an input of its own, such as a load, a run
-//! that is left out takes its value of the input along: maps would be chosen for how they go on beyond the data, so that segments are left out there too. Features are computed once over whole runs; only rows are
-//! left out, so that one Gram matrix per part gives all left-out fits.
+//! that is left out takes its value of the input along: maps would be chosen for how they go on beyond the data, so that segments are
+//! left out there too. Features are computed once over whole runs; only rows are left out, so that one Gram matrix per part gives all
+//! left-out fits.
 //!
 //! 1. A lag common to all inputs, or none, is chosen by a quadratic map; the best [`SETS`] are kept.
 //! 2. To each, a lag of one input with a time of its own is added if it lowers the left-out error by [`GAIN`]: of inputs of
 //!    several units also one as long as the run, which nearly integrates. The two next best are tried as well.
-//! 3. Polynomials and kernel maps of these, and reservoirs with their own lags; of each family the mean of the best [`MEMBERS`], and the families weighted by
+//! 3. Polynomials and kernel maps of these, and reservoirs with their own lags; of each family the mean of the best [`MEMBERS`], and
+//! the families weighted by
 //!    their left-out error to the power -8: one that is worse by a third counts a tenth.
 //!
 //! Where successive rows have nothing in common (settled states, dealt in any order), inputs have no lags and there is no reservoir.

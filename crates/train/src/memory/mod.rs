@@ -94,9 +94,9 @@ pub fn parts(rows: &[usize]) -> Vec<Vec<usize>> {
     rows.iter().enumerate().map(one).collect()
 }
 
-/// Identifies the memory of runs, whose inputs are gauge pressures in MPa or others. `scales` is the unit of each output's error, e.g. the range of the outputs with its unit. The static map
-/// is that of a `model` up to weights, or a polynomial.
-/// Returns `None` where the least-squares map has no finite solution, as of fewer than 8 rows or without an output. Cost: `O(1000 rows)`.
+/// Identifies the memory of runs, whose inputs are gauge pressures in MPa or others. `scales` is the unit of each output's error, e.g.
+/// the range of the outputs with its unit. The static map is that of a `model` up to weights, or a polynomial. Returns `None` where
+/// the least-squares map has no finite solution, as of fewer than 8 rows or without an output. Cost: `O(1000 rows)`.
 #[must_use]
 pub fn identify(
     runs: &[Run],

@@ -139,7 +139,8 @@ bits! {
         ESTIMATE_ALARM = 1 << 12, "estimate-alarm";
         /// A measured observable has differed from its predicted value by more than its half-width for longer than configured.
         OBSERVABLE_MISMATCH = 1 << 13, "observable-mismatch";
-        /// The pressure has passed a limit: the state is on a branch behind it, or, outside the training range, in one that the model does not have.
+        /// The pressure has passed a limit: the state is on a branch behind it, or, outside the training range, in one that the model
+        /// does not have.
         SNAPPED = 1 << 14, "snapped";
         /// The readings so far do not tell on which branch the state is: the first one that has the pressure is taken.
         BRANCH_UNKNOWN = 1 << 15, "branch-unknown";
