@@ -25,18 +25,18 @@ pub(crate) fn diagnostics(mesh: &Mesh) -> Vec<Diagnostic> {
         )];
     }
     let mut list = Vec::new();
-    report(&mut list, inverted(mesh), "a positive volume (swap two corners or mesh again)");
-    report(&mut list, duplicates(mesh), "every element once (remove coincident solids and mesh again)");
-    report(&mut list, bent(mesh), "mid-side nodes in the middle of straight edges");
-    report(&mut list, orphans(mesh), "every node in a tetrahedron (save only physical groups)");
+    report(&mut list, inverted_elements(mesh), "a positive volume (swap two corners or mesh again)");
+    report(&mut list, duplicate_elements(mesh), "every element once (remove coincident solids and mesh again)");
+    report(&mut list, bent_edges(mesh), "mid-side nodes in the middle of straight edges");
+    report(&mut list, unused_nodes(mesh), "every node in a tetrahedron (save only physical groups)");
     report(
         &mut list,
-        parts(mesh),
+        separate_parts(mesh),
         "one connected body (fuse or fragment the solids so that they share faces)",
     );
     report(
         &mut list,
-        strays(mesh, &surfaces),
+        stray_triangles(mesh, &surfaces),
         "triangles that are faces of tetrahedra (mesh solids and surfaces together)",
     );
     list
@@ -65,18 +65,18 @@ fn surfaces(mesh: &Mesh) -> Vec<(String, &[[u32; 6]])> {
     all
 }
 
-fn at(mesh: &Mesh, node: u32) -> String {
+fn node_place(mesh: &Mesh, node: u32) -> String {
     let [x, y, z] = mesh.nodes_mm[node as usize];
     format!("({x:.3}, {y:.3}, {z:.3}) mm")
 }
 
-fn inverted(mesh: &Mesh) -> Vec<(String, String)> {
+fn inverted_elements(mesh: &Mesh) -> Vec<(String, String)> {
     let volume = |tet: &[u32; 10]| {
         let [p, a, b, c] = [0, 1, 2, 3].map(|i| mesh.nodes_mm[tet[i] as usize]);
         dot(sub(a, p), cross(sub(b, p), sub(c, p))) / 6.0
     };
     let bad = mesh.tets.iter().enumerate().map(|(e, tet)| (e, tet, volume(tet))).filter(|(.., v)| *v <= 0.0);
-    bad.map(|(e, tet, v)| (format!("element {e} at {}", at(mesh, tet[0])), format!("{v:.3e} mm3"))).collect()
+    bad.map(|(e, tet, v)| (format!("element {e} at {}", node_place(mesh, tet[0])), format!("{v:.3e} mm3"))).collect()
 }
 
 fn sorted<const N: usize>(mut nodes: [u32; N]) -> [u32; N] {
@@ -84,14 +84,14 @@ fn sorted<const N: usize>(mut nodes: [u32; N]) -> [u32; N] {
     nodes
 }
 
-fn duplicates(mesh: &Mesh) -> Vec<(String, String)> {
+fn duplicate_elements(mesh: &Mesh) -> Vec<(String, String)> {
     let mut first: HashMap<[u32; 4], usize> = HashMap::with_capacity(mesh.tets.len());
     let mut bad = Vec::new();
     for (e, tet) in mesh.tets.iter().enumerate() {
         let key = sorted([tet[0], tet[1], tet[2], tet[3]]);
         if let Some(other) = first.insert(key, e) {
             bad.push((
-                format!("element {e} at {}", at(mesh, tet[0])),
+                format!("element {e} at {}", node_place(mesh, tet[0])),
                 format!("the corners of element {other}"),
             ));
         }
@@ -99,7 +99,7 @@ fn duplicates(mesh: &Mesh) -> Vec<(String, String)> {
     bad
 }
 
-fn bent(mesh: &Mesh) -> Vec<(String, String)> {
+fn bent_edges(mesh: &Mesh) -> Vec<(String, String)> {
     let p = |n: u32| mesh.nodes_mm[n as usize];
     let mut seen = vec![false; mesh.nodes_mm.len()];
     let mut bad = Vec::new();
@@ -108,7 +108,7 @@ fn bent(mesh: &Mesh) -> Vec<(String, String)> {
             let (a, b, m) = (p(tet[i]), p(tet[j]), tet[4 + k]);
             let (off, length) = (norm(sub(p(m), scale(0.5, add(a, b)))), norm(sub(b, a)));
             if off > MIDSIDE_SHARE * length && !std::mem::replace(&mut seen[m as usize], true) {
-                let place = format!("node {m} at {}, element {e}", at(mesh, m));
+                let place = format!("node {m} at {}, element {e}", node_place(mesh, m));
                 bad.push((place, format!("{off:.3} mm off the middle of an edge of {length:.3} mm")));
             }
         }
@@ -116,15 +116,15 @@ fn bent(mesh: &Mesh) -> Vec<(String, String)> {
     bad
 }
 
-fn orphans(mesh: &Mesh) -> Vec<(String, String)> {
+fn unused_nodes(mesh: &Mesh) -> Vec<(String, String)> {
     let mut used = vec![false; mesh.nodes_mm.len()];
     mesh.tets.iter().flatten().for_each(|n| used[*n as usize] = true);
     let bad = (0..used.len()).filter(|n| !used[*n]);
-    bad.map(|n| (format!("node {n} at {}", at(mesh, n as u32)), "in none".into())).collect()
+    bad.map(|n| (format!("node {n} at {}", node_place(mesh, n as u32)), "in none".into())).collect()
 }
 
 /// Bodies without a common node with the first.
-fn parts(mesh: &Mesh) -> Vec<(String, String)> {
+fn separate_parts(mesh: &Mesh) -> Vec<(String, String)> {
     let mut parts = Parts::new(mesh.nodes_mm.len(), &mesh.tets);
     let mut sizes: HashMap<u32, (usize, usize)> = HashMap::new();
     for (e, tet) in mesh.tets.iter().enumerate() {
@@ -135,14 +135,14 @@ fn parts(mesh: &Mesh) -> Vec<(String, String)> {
     let others = parts.into_iter().skip(1);
     others
         .map(|(e, size)| {
-            let place = format!("element {e} at {}", at(mesh, mesh.tets[e][0]));
+            let place = format!("element {e} at {}", node_place(mesh, mesh.tets[e][0]));
             (place, format!("a part of {size} elements without a node in common with element 0"))
         })
         .collect()
 }
 
 /// Triangles whose three corners and mid-sides are not those of a tetrahedron's face.
-fn strays(mesh: &Mesh, surfaces: &[(String, &[[u32; 6]])]) -> Vec<(String, String)> {
+fn stray_triangles(mesh: &Mesh, surfaces: &[(String, &[[u32; 6]])]) -> Vec<(String, String)> {
     let mut middle: HashMap<[u32; 2], u32> = HashMap::new();
     let mut faces = std::collections::HashSet::with_capacity(mesh.tets.len() * 2);
     for tet in &mesh.tets {
@@ -161,7 +161,7 @@ fn strays(mesh: &Mesh, surfaces: &[(String, &[[u32; 6]])]) -> Vec<(String, Strin
                 .enumerate()
                 .all(|(k, [i, j])| middle.get(&sorted([tri[i], tri[j]])) == Some(&tri[3 + k]));
             if !on_edges || !faces.contains(&sorted([tri[0], tri[1], tri[2]])) {
-                bad.push((format!("{name}, triangle {t} at {}", at(mesh, tri[0])), "no such face".into()));
+                bad.push((format!("{name}, triangle {t} at {}", node_place(mesh, tri[0])), "no such face".into()));
             }
         }
     }

@@ -11,7 +11,7 @@ pub use designs::{List, Onset, Sampling};
 pub use lists::{ListRegime, Parameter, check_corners};
 pub use pressures::{Pressures, find};
 pub use refine::{add_states, solve_and_refine};
-pub use states::{Budget, Counts, Plan, TOGETHER, landings};
+pub use states::{Budget, Counts, Plan, TOGETHER, landing_cases};
 
 use crate::run::RunError;
 use formats::FormatError;

@@ -7,6 +7,7 @@ use crate::family::Family;
 use crate::material::Elastomer;
 use crate::run::{Outcome, Run, Solved};
 use std::fmt::{self, Display};
+use std::sync::Arc;
 
 /// Rotation of the end section at the largest pressure, degrees.
 const WANTED_DEG: f64 = 180.0;
@@ -78,18 +79,18 @@ fn free_length_mm(family: &Family) -> f64 {
         .map_or_else(|| family.problem.mesh().end_face().free_length_mm, |shape| shape.free_mm())
 }
 
-/// Solves upwards. States are kept in the run's store: a second call finds them there and takes the same steps.
-///
-/// # Errors
-/// No equilibrium under gravity, or a sag that leaves nothing to bend.
-pub fn find(run: &Run<'_>, notice: &mut dyn FnMut(Notice)) -> Result<Pressures, PlanError> {
-    let length = free_length_mm(run.family);
-    let mut list = vec![Case::new("rest", 0.0, None)];
+/// The state under its own weight.
+fn solve_rest(
+    run: &Run<'_>,
+    list: &[Case],
+    length: f64,
+    notice: &mut dyn FnMut(Notice),
+) -> Result<Arc<Solved>, PlanError> {
     notice(Notice::Begins("solving under gravity".into()));
-    let outcome = run.solve(&list, &|_| ()).map_err(|error| {
+    let outcome = run.solve(list, &|_| ()).map_err(|error| {
         PlanError::Refused(format!("{error}. It may be too soft to carry its weight: {LIGHTER}"))
     })?;
-    let rest = last(&outcome, 0).ok_or(PlanError::Gravity)?;
+    let (_, rest) = outcome.solved.into_iter().next().ok_or(PlanError::Gravity)?;
     let sag = rest.state.largest_displacement_mm();
     if sag > MAX_SAG_SHARE * length {
         return Err(PlanError::Refused(format!(
@@ -97,13 +98,25 @@ pub fn find(run: &Run<'_>, notice: &mut dyn FnMut(Notice)) -> Result<Pressures, 
         )));
     }
     notice(Notice::Found(format!("rest: sags by {sag:.1} mm")));
+    Ok(rest)
+}
+
+/// Solves upwards. States are kept in the run's store: a second call finds them there and takes the same steps.
+///
+/// # Errors
+/// No equilibrium under gravity, or a sag that leaves nothing to bend.
+pub fn find(run: &Run<'_>, notice: &mut dyn FnMut(Notice)) -> Result<Pressures, PlanError> {
+    let length = free_length_mm(run.family);
+    let mut list = vec![Case::new("rest", 0.0, None)];
+    let rest = solve_rest(run, &list, length, notice)?;
+    let sag = rest.state.largest_displacement_mm();
     let problem = &run.family.problem;
     let section = Bending::all(run.family).into_iter().next();
     let angle = |solved: &Solved, near: f64| {
         section.as_ref().map_or(f64::NAN, |s| s.angle_deg(problem, &solved.state.displacement_mm, near))
     };
     let mut states = vec![(0.0, rest.clearance_mm)];
-    let mut travel = Travel { displacement_mm: sag, angle_deg: angle(rest, 0.0), length_mm: length };
+    let mut travel = Travel { displacement_mm: sag, angle_deg: angle(&rest, 0.0), length_mm: length };
     let (begin, mut failures, mut touching) = (travel, 0, None);
     // What the search has learnt not to go beyond: a limit of the pressure, and the lowest pressure without a state.
     let (mut limit_mpa, mut failed_mpa) = (None, f64::INFINITY);

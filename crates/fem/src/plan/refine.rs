@@ -5,7 +5,7 @@
 //! solved and the model is trained again.
 
 use super::PlanError;
-use super::states::{Budget, Plan, press};
+use super::states::{Budget, Plan, press_further};
 use crate::cases::{self, Case, rounded};
 use crate::family::Family;
 use crate::run::{self, Event, Outcome, Run, Store, fingerprint};
@@ -42,7 +42,7 @@ pub fn solve_and_refine(
     cpu_s: &dyn Fn() -> f64,
     say: &mut dyn FnMut(String),
 ) -> Result<Outcome, PlanError> {
-    let mut outcome = touching(plan, solve, say)?;
+    let mut outcome = solve_until_touching(plan, solve, say)?;
     let (mut added, mut longest_s) = (0, 0.0_f64);
     while added < budget.states {
         let before_s = cpu_s();
@@ -79,7 +79,7 @@ pub fn solve_and_refine(
             added += 1;
             plan.cases.push(Case { name: format!("further{added:02}"), ..case });
         }
-        outcome = touching(plan, solve, say)?;
+        outcome = solve_until_touching(plan, solve, say)?;
         longest_s = longest_s.max(cpu_s() - before_s);
     }
     Ok(outcome)
@@ -87,17 +87,17 @@ pub fn solve_and_refine(
 
 /// Solves the plan's states. Contact states that turn out to touch nothing are pressed further, at last left out: without force they
 /// are no contact states, to learn from or to check with.
-fn touching(plan: &mut Plan, solve: Solve<'_>, say: &mut dyn FnMut(String)) -> Result<Outcome, PlanError> {
+fn solve_until_touching(plan: &mut Plan, solve: Solve<'_>, say: &mut dyn FnMut(String)) -> Result<Outcome, PlanError> {
     for round in 0..=PRESSED {
         let outcome = solve(&plan.cases)?;
-        let untouched = untouched(&plan.cases, &outcome);
+        let untouched = names_without_force(&plan.cases, &outcome);
         if untouched.is_empty() {
             return Ok(outcome);
         }
         let names = untouched.join(", ");
         if round < PRESSED {
             say(format!("{} touch nothing and are pressed further: {names}", untouched.len()));
-            press(&mut plan.cases, &untouched, plan.contact_mpa);
+            press_further(&mut plan.cases, &untouched, plan.contact_mpa);
         } else {
             say(format!("{} touch nothing and are left out: {names}", untouched.len()));
             plan.cases.retain(|case| !untouched.contains(&case.name));
@@ -107,7 +107,7 @@ fn touching(plan: &mut Plan, solve: Solve<'_>, say: &mut dyn FnMut(String)) -> R
 }
 
 /// Names of the solved contact states without force.
-fn untouched(cases: &[Case], outcome: &Outcome) -> Vec<String> {
+fn names_without_force(cases: &[Case], outcome: &Outcome) -> Vec<String> {
     let solved = outcome.solved.iter().map(|(at, solved)| (&cases[*at], solved.contact_force_n));
     let without = solved.filter(|(case, force_n)| case.gap_mm.is_some() && *force_n <= 0.0);
     without.map(|(case, _)| case.name.clone()).collect()

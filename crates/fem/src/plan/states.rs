@@ -75,7 +75,7 @@ pub struct Plan {
 impl Plan {
     /// The states for the pressures found. The gaps reach from a clear press on the plate at rest (or, where the actuator hardly
     /// sags, 10 % of its reach) to 80 % of the way that pressure bends it down. With further cavities the states are free ones
-    /// over all pressures from 0 to 80 % of the largest, and touching ones in which only the pressure of `cavity` acts; [`landings`] are
+    /// over all pressures from 0 to 80 % of the largest, and touching ones in which only the pressure of `cavity` acts; [`landing_cases`] are
     /// those with all.
     ///
     /// # Errors
@@ -84,9 +84,9 @@ impl Plan {
         let cavities: Vec<String> =
             actuator.pressure_mpa.keys().map(|name| format!("pressure_mpa.{name}")).collect();
         let mut plan = match &actuator.obstacle {
-            Some(_) => Self::touching(pressures, counts)?,
+            Some(_) => Self::with_contact(pressures, counts)?,
             None => Self {
-                cases: free(pressures, counts),
+                cases: free_cases(pressures, counts),
                 gaps_mm: None,
                 cavities: Vec::new(),
                 contact_mpa: pressures.largest_mpa(),
@@ -95,12 +95,12 @@ impl Plan {
         for case in &mut plan.cases {
             case.settings = cavities.iter().map(|name| (name.clone(), 0.0)).collect();
         }
-        plan.cases.extend(combined(&cavities, pressures.largest_mpa(), counts));
+        plan.cases.extend(cavity_cases(&cavities, pressures.largest_mpa(), counts));
         Ok(Self { cavities, ..plan })
     }
 
-    fn touching(pressures: &Pressures, counts: Counts) -> Result<Self, PlanError> {
-        let clearances = rising(&pressures.states[..pressures.touching]);
+    fn with_contact(pressures: &Pressures, counts: Counts) -> Result<Self, PlanError> {
+        let clearances = while_clearance_rises(&pressures.states[..pressures.touching]);
         let (sag, reach) = (clearances[0].1, clearances[clearances.len() - 1].1);
         let largest = clearances[clearances.len() - 1].0;
         let gaps_mm = [(0.4 * sag).max(0.1 * reach), sag + 0.8 * (reach - sag)].map(|gap| rounded(gap, 1e3));
@@ -118,7 +118,7 @@ impl Plan {
                 onset.onset(gap).pressure_mpa().ok_or(PlanError::NoReach { moved_mm: reach - sag })?;
             Ok((rounded(onset_mpa + share * (largest - onset_mpa), 1e7), gap))
         };
-        let mut cases = free(pressures, counts);
+        let mut cases = free_cases(pressures, counts);
         let mut add = |name: &str, split: &str, points: Vec<(f64, f64)>| {
             cases.extend(points.into_iter().enumerate().map(|(k, (pressure_mpa, gap))| Case {
                 split: split.into(),
@@ -152,7 +152,7 @@ impl Plan {
 
 /// Contact states over the pressures of all cavities: each free state with pressure in a further cavity is brought down to a plate at a
 /// gap between the smallest one and that at which the state touches. `clearances_mm` are those gaps of `free`.
-pub fn landings(free: &[Case], clearances_mm: &[f64], gaps_mm: [f64; 2]) -> Vec<Case> {
+pub fn landing_cases(free: &[Case], clearances_mm: &[f64], gaps_mm: [f64; 2]) -> Vec<Case> {
     let combined = free.iter().zip(clearances_mm);
     let combined = combined.filter(|(case, _)| case.settings.iter().any(|(_, mpa)| *mpa > 0.0));
     let landing = |(k, (case, clearance)): (usize, (&Case, &f64))| {
@@ -171,7 +171,7 @@ pub fn landings(free: &[Case], clearances_mm: &[f64], gaps_mm: [f64; 2]) -> Vec<
 
 /// Moves contact states that turned out to touch nothing towards the largest pressure at their gap, all but those that are there
 /// already, which are left out.
-pub fn press(cases: &mut Vec<Case>, untouched: &[String], largest_mpa: f64) {
+pub fn press_further(cases: &mut Vec<Case>, untouched: &[String], largest_mpa: f64) {
     for case in cases.iter_mut().filter(|case| untouched.contains(&case.name)) {
         case.pressure_mpa =
             rounded(case.pressure_mpa + PRESS_FURTHER * (largest_mpa - case.pressure_mpa), 1e7);
@@ -189,7 +189,7 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 pub const TOGETHER: f64 = 0.8;
 
 /// Free states over the pressures of all cavities: the largest of one or all, and a sample of the range; a part held out.
-fn combined(cavities: &[String], largest_mpa: f64, counts: Counts) -> Vec<Case> {
+fn cavity_cases(cavities: &[String], largest_mpa: f64, counts: Counts) -> Vec<Case> {
     if cavities.is_empty() {
         return Vec::new();
     }
@@ -220,7 +220,7 @@ fn combined(cavities: &[String], largest_mpa: f64, counts: Counts) -> Vec<Case> 
 }
 
 /// Rest and all pressures found, more in between, and two held-out ones.
-fn free(pressures: &Pressures, counts: Counts) -> Vec<Case> {
+fn free_cases(pressures: &Pressures, counts: Counts) -> Vec<Case> {
     let states = &pressures.states;
     let mut found: Vec<f64> = states.iter().map(|state| state.0).collect();
     for pair in states.windows(2) {
@@ -247,7 +247,7 @@ fn free(pressures: &Pressures, counts: Counts) -> Vec<Case> {
 }
 
 /// The part in which a plate is met ever farther away: past it the tip lifts off again.
-fn rising(states: &[(f64, f64)]) -> Vec<(f64, f64)> {
+fn while_clearance_rises(states: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut rising: Vec<(f64, f64)> = Vec::new();
     for state in states {
         if rising.last().is_none_or(|before| state.1 > before.1) {

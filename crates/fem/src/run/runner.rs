@@ -92,18 +92,18 @@ pub(super) struct Task<'a> {
 }
 
 /// State shared by the threads.
-struct Shared {
+struct RunState {
     board: Board,
     outcome: Outcome,
     broken: Option<RunError>,
 }
 
 /// List in work.
-struct Work<'a> {
+struct OngoingRun<'a> {
     run: &'a Run<'a>,
     tasks: Vec<Task<'a>>,
     rest: Arc<Solved>,
-    shared: Mutex<Shared>,
+    shared: Mutex<RunState>,
     changed: Condvar,
     notify: &'a (dyn Fn(Event<'_>) + Sync),
 }
@@ -127,12 +127,12 @@ impl Run<'_> {
         }
         outcome.reused = outcome.solved.len();
         if !board.is_done() {
-            let shared = Mutex::new(Shared { board, outcome, broken: None });
+            let shared = Mutex::new(RunState { board, outcome, broken: None });
             let rest = Arc::new(self.rest()?);
-            let work = Work { run: self, tasks, rest, shared, changed: Condvar::new(), notify };
+            let work = OngoingRun { run: self, tasks, rest, shared, changed: Condvar::new(), notify };
             std::thread::scope(|scope| {
                 for _ in 0..self.threads.max(1) {
-                    scope.spawn(|| work.work());
+                    scope.spawn(|| work.run_thread());
                 }
             });
             let shared = work.shared.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -202,14 +202,14 @@ impl Run<'_> {
 }
 
 /// Bodies between two variants.
-struct Between<'a> {
+struct BodiesBetween<'a> {
     family: &'a Family,
     from: &'a Variant,
     to: &'a Variant,
     end: Arc<Problem>,
 }
 
-impl Bodies for Between<'_> {
+impl Bodies for BodiesBetween<'_> {
     fn at(&self, fraction: f64) -> Result<Arc<Problem>, VariantError> {
         if fraction >= 1.0 || self.from == self.to {
             return Ok(Arc::clone(&self.end));
@@ -218,14 +218,14 @@ impl Bodies for Between<'_> {
     }
 }
 
-impl Work<'_> {
+impl OngoingRun<'_> {
     /// The loop of one thread.
-    fn work(&self) {
+    fn run_thread(&self) {
         let lock = || self.shared.lock().unwrap_or_else(PoisonError::into_inner);
         let result = Solver::new(Arc::clone(&self.run.family.problem)).map_err(RunError::from);
         let result = result.and_then(|mut solver| {
             solver.searches_behind_limits = self.run.searches_behind_limits;
-            while let Some((case, start)) = self.take() {
+            while let Some((case, start)) = self.next_case() {
                 {
                     let _one_at_a_time = lock();
                     (self.notify)(Event::Started(self.tasks[case].case));
@@ -242,7 +242,7 @@ impl Work<'_> {
     }
 
     /// The next case to solve and its start; waits while a case in work decides it.
-    fn take(&self) -> Option<(usize, Start)> {
+    fn next_case(&self) -> Option<(usize, Start)> {
         let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
         while shared.broken.is_none() {
             match shared.board.next() {
@@ -273,7 +273,7 @@ impl Work<'_> {
                         (from, &self.tasks[index].variant)
                     }
                 };
-                let path = Between {
+                let path = BodiesBetween {
                     family: self.run.family,
                     from: variant,
                     to: &task.variant,

@@ -27,12 +27,12 @@ pub(super) enum Start {
 /// Starts of every case, the nearest first; never empty.
 pub(super) fn starts(cases: &[Case], nominal: &[f64]) -> Vec<Vec<Start>> {
     let scale = Scale::of(cases, nominal);
-    let rest = scale.place(0.0, None, nominal);
-    let places: Vec<Place> = cases
+    let rest = scale.scaled(0.0, None, nominal);
+    let places: Vec<ScaledCase> = cases
         .iter()
         .map(|case| {
             let values: Vec<f64> = case.settings.iter().map(|(_, value)| *value).collect();
-            scale.place(scale.driven(case), case.gap_mm, &values)
+            scale.scaled(scale.driven(case), case.gap_mm, &values)
         })
         .collect();
     let starts = |i: usize| -> Vec<Start> {
@@ -48,7 +48,7 @@ pub(super) fn starts(cases: &[Case], nominal: &[f64]) -> Vec<Vec<Start>> {
 }
 
 /// A case in scaled inputs.
-struct Place {
+struct ScaledCase {
     /// Pressure or injected volume.
     driven: f64,
     gap: Option<f64>,
@@ -88,8 +88,8 @@ impl Scale {
         case.volume_mm3.map_or(case.pressure_mpa / self.largest_mpa, |volume| volume / self.largest_mm3)
     }
 
-    fn place(&self, driven: f64, gap_mm: Option<f64>, values: &[f64]) -> Place {
-        Place {
+    fn scaled(&self, driven: f64, gap_mm: Option<f64>, values: &[f64]) -> ScaledCase {
+        ScaledCase {
             driven,
             gap: gap_mm.map(|gap| gap / self.largest_gap_mm),
             parameters: values.iter().zip(&self.extents).map(|(value, extent)| value / extent).collect(),
@@ -97,7 +97,7 @@ impl Scale {
     }
 
     /// Distance of a start from a case; infinite if the start is not to be tried.
-    fn distance(&self, from: &Place, to: &Place) -> f64 {
+    fn distance(&self, from: &ScaledCase, to: &ScaledCase) -> f64 {
         let (gap, touching) = match (from.gap, to.gap) {
             (None, None) => (0.0, 0.0),
             // The obstacle would have to be withdrawn; the state under gravity alone is the better start.

@@ -22,7 +22,7 @@ fn names_and_states_are_unique_and_contact_states_are_beyond_the_onset() {
             (0..8).map(|k| (0.01 * f64::from(k), sag + 5.0 * f64::from(k))).collect();
         let pressures = found(states);
         for counts in [Counts::FULL, Counts::QUICK] {
-            let plan = Plan::touching(&pressures, counts).unwrap();
+            let plan = Plan::with_contact(&pressures, counts).unwrap();
             let text = crate::cases::to_csv(&plan.cases);
             assert_eq!(crate::cases::parse(&text).unwrap(), plan.cases, "names or loads collide");
             let names: HashSet<&str> = plan.cases.iter().map(|case| case.name.as_str()).collect();
@@ -45,7 +45,7 @@ fn contact_states_are_beyond_a_bent_onset_and_fill_the_region() {
         (0..8).map(|k| largest_mpa * f64::from(k) / 7.0).map(|mpa| (mpa, clearance(mpa))).collect();
     let pressures = found(states);
     for counts in [Counts::FULL, Counts::QUICK] {
-        let plan = Plan::touching(&pressures, counts).unwrap();
+        let plan = Plan::with_contact(&pressures, counts).unwrap();
         let [lowest, highest] = plan.gaps_mm.unwrap();
         let onset_mpa = |gap: f64| largest_mpa * ((gap - 1.0) / 60.0).max(0.0).cbrt();
         let contact: Vec<(f64, f64)> =
@@ -66,7 +66,7 @@ fn states_that_touch_nothing_are_pressed_further() {
     let case =
         |name: &str, pressure_mpa: f64| Case { gap_mm: Some(9.0), ..Case::new(name, pressure_mpa, None) };
     let mut cases = vec![case("a", 0.01), case("b", 0.02), case("c", 0.05)];
-    press(&mut cases, &["a".to_owned(), "c".to_owned()], 0.05);
+    press_further(&mut cases, &["a".to_owned(), "c".to_owned()], 0.05);
     assert_eq!(cases, [case("a", 0.014), case("b", 0.02)]);
 }
 
@@ -76,7 +76,7 @@ fn landings_are_below_the_gap_at_which_all_pressures_together_touch() {
     let free = combined(&["pressure_mpa.lower".into()], 0.08, Counts::QUICK);
     let touches = |case: &Case| 3.0 + 100.0 * case.pressure_mpa - 50.0 * case.settings[0].1;
     let clearances: Vec<f64> = free.iter().map(touches).collect();
-    let landings = landings(&free, &clearances, [2.0, 6.0]);
+    let landings = landing_cases(&free, &clearances, [2.0, 6.0]);
     let expected = free.iter().filter(|case| case.settings[0].1 > 0.0 && touches(case) > 2.0);
     let names: Vec<String> = expected.map(|case| format!("landing-{}", case.name)).collect();
     assert_eq!(landings.iter().map(|case| case.name.clone()).collect::<Vec<_>>(), names);

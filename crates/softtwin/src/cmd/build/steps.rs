@@ -11,7 +11,7 @@ use anyhow::Result;
 use fem::Family;
 use fem::actuator::Actuator;
 use fem::cases::{Case, to_csv};
-use fem::plan::{Budget, Counts, Notice, Plan, Pressures, find, landings};
+use fem::plan::{Budget, Counts, Notice, Plan, Pressures, find, landing_cases};
 use fem::run::{Run, Store, fingerprint};
 use std::path::Path;
 
@@ -101,7 +101,7 @@ impl Args {
             let solved = batch::solve(family, &free, database, options).map_err(not_planned)?.solved;
             let (free, clearances_mm): (Vec<Case>, Vec<f64>) =
                 solved.iter().map(|(at, solved)| (free[*at].clone(), solved.clearance_mm)).unzip();
-            plan.cases.extend(landings(&free, &clearances_mm, gaps_mm));
+            plan.cases.extend(landing_cases(&free, &clearances_mm, gaps_mm));
         }
         let list = self.folder.join("cases.csv");
         save(&list, to_csv(&plan.cases).as_bytes())?;
