@@ -8,7 +8,6 @@ use rom::model::{Model, Nodes, Selection};
 use rom::observable::{MAX_OBSERVABLES, Observables};
 use rom::reconstructor::{Peak, Peaks, Reconstructor};
 use rom::session::{Gaps, Session};
-use rom::snapshots::RegimeKind;
 use std::borrow::Cow;
 use std::ffi::{CStr, CString, c_char};
 use std::mem::MaybeUninit;
@@ -407,15 +406,10 @@ pub unsafe extern "C" fn softtwin_motion_step(
         let refused = |error: &dyn std::fmt::Display| argument(&error.to_string());
         let set = motion.session.set_parameters(&inputs, &mut motion.evaluation);
         set.map_err(|error| refused(&error))?;
-        // Only a model that lacks a regime can have no fields after its step.
-        let evaluator = motion.session.evaluator();
-        let is_whole = [RegimeKind::Free, RegimeKind::Contact].iter().all(|kind| evaluator.has_regime(*kind));
-        let before = (!is_whole && evaluator.onset().is_some()).then(|| motion.session.clone());
         let stepped = motion.session.step(t_ns, inputs, &mut motion.evaluation);
         stepped.map_err(|error| refused(&error))?;
         // SAFETY: by the caller's promise.
-        let peaks = unsafe { model.fields(&"the state", &motion.evaluation, values) };
-        let peaks = peaks.inspect_err(|_| before.into_iter().for_each(|before| motion.session = before))?;
+        let peaks = unsafe { model.fields(&"the state", &motion.evaluation, values) }?;
         // SAFETY: by the caller's promise.
         unsafe { put(out, model.prediction(&motion.evaluation, &peaks)) }
     })

@@ -16,7 +16,6 @@ use rom::model::{BlockKind, Nodes, Selection};
 use rom::observable::Observables;
 use rom::reconstructor::{Peak, Peaks, Reconstructor};
 use rom::session::Gaps;
-use rom::snapshots::RegimeKind;
 use std::borrow::Cow;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
@@ -364,19 +363,15 @@ impl Session {
         let mut held = self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let (session, evaluation) = &mut *held;
         session.set_parameters(&inputs, evaluation).map_err(|error| error.to_string())?;
-        // Only a model that lacks a regime can have no answer after its step.
-        let evaluator = session.evaluator();
-        let is_whole = [RegimeKind::Free, RegimeKind::Contact].iter().all(|kind| evaluator.has_regime(*kind));
-        let before = (!is_whole && evaluator.onset().is_some()).then(|| session.clone());
         session.step(t_ns, inputs, evaluation).map_err(|error| error.to_string())?;
-        let written = self.shared.write(0, evaluation, row, values);
-        written.inspect_err(|_| before.into_iter().for_each(|before| *session = before))
+        self.shared.write(0, evaluation, row, values)
     }
 }
 
 #[pymethods]
 impl Session {
-    /// Takes a reading and writes its row and, unless `values` is empty, its fields. A reading that is refused changes nothing.
+    /// Takes a reading and writes its row and, unless `values` is empty, its fields. A reading that is refused changes nothing; where the
+    /// model has no answer at the state of a reading, the session has reached that state.
     fn step(
         &self,
         py: Python<'_>,

@@ -309,7 +309,8 @@ class Session:
     ) -> Prediction:
         """The answer at a time, s, 0 or more and later than the last one; inputs and fields as in `Model.predict`.
 
-        Raises `ValueError` for a time that is not later; the session is then unchanged.
+        Raises `ValueError` for a time that is not later; the session is then unchanged. It also does where the model has no answer at
+        this state: the session has then reached it.
         """
         if not 0.0 <= t_s < 1e9:
             raise ValueError(f"t_s: expected a time of 0 to 1e9 s, found {t_s!r}")
