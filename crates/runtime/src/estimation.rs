@@ -1,5 +1,6 @@
 //! The estimator of an actuator: the scene's unknowns and sensors, the model's predictions of what they measure: the force, markers, observables.
 
+pub mod experiment;
 mod learned;
 mod moving;
 mod observed;

@@ -2,7 +2,8 @@
 //! Then the law of several tests, with what is suspicious about them.
 
 use super::columns::{
-    self, ChosenColumn, CurveOrigin, DeformationQuantity, LoadQuantity, LoadingBranch, TestDescription, TestKind,
+    self, ChosenColumn, CurveOrigin, DeformationQuantity, LoadQuantity, LoadingBranch, TestDescription,
+    TestKind,
 };
 use super::fit::{self, Family, Fitted, Test, stretch_range};
 use super::{Deformation, Hyperelastic};
@@ -223,7 +224,8 @@ impl Specimen {
         if !why.is_empty() {
             notes.push(format!("a {} test, {why}; --test states it", kind.word()));
         }
-        let rows = stretches_and_stresses((&log, &deformation, &load), description, kind, &mut notes).map_err(error)?;
+        let rows = stretches_and_stresses((&log, &deformation, &load), description, kind, &mut notes)
+            .map_err(error)?;
         let compressed = is_compressed(&rows);
         let (branch, loops) = branch(&rows, description.branch, &mut notes);
         let origin = OriginFit::of(kind.deformation(), &branch);

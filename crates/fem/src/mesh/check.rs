@@ -26,7 +26,11 @@ pub(crate) fn diagnostics(mesh: &Mesh) -> Vec<Diagnostic> {
     }
     let mut list = Vec::new();
     report(&mut list, inverted_elements(mesh), "a positive volume (swap two corners or mesh again)");
-    report(&mut list, duplicate_elements(mesh), "every element once (remove coincident solids and mesh again)");
+    report(
+        &mut list,
+        duplicate_elements(mesh),
+        "every element once (remove coincident solids and mesh again)",
+    );
     report(&mut list, bent_edges(mesh), "mid-side nodes in the middle of straight edges");
     report(&mut list, unused_nodes(mesh), "every node in a tetrahedron (save only physical groups)");
     report(
@@ -76,7 +80,8 @@ fn inverted_elements(mesh: &Mesh) -> Vec<(String, String)> {
         dot(sub(a, p), cross(sub(b, p), sub(c, p))) / 6.0
     };
     let bad = mesh.tets.iter().enumerate().map(|(e, tet)| (e, tet, volume(tet))).filter(|(.., v)| *v <= 0.0);
-    bad.map(|(e, tet, v)| (format!("element {e} at {}", node_place(mesh, tet[0])), format!("{v:.3e} mm3"))).collect()
+    bad.map(|(e, tet, v)| (format!("element {e} at {}", node_place(mesh, tet[0])), format!("{v:.3e} mm3")))
+        .collect()
 }
 
 fn sorted<const N: usize>(mut nodes: [u32; N]) -> [u32; N] {
@@ -161,7 +166,10 @@ fn stray_triangles(mesh: &Mesh, surfaces: &[(String, &[[u32; 6]])]) -> Vec<(Stri
                 .enumerate()
                 .all(|(k, [i, j])| middle.get(&sorted([tri[i], tri[j]])) == Some(&tri[3 + k]));
             if !on_edges || !faces.contains(&sorted([tri[0], tri[1], tri[2]])) {
-                bad.push((format!("{name}, triangle {t} at {}", node_place(mesh, tri[0])), "no such face".into()));
+                bad.push((
+                    format!("{name}, triangle {t} at {}", node_place(mesh, tri[0])),
+                    "no such face".into(),
+                ));
             }
         }
     }

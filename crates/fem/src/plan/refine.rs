@@ -87,7 +87,11 @@ pub fn solve_and_refine(
 
 /// Solves the plan's states. Contact states that turn out to touch nothing are pressed further, at last left out: without force they
 /// are no contact states, to learn from or to check with.
-fn solve_until_touching(plan: &mut Plan, solve: Solve<'_>, say: &mut dyn FnMut(String)) -> Result<Outcome, PlanError> {
+fn solve_until_touching(
+    plan: &mut Plan,
+    solve: Solve<'_>,
+    say: &mut dyn FnMut(String),
+) -> Result<Outcome, PlanError> {
     for round in 0..=PRESSED {
         let outcome = solve(&plan.cases)?;
         let untouched = names_without_force(&plan.cases, &outcome);

@@ -331,17 +331,13 @@ fn channel_proposal(
     // `tip x, tip y, tip likelihood`
     let group = |of: &Known| of.heading.rsplit_once(' ').map(|(group, _)| group.to_owned());
     let confidence = columns[column.number..].iter().take(3).find(|other| other.has(&CONFIDENCE));
-    if let Some(other) =
-        confidence.filter(|other| group(other).is_some() && group(other) == group(column))
-    {
+    if let Some(other) = confidence.filter(|other| group(other).is_some() && group(other) == group(column)) {
         entry += &format!("confidence = {}\n", other.number);
     }
     let why = match column.kind() {
         _ if column.is_constant() => "constant",
         _ if column.has(&CONFIDENCE) => "confidence of a position",
-        Some(("input", _)) if has_measured && column.has(&WANTED) => {
-            "wanted; the measured one is the input"
-        }
+        Some(("input", _)) if has_measured && column.has(&WANTED) => "wanted; the measured one is the input",
         None if column.counts() => "counts rows",
         None => "input or output and unit not known",
         _ if column.is_in_pixels() => "size of a pixel not known",
