@@ -164,12 +164,8 @@ impl Memory {
 
     /// Inputs of the static map at the last reading: those with memory replaced.
     pub fn effective(&self, inputs: &Inputs) -> Inputs {
-        self.replaced(inputs, NOMINAL)
-    }
-
-    /// Inputs of the static map after the smallest and the largest past: they enclose those after any past.
-    pub fn enclosing(&self, inputs: &Inputs) -> [Inputs; 2] {
-        [self.replaced(inputs, LOW), self.replaced(inputs, HIGH)]
+        let both = self.spec.inputs.iter().zip(&self.channels);
+        both.fold(*inputs, |inputs, (of, channels)| inputs.with(of.input, channels[NOMINAL].output()))
     }
 
     /// Largest error of each input of the static map by an unknown past, in its unit; 0 without memory.
@@ -208,11 +204,6 @@ impl Memory {
             stress_mpa: sum(&|slopes| slopes.stress_mpa),
             force_n: sum(&|slopes| slopes.force_n),
         }
-    }
-
-    fn replaced(&self, inputs: &Inputs, which: usize) -> Inputs {
-        let both = self.spec.inputs.iter().zip(&self.channels);
-        both.fold(*inputs, |inputs, (of, channels)| inputs.with(of.input, channels[which].output()))
     }
 }
 
