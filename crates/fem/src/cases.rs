@@ -6,7 +6,7 @@ use crate::actuator::Setting;
 use crate::config::MAX_MPA;
 use formats::database::{REGIMES, SPLITS};
 use formats::table::{Table, TableRow, to_text};
-use formats::{Diagnostic, FormatError, collect};
+use formats::{Diagnostic, FormatError};
 pub(crate) use rom::branch::VOLUME;
 use rom::snapshots::RegimeKind;
 use std::collections::HashMap;

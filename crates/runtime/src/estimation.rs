@@ -1,5 +1,9 @@
 //! The estimator of an actuator: the scene's unknowns and sensors, the model's predictions of what they measure: the force, markers, observables.
 
+#[expect(
+    clippy::indexing_slicing,
+    reason = "made before measuring, outside the services, from lists of its own"
+)]
 pub mod experiment;
 mod learned;
 mod moving;

@@ -9,8 +9,7 @@
 //! 2. To each, a lag of one input with a time of its own is added if it lowers the left-out error by [`GAIN`]: of inputs of
 //!    several units also one as long as the run, which nearly integrates. The two next best are tried as well.
 //! 3. Polynomials and kernel maps of these, and reservoirs with their own lags; of each family the mean of the best [`MEMBERS`], and
-//! the families weighted by
-//!    their left-out error to the power -8: one that is worse by a third counts a tenth.
+//!    the families weighted by their left-out error to the power -8: one that is worse by a third counts a tenth.
 //!
 //! Where successive rows have nothing in common (settled states, dealt in any order), inputs have no lags and there is no reservoir.
 
