@@ -24,9 +24,9 @@ mod volume;
 
 pub use correction::Correction;
 pub use definition::{Definition, ObservableKind, Place};
-pub(crate) use volume::Form;
 
 use crate::affine::Affine;
+use crate::body::Form;
 use crate::evaluation::Evaluation;
 use crate::inputs::MAX_INPUTS;
 use crate::model::{BlockKind, Model, ModelError, ModelFileError, ModelHeader, RegimeModel};

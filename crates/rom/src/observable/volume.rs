@@ -4,12 +4,12 @@
 //! linear in the x, the y and the z of the nodes. With coordinates affine in the modal coefficients (Eq. 6 of the paper) the volume is
 //! `sum_ijk t_ijk a_i b_j c_k`, where `a`, `b`, `c` are the coefficients of x, y, z after a leading 1. These few numbers are kept.
 
+use crate::body::Form;
 use crate::model::{Model, ModelError, RegimeModel};
 use crate::parts::connected;
 use crate::probe::{self, MeshPoint};
 use crate::snapshots::RegimeKind;
 use crate::vector::{Vec3, cross, dot, norm, sub};
-use serde::{Deserialize, Serialize};
 
 /// Most numbers of a form: a hundred times those of three coordinates with some ten modes.
 const MAX_NUMBERS: usize = 200_000;
@@ -74,55 +74,6 @@ impl Walls {
             norm(cross(sub(b, a), sub(c, a))) / 2.0
         };
         self.0.iter().map(facet_area).sum()
-    }
-}
-
-/// The volume of a regime's shapes as a function of the coefficients.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Form {
-    /// First coefficient and number of coefficients of x, y, z.
-    pub(super) axes: [(usize, usize); 3],
-    /// `t`, the index of z running fastest.
-    pub(super) numbers: Vec<f64>,
-    /// Area of the undeformed walls, mm2.
-    pub(crate) area_mm2: f64,
-}
-
-impl Form {
-    /// True if it fits a regime of `count` coefficients.
-    pub(crate) fn fits(&self, count: usize) -> bool {
-        let inside = self.axes.iter().all(|(first, own)| first.saturating_add(*own) <= count);
-        let expected: usize = self.axes.iter().map(|(_, own)| own.saturating_add(1)).product();
-        inside && self.numbers.len() == expected && self.numbers.iter().all(|v| v.is_finite())
-    }
-
-    /// The volume; with `change`, its derivative along that change of the coefficients. Allocates nothing.
-    pub(crate) fn value(&self, coefficients: &[f64], change: Option<&[f64]>) -> f64 {
-        let [x, y, z] = self.axes;
-        let factor = |values: &[f64], (first, _): (usize, usize), i: usize, lead: f64| {
-            i.checked_sub(1).map_or(lead, |i| values[first + i])
-        };
-        let (mut sum, mut rest) = (0.0, self.numbers.as_slice());
-        for i in 0..=x.1 {
-            for j in 0..=y.1 {
-                let Some((row, behind)) = rest.split_at_checked(z.1 + 1) else { return f64::NAN };
-                rest = behind;
-                let along = |values: &[f64], lead: f64| -> f64 {
-                    row[0] * lead + row[1..].iter().zip(&values[z.0..]).map(|(t, c)| t * c).sum::<f64>()
-                };
-                let (a, b) = (factor(coefficients, x, i, 1.0), factor(coefficients, y, j, 1.0));
-                sum += match change {
-                    None => a * b * along(coefficients, 1.0),
-                    Some(change) => {
-                        let inner = along(coefficients, 1.0);
-                        factor(change, x, i, 0.0) * b * inner
-                            + a * factor(change, y, j, 0.0) * inner
-                            + a * b * along(change, 0.0)
-                    }
-                };
-            }
-        }
-        sum
     }
 }
 
