@@ -10,11 +10,15 @@ use rom::snapshots::FieldKind;
 pub struct Jumps {
     /// Largest jump of a coordinate, mm.
     pub length_mm: f64,
-    /// Largest jump of a stress, over the largest stress of its state.
+    /// Largest jump of a stress, over the largest stress of its state. A body at rest may have none: what rounding leaves there is no
+    /// stress, so states below [`STRESSED`] do not count.
     pub stress_share: f64,
     /// Largest jump of the force, N.
     pub force_n: f64,
 }
+
+/// Smallest stress of a state of which a share is taken, as a fraction of the largest stress on the onset.
+const STRESSED: f64 = 1e-6;
 
 /// The largest jumps at the onset over `count` gaps of a range; 0 for a model of one regime.
 ///
@@ -25,6 +29,8 @@ pub fn jumps(model: &Model, range: [f64; 2], count: usize) -> anyhow::Result<Jum
     let Some(onset) = &model.header.onset else { return Ok(jumps) };
     let state = ModelState::new(model, &Selection::default())?;
     let (mut below, mut above) = (state.clone(), state);
+    // Jump and largest value of each stress at each gap.
+    let mut stresses: Vec<[f64; 2]> = Vec::new();
     for i in 0..count {
         let share = i as f64 / (count - 1).max(1) as f64;
         let gap_mm = range[0] + share * (range[1] - range[0]);
@@ -40,14 +46,16 @@ pub fn jumps(model: &Model, range: [f64; 2], count: usize) -> anyhow::Result<Jum
             });
             match field.spec.kind {
                 FieldKind::Coordinate(_) => jumps.length_mm = jumps.length_mm.max(jump.into()),
-                FieldKind::Stress if largest > 0.0 => {
-                    jumps.stress_share = jumps.stress_share.max(f64::from(jump) / f64::from(largest));
-                }
+                FieldKind::Stress => stresses.push([jump.into(), largest.into()]),
                 _ => {}
             }
         }
         let [above_n, below_n] = [&above, &below].map(|state| state.evaluation().contact_force_n);
         jumps.force_n = jumps.force_n.max((above_n - below_n).abs());
     }
+    let least = STRESSED * stresses.iter().fold(0.0, |most: f64, [_, largest]| most.max(*largest));
+    let shares =
+        stresses.iter().filter(|[_, largest]| *largest > least).map(|[jump, largest]| jump / largest);
+    jumps.stress_share = shares.fold(0.0, f64::max);
     Ok(jumps)
 }

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 use tests::{Stage, synthetic};
-use wire::layout::{field_id, flags, regime};
+use wire::layout::{flags, regime};
 use wire::{Bus, FieldReader, Outcome, SensorSample, SensorWriter, StateReader, Topic, now_ns};
 
 fn load(stage: &Stage, text: &str) -> Vec<LoadedActuator> {
@@ -24,12 +24,6 @@ fn load(stage: &Stage, text: &str) -> Vec<LoadedActuator> {
 
 fn actuator(extra: &str) -> String {
     format!("name = \"s\"\n[[actuator]]\nname = \"finger\"\nmodel = \"beam.twin\"\n{extra}")
-}
-
-/// The same of the shipped model, whose modes fill more than one tile.
-fn shipped(extra: &str) -> String {
-    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/pneunet/pneunet.twin");
-    actuator(extra).replace("beam.twin", model)
 }
 
 fn blocks_of(loaded: &LoadedActuator, kind: RegimeKind) -> usize {
@@ -52,22 +46,21 @@ fn blocks_of(loaded: &LoadedActuator, kind: RegimeKind) -> usize {
 const ALL: &str = "[[actuator.output]]\nnodes = \"all\"\n";
 
 #[test]
-fn unreachable_regimes_and_unused_fields_are_not_loaded() {
+fn both_regimes_share_a_basis_and_unused_fields_are_not_loaded() {
     let stage = Stage::new("reach");
     let both = load(&stage, &actuator(ALL)).remove(0);
     assert_eq!(both.regimes, [RegimeKind::Free, RegimeKind::Contact]);
+    assert_eq!(blocks_of(&both, RegimeKind::Free), 0);
     assert!(blocks_of(&both, RegimeKind::Contact) > 0);
     let out_of_reach = load(&stage, &actuator(&format!("gap_mm = 90.0\n{ALL}"))).remove(0);
     assert_eq!(out_of_reach.regimes, [RegimeKind::Free]);
-    assert_eq!(blocks_of(&out_of_reach, RegimeKind::Contact), 0, "the contact model was read");
     let below_the_sag =
         load(&stage, &actuator(&format!("gap_mm = {{ min = 8.0, max = 12.0 }}\n{ALL}"))).remove(0);
     assert_eq!(below_the_sag.regimes, [RegimeKind::Contact]);
-    assert_eq!(blocks_of(&below_the_sag, RegimeKind::Free), 0, "the free model was read");
     let state_only = load(&stage, &actuator("")).remove(0);
     assert!(state_only.read.is_empty(), "a state needs no basis: {:?}", state_only.read);
     let stress = load(&stage, &actuator("[[actuator.output]]\nfields = [\"von_mises\"]")).remove(0);
-    assert_eq!(stress.read.len(), 4, "mean and modes of one field in two regimes: {:?}", stress.read);
+    assert_eq!(stress.read.len(), 2, "mean and modes of one field for both regimes: {:?}", stress.read);
     assert!(stress.read.iter().map(|block| block.bytes).sum::<u64>() < stress.file_block_bytes / 3);
 }
 
@@ -80,7 +73,7 @@ fn derived_field_requires_only_its_sources() {
     assert_eq!((output.reconstructor.rows(), output.reconstructor.field_count()), (10, 1));
     let undeformed =
         loaded.read.iter().filter(|block| matches!(block.kind, BlockKind::Undeformed(_))).count();
-    assert_eq!((undeformed, loaded.read.len()), (3, 3 + 2 * 2 * 3), "three coordinates in two regimes");
+    assert_eq!((undeformed, loaded.read.len()), (3, 3 + 2 * 3), "three coordinates, for both regimes");
 }
 
 #[test]
@@ -355,46 +348,6 @@ fn topic_keeps_its_rate() {
     }
     let count = std::iter::from_fn(|| fields.next().unwrap()).count();
     assert_eq!((count, bench.count(Outcome::Published)), (4, 40));
-}
-
-#[test]
-fn modes_in_f32_take_twice_the_memory_and_give_the_same_fields() {
-    let stage = Stage::new("f32");
-    let outputs =
-        "[[actuator.output]]\n[[actuator.output]]\nname = \"wide\"\nnodes = \"all\"\nprecision = \"f32\"\n";
-    let text = shipped(outputs);
-    let loaded = load(&stage, &text).remove(0);
-    assert!(loaded.outputs[1].basis_bytes > loaded.outputs[0].basis_bytes * 3 / 2);
-    let mut bench = Bench::start(&stage, &text);
-    let open = |set| FieldReader::open(&bench.bus, &Topic::field("finger", set).unwrap()).unwrap();
-    let (narrow, wide) = (open(None), open(Some("wide")));
-    let mut sensor = bench.sensor("finger");
-    sensor.publish(reading(1, 0.05, 30.0)).unwrap();
-    bench.turn();
-    let (narrow, wide) = (narrow.newest().unwrap().unwrap(), wide.newest().unwrap().unwrap());
-    let worst = |id: u8| {
-        let pairs = narrow.field(id).unwrap().iter().zip(wide.field(id).unwrap());
-        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
-    };
-    assert!(worst(field_id::Y) < 1e-3 && worst(field_id::VON_MISES) < 1e-5);
-}
-
-#[test]
-fn the_more_error_is_accepted_the_less_is_read() {
-    let stage = Stage::new("accepted");
-    let output = |keys: &str| shipped(&format!("{ALL}{keys}"));
-    let bytes = |keys: &str| load(&stage, &output(keys)).remove(0).outputs[0].most_read_bytes;
-    let [all, default, few] = ["accepted_error = 0.0\n", "", "accepted_error = 1.0\n"].map(bytes);
-    assert!(few < default && default <= all, "{few} {default} {all}");
-    for (keys, place) in [
-        ("accepted_error = -0.1\n", "output[0].accepted_error"),
-        ("accepted_error = 1.5\n", "output[0].accepted_error"),
-        ("precision = \"budget\"\n", "budget"),
-    ] {
-        let path = stage.write("scene.toml", &output(keys));
-        let loaded = Scene::load(&path).and_then(|scene| load_scene(&scene, &path));
-        assert!(loaded.expect_err("refused").to_string().contains(place), "{keys}");
-    }
 }
 
 #[test]

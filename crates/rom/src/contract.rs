@@ -80,14 +80,13 @@ fn of_regime(old: &RegimeModel, wanted: &[Output], kept: Option<usize>) -> (Regi
 /// Adds a group; returns where the next one begins.
 fn push(regime: &mut RegimeModel, begin: usize, surrogate: Interpolant) -> usize {
     let coefficients = begin..begin + surrogate.outputs;
-    let (name, end, surrogate_outputs) = (String::from("points"), coefficients.end, surrogate.outputs);
+    let (name, end) = (String::from("points"), coefficients.end);
     regime.groups.push(GroupModel {
         name,
         fields: vec![0],
         coefficients,
         surrogate,
         singular_values: Vec::new(),
-        leave_one_out: vec![0.0; surrogate_outputs + 1],
     });
     end
 }

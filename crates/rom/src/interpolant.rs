@@ -145,7 +145,7 @@ impl Interpolant {
     }
 
     /// True if the kernel values of `other` are equal: same kernel and tail over the same centres.
-    pub(crate) fn shares_kernel_with(&self, other: &Self) -> bool {
+    pub fn shares_kernel_with(&self, other: &Self) -> bool {
         self.kernel == other.kernel
             && self.tail == other.tail
             && self.metric == other.metric

@@ -3,8 +3,9 @@
 use crate::evaluation::Evaluation;
 use crate::evaluator::Evaluator;
 use crate::inputs::Inputs;
+use crate::kernel::Precision;
 use crate::model::{Model, ModelError, Selection};
-use crate::reconstructor::{BasisOptions, Peaks, ReconstructError, Reconstructor};
+use crate::reconstructor::{Peaks, ReconstructError, Reconstructor};
 
 /// Evaluates and reconstructs in one call, for programs that want whole states one after the other.
 #[derive(Clone, Debug)]
@@ -16,24 +17,24 @@ pub struct ModelState {
 }
 
 impl ModelState {
-    /// Prepares a model for a selection of fields and nodes with the default [`BasisOptions`].
+    /// Prepares a model for a selection of fields and nodes in the number format of the model.
     ///
     /// # Errors
     /// As [`Reconstructor::new`].
     pub fn new(model: &Model, selection: &Selection) -> Result<Self, ModelError> {
-        Self::with_options(model, selection, BasisOptions::default())
+        Self::with_precision(model, selection, None)
     }
 
-    /// As [`Self::new`], with the given number format and accepted error.
+    /// As [`Self::new`], with the modes in this number format.
     ///
     /// # Errors
-    /// As [`Reconstructor::with_options`].
-    pub fn with_options(
+    /// As [`Reconstructor::with_precision`].
+    pub fn with_precision(
         model: &Model,
         selection: &Selection,
-        options: BasisOptions,
+        precision: Option<Precision>,
     ) -> Result<Self, ModelError> {
-        let reconstructor = Reconstructor::with_options(model, selection, options)?;
+        let reconstructor = Reconstructor::with_precision(model, selection, precision)?;
         let evaluator = Evaluator::new(&model.header)?;
         let (evaluation, fields) = (evaluator.evaluation(), vec![0.0; reconstructor.entries()]);
         Ok(Self { evaluator, reconstructor, evaluation, fields })

@@ -322,7 +322,7 @@ pub(crate) fn field_at(
     let group = regime.groups.iter().position(|group| group.fields.contains(&field));
     let group = group.ok_or_else(|| missing(format!("group of field {field}"), 0))?;
     let (kind, field) = (regime.kind, field as u32);
-    let mean = model.f32_block(BlockKind::Mean { regime: kind, field }).unwrap_or(&[]);
+    let mean = model.mean(kind, field).unwrap_or(&[]);
     if mean.len() != nodes {
         return Err(missing(format!("mean of field {field}"), mean.len()));
     }
@@ -330,6 +330,8 @@ pub(crate) fn field_at(
     let weighted = |value: &dyn Fn(usize) -> f64| -> f64 {
         point.weights.iter().map(|(node, weight)| weight * value(*node as usize)).sum()
     };
-    let weights = (0..modes.count()).map(|mode| weighted(&|node| modes.value(mode, node))).collect();
+    let weights = (0..regime.groups[group].coefficients.len())
+        .map(|mode| weighted(&|node| modes.value(mode, node)))
+        .collect();
     Ok((weighted(&|node| f64::from(mean[node])), group, weights))
 }

@@ -11,32 +11,6 @@ use crate::snapshots::{FieldKind, RegimeKind};
 use std::mem::MaybeUninit;
 use thiserror::Error;
 
-/// Number format and number of the modes in use.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BasisOptions {
-    /// Number format of the modes in memory.
-    pub precision: Precision,
-    /// Accepted growth of the leave-one-out error, relative to that of all modes: the last modes of a field are left out
-    /// within it. 0 keeps all modes.
-    pub accepted_error: f64,
-}
-
-impl BasisOptions {
-    /// Accepted growth of the leave-one-out error by default.
-    pub const ACCEPTED_ERROR: f64 = 0.05;
-
-    /// All modes in one number format.
-    pub const fn all_modes(precision: Precision) -> Self {
-        Self { precision, accepted_error: 0.0 }
-    }
-}
-
-impl Default for BasisOptions {
-    fn default() -> Self {
-        Self { precision: Precision::I16, accepted_error: Self::ACCEPTED_ERROR }
-    }
-}
-
 /// Largest value of a field and its node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
@@ -83,12 +57,12 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// Prepares the basis for this processor. Over all nodes and in their own number format modes are shared with the
-    /// model, otherwise copied: cost `O(nodes modes)`.
+    /// Prepares the basis for this processor. Over all nodes and in their own number format, which is that of `None`, modes are shared
+    /// with the model, otherwise copied with 16 or 32 bits each: cost `O(nodes modes)`.
     ///
     /// # Errors
     /// [`BasisError`] when slices do not fit each other, a node is not in the model, or a value is not finite.
-    pub fn build(spec: &Spec<'_>, precision: Precision) -> Result<Self, BasisError> {
+    pub fn build(spec: &Spec<'_>, precision: Option<Precision>) -> Result<Self, BasisError> {
         Self::build_for(spec, precision, Isa::detect())
     }
 
@@ -96,7 +70,7 @@ impl Basis {
     ///
     /// # Errors
     /// As [`Basis::build`], and [`BasisError::IsaMissing`].
-    pub fn build_for(spec: &Spec<'_>, precision: Precision, isa: Isa) -> Result<Self, BasisError> {
+    pub fn build_for(spec: &Spec<'_>, precision: Option<Precision>, isa: Isa) -> Result<Self, BasisError> {
         if !isa.is_available() {
             return Err(BasisError::IsaMissing { isa, detected: Isa::detect() });
         }
@@ -104,12 +78,13 @@ impl Basis {
         let mut modes = Vec::new();
         for op in &plan.ops {
             let Source::Affine(affine) = &spec.fields[op.field].source else { continue };
-            if spec.nodes.is_none() && affine.modes.precision() == precision {
+            let wanted = precision.unwrap_or(affine.modes.precision());
+            if spec.nodes.is_none() && (precision.is_none() || affine.modes.precision() == wanted) {
                 modes.push(affine.modes.clone());
                 continue;
             }
             let value = |mode, i| affine.modes.value(mode, spec.source_node(i));
-            let copied = Modes::new(precision, plan.nodes, op.modes, value);
+            let copied = Modes::new(wanted, plan.nodes, op.modes, value);
             modes.push(copied.map_err(|NotFinite { node, value }| {
                 let node = spec.source_node(node);
                 BasisError::NotFinite { field: op.field, node, value }
@@ -193,18 +168,14 @@ impl Basis {
 
     /// Bytes read by a reconstruction.
     pub fn bytes(&self) -> usize {
-        let modes = Modes::bytes_of(self.precision(), self.nodes(), self.modes());
-        modes + self.rows.constant_bytes()
+        let ops = self.plan.ops.iter().zip(&self.rows.modes);
+        let modes = ops.map(|(op, modes)| Modes::bytes_of(self.nodes(), &modes.bits()[..op.modes]));
+        modes.sum::<usize>() + self.rows.constant_bytes()
     }
 
-    /// Bytes in memory, modes shared with the model included.
+    /// Bytes in memory, modes shared with the model and with other regimes included.
     pub fn memory_bytes(&self) -> usize {
         self.rows.modes.iter().map(|modes| modes.bytes().len()).sum::<usize>() + self.rows.constant_bytes()
-    }
-
-    /// Number format of the modes.
-    pub fn precision(&self) -> Precision {
-        self.rows.precision()
     }
 
     /// The instruction set in use.
@@ -241,22 +212,22 @@ pub struct Reconstructor {
 }
 
 impl Reconstructor {
-    /// Prepares what the selection needs with the default [`BasisOptions`].
+    /// Prepares what the selection needs in the number format of the model.
     ///
     /// # Errors
     /// [`ModelError`] when the selection does not fit the model, is empty, or a block is missing.
     pub fn new(model: &Model, selection: &Selection) -> Result<Self, ModelError> {
-        Self::with_options(model, selection, BasisOptions::default())
+        Self::with_precision(model, selection, None)
     }
 
-    /// As [`Self::new`], with the given number format and accepted error.
+    /// As [`Self::new`], with the modes in this number format.
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn with_options(
+    pub fn with_precision(
         model: &Model,
         selection: &Selection,
-        options: BasisOptions,
+        precision: Option<Precision>,
     ) -> Result<Self, ModelError> {
         let header = &model.header;
         header.check().map_err(ModelError::Inconsistent)?;
@@ -269,7 +240,7 @@ impl Reconstructor {
         }
         let shifts = shifts(model, &moving, max_coefficients);
         let basis = |regime: &RegimeModel| {
-            let basis = basis(model, regime, &fields, nodes.as_deref(), options, &shifts)?;
+            let basis = basis(model, regime, &fields, nodes.as_deref(), precision, &shifts)?;
             Ok((regime.kind, basis))
         };
         Ok(Self {
@@ -421,7 +392,7 @@ fn basis(
     regime: &RegimeModel,
     fields: &[usize],
     nodes: Option<&[u32]>,
-    options: BasisOptions,
+    precision: Option<Precision>,
     shifts: &[Shift<'_>],
 ) -> Result<Basis, ModelError> {
     let order = with_hidden(model, fields);
@@ -436,13 +407,13 @@ fn basis(
         let first = role == Role::Plain || !roles.contains(&role); // a maximum is reported for one field of a role
         roles.push(role);
         described.push(Field {
-            source: source(model, regime, &order, field, options, shifts)?,
+            source: source(model, regime, &order, field, shifts)?,
             role: if first { role } else { Role::Plain },
             published: at < fields.len(),
         });
     }
     let spec = Spec { node_count: model.header.node_count, nodes, fields: described };
-    Ok(Basis::build(&spec, options.precision)?)
+    Ok(Basis::build(&spec, precision)?)
 }
 
 /// Origin of a field of a regime; `order` says which field of the model each of the spec is.
@@ -451,29 +422,26 @@ fn source<'a>(
     regime: &RegimeModel,
     order: &[usize],
     field: usize,
-    options: BasisOptions,
     shifts: &[Shift<'a>],
 ) -> Result<Source<'a>, ModelError> {
     let expected = model.header.node_count;
-    let block = |kind: BlockKind| {
-        let values = model.f32_block(kind).unwrap_or(&[]);
+    let whole = |kind: BlockKind, values: Option<&'a [f32]>| {
+        let values = values.unwrap_or(&[]);
         let missing =
             || ModelError::MissingBlock { block: format!("{kind:?}"), expected, found: values.len() };
         if values.len() == expected { Ok(values) } else { Err(missing()) }
     };
     if let Some(axes) = model.header.fields[field].magnitude_of {
         let position = |axis: usize| order.iter().position(|f| *f == axis).unwrap_or(usize::MAX);
-        let rest = |axis| block(BlockKind::Undeformed(axis));
+        let rest = |axis| whole(BlockKind::Undeformed(axis), model.f32_block(BlockKind::Undeformed(axis)));
         let rest = [rest(0)?, rest(1)?, rest(2)?];
         return Ok(Source::Magnitude { coordinates: axes.map(position), rest, shifts: shifts.to_vec() });
     }
     let group = regime.group_of(field);
-    let (first, used) =
-        group.map_or((0, 0), |g| (g.coefficients.start, g.modes_within(options.accepted_error)));
     let (kind, field) = (regime.kind, field as u32);
     Ok(Source::Affine(Affine {
-        mean: Some(block(BlockKind::Mean { regime: kind, field })?),
+        mean: Some(whole(BlockKind::Mean { regime: kind, field }, model.mean(kind, field))?),
         modes: model.modes(kind, field)?,
-        coefficients: first..first + used,
+        coefficients: group.map_or(0..0, |group| group.coefficients.clone()),
     }))
 }

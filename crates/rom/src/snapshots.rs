@@ -89,6 +89,14 @@ impl RegimeKind {
         }
     }
 
+    /// This regime, then the other one.
+    pub fn with_other(self) -> [Self; 2] {
+        match self {
+            Self::Free => [Self::Free, Self::Contact],
+            Self::Contact => [Self::Contact, Self::Free],
+        }
+    }
+
     /// Number in states, fields, answers and FMUs.
     pub fn number(self) -> u32 {
         match self {

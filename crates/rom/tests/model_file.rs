@@ -136,7 +136,7 @@ fn modes_of_other_lengths_or_steps_are_refused() {
     };
     let refused = with(BlockData::F32(vec![0.0; nodes])).expect_err("no modes");
     assert!(matches!(refused, ModelFileError::Header(_)), "{refused}");
-    let fewer = Modes::new(Precision::I16, nodes, 1, |_, _| 1.0).expect("finite");
+    let fewer = Modes::new(Precision::Integers, nodes, 1, |_, _| 1.0).expect("finite");
     let loaded = with(BlockData::Modes(fewer)).expect("a block like any other");
     assert!(matches!(loaded.modes(RegimeKind::Contact, 0), Err(ModelError::MissingBlock { .. })));
 }
@@ -261,7 +261,7 @@ proptest! {
     #[test]
     fn random_bytes_are_refused(tail in prop::collection::vec(any::<u8>(), 0..4096)) {
         let mut bytes = MAGIC.to_vec();
-        bytes.extend(1_u32.to_le_bytes());
+        bytes.extend(VERSION.to_le_bytes());
         bytes.extend(tail);
         prop_assert!(Model::from_bytes(&bytes).is_err());
     }

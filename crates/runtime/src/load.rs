@@ -13,7 +13,7 @@ use rom::model::{
     Selection,
 };
 use rom::observable::Observables;
-use rom::reconstructor::{Basis, BasisOptions, Reconstructor};
+use rom::reconstructor::{Basis, Reconstructor};
 use rom::session::{Gaps, Session};
 use rom::snapshots::{FieldKind, RegimeKind};
 use std::io::{Read, Seek};
@@ -227,7 +227,7 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<LoadedActuator, Ve
     }
     let selections = selections(spec, &header, &mut reader)?;
     let file_block_bytes = reader.blocks().iter().map(|entry| entry.bytes).sum();
-    let entries = blocks_of(spec, &header, &regimes, (&selections, follows), reader.blocks());
+    let entries = blocks_of(spec, &header, (&selections, follows), reader.blocks());
     let read =
         entries.iter().map(|entry| ReadBlock { kind: entry.kind, bytes: entry.bytes }).collect::<Vec<_>>();
     let blocks = reader.read_blocks(&entries).map_err(|error| problem(error.to_string()))?;
@@ -280,22 +280,21 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<LoadedActuator, Ve
 fn blocks_of(
     spec: &ActuatorSpec,
     header: &ModelHeader,
-    regimes: &[RegimeKind],
     (selections, follows): (&[Selection], bool),
     all: &[BlockEntry],
 ) -> Vec<BlockEntry> {
-    let mut needed = needed_blocks(header, regimes, selections);
+    let mut needed = needed_blocks(header, selections);
     needed.push(BlockKind::Memory);
     if follows {
         let pressure = Selection { fields: Some(vec!["pressure".into()]), nodes: Nodes::All };
-        needed.extend(needed_blocks(header, regimes, &[pressure]));
+        needed.extend(needed_blocks(header, &[pressure]));
     }
     if !spec.markers.is_empty() {
         let coordinates =
             header.fields.iter().filter(|field| matches!(field.spec.kind, FieldKind::Coordinate(_)));
         let fields = coordinates.map(|field| field.spec.name.clone()).collect();
         let whole = Selection { fields: Some(fields), nodes: Nodes::All };
-        needed.extend(needed_blocks(header, regimes, &[whole]));
+        needed.extend(needed_blocks(header, &[whole]));
         needed.extend((0..3).map(BlockKind::Undeformed));
     }
     let moves =
@@ -391,7 +390,7 @@ fn nodes_in_box<R: Read + Seek>(
 }
 
 /// The blocks that the selections need, derived fields with what they are derived from.
-fn needed_blocks(header: &ModelHeader, regimes: &[RegimeKind], selections: &[Selection]) -> Vec<BlockKind> {
+fn needed_blocks(header: &ModelHeader, selections: &[Selection]) -> Vec<BlockKind> {
     let mut fields: Vec<usize> = Vec::new();
     for selection in selections {
         // Unknown fields were reported before.
@@ -404,7 +403,8 @@ fn needed_blocks(header: &ModelHeader, regimes: &[RegimeKind], selections: &[Sel
         blocks.extend((0..3).map(BlockKind::Undeformed));
     }
     for field in fields.into_iter().chain(axes).map(|field| field as u32) {
-        for &regime in regimes {
+        // A regime may share the basis of another one that is out of reach.
+        for regime in RegimeKind::Free.with_other() {
             blocks.push(BlockKind::Mean { regime, field });
             blocks.push(BlockKind::Modes { regime, field });
         }
@@ -420,8 +420,7 @@ fn outputs(
     let mut problems = Vec::new();
     let mut outputs = Vec::new();
     for (index, (output, selection)) in spec.outputs.iter().zip(selections).enumerate() {
-        let (precision, accepted_error) = (output.precision, output.accepted_error);
-        match Reconstructor::with_options(model, &selection, BasisOptions { precision, accepted_error }) {
+        match Reconstructor::new(model, &selection) {
             Ok(reconstructor) => outputs.push(describe(output, model, &selection, reconstructor)),
             Err(error) => problems.push(format!("output[{index}]: {error}")),
         }

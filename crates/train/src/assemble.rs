@@ -64,8 +64,12 @@ pub(crate) fn assemble(
         body: None,
         learned: None,
     };
-    let mut blocks: Vec<(BlockKind, BlockData)> =
-        parts.iter().flat_map(|part| field_blocks(database, plan, part)).collect();
+    let mut blocks: Vec<(BlockKind, BlockData)> = Vec::new();
+    // A basis that goes on from that of the free regime holds that one's modes.
+    let is_shared = config.centred && parts.len() > 1;
+    for part in parts.iter().filter(|part| !is_shared || part.kind == RegimeKind::Contact) {
+        blocks.extend(field_blocks(database, plan, part));
+    }
     if let Some(mesh) = &database.undeformed_mm {
         for axis in 0..3 {
             let values = mesh.iter().map(|x| x[axis] as f32).collect();
@@ -238,10 +242,18 @@ impl Slopes {
     fn of(parts: &[Part]) -> Self {
         let mut products = [[0.0; MAX_INPUTS]; MAX_INPUTS];
         for part in parts.iter().filter(|part| part.inputs.operating() < part.inputs.dimensions()) {
-            for group in &part.groups {
-                let fit = &group.choice.fit.interpolant;
-                let all: Vec<Vec<Vec<f64>>> = part.scaled.iter().map(|x| fit.gradient_at(x)).collect();
-                let square: f64 = all.iter().flatten().flatten().map(|v| v * v).sum();
+            let gradients_of = |fit: &Interpolant| -> Vec<Vec<Vec<f64>>> {
+                part.scaled.iter().map(|x| fit.gradient_at(x)).collect()
+            };
+            let square_of =
+                |all: &[Vec<Vec<f64>>]| all.iter().flatten().flatten().map(|v| v * v).sum::<f64>();
+            let fits: Vec<&Interpolant> =
+                part.groups.iter().map(|group| &group.choice.fit.interpolant).collect();
+            let gradients: Vec<Vec<Vec<Vec<f64>>>> = fits.iter().map(|fit| gradients_of(fit)).collect();
+            for (fit, all) in fits.iter().zip(&gradients) {
+                // Coordinates count by their common length: one along which hardly anything moves says little.
+                let together = fits.iter().zip(&gradients).filter(|(other, _)| other.shares_kernel_with(fit));
+                let square: f64 = together.map(|(_, all)| square_of(all)).sum();
                 for rows in all.iter().filter(|_| square > 0.0) {
                     for (a, axis) in part.inputs.axes.iter().enumerate() {
                         for (b, other) in part.inputs.axes.iter().enumerate() {

@@ -11,9 +11,8 @@ use rom::evaluator::Evaluator;
 use rom::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
 use rom::hull::DomainStatus;
 use rom::inputs::{Inputs, Point};
-use rom::model::{Model, ModelError, modes_within};
+use rom::model::{Model, ModelError};
 use rom::observable::OnMesh;
-use rom::reconstructor::BasisOptions;
 use rom::snapshots::{Database, RegimeKind};
 use thiserror::Error;
 
@@ -128,7 +127,7 @@ pub(crate) fn observable_ratios(
     Ok(found)
 }
 
-/// Per axis: field, leave-one-out errors of its group with the modes of a default reconstruction, and its first row there.
+/// Per axis: field, leave-one-out errors of its group, and its first row there.
 fn coordinate_errors(
     database: &Database,
     plan: &Plan,
@@ -139,8 +138,7 @@ fn coordinate_errors(
         let field = database.coordinate(axis)?;
         let (group, at) = plan.find(field)?;
         let fit = &part.groups[group];
-        let used = modes_within(&fit.choice.leave_one_out, BasisOptions::ACCEPTED_ERROR);
-        Some((field, fit.error_fields(cases, used), at * database.node_count))
+        Some((field, fit.error_fields(cases), at * database.node_count))
     };
     Some([of_axis(0)?, of_axis(1)?, of_axis(2)?])
 }

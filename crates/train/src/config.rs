@@ -29,8 +29,8 @@ pub enum ModeChoice {
     Fixed(usize),
     /// The fewest with truncation error (Eq. 4) at most this.
     Energy(f64),
-    /// The fewest whose leave-one-out error (geometric mean over cases) is within this factor of the best (1.2 = 20 %
-    /// above the best).
+    /// The fewest whose leave-one-out error (geometric mean over cases) is within this factor of the best (1.02 = 2 % above the best).
+    /// Leave-one-out overstates the error of new states two to four times, so what is left out here is a larger share of that.
     LeaveOneOut(f64),
 }
 
@@ -70,7 +70,7 @@ impl Default for RegimeConfig {
     /// Contact's.
     fn default() -> Self {
         let kernel = KernelKind::CubicQuintic { crossover: CROSSOVER };
-        let mut contact = Self::over(2.0);
+        let mut contact = Self::over(CONTACT_LENGTH, Tail::Quadratic);
         contact.kernels.push(KernelSpec { kernel, tail: Tail::Quadratic });
         contact
     }
@@ -79,18 +79,24 @@ impl Default for RegimeConfig {
 /// Crossover of contact's cubic-quintic candidate: the spacing of a hundred states in two inputs.
 const CROSSOVER: f64 = 0.1;
 
+/// Length of the Matern 7/2 candidate over contact's inputs.
+const CONTACT_LENGTH: f64 = 1.5;
+
 /// Length of the Matern 7/2 candidate over the free regime's one input: longer ones are quintic splines at a condition
 /// number a thousand times as high.
 const FREE_LENGTH: f64 = 0.5;
 
+/// Number of modes of the free regime. Contact goes on from them, and fewer of its own then do the same.
+const FREE_MODES: ModeChoice = ModeChoice::LeaveOneOut(1.2);
+
 impl RegimeConfig {
-    /// Both regimes' defaults, with a Matern 7/2 candidate of this length.
-    fn over(length: f64) -> Self {
+    /// Both regimes' defaults, with a Matern 7/2 candidate of this length and tail.
+    fn over(length: f64, tail: Tail) -> Self {
         Self {
-            modes: ModeChoice::LeaveOneOut(1.2),
+            modes: ModeChoice::LeaveOneOut(1.02),
             group_modes: BTreeMap::new(),
             max_modes: 64,
-            kernels: KernelSpec::candidates(length),
+            kernels: KernelSpec::candidates(length, tail),
             anisotropy: vec![0.25, 0.35, 0.5, 0.7, 1.0, 1.4],
             shear: vec![-0.5, -0.45, -0.4, -0.35, -0.3, -0.25, -0.2, -0.15, -0.1, -0.05, 0.0, 0.2],
             smoothing: vec![0.0, 1e-9, 1e-8, 3e-8],
@@ -99,8 +105,8 @@ impl RegimeConfig {
 }
 
 impl KernelSpec {
-    /// Both regimes' candidates, Matern 7/2 with this length.
-    pub fn candidates(length: f64) -> Vec<Self> {
+    /// Both regimes' candidates, Matern 7/2 with this length and tail.
+    pub fn candidates(length: f64, tail: Tail) -> Vec<Self> {
         let spec = |kernel, tail| Self { kernel, tail };
         vec![
             spec(KernelKind::Linear, Tail::Constant),
@@ -108,7 +114,7 @@ impl KernelSpec {
             spec(KernelKind::Cubic, Tail::Linear),
             spec(KernelKind::Cubic, Tail::Quadratic),
             spec(KernelKind::Quintic, Tail::Quadratic),
-            spec(KernelKind::Matern72 { length }, Tail::Linear),
+            spec(KernelKind::Matern72 { length }, tail),
         ]
     }
 }
@@ -119,7 +125,7 @@ impl KernelSpec {
 pub struct TrainConfig {
     /// One POD per field or one for all.
     pub grouping: Grouping,
-    /// Number format of the modes in the model file: 16-bit integers with a step per mode, or 32-bit floats.
+    /// Number format of the modes in the model file: integers of 4, 8 or 16 bits, by the amplitude of the mode, or 32-bit floats.
     pub precision: Precision,
     /// Subtract one snapshot before the POD: in the free regime the state with all inputs at 0, which is then exact, elsewhere and
     /// without such a state the mean.
@@ -157,14 +163,14 @@ impl Default for TrainConfig {
     fn default() -> Self {
         Self {
             grouping: Grouping::PerField,
-            precision: Precision::I16,
+            precision: Precision::Integers,
             centred: true,
             derive_magnitude: true,
             split_at_onset: true,
             boundary_states: 32,
             boundary_overshoot: 0.55,
             obstacle: None,
-            free: RegimeConfig::over(FREE_LENGTH),
+            free: RegimeConfig { modes: FREE_MODES, ..RegimeConfig::over(FREE_LENGTH, Tail::Linear) },
             contact: RegimeConfig::default(),
             coverage: 0.9,
             hysteresis_mpa: 2e-4,
@@ -295,10 +301,13 @@ impl TrainConfig {
 fn parse(text: &str) -> Result<TrainConfig, toml::de::Error> {
     let mut config: TrainConfig = toml::from_str(text)?;
     let table: toml::Table = toml::from_str(text)?;
-    // A table of a regime takes its defaults from the contact's, and these kernels are not the free regime's.
-    let are_named = table.get("free").is_some_and(|free| free.get("kernels").is_some());
-    if !are_named {
+    // A table of a regime takes its defaults from the contact's, and these kernels and modes are not the free regime's.
+    let is_named = |key| table.get("free").is_some_and(|free| free.get(key).is_some());
+    if !is_named("kernels") {
         config.free.kernels = TrainConfig::default().free.kernels;
+    }
+    if !is_named("modes") {
+        config.free.modes = FREE_MODES;
     }
     Ok(config)
 }

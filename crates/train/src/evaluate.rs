@@ -9,7 +9,7 @@
 use rom::halfwidths::Errors;
 use rom::hull::DomainStatus;
 use rom::inputs::{Inputs, PARAMETERS};
-use rom::model::{BlockKind, Model, ModelError, RegimeModel, Selection};
+use rom::model::{Model, ModelError, RegimeModel, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::{Database, FieldKind, RegimeKind};
 use serde::Serialize;
@@ -242,19 +242,24 @@ fn one_case(model: &Model, database: &Database, state: &mut ModelState, index: u
     }
 }
 
-/// `mean + Phi Phi^T (truth - mean)` restricted to one field's rows: exact for groups of one field, where the modes are
-/// orthonormal. `None` for derived fields and fields of a joint group.
+/// Projections on the modes, each of which leaves a few percent of what the one before missed.
+const PROJECTIONS: usize = 4;
+
+/// The nearest field to the truth that the modes can give. They are orthonormal up to their rounding, so a few repeated projections find it.
+/// `None` for derived fields and fields of a joint group.
 fn best_approximation(model: &Model, regime: &RegimeModel, field: usize, truth: &[f64]) -> Option<Vec<f64>> {
     let group = regime.groups.iter().find(|g| g.fields == [field])?;
     let (kind, field) = (regime.kind, field as u32);
-    let mean = model.f32_block(BlockKind::Mean { regime: kind, field })?;
+    let mean = model.mean(kind, field)?;
     let modes = model.modes(kind, field).ok()?;
     let mut best: Vec<f64> = mean.iter().map(|m| f64::from(*m)).collect();
-    let deviation: Vec<f64> = truth.iter().zip(&best).map(|(t, m)| t - m).collect();
-    for mode in 0..group.coefficients.len() {
-        let mode: Vec<f64> = (0..truth.len()).map(|node| modes.value(mode, node)).collect();
-        let a: f64 = mode.iter().zip(&deviation).map(|(phi, d)| phi * d).sum();
-        best.iter_mut().zip(&mode).for_each(|(b, phi)| *b += a * phi);
+    let mode = |mode| (0..truth.len()).map(|node| modes.value(mode, node)).collect();
+    let modes: Vec<Vec<f64>> = (0..group.coefficients.len()).map(mode).collect();
+    for _ in 0..PROJECTIONS {
+        for mode in &modes {
+            let a: f64 = mode.iter().zip(truth.iter().zip(&best)).map(|(phi, (t, b))| phi * (t - b)).sum();
+            best.iter_mut().zip(mode).for_each(|(b, phi)| *b += a * phi);
+        }
     }
     Some(best)
 }

@@ -266,8 +266,9 @@ fn left_out(
     Some((residuals, of_slopes))
 }
 
-/// Least smoothing of a Gaussian.
+/// Least smoothing of a Gaussian, and of a Matern 7/2.
 const GAUSSIAN_FLOOR: f64 = 1e-14;
+const MATERN_FLOOR: f64 = 1e-10;
 
 /// The system of these points, `(n + slopes + q)` squared. `smoothing` is relative to the largest absolute kernel value.
 fn assemble(points: Points, kernel: KernelKind, tail: Tail, metric: &Metric, smoothing: f64) -> Dense {
@@ -287,12 +288,17 @@ fn assemble(points: Points, kernel: KernelKind, tail: Tail, metric: &Metric, smo
             a[(j, n + m + k)] = t;
         }
     }
-    // Gaussians that are wide for their distances are linearly dependent to rounding, and a system without a ridge then magnifies the
-    // errors of the states: on one of the hard cases from 0.02 to 1.5 %.
-    let floor = if matches!(kernel, KernelKind::Gaussian { .. }) { GAUSSIAN_FLOOR } else { 0.0 };
-    for i in 0..n {
-        let own = if exact == Some(i) { 0.0 } else { smoothing };
-        a[(i, i)] += own.max(floor) * largest;
+    // Functions that are wide for their distances are linearly dependent to rounding, and a system without a ridge then magnifies the
+    // errors of the states: with a Gaussian on one of the hard cases from 0.02 to 1.5 %, with a Matern 7/2 on the reference finger
+    // from 0.020 to 0.030 %. States are missed by 0.001 % for it.
+    let floor = match kernel {
+        KernelKind::Gaussian { .. } => GAUSSIAN_FLOOR,
+        KernelKind::Matern72 { .. } => MATERN_FLOOR,
+        _ => 0.0,
+    };
+    let smoothing = smoothing.max(floor);
+    for i in (0..n).filter(|i| exact != Some(*i)) {
+        a[(i, i)] += smoothing * largest;
     }
     assemble_slopes(&mut a, points, kernel, tail, metric);
     let largest = (n..n + m).map(|i| a[(i, i)].abs()).fold(0.0, f64::max);

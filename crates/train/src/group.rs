@@ -2,7 +2,7 @@
 
 use crate::config::{Grouping, ModeChoice, RegimeConfig, TrainConfig};
 use crate::error::TrainError;
-use crate::pod::{Centre, Compact, Pod, PodError, decompose};
+use crate::pod::{Centre, Compact, Pod, PodError, decompose_beyond};
 use crate::select::{Choice, States, Task, choose};
 use faer::Mat;
 use rom::inputs::Point;
@@ -101,8 +101,6 @@ pub(crate) struct GroupFit {
 pub(crate) struct Columns {
     /// States that are interpolated between.
     pub states: usize,
-    /// States along the onset: in the span of the modes only.
-    pub onset: usize,
     /// Vibrations: in the span of the modes only.
     pub vibrations: usize,
     /// Derivatives: in the span, and fitted where a kernel takes them.
@@ -114,26 +112,7 @@ pub(crate) struct Columns {
 impl Columns {
     /// All of them.
     pub fn count(&self) -> usize {
-        self.states + self.onset + self.vibrations + self.derivatives
-    }
-}
-
-/// Weight of an onset state, relative to 1 for an interpolated state.
-const ONSET_WEIGHT: f64 = 1.5;
-/// Largest additional weight of an onset state with small values.
-const MOST_ONSET_WEIGHT: f64 = 4.0;
-
-/// Makes directions of the onset's columns: deviations from the centre of the states, each in relation to its own largest value,
-/// as jumps at the onset are measured.
-fn weigh_onset(y: &mut Mat<f64>, columns: Columns, centre: Centre) {
-    let range = columns.states..columns.states + columns.onset;
-    let mean = centre.of(y, columns.states);
-    let sizes: Vec<f64> = range.clone().map(|j| y.col(j).norm_max()).collect();
-    let largest = sizes.iter().copied().fold(0.0, f64::max);
-    for (j, size) in range.zip(sizes) {
-        let relative = if size > largest / MOST_ONSET_WEIGHT { largest / size } else { MOST_ONSET_WEIGHT };
-        let weight = ONSET_WEIGHT * relative;
-        y.col_as_slice_mut(j).iter_mut().zip(&mean).for_each(|(v, mean)| *v = weight * (*v - mean));
+        self.states + self.vibrations + self.derivatives
     }
 }
 
@@ -145,7 +124,7 @@ pub(crate) struct DecomposedGroup {
 }
 
 impl DecomposedGroup {
-    /// Decomposes `snapshots`.
+    /// Decomposes `snapshots`. With a fit of the free regime the basis goes on from its modes.
     pub fn new(
         group: &Group,
         mut snapshots: Mat<f64>,
@@ -153,15 +132,24 @@ impl DecomposedGroup {
         regime: &str,
         config: &RegimeConfig,
         centre: Centre,
+        free: Option<&GroupFit>,
     ) -> Result<Self, TrainError> {
         let pod_error =
             |source| TrainError::Pod { group: group.name.clone(), regime: regime.to_owned(), source };
         let states = columns.states;
-        weigh_onset(&mut snapshots, columns, centre);
-        let directions = columns.count() - states;
-        let compact = Compact::new(snapshots, directions, centre).map_err(pod_error)?;
-        let pod = decompose(compact.r.as_ref()).map_err(pod_error)?;
-        let limit = pod.rank.min(config.max_modes);
+        let leading = free.map_or(0, |fit| fit.choice.modes);
+        let compact = match free {
+            Some(fit) => {
+                for j in 0..states {
+                    let column = snapshots.col_as_slice_mut(j).iter_mut();
+                    column.zip(&fit.compact.mean).for_each(|(v, mean)| *v -= mean);
+                }
+                Compact::beyond(fit.compact.mean.clone(), &fit.compact.modes(&fit.pod, leading), snapshots)
+            }
+            None => Compact::new(snapshots, columns.count() - states, centre).map_err(pod_error)?,
+        };
+        let pod = decompose_beyond(compact.r.as_ref(), leading).map_err(pod_error)?;
+        let limit = pod.rank.min(config.max_modes.max(leading));
         let a = pod.u.get(.., ..limit).transpose() * &compact.r;
         let dropped = |j| (compact.r.col(j).squared_norm_l2() - a.col(j).squared_norm_l2()).max(0.0);
         let modes = *config.group_modes.get(&group.name).unwrap_or(&config.modes);
@@ -174,12 +162,14 @@ impl DecomposedGroup {
             dropped: (0..states).map(dropped).collect(),
             modes,
             modes_for_energy: if let ModeChoice::Energy(e) = modes { pod.modes_for_energy(e) } else { limit },
+            leading,
         };
         Ok(Self { compact, pod, task })
     }
 }
 
-/// Chooses kernels and modes: coordinates together, every other group for itself. The order of the groups is kept.
+/// Chooses kernels and modes: coordinates together, every other group for itself. The order of the groups is kept. `largest` gives the
+/// largest amplitude of each mode of a group at any node in any state of the model.
 pub(crate) fn fit_groups(
     plan: &Plan,
     decomposed: Vec<DecomposedGroup>,
@@ -187,13 +177,15 @@ pub(crate) fn fit_groups(
     regime: &str,
     config: &RegimeConfig,
     precision: Precision,
+    largest: &dyn Fn(usize, &GroupFit) -> Vec<f64>,
 ) -> Result<Vec<GroupFit>, TrainError> {
     let together = |g: &usize| plan.groups[*g].coordinates;
     let all = 0..plan.groups.len();
     let mut clusters: Vec<Vec<usize>> = vec![all.clone().filter(together).collect()];
     clusters.extend(all.filter(|g| !together(g)).map(|g| vec![g]));
+    clusters.retain(|cluster| !cluster.is_empty());
     let mut choices: Vec<Option<Choice>> = plan.groups.iter().map(|_| None).collect();
-    for cluster in clusters.iter().filter(|c| !c.is_empty()) {
+    for cluster in &clusters {
         let tasks: Vec<Task> = cluster.iter().map(|&g| decomposed[g].task.clone()).collect();
         let names: Vec<&str> = cluster.iter().map(|&g| plan.groups[g].name.as_str()).collect();
         let what = format!("group {}", names.join(", "));
@@ -203,28 +195,84 @@ pub(crate) fn fit_groups(
             choices[g] = Some(choice);
         }
     }
-    let mut fits = Vec::new();
-    for ((group, d), choice) in plan.groups.iter().zip(decomposed).zip(choices) {
+    let mut fits: Vec<GroupFit> = Vec::new();
+    for (d, choice) in decomposed.into_iter().zip(choices) {
         let Some(choice) = choice else { continue };
-        let exact = d.compact.modes(&d.pod, choice.modes);
-        let nodes = exact.nrows() / group.fields.len();
-        let field = |at: usize| {
-            let value = |mode, node| exact[(at * nodes + node, mode)];
-            Modes::new(precision, nodes, choice.modes, value).map_err(|_| TrainError::Pod {
-                group: group.name.clone(),
+        let basis = d.compact.modes(&d.pod, choice.modes);
+        fits.push(GroupFit { stored: Vec::new(), basis, compact: d.compact, pod: d.pod, choice });
+    }
+    for cluster in &clusters {
+        let bits = bits(cluster, &fits, states, largest, precision);
+        for (&g, bits) in cluster.iter().zip(bits) {
+            let fields = plan.groups[g].fields.len();
+            fits[g].store(fields, bits).map_err(|source| TrainError::Pod {
+                group: plan.groups[g].name.clone(),
                 regime: regime.to_owned(),
-                source: PodError::NoConvergence,
-            })
-        };
-        let stored = (0..group.fields.len()).map(field).collect::<Result<Vec<_>, _>>()?;
-        let value = |row: usize, mode| stored[row / nodes].value(mode, row % nodes);
-        let basis = Mat::from_fn(exact.nrows(), choice.modes, value);
-        fits.push(GroupFit { stored, basis, compact: d.compact, pod: d.pod, choice });
+                source,
+            })?;
+        }
     }
     Ok(fits)
 }
 
+/// Part of the model's own error at the worst node that all roundings together may have there.
+const ROUNDED: f64 = 0.4;
+/// Largest of the roundings of some ten thousand nodes, in standard deviations, times the coefficient's root mean square over its largest.
+const LARGEST_ROUNDING: f64 = 4.5 / 3.0;
+/// Fewer scored states than this do not say what rounding may cost.
+const MIN_STATES: usize = 4;
+
+/// Bits of each mode of groups that are chosen together: as few as its amplitude allows beside the groups' leave-one-out error at the worst
+/// node. A rounding is uniform over a step, and there is one for each mode.
+fn bits(
+    cluster: &[usize],
+    fits: &[GroupFit],
+    states: States,
+    largest: &dyn Fn(usize, &GroupFit) -> Vec<f64>,
+    precision: Precision,
+) -> Vec<Vec<u8>> {
+    let all = |bits: u8| cluster.iter().map(|&g| vec![bits; fits[g].choice.modes]).collect();
+    let scored: Vec<usize> = (0..states.score.len()).filter(|i| states.score[*i] > 0.0).collect();
+    let Some(last) = scored.last().filter(|_| scored.len() >= MIN_STATES && precision == Precision::Integers)
+    else {
+        return all(precision.bits());
+    };
+    let errors: Vec<Mat<f64>> = cluster.iter().map(|&g| fits[g].error_fields(last + 1)).collect();
+    let worst = |&i: &usize| {
+        let square = |row: usize| errors.iter().map(|of| of[(row % of.nrows(), i)].powi(2)).sum::<f64>();
+        (0..errors[0].nrows()).map(square).fold(0.0, f64::max).sqrt()
+    };
+    let error = mean_of_logarithms(scored.iter().map(worst));
+    let modes: usize = cluster.iter().map(|&g| fits[g].choice.modes).sum();
+    let step = ROUNDED * error * 12.0_f64.sqrt() / (LARGEST_ROUNDING * (modes as f64).sqrt());
+    let of_group = |&g: &usize| {
+        let amplitudes = largest(g, &fits[g]);
+        let bits =
+            |amplitude: &f64| [4, 8].into_iter().find(|bits| amplitude / step < f64::from(1 << (bits - 1)));
+        amplitudes.iter().map(|amplitude| bits(amplitude).unwrap_or(16)).collect()
+    };
+    cluster.iter().map(of_group).collect()
+}
+
+fn mean_of_logarithms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len() as f64;
+    (values.map(|value| value.max(f64::MIN_POSITIVE).ln()).sum::<f64>() / count).exp()
+}
+
 impl GroupFit {
+    /// Rounds the modes to so many bits, as the model file stores them.
+    fn store(&mut self, fields: usize, bits: Vec<u8>) -> Result<(), PodError> {
+        let nodes = self.basis.nrows() / fields;
+        let field = |at: usize| {
+            let value = |mode, node| self.basis[(at * nodes + node, mode)];
+            Modes::with_bits(nodes, bits.clone(), value).map_err(|_| PodError::NoConvergence)
+        };
+        self.stored = (0..fields).map(field).collect::<Result<Vec<_>, _>>()?;
+        let value = |row: usize, mode| self.stored[row / nodes].value(mode, row % nodes);
+        self.basis = Mat::from_fn(self.basis.nrows(), self.choice.modes, value);
+        Ok(())
+    }
+
     /// The group's stacked fields at a scaled input.
     pub fn evaluate(&self, x: &Point) -> Vec<f64> {
         let a = self.choice.fit.interpolant.values_at(x);
@@ -237,27 +285,13 @@ impl GroupFit {
         y
     }
 
-    /// Coefficients of the group's stacked fields: their best approximation by the modes kept.
-    pub fn project(&self, fields: &[f64]) -> Vec<f64> {
-        let deviation: Vec<f64> = fields.iter().zip(&self.compact.mean).map(|(y, mean)| y - mean).collect();
-        let coefficient =
-            |k: usize| self.basis.col_as_slice(k).iter().zip(&deviation).map(|(phi, y)| phi * y).sum();
-        (0..self.choice.modes).map(coefficient).collect()
-    }
-
     /// Leave-one-out error fields of the first `cases` states, one column per case: data minus prediction, closed form. The
-    /// prediction is that of the first `used` modes as stored.
-    pub fn error_fields(&self, cases: usize, used: usize) -> Mat<f64> {
+    /// prediction is that of the modes as stored.
+    pub fn error_fields(&self, cases: usize) -> Mat<f64> {
         let modes = self.choice.modes;
-        let u = self.pod.u.get(.., ..used);
+        let u = self.pod.u.get(.., ..modes);
         let r = self.compact.r.get(.., ..cases);
-        let residual = Mat::from_fn(used, cases, |k, i| self.choice.fit.residuals[i * modes + k]);
-        &self.compact.q * r - self.basis.get(.., ..used) * (u.transpose() * r - residual)
-    }
-
-    /// Leave-one-out error with the first 0, 1, ... all modes, per entry in the unit of the fields.
-    pub fn leave_one_out(&self) -> Vec<f64> {
-        let entries = self.compact.mean.len() as f64;
-        self.choice.leave_one_out.iter().map(|error| error / entries.sqrt()).collect()
+        let residual = Mat::from_fn(modes, cases, |k, i| self.choice.fit.residuals[i * modes + k]);
+        &self.compact.q * r - &self.basis * (u.transpose() * r - residual)
     }
 }

@@ -9,7 +9,7 @@ use rom::inertia::data::{InertiaModel, MotionWidths, RegimeInertia, StoredLoad, 
 use rom::inertia::manifold::{MAX_COORDINATES, MAX_LINEAR_MODES};
 use rom::inputs::PARAMETERS;
 use rom::memory::PronyTerm;
-use rom::model::{BlockKind, Model, RegimeModel};
+use rom::model::{Model, RegimeModel};
 use rom::snapshots::{Database, RegimeKind, Split};
 
 /// Vector at each node, all x, then all y, then all z.
@@ -177,8 +177,7 @@ impl<'a> CoordinateModes<'a> {
         for (axis, field) in fields.into_iter().enumerate() {
             let field = model.header.coordinate_field(axis as u8).unwrap_or(field);
             let group = regime.group_of(field).ok_or("inertia: a coordinate has no group")?;
-            let block = BlockKind::Mean { regime: regime.kind, field: field as u32 };
-            let values = model.f32_block(block).ok_or("inertia: a coordinate has no mean")?;
+            let values = model.mean(regime.kind, field as u32).ok_or("inertia: a coordinate has no mean")?;
             mean.extend(values.iter().map(|v| f64::from(*v)));
             let all = model.modes(regime.kind, field as u32).map_err(|error| error.to_string())?;
             for (mode, at) in group.coefficients.clone().enumerate() {

@@ -62,7 +62,7 @@ pub struct Compact {
 pub struct Pod {
     /// Left singular vectors in the compact basis, `r x rank`.
     pub u: Mat<f64>,
-    /// Singular values, largest first, all of them.
+    /// Singular values, largest first, all of them; before them, of modes that were there, the norms of their coefficients.
     pub singular_values: Vec<f64>,
     /// Number of singular values above rounding.
     pub rank: usize,
@@ -87,10 +87,51 @@ impl Compact {
         Ok(Self { mean, q: qr.compute_thin_Q(), r: qr.thin_R().to_owned() })
     }
 
+    /// Snapshots, given as columns that are deviations from `mean`, in a basis that begins with these orthonormal modes (`n x k`). Cost
+    /// `O(n m^2)`.
+    pub fn beyond(mean: Vec<f64>, leading: &Mat<f64>, mut y: Mat<f64>) -> Self {
+        let along = leading.transpose() * &y;
+        y -= leading * &along;
+        let qr = y.qr();
+        let (rest, own) = (qr.compute_thin_Q(), qr.thin_R());
+        let (k, columns) = (leading.ncols(), y.ncols());
+        let q =
+            Mat::from_fn(
+                y.nrows(),
+                k + rest.ncols(),
+                |i, j| {
+                    if j < k { leading[(i, j)] } else { rest[(i, j - k)] }
+                },
+            );
+        let r = Mat::from_fn(
+            k + own.nrows(),
+            columns,
+            |i, j| if i < k { along[(i, j)] } else { own[(i - k, j)] },
+        );
+        Self { mean, q, r }
+    }
+
     /// The full-length modes of the first `count` compact modes, `n x count`.
     pub fn modes(&self, pod: &Pod, count: usize) -> Mat<f64> {
         &self.q * pod.u.get(.., ..count)
     }
+}
+
+/// As [`decompose`] where the first `leading` directions are modes already: the others follow from what those leave.
+///
+/// # Errors
+/// As [`decompose`].
+pub fn decompose_beyond(r: MatRef<'_, f64>, leading: usize) -> Result<Pod, PodError> {
+    let (rows, columns) = (r.nrows(), r.ncols());
+    let own = decompose(r.get(leading.., ..))?;
+    let u = Mat::from_fn(rows, leading + own.rank, |i, j| match (i < leading, j < leading) {
+        (true, true) => f64::from(u8::from(i == j)),
+        (false, false) => own.u[(i - leading, j - leading)],
+        _ => 0.0,
+    });
+    let along = |row: usize| (0..columns).map(|j| r[(row, j)].powi(2)).sum::<f64>().sqrt();
+    let singular_values = (0..leading).map(along).chain(own.singular_values).collect();
+    Ok(Pod { u, singular_values, rank: leading + own.rank })
 }
 
 /// SVD of compact snapshots. Cost `O(m^3)`.

@@ -14,8 +14,7 @@ use rom::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
 use rom::hull::TrainingRange;
 use rom::inputs::{GAP, InputMap, InputSpec, Inputs, PRESSURE, Point};
 use rom::interpolant::{Interpolant, Slope};
-use rom::model::{Clearance, FarOnset, ForceModel, GroupModel, RegimeModel, modes_within};
-use rom::reconstructor::BasisOptions;
+use rom::model::{Clearance, FarOnset, ForceModel, GroupModel, RegimeModel};
 use rom::regime::{OnsetAt, OnsetTable};
 use rom::snapshots::{Database, FieldKind, RegimeKind, Vibration};
 
@@ -102,7 +101,6 @@ impl Part {
                 coefficients,
                 surrogate: fit.choice.fit.interpolant.clone(),
                 singular_values: fit.pod.singular_values.clone(),
-                leave_one_out: fit.leave_one_out(),
             }
         });
         RegimeModel {
@@ -139,8 +137,6 @@ struct Training<'a> {
     /// 1 for cases inside the hull of the cases, 0 for the others.
     score: Vec<f64>,
     domain: TrainingRange,
-    /// States along the whole onset: used for the modes only.
-    onset: Vec<Inputs>,
     /// Known derivatives of the states, and their rows in the database's sensitivities.
     slopes: Vec<Slope>,
     slope_rows: Vec<usize>,
@@ -155,7 +151,7 @@ pub(crate) fn free(
     let cases = &sorted.free;
     let points = cases.iter().map(|&i| database.cases[i].inputs_at_gap(0.0)).collect();
     let training = Training::new(database, sorted, RegimeKind::Free, points, f64::INFINITY);
-    let groups = training.groups(config, &config.free, plan, None)?;
+    let groups = training.groups(config, &config.free, plan, None, &sorted.contact)?;
     let errors = training.errors(plan, &groups, None);
     Ok(training.part(groups, None, errors, config.coverage))
 }
@@ -170,31 +166,23 @@ pub(crate) fn contact(
     let cases = &sorted.contact;
     let mut points: Vec<Inputs> = cases.iter().map(|&i| database.cases[i].inputs()).collect();
     let largest_gap = points.iter().map(Inputs::gap_mm).fold(f64::NEG_INFINITY, f64::max);
-    let (mut far, mut along_onset) = (Vec::new(), Vec::new());
+    let mut far = Vec::new();
     match boundary {
         Some((_, onset)) if onset.solver.is_some() => {
             // Neighbours in the list differ in their parameters: fewer along the onset for each input.
             let count = config.boundary_states * 3 / 4 * (1 + database.parameters.len());
-            let at_onset = onset_with_parameters(&points, onset, count.min(cases.len()), 0.0);
-            if at_onset.len() > 1 {
-                along_onset = onset_with_parameters(&points, onset, ONSET_DIRECTIONS, 0.5);
-            }
-            points.extend(at_onset);
+            points.extend(onset_with_parameters(&points, onset, count.min(cases.len())));
         }
         Some((_, onset)) => {
             points.extend(boundary_points(&points, onset, config));
             far = far_points(&points[cases.len()..], &onset.table);
-            if points.len() > cases.len() + 1 {
-                let picked = spread(onset.table.gap_mm.len() - 1, ONSET_DIRECTIONS);
-                along_onset = picked.into_iter().map(|i| entry(&onset.table, i)).collect();
-            }
         }
         None => {}
     }
-    let mut training = Training::new(database, sorted, RegimeKind::Contact, points, largest_gap);
-    training.onset = along_onset;
-    let groups = training.groups(config, &config.contact, plan, boundary.map(|b| b.0))?;
-    let far_onset = boundary.and_then(|(free, _)| training.far_onset(free, &groups, &far));
+    let training = Training::new(database, sorted, RegimeKind::Contact, points, largest_gap);
+    let groups = training.groups(config, &config.contact, plan, boundary.map(|b| b.0), &[])?;
+    let far_onset =
+        boundary.filter(|_| config.centred).and_then(|(free, _)| training.far_onset(free, &groups, &far));
     let onset = boundary.filter(|_| config.split_at_onset).map(|b| b.1);
     let force = training.force(&config.contact, onset)?;
     let errors = training.errors(plan, &groups, Some(&force));
@@ -227,12 +215,12 @@ fn spread(last: usize, count: usize) -> Vec<usize> {
 }
 
 /// `count` states on the onset at the parameters of successive cases. Pressures are closer at the low end, as in [`spread`]; gaps are
-/// those that the free model closes. `first` shifts the pressures.
-fn onset_with_parameters(cases: &[Inputs], onset: &OnsetModel, count: usize, first: f64) -> Vec<Inputs> {
+/// those that the free model closes.
+fn onset_with_parameters(cases: &[Inputs], onset: &OnsetModel, count: usize) -> Vec<Inputs> {
     let largest_mpa = onset.table.pressure_mpa.last().copied().unwrap_or(0.0);
     let state = |i: usize| {
         // Golden-ratio steps: no two neighbours in the list of cases get neighbouring pressures.
-        let part = (first + i as f64 * 0.618_033_988_749_895).fract();
+        let part = (i as f64 * 0.618_033_988_749_895).fract();
         let inputs = cases[i * cases.len() / count.max(1) % cases.len()]
             .with(PRESSURE, largest_mpa * part * part.sqrt());
         Some(inputs.with(GAP, onset.depth_mm(&inputs)?))
@@ -259,9 +247,6 @@ fn slopes(
     slopes.sort_by_key(|(slope, _)| (slope.centre, slope.axis));
     slopes
 }
-
-/// States along the onset in the POD: stress has kinks along it that the few interpolated onset states do not span.
-const ONSET_DIRECTIONS: usize = 80;
 
 fn entry(table: &OnsetTable, i: usize) -> Inputs {
     Inputs::new(table.pressure_mpa[i], table.gap_mm[i])
@@ -321,8 +306,7 @@ impl<'a> Training<'a> {
         }
         let known = slopes(database, cases, &inputs, &sorted.doubtful);
         let (slopes, slope_rows) = known.into_iter().unzip();
-        let onset = Vec::new();
-        Self { database, kind, cases, points, inputs, scaled, score, domain, onset, slopes, slope_rows }
+        Self { database, kind, cases, points, inputs, scaled, score, domain, slopes, slope_rows }
     }
 
     fn groups(
@@ -331,6 +315,7 @@ impl<'a> Training<'a> {
         choices: &RegimeConfig,
         plan: &Plan,
         free: Option<&Part>,
+        others: &[usize],
     ) -> Result<Vec<GroupFit>, TrainError> {
         let rest = self.rest().filter(|_| config.centred);
         let states = States { exact: rest, ..self.states(&self.scaled, &self.score) };
@@ -341,7 +326,6 @@ impl<'a> Training<'a> {
         };
         let decompose_group = |(g, group): (usize, &Group)| {
             let nodes = self.database.node_count;
-            let all = self.points.iter().chain(&self.onset);
             let columns = self.columns(group);
             let mut y = Mat::zeros(nodes * group.fields.len(), columns.count());
             for (j, &case) in self.cases.iter().enumerate() {
@@ -353,25 +337,45 @@ impl<'a> Training<'a> {
                         .for_each(|(y, v)| *y = f64::from(v));
                 }
             }
-            for (j, point) in all.enumerate().skip(self.cases.len()) {
+            for (j, point) in self.points.iter().enumerate().skip(self.cases.len()) {
                 if let Some(free) = free {
                     let state = free.groups[g].evaluate(&free.inputs.scale(point));
                     y.col_as_slice_mut(j).copy_from_slice(&state);
                 }
             }
             for (j, vibration) in self.vibrations().enumerate().take(columns.vibrations) {
-                let at = columns.states + columns.onset + j;
+                let at = columns.states + j;
                 self.vibration(vibration, group, y.col_as_slice_mut(at));
             }
             for j in 0..columns.derivatives {
                 let at = columns.count() - columns.derivatives + j;
                 self.derivative(j, group, columns.weight, y.col_as_slice_mut(at));
             }
-            DecomposedGroup::new(group, y, columns, self.name(), choices, centre)
+            let basis_of = free.filter(|_| config.centred).map(|free| &free.groups[g]);
+            DecomposedGroup::new(group, y, columns, self.name(), choices, centre, basis_of)
         };
         let decomposed =
             plan.groups.iter().enumerate().map(decompose_group).collect::<Result<Vec<_>, _>>()?;
-        fit_groups(plan, decomposed, states, self.name(), choices, config.precision)
+        let largest = |g: usize, fit: &GroupFit| self.amplitudes(&plan.groups[g], fit, others);
+        fit_groups(plan, decomposed, states, self.name(), choices, config.precision, &largest)
+    }
+
+    /// Largest amplitude of each mode of a group at any node: over the columns of its decomposition, and over the cases of another
+    /// regime that shares the basis.
+    fn amplitudes(&self, group: &Group, fit: &GroupFit, others: &[usize]) -> Vec<f64> {
+        let nodes = self.database.node_count;
+        let value = |row: usize, j: usize| {
+            let (case, field) = (others[j], group.fields[row / nodes]);
+            f64::from(self.database.snapshot(case)[row % nodes * self.database.fields.len() + field])
+                - fit.compact.mean[row]
+        };
+        let others = fit.basis.transpose() * Mat::from_fn(fit.basis.nrows(), others.len(), value);
+        let own = fit.pod.u.get(.., ..fit.choice.modes).transpose() * &fit.compact.r;
+        let largest = |mode: usize| {
+            let coefficients = own.row(mode).norm_max().max(others.row(mode).norm_max());
+            coefficients * fit.basis.col(mode).norm_max()
+        };
+        (0..fit.choice.modes).map(largest).collect()
     }
 
     /// The state at rest: free, with every input that varies at 0. It is the one state that everybody can check on the table, so
@@ -395,7 +399,6 @@ impl<'a> Training<'a> {
         let spacing = (self.cases.len() as f64).powf(-1.0 / self.inputs.dimensions() as f64);
         Columns {
             states: self.points.len(),
-            onset: self.onset.len(),
             vibrations: if group.coordinates { self.vibrations().count() } else { 0 },
             derivatives: if all { self.slopes.len() } else { 0 },
             weight: spacing / 12.0_f64.sqrt(),
@@ -440,9 +443,10 @@ impl<'a> Training<'a> {
         let correction = |(at, point): (usize, &Inputs)| {
             let of_group = |(fit, free_fit): (&GroupFit, &GroupFit)| {
                 let surrogate = fit.choice.fit.interpolant.values_at(&self.inputs.scale(point));
-                let wanted = fit.project(&free_fit.evaluate(&free.inputs.scale(point)));
-                let difference =
-                    wanted.iter().zip(&surrogate).map(|(w, s)| if at == 0 { 0.0 } else { w - s });
+                // The basis begins with the free regime's modes; all others are 0 in its states.
+                let wanted = free_fit.choice.fit.interpolant.values_at(&free.inputs.scale(point));
+                let wanted = wanted.into_iter().chain(std::iter::repeat(0.0));
+                let difference = wanted.zip(&surrogate).map(|(w, s)| if at == 0 { 0.0 } else { w - s });
                 difference.collect::<Vec<_>>()
             };
             groups.iter().zip(&free.groups).flat_map(of_group).collect::<Vec<_>>()
@@ -495,6 +499,7 @@ impl<'a> Training<'a> {
             slope_values,
             modes: ModeChoice::Fixed(1),
             modes_for_energy: 1,
+            leading: 0,
         };
         let states = States { slopes: &slopes, ..self.states(&inputs, &score) };
         let with_forces: Vec<(Inputs, f64)> =
@@ -527,15 +532,14 @@ impl<'a> Training<'a> {
         })
     }
 
-    /// Leave-one-out errors at each case's worst node, with the modes that a reconstruction uses by default.
+    /// Leave-one-out errors at each case's worst node.
     fn errors(&self, plan: &Plan, groups: &[GroupFit], force: Option<&ForceFit>) -> Vec<CaseError> {
         let (cases, nodes) = (self.cases.len(), self.database.node_count);
         let mut displacement = Mat::<f64>::zeros(nodes, cases);
         // Errors of a magnitude that is interpolated separately, and of stress.
         let (mut magnitude, mut stress) = (vec![0.0_f64; cases], vec![0.0_f64; cases]);
         for (group, fit) in plan.groups.iter().zip(groups) {
-            let used = modes_within(&fit.choice.leave_one_out, BasisOptions::ACCEPTED_ERROR);
-            let errors = fit.error_fields(cases, used);
+            let errors = fit.error_fields(cases);
             for (at, &field) in group.fields.iter().enumerate() {
                 let part = errors.get(at * nodes..(at + 1) * nodes, ..);
                 let raise = |largest: &mut Vec<f64>| {

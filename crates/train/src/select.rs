@@ -28,8 +28,6 @@ pub struct Choice {
     pub modes: usize,
     /// The group's own leave-one-out score.
     pub error: f64,
-    /// Leave-one-out error of whole fields with the first 0, 1, ... all modes, geometric mean over the cases.
-    pub leave_one_out: Vec<f64>,
     /// All candidates, best first.
     pub candidates: Vec<Candidate>,
     /// Parameters (by axis) without which left-out states are predicted as well.
@@ -68,6 +66,8 @@ pub struct Task {
     pub modes: ModeChoice,
     /// Modes the energy criterion asks for.
     pub modes_for_energy: usize,
+    /// Modes that are kept in any case: those of the free regime, so that fields agree at the onset.
+    pub leading: usize,
 }
 
 impl Task {
@@ -460,24 +460,10 @@ impl<'a> Search<'a> {
         let choice = |(g, task): (usize, &Task)| {
             let (modes, error) = scored.groups[g];
             let kept = first..first + modes;
-            let residual = |i: usize, k: usize| fit.residuals[i * self.samples.outputs + first + k];
-            let errors = case_errors(self.states, task, &residual);
-            // Of too few cases a reconstruction leaves no mode out.
-            let is_known = |kept: usize| kept == modes || errors.len() >= MIN_CASES;
-            let known = |(kept, level)| if is_known(kept) { level } else { f64::INFINITY };
-            let leave_one_out =
-                levels(task, &errors).into_iter().take(modes + 1).enumerate().map(known).collect();
             first += task.outputs;
             let candidates =
                 self.trials.iter().map(|t| Candidate { modes: t.modes[g], ..t.row.clone() }).collect();
-            Choice {
-                fit: keep_outputs(&fit, kept),
-                modes,
-                error,
-                leave_one_out,
-                candidates,
-                idle: idle.clone(),
-            }
+            Choice { fit: keep_outputs(&fit, kept), modes, error, candidates, idle: idle.clone() }
         };
         Ok(self.tasks.iter().enumerate().map(choice).collect())
     }
@@ -521,14 +507,22 @@ fn size(states: States, tasks: &[Task]) -> f64 {
 /// Modes to keep by group, and the scores with them.
 fn score(states: States, tasks: &[Task], residuals: &[f64]) -> CandidateScore {
     let stride: usize = tasks.iter().map(|t| t.outputs).sum();
-    let (mut first, mut groups) = (0, Vec::new());
-    let mut squares = vec![0.0; states.score.iter().filter(|w| **w > 0.0).count()];
-    for task in tasks {
+    let mut first = 0;
+    let case_errors_of = |task: &Task| {
         let errors = case_errors(states, task, &|i, k| residuals[i * stride + first + k]);
-        let modes = modes_to_keep(task, &errors);
-        squares.iter_mut().zip(&errors).for_each(|(s, e)| *s += e[modes] * e[modes]);
-        groups.push((modes, mean(&errors, |e| e[modes])));
         first += task.outputs;
+        errors
+    };
+    let errors: Vec<Vec<Vec<f64>>> = tasks.iter().map(case_errors_of).collect();
+    let levels: Vec<Vec<f64>> =
+        tasks.iter().zip(&errors).map(|(task, errors)| levels(task, errors)).collect();
+    let square = mean(&levels, |levels| least(levels).powi(2));
+    let mut squares = vec![0.0; states.score.iter().filter(|w| **w > 0.0).count()];
+    let mut groups = Vec::new();
+    for ((task, errors), levels) in tasks.iter().zip(&errors).zip(&levels) {
+        let modes = modes_to_keep(task, errors.len(), levels, square).max(task.leading);
+        squares.iter_mut().zip(errors).for_each(|(s, e)| *s += e[modes] * e[modes]);
+        groups.push((modes, mean(errors, |e| e[modes])));
     }
     let geometric = !states.slopes.is_empty() && states.dimensions > 1 && stride > 1;
     CandidateScore { score: over_cases(&squares, geometric), groups }
@@ -542,17 +536,22 @@ fn over_cases(squares: &[f64], geometric: bool) -> f64 {
     if geometric { geometric_mean(squares, |s| s.sqrt()) } else { mean(squares, |s| s.sqrt()) }
 }
 
-fn modes_to_keep(task: &Task, errors: &[Vec<f64>]) -> usize {
+/// `square` is the mean square of the least level of all groups that are chosen together. What may be left out is the same for each of
+/// them: of an axis along which hardly anything moves it is a larger share of its own error, since what counts is the length.
+fn modes_to_keep(task: &Task, cases: usize, levels: &[f64], square: f64) -> usize {
     match task.modes {
         ModeChoice::Fixed(modes) => modes.min(task.outputs),
         ModeChoice::Energy(_) => task.modes_for_energy.min(task.outputs),
-        ModeChoice::LeaveOneOut(_) if errors.len() < MIN_CASES => task.outputs,
+        ModeChoice::LeaveOneOut(_) if cases < MIN_CASES => task.outputs,
         ModeChoice::LeaveOneOut(factor) => {
-            let levels = levels(task, errors);
-            let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
-            levels.iter().position(|e| *e <= factor * least).unwrap_or(task.outputs)
+            let limit = (least(levels).powi(2) + (factor * factor - 1.0) * square).sqrt();
+            levels.iter().position(|level| *level <= limit).unwrap_or(task.outputs)
         }
     }
+}
+
+fn least(levels: &[f64]) -> f64 {
+    levels.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
 /// Error with 0, 1, ... all modes. Geometric mean over cases: every case asks for the modes it needs at its own level of error.

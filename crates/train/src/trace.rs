@@ -12,7 +12,7 @@ use rom::inertia::stepper::ReadingError;
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::{BlockKind, Model, ModelError, ModelFileError, Selection};
 use rom::probe::model_tip;
-use rom::reconstructor::{BasisOptions, ReconstructError, Reconstructor};
+use rom::reconstructor::{ReconstructError, Reconstructor};
 use rom::session::{Gaps, Session};
 use rom::statistics::{mean, range};
 use serde::Serialize;
@@ -281,8 +281,7 @@ enum SeriesKind {
 
 impl SeriesColumns {
     fn new(model: &Model) -> Result<Self, TraceError> {
-        let options = BasisOptions::all_modes(BasisOptions::default().precision);
-        let reconstructor = Reconstructor::with_options(model, &Selection::default(), options)?;
+        let reconstructor = Reconstructor::new(model, &Selection::default())?;
         let header = &model.header;
         let kind = if model.is_measured() {
             let inputs = header.taken_inputs().map(|(at, input)| (at, input.key())).collect();

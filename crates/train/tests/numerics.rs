@@ -151,6 +151,11 @@ proptest! {
     }
 }
 
+/// By how much an interpolant may miss its samples: that of a Matern 7/2 is smoothed a little.
+fn missed(kernel: KernelKind) -> f64 {
+    if matches!(kernel, KernelKind::Matern72 { .. }) { 1e-6 } else { 1e-9 }
+}
+
 #[test]
 fn interpolants_pass_through_their_samples_and_reproduce_their_tails() {
     let inputs = points(30);
@@ -160,7 +165,7 @@ fn interpolants_pass_through_their_samples_and_reproduce_their_tails() {
         let values: Vec<f64> = inputs.iter().map(smooth).collect();
         let through = fit(&samples(&inputs, &values), spec, Metric::IDENTITY, 0.0).expect("fits").interpolant;
         for (x, y) in inputs.iter().zip(&values) {
-            assert!((through.values_at(x)[0] - y).abs() < 1e-9, "{kernel:?}");
+            assert!((through.values_at(x)[0] - y).abs() < missed(kernel), "{kernel:?}");
         }
         if matches!(tail, Tail::Linear | Tail::Quadratic) {
             let values: Vec<f64> = inputs.iter().map(plane).collect();
@@ -307,7 +312,7 @@ fn three_to_five_inputs_are_interpolated_with_their_gradients() {
             let fitted = fit(&samples, KernelSpec { kernel, tail }, metric, 0.0).expect("fits").interpolant;
             for (x, y) in inputs.iter().zip(&values) {
                 assert!(
-                    (fitted.values_at(x)[0] - y).abs() < 1e-8,
+                    (fitted.values_at(x)[0] - y).abs() < 10.0 * missed(kernel),
                     "{kernel:?} misses a sample of {dimensions} inputs"
                 );
             }
@@ -330,8 +335,15 @@ fn selection_over_four_inputs_finds_the_irrelevant_input() {
         States { operating: 2, dimensions: 4, inputs: &inputs, score: &score, slopes: &[], exact: None };
     let dropped = vec![0.0; inputs.len()];
     let slope_values = Vec::new();
-    let task =
-        Task { values, outputs: 1, slope_values, dropped, modes: ModeChoice::Fixed(1), modes_for_energy: 1 };
+    let task = Task {
+        values,
+        outputs: 1,
+        slope_values,
+        dropped,
+        modes: ModeChoice::Fixed(1),
+        modes_for_energy: 1,
+        leading: 0,
+    };
     let spec = KernelSpec { kernel: KernelKind::Cubic, tail: Tail::Linear };
     let config = RegimeConfig { kernels: vec![spec], smoothing: vec![0.0], ..RegimeConfig::default() };
     let chosen = choose(states, &[task], &config, &|_| true).expect("chooses").remove(0);
@@ -358,6 +370,7 @@ fn selection_takes_a_sound_kernel_that_is_nearly_as_good() {
         dropped: vec![0.0; inputs.len()],
         modes: ModeChoice::Fixed(1),
         modes_for_energy: 1,
+        leading: 0,
     };
     let spec = |kernel| KernelSpec { kernel, tail: Tail::Linear };
     let chosen = |kernels: Vec<KernelSpec>, refused: Option<KernelKind>| {

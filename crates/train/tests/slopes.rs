@@ -166,6 +166,7 @@ fn scored(known: &Known, outputs: usize, slopes: &[Slope]) -> (f64, Vec<f64>) {
         dropped: vec![0.0; count],
         modes: ModeChoice::Fixed(outputs),
         modes_for_energy: outputs,
+        leading: 0,
     };
     let spec = KernelSpec { kernel: KernelKind::Cubic, tail: Tail::Linear };
     let config = RegimeConfig { kernels: vec![spec], smoothing: vec![0.0], ..RegimeConfig::default() };

@@ -8,7 +8,7 @@ use rom::kernel::Precision;
 use rom::model::{BlockKind, Model, Nodes, Selection};
 use rom::model_state::ModelState;
 use rom::probe::{MeshPoint, ProbePosition, Probes};
-use rom::reconstructor::{Basis, BasisOptions, Reconstructor};
+use rom::reconstructor::{Basis, Reconstructor};
 use rom::rng::Rng;
 use serde::Serialize;
 use softtwin::progress::Progress;
@@ -62,7 +62,7 @@ pub struct Compute {
     pub coefficients: usize,
     /// The kernel alone.
     pub kernel: Kernels,
-    /// Input to full field in memory with the default options, median.
+    /// Input to full field in memory median.
     pub predict_us_p50: f64,
     /// The same with readings that jump over the whole training range, median.
     pub jumping_us_p50: f64,
@@ -106,7 +106,7 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     let all = Selection::default();
     let tip = Selection { fields: None, nodes: Nodes::List(tip_nodes(model)) };
     let mut full = ModelState::new(model, &all)?;
-    let wide = Reconstructor::with_options(model, &all, BasisOptions::all_modes(Precision::F32))?;
+    let wide = Reconstructor::with_precision(model, &all, Some(Precision::F32))?;
     let mut tip = ModelState::new(model, &tip)?;
     full.update(inputs[0])?;
     let regime = full.evaluation().regime;

@@ -4,9 +4,10 @@ use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inputs::Inputs;
 use rom::kernel::Modes;
+use rom::kernel::Precision;
 use rom::model::{BlockKind, Model, RegimeModel, Selection};
 use rom::model_state::ModelState;
-use rom::reconstructor::{Basis, BasisOptions};
+use rom::reconstructor::Basis;
 use rom::snapshots::{FieldKind, RegimeKind};
 
 /// A way to evaluate and reconstruct states, which is timed and compared.
@@ -25,8 +26,8 @@ pub trait ReconstructionMethod {
 pub struct Kernel(ModelState);
 
 impl Kernel {
-    pub fn new(model: &Model, selection: &Selection, options: BasisOptions) -> anyhow::Result<Self> {
-        Ok(Self(ModelState::with_options(model, selection, options)?))
+    pub fn new(model: &Model, selection: &Selection, precision: Option<Precision>) -> anyhow::Result<Self> {
+        Ok(Self(ModelState::with_precision(model, selection, precision)?))
     }
 }
 
@@ -94,12 +95,13 @@ fn fields(model: &Model, regime: &RegimeModel, nodes: &[u32]) -> Vec<Field> {
             let group = regime.groups.iter().find(|g| g.fields.contains(&f));
             let (kind, field) = (regime.kind, f as u32);
             let modes = model.modes(kind, field);
+            let count = group.map_or(0, |group| group.coefficients.len());
             let of_mode = |modes: &'_ Modes, mode| {
                 nodes.iter().map(|node| modes.value(mode, *node as usize)).collect::<Vec<f64>>()
             };
             Field::Sum {
-                mean: pick(block(BlockKind::Mean { regime: kind, field })),
-                modes: modes.iter().flat_map(|m| (0..m.count()).flat_map(|k| of_mode(m, k))).collect(),
+                mean: pick(model.mean(kind, field).unwrap_or_default()),
+                modes: modes.iter().flat_map(|m| (0..count).flat_map(|k| of_mode(m, k))).collect(),
                 first: group.map_or(0, |g| g.coefficients.start),
                 stress: spec.spec.kind == FieldKind::Stress,
             }

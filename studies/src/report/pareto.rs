@@ -5,7 +5,6 @@ use super::method::{Double, Kernel, ReconstructionMethod};
 use super::study::{Study, ours_with, paper, percent, train};
 use rom::kernel::Precision;
 use rom::model::{Model, Selection};
-use rom::reconstructor::BasisOptions;
 use rom::snapshots::FieldKind;
 use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 use softtwin::progress::Progress;
@@ -38,7 +37,7 @@ pub fn section(study: &Study, out: &Folder, progress: &mut Progress) -> anyhow::
             Some(config) => &train(&study.database, config)?,
             None => &study.ours,
         };
-        for precision in ["f64", "f32", "i16", "default"] {
+        for precision in ["f64", "f32", "i16"] {
             let mut method = method(model, precision)?;
             let errors = errors(study, method.as_mut(), &cases)?;
             let (micros, bytes) = (time(study, method.as_mut(), &cases)?, method.bytes());
@@ -74,9 +73,8 @@ fn method(model: &Model, precision: &str) -> anyhow::Result<Box<dyn Reconstructi
     let all = Selection::default();
     Ok(match precision {
         "f64" => Box::new(Double::new(model, &all)?),
-        "f32" => Box::new(Kernel::new(model, &all, BasisOptions::all_modes(Precision::F32))?),
-        "i16" => Box::new(Kernel::new(model, &all, BasisOptions::all_modes(Precision::I16))?),
-        _ => Box::new(Kernel::new(model, &all, BasisOptions::default())?),
+        "f32" => Box::new(Kernel::new(model, &all, Some(Precision::F32))?),
+        _ => Box::new(Kernel::new(model, &all, None)?),
     })
 }
 
@@ -131,12 +129,11 @@ fn page(points: &[Point], cases: usize, shown: &str) -> String {
         "\n## Speed against error\n\nOne state evaluated and all its fields reconstructed: the median of {TIMED} runs on {}. \
          Normalised errors of the worst node: the 95th percentile over {cases} held-out states inside the training range. From fast \
          to slow: each row gains at least 10 % in displacement or stress over every faster one; our model (`chosen`) is always shown. \
-         f64: plain sums, mode after mode; f32 and i16: the twin's kernel with all modes; default: a scene's, i16 with an accepted \
-         growth of the leave-one-out error of {} %. MB: both regimes.\n\
+         f64: plain sums, mode after mode; f32 and i16: the twin's kernel. MB: both \
+         regimes.\n\
          {shown}\n| us | MB | POD | kernel | modes | precision | displacement % | stress % | force % |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
-        processor(),
-        100.0 * BasisOptions::ACCEPTED_ERROR
+        processor()
     );
     for p in table(points) {
         let [displacement, stress, force] = p.errors.map(percent);
@@ -206,7 +203,7 @@ fn picture(points: &[Point]) -> Figure {
                 series("per field, i16", 2, &|p| {
                     p.grouping != "joint" && p.precision == "i16" && p.modes != "chosen"
                 }),
-                series("default", 3, &|p| p.modes == "chosen"),
+                series("chosen", 3, &|p| p.modes == "chosen"),
             ],
             map: None,
         }

@@ -78,8 +78,8 @@ pub fn kernel(nodes: usize, modes: usize) -> anyhow::Result<Cost> {
     let mut fields: Vec<Field<'_>> = (0..3).map(|axis| field(axis, Role::Plain)).collect();
     fields.extend([displacement, field(3, Role::Stress)]);
     let spec = Spec { node_count: nodes, nodes: None, fields };
-    let wide = Basis::build(&spec, Precision::F32)?;
-    let narrow = Basis::build(&spec, Precision::I16)?;
+    let wide = Basis::build(&spec, None)?;
+    let narrow = Basis::build(&spec, Some(Precision::Integers))?;
 
     let coefficients: Vec<f64> = (0..4 * modes).map(|j| (j as f64).cos()).collect();
     let mut out = vec![0.0; wide.output_len()];

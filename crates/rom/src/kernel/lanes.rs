@@ -15,8 +15,8 @@ pub(super) trait Lanes: Copy {
     unsafe fn splat(value: f32) -> Self;
     /// A row of f32.
     unsafe fn load(from: *const f32) -> Self;
-    /// A row of i16 pairs (see [`modes`](super::modes)), as 65536 times their value.
-    unsafe fn load_pairs(from: *const i32) -> Self;
+    /// A row of integers of 4, 8 or 16 bits (see [`modes`](super::modes)), each at the top of a word of 32 bits.
+    unsafe fn load_integers<const BITS: usize>(from: *const u8) -> Self;
     /// Writes a row of f32, unaligned.
     unsafe fn store(self, to: *mut f32);
     /// `self * factor + addend`.
@@ -31,35 +31,38 @@ pub(super) trait Lanes: Copy {
     unsafe fn select_greater(self, than: Self, yes: Self, no: Self) -> Self;
 }
 
+/// A row of which register `r` is `$one`. Not a closure: that would be a function without the instruction set of the one it stands in, and
+/// intrinsics would not be inlined.
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+macro_rules! each {
+    ($splat:expr, $r:ident => $one:expr) => {{
+        let mut all = [$splat(0.0); REGISTERS];
+        let mut $r = 0;
+        while $r < REGISTERS {
+            all[$r] = $one;
+            $r += 1;
+        }
+        Self(all)
+    }};
+}
+
 /// Defines the lanes of an instruction set: registers, their f32, what guarantees it, and its intrinsics, one call a register.
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 macro_rules! registers {
     (
         $(#[doc = $about:literal])+
         $name:ident: $register:ty, $width:literal;
-        splat $splat:expr, load $load:expr, load_words $load_words:expr, low $low:expr, to_floats $to_floats:expr, store $store:expr;
+        splat $splat:expr, load $load:expr, load_words $load_words:expr, load_halves $load_halves:expr, shift $shift:ident, to_floats $to_floats:expr, store $store:expr;
         mul_add $mul_add:expr, add $add:expr, sqrt $sqrt:expr, at_least_zero $at_least_zero:expr, select_greater $select:expr;
     ) => {
         use super::super::TILE_NODES;
 
         const WIDTH: usize = $width;
         const REGISTERS: usize = TILE_NODES / WIDTH;
-        const HALF: usize = REGISTERS / 2;
 
         $(#[doc = $about])+
         #[derive(Clone, Copy)]
         pub(in super::super) struct $name([$register; REGISTERS]);
-
-        /// One value a register; the loop is unrolled.
-        #[inline(always)]
-        unsafe fn each(register: impl Fn(usize) -> $register) -> $name {
-            // SAFETY: the caller has the instruction set.
-            let mut all = [unsafe { $splat(0.0) }; REGISTERS];
-            for (r, one) in all.iter_mut().enumerate() {
-                *one = register(r);
-            }
-            $name(all)
-        }
 
         // SAFETY (all methods): the trait's contract gives the instruction set and valid, aligned pointers to a row, of which register
         // r takes the elements from r WIDTH on.
@@ -67,23 +70,36 @@ macro_rules! registers {
             #[inline(always)]
             unsafe fn splat(value: f32) -> Self {
                 // SAFETY: see the impl.
-                unsafe { each(|_| $splat(value)) }
+                unsafe { each!($splat, r => $splat(value)) }
             }
 
             #[inline(always)]
             unsafe fn load(from: *const f32) -> Self {
                 // SAFETY: see the impl.
-                unsafe { each(|r| $load(from.add(r * WIDTH))) }
+                unsafe { each!($splat, r => $load(from.add(r * WIDTH))) }
             }
 
             #[inline(always)]
-            unsafe fn load_pairs(from: *const i32) -> Self {
+            unsafe fn load_integers<const BITS: usize>(from: *const u8) -> Self {
                 // SAFETY: see the impl.
                 unsafe {
-                    each(|r| {
-                        let (words, low) = if r < HALF { (r, true) } else { (r - HALF, false) };
-                        let pairs = $load_words(from.add(words * WIDTH).cast());
-                        $to_floats(if low { $low(pairs) } else { pairs })
+                    each!($splat, r => {
+                        let of_words = if BITS == 16 { REGISTERS / 2 } else { REGISTERS / 4 };
+                        let (at, below) = (r % of_words, r / of_words);
+                        let words = if BITS == 4 {
+                            $load_halves(from.add(2 * at * WIDTH).cast())
+                        } else {
+                            $load_words(from.add(4 * at * WIDTH).cast())
+                        };
+                        // Constant in the unrolled loop.
+                        $to_floats(match 32 - BITS * (below + 1) {
+                            0 => words,
+                            8 => $shift::<8>(words),
+                            16 => $shift::<16>(words),
+                            20 => $shift::<20>(words),
+                            24 => $shift::<24>(words),
+                            _ => $shift::<28>(words),
+                        })
                     })
                 }
             }
@@ -99,31 +115,31 @@ macro_rules! registers {
             #[inline(always)]
             unsafe fn mul_add(self, factor: Self, addend: Self) -> Self {
                 // SAFETY: see the impl.
-                unsafe { each(|r| $mul_add(self.0[r], factor.0[r], addend.0[r])) }
+                unsafe { each!($splat, r => $mul_add(self.0[r], factor.0[r], addend.0[r])) }
             }
 
             #[inline(always)]
             unsafe fn add(self, other: Self) -> Self {
                 // SAFETY: see the impl.
-                unsafe { each(|r| $add(self.0[r], other.0[r])) }
+                unsafe { each!($splat, r => $add(self.0[r], other.0[r])) }
             }
 
             #[inline(always)]
             unsafe fn sqrt(self) -> Self {
                 // SAFETY: see the impl.
-                unsafe { each(|r| $sqrt(self.0[r])) }
+                unsafe { each!($splat, r => $sqrt(self.0[r])) }
             }
 
             #[inline(always)]
             unsafe fn at_least_zero(self) -> Self {
                 // SAFETY: see the impl.
-                unsafe { each(|r| $at_least_zero($splat(0.0), self.0[r])) }
+                unsafe { each!($splat, r => $at_least_zero($splat(0.0), self.0[r])) }
             }
 
             #[inline(always)]
             unsafe fn select_greater(self, than: Self, yes: Self, no: Self) -> Self {
                 // SAFETY: see the impl.
-                unsafe { each(|r| $select(self.0[r], than.0[r], yes.0[r], no.0[r])) }
+                unsafe { each!($splat, r => $select(self.0[r], than.0[r], yes.0[r], no.0[r])) }
             }
         }
     };
@@ -134,10 +150,17 @@ macro_rules! registers {
 pub(super) mod avx512 {
     use std::arch::x86_64::*;
 
+    #[inline(always)]
+    unsafe fn load_halves(from: *const __m256i) -> __m512i {
+        // SAFETY: that of the row they are part of.
+        unsafe { _mm512_cvtepi16_epi32(_mm256_load_si256(from)) }
+    }
+
     registers! {
         /// A row in two registers.
         Avx512: __m512, 16;
-        splat _mm512_set1_ps, load _mm512_load_ps, load_words _mm512_load_si512, low _mm512_slli_epi32::<16>,
+        splat _mm512_set1_ps, load _mm512_load_ps, load_words _mm512_load_si512,
+        load_halves load_halves, shift _mm512_slli_epi32,
         to_floats _mm512_cvtepi32_ps, store _mm512_storeu_ps;
         mul_add _mm512_fmadd_ps, add _mm512_add_ps, sqrt _mm512_sqrt_ps,
         // It returns its second operand when either is NaN.
@@ -151,10 +174,17 @@ pub(super) mod avx512 {
 pub(super) mod avx2 {
     use std::arch::x86_64::*;
 
+    #[inline(always)]
+    unsafe fn load_halves(from: *const __m128i) -> __m256i {
+        // SAFETY: that of the row they are part of.
+        unsafe { _mm256_cvtepi16_epi32(_mm_load_si128(from)) }
+    }
+
     registers! {
         /// A row in four registers.
         Avx2: __m256, 8;
-        splat _mm256_set1_ps, load _mm256_load_ps, load_words _mm256_load_si256, low _mm256_slli_epi32::<16>,
+        splat _mm256_set1_ps, load _mm256_load_ps, load_words _mm256_load_si256,
+        load_halves load_halves, shift _mm256_slli_epi32,
         to_floats _mm256_cvtepi32_ps, store _mm256_storeu_ps;
         mul_add _mm256_fmadd_ps, add _mm256_add_ps, sqrt _mm256_sqrt_ps,
         // It returns its second operand when either is NaN.
@@ -168,18 +198,23 @@ pub(super) mod avx2 {
 pub(super) mod neon {
     use std::arch::aarch64::*;
 
+    #[inline(always)]
+    unsafe fn load_halves(from: *const i16) -> int32x4_t {
+        // SAFETY: that of the row they are part of.
+        unsafe { vmovl_s16(vld1_s16(from)) }
+    }
+
     registers! {
         /// A row in eight registers.
         Neon: float32x4_t, 4;
-        splat vdupq_n_f32, load vld1q_f32, load_words vld1q_s32, low vshlq_n_s32::<16>, to_floats vcvtq_f32_s32, store vst1q_f32;
+        splat vdupq_n_f32, load vld1q_f32, load_words vld1q_s32,
+        load_halves load_halves, shift vshlq_n_s32, to_floats vcvtq_f32_s32, store vst1q_f32;
         mul_add |a, factor, addend| vfmaq_f32(addend, a, factor), add vaddq_f32, sqrt vsqrtq_f32,
         // It returns NaN when either operand is NaN.
         at_least_zero vmaxq_f32,
         select_greater |a, than, yes, no| vbslq_f32(vcgtq_f32(a, than), yes, no);
     }
 }
-
-const PAIRS: usize = TILE_NODES / 2;
 
 /// A row in a plain array, for the compiler to vectorise with what every processor of the target has.
 #[derive(Clone, Copy)]
@@ -208,13 +243,22 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    unsafe fn load_pairs(from: *const i32) -> Self {
-        // SAFETY: see the impl.
-        let pairs = unsafe { from.cast::<[i32; PAIRS]>().read() };
+    unsafe fn load_integers<const BITS: usize>(from: *const u8) -> Self {
         let mut lanes = [0.0; TILE_NODES];
-        for (i, pair) in pairs.into_iter().enumerate() {
-            lanes[i] = (pair << 16) as f32;
-            lanes[PAIRS + i] = pair as f32;
+        let words = if BITS == 16 { TILE_NODES / 2 } else { TILE_NODES / 4 };
+        for below in 0..TILE_NODES / words {
+            let shift = 32 - BITS * (below + 1);
+            for i in 0..words {
+                // SAFETY: see the impl.
+                let word = unsafe {
+                    if BITS == 4 {
+                        i32::from(from.cast::<i16>().add(i).read())
+                    } else {
+                        from.cast::<i32>().add(i).read()
+                    }
+                };
+                lanes[below * words + i] = (word << shift) as f32;
+            }
         }
         Self(lanes)
     }

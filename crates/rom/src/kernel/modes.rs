@@ -1,14 +1,16 @@
 //! Modes of one field in the order in which the sweep reads them, in memory as in a model file.
 //!
 //! ```text
-//! tile after tile of 64 nodes, the last one padded with its last node; in a tile mode after mode:
-//! F32    64 f32    256 bytes per row
-//! I16    64 i16    128 bytes per row, and one step per mode: value = q step
+//! tile after tile of 64 nodes, the last one padded with its last node; in a tile mode after mode, each with its own number of bits:
+//! 32     64 f32                 256 bytes per row
+//! 16     integers of 16 bits    128 bytes per row, value = q step
+//! 8      of 8 bits               64
+//! 4      of 4 bits               32; always two such modes in a row, so that every other row begins on a cache line
 //! ```
-//! Two i16 share a 32-bit word, node `i` in the low half and node `i + 32` in the high half. The sweep converts
-//! `word << 16` and `word` itself to f32, which is 65536 times either value: no widening, no mask. The low half stays in
-//! the second as a fraction below one step; the rounding of the high half allows for it, so neither error exceeds half a step.
-//! A prefix of the modes is the first rows of every tile.
+//! A mode whose amplitude is small needs few bits: what counts is its step times its coefficient. Integers share words of 32 bits (4-bit
+//! ones of 16), the first nodes of a row in the lowest bits. The sweep shifts the wanted integer to the top of its word and converts the
+//! word to f32: no widening, no mask. The integers below it stay as a fraction below one step; the rounding of the upper ones allows for
+//! it, so no error exceeds half a step. A prefix of the modes is the first rows of every tile.
 
 use super::TILE_NODES;
 use super::pages::{LINE, Line, Lines};
@@ -21,27 +23,38 @@ const _: () = assert!(cfg!(target_endian = "little"), "model files are read into
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
-    /// 16-bit integers with one step per mode.
+    /// Integers with one step per mode.
     #[default]
-    I16,
+    Integers,
     /// 32-bit floats.
     F32,
 }
 
 impl Precision {
-    /// Bytes of one mode in one tile.
-    pub(super) const fn row_bytes(self) -> usize {
+    /// Bits of a mode of which nothing else is known.
+    pub const fn bits(self) -> u8 {
         match self {
-            Self::I16 => 2 * TILE_NODES,
-            Self::F32 => 4 * TILE_NODES,
+            Self::Integers => 16,
+            Self::F32 => 32,
         }
     }
 }
 
-/// Largest magnitude of an i16 before the fraction below it is taken off.
-const I16_MAX: f64 = 32767.0;
-/// Factor of the sweep's conversion of an i16.
-pub(super) const HALF_WORD: f64 = 65536.0;
+/// Bytes of a row in a tile.
+#[inline(always)]
+pub(super) const fn row_bytes(bits: u8) -> usize {
+    TILE_NODES * bits as usize / 8
+}
+
+/// Largest integer of so many bits before the fraction below it is taken off.
+fn largest_integer(bits: u8) -> f64 {
+    f64::from((1_u32 << (bits - 1)) - 1)
+}
+
+/// Factor of the sweep's conversion of an integer of so many bits.
+fn converted(bits: u8) -> f64 {
+    f64::from(1_u32 << (32 - bits))
+}
 
 /// Modes of one field, shared between the model and its reconstructors.
 #[derive(Clone, Debug)]
@@ -49,39 +62,48 @@ pub struct Modes {
     lines: Arc<Lines>,
     /// First line of these modes.
     lines_from: usize,
-    precision: Precision,
     nodes: usize,
-    count: usize,
-    /// One per mode for I16.
+    /// Bits of each mode.
+    bits: Vec<u8>,
+    /// Step of each mode; 1 for f32.
     steps: Vec<f64>,
+    /// First byte of each row in a tile, then the bytes of a tile.
+    rows: Vec<usize>,
 }
 
 /// Description of stored modes.
 #[derive(Debug, Clone, Copy)]
 pub struct Shape<'a> {
-    /// Number format.
-    pub precision: Precision,
     /// Number of nodes.
     pub nodes: usize,
-    /// Number of modes.
-    pub count: usize,
-    /// Step of each mode; empty for f32.
+    /// Bits of each mode.
+    pub bits: &'a [u8],
+    /// Step of each mode.
     pub steps: &'a [f64],
 }
 
 impl Shape<'_> {
     /// Bytes of the modes.
     pub fn bytes(&self) -> usize {
-        Modes::bytes_of(self.precision, self.nodes, self.count)
+        Modes::bytes_of(self.nodes, self.bits)
     }
 
-    /// True if the steps belong to the modes.
+    /// True if the sweep can read the rows and their steps belong to them.
     pub fn is_sound(&self) -> bool {
-        let expected = if self.precision == Precision::I16 { self.count } else { 0 };
-        // The largest entry of a mode is 32767 steps.
-        let most = f64::from(f32::MAX) / HALF_WORD;
-        self.steps.len() == expected && self.steps.iter().all(|step| (0.0..=most).contains(step))
+        let known = |(bits, step): (&u8, &f64)| match bits {
+            32 => *step == 1.0,
+            4 | 8 | 16 => (0.0..=f64::from(f32::MAX) / converted(*bits)).contains(step),
+            _ => false,
+        };
+        self.steps.len() == self.bits.len()
+            && self.bits.iter().zip(self.steps).all(known)
+            && runs(self.bits).all(|(bits, count)| bits != 4 || count.is_multiple_of(2))
     }
+}
+
+/// Neighbouring modes of as many bits: the bits and their number.
+pub(super) fn runs(bits: &[u8]) -> impl Iterator<Item = (u8, usize)> {
+    bits.chunk_by(|a, b| a == b).map(|run| (run[0], run.len()))
 }
 
 /// A value that f32 cannot hold.
@@ -94,7 +116,7 @@ pub struct NotFinite {
 }
 
 impl Modes {
-    /// Stores `count` modes over `nodes` nodes; `value` takes mode and node. Cost `O(nodes count)`.
+    /// Stores `count` modes over `nodes` nodes, all of them in 16 or 32 bits; `value` takes mode and node. Cost `O(nodes count)`.
     ///
     /// # Errors
     /// The first value that is NaN, infinite or beyond f32.
@@ -104,8 +126,24 @@ impl Modes {
         count: usize,
         value: impl Fn(usize, usize) -> f64,
     ) -> Result<Self, NotFinite> {
+        Self::with_bits(nodes, vec![precision.bits(); count], value)
+    }
+
+    /// Stores modes in 4, 8, 16 or 32 bits each. One of 4 that has no neighbour for its cache line gets 8.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_bits(
+        nodes: usize,
+        mut bits: Vec<u8>,
+        value: impl Fn(usize, usize) -> f64,
+    ) -> Result<Self, NotFinite> {
+        for run in bits.chunk_by_mut(|a, b| a == b).filter(|run| run[0] == 4 && !run.len().is_multiple_of(2))
+        {
+            run[0] = 8;
+        }
         let mut steps = Vec::new();
-        for mode in 0..count {
+        for (mode, &bits) in bits.iter().enumerate() {
             let mut largest = 0.0_f64;
             for node in 0..nodes {
                 let value = value(mode, node);
@@ -114,24 +152,29 @@ impl Modes {
                 }
                 largest = largest.max(value.abs());
             }
-            if precision == Precision::I16 {
-                steps.push(largest / I16_MAX);
-            }
+            steps.push(if bits == 32 { 1.0 } else { largest / largest_integer(bits) });
         }
-        let mut bytes = Vec::with_capacity(Self::bytes_of(precision, nodes, count));
+        let mut bytes = Vec::with_capacity(Self::bytes_of(nodes, &bits));
         for tile in 0..nodes.div_ceil(TILE_NODES) {
-            for mode in 0..count {
+            for (mode, (&bits, &step)) in bits.iter().zip(&steps).enumerate() {
                 let row: [f64; TILE_NODES] =
                     std::array::from_fn(|lane| value(mode, (tile * TILE_NODES + lane).min(nodes - 1)));
-                match steps.get(mode) {
-                    None => row.iter().for_each(|v| bytes.extend((*v as f32).to_le_bytes())),
-                    Some(&step) => pairs(&row, step).for_each(|word| bytes.extend(word.to_le_bytes())),
+                if bits == 32 {
+                    row.iter().for_each(|v| bytes.extend((*v as f32).to_le_bytes()));
+                } else {
+                    let word_bytes = if bits == 4 { 2 } else { 4 };
+                    packed(&row, bits, step).for_each(|word| bytes.extend(&word.to_le_bytes()[..word_bytes]));
                 }
             }
         }
         let mut lines = Lines::zeroed(bytes.len() / LINE);
         lines.bytes_mut().copy_from_slice(&bytes);
-        Ok(Self { lines: Arc::new(lines), lines_from: 0, precision, nodes, count, steps })
+        Ok(Self::of_lines(Arc::new(lines), 0, nodes, bits, steps))
+    }
+
+    fn of_lines(lines: Arc<Lines>, lines_from: usize, nodes: usize, bits: Vec<u8>, steps: Vec<f64>) -> Self {
+        let rows = (0..=bits.len()).map(|mode| tile_bytes(&bits[..mode])).collect();
+        Self { lines, lines_from, nodes, bits, steps, rows }
     }
 
     /// Modes of several fields in one piece of memory, whose bytes `fill` writes in place: it takes the index of the field.
@@ -146,7 +189,7 @@ impl Modes {
         shapes: &[Shape<'_>],
         mut fill: impl FnMut(usize, &mut [u8]) -> Result<(), E>,
     ) -> Result<Vec<Self>, E> {
-        assert!(shapes.iter().all(Shape::is_sound), "one finite step per mode");
+        assert!(shapes.iter().all(Shape::is_sound), "bits that the sweep reads and one finite step per mode");
         let mut lines = Lines::zeroed(shapes.iter().map(Shape::bytes).sum::<usize>() / LINE);
         let mut rest = lines.bytes_mut();
         for (field, shape) in shapes.iter().enumerate() {
@@ -159,33 +202,25 @@ impl Modes {
         let modes = |shape: &Shape<'_>| {
             let from = first;
             first += shape.bytes() / LINE;
-            let Shape { precision, nodes, count, steps } = *shape;
-            Self {
-                lines: Arc::clone(&lines),
-                lines_from: from,
-                precision,
-                nodes,
-                count,
-                steps: steps.to_vec(),
-            }
+            let Shape { nodes, bits, steps } = *shape;
+            Self::of_lines(Arc::clone(&lines), from, nodes, bits.to_vec(), steps.to_vec())
         };
         Ok(shapes.iter().map(modes).collect())
     }
 
-    /// Bytes of `count` modes over `nodes` nodes.
-    pub fn bytes_of(precision: Precision, nodes: usize, count: usize) -> usize {
-        nodes.div_ceil(TILE_NODES).saturating_mul(count).saturating_mul(precision.row_bytes())
+    /// Bytes of modes of so many bits over `nodes` nodes.
+    pub fn bytes_of(nodes: usize, bits: &[u8]) -> usize {
+        nodes.div_ceil(TILE_NODES).saturating_mul(tile_bytes(bits))
     }
 
     /// Rows as stored.
     pub fn bytes(&self) -> &[u8] {
-        &self.lines.bytes()[self.lines_from * LINE..]
-            [..Self::bytes_of(self.precision, self.nodes, self.count)]
+        &self.lines.bytes()[self.lines_from * LINE..][..self.nodes.div_ceil(TILE_NODES) * self.tile_bytes()]
     }
 
     /// Number of modes.
     pub fn count(&self) -> usize {
-        self.count
+        self.bits.len()
     }
 
     /// Number of nodes.
@@ -193,14 +228,23 @@ impl Modes {
         self.nodes
     }
 
-    /// Number format.
-    pub fn precision(&self) -> Precision {
-        self.precision
+    /// Bits of each mode.
+    pub fn bits(&self) -> &[u8] {
+        &self.bits
     }
 
-    /// Step of each mode; empty for f32.
+    /// Step of each mode; 1 for f32.
     pub fn steps(&self) -> &[f64] {
         &self.steps
+    }
+
+    /// Number format: f32 if all modes have it.
+    pub fn precision(&self) -> Precision {
+        if !self.bits.is_empty() && self.bits.iter().all(|bits| *bits == 32) {
+            Precision::F32
+        } else {
+            Precision::Integers
+        }
     }
 
     /// Value of a mode at a node, as the sweep reads it.
@@ -208,61 +252,85 @@ impl Modes {
     /// # Panics
     /// If mode or node is out of range.
     pub fn value(&self, mode: usize, node: usize) -> f64 {
-        assert!(mode < self.count && node < self.nodes);
+        assert!(mode < self.count() && node < self.nodes);
         let (tile, lane) = (node / TILE_NODES, node % TILE_NODES);
-        let row = (tile * self.count + mode) * self.precision.row_bytes();
-        let word = |at: usize| {
-            let bytes = &self.bytes()[row + 4 * at..][..4];
-            u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
-        };
-        match self.precision {
-            Precision::F32 => f64::from(f32::from_bits(word(lane))),
-            Precision::I16 if lane < TILE_NODES / 2 => f64::from(word(lane) as i16) * self.steps[mode],
-            Precision::I16 => f64::from(word(lane - TILE_NODES / 2) as i32) / HALF_WORD * self.steps[mode],
+        let row = tile * self.tile_bytes() + self.rows[mode];
+        let bits = self.bits[mode];
+        if bits == 32 {
+            return f64::from(f32::from_bits(self.word(row + 4 * lane, 4)));
         }
+        let words = words(bits);
+        let bytes = if bits == 4 { 2 } else { 4 };
+        let shift = 32 - u32::from(bits) * (lane / words + 1) as u32;
+        let top = self.word(row + bytes * (lane % words), bytes) << shift;
+        f64::from(top as i32) / converted(bits) * self.steps[mode]
+    }
+
+    /// The word of 2 or 4 bytes at a byte of the rows.
+    fn word(&self, at: usize, bytes: usize) -> u32 {
+        let mut word = [0; 4];
+        word[..bytes].copy_from_slice(&self.bytes()[at..at + bytes]);
+        u32::from_le_bytes(word)
     }
 
     /// First node whose value is not finite, of modes in f32.
     pub fn not_finite(&self) -> Option<NotFinite> {
-        let is_finite =
-            |chunk: &[u8]| f32::from_le_bytes([chunk[0], chunk[1], chunk[2], chunk[3]]).is_finite();
-        if self.precision == Precision::I16 || self.bytes().chunks_exact(4).all(is_finite) {
-            return None;
-        }
-        let all = (0..self.count).flat_map(|mode| (0..self.nodes).map(move |node| (mode, node)));
-        let values = all.map(|(mode, node)| NotFinite { node, value: self.value(mode, node) });
-        values.into_iter().find(|found| !found.value.is_finite())
+        let floats = (0..self.count()).filter(|mode| self.bits[*mode] == 32);
+        let values = floats.flat_map(|mode| (0..self.nodes).map(move |node| (node, mode)));
+        let mut values = values.map(|(node, mode)| NotFinite { node, value: self.value(mode, node) });
+        values.find(|found| !found.value.is_finite())
     }
 
     /// Factor of a coefficient for the stored rows of this mode.
     pub(super) fn factor(&self, mode: usize) -> f64 {
-        match self.precision {
-            Precision::F32 => 1.0,
-            Precision::I16 => self.steps[mode] / HALF_WORD,
-        }
+        if self.bits[mode] == 32 { 1.0 } else { self.steps[mode] / converted(self.bits[mode]) }
+    }
+
+    /// Bytes of a tile.
+    #[inline(always)]
+    pub(super) fn tile_bytes(&self) -> usize {
+        self.rows[self.count()]
     }
 
     /// Stored rows.
+    #[inline(always)]
     pub(super) fn lines(&self) -> &[Line] {
-        &self.lines[self.lines_from..][..self.bytes().len() / LINE]
+        &self.lines[self.lines_from..]
     }
 }
 
 impl PartialEq for Modes {
     fn eq(&self, other: &Self) -> bool {
-        let shape = |of: &Self| (of.precision, of.nodes, of.count);
-        shape(self) == shape(other) && self.steps == other.steps && self.bytes() == other.bytes()
+        self.nodes == other.nodes
+            && self.bits == other.bits
+            && self.steps == other.steps
+            && self.bytes() == other.bytes()
     }
 }
 
-/// Two values per word, the high one less the fraction that the low one is to the sweep.
-fn pairs(row: &[f64; TILE_NODES], step: f64) -> impl Iterator<Item = u32> {
+/// Bytes of a tile with modes of so many bits.
+fn tile_bytes(bits: &[u8]) -> usize {
+    bits.iter().map(|bits| row_bytes(*bits)).sum()
+}
+
+/// Words of a row: nodes `i`, `i + words`, ... share word `i`.
+const fn words(bits: u8) -> usize {
+    if bits == 16 { TILE_NODES / 2 } else { TILE_NODES / 4 }
+}
+
+/// The words of a row; every integer less the fraction that those below it are to the sweep.
+fn packed(row: &[f64; TILE_NODES], bits: u8, step: f64) -> impl Iterator<Item = u32> {
+    let (words, most) = (words(bits), largest_integer(bits));
     let steps = move |value: f64| if step > 0.0 { value / step } else { 0.0 };
-    let (low, high) = row.split_at(TILE_NODES / 2);
-    low.iter().zip(high).map(move |(&low, &high)| {
-        let low = steps(low).round().clamp(-I16_MAX, I16_MAX) as i16;
-        let fraction = f64::from(low as u16) / HALF_WORD;
-        let high = (steps(high) - fraction).round().clamp(-I16_MAX - 1.0, I16_MAX) as i16;
-        u32::from(low as u16) | u32::from(high as u16) << 16
+    (0..words).map(move |word| {
+        let mut packed = 0_u32;
+        for (at, value) in row.iter().skip(word).step_by(words).enumerate() {
+            let below = u32::from(bits) * at as u32;
+            let fraction = f64::from(packed) / (below as f64).exp2();
+            let lowest = if at == 0 { -most } else { -most - 1.0 };
+            let integer = (steps(*value) - fraction).round().clamp(lowest, most) as i32;
+            packed |= (integer as u32 & ((1 << bits) - 1)) << below;
+        }
+        packed
     })
 }

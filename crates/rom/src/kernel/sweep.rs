@@ -4,7 +4,7 @@ use std::mem::MaybeUninit;
 
 use super::isa::Isa;
 use super::lanes::{Lanes, Portable};
-use super::modes::{Modes, Precision};
+use super::modes::{Modes, row_bytes, runs};
 use super::pages::{LINE, Lines};
 use super::plan::{Op, Plan, Role};
 use super::{MAX_ROWS, TILE_NODES};
@@ -20,6 +20,8 @@ pub(crate) struct RawPeaks {
 #[derive(Debug, Clone)]
 pub(crate) struct Rows {
     pub modes: Vec<Modes>,
+    /// For every op its modes in use, as neighbours of as many bits: the bits and their number.
+    runs: Vec<Vec<(u8, usize)>>,
     constants: Lines,
 }
 
@@ -27,7 +29,7 @@ pub(crate) struct Rows {
 const CONSTANT_LINES: usize = TILE_NODES * size_of::<f32>() / LINE;
 
 impl Rows {
-    /// Lays the constant rows out, which hold one value per node. All modes are of one precision.
+    /// Lays the constant rows out, which hold one value per node.
     pub(crate) fn new(plan: &Plan, modes: Vec<Modes>, constants: &[Vec<f32>]) -> Self {
         let mut lines = Lines::zeroed(plan.tiles() * constants.len() * CONSTANT_LINES);
         let values = (0..plan.tiles()).flat_map(|tile| constants.iter().map(move |row| (tile, row)));
@@ -37,7 +39,8 @@ impl Rows {
                 to.copy_from_slice(&row[(tile * TILE_NODES + lane).min(row.len() - 1)].to_le_bytes());
             }
         }
-        Self { modes, constants: lines }
+        let runs = plan.ops.iter().zip(&modes).map(|(op, modes)| runs(&modes.bits()[..op.modes]).collect());
+        Self { runs: runs.collect(), modes, constants: lines }
     }
 
     /// Bytes of the constant rows.
@@ -47,18 +50,10 @@ impl Rows {
 
     /// True if these rows belong to a plan.
     fn fit(&self, plan: &Plan) -> bool {
-        let precision = self.precision();
-        let fits = |(op, modes): (&Op, &Modes)| {
-            modes.precision() == precision && modes.nodes() == plan.nodes && modes.count() >= op.modes
-        };
+        let fits = |(op, modes): (&Op, &Modes)| modes.nodes() == plan.nodes && modes.count() >= op.modes;
         self.modes.len() == plan.ops.len()
             && plan.ops.iter().zip(&self.modes).all(fits)
             && self.constants.len() == plan.tiles() * plan.constants * CONSTANT_LINES
-    }
-
-    /// Number format of all modes.
-    pub(crate) fn precision(&self) -> Precision {
-        self.modes.first().map_or(Precision::I16, Modes::precision)
     }
 }
 
@@ -106,27 +101,22 @@ pub(crate) fn run(
     }
     let job = Job { plan, rows, factors: &factors, out: out.as_mut_ptr().cast() };
     // SAFETY: the instruction set is available, the rows are those of the plan, and the output has its length.
-    unsafe {
-        match rows.precision() {
-            Precision::F32 => dispatch::<F32>(isa, job),
-            Precision::I16 => dispatch::<I16>(isa, job),
-        }
-    }
+    unsafe { dispatch(isa, job) }
 }
 
 /// # Safety
-/// `isa` is available, the rows are of the plan and of precision `E`, `out` is valid for writes of `plan.entries()` values.
-unsafe fn dispatch<E: Entry>(isa: Isa, job: Job<'_>) -> RawPeaks {
+/// `isa` is available, the rows are of the plan, `out` is valid for writes of `plan.entries()` values.
+unsafe fn dispatch(isa: Isa, job: Job<'_>) -> RawPeaks {
     // SAFETY: passed on to the caller.
     unsafe {
         match isa {
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => x86::avx512::<E>(job),
+            Isa::Avx512 => x86::avx512(job),
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => x86::avx2::<E>(job),
+            Isa::Avx2 => x86::avx2(job),
             #[cfg(target_arch = "aarch64")]
-            Isa::Neon => sweep::<super::lanes::neon::Neon, E>(job),
-            _ => sweep::<Portable, E>(job),
+            Isa::Neon => sweep::<super::lanes::neon::Neon>(job),
+            _ => sweep::<Portable>(job),
         }
     }
 }
@@ -136,55 +126,19 @@ mod x86 {
     //! The sweep compiled with the features of each instruction set, which is all that makes these functions unsafe
     //! beyond the sweep itself.
 
-    use super::{Entry, Job, RawPeaks, sweep};
+    use super::{Job, RawPeaks, sweep};
     use crate::kernel::lanes::{avx2::Avx2, avx512::Avx512};
 
     #[target_feature(enable = "avx512f")]
-    pub(super) unsafe fn avx512<E: Entry>(job: Job<'_>) -> RawPeaks {
+    pub(super) unsafe fn avx512(job: Job<'_>) -> RawPeaks {
         // SAFETY: passed on to the caller.
-        unsafe { sweep::<Avx512, E>(job) }
+        unsafe { sweep::<Avx512>(job) }
     }
 
     #[target_feature(enable = "avx2,fma")]
-    pub(super) unsafe fn avx2<E: Entry>(job: Job<'_>) -> RawPeaks {
+    pub(super) unsafe fn avx2(job: Job<'_>) -> RawPeaks {
         // SAFETY: passed on to the caller.
-        unsafe { sweep::<Avx2, E>(job) }
-    }
-}
-
-/// Stored value of a mode.
-///
-/// # Safety
-/// Loads need an aligned row at the pointer and the instruction set of `V`.
-trait Entry {
-    const PRECISION: Precision;
-    /// A row, in steps of its storage.
-    unsafe fn load<V: Lanes>(from: *const u8) -> V;
-}
-
-/// 32-bit floats.
-struct F32;
-
-impl Entry for F32 {
-    const PRECISION: Precision = Precision::F32;
-
-    #[inline(always)]
-    unsafe fn load<V: Lanes>(from: *const u8) -> V {
-        // SAFETY: see the trait.
-        unsafe { V::load(from.cast()) }
-    }
-}
-
-/// Pairs of 16-bit integers.
-struct I16;
-
-impl Entry for I16 {
-    const PRECISION: Precision = Precision::I16;
-
-    #[inline(always)]
-    unsafe fn load<V: Lanes>(from: *const u8) -> V {
-        // SAFETY: see the trait.
-        unsafe { V::load_pairs(from.cast()) }
+        unsafe { sweep::<Avx2>(job) }
     }
 }
 
@@ -243,7 +197,7 @@ struct Sweep<'a, V> {
 /// # Safety
 /// As for [`dispatch`], with the instruction set of `V`.
 #[inline(always)]
-unsafe fn sweep<V: Lanes, E: Entry>(job: Job<'_>) -> RawPeaks {
+unsafe fn sweep<V: Lanes>(job: Job<'_>) -> RawPeaks {
     let plan = job.plan;
     // SAFETY: whole tiles write one row per field inside `out`; the last, partial one goes through a buffer. The
     // storage holds `plan.tiles()` tiles.
@@ -253,16 +207,38 @@ unsafe fn sweep<V: Lanes, E: Entry>(job: Job<'_>) -> RawPeaks {
         let mut sweep = Sweep { job, constants, displacement, stress };
         let whole = plan.nodes / TILE_NODES;
         for index in 0..whole {
-            sweep.tile::<E, WholeTile>(index);
+            sweep.tile::<WholeTile>(index);
         }
         if whole < plan.tiles() {
-            sweep.tile::<E, PartialTile>(whole);
+            sweep.tile::<PartialTile>(whole);
         }
         RawPeaks {
             displacement: sweep.displacement.reduce(plan.nodes),
             stress: sweep.stress.reduce(plan.nodes),
         }
     }
+}
+
+/// Adds `count` modes of as many bits, times their factors.
+///
+/// # Safety
+/// So many rows of these bits and so many factors are there, and the instruction set of `V` is available.
+#[inline(always)]
+unsafe fn add_rows<V: Lanes, const BITS: usize>(
+    mut row: *const u8,
+    mut factors: *const f32,
+    count: usize,
+    mut value: V,
+) -> V {
+    // SAFETY: passed on to the caller.
+    unsafe {
+        for _ in 0..count {
+            let mode = if BITS == 32 { V::load(row.cast()) } else { V::load_integers::<BITS>(row) };
+            value = mode.mul_add(V::splat(*factors), value);
+            (row, factors) = (row.add(TILE_NODES * BITS / 8), factors.add(1));
+        }
+    }
+    value
 }
 
 impl<V: Lanes> Sweep<'_, V> {
@@ -277,21 +253,26 @@ impl<V: Lanes> Sweep<'_, V> {
     }
 
     #[inline(always)]
-    unsafe fn tile<E: Entry, W: Write>(&mut self, index: usize) {
+    unsafe fn tile<W: Write>(&mut self, index: usize) {
         let (plan, out) = (self.job.plan, self.job.out);
         let mut factors = self.job.factors.as_ptr();
         // SAFETY: rows and factors follow the plan, and each slot is below `published`.
         unsafe {
             let number = V::splat(f32::from_bits(index as u32));
             let mut squares = V::splat(0.0);
-            for (op, modes) in plan.ops.iter().zip(&self.job.rows.modes) {
-                let row_bytes = E::PRECISION.row_bytes();
+            let rows = self.job.rows;
+            for ((op, modes), runs) in plan.ops.iter().zip(&rows.modes).zip(&rows.runs) {
                 let first: *const u8 = modes.lines().as_ptr().cast();
-                let mut row = first.add(index * modes.count() * row_bytes);
+                let mut row = first.add(index * modes.tile_bytes());
                 let mut value = if op.has_mean { self.constant() } else { V::splat(0.0) };
-                for _ in 0..op.modes {
-                    value = E::load::<V>(row).mul_add(V::splat(*factors), value);
-                    (row, factors) = (row.add(row_bytes), factors.add(1));
+                for &(bits, count) in runs {
+                    value = match bits {
+                        4 => add_rows::<V, 4>(row, factors, count, value),
+                        8 => add_rows::<V, 8>(row, factors, count, value),
+                        16 => add_rows::<V, 16>(row, factors, count, value),
+                        _ => add_rows::<V, 32>(row, factors, count, value),
+                    };
+                    (row, factors) = (row.add(count * row_bytes(bits)), factors.add(count));
                 }
                 if op.in_magnitude {
                     let mut moved = value;

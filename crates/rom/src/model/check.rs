@@ -191,10 +191,6 @@ impl ModelHeader {
                 group.surrogate.outputs == group.coefficients.len(),
                 "a group's interpolant has other outputs",
             )?;
-            require(
-                group.leave_one_out.len() == group.coefficients.len() + 1,
-                "a group's leave-one-out errors are cut",
-            )?;
             require(group.fields.iter().all(|f| *f < self.fields.len()), "a group names a missing field")?;
         }
         for field in (0..self.fields.len()).filter(|f| self.fields[*f].magnitude_of.is_none()) {

@@ -20,7 +20,7 @@ use super::header::{BlockData, BlockKind, Model, ModelHeader, PressureLimit};
 use super::selection::ModelError;
 use crate::difference::FieldDifference;
 use crate::halfwidths::HalfWidths;
-use crate::kernel::{Modes, Precision, Shape};
+use crate::kernel::{Modes, Shape};
 use crate::learned::LearnedMap;
 use crate::snapshots::RegimeKind;
 use serde::de::DeserializeOwned;
@@ -33,7 +33,7 @@ use thiserror::Error;
 /// First bytes of a model file.
 pub const MAGIC: [u8; 8] = *b"SOFTTWIN";
 /// Version of the layout.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Largest model file: 4 GiB.
 pub const MAX_MODEL_BYTES: u64 = 4 << 30;
 const ALIGN: usize = 64;
@@ -106,11 +106,9 @@ pub enum Encoding {
     U32,
     /// Modes in kernel order.
     Modes {
-        /// Number format of the rows.
-        precision: Precision,
-        /// Number of modes.
-        count: u32,
-        /// Step of each mode; empty for f32.
+        /// Bits of each mode.
+        bits: Vec<u8>,
+        /// Step of each mode; 1 for f32.
         steps: Vec<f64>,
     },
     /// A record, encoded as the header is.
@@ -236,9 +234,8 @@ impl BlockData {
                 (Encoding::U32, values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>().into())
             }
             Self::Modes(modes) => {
-                let (precision, count) = (modes.precision(), modes.count() as u32);
-                let steps = modes.steps().to_vec();
-                (Encoding::Modes { precision, count, steps }, modes.bytes().into())
+                let (bits, steps) = (modes.bits().to_vec(), modes.steps().to_vec());
+                (Encoding::Modes { bits, steps }, modes.bytes().into())
             }
             Self::Record(bytes) => (Encoding::Record, bytes.as_slice().into()),
         }
@@ -384,8 +381,8 @@ impl<R: Read + Seek> ModelReader<R> {
         let mut read: Vec<Option<(BlockKind, BlockData)>> = entries.iter().map(|_| None).collect();
         let (mut shapes, mut of_modes) = (Vec::new(), Vec::new());
         for (at, entry) in entries.iter().enumerate() {
-            if let Encoding::Modes { precision, count, steps } = &entry.encoding {
-                shapes.push(Shape { precision: *precision, nodes, count: *count as usize, steps });
+            if let Encoding::Modes { bits, steps } = &entry.encoding {
+                shapes.push(Shape { nodes, bits, steps });
                 of_modes.push(at);
                 continue;
             }
@@ -436,9 +433,8 @@ impl BlockEntry {
         let fits = match &self.encoding {
             Encoding::F32 | Encoding::U32 => self.bytes.is_multiple_of(4),
             Encoding::Record => self.bytes <= codec::MAX_HEADER_BYTES as u64,
-            Encoding::Modes { precision, count, steps } => {
-                let (precision, nodes, count) = (*precision, model.node_count, *count as usize);
-                let shape = Shape { precision, nodes, count, steps };
+            Encoding::Modes { bits, steps } => {
+                let shape = Shape { nodes: model.node_count, bits, steps };
                 self.bytes == shape.bytes() as u64 && shape.is_sound()
             }
         };

@@ -172,31 +172,16 @@ pub struct GroupModel {
     pub coefficients: Range<usize>,
     /// Inputs to coefficients.
     pub surrogate: Interpolant,
-    /// All singular values of the (centred) snapshot matrix, largest first.
+    /// All singular values of the (centred) snapshot matrix in the order of the modes; of a basis that goes on from that of the free
+    /// regime the root mean squares of the coefficients times the root of their number.
     pub singular_values: Vec<f64>,
-    /// Leave-one-out error with the first 0, 1, ... all modes: root mean square over nodes, geometric mean over cases, in
-    /// the unit of the group's fields.
-    pub leave_one_out: Vec<f64>,
 }
 
 impl GroupModel {
-    /// Fewest modes whose leave-one-out error exceeds that of all modes by at most this fraction.
-    pub fn modes_within(&self, accepted_error: f64) -> usize {
-        modes_within(&self.leave_one_out, accepted_error)
-    }
-
     /// Share of the snapshots' energy beyond the first `modes` (Eq. 4).
     pub fn truncation_error(&self, modes: usize) -> f64 {
         truncation_error(&self.singular_values, modes)
     }
-}
-
-/// Fewest modes whose error exceeds that of all modes by at most this fraction; `errors` are those of 0, 1, ... all modes.
-pub fn modes_within(errors: &[f64], accepted_error: f64) -> usize {
-    let all = errors.len().saturating_sub(1);
-    let limit = errors.last().map_or(f64::NAN, |error| (1.0 + accepted_error) * error);
-    let enough = errors.iter().position(|error| *error <= limit).filter(|_| accepted_error > 0.0);
-    enough.unwrap_or(all)
 }
 
 /// Truncation error of Eq. (4), summed from the small end so that 1e-16 is still seen: the paper's `1 - sum/sum`
@@ -331,20 +316,30 @@ impl Model {
         self.u32_block(BlockKind::Surface).unwrap_or(&[]).as_chunks().0
     }
 
-    /// The modes of an output field in a regime, as many as its group has.
+    /// The mean of an output field in a regime: its own, or the other regime's, with which it shares the basis.
+    pub fn mean(&self, regime: RegimeKind, field: u32) -> Option<&[f32]> {
+        regime.with_other().into_iter().find_map(|regime| self.f32_block(BlockKind::Mean { regime, field }))
+    }
+
+    /// The modes of an output field in a regime, at least as many as its group has. A regime without its own shares those of the other:
+    /// the free regime needs the first of contact's modes.
     ///
     /// # Errors
     /// [`ModelError::MissingBlock`] when they were not loaded or do not fit the header.
     pub fn modes(&self, regime: RegimeKind, field: u32) -> Result<&Modes, ModelError> {
         let kind = BlockKind::Modes { regime, field };
-        let found = self.blocks.iter().find_map(|(k, data)| match data {
-            BlockData::Modes(modes) if *k == kind => Some(modes),
-            _ => None,
-        });
+        let of_regime = |regime| {
+            let kind = BlockKind::Modes { regime, field };
+            self.blocks.iter().find_map(|(k, data)| match data {
+                BlockData::Modes(modes) if *k == kind => Some(modes),
+                _ => None,
+            })
+        };
+        let found = regime.with_other().into_iter().find_map(of_regime);
         let group = self.regime(regime).and_then(|of| of.group_of(field as usize));
         let expected = group.map_or(0, |group| group.coefficients.len());
         let nodes = self.header.node_count;
-        found.filter(|modes| modes.count() == expected && modes.nodes() == nodes).ok_or_else(|| {
+        found.filter(|modes| modes.count() >= expected && modes.nodes() == nodes).ok_or_else(|| {
             ModelError::MissingBlock {
                 block: format!("{kind:?}"),
                 expected: expected * nodes,

@@ -10,7 +10,7 @@ mod selection;
 pub use file::{BlockEntry, Encoding, MAGIC, MAX_MODEL_BYTES, ModelFileError, ModelReader, VERSION};
 pub use header::{
     BlockData, BlockKind, Clearance, FarOnset, ForceModel, GroupModel, Model, ModelHeader, OutputField,
-    PressureLimit, RegimeModel, modes_within, truncation_error,
+    PressureLimit, RegimeModel, truncation_error,
 };
 pub use selection::{ModelError, Nodes, Selection};
 

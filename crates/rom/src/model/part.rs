@@ -37,7 +37,7 @@ impl Model {
                 _ if *kind == BlockKind::Observables => continue,
                 BlockData::Modes(modes) => {
                     let value = |mode, at: usize| modes.value(mode, nodes[at] as usize);
-                    let part = Modes::new(modes.precision(), nodes.len(), modes.count(), value);
+                    let part = Modes::with_bits(nodes.len(), modes.bits().to_vec(), value);
                     BlockData::Modes(part.map_err(|NotFinite { node, value }| {
                         ModelError::Inconsistent(format!("a mode is {value} at node {}", nodes[node]))
                     })?)

@@ -39,6 +39,12 @@ impl Lcg {
 
 impl Body {
     pub fn new(nodes: usize, modes: usize, seed: u64, precision: Precision) -> Self {
+        Self::with_bits(nodes, seed, &vec![precision.bits(); modes])
+    }
+
+    /// Modes of so many bits each.
+    pub fn with_bits(nodes: usize, seed: u64, bits: &[u8]) -> Self {
+        let modes = bits.len();
         let mut random = Lcg(seed);
         let rest = std::array::from_fn(|_| random.floats(nodes, 115.0));
         let means = std::array::from_fn(|field: usize| match rest.get(field) {
@@ -50,7 +56,8 @@ impl Body {
         });
         let bases = std::array::from_fn(|_| {
             let values = random.floats(nodes * modes, 0.02);
-            Modes::new(precision, nodes, modes, |mode, node| f64::from(values[mode * nodes + node])).unwrap()
+            Modes::with_bits(nodes, bits.to_vec(), |mode, node| f64::from(values[mode * nodes + node]))
+                .unwrap()
         });
         let mut coefficients = random.vector(4 * modes, 500.0);
         coefficients.extend(random.vector(2, 0.4));

@@ -9,7 +9,7 @@ use rom::reconstructor::{Basis, ReconstructError};
 const ALL: [bool; 5] = [true; 5];
 
 fn error(spec: &Spec<'_>) -> BasisError {
-    Basis::build(spec, Precision::F32).unwrap_err()
+    Basis::build(spec, Some(Precision::F32)).unwrap_err()
 }
 
 /// One plain field of one node with the first `count` of these modes.
@@ -62,7 +62,7 @@ fn contradictory_magnitudes_and_roles_are_refused() {
 #[test]
 fn values_outside_f32_are_refused_with_their_node() {
     for value in [f64::NAN, f64::INFINITY, 1e300] {
-        for precision in [Precision::F32, Precision::I16] {
+        for precision in [Precision::F32, Precision::Integers] {
             let at = |mode: usize, node: usize| if (mode, node) == (1, 17) { value } else { 0.0 };
             let NotFinite { node, .. } = Modes::new(precision, 40, 2, at).unwrap_err();
             assert_eq!(node, 17);
@@ -77,7 +77,7 @@ fn values_outside_f32_are_refused_with_their_node() {
 #[test]
 fn too_many_rows_are_refused() {
     let modes = ones(MAX_ROWS + 1);
-    assert!(Basis::build(&single(&modes, MAX_ROWS), Precision::F32).is_ok());
+    assert!(Basis::build(&single(&modes, MAX_ROWS), Some(Precision::F32)).is_ok());
     let refused = error(&single(&modes, MAX_ROWS + 1));
     assert_eq!(refused, BasisError::Rows { found: MAX_ROWS + 1 });
 }
@@ -86,7 +86,7 @@ fn too_many_rows_are_refused() {
 fn missing_instruction_set_is_refused() {
     let modes = ones(1);
     for isa in Isa::ALL {
-        let built = Basis::build_for(&single(&modes, 1), Precision::F32, isa);
+        let built = Basis::build_for(&single(&modes, 1), Some(Precision::F32), isa);
         assert_eq!(built.is_ok(), isa.is_available());
     }
 }
@@ -94,7 +94,7 @@ fn missing_instruction_set_is_refused() {
 #[test]
 fn wrong_lengths_write_nothing() {
     let body = Body::new(20, 2, 1, Precision::F32);
-    let basis = Basis::build(&body.spec(ALL, None), Precision::F32).unwrap();
+    let basis = Basis::build(&body.spec(ALL, None), Some(Precision::F32)).unwrap();
     let mut out = vec![7.0; 99];
     let refused = basis.reconstruct(&body.coefficients, &mut out).unwrap_err();
     assert_eq!(refused, ReconstructError::Output { found: 99, expected: 100 });
@@ -109,7 +109,7 @@ fn nan_is_written_and_ignored_by_peaks() {
     let mut body = Body::new(20, 2, 1, Precision::F32);
     body.coefficients[7] = f64::NAN; // the last mode of the stress
     for isa in available() {
-        let basis = Basis::build_for(&body.spec(ALL, None), Precision::F32, isa).unwrap();
+        let basis = Basis::build_for(&body.spec(ALL, None), Some(Precision::F32), isa).unwrap();
         let mut out = vec![0.0; 100];
         let peaks = basis.reconstruct(&body.coefficients, &mut out).unwrap();
         assert!(out[80..].iter().all(|v| v.is_nan()) && out[..80].iter().all(|v| v.is_finite()), "{isa}");
@@ -130,7 +130,7 @@ fn fields_of_a_joint_pod_share_coefficients() {
         published: true,
     };
     let spec = Spec { node_count: 2, nodes: None, fields: vec![field(0), field(1)] };
-    let basis = Basis::build(&spec, Precision::F32).unwrap();
+    let basis = Basis::build(&spec, Some(Precision::F32)).unwrap();
     let mut out = [0.0; 4];
     let peaks = basis.reconstruct(&[9.0, 1.0, 0.5], &mut out).unwrap();
     assert_eq!(out, [6.0, 12.0, 18.0, 24.0]);
@@ -141,11 +141,11 @@ fn fields_of_a_joint_pod_share_coefficients() {
 fn bytes_are_those_of_the_modes_in_use_and_of_means_shifts_and_rest_shape() {
     let bytes = |precision, published| {
         let body = Body::new(64, 3, 1, precision);
-        let basis = Basis::build(&body.spec(published, None), precision).unwrap();
+        let basis = Basis::build(&body.spec(published, None), Some(precision)).unwrap();
         (basis.bytes(), basis.memory_bytes())
     };
     let constant = 256;
-    for (precision, mode) in [(Precision::F32, 256), (Precision::I16, 128)] {
+    for (precision, mode) in [(Precision::F32, 256), (Precision::Integers, 128)] {
         let cases = [
             // One shift per coordinate; a coordinate that only the magnitude needs has no rest row.
             ([false, false, false, true, false], 3 * (3 * mode + 2 * constant)),
@@ -157,23 +157,22 @@ fn bytes_are_those_of_the_modes_in_use_and_of_means_shifts_and_rest_shape() {
             assert_eq!(bytes(precision, published), (expected, expected), "{published:?}");
         }
     }
-    let body = Body::new(64, 3, 1, Precision::I16);
+    let body = Body::new(64, 3, 1, Precision::Integers);
     let mut spec = body.spec([false, false, false, false, true], None);
     if let Source::Affine(affine) = &mut spec.fields[4].source {
         affine.coefficients.end -= 2;
     }
-    let basis = Basis::build(&spec, Precision::I16).unwrap();
+    let basis = Basis::build(&spec, Some(Precision::Integers)).unwrap();
     assert_eq!((basis.bytes(), basis.memory_bytes()), (128 + 256, 3 * 128 + 256));
 }
 
 #[test]
 fn a_basis_in_another_format_has_its_values() {
-    let body = Body::new(100, 4, 7, Precision::I16);
+    let body = Body::new(100, 4, 7, Precision::Integers);
     let spec = body.spec(ALL, None);
     let mut out = [vec![0.0; 500], vec![0.0; 500]];
-    for (precision, out) in [Precision::I16, Precision::F32].into_iter().zip(&mut out) {
-        let basis = Basis::build(&spec, precision).unwrap();
-        assert_eq!(basis.precision(), precision);
+    for (precision, out) in [Precision::Integers, Precision::F32].into_iter().zip(&mut out) {
+        let basis = Basis::build(&spec, Some(precision)).unwrap();
         basis.reconstruct(&body.coefficients, out).unwrap();
     }
     let [narrow, wide] = out;
@@ -185,13 +184,13 @@ fn a_basis_in_another_format_has_its_values() {
 #[test]
 fn modes_of_zeros_and_no_modes_give_the_mean() {
     for count in [0, 2] {
-        let modes = Modes::new(Precision::I16, 70, count, |_, _| 0.0).unwrap();
+        let modes = Modes::new(Precision::Integers, 70, count, |_, _| 0.0).unwrap();
         let mean = vec![1.5; 70];
         let source = Source::Affine(Affine { mean: Some(&mean), modes: &modes, coefficients: 0..count });
         let field = Field { source, role: Role::Plain, published: true };
         let spec = Spec { node_count: 70, nodes: None, fields: vec![field] };
         for isa in available() {
-            let basis = Basis::build_for(&spec, Precision::I16, isa).unwrap();
+            let basis = Basis::build_for(&spec, Some(Precision::Integers), isa).unwrap();
             let mut out = vec![0.0; 70];
             basis.reconstruct(&[3.0; 2][..count], &mut out).unwrap();
             assert_eq!(out, mean);

@@ -28,12 +28,7 @@ fn check(body: &Body, spec: &Spec<'_>, basis: &Basis) -> Result<Vec<f32>, TestCa
     for (k, (&found, expected)) in out.iter().zip(&expected).enumerate() {
         let bound = bound(body, expected.terms);
         let error = (f64::from(found) - expected.value).abs();
-        prop_assert!(
-            error <= bound,
-            "{} {:?} entry {k}: {found} for {expected:?}, bound {bound}",
-            basis.isa(),
-            basis.precision()
-        );
+        prop_assert!(error <= bound, "{} entry {k}: {found} for {expected:?}, bound {bound}", basis.isa());
     }
     // The peaks are those of the values written, at the first node that has them.
     let mut slot = 0;
@@ -67,10 +62,11 @@ proptest! {
     ) {
         published[seed as usize % 5] |= published == [false; 5];
         let subset = subset.map(|set| set.iter().map(|i| i.index(nodes) as u32).collect::<Vec<_>>());
-        for precision in [Precision::F32, Precision::I16] {
-            let body = Body::new(nodes, modes, seed, precision);
-            // A node set has separate steps in i16: in f32 it has the values of the whole.
-            let wanted = if subset.is_some() { Precision::F32 } else { precision };
+        let mixed: Vec<u8> = (0..modes).map(|mode| [4, 8, 16, 32][(seed >> (2 * mode)) as usize % 4]).collect();
+        for bits in [vec![32; modes], vec![16; modes], mixed] {
+            let body = Body::with_bits(nodes, seed, &bits);
+            // A node set has separate steps as integers: in f32 it has the values of the whole.
+            let wanted = subset.as_ref().map(|_| Precision::F32);
             let spec = body.spec(published, subset.as_deref());
             let mut fused: Option<Vec<f32>> = None;
             for isa in available() {
@@ -84,16 +80,23 @@ proptest! {
     }
 
     #[test]
-    fn stored_modes_are_within_half_a_step(nodes in 1usize..300, modes in 0usize..9, seed: u64, octaves in -40..40) {
+    fn stored_modes_are_within_half_a_step(
+        nodes in 1usize..300,
+        bits in prop::collection::vec(prop::sample::select(vec![4_u8, 8, 16]), 0..9),
+        seed: u64,
+        octaves in -40..40,
+    ) {
+        let modes = bits.len();
         let scale = f64::from(octaves).exp2();
         let values = Lcg(seed).vector(nodes * modes, scale);
         let exact = |mode: usize, node: usize| values[mode * nodes + node];
-        let narrow = Modes::new(Precision::I16, nodes, modes, exact).unwrap();
+        let narrow = Modes::with_bits(nodes, bits, exact).unwrap();
         let wide = Modes::new(Precision::F32, nodes, modes, exact).unwrap();
-        prop_assert_eq!((narrow.bytes().len(), narrow.steps().len()), (wide.bytes().len() / 2, modes));
+        let bytes = narrow.bits().iter().map(|bits| usize::from(*bits)).sum::<usize>() * nodes.div_ceil(64) * 8;
+        prop_assert_eq!((narrow.bytes().len(), narrow.steps().len()), (bytes, modes));
         for (mode, node) in (0..modes).flat_map(|mode| (0..nodes).map(move |node| (mode, node))) {
             let error = (narrow.value(mode, node) - exact(mode, node)).abs();
-            // The two halves of a word share half a step of rounding.
+            // The integers of a word share half a step of rounding.
             prop_assert!(error <= 0.5001 * narrow.steps()[mode], "{error}");
             prop_assert_eq!(wide.value(mode, node), f64::from(exact(mode, node) as f32));
         }
@@ -101,7 +104,7 @@ proptest! {
 
     #[test]
     fn a_prefix_of_the_modes_is_a_basis_of_fewer_modes(nodes in 1usize..200, used in 0usize..6, seed: u64) {
-        let body = Body::new(nodes, 6, seed, Precision::I16);
+        let body = Body::new(nodes, 6, seed, Precision::Integers);
         let mut spec = body.spec([true; 5], None);
         for field in &mut spec.fields {
             if let Source::Affine(affine) = &mut field.source {
@@ -109,16 +112,16 @@ proptest! {
             }
         }
         for isa in available() {
-            check(&body, &spec, &Basis::build_for(&spec, Precision::I16, isa).unwrap())?;
+            check(&body, &spec, &Basis::build_for(&spec, Some(Precision::Integers), isa).unwrap())?;
         }
     }
 
     #[test]
     fn node_set_has_the_rows_of_the_whole_mesh(nodes in 1usize..200, seed: u64, stride in 1usize..7) {
-        let body = Body::new(nodes, 6, seed, Precision::I16);
+        let body = Body::new(nodes, 6, seed, Precision::Integers);
         let subset: Vec<u32> = (0..nodes as u32).rev().step_by(stride).collect();
-        let all = Basis::build(&body.spec([true; 5], None), Precision::F32).unwrap();
-        let some = Basis::build(&body.spec([true; 5], Some(&subset)), Precision::F32).unwrap();
+        let all = Basis::build(&body.spec([true; 5], None), Some(Precision::F32)).unwrap();
+        let some = Basis::build(&body.spec([true; 5], Some(&subset)), Some(Precision::F32)).unwrap();
         let mut whole = vec![0.0; all.output_len()];
         let mut part = vec![0.0; some.output_len()];
         all.reconstruct(&body.coefficients, &mut whole).unwrap();
@@ -132,7 +135,7 @@ proptest! {
     #[test]
     fn uninitialised_memory_receives_the_same_values(nodes in 1usize..100, seed: u64) {
         let body = Body::new(nodes, 4, seed, Precision::F32);
-        let basis = Basis::build(&body.spec([true; 5], None), Precision::F32).unwrap();
+        let basis = Basis::build(&body.spec([true; 5], None), Some(Precision::F32)).unwrap();
         let mut initialised = vec![f32::NAN; basis.output_len()];
         let mut loaned = vec![MaybeUninit::new(f32::NAN); basis.output_len()];
         let first = basis.reconstruct(&body.coefficients, &mut initialised).unwrap();

@@ -8,8 +8,6 @@ use crate::problems::Problems;
 use crate::source::{Devices, InputNames, PaceSpec, Sensors, Source, SourceSpec, open_sensors, value_mut};
 use crate::valve::{self, ValveSpec};
 use control::held::{Description, MarkerSpec, Sigma, ValveLimits};
-use rom::kernel::Precision;
-use rom::reconstructor::BasisOptions;
 use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -181,17 +179,6 @@ pub struct OutputSpec {
     /// Largest rate, samples per second; 0: one for every reading.
     #[serde(default)]
     pub rate_hz: f64,
-    /// Number format of the modes in memory, "i16" or "f32". The field on the wire is always f32.
-    #[serde(default)]
-    pub precision: Precision,
-    /// Accepted growth of the model's leave-one-out error, relative to that of all modes (0.05: 5 %): of every field the last
-    /// modes are left out within it. 0 keeps all.
-    #[serde(default = "accepted_error")]
-    pub accepted_error: f64,
-}
-
-fn accepted_error() -> f64 {
-    BasisOptions::ACCEPTED_ERROR
 }
 
 /// Which nodes: a name from the model, a box, or a list.
@@ -516,7 +503,6 @@ impl OutputSpec {
         if self.rate_hz != 0.0 {
             problems.rate_hz("rate_hz", self.rate_hz);
         }
-        problems.range("accepted_error", self.accepted_error, [0.0, 1.0]);
         let (count, most) = (self.fields.len(), wire::layout::FIELD_SLOTS);
         problems.expect(count <= most, "fields", &format!("at most {most} fields"), count);
         let mut seen = BTreeSet::new();

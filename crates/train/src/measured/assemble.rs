@@ -282,8 +282,6 @@ fn header(
             slopes: Vec::new(),
         },
         singular_values: vec![1.0; count],
-        // All of them count.
-        leave_one_out: (0..=count).map(|k| if k < count { f64::MAX } else { 0.0 }).collect(),
     };
     let regime = RegimeModel {
         kind: RegimeKind::Free,

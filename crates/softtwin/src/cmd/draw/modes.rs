@@ -11,7 +11,7 @@ use crate::picture::skin::Body;
 use crate::picture::states::Shown;
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
-use rom::model::{BlockKind, Model, RegimeModel};
+use rom::model::{Model, RegimeModel};
 use rom::snapshots::RegimeKind;
 
 /// Modes a picture shows, and drawings a row.
@@ -69,7 +69,9 @@ fn shapes(model: &Model, regime: &RegimeModel, name: &str) -> Result<Vec<Vec<f32
         let largest = values.iter().copied().fold(0.0_f32, |a, b| if b.abs() > a.abs() { b } else { a });
         values.iter().map(|value| if largest == 0.0 { 0.0 } else { value / largest }).collect()
     };
-    Ok((0..modes.count().min(MAX_MODES)).map(shape).collect())
+    Ok((0..regime.group_of(field as usize).map_or(0, |group| group.coefficients.len()).min(MAX_MODES))
+        .map(shape)
+        .collect())
 }
 
 /// The mean state of a regime, once a shape, with the shape as values.
@@ -77,7 +79,7 @@ fn mean_state(model: &Model, regime: RegimeKind, shapes: &[Vec<f32>]) -> Result<
     let fields = &model.header.fields;
     let mean = |name: &str| {
         let field = fields.iter().position(|field| field.spec.name == name)? as u32;
-        model.f32_block(BlockKind::Mean { regime, field })
+        model.mean(regime, field)
     };
     let (Some(x), Some(y), Some(z)) = (mean("x"), mean("y"), mean("z")) else {
         return Err(usage("modes are drawn on the mean state, and this model has no means of x, y and z"));
