@@ -40,8 +40,8 @@ pub fn fields<'py>(
     let mut rows = Vec::new();
     for regime in &model.header.regimes {
         for of in reconstructor.field_modes(regime.kind) {
-            let kind = BlockKind::Mean { regime: regime.kind, field: of.field as u32 };
-            let mean = at_nodes(model.f32_block(kind).unwrap_or_default(), nodes);
+            let mean = model.mean(regime.kind, of.field as u32).unwrap_or_default();
+            let mean = at_nodes(mean, nodes);
             let values = (0..nodes.len()).flat_map(|node| (0..of.count).map(move |mode| (mode, node)));
             let values: Vec<f64> = values.map(|(mode, node)| of.modes.value(mode, node)).collect();
             let modes = values.into_pyarray(py).reshape([nodes.len(), of.count])?;
