@@ -124,8 +124,6 @@ const SIDE_S: f64 = 0.1;
 /// being found.
 const REST_SIDE_S: f64 = 0.2;
 const REST_S: f64 = 1.5;
-/// Part of the valve's error that is corrected in motion, relative to that at rest.
-const BIAS_MOVING: f64 = 0.1;
 /// Pressure above what a low supply gives up to which is commanded, MPa.
 const SUPPLY_MPA: f64 = 2e-3;
 /// Part of half of the play from which its side is reached.
@@ -507,11 +505,13 @@ impl<M: Model> Controller<M> {
         let is_still =
             self.settings.gauge_at == GaugeAt::Valve || self.monitor.gauge_moved_mpa.abs() < STILL_MPA;
         let at_rest = is_still && (self.command_mpa - self.bias_mpa - self.expected_mpa).abs() < REST_MPA;
-        // In motion a wrong line is taken for an error of the valve, so little of it counts; without any, a leak would stay in a sine for good.
-        let per_s = self.settings.bias_per_s * if at_rest { 1.0 } else { BIAS_MOVING };
-        let limit = self.settings.bias_max_mpa;
-        let error_mpa = self.expected_mpa - reading.pressure_mpa;
-        self.bias_mpa = (self.bias_mpa + per_s * error_mpa * dt_s).clamp(-limit, limit);
+        // Not in motion: there a wrong line looks like an error of the valve.
+        if at_rest {
+            let limit = self.settings.bias_max_mpa;
+            let error_mpa = self.expected_mpa - reading.pressure_mpa;
+            self.bias_mpa =
+                (self.bias_mpa + self.settings.bias_per_s * error_mpa * dt_s).clamp(-limit, limit);
+        }
     }
 
     fn command(&mut self, wanted_mpa: f64, dt_s: f64, limited: &mut Limited) {

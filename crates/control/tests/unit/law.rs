@@ -151,11 +151,12 @@ fn at_rest_the_command_moves_by_less_than_2_kpa() {
         let (mut run, mut moments) = (on(law, Quantity::Force, spec), Vec::new());
         run.hold(0.1, 3.0, &mut moments);
         run.hold(0.3, 12.0, &mut moments);
-        let last = &moments[moments.len() - 1200..];
+        // Until then the error of the valve, 1 kPa of the gauge, is found.
+        let last = &moments[moments.len() - 800..];
         let [low, high] = last.iter().fold([f64::INFINITY, 0.0], |[low, high]: [f64; 2], moment| {
             [low.min(moment.command_mpa), high.max(moment.command_mpa)]
         });
-        assert!(high - low < 2e-3, "{} kPa", 1e3 * (high - low));
+        assert!(high - low < 2e-3, "{} kPa, {:?}", 1e3 * (high - low), run.law.settings.law);
         assert!(last.iter().all(|moment| (moment.truth - 0.3).abs() < 6e-3), "{:?}", last[0]);
     }
 }
@@ -243,6 +244,21 @@ fn loop_stays_stable_on_wrong_stiffness_lag_and_play() {
         run.hold(0.4, 6.0, &mut moments);
         let off = |part: &[Moment]| part.iter().map(|moment| (moment.truth - 0.4).abs()).fold(0.0, f64::max);
         assert!(off(&moments[1000..]) < 0.02, "{spec:?}: {}", off(&moments[1000..]));
+    }
+}
+
+/// A line twice as slow as known looks like an error of the valve as long as the pressure moves; nothing of that is a fault.
+#[test]
+fn a_line_twice_as_slow_as_known_is_no_fault() {
+    let line = Line { fill_s: 0.6, empty_s: 2.4 };
+    for mut run in both(Quantity::Force, &PlantSpec { line, ..finger() }) {
+        for target in [0.1, 0.5, 0.1, 0.3, 0.4, 0.2, 0.5] {
+            let mut moments = Vec::new();
+            run.hold(target, 5.0, &mut moments);
+            let last = moments[999];
+            assert!(last.fault.is_none() && !last.is_limited, "{last:?}");
+            assert!((last.truth - target).abs() < 0.03, "{last:?}");
+        }
     }
 }
 
