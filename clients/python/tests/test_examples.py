@@ -9,16 +9,15 @@ import subprocess
 import sys
 
 import pytest
-import softtwin
 from conftest import PATIENCE_S, REPOSITORY
 
 EXAMPLES = pathlib.Path(__file__).resolve().parents[1] / "examples"
 
 
-def run(stage, *arguments, timeout_s=PATIENCE_S, folder=None):
-    environment = dict(stage.environment(), MPLBACKEND="agg", PYTHONPATH=str(pathlib.Path(softtwin.__file__).parents[1]))
-    command = [sys.executable, *map(str, arguments)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=timeout_s, cwd=folder)
+def run(stage, *arguments, timeout_s=PATIENCE_S):
+    done = subprocess.run(
+        [sys.executable, *map(str, arguments)], env=stage.environment(), capture_output=True, text=True, timeout=timeout_s
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -101,17 +100,13 @@ def test_the_controller_keeps_to_range_and_rate_of_the_scene(stage):
         hold_force.limits(free, "other")
 
 
-@pytest.mark.parametrize("number", range(9))
+@pytest.mark.parametrize("number", range(8))
 def test_programs_of_the_documentation_run(live, number, tmp_path):
     pages = [(REPOSITORY / page).read_text() for page in ("docs/clients/python.md", "README.md")]
     programs = [program for page in pages for program in re.findall(r"```python\n(.*?)```", page, re.S)]
-    assert len(programs) == 9, "eight of the client's document, one of README.md"
-    for needed in ("matplotlib", "gmsh", "meshio"):
-        if f"import {needed}" in programs[number] or (needed == "matplotlib" and ".plot()" in programs[number]):
-            pytest.importorskip(needed, reason=f"{needed} is not installed; pip install {needed}")
+    assert len(programs) == 8, "seven of the client's document, one of README.md"
     path = tmp_path / f"program{number}.py"
     path.write_text(programs[number])
     if "SensorPublisher" in programs[number]:
         live.stop(live.programs[1])  # the bridge: the program replaces it
-    (tmp_path / "benchmarks").symlink_to(REPOSITORY / "benchmarks")
-    assert run(live, path, timeout_s=300, folder=tmp_path).strip(), "it prints something"
+    assert run(live, path).strip(), "it prints something"

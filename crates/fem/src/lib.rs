@@ -5,7 +5,6 @@
 pub mod actuator;
 mod algebra;
 mod bending;
-pub mod build;
 pub mod cases;
 mod config;
 mod contact;

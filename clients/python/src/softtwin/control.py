@@ -4,7 +4,7 @@ import math
 import os
 import pathlib
 from dataclasses import dataclass
-from typing import Iterable, Optional, Sequence, Tuple, Union
+from typing import Optional, Sequence, Tuple, Union
 
 from .model import Model
 
@@ -42,12 +42,6 @@ class Control:
 
     Of a scene's file it takes control, the driven valve, sigma.force_n, markers and given inputs of the actuator (by default the first one); without
     one the defaults hold. Steps are bit-identical to those of the law in Rust and C.
-
-    >>> from softtwin import shared_file
-    >>> control = Control(Model(shared_file("models/pneunet/pneunet.twin")), "force_n")
-    >>> cycles = [control.step(10_000_000 * at, 0.3, 0.01, 30.0) for at in range(1, 20)]
-    >>> cycles[-1].setpoint_mpa > 0.01, cycles[-1].fault
-    (True, None)
     """
 
     def __init__(
@@ -79,12 +73,11 @@ class Control:
         Raises `ValueError` for a time that is not later and for pressure, gap or target that are not finite; nothing has changed, send no setpoint.
         """
         reading = [pressure_mpa, gap_mm, measured, written_mpa]
-        if not isinstance(target, Iterable):
+        if not hasattr(target, "__len__"):
             numbers, limited, marks, fault = self._native.step(t_ns, [target, rate_per_s], reading)
         else:
             numbers, limited, marks, fault = self._native.step_ahead(t_ns, [float(value) for value in target], interval_s, reading)
-        in_order = [*numbers, tuple(limited), *marks, fault]
-        return Cycle(*in_order)
+        return Cycle(*numbers, tuple(limited), *marks, fault)
 
     def start(self, pressure_mpa: float, gap_mm: float = 1e4, measured: float = math.nan) -> None:
         """Begins again where the actuator is, for each cycle in which the valve does not follow the setpoint."""

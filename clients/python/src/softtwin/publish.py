@@ -7,13 +7,7 @@ from .bus import Bus, default_bus
 
 
 class SensorPublisher:
-    """Feeds readings to the twin of an actuator, in place of a bridge.
-
-    >>> sensor = SensorPublisher("example")
-    >>> first = sensor.send(pressure_mpa=0.03, gap_mm=30.0)
-    >>> sensor.send(pressure_mpa=0.031, gap_mm=30.0) - first
-    1
-    """
+    """Feeds readings to the twin of an actuator, in place of a bridge."""
 
     def __init__(self, actuator: str, bus: Optional[Bus] = None) -> None:
         self._writer = (bus or default_bus())._native.writer(f"softtwin/{actuator}/sensor", "")
@@ -36,12 +30,7 @@ class SensorPublisher:
 
 
 class CommandPublisher:
-    """Commands a pressure source.
-
-    >>> command = CommandPublisher("example")
-    >>> command.send(0.03) < command.send(0.031)
-    True
-    """
+    """Commands a pressure source."""
 
     def __init__(self, actuator: str, bus: Optional[Bus] = None) -> None:
         self._writer = (bus or default_bus())._native.writer(f"softtwin/{actuator}/command", "")
@@ -54,10 +43,6 @@ class CommandPublisher:
 class SetpointPublisher:
     """The owner of an actuator's valve, which a bridge drives: that of `pressure_mpa`, or of `pressure_mpa.<cavity>`. A second owner gets
     `AlreadyPublished` with the first one's name.
-
-    >>> valve = SetpointPublisher("example", owner="my-controller")
-    >>> valve.send(0.02, valid_for_s=0.1) < valve.send(math.nan)
-    True
     """
 
     def __init__(self, actuator: str, owner: str, bus: Optional[Bus] = None, cavity: Optional[str] = None) -> None:
@@ -72,12 +57,7 @@ class SetpointPublisher:
 
 
 class TargetPublisher:
-    """The owner of the target of a quantity that `softtwin hold` holds. A second owner gets `AlreadyPublished` with the first one's name.
-
-    >>> target = TargetPublisher("example", owner="my-planner")
-    >>> target.step(0.3) < target.ramp(0.4, rate=0.05) < target.series([0.1, 0.2], interval_s=0.1)
-    True
-    """
+    """The owner of the target of a quantity that `softtwin hold` holds. A second owner gets `AlreadyPublished` with the first one's name."""
 
     def __init__(self, actuator: str, owner: str, bus: Optional[Bus] = None) -> None:
         self._writer = (bus or default_bus())._native.writer(f"softtwin/{actuator}/target", owner)
