@@ -49,8 +49,7 @@ pub fn can_save() -> bool {
     !MODULE.is_empty()
 }
 
-/// The page of a model, with a recording that plays in it. Values at the visible nodes are those of the whole model but for one more
-/// rounding ([`rom::model::Model::at_nodes`]).
+/// The page of a model over its visible nodes, with a recording that plays in it.
 ///
 /// # Errors
 /// A model without a surface, or one that cannot predict; a recording without states of it.

@@ -2,7 +2,6 @@
 
 use super::header::{BlockData, BlockKind, Model};
 use super::selection::{ModelError, Nodes};
-use crate::kernel::{Modes, NotFinite};
 use crate::snapshots::NodeSet;
 
 impl Model {
@@ -35,13 +34,7 @@ impl Model {
         for (kind, data) in &self.blocks {
             let data = match data {
                 _ if *kind == BlockKind::Observables => continue,
-                BlockData::Modes(modes) => {
-                    let value = |mode, at: usize| modes.value(mode, nodes[at] as usize);
-                    let part = Modes::with_bits(nodes.len(), modes.bits().to_vec(), value);
-                    BlockData::Modes(part.map_err(|NotFinite { node, value }| {
-                        ModelError::Inconsistent(format!("a mode is {value} at node {}", nodes[node]))
-                    })?)
-                }
+                BlockData::Modes(modes) => BlockData::Modes(modes.at_nodes(nodes)),
                 BlockData::U32(corners) if *kind == BlockKind::Surface => {
                     let facets = corners.as_chunks::<3>().0.iter();
                     let kept = facets.filter_map(|[a, b, c]| Some([place(a)?, place(b)?, place(c)?]));
