@@ -4,7 +4,7 @@ import math
 import os
 import pathlib
 from dataclasses import dataclass
-from typing import Optional, Sequence, Tuple, Union
+from typing import Iterable, Optional, Sequence, Tuple, Union
 
 from .model import Model
 
@@ -73,11 +73,12 @@ class Control:
         Raises `ValueError` for a time that is not later and for pressure, gap or target that are not finite; nothing has changed, send no setpoint.
         """
         reading = [pressure_mpa, gap_mm, measured, written_mpa]
-        if not hasattr(target, "__len__"):
+        if not isinstance(target, Iterable):
             numbers, limited, marks, fault = self._native.step(t_ns, [target, rate_per_s], reading)
         else:
             numbers, limited, marks, fault = self._native.step_ahead(t_ns, [float(value) for value in target], interval_s, reading)
-        return Cycle(*numbers, tuple(limited), *marks, fault)
+        in_order = [*numbers, tuple(limited), *marks, fault]
+        return Cycle(*in_order)
 
     def start(self, pressure_mpa: float, gap_mm: float = 1e4, measured: float = math.nan) -> None:
         """Begins again where the actuator is, for each cycle in which the valve does not follow the setpoint."""
