@@ -157,7 +157,8 @@ impl Modes {
         Ok(Self::with_steps(nodes, bits, steps, value))
     }
 
-    /// These modes at some nodes, in this order, with the same steps. Cost `O(nodes count)`.
+    /// These modes at some nodes, in this order, with the same steps. Integers of neighbours share a word, so each value is rounded once more, by
+    /// at most half a step. Cost `O(nodes count)`.
     ///
     /// # Panics
     /// For a node that is not there.
