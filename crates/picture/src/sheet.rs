@@ -56,8 +56,19 @@ struct Bar {
     width: usize,
 }
 
+impl Bar {
+    /// Width that it leaves to title and caption.
+    fn room(self, width: usize, gap: usize) -> f32 {
+        let taken = if self.beside { self.width + 2 * gap } else { 0 };
+        width.saturating_sub(taken + 2 * gap) as f32
+    }
+}
+
 /// Space around a drawing as a fraction of its width.
 const MARGIN: f32 = 0.035;
+/// Size of the title, and the height of its lines, in heights of the text.
+const TITLE: f32 = 1.45;
+const TITLE_LINE: f32 = 1.25 * TITLE;
 /// The largest picture, in pixels; it takes 300 MB of memory.
 const MAX_PIXELS: usize = 100_000_000;
 
@@ -76,8 +87,10 @@ impl Sheet<'_> {
         let rows_px: usize =
             heights.iter().zip(&self.rows).map(|((_, h), row)| h + line + heading(row) + gap).sum();
         let bar = self.bar(&fonts, width, gap);
+        let titles = self.title_lines(&fonts, width, gap, bar);
         let stacked = if bar.beside { 0 } else { 2 * line + 2 * gap };
-        let head = 2 * gap + (self.text_px * 1.45) as usize + line * 2 + stacked;
+        let further = (titles.len() - 1) * (self.text_px * TITLE_LINE) as usize;
+        let head = 2 * gap + (self.text_px * TITLE) as usize + further + line * 2 + stacked;
         let height = head + rows_px + gap;
         anyhow::ensure!(
             width.saturating_mul(height) <= MAX_PIXELS,
@@ -86,7 +99,7 @@ impl Sheet<'_> {
             MAX_PIXELS / 1_000_000
         );
         let mut canvas = Canvas::new(width, height, self.theme.page);
-        self.draw_head(&mut canvas, &fonts, gap, bar);
+        self.draw_head(&mut canvas, &fonts, gap, bar, &titles);
         let mut top = head;
         for (row, (window, height)) in self.rows.iter().zip(&heights) {
             let style = self.style(1.0, true, self.theme.ink);
@@ -128,31 +141,30 @@ impl Sheet<'_> {
     fn bar(&self, fonts: &Fonts, width: usize, gap: usize) -> Bar {
         let label = fonts.width_px(&self.bar_label, self.text_px, false).ceil() as usize;
         let bar = (width / 4).min((self.text_px * 20.0) as usize).max(label);
-        let labels = [(&self.title, 1.45, true), (&self.caption, 0.5, false)];
+        let labels = [(&self.title, TITLE, true), (&self.caption, 0.5, false)];
         let words = labels.map(|(text, size, bold)| fonts.width_px(text, self.text_px * size, bold) as usize);
         let beside = words[0].max(words[1]) + bar + 5 * gap <= width;
         Bar { beside, width: if beside { bar } else { bar.min(width - 4 * gap) } }
     }
 
-    fn draw_head(&self, canvas: &mut Canvas, fonts: &Fonts, gap: usize, bar: Bar) {
-        let style = self.style(1.45, true, self.theme.ink);
-        fonts.draw(canvas, gap as f32, gap as f32, &self.title, style);
-        let below = gap as f32 + self.text_px * 1.45 * 1.25;
-        let mut words = self.caption.split(' ').peekable();
-        let taken = if bar.beside { bar.width + 2 * gap } else { 0 };
-        let room = (canvas.width - taken - 2 * gap) as f32;
-        for row in 0..2 {
-            let mut text = String::new();
-            while let Some(word) = words.peek() {
-                let longer = if text.is_empty() { (*word).to_owned() } else { format!("{text} {word}") };
-                if row == 0 && fonts.width_px(&longer, self.text_px, false) > room {
-                    break;
-                }
-                text = longer;
-                words.next();
-            }
+    /// The title in as many lines as the picture's width asks for; at least one.
+    fn title_lines(&self, fonts: &Fonts, width: usize, gap: usize, bar: Bar) -> Vec<String> {
+        let size_px = self.text_px * TITLE;
+        wrapped(&self.title, usize::MAX, |text| fonts.width_px(text, size_px, true) <= bar.room(width, gap))
+    }
+
+    fn draw_head(&self, canvas: &mut Canvas, fonts: &Fonts, gap: usize, bar: Bar, titles: &[String]) {
+        let style = self.style(TITLE, true, self.theme.ink);
+        let mut below = gap as f32;
+        for title in titles {
+            fonts.draw(canvas, gap as f32, below, title, style);
+            below += self.text_px * TITLE_LINE;
+        }
+        let room = bar.room(canvas.width, gap);
+        let lines = wrapped(&self.caption, 2, |text| fonts.width_px(text, self.text_px, false) <= room);
+        for (row, text) in lines.iter().enumerate() {
             let y = below + row as f32 * self.text_px * 1.3;
-            fonts.draw(canvas, gap as f32, y, &text, self.style(1.0, false, self.theme.faint));
+            fonts.draw(canvas, gap as f32, y, text, self.style(1.0, false, self.theme.faint));
         }
         let place = match bar.beside {
             true => [canvas.width - bar.width - 2 * gap, gap],
@@ -168,6 +180,21 @@ impl Sheet<'_> {
             self.text_px,
             &self.bar_label,
         );
+    }
+
+    /// A ruler in the corner where a panel without a title has room: lengths along the picture are to scale.
+    fn draw_ruler(&self, canvas: &mut Canvas, fonts: &Fonts, [x, y]: [f32; 2], mm_per_px: f32) {
+        let length_mm = ruler_mm(0.25 * self.panel_px as f32 * mm_per_px);
+        let (length, thick) = ((length_mm / mm_per_px) as usize, (self.text_px * 0.1).ceil() as usize);
+        let (left, middle) = (x as usize, (y + 0.65 * self.text_px) as usize);
+        let tick = (self.text_px * 0.6) as usize;
+        canvas.fill(left, middle, length, thick, self.theme.ink);
+        for end in [left, left + length.saturating_sub(thick)] {
+            canvas.fill(end, middle.saturating_sub(tick / 2), thick, tick, self.theme.ink);
+        }
+        let label = format!("{length_mm} mm");
+        let style = self.style(0.9, false, self.theme.ink);
+        fonts.draw(canvas, x + length as f32 + 0.4 * self.text_px, y, &label, style);
     }
 
     fn draw_panel(
@@ -186,10 +213,35 @@ impl Sheet<'_> {
         let drawing = panel.scene.draw(self.camera, window, pixels, &self.map, &self.theme);
         canvas.paste(left, top, &drawing);
         let (x, y) = (left as f32 + self.text_px * 0.5, top as f32 + self.text_px * 0.35);
+        if panel.title.is_empty() {
+            self.draw_ruler(canvas, fonts, [x, y], window.mm_per_px);
+        }
         fonts.draw(canvas, x, y, &panel.title, self.style(1.0, false, self.theme.ink));
         let style = Style { align: Align::Right, ..self.style(1.0, true, self.theme.ink) };
         fonts.draw(canvas, left as f32 + self.panel_px as f32 - self.text_px * 0.5, y, &panel.note, style);
     }
+}
+
+/// Words in lines that fit; the last of `most` lines takes the rest. At least one line.
+fn wrapped(text: &str, most: usize, fits: impl Fn(&str) -> bool) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        let count = lines.len();
+        let Some(last) = lines.last_mut() else { break };
+        let longer = if last.is_empty() { word.to_owned() } else { format!("{last} {word}") };
+        if last.is_empty() || count >= most || fits(&longer) {
+            *last = longer;
+        } else {
+            lines.push(word.to_owned());
+        }
+    }
+    lines
+}
+
+/// The longest of 1, 2, 5, 10, 20, ... mm that is not above the given one.
+fn ruler_mm(most: f32) -> f32 {
+    let power = 10_f32.powf(most.max(1e-3).log10().floor());
+    [5.0, 2.0, 1.0].map(|digit| digit * power).into_iter().find(|length| *length <= most).unwrap_or(power)
 }
 
 #[cfg(test)]

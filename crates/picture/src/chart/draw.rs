@@ -4,8 +4,8 @@ use super::figure::{Figure, Map, Mark, Panel, Series};
 use crate::canvas::{Compression, png_bytes};
 use anyhow::anyhow;
 use formats::file;
-use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
+use plotters::coord::{CoordTranslate, Shift};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
@@ -29,6 +29,8 @@ const STEPS: u32 = 10;
 /// Colours that stay apart for colour-blind eyes and in grey, by index.
 const COLOURS: [(u8, u8, u8); 6] =
     [(0, 84, 147), (213, 94, 0), (0, 135, 90), (150, 60, 140), (90, 90, 90), (200, 150, 0)];
+/// How far a line may pass from a point that it leaves out: nothing that one could see.
+const LINE_TOLERANCE_PX: f64 = 0.2;
 /// Lines of more points are drawn thin.
 const DENSE_POINTS: usize = 500;
 const FONT: &str = "sans-serif";
@@ -65,8 +67,49 @@ impl Figure {
         paint(self, SVGBackend::with_string(&mut text, (wide, high)), STEPS)?;
         let (drawn, shown) =
             (format!(r#"width="{wide}" height="{high}""#), format!(r#"width="{width}" height="{height}""#));
-        Ok(text.replacen(&drawn, &shown, 1))
+        Ok(joined(&text.replacen(&drawn, &shown, 1)))
     }
+}
+
+/// The SVG with each curve as one line: lines are drawn piece by piece, and a piece that begins where the one before it ended, in
+/// the same style, goes on from there.
+fn joined(svg: &str) -> String {
+    let mut out = String::with_capacity(svg.len());
+    // Style and end of the line that is open at the end of `out`.
+    let mut open: Option<(&str, &str)> = None;
+    for line in svg.lines() {
+        let piece = line
+            .strip_prefix("<polyline ")
+            .and_then(|rest| rest.strip_suffix(" \"/>")?.split_once(" points=\""))
+            .and_then(|(style, points)| Some((style, points.split_once(' ')?)));
+        match (piece, open) {
+            (Some((style, (from, on))), Some((last_style, end))) if style == last_style && from == end => {
+                out.push(' ');
+                out.push_str(on);
+            }
+            _ => {
+                if open.is_some() {
+                    out.push_str("\"/>\n");
+                }
+                match piece {
+                    Some((style, (from, on))) => {
+                        let start =
+                            format!("<polyline stroke-linejoin=\"round\" {style} points=\"{from} {on}");
+                        out.push_str(&start);
+                    }
+                    None => {
+                        out.push_str(line);
+                        out.push('\n');
+                    }
+                }
+            }
+        }
+        open = piece.map(|(style, (_, on))| (style, on.rsplit(' ').next().unwrap_or(on)));
+    }
+    if open.is_some() {
+        out.push_str("\"/>\n");
+    }
+    out
 }
 
 /// The figure as a PNG file.
@@ -216,13 +259,45 @@ fn draw_series<B: DrawingBackend>(
     if series.mark != Mark::Dots {
         // Piece by piece: where a thick line turns back on itself, its joint would reach far out of the picture.
         let points: Vec<(f64, f64)> = placed().collect();
+        let pixels: Vec<(i32, i32)> =
+            points.iter().map(|point| chart.as_coord_spec().translate(point)).collect();
         let style = colour.stroke_width(if points.len() > DENSE_POINTS { unit } else { 2 * unit });
-        chart.draw_series(points.windows(2).map(|pair| PathElement::new(pair.to_vec(), style)))?;
+        let seen = corners(&pixels, LINE_TOLERANCE_PX * f64::from(unit));
+        chart.draw_series(
+            seen.windows(2).map(|pair| PathElement::new(vec![points[pair[0]], points[pair[1]]], style)),
+        )?;
     }
     if series.mark != Mark::Line {
         chart.draw_series(placed().map(|p| Circle::new(p, 3 * unit, colour.filled())))?;
     }
     Ok(())
+}
+
+/// Positions of the points that a line needs so that no other one lies farther than `tolerance` from it (Ramer, Douglas and
+/// Peucker). A picture of thousands of readings is then a few kilobytes and looks the same.
+fn corners(points: &[(i32, i32)], tolerance: f64) -> Vec<usize> {
+    let mut is_kept = vec![false; points.len()];
+    let Some(last) = points.len().checked_sub(1) else { return Vec::new() };
+    (is_kept[0], is_kept[last]) = (true, true);
+    let mut stretches = vec![(0, last)];
+    while let Some((first, last)) = stretches.pop() {
+        let inner = (first + 1..last).map(|at| (at, distance(points[at], points[first], points[last])));
+        let Some((at, farthest)) = inner.max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
+        if farthest > tolerance {
+            is_kept[at] = true;
+            stretches.extend([(first, at), (at, last)]);
+        }
+    }
+    (0..points.len()).filter(|at| is_kept[*at]).collect()
+}
+
+/// Distance of a point from the line between two others, ends included.
+fn distance(point: (i32, i32), from: (i32, i32), to: (i32, i32)) -> f64 {
+    let minus = |a: (i32, i32), b: (i32, i32)| (f64::from(a.0 - b.0), f64::from(a.1 - b.1));
+    let ((x, y), (dx, dy)) = (minus(point, from), minus(to, from));
+    let length2 = dx * dx + dy * dy;
+    let along = if length2 > 0.0 { ((x * dx + y * dy) / length2).clamp(0.0, 1.0) } else { 0.0 };
+    (x - along * dx).hypot(y - along * dy)
 }
 
 /// The cells of a map; each reaches below its neighbours to the right and above, so that no seam shows. Blanks stay white.

@@ -75,3 +75,22 @@ fn wider_gap_makes_a_higher_row_at_the_same_scale() {
     assert!(far.1 > near.1);
     assert!((far.0.mm_per_px - near.0.mm_per_px).abs() < 1e-6);
 }
+
+#[test]
+fn a_long_title_takes_further_lines() {
+    let bodies = [body(0.0)];
+    let short = sheet(&bodies, 30.0).draw().expect("fonts are embedded");
+    let title = "P = 0.035 MPa, no plate, pressure_mpa.2 = 0.02, pressure_mpa.3 = 0.01".to_owned();
+    let long = Sheet { title, ..sheet(&bodies, 30.0) }.draw().expect("fonts are embedded");
+    assert!(long.width == short.width && long.height > short.height, "{} {}", long.height, short.height);
+    assert_eq!(wrapped("one two three four", 2, |text| text.len() <= 7), ["one two", "three four"]);
+    assert_eq!(wrapped("", 2, |_| true), [""]);
+}
+
+#[test]
+fn a_ruler_has_a_round_length() {
+    let lengths = [0.7, 1.0, 3.9, 17.0, 50.0, 120.0].map(ruler_mm);
+    for (found, expected) in lengths.iter().zip([0.5, 1.0, 2.0, 10.0, 50.0, 100.0]) {
+        assert!((found - expected).abs() < 1e-4 * expected, "{lengths:?}");
+    }
+}

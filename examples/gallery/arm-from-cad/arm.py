@@ -1,0 +1,18 @@
+"""Draws arm.step, as a CAD program would export it: `pip install gmsh`, then `python arm.py arm.step`."""
+import re
+import sys
+from pathlib import Path
+
+import gmsh
+
+gmsh.initialize()
+occ = gmsh.model.occ
+body = [(3, occ.addBox(0, 0, 0, 70, 18, 18))]
+upper = occ.addBox(4, 12, 3, 62, 4, 12)
+left, right = (occ.addBox(4 + k, 2.5, z, 62, 5, 4.5) for k, z in ((0.5, 2.5), (1, 11)))
+occ.cut(body, [(3, chamber) for chamber in (upper, left, right)])
+occ.synchronize()
+gmsh.write(sys.argv[1])
+# gmsh leaves its own name in place of the body's.
+path = Path(sys.argv[1])
+path.write_text(re.sub(r"'Open CASCADE STEP translator [\d.]+ 1'", "'silicone'", path.read_text()))
