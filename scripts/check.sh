@@ -10,10 +10,11 @@
 #   scripts/check.sh batch                       config/batch: a small list of cases as a SLURM array and by Snakemake on two cores
 #   scripts/check.sh benchmark                   two tasks of `benchmarks`: softtwin beside a polynomial, without all peers
 #   scripts/check.sh clients [pytest arguments]  the Python client against running twins
+#   scripts/check.sh gallery                     examples/gallery: every command runs, and the pictures show what they showed
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run with a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
 #   scripts/check.sh dependencies                licences, sources and second versions of packages of others, by cargo-deny (deny.toml)
-#   scripts/check.sh prepare                     the Python packages of actuators, exports, batch, clients and gateway
+#   scripts/check.sh prepare                     the Python packages of actuators, exports, batch, clients, gallery and gateway
 #   scripts/check.sh gateway [test arguments]    the network gateway: tests, a Zenoh client against a running twin
 #   scripts/check.sh ros2-peer                   the gateway's topics and services by hiroz, an independent implementation of ROS 2
 #   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation
@@ -68,6 +69,8 @@ batch_python() { python batch 'snakemake<10'; }
 
 gmsh_python() { python gmsh "gmsh==4.15.2" numpy; }
 
+gallery_python() { python gallery 'gmsh==4.15.2' numpy matplotlib; }
+
 gateway_python() { python gateway "eclipse-zenoh==1.10.2" numpy pytest rosbags; }
 
 prepare() {
@@ -76,6 +79,7 @@ prepare() {
     clients_python
     gateway_python
     gmsh_python
+    gallery_python
     benchmark_python
 }
 
@@ -161,6 +165,13 @@ clients() {
     native_module
     "$python" -m mypy --cache-dir build/mypy --ignore-missing-imports --no-error-summary clients/python/src/softtwin
     exec "$python" -m pytest -q clients/python/tests "$@"
+}
+
+gallery() {
+    gallery_python
+    build
+    native_module
+    PATH=$(realpath "$(dirname "$python")"):$PATH exec scripts/gallery.sh --check --programs "$target/debug"
 }
 
 # started LOG COMMAND...: starts a command in the background and waits until it is ready.
@@ -330,9 +341,9 @@ hours() {
 }
 
 case ${1:-} in
-    view | actuators | exports | calculix | batch | benchmark | clients | c | dependencies | prepare | gateway | aarch64 | hours) "$@" ;;
+    view | actuators | exports | calculix | batch | benchmark | clients | gallery | c | dependencies | prepare | gateway | aarch64 | hours) "$@" ;;
     install) install_check "${@:2}" ;;
     ros2-peer) ros2_peer ;;
-    -h | --help) sed -n '2,29s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,29s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,30s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,30s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac

@@ -106,10 +106,11 @@ fn documents_of(folder: &Path) -> Vec<(PathBuf, String)> {
 }
 
 fn documents() -> Vec<(PathBuf, String)> {
-    let shapes = std::fs::read_dir(root().join("models/shapes")).expect("shapes");
-    let shapes = shapes.map(|entry| entry.expect("an entry").path()).filter(|path| path.is_dir());
-    let folders = ["", "docs", "docs/clients", "docs/report"].map(|at| root().join(at));
-    folders.into_iter().chain(shapes).flat_map(|folder| documents_of(&folder)).collect()
+    let inner = ["models/shapes", "examples/gallery"].map(|at| root().join(at));
+    let inner = inner.into_iter().flat_map(|at| std::fs::read_dir(at).expect("a folder"));
+    let inner = inner.map(|entry| entry.expect("an entry").path()).filter(|path| path.is_dir());
+    let folders = ["", "docs", "docs/clients", "docs/report", "examples/gallery"].map(|at| root().join(at));
+    folders.into_iter().chain(inner).flat_map(|folder| documents_of(&folder)).collect()
 }
 
 /// Anchors of a document's headings, as GitHub makes them.
@@ -143,8 +144,17 @@ fn links_lead_to_files_and_headings() {
 /// Paths below these folders that a document names exist; those with a placeholder in capitals or an asterisk are left out.
 #[test]
 fn paths_that_documents_name_exist() {
-    const FOLDERS: [&str; 8] =
-        ["clients/", "config/", "crates/", "docs/", "models/", "scripts/", "studies/", "tests/tests/"];
+    const FOLDERS: [&str; 9] = [
+        "clients/",
+        "config/",
+        "crates/",
+        "docs/",
+        "examples/",
+        "models/",
+        "scripts/",
+        "studies/",
+        "tests/tests/",
+    ];
     let (mut checked, mut missing) = (0, Vec::new());
     for (path, text) in documents() {
         let words = text.split(|c: char| !c.is_alphanumeric() && !"/._-*@".contains(c));
