@@ -178,7 +178,9 @@ TRACE = """(() => { const b = softtwin.chosen().history.all.bins.filter((bin) =>
 FILM_SIZE = (1080, 680)
 FILM_STEP_S = 0.12
 FILM_HOLD_MS = 1500
-FILM_BYTES = 1_500_000
+# A page with it opens at once; it is shown this large.
+FILM_BYTES = 400_000
+FILM_SHOWN = (720, 453)
 
 
 def film(stage, program, path, make_page):
@@ -205,7 +207,7 @@ def film(stage, program, path, make_page):
             page.slide("scrub", t_s)
             wait(lambda: abs(page.shown("t_s") - t_s) < 0.02, "the place sought")
             settle(page)
-            pictures.append(Image.open(io.BytesIO(page.browser.screenshot())).convert("RGB"))
+            pictures.append(Image.open(io.BytesIO(page.browser.screenshot())).convert("RGB").resize(FILM_SHOWN, Image.Resampling.LANCZOS))
     finally:
         page.browser.close()
     stage.end(view)
