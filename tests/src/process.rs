@@ -234,7 +234,13 @@ impl Program {
 }
 
 impl Drop for Program {
+    /// When a test fails, what its programs said and whether they still run is half of the answer.
     fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.said.extend(self.lines.try_iter());
+            let state = self.child.try_wait();
+            println!("process {}, ended: {state:?}; it said:\n{}", self.child.id(), self.said.join("\n"));
+        }
         // Ended already is fine.
         let _ = self.child.kill();
         let _ = self.child.wait();

@@ -79,3 +79,7 @@ impl Args {
         self.seconds.unwrap_or_else(|| goal.end_s().map_or(f64::INFINITY, |end_s| end_s + 2.0))
     }
 }
+
+#[cfg(test)]
+#[path = "../../../tests/unit/cmd_hold_args.rs"]
+mod tests;

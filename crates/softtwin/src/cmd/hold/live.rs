@@ -4,37 +4,27 @@ use super::args::Args;
 use super::goal::Goal;
 use super::held::refuse_out_of_reach;
 use super::sensors::{Sensors, driven_mpa};
-use crate::live::{Latencies, Owner};
+use super::states::{Silence, first, state_gap_mm};
+use super::tally::Tally;
+use crate::live::Owner;
 use crate::report;
 use anyhow::{Context, bail, ensure};
 use control::held::Held;
-use control::inverse::{Model, Quantity};
+use control::inverse::Model;
 use control::law::{Controller, Cycle, Reading};
 use control::twin_model::{OUT_OF_REACH_MM, TwinModel};
-use recording::Thinned;
-use rom::statistics::mean;
 use runtime::config::ActuatorSpec;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::io::Write;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
-use wire::layout::{Outcome, flags, unpack_name, valve_interlock, valve_reason};
-use wire::{
-    Bus, State, StateReader, TargetReader, Topic, Valve, ValveReader, WakeSet, Wakeable, Waking, now_ns,
-};
+use wire::layout::{flags, unpack_name, valve_interlock, valve_reason};
+use wire::{Bus, State, StateReader, TargetReader, Topic, Valve, ValveReader, WakeSet, Wakeable, Waking};
 
-/// Without a reading for this time the valve is let go.
-const SILENCE: Duration = Duration::from_secs(1);
 /// Validity of each setpoint.
 pub(super) const VALID: Duration = Duration::from_millis(50);
-/// Longest wait for the first state with a reading.
-const FIRST: Duration = Duration::from_secs(10);
-/// Larger jumps of the number of a reading are another beginning of the sender's count.
-const MOST_MISSED: u64 = 1 << 32;
 /// Most states that are answered before the newest is taken.
 const MOST_IN_A_ROW: u32 = 16;
-/// Substituted readings are not used.
-pub(super) const NOT_A_READING: u32 = flags::NO_DATA | flags::STALE | flags::HELD;
 /// Reasons for which the valve does not follow, and the controller waits.
 pub(super) const WAITS: [u32; 4] =
     [valve_reason::OVERRIDE, valve_reason::INTERLOCK, valve_reason::TIMEOUT, valve_reason::DEVICE_ERROR];
@@ -57,8 +47,7 @@ pub(super) fn run(args: &Args, spec: &ActuatorSpec, held: Held, goal: Option<Goa
     let mut held_loop = Loop::new(&bus, args, spec, held, model, goal)?;
     let ended = held_loop.run(&states, &mut wake);
     let released = held_loop.owner.send(f64::NAN, 0);
-    let report = held_loop.report();
-    report::print(&report, args.json)?;
+    report::print(&held_loop.report(), args.json)?;
     ended.and(released)
 }
 
@@ -79,20 +68,12 @@ struct Loop<'a> {
     /// The valve did not follow at some time since the last cycle.
     has_closed: bool,
     last_ns: Option<u64>,
-    /// The last reading that was answered, and how many had no own setpoint.
-    last_seq: u64,
-    missed: u64,
     cycle: Cycle,
-    /// From readings to setpoints, and to what the device confirmed.
-    latencies: Latencies,
-    written: Latencies,
+    /// The last setpoint that the device confirmed.
     written_seq: u64,
-    measured: Thinned<f64>,
-    predicted: Thinned<f64>,
-    is_rate_limited: bool,
     /// Whether a low supply and an oscillation were said.
     said: [bool; 2],
-    fallbacks: u64,
+    tally: Tally,
 }
 
 impl<'a> Loop<'a> {
@@ -123,17 +104,10 @@ impl<'a> Loop<'a> {
             valve: None,
             has_closed: false,
             last_ns: None,
-            last_seq: 0,
-            missed: 0,
             cycle: Cycle::default(),
-            latencies: Latencies::new(),
-            written: Latencies::new(),
             written_seq: 0,
-            measured: Thinned::new(MOST_VALUES),
-            predicted: Thinned::new(MOST_VALUES),
-            is_rate_limited: false,
             said: [false; 2],
-            fallbacks: 0,
+            tally: Tally::new(),
         })
     }
 
@@ -175,7 +149,7 @@ impl<'a> Loop<'a> {
         while let Some(status) = self.valves.next()? {
             if status.setpoint_boot_id == self.owner.boot_id && status.setpoint_seq > self.written_seq {
                 self.written_seq = status.setpoint_seq;
-                self.written.record_ns(status.t_written_ns.saturating_sub(status.t_sensor_ns));
+                self.tally.written.record_ns(status.t_written_ns.saturating_sub(status.t_sensor_ns));
             }
             self.has_closed |= WAITS.contains(&status.valve_reason);
             self.valve = Some(status);
@@ -192,7 +166,7 @@ impl<'a> Loop<'a> {
     /// Without a sensor of the quantity the twin is what is controlled: it has to explain its readings.
     fn refuse_alarm(&self, state: &State) -> anyhow::Result<()> {
         ensure!(
-            state.flags & flags::ESTIMATE_ALARM == 0 || !self.measured.is_empty(),
+            state.flags & flags::ESTIMATE_ALARM == 0 || self.tally.is_measured(),
             "estimate-alarm: the twin does not explain its readings, and no sensor measures the quantity; `softtwin echo {}` names the suspects",
             Topic::estimate(self.actuator)?
         );
@@ -225,16 +199,11 @@ impl<'a> Loop<'a> {
         self.take_target(since_s)?;
         let goal = &self.goal;
         self.cycle = self.controller.update(&|ahead_s| goal.at(since_s + ahead_s), reading, dt_s);
-        self.fallbacks += u64::from(self.cycle.is_fallback);
         if let Some(fault) = self.cycle.fault {
             bail!("{}: {}", fault.name(), fault.advice());
         }
-        self.is_rate_limited = self.cycle.limited.by_rate;
         self.say_what_is_new();
-        if seen.is_finite() {
-            self.measured.offer(|| Some(seen));
-        }
-        self.predicted.offer(|| Some(self.cycle.followed));
+        self.tally.take_cycle(&self.cycle, seen);
         Ok(true)
     }
 
@@ -260,14 +229,8 @@ impl<'a> Loop<'a> {
 
     /// The command of the cycle of this state as a setpoint.
     fn send(&mut self, state: &State) -> anyhow::Result<()> {
-        if self.last_seq > 0 {
-            // Of a new run of the bridge none is counted.
-            let missed = state.sensor_seq.saturating_sub(self.last_seq + 1);
-            self.missed += if missed <= MOST_MISSED { missed } else { 0 };
-        }
-        self.last_seq = state.sensor_seq;
         self.owner.send(self.cycle.pressure_mpa, state.t_sensor_ns)?;
-        self.latencies.record_ns(now_ns().saturating_sub(state.t_sensor_ns));
+        self.tally.take_answered(state);
         Ok(())
     }
 
@@ -292,106 +255,6 @@ impl<'a> Loop<'a> {
     }
 
     fn report(&self) -> Value {
-        let goal = &self.goal;
-        let (values, by) = match self.measured.is_empty() {
-            true => (&self.predicted, None),
-            false => (&self.measured, Some(&self.sensors.name)),
-        };
-        let followed = last_quarter(values);
-        json!({
-            "held": self.held.name,
-            "target": goal.last(),
-            "unit": self.held.unit,
-            "followed": followed,
-            "measured_by": by,
-            "final_error": followed.map(|followed| followed - goal.last()),
-            "is_limited": self.cycle.limited.is_limited(),
-            "is_rate_limited": self.is_rate_limited,
-            "is_supply_low": self.cycle.limited.by_supply,
-            "is_oscillating": self.cycle.is_oscillating,
-            "fallbacks": self.fallbacks,
-            "fault": self.cycle.fault,
-            "setpoints": self.owner.seq,
-            "missed_readings": self.missed,
-            "reading_to_setpoint_us": self.latencies.percentiles_us(),
-            "reading_to_written_us": (!self.written.is_empty()).then(|| self.written.percentiles_us()),
-        })
+        self.tally.report(&self.held, &self.goal, &self.cycle, &self.sensors.name, self.owner.seq)
     }
 }
-
-/// The first state with a reading: its gap and inputs decide what is in reach.
-pub(super) fn first(states: &StateReader, wake: &mut WakeSet) -> anyhow::Result<State> {
-    let end = Instant::now() + FIRST;
-    let mut outcome = None;
-    loop {
-        if let Some(state) = states.newest()? {
-            if state.flags & NOT_A_READING == 0 {
-                return Ok(state);
-            }
-            outcome = Outcome::from_code(state.outcome);
-        }
-        let left = end.saturating_duration_since(Instant::now());
-        ensure!(
-            !left.is_zero(),
-            "the twin has had no good reading for {} s; the last one: {}",
-            FIRST.as_secs(),
-            outcome.map_or("none, start the bridge".into(), |outcome| outcome.to_string())
-        );
-        wake.wait(left)?;
-    }
-}
-
-/// Gap of a state: measured, given or estimated; the option's if it has none. What moves freely needs none.
-pub(super) fn state_gap_mm(state: &State, given_mm: Option<f64>, held: &Held) -> Option<f64> {
-    let free_mm = (held.quantity != Quantity::Force).then_some(OUT_OF_REACH_MM);
-    Some(state.gap_mm).filter(|gap_mm| gap_mm.is_finite()).or(given_mm).or(free_mm)
-}
-
-/// Ends a run that drives a valve when no good reading has come for [`SILENCE`]. States alone do not count: a twin goes on without its bridge.
-pub(super) struct Silence {
-    since: Instant,
-    state: bool,
-}
-
-impl Silence {
-    pub(super) fn begin() -> Self {
-        Self { since: Instant::now(), state: false }
-    }
-
-    /// Whether a state has a reading of its own.
-    pub(super) fn has_reading(&mut self, state: &State) -> anyhow::Result<bool> {
-        if state.flags & NOT_A_READING == 0 {
-            *self = Self::begin();
-            return Ok(true);
-        }
-        self.state = true;
-        self.left()?;
-        Ok(false)
-    }
-
-    /// Waits for a state, no longer than silence may last.
-    pub(super) fn wait(&self, wake: &mut WakeSet) -> anyhow::Result<()> {
-        wake.wait(self.left()?)?;
-        Ok(())
-    }
-
-    fn left(&self) -> anyhow::Result<Duration> {
-        let left = SILENCE.saturating_sub(self.since.elapsed());
-        let who = if self.state { "the twin has had no good reading" } else { "the twin has been silent" };
-        ensure!(!left.is_zero(), "{who} for {} s; is the bridge running?", SILENCE.as_secs());
-        Ok(left)
-    }
-}
-
-/// Values of a run of any length, in bounded memory.
-const MOST_VALUES: usize = 1 << 15;
-
-/// Mean over the last quarter.
-fn last_quarter(values: &[f64]) -> Option<f64> {
-    let tail = &values[values.len() * 3 / 4..];
-    (!tail.is_empty()).then(|| mean(tail.iter().copied()))
-}
-
-#[cfg(test)]
-#[path = "../../../tests/unit/cmd_hold_live.rs"]
-mod tests;

@@ -6,6 +6,8 @@ mod held;
 mod live;
 mod sensors;
 mod simulate;
+mod states;
+mod tally;
 pub mod tune;
 
 pub use args::Args;

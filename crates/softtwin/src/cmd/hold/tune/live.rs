@@ -1,8 +1,8 @@
 //! The experiment on the valve. Readings that come late, and the time-out that follows, are made up for by repeating the part; whatever else keeps
 //! the valve from following ends it.
 
-use super::super::live::{Silence, first, state_gap_mm};
 use super::super::sensors::Sensors;
+use super::super::states::{Silence, first, state_gap_mm};
 use crate::live::Owner;
 use anyhow::{Context, bail, ensure};
 use control::experiment::{Experiment, MOST_REPEATS, Progress};

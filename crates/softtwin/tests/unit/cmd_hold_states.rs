@@ -27,24 +27,3 @@ fn silence_counts_from_the_last_good_reading() {
     silence.left().unwrap_err();
     assert!(silence.has_reading(&state(0)).unwrap() && silence.left().is_ok());
 }
-
-#[test]
-fn mean_of_the_last_quarter() {
-    assert_eq!(last_quarter(&[]), None);
-    assert_eq!(last_quarter(&[1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 5.0, 7.0]), Some(6.0));
-}
-
-#[test]
-fn only_a_trace_or_an_option_ends_a_hold() {
-    #[derive(clap::Parser)]
-    struct Line {
-        #[command(flatten)]
-        args: Args,
-    }
-    let seconds = |more: &[&str]| {
-        let line = ["hold", "--scene", "scene.toml", "--force-n", "0.3"].iter().chain(more);
-        <Line as clap::Parser>::parse_from(line).args.seconds(&Goal::step(0.3))
-    };
-    assert_eq!(seconds(&[]), f64::INFINITY);
-    assert_eq!(seconds(&["--seconds", "5"]), 5.0);
-}
