@@ -8,6 +8,9 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Instant;
 
+/// Lines of a program that a failed test prints.
+const LAST_LINES: usize = 40;
+
 /// A running program; killed when dropped.
 #[derive(Debug)]
 pub struct Program {
@@ -239,7 +242,9 @@ impl Drop for Program {
         if std::thread::panicking() {
             self.said.extend(self.lines.try_iter());
             let state = self.child.try_wait();
-            println!("process {}, ended: {state:?}; it said:\n{}", self.child.id(), self.said.join("\n"));
+            let skipped = self.said.len().saturating_sub(LAST_LINES);
+            println!("process {}, ended: {state:?}; after {skipped} lines it said:", self.child.id());
+            self.said[skipped..].iter().for_each(|line| println!("{:.300}", line));
         }
         // Ended already is fine.
         let _ = self.child.kill();

@@ -287,11 +287,11 @@ impl<M: Model> Controller<M> {
         let slope = if is_driven { (cavity_mpa - before_mpa) / dt_s } else { 0.0 };
         let time_s = if slope >= 0.0 { self.settings.line.fill_s } else { self.settings.line.empty_s };
         let late_mpa = self.late_cavity.step(before_mpa, dt_s);
-        let behind_mpa = match self.settings.gauge_at {
+        let feedback_mpa = match self.settings.gauge_at {
             GaugeAt::Cavity => PRESSURE_GAIN * (late_mpa - reading.pressure_mpa),
             GaugeAt::Valve => 0.0,
         };
-        let inverted_mpa = cavity_mpa + time_s * slope + behind_mpa + self.bias_mpa;
+        let inverted_mpa = cavity_mpa + time_s * slope + feedback_mpa + self.bias_mpa;
         let planned_mpa = self.plan(targets, reading.gap_mm, error_mpa, dt_s);
         let wanted_mpa = match limited.by_supply {
             // All that the supply gives: so the gauge shows when it gives more.

@@ -129,14 +129,17 @@ pub(crate) const TURNING_WITHIN_MM: f64 = 0.1;
 /// Last correction (mm) up to which the next one is solved with the last factor, in few linear iterations.
 const NEAR_MM: f64 = 0.02;
 
-/// Corrections of a descent, its first shift over the mean diagonal of the tangent, the factors by which the shift changes where the
-/// residual falls, and at most where it rises, the factor where the tangent is indefinite, and the correction (mm) at which Newton's
-/// iteration takes over.
+/// Most corrections of a descent.
 const DESCENT_ITERATIONS: usize = 400;
+/// First shift of a descent, over the mean diagonal of the tangent.
 const FIRST_SHIFT: f64 = 0.01;
+/// Factors on the shift where the residual falls.
 const WEAKER: [f64; 2] = [0.5, 0.8];
+/// Largest factor on the shift where the residual rises.
 const RISING: f64 = 2.0;
+/// Factor on the shift where the tangent is indefinite.
 const STRONGER: f64 = 4.0;
+/// Correction (mm) at which Newton's iteration takes over.
 const DESCENDED_MM: f64 = 1.0e-3;
 
 /// Relative residual of a solution with an older factor: the iteration converges as with a new one.
@@ -148,7 +151,7 @@ const LINEAR_TOLERANCE: f64 = 1.0e-9;
 pub(crate) enum Closure {
     /// The cavity has that volume (mm3).
     Volume(f64),
-    /// Cavity and supply have that amount of gas ([`crate::gas`]).
+    /// Cavity and supply have that amount of gas.
     Gas { amount_mm3: f64, dead_mm3: f64 },
     /// Corrections are normal to a direction of the unknowns.
     Normal(Vec<f64>),

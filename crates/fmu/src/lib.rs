@@ -1,5 +1,6 @@
 //! FMU of a model for FMI 3.0 (co-simulation and model exchange): the library in `binaries/`, and the description that `softtwin
-//! export` writes. The FMU has no states: outputs follow from inputs without delay.
+//! export` writes. Outputs of a static model follow from inputs without delay; a model with
+//! memory or inertia steps a session.
 //!
 //! FMI's interface is hand-written: generators of FMUs in Rust require the variables at compile time, but they are those of the
 //! model in `resources/`. Unsupported functions return `fmi3Error` and log their name.

@@ -104,6 +104,8 @@ impl RecordedState {
         (is_reading && !is_below_0).then_some(inputs)
     }
 }
+
+/// A field of a recording.
 pub struct RecordedField {
     /// Seconds after the recording's first message.
     pub t_s: f64,

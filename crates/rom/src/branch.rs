@@ -84,8 +84,7 @@ impl BranchState {
         out.inputs = out.inputs.with(PRESSURE, self.pressure_mpa);
         (out.flags.snapped, out.flags.branch_unknown) = (self.branch > 0 || self.is_behind, self.is_unknown);
         if self.is_behind {
-            (out.domain, out.domain_distance) = (DomainStatus::Outside, f64::INFINITY);
-            out.flags.extrapolated = true;
+            out.set_distance(f64::INFINITY);
         }
     }
 }

@@ -9,7 +9,7 @@
 //! A [`Query`] says how far an [`Evaluation`] is filled: onset and regime, force and half-widths, modal coefficients (of which
 //! [`crate::reconstructor`] makes the fields), their derivatives. The evaluation has room for all results and for the scratch values in
 //! between, so that an answer allocates nothing: the twin's loop has to answer in a bounded time. Nothing is written into the evaluator, so
-//! threads can share it if each brings its own evaluation. Only [`Evaluator::set_parameters`] and [`Evaluator::restrict`] allocate.
+//! threads can share it if each brings its own evaluation.
 
 use crate::body::Body;
 use crate::clearance::OnsetSolver;
@@ -179,8 +179,8 @@ impl Evaluator {
         Ok(evaluator)
     }
 
-    /// The same for searches: states at any distance from the training range have numbers. Their results are answers only after an
-    /// evaluator with an end has evaluated them.
+    /// A copy without a limit on the distance from the training range, for searches. Evaluate a search's result with the ordinary
+    /// evaluator before you use it.
     #[must_use]
     pub fn for_search(self) -> Self {
         Self { has_no_end: true, ..self }

@@ -170,17 +170,17 @@ pub struct Drift {
 /// The map of a model learned from measurements; in the file a record ([`crate::model::BlockKind::Learned`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LearnedMap {
-    /// Inputs.
+    /// The model's inputs, in its order, with mean and scale.
     pub inputs: Vec<MapInput>,
     /// Step of the neurons, ns.
     pub step_ns: u64,
     /// Longest time between two readings that is bridged by a straight line, s.
     pub max_gap_s: f64,
-    /// Filtered inputs.
+    /// Lags whose states the maps take in place of the inputs.
     pub lags: Vec<Lag>,
-    /// Linear map.
+    /// What is answered far from the training rows.
     pub base: LinearMap,
-    /// Polynomials.
+    /// Members of this family, blended with those of the next two near the training rows.
     pub polynomials: Vec<Polynomial>,
     /// Kernel maps.
     pub kernels: Vec<Kernels>,
@@ -190,7 +190,7 @@ pub struct LearnedMap {
     pub support: Support,
     /// Half-widths by output.
     pub widths: Vec<OutputWidth>,
-    /// OffsetFilter, by output.
+    /// Constants of the offset that follows measured values, by output.
     pub drifts: Vec<Drift>,
     /// Outputs that are coordinates of a marker, by marker.
     pub markers: Vec<Vec<u32>>,
@@ -257,7 +257,7 @@ pub fn polynomial(count: usize, degree: u32, value: impl Fn(usize) -> f64, mut t
 }
 
 impl Reservoir {
-    /// Neurons.
+    /// Number of neurons.
     pub fn neurons(&self) -> usize {
         self.times_s.len()
     }
@@ -277,7 +277,7 @@ impl Reservoir {
 }
 
 impl LearnedMap {
-    /// Outputs.
+    /// Number of outputs.
     pub fn outputs(&self) -> usize {
         self.widths.len()
     }

@@ -4,7 +4,7 @@
 //! A [`model::Model`] comes out of a file, or from the crate `train`, which makes it of a [`snapshots::Database`]. An
 //! [`evaluator::Evaluator`] gives force, gradients, half-widths and modal coefficients at a state, a
 //! [`reconstructor::Reconstructor`] the fields of these coefficients, both without allocating. Pure functions of
-//! data: no clock, no threads, no files.
+//! data, without a clock or threads; files are opened in `load.rs` alone.
 //!
 //! ```text
 //! a(x) = sum_k w_k g(|x - x_k|) + tail(x)   sums.rs            inputs x = (P) free, (P, gap) in contact, scaled to [0, 1]

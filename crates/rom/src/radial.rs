@@ -68,19 +68,14 @@ impl Display for KernelKind {
 
 impl Display for Tail {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::None => "no tail",
-            Self::Constant => "constant tail",
-            Self::Linear => "linear tail",
-            Self::Quadratic => "quadratic tail",
-        })
+        f.write_str(self.name())
     }
 }
 
 impl KernelKind {
-    /// `g(r)`, `g'(r) / r` and `(g'(r) / r)' / r` for a squared distance. The second is what a gradient multiplies `x - x_k`
-    /// with, and with the third it makes the second derivatives, which it multiplies a product of two distances in; where
-    /// they are singular at `r = 0` the product's limit is 0, and 0 is returned.
+    /// `g(r)`, `g'(r) / r` and `(g'(r) / r)' / r` for a squared distance. A gradient multiplies `x - x_k` by the second; second
+    /// derivatives multiply products of two coordinates of `x - x_k` by the third. Where they are singular at `r = 0`, the
+    /// product's limit is 0, and 0 is returned.
     #[inline(always)] // in a loop over centres the match is taken once
     pub(crate) fn derivatives(self, r2: f64) -> [f64; 3] {
         let over = |numerator: f64, denominator: f64| if r2 > 0.0 { numerator / denominator } else { 0.0 };

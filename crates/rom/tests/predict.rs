@@ -2,6 +2,7 @@
 
 use crate::synthetic;
 use proptest::prelude::*;
+use rom::branch::BranchState;
 use rom::evaluation::{Evaluation, Refusal};
 use rom::evaluator::{Evaluator, Query, RegimeLabels};
 use rom::halfwidths::HalfWidths;
@@ -354,4 +355,17 @@ proptest! {
             prop_assert!((f64::from(out[3 * n + i]) - square.sqrt()).abs() < 1e-4, "node {}", i);
         }
     }
+}
+
+/// Behind the last limit the evaluation is that of the limit, where the model is known; the state is not.
+#[test]
+fn state_behind_the_last_limit_has_no_half_width() {
+    let mut evaluation = ask(&evaluator(), 0.05, 20.0);
+    assert!(evaluation.domain == DomainStatus::Inside && evaluation.halfwidths.displacement_mm > 0.0);
+    let behind =
+        BranchState { pressure_mpa: 0.06, volume_mm3: 1.0, branch: 0, is_behind: true, is_unknown: false };
+    behind.apply_to(&mut evaluation);
+    assert!(evaluation.domain == DomainStatus::Outside && evaluation.flags.extrapolated);
+    let widths = evaluation.halfwidths;
+    assert!([widths.force_n, widths.displacement_mm, widths.stress_mpa].iter().all(|width| width.is_nan()));
 }

@@ -1,5 +1,4 @@
-//! The run-time part: sources of readings, the bridge loop, scenes, the twin loop. The only place where the model
-//! (`rom`) and the shared memory (`wire`) meet.
+//! The run-time part: sources of readings, the bridge loop, scenes, the twin loop.
 //!
 //! ARCHITECTURE.md lists the way of a reading file by file.
 

@@ -5,7 +5,6 @@ use crate::load::{LoadedOutput, PayloadContents};
 use rom::evaluation::Evaluation;
 use rom::evaluator::RegimeLabel;
 use rom::hull::DomainStatus;
-
 use rom::reconstructor::{Peaks, Reconstructor};
 use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, OBSERVABLES_MAX, flags, pack_name};
 use wire::{Answer, Bus, FieldHeader, FieldLoan, FieldWriter, State, Topic, WireError};

@@ -148,7 +148,7 @@ pub fn data_sheet(model: &Path) -> PathBuf {
 
 /// The data sheet beside a model; none without one.
 pub fn read_data_sheet(model: &Path) -> Option<DataSheet> {
-    serde_json::from_slice(&std::fs::read(data_sheet(model)).ok()?).ok()
+    serde_json::from_slice(&file::read_bytes(&data_sheet(model), file::MAX_TEXT_BYTES).ok()?).ok()
 }
 
 /// Writes the data sheet of a model to its place.

@@ -1,4 +1,4 @@
-//! The unknowns of a scene with the sensors that tell them: what `calibrate` and `plan-experiment` begin with.
+//! The unknowns of a scene with the sensors that tell them: what `calibrate` and `calibrate --plan` begin with.
 
 use crate::failure::{configuration, usage};
 use crate::files;

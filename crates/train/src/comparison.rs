@@ -18,15 +18,15 @@ use rom::statistics::{ends, mean, quantile, range};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-/// Ratios of units that are taken for one another.
+/// Ratios of units that are taken for one another, in either direction.
 const KNOWN_RATIOS: [(f64, &str); 7] = [
-    (6.895, "psi taken for kPa"),
-    (10.0, "bar for MPa, mm for cm"),
-    (57.3, "degrees for radians"),
-    (100.0, "bar for kPa"),
-    (145.04, "psi taken for MPa"),
-    (1000.0, "kPa taken for MPa, m for mm"),
-    (1e6, "Pa taken for MPa"),
+    (6.895, "psi and kPa"),
+    (10.0, "bar and MPa, or mm and cm"),
+    (57.3, "degrees and radians"),
+    (100.0, "bar and kPa"),
+    (145.04, "psi and MPa"),
+    (1000.0, "kPa and MPa, or m and mm"),
+    (1e6, "Pa and MPa"),
 ];
 /// Ratio of a column's largest value to that of the model's range from which the unit is refused, and below which it is remarked.
 const REFUSED_RATIO: f64 = 3.0;
@@ -72,7 +72,7 @@ pub enum ComparisonError {
     Model(#[from] ModelError),
 }
 
-/// What sensors show too much, where a calibration has found it.
+/// Constant sensor errors that a calibration has found; they are subtracted from the readings.
 #[derive(Clone, Copy, Debug, Default)]
 #[allow(missing_docs)] // the names say what the values are
 pub struct SensorBiases {

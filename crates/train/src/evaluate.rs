@@ -129,7 +129,7 @@ pub struct Report {
 pub struct Summary {
     /// Regime the cases were sampled for.
     pub regime: RegimeKind,
-    /// Cases inside the training range or near it, of which the following is; all where there is none.
+    /// Cases inside the training range or near it, or all if there is none. The figures below are of these.
     pub cases: usize,
     /// Names of the other cases: outside the training range a model extrapolates.
     pub outside: Vec<String>,

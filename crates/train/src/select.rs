@@ -215,8 +215,8 @@ const SLOPE_STRETCHES: [f64; 4] = [0.85, 1.2, 0.6, 1.6];
 /// Ratio of a derivative's leave-one-out error to the median from which it contradicts the others.
 const OUTLIER: f64 = 12.0;
 
-/// Factor by which smoothing must be better than interpolation: it misses the training states, which truth that is computed
-/// and not measured does not deserve. Where a kernel is so ill-conditioned that its interpolant is noise, it is.
+/// Factor by which smoothing must lower the error to be chosen: it misses the training states, which are computed and hence exact.
+/// It wins only where the kernel is so ill-conditioned that the interpolant is noise.
 const SMOOTHING_MUST_GAIN: f64 = 2.0;
 
 /// Factor by which a fit that is not sound must be better than one that is. Leave-one-out errors of sound kernels differ by less where

@@ -5,10 +5,8 @@
 //! A program that wants to talk to a twin needs four things:
 //!
 //! 1. a [`Bus`] in a [`Domain`] (programs in different domains do not see one another),
-//! 2. a [`Topic`], `softtwin/<actuator>/sensor|field|field/<set>|state|health|estimate|command|setpoint|override|valve` or
-//! `softtwin/<scene>/grasp`,
-//! 3. a typed port: [`SensorWriter`], [`SensorReader`], [`FieldWriter`], [`FieldReader`], [`StateWriter`],
-//!    [`StateReader`], [`HealthWriter`], [`HealthReader`],
+//! 2. a [`Topic`], such as `softtwin/<actuator>/sensor`; [`TopicKind`] lists the kinds,
+//! 3. a typed port of this kind, such as [`SensorWriter`] and [`SensorReader`],
 //! 4. a [`WakeSet`] to sleep until one of several readers has something.
 //!
 //! Questions that no topic answers go through a [`QueryClient`]; [`Selector`] is their text form.

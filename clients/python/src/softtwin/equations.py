@@ -415,7 +415,9 @@ class Observables:
             return 2.0 * _dot(cross, n) / (length(a) * length(b) * length(c))
         if item["kind"] == "length":
             return sum(length(between(at - 1, at)) for at in range(1, count))
-        return _dot(p[0], n)
+        if item["kind"] == "position":
+            return _dot(p[0], n)
+        raise NotImplementedError(f"an observable of kind {item['kind']}")
 
 
 def _dot(a: Sequence[Array], b: Sequence[Array]) -> Array:

@@ -108,7 +108,7 @@ struct Tree {
     boxes: Vec<Node>,
 }
 
-/// A box around facets: a leaf has some, another one two boxes, the first of which comes next.
+/// A node of the tree: a leaf holds facets, an inner node two boxes, of which the first follows it.
 struct Node {
     low: Vec3,
     high: Vec3,

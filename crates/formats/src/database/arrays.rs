@@ -208,7 +208,7 @@ pub fn pack_sensitivities(
     Ok(Some(bytes.len()))
 }
 
-/// CaseRow of the table.
+/// A row of the table of sensitivities.
 fn line(case: &str, manifest: &Manifest, row: &Sensitivity) -> [String; 3] {
     [case.to_owned(), manifest.input[row.input].name.clone(), row.contact_force_n_per_unit.to_string()]
 }

@@ -63,7 +63,7 @@ fn split_name(split: Split) -> &'static str {
 /// Columns of every table, in the order of [`write()`].
 const COLUMNS: [&str; 6] = ["case", "regime", "split", "pressure_mpa", "gap_mm", "contact_force_n"];
 
-/// CaseRow of the table.
+/// A row of the table of cases.
 pub(crate) struct CaseRow {
     pub(crate) case: Case,
     pub(crate) obstacle: ObstacleKind,

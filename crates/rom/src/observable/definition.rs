@@ -30,21 +30,20 @@ pub enum ObservableKind {
 impl ObservableKind {
     /// End of the name: the unit.
     pub const fn suffix(self) -> &'static str {
-        match self {
-            Self::SectionAngle | Self::ChordAngle => "_deg",
-            Self::Curvature => "_per_mm",
-            Self::Length | Self::Position => "_mm",
-            Self::Volume => "_mm3",
-        }
+        self.suffix_and_unit().0
     }
 
     /// The unit.
     pub const fn unit(self) -> &'static str {
+        self.suffix_and_unit().1
+    }
+
+    const fn suffix_and_unit(self) -> (&'static str, &'static str) {
         match self {
-            Self::SectionAngle | Self::ChordAngle => "deg",
-            Self::Curvature => "1/mm",
-            Self::Length | Self::Position => "mm",
-            Self::Volume => "mm3",
+            Self::SectionAngle | Self::ChordAngle => ("_deg", "deg"),
+            Self::Curvature => ("_per_mm", "1/mm"),
+            Self::Length | Self::Position => ("_mm", "mm"),
+            Self::Volume => ("_mm3", "mm3"),
         }
     }
 

@@ -159,7 +159,7 @@ impl Devices {
     }
 }
 
-/// Runs a device's thread. A panic ends its own sensors only, and the bridge reports it.
+/// Runs a device's thread. After a panic its sensors have failed, and the bridge ends with their names.
 fn spawn(
     ended: Ended,
     waker: Arc<OnceLock<BridgeWaker>>,

@@ -20,7 +20,7 @@ pub enum SwapError {
     )]
     Outputs {
         actuator: String,
-        /// RunningActuator, as `topic (values)`.
+        /// What runs, as `topic (values)`.
         running: String,
         new: String,
     },

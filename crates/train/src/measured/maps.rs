@@ -1,8 +1,7 @@
 //! Maps of measured runs by ridge regression, chosen on left-out parts: the lags first, then kernel maps and reservoirs of them.
 //!
-//! Parts are six contiguous segments of one or two runs, or whole runs of several. Where each run has an input of its own, such as a load, a run
-//! that is left out takes its value of the input along: maps would be chosen for how they go on beyond the data, so that segments are
-//! left out there too. Features are computed once over whole runs; only rows are left out, so that one Gram matrix per part gives all
+//! Parts are six contiguous segments of one or two runs, or whole runs of several. If each run has its own value of an
+//! input (such as a load), leaving out a whole run would judge extrapolation; segments are then left out. Features are computed once over whole runs; only rows are left out, so that one Gram matrix per part gives all
 //! left-out fits.
 //!
 //! 1. A lag common to all inputs, or none, is chosen by a quadratic map; the best [`SETS`] are kept.
@@ -23,37 +22,49 @@ use rom::rng::Rng;
 use rom::statistics::{mean, median};
 use std::ops::Range;
 
-/// FittedRows beyond which only every n-th is used, and the rows of a regression.
+/// Rows beyond which only every n-th is used.
 const MAX_ROWS: usize = 20_000;
+/// Most rows of a regression.
 const FITTED_ROWS: usize = 1500;
-/// Left-out parts of one or two runs, and most parts of several.
+/// Left-out parts of one or two runs.
 const PARTS: usize = 6;
+/// Most left-out parts of several runs.
 const MOST_PARTS: usize = 12;
-/// Times of the lags, and ratios of filling to emptying.
+/// Times that are tried for a lag.
 const TIMES: usize = 10;
+/// Ratios of a lag's filling time to its emptying time.
 const RATIOS: [f64; 5] = [1.0 / 3.0, 0.6, 1.0, 1.0 / 0.6, 3.0];
-/// Sets of lags that are kept, and the gain in left-out error for a further lag.
+/// Sets of lags that are kept.
 const SETS: usize = 3;
+/// Fraction by which a further lag must lower the left-out error.
 const GAIN: f64 = 0.05;
-/// Smoothing of the search, those of the maps, and the gain in left-out error for a larger one to be refused.
+/// Smoothing while lags are searched.
 const QUICK: f64 = 1e-4;
+/// Smoothings that are tried for the maps.
 const SMOOTHINGS: [f64; 4] = [1e-7, 1e-5, 1e-3, 1e-1];
+/// Factor on the left-out error that a larger smoothing must reach to be preferred to a smaller one.
 const SMOOTHER: f64 = 0.995;
 /// Smoothing of the base, which is to go on beyond what was visited.
 pub(super) const BASE_SMOOTHING: f64 = 1e-2;
-/// Best members of a family, and the power of its error in its weight.
+/// Best members of a family, whose mean is taken.
 const MEMBERS: usize = 8;
+/// Power of a family's left-out error in its weight.
 const POWER: i32 = -8;
 /// Smallest share of a family.
 const LEAST_SHARE: f64 = 0.01;
-/// Centres and radii of kernel maps.
+/// Most centres of a kernel map.
 const CENTRES: usize = 160;
+/// Radii that are tried for kernels, in units of the root of the number of lags.
 const RADII: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
-/// Neurons, share of pairs that are connected, spectral radii, scales of the inputs, and drawings of each.
+/// Neurons of a reservoir.
 const NEURONS: usize = 120;
+/// Share of pairs of neurons that are connected.
 const CONNECTED: f64 = 0.05;
+/// Largest eigenvalues of the connections that are tried.
 const SPECTRAL_RADII: [f64; 2] = [0.5, 0.95];
+/// Strengths of the inputs that are tried.
 const INPUT_SCALES: [f64; 2] = [0.2, 0.6];
+/// Random reservoirs of each kind.
 const DRAWINGS: usize = 2;
 /// Ratio of half the mean square step of an input to its variance from which rows are dealt: 1 for any order.
 const DEALT: f64 = 0.5;
@@ -408,7 +419,7 @@ fn square(x: &Mat<f64>, row: usize, centre: &[f64]) -> f64 {
     centre.iter().enumerate().map(|(j, c)| (x[(row, j)] - c).powi(2)).sum()
 }
 
-/// FittedRows spread over all: the one nearest to the mean, then each time the one farthest from those before it.
+/// Rows spread over all: the one nearest to the mean, then each time the one farthest from those before it.
 fn centres(x: &Mat<f64>) -> Vec<Vec<f64>> {
     let row_values = |row: usize| -> Vec<f64> { x.row(row).iter().copied().collect() };
     let middle: Vec<f64> = (0..x.ncols()).map(|j| mean(x.col(j).iter().copied())).collect();

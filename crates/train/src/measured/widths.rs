@@ -30,22 +30,25 @@ const WANDERS_ON: f64 = 4.0;
 const PRIOR_RUNS: f64 = 2.0;
 /// Share of values within a standard deviation.
 const ONE_SIGMA: f64 = 0.68;
-/// Smallest reach per root of the number of lags.
+/// Smallest reach, in units of the root of the number of lags.
 const LEAST_REACH: f64 = 0.25;
-/// Quantile of the distances between parts that is the reach, and beyond which squared errors are clipped.
+/// Quantile of the distances between parts that is the reach.
 const REACHED: f64 = 0.95;
+/// Quantile beyond which squared errors are clipped.
 const CLIPPED: f64 = 0.99;
-/// Smallest constant part of the squared error, as a fraction of its median, and rounds of its fit.
+/// Smallest constant part of the squared error, as a fraction of its median.
 const LEAST_NOISE: f64 = 0.1;
+/// Rounds of the fit of the squared error.
 const REWEIGHTED: usize = 10;
-/// Outer part of an input that is left out to see how the base goes on, and the fewest rows of either.
+/// Outer part of an input that is left out to see how the base goes on.
 const OUTER: f64 = 0.3;
+/// Fewest rows of the outer and of the inner part.
 const FEWEST: [usize; 2] = [10, 30];
 /// Distance added to those at which the growth is measured.
 const NEAR: f64 = 0.25;
 /// Part of a run's duration over which an offset wanders by the allowance.
 const WANDERS: f64 = 0.25;
-/// Which of the times is the longer past.
+/// Index of the lag, among the times that are tried, that stands for the distant past.
 const LONGER_PAST: usize = 7;
 
 /// Lags by which places are told apart, with their rows.

@@ -56,13 +56,18 @@ impl Places {
     /// Removes leftovers of dead programs; waits at most `patience` for programs that create resources. After that only incomplete
     /// files are removed, which needs no lock.
     pub(crate) fn sweep(&self, patience: Duration) -> Removed {
+        self.try_sweep(patience).0
+    }
+
+    /// As [`Self::sweep`]; the second value is false if others created resources all the time, so that dead programs may be left.
+    pub(crate) fn try_sweep(&self, patience: Duration) -> (Removed, bool) {
         // Incomplete files first: the following steps open files and would wait for their completion.
         let mut removed = Removed { files: self.remove_incomplete(), ..Removed::default() };
-        let Ok(Some(_lock)) = self.lock_to_remove(patience) else { return removed };
+        let Ok(Some(_lock)) = self.lock_to_remove(patience) else { return (removed, false) };
         let _one_at_a_time = IN_THIS_PROCESS.lock();
         (removed.nodes, removed.failed) = self.remove_dead_nodes();
         removed.files += self.remove_dead_listeners() + self.remove_ownerless();
-        removed
+        (removed, true)
     }
 
     /// Files that no process has open after the removal of dead nodes are ownerless: each user of a service keeps its description

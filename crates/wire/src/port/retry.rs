@@ -31,6 +31,8 @@ pub(crate) fn within<T>(
 ) -> Result<T, WireError> {
     let begin = Instant::now();
     let mut tries = 0;
+    // Before a try all leftovers were removed, by this program or by another one that starts at the same time.
+    let mut is_swept = false;
     loop {
         tries += 1;
         let tried = locked(places, &mut attempt)?;
@@ -47,11 +49,11 @@ pub(crate) fn within<T>(
         let over = begin.elapsed() > FLUX_TIMEOUT;
         match refusal {
             Refusal::Final(error) => return Err(error),
-            Refusal::Full(error) if over || !places.sweep(SWEEP_PATIENCE).any() => return Err(error),
+            Refusal::Full(error) if over || is_swept => return Err(error),
             Refusal::Passing(cause) if over => {
                 return Err(WireError::InFlux { topic: name.into(), tries, cause });
             }
-            Refusal::Full(_) => {}
+            Refusal::Full(_) => (_, is_swept) = places.try_sweep(SWEEP_PATIENCE),
             Refusal::Passing(_) => {
                 places.sweep(FLUX_PAUSE);
                 std::thread::sleep(FLUX_PAUSE);
@@ -134,3 +136,7 @@ pub(super) fn file_system(folder: &Path) -> Option<libc::statvfs> {
     };
     (code == 0).then_some(status)
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/port_retry.rs"]
+mod tests;
