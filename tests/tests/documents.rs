@@ -1,5 +1,5 @@
 //! Documents compared with the repository: the two tables of files in ARCHITECTURE.md (the way of a reading, the way of training), links,
-//! and paths of files.
+//! paths of files, and what a reader is told to type.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -170,4 +170,99 @@ fn paths_that_documents_name_exist() {
         }
     }
     assert!(checked >= 50 && missing.is_empty(), "{checked} paths, missing: {missing:#?}");
+}
+
+/// File, language and text of every fenced block.
+fn blocks() -> Vec<(PathBuf, String, String)> {
+    let mut blocks = Vec::new();
+    for (file, text) in documents() {
+        // Odd parts stand between the fences.
+        for block in text.split("\n```").skip(1).step_by(2) {
+            let (language, body) = block.split_once('\n').unwrap_or((block, ""));
+            blocks.push((file.clone(), language.to_owned(), body.to_owned()));
+        }
+    }
+    blocks
+}
+
+/// The commands of a shell script, each as its words: enough of the shell for what documents show, which are quotes, comments, continued
+/// lines, and what stands between commands.
+fn commands(script: &str) -> Vec<Vec<String>> {
+    let (mut commands, mut words, mut word) = (vec![], vec![], None::<String>);
+    let mut quote = None;
+    let script = script.replace("\\\n", " ");
+    let mut characters = script.chars();
+    while let Some(c) = characters.next() {
+        match (quote, c) {
+            (Some(open), c) if c == open => quote = None,
+            (Some(_), c) => word.get_or_insert_default().push(c),
+            (None, '\'' | '"') => {
+                quote = Some(c);
+                word.get_or_insert_default();
+            }
+            (None, '#') if word.is_none() => {
+                // A comment ends with its line, and so does the command before it.
+                let _ = characters.by_ref().find(|c| *c == '\n');
+                commands.push(std::mem::take(&mut words));
+            }
+            (None, ' ' | '\t') => words.extend(word.take()),
+            (None, '\n' | '|' | '&' | ';' | '<' | '>' | '(' | ')') => {
+                words.extend(word.take());
+                commands.push(std::mem::take(&mut words));
+            }
+            (None, c) => word.get_or_insert_default().push(c),
+        }
+    }
+    words.extend(word);
+    commands.push(words);
+    commands.retain(|words| !words.is_empty());
+    commands
+}
+
+/// `scripts/check.sh gallery`, `actuators` and `clients` run those of the gallery, of the shapes and of the Python pages.
+#[test]
+fn commands_in_documents_are_ones_that_the_program_takes() {
+    use clap::Subcommand;
+    let program = softtwin::Command::augment_subcommands(clap::Command::new("softtwin"));
+    let (mut checked, mut wrong) = (0, Vec::new());
+    for (file, language, body) in blocks() {
+        if language != "sh" {
+            continue;
+        }
+        for words in commands(&body).into_iter().filter(|words| words[0] == "softtwin") {
+            if let Err(error) = program.clone().try_get_matches_from(&words) {
+                let said = error.to_string();
+                wrong.push(format!(
+                    "{}: {}: {}",
+                    file.display(),
+                    words.join(" "),
+                    said.lines().next().unwrap()
+                ));
+            }
+            checked += 1;
+        }
+    }
+    assert!(checked >= 100 && wrong.is_empty(), "{checked} commands, wrong: {wrong:#?}");
+}
+
+#[test]
+fn files_in_documents_can_be_read() {
+    let (mut checked, mut wrong) = (0, Vec::new());
+    for (file, language, body) in blocks() {
+        let failure = match language.as_str() {
+            "toml" => body.parse::<toml::Table>().err().map(|error| error.to_string()),
+            "json" => serde_json::from_str::<serde_json::Value>(&body).err().map(|error| error.to_string()),
+            _ => continue,
+        };
+        wrong.extend(failure.map(|error| format!("{}: {error}", file.display())));
+        checked += 1;
+    }
+    assert!(checked >= 10 && wrong.is_empty(), "{checked} blocks, wrong: {wrong:#?}");
+}
+
+#[test]
+fn a_script_is_taken_apart_as_a_shell_does() {
+    let found = commands("a --b 'c d' \\\n  e=\"f\" # not | this\nsofttwin x >out && y; z#1 &");
+    let expected = [&["a", "--b", "c d", "e=f"][..], &["softtwin", "x"], &["out"], &["y"], &["z#1"]];
+    assert_eq!(found, expected);
 }

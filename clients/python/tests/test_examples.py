@@ -100,11 +100,23 @@ def test_the_controller_keeps_to_range_and_rate_of_the_scene(stage):
         hold_force.limits(free, "other")
 
 
-@pytest.mark.parametrize("number", range(8))
+def programs_of(page):
+    return re.findall(r"```python\n(.*?)```", page.read_text(), re.S)
+
+
+def test_programs_of_every_document_are_python():
+    pages = [*REPOSITORY.glob("*.md"), *REPOSITORY.glob("docs/**/*.md"), *REPOSITORY.glob("examples/**/*.md")]
+    programs = [(page, program) for page in pages for program in programs_of(page)]
+    for page, program in programs:
+        compile(program, str(page), "exec")
+    assert len(programs) >= 12
+
+
+@pytest.mark.parametrize("number", range(9))
 def test_programs_of_the_documentation_run(live, number, tmp_path):
-    pages = [(REPOSITORY / page).read_text() for page in ("docs/clients/python.md", "README.md")]
-    programs = [program for page in pages for program in re.findall(r"```python\n(.*?)```", page, re.S)]
-    assert len(programs) == 8, "seven of the client's document, one of README.md"
+    python, readme, ideas = (programs_of(REPOSITORY / page) for page in ("docs/clients/python.md", "README.md", "docs/ideas.md"))
+    programs = [*python, *readme, "\n".join(ideas)]  # those of the ideas go on from one to the next
+    assert len(programs) == 9, "seven of the client's document, one of README.md, one of the ideas"
     path = tmp_path / f"program{number}.py"
     path.write_text(programs[number])
     if "SensorPublisher" in programs[number]:
