@@ -55,7 +55,8 @@ fi
 mkdir "$work/pages/notebooks"
 cp -f --remove-destination "${CARGO_TARGET_DIR:-target}/debug/lib_native.so" clients/python/src/softtwin/_native.abi3.so
 for notebook in clients/python/examples/*.ipynb; do
-    PYTHONPATH=$PWD/clients/python/src SOFTTWIN_MODEL=$PWD/models/pneunet/pneunet.twin PYDEVD_DISABLE_FILE_VALIDATION=1 \
+    PYTHONPATH=$PWD/clients/python/src SOFTTWIN_MODEL=$PWD/models/pneunet/pneunet.twin SOFTTWIN_DATA=$PWD/benchmarks/data \
+        PYDEVD_DISABLE_FILE_VALIDATION=1 \
         build/docs-venv/bin/python docs/site/notebook.py "$notebook" "$work/pages/notebooks/$(basename "$notebook" .ipynb).md"
 done
 

@@ -1,4 +1,4 @@
-"""The notebook runs; Gymnasium accepts the environment, and a controller improves its reward."""
+"""The notebooks run; Gymnasium accepts the environment, and a controller improves its reward."""
 
 import json
 import os
@@ -17,13 +17,15 @@ from conftest import REPOSITORY
 from gymnasium.utils.env_checker import check_env
 
 MODEL = REPOSITORY / "models/pneunet/pneunet.twin"
-NOTEBOOK = REPOSITORY / "clients/python/examples/twin.ipynb"
+NOTEBOOKS = sorted((REPOSITORY / "clients/python/examples").glob("*.ipynb"))
 
 
-def test_the_notebook_runs_and_draws(monkeypatch):
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_run_and_draw(monkeypatch, path):
     monkeypatch.setenv("SOFTTWIN_MODEL", str(MODEL))
+    monkeypatch.setenv("SOFTTWIN_DATA", str(REPOSITORY / "benchmarks/data"))
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(REPOSITORY / "clients/python/src"), os.environ.get("PYTHONPATH", "")]))
-    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    notebook = nbformat.read(path, as_version=4)
     assert all(not cell.get("outputs") for cell in notebook.cells), "committed without results"
     done = nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
     pictures = [out for cell in done.cells for out in cell.get("outputs", []) if "image/png" in out.get("data", {})]

@@ -52,9 +52,11 @@ impl Args {
                 let points = run.time_s.iter().copied().zip(series.values.iter().copied());
                 Panel::new("", "time [s]", series.name.as_str(), vec![Series::line("", 0, points)])
             };
-            let panels = run.inputs.iter().chain(&run.outputs).map(over_time).collect();
+            let panels: Vec<Panel> = run.inputs.iter().chain(&run.outputs).map(over_time).collect();
             let title = self.source.display().to_string();
-            return Ok(Picture::Chart(Figure { title, panels, columns: 3 }));
+            // Few stand below each other, so that one instant is at one place in all of them.
+            let columns = if panels.len() <= 3 { 1 } else { 3 };
+            return Ok(Picture::Chart(Figure { title, panels, columns }));
         }
         if self.case.is_none() && is_recording(&self.source) {
             let model = self.model.as_ref().map(|path| files::model(path)).transpose()?;
