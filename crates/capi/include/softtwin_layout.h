@@ -321,7 +321,7 @@ typedef struct {
   double sigmas[8]; /**< Standard deviations of the estimated values. */
   double inputs[8]; /**< Model inputs that explain the reading best: pressure, gap, then the others in the model's order; NaN: the model does not have it. State and fields are those of these inputs. */
   uint32_t input_count; /**< Inputs of the model. */
-  uint32_t alarm; /**< Persistent contradiction of about the last second. */
+  uint32_t alarm; /**< Persistent contradiction; it stands until there has been no evidence of one for the scene's `alarm_hold_s`. */
   double force_sigma_n; /**< Standard deviation of the force that follows from those of the estimated values. Unit: N. */
   uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
   uint8_t names[256]; /**< Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left. */

@@ -1,8 +1,9 @@
 //! Measured values beside the model's before and after a fit, and what is left over.
 
-use crate::batch::{Fit, ResidualSeries, Structure};
+use crate::batch::Fit;
 use crate::filter::Filter;
 use crate::setup::{Measurement, Model, Predicted, Row, Setup};
+use crate::structure::{ResidualSeries, Structure};
 
 /// Predictions for each reading, by measured quantity.
 pub struct Curves {

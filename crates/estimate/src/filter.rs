@@ -7,7 +7,7 @@ use crate::identify::{self, Identifiability};
 use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector, chi_squared_quantile, truncated, upper_tail};
 use crate::reading::{
     Explanation, LastPredictions, MAX_PREDICTIONS, Predictor, Prior, Prospect, ReadingProblem, Side,
-    innovation,
+    difference, innovation,
 };
 use crate::setup::{
     Alarm, Estimate, InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, MotionState, PASTS, Setup,
@@ -65,6 +65,8 @@ pub struct Filter {
     watch: Watch,
     memory: [Pattern; 2],
     alarm: Option<Alarm>,
+    /// Factor of the estimates' standard deviations by what the readings leave over.
+    widening: f64,
 }
 
 impl Filter {
@@ -88,6 +90,7 @@ impl Filter {
             watch: Watch::default(),
             memory: Pattern::all(CYCLES_S),
             alarm: None,
+            widening: 1.0,
             last_t_s: None,
             spacing_s: f64::INFINITY,
             gap_floor_mm: f64::NEG_INFINITY,
@@ -105,7 +108,7 @@ impl Filter {
     }
 
     /// Estimates in the order of the unknowns. The standard deviations contain the effect of memory as far as the readings do not
-    /// exclude it.
+    /// exclude it, and grow with what the model leaves over of the readings.
     pub fn estimates(&self) -> impl Iterator<Item = Estimate> {
         let gap = self.setup.gap_unknown();
         (0..self.setup.unknowns.len()).map(move |at| {
@@ -114,6 +117,7 @@ impl Filter {
                 (value, sigma) = truncated(value, sigma, self.gap_floor_mm);
             }
             let unread = self.unread[at].sqrt();
+            sigma *= self.widening;
             sigma = widened(&self.memory, at, sigma, unread, value - self.setup.unknowns[at].prior);
             let identifiable =
                 self.identifiability.is_identifiable(at) && sigma <= identify::MAX_SIGMA_RATIO * unread;
@@ -153,7 +157,8 @@ impl Filter {
             variance += (of_unknowns + driving * pattern.difference()).powi(2) * pattern.square();
         }
         let spread = self.covariance.times(&by_unknown);
-        variance += by_unknown.iter().zip(spread).map(|(a, b)| a * b).sum::<f64>();
+        let of_unknowns = by_unknown.iter().zip(spread).map(|(a, b)| a * b).sum::<f64>();
+        variance += self.widening * self.widening * of_unknowns;
         variance.max(0.0).sqrt()
     }
 
@@ -208,10 +213,15 @@ impl Filter {
         let used = accepted.and_then(|explained| self.accept(measurement, &prior, explained, model));
         let solved = accepted.filter(|_| used.is_some());
         let noise = solved.map(|solved| &solved.states[self.setup.unknowns.len()..]);
+        let residuals = solved.map(|solved| self.residuals(measurement, solved));
         if let Some(now) = now {
             // Earlier estimates are kept only if the reading that required them is used.
             match used {
-                Some(_) => self.before.forget(),
+                Some(_) => {
+                    self.before.forget();
+                    // What was left over before belongs to a body in the air.
+                    self.watch.begin_window();
+                }
                 None => (self.mean, self.covariance) = now,
             }
         }
@@ -219,18 +229,42 @@ impl Filter {
             Some(rejected) => Update { rejected, ..self.unchanged(Status::NotExplained, measurement) },
             None => self.unchanged(Status::NotConverged, measurement),
         });
-        self.conclude(measurement, update, noise)
+        self.conclude(measurement, update, noise.zip(residuals.as_ref()))
     }
 
-    /// Updates trends and alarms. `noise` is that of the measured inputs; `None` if the reading was not used.
-    fn conclude(&mut self, measurement: &Measurement, mut update: Update, noise: Option<&[f64]>) -> Update {
+    /// Residuals of the values that a reading's solution accepts, at the estimates after it and without noise of the measured inputs; NaN
+    /// for all other values.
+    fn residuals(&self, measurement: &Measurement, solved: &Explanation) -> [f64; MAX_ROWS] {
+        let mut linear = solved.linear;
+        let count = self.setup.unknowns.len();
+        let mut there = [0.0; MAX_STATES];
+        there[..count].copy_from_slice(&self.mean[..count]);
+        linear.move_along(&difference(&there, &solved.states));
+        let mut out = [f64::NAN; MAX_ROWS];
+        let rows = self.setup.rows.iter().zip(&measurement.rows).zip(&linear.residual);
+        for (out, ((row, value), residual)) in out.iter_mut().zip(rows) {
+            if value.is_finite() && solved.rejected & (1 << row.block) == 0 {
+                *out = *residual;
+            }
+        }
+        out
+    }
+
+    /// Updates trends and alarms. `solved`: noise of the measured inputs and residuals without it; `None` if the reading was not used.
+    fn conclude(
+        &mut self,
+        measurement: &Measurement,
+        mut update: Update,
+        solved: Option<(&[f64], &[f64; MAX_ROWS])>,
+    ) -> Update {
         self.follow(measurement, &mut update.inputs);
         let mut watch = std::mem::take(&mut self.watch);
-        watch.add(&self.setup, measurement, &update, noise);
+        watch.add(&self.setup, measurement, &update, solved);
         let unread = self.unread.map(f64::sqrt);
         let may_be_memory = self.memory.iter().any(Pattern::may_be);
         update.alarm = watch.judge(&self.setup, self.estimates().zip(unread), may_be_memory);
         self.alarm = update.alarm;
+        self.widening = watch.widening(&self.setup.rows);
         self.watch = watch;
         update
     }

@@ -5,7 +5,8 @@
 //! | `setup.rs` | unknowns with their priors, roles of the model's inputs, measured values, the trait of a model; outcomes and alarms |
 //! | `reading.rs` | one reading as a least-squares problem; its solution by steps, rejection of outliers, a bounded number of predictions |
 //! | `filter.rs` | the filter over readings: drift, contact or not, consistency |
-//! | `batch.rs` | the fit of constants to a whole recording, and the structure of its residuals |
+//! | `batch.rs` | the fit of constants to a whole recording |
+//! | `structure.rs` | structure of the residuals over time, of a recording and of the last readings |
 //! | `curves.rs` | measured values beside the predictions before and after a fit, and why it explains nothing |
 //! | `identify.rs` | identifiability of the unknowns, and the plan of an experiment that identifies them |
 //! | `watch.rs` | alarms: persistent contradictions, play and lag of the plant |
@@ -26,10 +27,11 @@ mod identify;
 mod matrix;
 mod reading;
 mod setup;
+mod structure;
 mod swing;
 mod watch;
 
-pub use batch::{Fit, ResidualSeries, Structure, fit};
+pub use batch::{Fit, fit};
 pub use curves::Curves;
 pub use filter::Filter;
 pub use identify::{ExpectedFit, choose, expected_fit, information};
@@ -39,3 +41,4 @@ pub use setup::{
     Alarm, Estimate, InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, MotionEnd, MotionState, PASTS,
     Predicted, Row, Setup, SetupError, Status, Swing, Unknown, Update,
 };
+pub use structure::{ResidualSeries, Structure};

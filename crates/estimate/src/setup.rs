@@ -117,6 +117,8 @@ pub struct Setup {
     pub gap: Option<usize>,
     /// Correlation time of the model's error (s). Readings within it do not average the error out.
     pub model_correlation_s: f64,
+    /// Time (s) without evidence after which an alarm ends.
+    pub alarm_hold_s: f64,
     /// `None` for a model at equilibrium.
     pub swing: Option<Swing>,
 }
@@ -153,6 +155,12 @@ impl Setup {
             "model_correlation_s".into(),
             "0 or more",
             self.model_correlation_s.to_string(),
+        );
+        expect(
+            at_least_zero(self.alarm_hold_s),
+            "alarm_hold_s".into(),
+            "0 or more",
+            self.alarm_hold_s.to_string(),
         );
         for unknown in &self.unknowns {
             let [low, high] = unknown.range;
@@ -296,6 +304,13 @@ impl Setup {
             self.unknowns.truncate(swing.load.min(swing.rate));
         }
         self.swing = None;
+        self
+    }
+
+    /// The same with unknowns that do not change over time.
+    #[must_use]
+    pub(crate) fn without_drift(mut self) -> Self {
+        self.unknowns.iter_mut().for_each(|unknown| unknown.drift_per_sqrt_s = 0.0);
         self
     }
 

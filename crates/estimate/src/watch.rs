@@ -22,7 +22,8 @@
 //! Until the input has reversed, memory is not distinguishable from a bias: `I` stays small, and the bias keeps a wide interval.
 
 use crate::matrix::{MAX_STATES, Vector};
-use crate::setup::{Alarm, Estimate, MAX_INPUTS, MAX_ROWS, Measurement, Setup, Status, Update};
+use crate::setup::{Alarm, Estimate, MAX_INPUTS, MAX_ROWS, Measurement, Row, Setup, Status, Update};
+use crate::structure::Window;
 
 /// Time constant of the weights (s).
 const MEMORY_S: f64 = 0.5;
@@ -92,8 +93,15 @@ impl Direction {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Watch {
     last_t_s: Option<f64>,
-    /// Begin of the present contradiction.
+    /// Begin of the present contradiction, and of the present kind of it.
     since_s: Option<f64>,
+    kind_since_s: f64,
+    found: Option<Alarm>,
+    /// The alarm that stands, and when there was evidence for one last.
+    standing: Option<Alarm>,
+    evident_s: f64,
+    /// Residuals of the readings that were used.
+    window: Window,
     readings: f64,
     /// Readings that were not used.
     unexplained: f64,
@@ -115,13 +123,14 @@ pub(crate) struct Watch {
 }
 
 impl Watch {
-    /// Adds the outcome of a reading. `noise` is that of the measured inputs, in order; `None` if the reading was not used.
+    /// Adds the outcome of a reading. `noise` is that of the measured inputs, in order, `residuals` those at the estimates without it;
+    /// `None` if the reading was not used.
     pub(crate) fn add(
         &mut self,
         setup: &Setup,
         measurement: &Measurement,
         update: &Update,
-        noise: Option<&[f64]>,
+        solved: Option<(&[f64], &[f64; MAX_ROWS])>,
     ) {
         let passed_s = measurement.t_s - self.last_t_s.unwrap_or(measurement.t_s);
         self.last_t_s = Some(measurement.t_s);
@@ -143,7 +152,8 @@ impl Watch {
                 self.variance += 2.0;
             }
         }
-        if let Some(noise) = noise {
+        if let Some((noise, residuals)) = solved {
+            self.window.add(measurement.t_s, residuals);
             self.used += 1.0;
             self.innovation += update.nis;
             for ((sum, noise), (_, sigma)) in self.noise.iter_mut().zip(noise).zip(setup.measured_inputs()) {
@@ -173,8 +183,9 @@ impl Watch {
         self.variance *= weight * weight;
     }
 
-    /// Contradiction that has lasted for `SETTLE_S`. `estimates` come with their standard deviations without any reading;
-    /// `may_be_memory`: memory of the plant may be what contradicts.
+    /// The alarm that stands: a contradiction that has lasted for `SETTLE_S`, until there has been no evidence of any for the setup's
+    /// `alarm_hold_s`. `estimates` come with their standard deviations without any reading; `may_be_memory`: memory of the plant may be
+    /// what contradicts.
     pub(crate) fn judge(
         &mut self,
         setup: &Setup,
@@ -183,7 +194,29 @@ impl Watch {
     ) -> Option<Alarm> {
         let (found, now_s) = (self.misfit(setup, estimates, may_be_memory), self.last_t_s?);
         self.since_s = found.and(self.since_s.or(Some(now_s)));
-        found.filter(|_| self.since_s.is_some_and(|since| now_s - since >= SETTLE_S))
+        if found != self.found {
+            (self.found, self.kind_since_s) = (found, now_s);
+        }
+        if self.since_s.is_some_and(|since| now_s - since >= SETTLE_S) {
+            // Another kind replaces the one that stands when it has lasted as long.
+            if self.standing.is_none() || now_s - self.kind_since_s >= SETTLE_S {
+                self.standing = found;
+            }
+            self.evident_s = now_s;
+        } else if now_s - self.evident_s >= setup.alarm_hold_s {
+            self.standing = None;
+        }
+        self.standing
+    }
+
+    /// Forgets what is left over of earlier readings.
+    pub(crate) fn begin_window(&mut self) {
+        self.window = Window::default();
+    }
+
+    /// Factor by which what is left in the readings widens the standard deviations of the estimates.
+    pub(crate) fn widening(&self, rows: &[Row]) -> f64 {
+        self.window.widening(rows)
     }
 
     fn misfit(
@@ -232,7 +265,7 @@ impl Watch {
         if self.innovation > self.allowed + MAX_EXCESS * self.variance.sqrt() {
             return Some(Alarm::NotExplained);
         }
-        if differs {
+        if self.window.is_unexplained(&setup.rows) {
             return Some(Alarm::NotExplained);
         }
         let mut unknowns = 0_u32;

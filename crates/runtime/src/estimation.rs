@@ -12,7 +12,7 @@ mod observed;
 pub use learned::{LearnedMarkers, MarkerModel};
 pub use moving::filter;
 
-use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, PRESSURE_BIAS, Sigmas};
+use crate::config::{ActuatorSpec, BIASES, CameraSpec, FORCE_BIAS, Gap, PRESSURE_BIAS, Sigmas};
 use crate::measured::MeasuredInputs;
 use estimate::{
     Alarm, Filter, InputRole, MAX_INPUTS, Measurement, MotionEnd, MotionState, PASTS, Predicted, Row, Setup,
@@ -72,7 +72,7 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
             name: (*name).into(),
             prior: unknown.prior,
             sigma: unknown.sigma,
-            drift_per_sqrt_s: unknown.drift,
+            drift_per_sqrt_s: unknown.drift_of(name),
             range: range(name),
         })
     });
@@ -117,9 +117,10 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
     let out = Setup {
         unknowns: unknowns.chain(pasts).chain(of_swing).collect(),
         inputs: keys.iter().enumerate().map(role).collect(),
-        rows: rows(spec, model, position("force_bias_n"), &sigmas, observed),
+        rows: rows(spec, model, position(FORCE_BIAS), &sigmas, observed),
         gap: Some(GAP),
         model_correlation_s: spec.sigma.model_correlation_s,
+        alarm_hold_s: spec.sigma.alarm_hold_s,
         swing: swing_error.map(|frequency_error| Swing { load, rate: load + 1, frequency_error }),
     };
     problems.extend(wrong_setup(&out));
@@ -165,6 +166,50 @@ fn wrong_setup(out: &Setup) -> Vec<String> {
     problems
 }
 
+/// Error that the mesh of a finite-element model leaves after a fit, as a part of the largest force and of a marker's travel.
+const MESH_FORCE: f64 = 0.01;
+const MESH_TRAVEL: f64 = 0.001;
+
+/// Errors of the mesh: of the force, N, and of the markers, mm. 0 for a model learned from measurements, which has none.
+///
+/// A model does not know its mesh's error. These are the parts by which finer meshes of the shipped fingers change force and position, of
+/// the force and the travel along the pressures at the gap and the inputs of the scene.
+fn mesh_errors(spec: &ActuatorSpec, model: &Model) -> (f64, f64) {
+    let points: Option<Vec<_>> = spec.markers.iter().map(|marker| marker.point(model).ok()).collect();
+    let probes = points.and_then(|points| Probes::new(model, &points).ok());
+    let Some(probes) = probes.filter(|_| model.header.learned.is_none()) else { return (0.0, 0.0) };
+    let value = |(at, input): (usize, &InputSpec)| {
+        let given = match spec.gap_mm {
+            Gap::Fixed(gap_mm) if at == GAP => Some(gap_mm),
+            _ => input.value,
+        };
+        let prior = spec.estimate.get(&input.key()).map(|unknown| unknown.prior);
+        prior.or(given).unwrap_or(0.5 * (input.range[0] + input.range[1]))
+    };
+    let nominal = Inputs::new(f64::NAN, f64::INFINITY);
+    let nominal = model
+        .header
+        .inputs
+        .iter()
+        .enumerate()
+        .fold(nominal, |inputs, (at, input)| inputs.with(at, value((at, input))));
+    let [low, high] = model.header.inputs.first().map_or([0.0; 2], |pressure| pressure.range);
+    let mut evaluation = probes.evaluation();
+    let mut positions = vec![ProbePosition::default(); spec.markers.len()];
+    let (mut begin, mut force_n, mut travel_mm) = (None, 0.0_f64, 0.0_f64);
+    for part in [0.0, 0.25, 0.5, 0.75, 1.0] {
+        let inputs = nominal.with(PRESSURE, low + part * (high - low));
+        probes.answer(inputs, Query { range: false, ..Query::GRADIENTS }, &mut evaluation, &mut positions);
+        force_n = force_n.max(evaluation.contact_force_n);
+        let begin = begin.get_or_insert_with(|| positions.clone());
+        for (there, begin) in positions.iter().zip(begin) {
+            let square = there.position_mm.iter().zip(begin.position_mm).map(|(x, x0)| (x - x0).powi(2));
+            travel_mm = travel_mm.max(square.sum::<f64>().sqrt());
+        }
+    }
+    (MESH_FORCE * force_n, MESH_TRAVEL * travel_mm)
+}
+
 /// The force, then x, y, z of each marker, then the observables.
 fn rows(
     spec: &ActuatorSpec,
@@ -177,20 +222,22 @@ fn rows(
     let (force, displacement) = regimes.fold((0.0_f64, 0.0_f64), |(force, displacement), regime| {
         (force.max(regime.halfwidths.force_n), displacement.max(regime.halfwidths.displacement_mm))
     });
+    let (mesh_n, mesh_mm) = mesh_errors(spec, model);
     let force = Row {
         name: "measured_force_n".into(),
         block: 0,
         sigma: sigmas.force_n,
-        model_sigma: spec.sigma.model_force_n.unwrap_or(force / HALFWIDTH_SIGMAS),
+        model_sigma: spec.sigma.model_force_n.unwrap_or_else(|| mesh_n.hypot(force / HALFWIDTH_SIGMAS)),
         bias: force_bias,
     };
+    let model_mm = spec.sigma.model_mm.unwrap_or_else(|| mesh_mm.hypot(displacement / HALFWIDTH_SIGMAS));
     let marker = |(at, marker): (usize, &crate::config::MarkerSpec)| {
         let Marker { x, y, z } = sigmas.markers_mm.get(at).copied().unwrap_or(Marker::ABSENT);
         [("x", x), ("y", y), ("z", z)].map(|(axis, sigma)| Row {
             name: format!("{} {axis}", marker.name),
             block: at + 1,
             sigma,
-            model_sigma: spec.sigma.model_mm.unwrap_or(displacement / HALFWIDTH_SIGMAS),
+            model_sigma: model_mm,
             bias: None,
         })
     };

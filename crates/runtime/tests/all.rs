@@ -2,6 +2,7 @@
 
 mod http;
 mod mixed;
+mod plants;
 mod recorded;
 mod sensors;
 mod sources;

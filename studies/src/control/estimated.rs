@@ -120,12 +120,13 @@ fn run<B: Body>(
     model.set_record(BlockKind::Memory, &memory)?;
     let mut memory = Memory::new(memory).map_err(|error| anyhow!(error))?;
     let unknown = |is_one: bool, text: String| if is_one { text } else { String::new() };
-    let unknowns = unknown(of_gap, format!("gap_mm = {{ prior = {shown_mm:?}, sigma = 4.0 }}\n"))
-        + &unknown(
-            of_stiffness,
-            format!("\"elastomer.law.mu_mpa\" = {{ prior = {nominal_mpa:?}, sigma = 0.12 }}\n"),
-        )
-        + &unknown(of_bias, "pressure_bias_mpa = { prior = 0.0, sigma = 0.001 }\n".into());
+    let unknowns =
+        unknown(of_gap, format!("gap_mm = {{ prior = {shown_mm:?}, sigma = 4.0, drift = 0.0 }}\n"))
+            + &unknown(
+                of_stiffness,
+                format!("\"elastomer.law.mu_mpa\" = {{ prior = {nominal_mpa:?}, sigma = 0.12 }}\n"),
+            )
+            + &unknown(of_bias, "pressure_bias_mpa = { prior = 0.0, sigma = 0.001, drift = 0.0 }\n".into());
     let scene: Scene = toml::from_str(&format!(
         "name = \"estimated\"\n[[actuator]]\nname = \"finger\"\nmodel = \"{MODEL}\"\n[actuator.estimate]\n{unknowns}\
          [[actuator.marker]]\nname = \"tip\"\nat_mm = {:?}\n[actuator.sigma]\nmodel_mm = 0.2\nmarker_mm = 0.1\n",

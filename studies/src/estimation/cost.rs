@@ -27,10 +27,10 @@ pub(super) fn extend(
     let of_parameter = |input: &InputSpec| {
         let [low, high] = input.range;
         let prior = input.value.unwrap_or(0.5 * (low + high));
-        (input.key(), UnknownSpec { prior, sigma: PARAMETER_SHARE * (high - low), drift: 0.0 })
+        (input.key(), UnknownSpec { prior, sigma: PARAMETER_SHARE * (high - low), drift: None })
     };
     let parameters = model.header.inputs.iter().skip(PARAMETERS).map(of_parameter);
-    let bias = ("force_bias_n".to_owned(), UnknownSpec { prior: 0.0, sigma: FORCE_BIAS_N, drift: 0.0 });
+    let bias = ("force_bias_n".to_owned(), UnknownSpec { prior: 0.0, sigma: FORCE_BIAS_N, drift: None });
     for (name, unknown) in parameters.chain([bias]) {
         if spec.estimate.len() < unknowns.unwrap_or(0) && !spec.estimate.contains_key(&name) {
             spec.inputs.remove(&name);

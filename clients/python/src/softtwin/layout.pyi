@@ -195,7 +195,7 @@ class Estimate(Payload):
     sigmas: Any  # Standard deviations of the estimated values.
     inputs: Any  # Model inputs that explain the reading best: pressure, gap, then the others in the model's order; NaN: the model does not have it. State and fields are those of these inputs.
     input_count: int  # Inputs of the model.
-    alarm: int  # Persistent contradiction of about the last second.
+    alarm: int  # Persistent contradiction; it stands until there has been no evidence of one for the scene's `alarm_hold_s`.
     force_sigma_n: float  # N: Standard deviation of the force that follows from those of the estimated values.
     actuator: Any  # Name of the actuator, zero-padded.
     names: Any  # Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left.

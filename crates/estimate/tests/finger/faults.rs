@@ -14,6 +14,7 @@ struct Instant {
     /// Pressure in the actuator and pressure at the gauge, MPa.
     pressure: f64,
     gauge: f64,
+    gap: f64,
     /// Force, then x and y of tip and middle.
     rows: [f64; 5],
 }
@@ -39,14 +40,27 @@ fn first_alarm(
     before: impl Fn(&mut Instant),
     after: impl Fn(&mut Instant),
 ) -> Option<(f64, Alarm)> {
+    let (changes, _) = alarms(setup, seconds, before, after);
+    changes.into_iter().find_map(|(t_s, alarm)| Some((t_s, alarm?)))
+}
+
+/// Runs for `seconds`; returns the changes of the alarm with their times, and the filter at the end.
+fn alarms(
+    setup: Setup,
+    seconds: f64,
+    before: impl Fn(&mut Instant),
+    after: impl Fn(&mut Instant),
+) -> (Vec<(f64, Option<Alarm>)>, Filter) {
+    let mut changes: Vec<(f64, Option<Alarm>)> = Vec::new();
     let mut random = Random(91);
     let mut filter = Filter::new(setup).expect("a valid setup");
     for k in 0..(seconds * RATE_HZ) as usize {
         let t_s = k as f64 / RATE_HZ;
-        let mut now = Instant { t_s, pressure: pressure(t_s), gauge: pressure(t_s) + 0.0009, rows: [0.0; 5] };
+        let read = pressure(t_s) + 0.0009;
+        let mut now = Instant { t_s, pressure: pressure(t_s), gauge: read, gap: TRUTH[0], rows: [0.0; 5] };
         before(&mut now);
         let (mut inputs, mut predicted) = ([f64::NAN; MAX_INPUTS], [Predicted::default(); 5]);
-        inputs[..3].copy_from_slice(&[now.pressure, TRUTH[0], TRUTH[1]]);
+        inputs[..3].copy_from_slice(&[now.pressure, now.gap, TRUTH[1]]);
         Finger.predict(&inputs, &mut predicted);
         for (row, predicted) in now.rows.iter_mut().zip(&predicted) {
             *row = predicted.value;
@@ -66,11 +80,12 @@ fn first_alarm(
                 reading.rows[marker.start] += 30.0;
             }
         }
-        if let Some(alarm) = filter.update(&reading, &mut Finger).alarm {
-            return Some((t_s, alarm));
+        let alarm = filter.update(&reading, &mut Finger).alarm;
+        if alarm != changes.last().and_then(|(_, last)| *last) {
+            changes.push((t_s, alarm));
         }
     }
-    None
+    (changes, filter)
 }
 
 /// Alarm within two seconds of a fault in a running rig.
@@ -116,6 +131,20 @@ fn unzeroed_load_cell_is_named() {
     let shifted = |now: &mut Instant| now.rows[0] += 0.06;
     let (t_s, alarm) = first_alarm(rig(), 2.0, |_| {}, shifted).expect("an alarm within two seconds");
     assert_eq!(alarm, Alarm::Sensor(0b1), "at {t_s} s");
+}
+
+/// The marker is back after two seconds: the alarm stands for as long as the setup says, without changing meanwhile.
+#[test]
+fn alarm_stands_until_its_evidence_is_gone_for_the_stated_time() {
+    let slipped = |now: &mut Instant| {
+        let is_off = (BEGIN_S..BEGIN_S + 2.0).contains(&now.t_s);
+        now.rows[1] += if is_off { 8.0 } else { 0.0 };
+    };
+    let (changes, _) = alarms(rig(), BEGIN_S + 16.0, |_| {}, slipped);
+    let [(raised_s, raised), (ended_s, None)] = changes[..] else { panic!("two changes: {changes:?}") };
+    assert_eq!(raised, Some(Alarm::Sensor(0b10)), "at {raised_s} s");
+    let stood_s = ended_s - (BEGIN_S + 2.0);
+    assert!((rig().alarm_hold_s..rig().alarm_hold_s + 2.0).contains(&stood_s), "{changes:?}");
 }
 
 #[test]

@@ -151,7 +151,8 @@ fn check(plant: Plant, path: Path, truth: Truth) {
             reading.t_s
         );
     }
-    let shows = matches!(plant, Plant::Play(_) | Plant::Lag(_));
+    // Little memory widens the intervals, much of it raises an alarm.
+    let shows = matches!(plant, Plant::Play(3.0..) | Plant::Lag(0.6..));
     assert!(alarms > 0 || !shows, "{plant:?} {path:?}: no alarm");
     assert!(alarms == 0 || plant != Plant::Ideal, "{path:?}: {alarms} alarms without memory");
     let few: Vec<Measurement> = readings.iter().step_by(8).copied().collect();

@@ -115,6 +115,7 @@ pub(crate) fn setup(markers: bool) -> Setup {
         rows,
         gap: Some(GAP),
         model_correlation_s: 0.0,
+        alarm_hold_s: 10.0,
         swing: None,
     }
 }

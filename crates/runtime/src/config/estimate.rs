@@ -28,10 +28,28 @@ pub struct ObservedSpec {
 pub struct UnknownSpec {
     pub prior: f64,
     pub sigma: f64,
-    /// Standard deviation by which it drifts in the first second (in `t` seconds by `drift sqrt(t)`); 0: constant.
-    #[serde(default)]
-    pub drift: f64,
+    /// Standard deviation by which it drifts in the first second (in `t` seconds by `drift sqrt(t)`); 0: constant. Default: what a gap or a
+    /// sensor's bias may do unseen ([`UnknownSpec::drift_of`]), 0 for the rest.
+    pub drift: Option<f64>,
 }
+
+impl UnknownSpec {
+    /// Drift of the quantity with this name. A gap or a bias that is held constant would make a moved obstacle or a slipped gauge look like
+    /// a wrong sensor.
+    pub(crate) fn drift_of(&self, name: &str) -> f64 {
+        self.drift.unwrap_or(match name {
+            "gap_mm" => GAP_DRIFT_MM,
+            PRESSURE_BIAS => PRESSURE_DRIFT_MPA,
+            FORCE_BIAS => FORCE_DRIFT_N,
+            _ => 0.0,
+        })
+    }
+}
+
+/// Standard deviations of the change in the first second where the scene says none.
+const GAP_DRIFT_MM: f64 = 0.1;
+const PRESSURE_DRIFT_MPA: f64 = 2e-4;
+const FORCE_DRIFT_N: f64 = 5e-4;
 
 /// Standard deviations of the sensors' noise and of the model, and the correlation time of the model's error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -48,12 +66,15 @@ pub struct SigmaSpec {
     pub force_n: f64,
     /// Standard deviation of a marker's coordinate, mm.
     pub marker_mm: f64,
-    /// Standard deviation of the model's force, N; default: from the model's half-width, which excludes the error of its mesh.
+    /// Standard deviation of the model's force, N; default: from the model's half-width and 1 % of the largest force for the error of its
+    /// mesh.
     pub model_force_n: Option<f64>,
-    /// Standard deviation of the model's positions, mm; default as above.
+    /// Standard deviation of the model's positions, mm; default: from the half-width and 0.1 % of the farthest marker's travel.
     pub model_mm: Option<f64>,
     /// Time over which the model's error stays alike, s: readings within it do not average it out.
     pub model_correlation_s: f64,
+    /// Time without evidence after which an alarm of the estimate ends, s.
+    pub alarm_hold_s: f64,
 }
 
 impl Default for SigmaSpec {
@@ -67,6 +88,7 @@ impl Default for SigmaSpec {
             model_force_n: None,
             model_mm: None,
             model_correlation_s: 10.0,
+            alarm_hold_s: 10.0,
         }
     }
 }
@@ -117,7 +139,9 @@ fn part(factor: f64, value: f64) -> f64 {
 }
 
 /// Names of estimated quantities that are no model input.
-pub const BIASES: [&str; 2] = [PRESSURE_BIAS, "force_bias_n"];
+pub const BIASES: [&str; 2] = [PRESSURE_BIAS, FORCE_BIAS];
+/// The load cell's bias.
+pub(crate) const FORCE_BIAS: &str = "force_bias_n";
 /// The pressure gauge's bias: where it is estimated, so is the pressure.
 pub(crate) const PRESSURE_BIAS: &str = "pressure_bias_mpa";
 
@@ -135,7 +159,7 @@ pub(super) fn problems(
         let mut problems = problems.part(format_args!("estimate.{name}"));
         problems.finite("prior", unknown.prior);
         problems.expect(above_0(unknown.sigma), "sigma", "a number above 0", unknown.sigma);
-        problems.at_least_0("drift", unknown.drift);
+        problems.at_least_0("drift", unknown.drift.unwrap_or(0.0));
     }
     let mut of_sigma = problems.part("sigma");
     for (key, value) in [
@@ -153,6 +177,7 @@ pub(super) fn problems(
     if sigma.model_correlation_s != 0.0 {
         of_sigma.seconds("model_correlation_s", sigma.model_correlation_s);
     }
+    of_sigma.at_least_0("alarm_hold_s", sigma.alarm_hold_s);
     for (name, observed) in observables {
         let mut problems = problems.part(format_args!("observables.{name}"));
         for (key, value) in [("sigma", observed.sigma), ("model_sigma", observed.model_sigma.unwrap_or(1.0))]

@@ -12,7 +12,7 @@ mod settings;
 pub use control::held::MarkerSpec;
 pub use error::{ConfigError, collect, read};
 pub use estimate::{BIASES, CameraSpec, EstimateSpec, ObservedSpec, ObservedSpecs, SigmaSpec, UnknownSpec};
-pub(crate) use estimate::{PRESSURE_BIAS, Sigmas};
+pub(crate) use estimate::{FORCE_BIAS, PRESSURE_BIAS, Sigmas};
 pub use grasp::{BlockSpec, GraspSpec, PlaceSpec};
 pub use input::{InputFrom, InputSpecs, Measured, WithinSpec};
 pub use scene::{ActuatorSpec, FixedNodes, Gap, NodesSpec, OutputSpec, Queries, Scene, StateSpec};

@@ -412,7 +412,7 @@ payload! {
         inputs: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
         /// Inputs of the model.
         input_count: u32 = 0, "";
-        /// Persistent contradiction of about the last second.
+        /// Persistent contradiction; it stands until there has been no evidence of one for the scene's `alarm_hold_s`.
         alarm: u32 = estimate_alarm::NONE, "", Show::Code(estimate_alarm::ALL);
         /// Standard deviation of the force that follows from those of the estimated values.
         force_sigma_n: f64 = f64::NAN, "N";
