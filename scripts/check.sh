@@ -153,11 +153,6 @@ for task in {task for task, _ in rms}:
     assert own <= peer, "expected softtwin to be no worse than a polynomial"'
 }
 
-# native_module: the built module where Python finds it beside the package's sources. A copy, because another check may build meanwhile.
-native_module() {
-    cp -f --remove-destination "$target/debug/lib_native.so" clients/python/src/softtwin/_native.abi3.so
-}
-
 clients() {
     clients_python
     build
@@ -170,7 +165,6 @@ clients() {
 gallery() {
     gallery_python
     build
-    native_module
     PATH=$(realpath "$(dirname "$python")"):$PATH exec scripts/gallery.sh --check --programs "$target/debug"
 }
 

@@ -44,6 +44,7 @@ cp --parents -t "$work/pages" examples/gallery/README.md examples/gallery/*/{REA
     done
 } >"$work/pages/reference/files.md"
 
+[ ! scripts/docs.sh -nt build/docs-venv/installed ] || rm -f build/docs-venv/installed # its list of packages may have changed
 if [ ! -f build/docs-venv/installed ]; then
     python3 -m venv build/docs-venv
     build/docs-venv/bin/pip install --quiet --disable-pip-version-check --no-compile 'sphinx<9' 'myst-parser<6' 'sphinx-autoapi<4' furo \
@@ -53,7 +54,7 @@ fi
 
 # Notebooks are committed without results; here they run.
 mkdir "$work/pages/notebooks"
-cp -f --remove-destination "${CARGO_TARGET_DIR:-target}/debug/lib_native.so" clients/python/src/softtwin/_native.abi3.so
+native_module
 for notebook in clients/python/examples/*.ipynb; do
     PYTHONPATH=$PWD/clients/python/src SOFTTWIN_MODEL=$PWD/models/pneunet/pneunet.twin SOFTTWIN_DATA=$PWD/benchmarks/data \
         PYDEVD_DISABLE_FILE_VALIDATION=1 \

@@ -4,6 +4,7 @@
 # Needs Python with numpy, matplotlib and gmsh; what the commands write stays in build/gallery.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+. scripts/setup.sh
 programs=${CARGO_TARGET_DIR:-target}/debug check=
 while [ $# -gt 0 ]; do
     case $1 in
@@ -17,6 +18,7 @@ done
 [ $# -gt 0 ] || set -- $(basename -a examples/gallery/*/)
 PATH=$(realpath "$programs"):$PATH
 export PATH PYTHONPATH=$PWD/clients/python/src
+native_module
 # Bounded: a picture wall that loads slowly is none.
 most_bytes=60000
 
