@@ -60,7 +60,7 @@ clients_python() {
     [ ! clients/python/pyproject.toml -nt build/clients-venv/installed ] || rm -f build/clients-venv/installed
     python clients numpy pandas polars pytest matplotlib mypy xarray pyvista fmpy 'pymoca<0.13' jsonschema basyx-python-sdk \
         mcap mcap-protobuf-support 'foxglove-sdk<0.31' rerun-sdk gymnasium nbclient nbformat ipykernel \
-        'meshio==5.3.5' h5py lxml mapdl-archive jax onnx onnxruntime
+        'meshio==5.3.5' h5py lxml mapdl-archive jax onnx onnxruntime 'gmsh==4.15.2' 'scikit-learn<2'
 }
 
 benchmark_python() { python benchmark 'numpy<3' 'scipy<2' 'scikit-learn<2' matplotlib; }

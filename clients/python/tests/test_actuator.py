@@ -52,3 +52,27 @@ def test_wrong_actuators_quantities_and_loads_are_refused(folder, tmp_path):
         actuator.simulate(0.005, warmth=1.0)
     with pytest.raises(ValueError, match="pressure"):
         actuator.simulate(float("nan"))
+
+
+SHAPE = dict(chambers=2, length_mm=30.0, width_mm=10.0, shear_modulus_mpa=0.2)
+
+
+def test_a_new_actuator_is_that_of_the_tool(folder, tmp_path):
+    made = softtwin.Actuator.new(tmp_path / "block", **SHAPE)
+    mine, tools = ((place / "actuator.toml").read_text().splitlines() for place in (tmp_path / "block", folder))
+    assert mine[3:] == tools[3:]  # above them is how to build it, with its folder
+    assert (made.report["chambers"], made.report["length_mm"]) == (2, 30.0) and made.report["sag_mm"] > 0.0
+    assert made.simulate(0.005).displacement_mm.max() > 0.0
+    with pytest.raises(ValueError, match="expected a new or an empty folder"):
+        softtwin.Actuator.new(tmp_path / "block", **SHAPE)
+    with pytest.raises(ValueError, match="chambers: expected 1 to 100, found 0"):
+        softtwin.Actuator.new(tmp_path / "none", chambers=0)
+    with pytest.raises(ValueError, match="wall_mm 8: leaves cavities"):
+        softtwin.Actuator.new(tmp_path / "none", wall_mm=8.0)
+    with pytest.raises(ValueError, match="expected one of silicone"):
+        softtwin.Actuator.new(tmp_path / "none", shore_a=10, shear_modulus_mpa=0.1)
+    with pytest.raises(ValueError, match="dragon-skin-30"):
+        softtwin.Actuator.new(tmp_path / "none", silicone="butter")
+    assert not (tmp_path / "none").exists()
+    sheet = softtwin.Actuator.new(tmp_path / "sheet", chambers=2, length_mm=30.0, width_mm=10.0, shore_a=30.0, elongation_percent=300.0)
+    assert len(sheet.report["shear_interval_mpa"]) == 2

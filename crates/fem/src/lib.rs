@@ -5,6 +5,7 @@
 pub mod actuator;
 mod algebra;
 mod bending;
+pub mod build;
 pub mod cases;
 mod config;
 mod contact;

@@ -1,6 +1,7 @@
 //! States of finite elements from a folder or from arrays, and training on them.
 
 use crate::model::Model;
+use crate::progress::{Progress, long_call};
 use crate::refused;
 use formats::cells::{Block, KINDS, surface};
 use formats::database::ObstacleKind;
@@ -12,12 +13,13 @@ use rom::observable::Definition;
 use rom::snapshots::{Case, FieldSpec, Footprint, NodeSet, RegimeKind, Split};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use train::config::TrainConfig;
 
 /// States with their inputs, and what the database's folder says about training.
 #[pyclass(frozen, module = "softtwin._native")]
 pub struct Database {
-    database: rom::snapshots::Database,
+    database: Arc<rom::snapshots::Database>,
     config: TrainConfig,
 }
 
@@ -43,7 +45,7 @@ impl Database {
         }
         let config = TrainConfig::of_database(&folder).map_err(refused)?;
         let database = py.detach(|| formats::database::read(&folder, obstacle)).map_err(refused)?;
-        Ok(Self { database, config })
+        Ok(Self { database: Arc::new(database), config })
     }
 
     /// Makes a database of arrays: undeformed points (mm), cells by meshio's name, inputs (pressure, gap with infinity for no obstacle, then
@@ -133,7 +135,7 @@ impl Database {
         if !problems.is_empty() {
             return Err(refused(problems.join("\n")));
         }
-        Ok(Self { database, config: TrainConfig::default() })
+        Ok(Self { database: Arc::new(database), config: TrainConfig::default() })
     }
 
     /// States of the training split, and all.
@@ -166,18 +168,10 @@ impl Database {
                 serde_json::from_str(text).map_err(|error| refused(format!("observables: {error}")))?;
             config.observables = given;
         }
-        let mut interrupted = Ok(());
-        let mut tell = |step: &str| {
-            let told = Python::attach(|py| {
-                py.check_signals()?;
-                progress.as_ref().map_or(Ok(()), |progress| progress.call1(py, (step,)).map(drop))
-            });
-            if interrupted.is_ok() {
-                interrupted = told;
-            }
-        };
-        let trained = py.detach(|| train::train(&self.database, &config, &mut tell));
-        interrupted?;
+        let database = Arc::clone(&self.database);
+        let train =
+            move |progress: &Progress| train::train(&database, &config, &mut |step| progress.tell(step));
+        let trained = long_call(py, progress.as_ref(), train)?;
         let (model, sheet) = trained.map_err(refused)?;
         Ok((Model::of(model)?, serde_json::to_string(&sheet).map_err(refused)?))
     }

@@ -1,6 +1,7 @@
 //! Learning from recordings, and comparing with them. Results are the reports of the commands, as JSON.
 
 use crate::model::Model;
+use crate::progress::long_call;
 use crate::refused;
 use formats::log::{Recording, Series};
 use formats::unit::{in_heading, unit};
@@ -39,7 +40,8 @@ pub fn learn(
     runs: Vec<Columns<'_>>,
 ) -> PyResult<(Model, String)> {
     let data = Measured::of(runs.iter().map(|run| recording(&inputs, &outputs, run)).collect());
-    let learned = py.detach(|| train::measured::learn(name, &data)).map_err(refused)?;
+    let name = name.to_owned();
+    let learned = long_call(py, None, move |_| train::measured::learn(&name, &data))?.map_err(refused)?;
     let report = serde_json::to_string(&LearningReport::of(&learned)).map_err(refused)?;
     Ok((Model::of(learned.model)?, report))
 }

@@ -5,10 +5,10 @@ use crate::parameters::{self, FieldRow, ShiftRow};
 use crate::refused;
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1,
-    PyReadwriteArray2,
+    PyReadwriteArray2, PyReadwriteArrayDyn,
 };
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyDict, PyFloat, PyInt, PyString};
 use rom::evaluation::{Evaluation, NUMBERS};
 use rom::evaluator::{Evaluator, Query};
 use rom::inputs::{GAP, PRESSURE};
@@ -17,8 +17,10 @@ use rom::observable::Observables;
 use rom::reconstructor::{Peak, Peaks, Reconstructor};
 use rom::session::Gaps;
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
+use train::measured::MeasuredOutput;
 
 /// What a row has besides [`NUMBERS`], the gradient of the force, and three numbers for each observable.
 const FURTHER: [(&str, &str); 6] = [
@@ -47,9 +49,13 @@ struct Loaded {
     evaluator: Evaluator,
     reconstructor: Reconstructor,
     observables: Observables,
+    /// Outputs of a model that was learned from measurements.
+    outputs: Vec<MeasuredOutput>,
     fields: Vec<usize>,
     /// Nodes of the selection; `None`: all.
     nodes: Option<Vec<u32>>,
+    /// Place of each input that the model takes, by its name and by its keyword, with underscores for dots.
+    places: HashMap<String, usize>,
 }
 
 impl Model {
@@ -65,10 +71,15 @@ impl Model {
 
 impl Loaded {
     fn new(model: Arc<rom::model::Model>, selection: &Selection) -> PyResult<Self> {
+        let evaluator = Evaluator::new(&model.header).map_err(refused)?;
+        let taken = model.header.taken_inputs().map(|(at, input)| (input.key(), at));
+        let places = taken.flat_map(|(name, at)| [(name.replace('.', "_"), at), (name, at)]).collect();
         Ok(Self {
-            evaluator: Evaluator::new(&model.header).map_err(refused)?,
+            places,
+            evaluator,
             reconstructor: Reconstructor::new(&model, selection).map_err(refused)?,
             observables: Observables::of(&model).map_err(refused)?,
+            outputs: train::measured::outputs(&model),
             fields: model.header.resolve_fields(selection.fields.as_deref()).map_err(refused)?,
             nodes: model.header.resolve_nodes(&selection.nodes).map_err(refused)?,
             model,
@@ -86,11 +97,18 @@ impl Loaded {
                 columns.push((format!("{name}{part}"), unit.to_owned()));
             }
         }
+        for output in &self.outputs {
+            let unit = &self.model.header.fields[output.field].spec.unit;
+            for part in ["", "_halfwidth"] {
+                columns.push((format!("{}{part}", output.name), unit.clone()));
+            }
+        }
         columns
     }
 
     fn width(&self) -> usize {
-        NUMBERS.len() + FURTHER.len() + self.evaluator.inputs().len() + 3 * self.observables.count()
+        let of_outputs = 3 * self.observables.count() + 2 * self.outputs.len();
+        NUMBERS.len() + FURTHER.len() + self.evaluator.inputs().len() + of_outputs
     }
 
     /// Writes an evaluation's row and, unless `values` is empty, its fields.
@@ -128,9 +146,53 @@ impl Loaded {
             [observed.value, observed.halfwidth, observed.offset]
         });
         let numbers = NUMBERS.iter().map(|number| (number.value)(evaluation));
-        let all = numbers.chain(further).chain(gradient.iter().copied()).chain(observed);
+        let outputs = self
+            .outputs
+            .iter()
+            .flat_map(|output| [output.value_of(evaluation), output.half_width_of(evaluation)]);
+        let all = numbers.chain(further).chain(gradient.iter().copied()).chain(observed).chain(outputs);
         row.iter_mut().zip(all).for_each(|(to, value)| *to = value);
         Ok(())
+    }
+
+    /// All inputs of one state, NaN: default; `None` as of [`Model::predict_one`].
+    fn state_of(
+        &self,
+        pressure_mpa: Option<Bound<'_, PyAny>>,
+        gap_mm: Option<Bound<'_, PyAny>>,
+        further: &Bound<'_, PyDict>,
+    ) -> PyResult<Option<Vec<f64>>> {
+        let needs = self.evaluator.needs();
+        let mut state = vec![f64::NAN; self.evaluator.inputs().len()];
+        if needs.gap {
+            state[GAP] = f64::INFINITY;
+        }
+        let mut given: Vec<(usize, Bound<'_, PyAny>)> = Vec::new();
+        match (pressure_mpa, needs.pressure) {
+            (Some(value), true) => given.push((PRESSURE, value)),
+            (None, false) => {}
+            _ => return Ok(None),
+        }
+        match (gap_mm, needs.gap) {
+            (Some(value), true) => given.push((GAP, value)),
+            (Some(_), false) => return Ok(None),
+            (None, _) => {}
+        }
+        for (name, value) in further {
+            let Some(at) = self.places.get(&*name.cast::<PyString>()?.to_cow()?) else { return Ok(None) };
+            given.push((*at, value));
+        }
+        for (at, value) in given {
+            let is_number = value.is_instance_of::<PyFloat>() || value.is_instance_of::<PyInt>();
+            let Some(value) = is_number.then(|| value.extract::<f64>().ok()).flatten() else {
+                return Ok(None);
+            };
+            if value.is_nan() {
+                return Ok(None);
+            }
+            state[at] = value;
+        }
+        Ok(Some(state))
     }
 
     /// Rows and fields of states, on as many threads as there are cores where it is worth it.
@@ -142,12 +204,14 @@ impl Loaded {
         values: &mut [f32],
     ) -> Result<(), String> {
         let (width, columns) = (self.evaluator.inputs().len(), self.width());
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        let each = (states.len() / width).div_ceil(cores).max(STATES_PER_THREAD);
-        let entries = if values.is_empty() { 0 } else { self.reconstructor.entries() };
-        if states.len() <= each * width {
+        let count = states.len() / width;
+        if count <= STATES_PER_THREAD {
             return self.predict_part(0, states, with_observables, rows, values);
         }
+        // The system is asked only here: it takes longer to answer than the model.
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let each = count.div_ceil(cores).max(STATES_PER_THREAD);
+        let entries = if values.is_empty() { 0 } else { self.reconstructor.entries() };
         std::thread::scope(|scope| {
             let (mut rest, mut started) = (values, Vec::new());
             let parts = states.chunks(each * width).zip(rows.chunks_mut(each * columns));
@@ -268,6 +332,13 @@ impl Model {
         observables.names().map(str::to_owned).zip(observables.units().map(str::to_owned)).collect()
     }
 
+    /// Name and unit of each output of a model that was learned from measurements.
+    #[getter]
+    fn outputs(&self) -> Vec<(String, String)> {
+        let unit = |output: &MeasuredOutput| self.shared.model.header.fields[output.field].spec.unit.clone();
+        self.shared.outputs.iter().map(|output| (output.name.clone(), unit(output))).collect()
+    }
+
     /// Name and unit of each number of a row.
     #[getter]
     fn columns(&self) -> Vec<(String, String)> {
@@ -335,6 +406,27 @@ impl Model {
     ) -> PyResult<()> {
         let (states, rows, values) = (states.as_slice()?, rows.as_slice_mut()?, values.as_slice_mut()?);
         py.detach(|| self.shared.predict(states, with_observables, rows, values)).map_err(refused)
+    }
+
+    /// The inputs and the row of one state, and its fields into `values`, which has room for them or none. `None` where something that is given
+    /// is no plain number or no input, or the pressure is missing: then [`Self::predict`] takes the state, or the caller says what is wrong. In
+    /// one call, because each step of the interpreter costs more behind a field that has filled the caches.
+    #[allow(clippy::type_complexity)] // state and row
+    fn predict_one<'py>(
+        &self,
+        py: Python<'py>,
+        pressure_mpa: Option<Bound<'py, PyAny>>,
+        gap_mm: Option<Bound<'py, PyAny>>,
+        inputs: &Bound<'py, PyDict>,
+        with_observables: bool,
+        mut values: PyReadwriteArrayDyn<'py, f32>,
+    ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)>> {
+        let shared = &self.shared;
+        let Some(state) = shared.state_of(pressure_mpa, gap_mm, inputs)? else { return Ok(None) };
+        let mut row = vec![f64::NAN; shared.width()];
+        let values = values.as_slice_mut()?;
+        py.detach(|| shared.predict_part(0, &state, with_observables, &mut row, values)).map_err(refused)?;
+        Ok(Some((state.into_pyarray(py), row.into_pyarray(py))))
     }
 
     /// The model along readings, without a past.

@@ -2,7 +2,8 @@
 
 use crate::failure::{configuration, usage};
 use anyhow::{Context, bail};
-use fem::actuator::Actuator;
+use fem::actuator::{Actuator, GridError};
+use fem::build::BuildError;
 use fem::plan::PlanError;
 use fem::run::RunError;
 use fem::{Family, Problem};
@@ -15,11 +16,10 @@ use rom::model::{Model, ModelFileError};
 use rom::model_state::ModelState;
 use rom::reconstructor::{Peaks, ReconstructError};
 use rom::snapshots::Database;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use train::TrainError;
 use train::comparison::ComparisonError;
-use train::datasheet::DataSheet;
 use train::trace::TraceError;
 
 /// Loads a whole model.
@@ -104,6 +104,23 @@ pub fn not_planned(error: PlanError) -> anyhow::Error {
     }
 }
 
+/// A mesh that could not be made: of a wrong size, or a file that was not written.
+pub fn not_gridded(error: GridError) -> anyhow::Error {
+    if matches!(error, GridError::Size(_)) { usage(error) } else { error.into() }
+}
+
+/// A twin that could not be built: by whose mistake.
+pub fn not_built(error: BuildError) -> anyhow::Error {
+    match error {
+        BuildError::Argument(_) => usage(error),
+        BuildError::Grid(error) => not_gridded(error),
+        BuildError::Problem(error) => configuration(error),
+        BuildError::Plan(error) => not_planned(error),
+        BuildError::Files(error) => refusal(error),
+        _ => error.into(),
+    }
+}
+
 /// Simulations that do not become a database: by whose mistake.
 pub fn not_imported(error: ImportError) -> anyhow::Error {
     match error {
@@ -139,23 +156,6 @@ pub fn not_followed(error: TraceError) -> anyhow::Error {
 /// Replaces a file as a whole: a reader sees the old one or the new one, never a part.
 pub fn save(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     Ok(file::replace(path, bytes)?)
-}
-
-/// The data sheet's place: beside the model, `.json` instead of `.twin`.
-pub fn data_sheet(model: &Path) -> PathBuf {
-    model.with_extension("json")
-}
-
-/// The data sheet beside a model; none without one.
-pub fn read_data_sheet(model: &Path) -> Option<DataSheet> {
-    serde_json::from_slice(&file::read_bytes(&data_sheet(model), file::MAX_TEXT_BYTES).ok()?).ok()
-}
-
-/// Writes the data sheet of a model to its place.
-pub fn save_data_sheet(model: &Path, sheet: &DataSheet) -> anyhow::Result<PathBuf> {
-    let path = data_sheet(model);
-    save(&path, format!("{:#}\n", serde_json::to_value(sheet)?).as_bytes())?;
-    Ok(path)
 }
 
 /// The peaks of a state that has an answer; with `says`, a line on standard error about one outside the training range.

@@ -1,12 +1,14 @@
 //! Data sheet of a model: its choices and errors. `train` writes it next to the model.
 
 use crate::config::TrainConfig;
+use formats::{FormatError, file};
 use rom::halfwidths::HalfWidths;
 use rom::interpolant::Metric;
 use rom::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};
+use std::path::{Path, PathBuf};
 
 /// Data sheet of a trained model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,6 +34,29 @@ pub struct DataSheet {
 }
 
 impl DataSheet {
+    /// Its place: beside the model, `.json` instead of `.twin`.
+    fn place(model: &Path) -> PathBuf {
+        model.with_extension("json")
+    }
+
+    /// The data sheet beside a model; none without one.
+    pub fn read_beside(model: &Path) -> Option<Self> {
+        let bytes = file::read_bytes(&Self::place(model), file::MAX_TEXT_BYTES).ok()?;
+        serde_json::from_slice(&bytes).ok()
+    }
+
+    /// Writes it beside its model; returns its path.
+    ///
+    /// # Errors
+    /// I/O errors.
+    pub fn save_beside(&self, model: &Path) -> Result<PathBuf, FormatError> {
+        let path = Self::place(model);
+        let value = serde_json::to_value(self)
+            .map_err(|error| FormatError::refused(&path, format!("the data sheet: {error}")))?;
+        file::replace(&path, format!("{value:#}\n").as_bytes())?;
+        Ok(path)
+    }
+
     /// True if the model has a von Mises stress.
     pub fn has_stress(&self) -> bool {
         self.fields.iter().any(|field| field.name == "von_mises")

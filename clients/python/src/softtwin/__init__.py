@@ -30,6 +30,7 @@ from .errors import (
 from .field import Field
 from .files import shared_file
 from .layout import Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Target, Valve
+from .material import Material, MaterialTest, fit_material
 from .model import Input, Model, Session
 from .prediction import Prediction
 from .publish import CommandPublisher, SensorPublisher, SetpointPublisher, TargetPublisher
@@ -57,6 +58,8 @@ __all__ = [
     "Grasp",
     "Health",
     "Input",
+    "Material",
+    "MaterialTest",
     "Model",
     "Prediction",
     "Query",
@@ -81,6 +84,7 @@ __all__ = [
     "Valve",
     "VersionMismatch",
     "compare",
+    "fit_material",
     "learn",
     "newest",
     "shared_file",

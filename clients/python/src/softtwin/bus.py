@@ -14,6 +14,9 @@ class Bus:
 
     The default domain is `$SOFTTWIN_DOMAIN` (with its folder `$SOFTTWIN_ROOT`), or the user's own: the same rule as of the
     programs `softtwin` and `softtwind`. After a fork it belongs to the parent.
+
+    >>> "softtwin/finger/state" in Bus().topics
+    True
     """
 
     def __init__(self, domain: Optional[str] = None, root: Optional[str] = None) -> None:

@@ -42,6 +42,12 @@ class Control:
 
     Of a scene's file it takes control, the driven valve, sigma.force_n, markers and given inputs of the actuator (by default the first one); without
     one the defaults hold. Steps are bit-identical to those of the law in Rust and C.
+
+    >>> from softtwin import shared_file
+    >>> control = Control(Model(shared_file("models/pneunet/pneunet.twin")), "force_n")
+    >>> cycles = [control.step(10_000_000 * at, 0.3, 0.01, 30.0) for at in range(1, 20)]
+    >>> cycles[-1].setpoint_mpa > 0.01, cycles[-1].fault
+    (True, None)
     """
 
     def __init__(

@@ -13,6 +13,11 @@ class Field:
 
     A view keeps its sample: at most four samples of a topic can be held at the same time, so drop them (or copy) before
     asking for more.
+
+    >>> from softtwin import newest
+    >>> field = newest("softtwin/finger/field")
+    >>> field.node_set, field.values.shape, field.x.flags.writeable
+    ('all', (5, 25022), False)
     """
 
     def __init__(self, sample: Any, header: Union[FieldHeader, Answer]) -> None:

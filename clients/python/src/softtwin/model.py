@@ -4,14 +4,16 @@ The answers are bit-identical to those of `softtwin predict`, and are written st
 """
 
 import difflib
+import json
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _native
+from .files import shared_file
 from .prediction import Prediction
 
 if TYPE_CHECKING:
@@ -24,7 +26,12 @@ Nodes = Union[str, Sequence[int], "np.ndarray[Any, Any]"]
 
 @dataclass(frozen=True)
 class Input:
-    """One input of a model."""
+    """One input of a model.
+
+    >>> given = Model(shared_file("models/pneunet/pneunet.twin")).inputs["pressure_mpa"]
+    >>> given.unit, given.min <= 0.05 <= given.max
+    ('MPa', True)
+    """
 
     name: str
     """Name with its unit (`pressure_mpa`, `gap_mm`), or the name of a parameter (`elastomer.law.mu_mpa`)."""
@@ -38,7 +45,14 @@ class Input:
 
 
 class Model:
-    """A model file, ready to predict. Any number of threads may use one; the interpreter's lock is free meanwhile."""
+    """A model file, ready to predict. Any number of threads may use one; the interpreter's lock is free meanwhile.
+
+    >>> model = Model(shared_file("models/pneunet/pneunet.twin"))
+    >>> list(model.inputs), list(model.fields)
+    (['pressure_mpa', 'gap_mm'], ['x', 'y', 'z', 'displacement', 'von_mises'])
+    >>> model.predict(0.05, 30.0).regime
+    'contact'
+    """
 
     _origin: Tuple[Any, Any, Any]
 
@@ -55,9 +69,15 @@ class Model:
 
     @property
     def errors(self) -> Dict[str, Dict[str, Dict[str, float]]]:
-        """Leave-one-out and truncation errors of a model that was trained in this process, by regime and group of fields, in the field's unit."""
+        """Leave-one-out and truncation errors by regime and group of fields, in the field's unit: of a model that was trained in this process, or
+        of a file with its data sheet beside it."""
         found: Dict[str, Dict[str, Dict[str, float]]] = {}
-        for regime in (self.report or {}).get("regimes", []):
+        sheet = self.report or {}
+        beside = os.path.splitext(self._origin[0] or "")[0] + ".json"
+        if "regimes" not in sheet and os.path.isfile(beside):
+            with open(beside, encoding="utf-8") as file:
+                sheet = json.load(file)
+        for regime in sheet.get("regimes", []):
             fits = [*regime["groups"], *([regime["force"]] if regime.get("force") else [])]
             numbers = ("modes", "leave_one_out", "truncation_error")
             found[regime["kind"].lower()] = {fit["name"]: {name: fit[name] for name in numbers} for fit in fits}
@@ -99,6 +119,8 @@ class Model:
         self.fields: Dict[str, str] = dict(native.fields)
         #: Units of the observables by name, such as a bending angle.
         self.observables: Dict[str, str] = dict(native.observables)
+        #: Units of the measured outputs by name, of a model that was learned from runs.
+        self.outputs: Dict[str, str] = dict(native.outputs)
         #: Numbers of the nodes that are reconstructed, in order; None: all of the model.
         self.nodes = nodes
         #: Nodes of each field.
@@ -189,19 +211,29 @@ class Model:
         Raises `ValueError` for NaN, `TypeError` for inputs that the model does not have, and without a pressure that it has. Outside the
         training states the answer is an extrapolation without half-widths (NaN) and `domain` says so; nothing is clamped. A state farther
         outside than the training states are wide, or of a shape that the body cannot have, is refused.
+
+        >>> found = Model(shared_file("models/pneunet/pneunet.twin")).predict(np.linspace(0.0, 0.09, 5)[:, None], [20.0, 30.0], fields=False)
+        >>> found.contact_force_n.shape, bool(found.in_domain.all())
+        ((5, 2), True)
         """
-        names, states = self._states(pressure_mpa, gap_mm, inputs)
+        wants_fields = fields or out is not None
+        if out is None or out.ndim == 2:
+            values = self._room((), out) if wants_fields else None
+            one = self._native.predict_one(pressure_mpa, gap_mm, inputs, observables, _NO_VALUES if values is None else values)
+            if one is not None:
+                return Prediction(self, one[0], one[1], values)
+        states = self._states(pressure_mpa, gap_mm, inputs)
         shape = states.shape[:-1]
         rows = np.empty((*shape, len(self.columns)))
-        values = self._room(shape, out) if fields or out is not None else None
+        values = self._room(shape, out) if wants_fields else None
         flat = _NO_VALUES if values is None else values.reshape(-1)
         self._native.predict(states.reshape(-1, self._width), observables, rows.reshape(-1, len(self.columns)), flat)
-        return Prediction(self, names, states, rows, values)
+        return Prediction(self, states, rows, values)
 
     def _states(
         self, pressure_mpa: Optional[Number], gap_mm: Optional[Number], further: Mapping[str, Number]
-    ) -> Tuple[List[str], "np.ndarray[Any, Any]"]:
-        """Names given, and the states with one more axis: all inputs in order, NaN: default."""
+    ) -> "np.ndarray[Any, Any]":
+        """The states with one more axis: all inputs in order, NaN: default."""
         given: Dict[str, Any] = {} if pressure_mpa is None else {self._name("pressure_mpa"): pressure_mpa}
         if gap_mm is not None:
             given[self._name("gap_mm")] = gap_mm
@@ -211,21 +243,14 @@ class Model:
             raise TypeError("pressure_mpa: expected a pressure, since the model was trained over pressures; found none")
         for name, value in further.items():
             given[self._name(name)] = value
-        if all(isinstance(value, (int, float)) for value in given.values()):  # one state: a third of the time of the general case
-            states = np.full(self._width, np.nan)
-            for name, value in given.items():
-                states[self._position[name]] = value
-        else:
-            given = {name: np.asarray(value, np.float64) for name, value in given.items()}
-            shape = np.broadcast_shapes(*(value.shape for value in given.values()))
-            states = np.full((*shape, self._width), np.nan)
-            for name, value in given.items():
-                states[..., self._position[name]] = value
-        if np.isnan(states).any():
-            for name in given:
-                if np.isnan(states[..., self._position[name]]).any():
-                    raise ValueError(f"{name}: expected numbers, found NaN")
-        return list(given), states
+        given = {name: np.asarray(value, np.float64) for name, value in given.items()}
+        shape = np.broadcast_shapes(*(value.shape for value in given.values()))
+        states = np.full((*shape, self._width), np.nan)
+        for name, value in given.items():
+            if np.isnan(value).any():
+                raise ValueError(f"{name}: expected numbers, found NaN")
+            states[..., self._position[name]] = value
+        return states
 
     def _name(self, name: str) -> str:
         found = name if name in self.inputs else self._by_keyword.get(name)
@@ -292,6 +317,11 @@ class Session:
     """A model along readings, without a daemon: its memory and its inertia.
 
     It begins at equilibrium with the first reading; inputs are straight lines between readings. A static model follows at once.
+
+    >>> session = Model(shared_file("models/pneunet/pneunet.twin")).session()
+    >>> forces = [session.step(0.01 * at, 0.001 * at, 30.0, fields=False).contact_force_n for at in range(60)]
+    >>> forces[0], forces[-1] > 0.0
+    (0.0, True)
     """
 
     def __init__(self, model: Model) -> None:
@@ -315,13 +345,13 @@ class Session:
         if not 0.0 <= t_s < 1e9:
             raise ValueError(f"t_s: expected a time of 0 to 1e9 s, found {t_s!r}")
         model = self._model
-        names, state = model._states(pressure_mpa, gap_mm, inputs)
+        state = model._states(pressure_mpa, gap_mm, inputs)
         if state.ndim != 1:
             raise TypeError("a step takes one state: expected numbers, found arrays")
         row = np.empty(len(model.columns))
         values = model._room((), out) if fields or out is not None else None
         self._native.step(round(1e9 * t_s), state, row, _NO_VALUES if values is None else values.reshape(-1))
-        return Prediction(model, names, state, row, values)
+        return Prediction(model, state, row, values)
 
     def restart(self) -> None:
         """Forgets the past: the next reading begins at equilibrium, at any time."""

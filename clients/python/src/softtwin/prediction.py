@@ -13,7 +13,15 @@ _WHOLE = ("max_displacement_node", "max_von_mises_node")
 
 
 class Prediction:
-    """Numbers of the shape of the states (plain numbers for one state), and the fields by name: `found.von_mises`."""
+    """Numbers of the shape of the states (plain numbers for one state), and the fields by name: `found.von_mises`.
+
+    >>> from softtwin import Model, shared_file
+    >>> found = Model(shared_file("models/pneunet/pneunet.twin")).predict([0.0, 0.05], 30.0)
+    >>> found.von_mises.shape, found.regime.tolist()
+    ((2, 25022), ['free', 'contact'])
+    >>> list(found.force_gradient)
+    ['pressure_mpa', 'gap_mm']
+    """
 
     contact_force_n: Any
     """Contact force, N; NaN, as its gradient and half-width, if the model was not trained on forces."""
@@ -41,12 +49,11 @@ class Prediction:
     def __init__(
         self,
         model: "Model",
-        names: List[str],
         states: "np.ndarray[Any, Any]",
         rows: "np.ndarray[Any, Any]",
         values: Optional["np.ndarray[Any, Any]"],
     ) -> None:
-        self._model, self._given, self._states, self._rows = model, names, states, rows
+        self._model, self._states, self._rows = model, states, rows
         #: All fields, shape of the states and (fields, nodes); None when they were not asked for.
         self.values = values
 
@@ -58,7 +65,8 @@ class Prediction:
     def inputs(self) -> Dict[str, Any]:
         """The inputs that were given, by name."""
         position = self._model._position
-        return {name: self._states[..., position[name]][()] for name in self._model.inputs if name in self._given}
+        given = {name: self._states[..., position[name]][()] for name in self._model.inputs}
+        return {name: value for name, value in given.items() if not np.isnan(value).any()}
 
     @property
     def names(self) -> List[str]:
@@ -79,6 +87,16 @@ class Prediction:
     def observable_halfwidths(self) -> Dict[str, Any]:
         """Half-widths of the observables by name."""
         return {name: self._number(f"{name}_halfwidth") for name in self._model.observables}
+
+    @property
+    def outputs(self) -> Dict[str, Any]:
+        """Outputs of a model that was learned from runs, by name, in the unit at its end."""
+        return {name: self._number(name) for name in self._model.outputs}
+
+    @property
+    def output_halfwidths(self) -> Dict[str, Any]:
+        """Their half-widths by name; NaN where nothing is known."""
+        return {name: self._number(f"{name}_halfwidth") for name in self._model.outputs}
 
     @property
     def observable_offsets(self) -> Dict[str, Any]:
@@ -118,14 +136,14 @@ class Prediction:
 
     def __getattr__(self, name: str) -> Any:
         if not name.startswith("_"):
-            if name in self._model._column:
-                found = self._number(name)
-                return _node(found) if name in _WHOLE else found
-            if name in self._model.fields:
+            if name in self._model.fields:  # also where a measured output has this name: its number is in `outputs`
                 try:
                     return self[name]
                 except KeyError as error:
                     raise AttributeError(str(error)) from None
+            if name in self._model._column:
+                found = self._number(name)
+                return _node(found) if name in _WHOLE else found
         raise AttributeError(f"a prediction has no attribute `{name}`")
 
     def to_xarray(self) -> Any:
@@ -138,7 +156,8 @@ class Prediction:
         moving = [name for name, value in self.inputs.items() if len(shape) == 1 and np.unique(value).size > 1]
         states = [moving[0]] if len(moving) == 1 else [f"state_{at}" for at in range(len(shape))]
         known = {name: (states, value, {"units": model.inputs[name].unit}) for name, value in self.inputs.items()}
-        data: Dict[str, Any] = {name: (states, getattr(self, name), {"units": unit}) for name, unit in model.columns.items()}
+        numbers = {name: self._number(name) if name in model.outputs else getattr(self, name) for name in model.columns}
+        data: Dict[str, Any] = {name: (states, number, {"units": model.columns[name]}) for name, number in numbers.items()}
         data["regime"], data["domain"] = (states, self.regime), (states, self.domain)
         if self.values is not None:
             known["node"] = (["node"], np.arange(self.values.shape[-1]) if model.nodes is None else model.nodes, {})

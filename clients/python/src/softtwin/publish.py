@@ -7,7 +7,13 @@ from .bus import Bus, default_bus
 
 
 class SensorPublisher:
-    """Feeds readings to the twin of an actuator, in place of a bridge."""
+    """Feeds readings to the twin of an actuator, in place of a bridge.
+
+    >>> sensor = SensorPublisher("example")
+    >>> first = sensor.send(pressure_mpa=0.03, gap_mm=30.0)
+    >>> sensor.send(pressure_mpa=0.031, gap_mm=30.0) - first
+    1
+    """
 
     def __init__(self, actuator: str, bus: Optional[Bus] = None) -> None:
         self._writer = (bus or default_bus())._native.writer(f"softtwin/{actuator}/sensor", "")
@@ -30,7 +36,12 @@ class SensorPublisher:
 
 
 class CommandPublisher:
-    """Commands a pressure source."""
+    """Commands a pressure source.
+
+    >>> command = CommandPublisher("example")
+    >>> command.send(0.03) < command.send(0.031)
+    True
+    """
 
     def __init__(self, actuator: str, bus: Optional[Bus] = None) -> None:
         self._writer = (bus or default_bus())._native.writer(f"softtwin/{actuator}/command", "")
@@ -43,6 +54,10 @@ class CommandPublisher:
 class SetpointPublisher:
     """The owner of an actuator's valve, which a bridge drives: that of `pressure_mpa`, or of `pressure_mpa.<cavity>`. A second owner gets
     `AlreadyPublished` with the first one's name.
+
+    >>> valve = SetpointPublisher("example", owner="my-controller")
+    >>> valve.send(0.02, valid_for_s=0.1) < valve.send(math.nan)
+    True
     """
 
     def __init__(self, actuator: str, owner: str, bus: Optional[Bus] = None, cavity: Optional[str] = None) -> None:
@@ -57,7 +72,12 @@ class SetpointPublisher:
 
 
 class TargetPublisher:
-    """The owner of the target of a quantity that `softtwin hold` holds. A second owner gets `AlreadyPublished` with the first one's name."""
+    """The owner of the target of a quantity that `softtwin hold` holds. A second owner gets `AlreadyPublished` with the first one's name.
+
+    >>> target = TargetPublisher("example", owner="my-planner")
+    >>> target.step(0.3) < target.ramp(0.4, rate=0.05) < target.series([0.1, 0.2], interval_s=0.1)
+    True
+    """
 
     def __init__(self, actuator: str, owner: str, bus: Optional[Bus] = None) -> None:
         self._writer = (bus or default_bus())._native.writer(f"softtwin/{actuator}/target", owner)

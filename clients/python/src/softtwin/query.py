@@ -13,7 +13,13 @@ Inputs = Optional[Mapping[str, float]]
 
 
 class Client:
-    """Asks the twin of one actuator. Answers come as `Answer`; with a field, as `Field` whose header is the answer."""
+    """Asks the twin of one actuator. Answers come as `Answer`; with a field, as `Field` whose header is the answer.
+
+    >>> twin = Client("finger", timeout_s=10.0)
+    >>> found = twin.pressure(0.3, 30.0)
+    >>> abs(twin.whatif(found.pressure_mpa, 30.0).contact_force_n - 0.3) < 1e-6
+    True
+    """
 
     def __init__(self, actuator: str, *, timeout_s: float = 1.0, bus: Optional[Bus] = None) -> None:
         #: Longest wait for an answer, s.

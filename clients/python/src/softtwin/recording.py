@@ -20,6 +20,11 @@ class Recording:
     """One run: times (s), inputs and outputs by name with their unit at the end (`pressure_mpa`, `tip_x_mm`, `angle_deg`).
 
     `time` names the column of times, s or with its unit; None: rows at rest, in any order. `numpy.nan` stands for a missing value.
+
+    >>> table = {"t [ms]": [0.0, 100.0, 200.0], "p": [0.0, 50.0, 80.0], "angle_deg": [0.0, 21.0, 30.0]}
+    >>> run = Recording(table, time="t [ms]", inputs={"pressure_mpa": ("p", "kPa")}, outputs={"angle_deg": "angle_deg"})
+    >>> len(run), run.inputs["pressure_mpa"].round(3).tolist(), run.time_s.tolist()
+    (3, [0.0, 0.05, 0.08], [0.0, 0.1, 0.2])
     """
 
     def __init__(self, frame: Any, *, inputs: Columns, outputs: Columns, time: Optional[Column] = None) -> None:
@@ -47,8 +52,8 @@ class Recording:
         return self.time_s - self.time_s[0], inputs, [self.outputs[name] for name in like.outputs]
 
 
-def _column(frame: Any, name: str, column: Column) -> "np.ndarray[Any, Any]":
-    heading, unit = (column, None) if isinstance(column, str) else column
+def column_of(frame: Any, name: str, heading: str) -> "np.ndarray[Any, Any]":
+    """The numbers of a column, in its own unit."""
     try:
         found = frame[heading]
     except KeyError:
@@ -61,7 +66,12 @@ def _column(frame: Any, name: str, column: Column) -> "np.ndarray[Any, Any]":
         raise ValueError(f"{name}: the column `{heading}` does not hold numbers ({error}); convert it, for example with pandas.to_numeric") from None
     if values.ndim != 1:
         raise ValueError(f"{name}: expected one value per row in `{heading}`, found shape {values.shape}")
-    return values * _native.to_unit(name, heading, unit)
+    return values
+
+
+def _column(frame: Any, name: str, column: Column) -> "np.ndarray[Any, Any]":
+    heading, unit = (column, None) if isinstance(column, str) else column
+    return column_of(frame, name, heading) * _native.to_unit(name, heading, unit)
 
 
 def _recordings(runs: Any, channels: Mapping[str, Any]) -> List[Recording]:
@@ -78,6 +88,15 @@ def learn(runs: Any, *, name: str = "measured", **channels: Any) -> Model:
     `runs`: one frame or `Recording`, or a list of them; `channels` are those of `Recording`. Several runs tell how the next one differs.
     `model.report` says how well the outputs are explained on parts that were left out. Takes some seconds for 1,500 rows.
     Raises `ValueError` where the runs teach nothing: nothing moves, too few rows, outputs that do not follow the inputs.
+
+    >>> channels = dict(time="t", inputs={"pressure_mpa": "p"}, outputs={"angle_deg": "a"})
+    >>> t = np.arange(0.0, 60.0, 0.1)
+    >>> pressure = 0.04 + 0.03 * np.sin(0.7 * t) + 0.01 * np.sin(1.9 * t)
+    >>> model = learn({"t": t, "p": pressure, "a": 800.0 * pressure**1.5}, **channels)
+    >>> model.report["outputs"]["angle_deg"]["explained"] > 0.99
+    True
+    >>> abs(model.predict(0.05).outputs["angle_deg"] - 800.0 * 0.05**1.5) < 0.2
+    True
     """
     recordings = _recordings(runs, channels)
     first = recordings[0]
@@ -87,7 +106,7 @@ def learn(runs: Any, *, name: str = "measured", **channels: Any) -> Model:
 
 
 class Comparison:
-    """How far a model is from a run. `report` is what `softtwin compare --json` prints."""
+    """How far a model is from a run, as `compare` finds it. `report` is what `softtwin compare --json` prints."""
 
     def __init__(self, report: Dict[str, Any], time_s: "np.ndarray[Any, Any]", arrays: List[Any]) -> None:
         self.report = report
@@ -136,6 +155,13 @@ class Comparison:
 def compare(model: Model, run: Any, *, follow_s: Optional[float] = None, **channels: Any) -> Comparison:
     """Compares a model with a run, along which it has its past as a twin would. `follow_s`: a learned model gets the offset that measured
     values of at least this time ago suggest.
+
+    >>> channels = dict(time="t", inputs={"pressure_mpa": "p"}, outputs={"angle_deg": "a"})
+    >>> t = np.arange(0.0, 60.0, 0.1)
+    >>> first, second = ({"t": t, "p": p, "a": 600.0 * p} for p in (0.04 + 0.03 * np.sin(0.7 * t), 0.05 + 0.02 * np.sin(0.4 * t)))
+    >>> found = compare(learn(first, **channels), second, **channels)
+    >>> found.rms["angle_deg"] < 0.3, found.report["rows"]
+    (True, 600)
     """
     (recording,) = _recordings(run, channels)
     columns = recording._columns()

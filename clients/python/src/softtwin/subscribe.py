@@ -28,6 +28,11 @@ class Subscription:
     """A reader of one topic; iterate over it (`for` or `async for`), or take samples with `next`, `newest`, `try_next`.
 
     Fields come as `Field` (views of shared memory), everything else as its structure, copied (at most 768 bytes).
+
+    >>> states = Subscription("softtwin/finger/state", timeout_s=10.0)
+    >>> first, second = states.next(), states.next()
+    >>> second.seq > first.seq, states.restarts
+    (True, 0)
     """
 
     def __init__(
@@ -138,10 +143,19 @@ def subscribe(
 
     Options: `timeout_s` (None: no timeout), `wait_for_twin` (True: the topic may come into being later),
     `on_restart` ("raise" or "continue"), `bus`. Raises `TwinAbsent` and `VersionMismatch`.
+
+    >>> for field in subscribe("softtwin/finger/field", timeout_s=10.0):
+    ...     print(field.names, field.von_mises.shape)
+    ...     break
+    ['x', 'y', 'z', 'displacement', 'von_mises'] (25022,)
     """
     return Subscription(topic, timeout_s=timeout_s, wait_for_twin=wait_for_twin, on_restart=on_restart, bus=bus)
 
 
 def newest(topic: str, timeout_s: float = 5.0, bus: Optional[Bus] = None) -> Any:
-    """One sample of a topic: the last one that was sent, or the next."""
+    """One sample of a topic: the last one that was sent, or the next.
+
+    >>> newest("softtwin/finger/state").regime_name in ("free", "contact")
+    True
+    """
     return Subscription(topic, timeout_s=timeout_s, bus=bus).newest()

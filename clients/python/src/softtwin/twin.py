@@ -36,6 +36,13 @@ class Twin:
 
     All inputs of the model other than pressure and gap are measured: `send` takes them by name. For other sources, limits, outputs and a service
     that stays, write a scene (docs/your-actuator.md).
+
+    >>> from softtwin import shared_file
+    >>> with Twin(shared_file("models/pneunet/pneunet.twin"), name="mine") as twin:
+    ...     states = twin.subscribe("state", timeout_s=10.0)
+    ...     sent = twin.send(0.05, 30.0)
+    ...     print(next(state for state in states if state.sensor_seq == sent).regime_name)
+    contact
     """
 
     def __init__(self, model: "Model | os.PathLike[str] | str", *, name: str = "actuator", bus: Optional[Bus] = None) -> None:

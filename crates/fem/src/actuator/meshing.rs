@@ -8,9 +8,20 @@ use super::{grid, surfaces};
 use crate::mesh::{self, Mesh, Slot};
 use formats::file::named_in;
 use formats::mesh_file::{MeshFile, Tri6};
-use formats::{Diagnostic, FormatError, read_mesh};
+use formats::{Diagnostic, FormatError, read_mesh, vtu};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+
+/// Why a mesh on a grid could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum GridError {
+    /// The size does not suit the actuator.
+    #[error("--size-mm: {}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n  "))]
+    Size(Vec<Diagnostic>),
+    /// The file could not be written.
+    #[error("the mesh was not written")]
+    File(#[from] FormatError),
+}
 
 /// Name of the held surface in a mesh of boxes.
 const FIXED: &str = "fixed";
@@ -70,6 +81,17 @@ impl Actuator {
         let file = grid::mesh(&shape, size_mm, times).map_err(|diagnostic| vec![diagnostic])?;
         let (mesh, diagnostics) = self.checked(file);
         if diagnostics.is_empty() { Ok(mesh) } else { Err(diagnostics) }
+    }
+
+    /// Writes the mesh on a grid as a `.vtu` and returns it.
+    ///
+    /// # Errors
+    /// Those of [`Actuator::grid_mesh`]; I/O errors.
+    pub fn write_grid(&self, size_mm: f64, out: &Path) -> Result<Mesh, GridError> {
+        let mesh = self.grid_mesh(size_mm, 1).map_err(GridError::Size)?;
+        let cells = vtu::Cells::QuadraticTets(&mesh.tets);
+        vtu::write(out, &vtu::Grid { points_mm: &mesh.nodes_mm, cells, point_data: &[] })?;
+        Ok(mesh)
     }
 
     fn checked(&self, file: MeshFile) -> (Mesh, Vec<Diagnostic>) {

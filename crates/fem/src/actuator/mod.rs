@@ -8,6 +8,7 @@ mod file;
 mod grid;
 mod inventory;
 mod meshing;
+mod new;
 mod parameters;
 mod reading;
 mod sag;
@@ -21,9 +22,11 @@ pub use file::{
 };
 
 pub use inventory::NamedPart;
+pub use meshing::GridError;
+pub use new::{BoxesReport, NewError, NewReport};
 pub use parameters::{Setting, unit};
 pub use shape::{mesh_quality, moved_nodes};
-pub use template::{NewActuator, NewMaterial, cross_section};
+pub use template::{NewActuator, NewBoxes, NewMaterial, NewShape, cross_section};
 
 #[cfg(test)]
 pub(crate) use surfaces::locate;

@@ -84,7 +84,7 @@ fn material_paths(path: &Path, text: &str) -> Result<Vec<Named>, Diagnostic> {
 }
 
 /// The file with another elastomer, or another material of a volume.
-fn with_elastomer(
+pub(super) fn with_elastomer(
     text: &str,
     volume: Option<&str>,
     elastomer: &crate::material::Elastomer,

@@ -5,6 +5,7 @@ use super::file::Shape;
 use crate::cases::three_digits;
 use crate::material::silicone::{HardnessFigure, Silicone};
 use rom::snapshots::Footprint;
+use std::path::Path;
 
 /// Margins of the base before and behind the body, mm.
 const MARGIN_MM: f64 = 6.0;
@@ -19,20 +20,47 @@ const SHORTEST_CAVITY_MM: f64 = 1.0;
 
 /// What a new actuator is made of.
 #[derive(Clone, Copy)]
-pub enum NewMaterial {
+pub enum NewMaterial<'a> {
     /// A silicone with published constants.
     Published(&'static Silicone),
     /// A neo-Hookean silicone of this shear modulus (MPa).
     Shear(f64),
     /// Only a figure of a data sheet is known, perhaps with the elongation at break (%).
     DataSheet(HardnessFigure, Option<f64>),
+    /// The text of a material file, which was fitted to tests.
+    File(&'a str),
 }
 
-/// A new actuator in the few figures that people think in.
+/// A new actuator in what people think in.
 #[derive(Clone, Copy)]
 pub struct NewActuator<'a> {
     /// Name of its files and topics.
     pub name: &'a str,
+    /// Its shape.
+    pub shape: NewShape<'a>,
+    /// True if it hangs down along the wall it is to touch.
+    pub hanging: bool,
+    /// Silicone that the body is moulded of.
+    pub material: NewMaterial<'a>,
+}
+
+/// What a new actuator looks like.
+#[derive(Clone, Copy)]
+pub enum NewShape<'a> {
+    /// A finger in the proportions of the reference actuator.
+    Boxes(NewBoxes),
+    /// A mesh file with named surfaces, which is copied.
+    Mesh {
+        /// The file.
+        file: &'a Path,
+        /// Name of the surface that is held.
+        fixed: &'a str,
+    },
+}
+
+/// A finger in a few figures.
+#[derive(Clone, Copy)]
+pub struct NewBoxes {
     /// Number of chambers.
     pub chambers: usize,
     /// Whole length, mm; by default 9 mm a chamber.
@@ -41,27 +69,27 @@ pub struct NewActuator<'a> {
     pub width_mm: f64,
     /// Wall between cavity and slot, mm; the top is 0.8 and a side 1.2 of it.
     pub wall_mm: f64,
-    /// True if it hangs down along the wall it is to touch.
-    pub hanging: bool,
-    /// Silicone that the body is moulded of.
-    pub material: NewMaterial,
 }
+
+/// Name of the material file in the folder of a new actuator that has one.
+pub(super) const MATERIAL_FILE: &str = "material.toml";
 
 /// Section, key and value of `actuator.toml`.
 type Entry = (&'static str, &'static str, String);
 
 impl NewActuator<'_> {
-    /// Length for which the chambers are `pitch_mm` apart.
-    fn length_of(&self, pitch_mm: f64) -> f64 {
-        self.chambers as f64 * pitch_mm + 2.0 * self.wall_mm - SLOT_MM + 2.0 * MARGIN_MM
-    }
-
     /// The text of `actuator.toml`; `folder` is what `softtwin build` is given in its first comment.
     ///
     /// # Errors
     /// Chambers that do not fit: which option, and what would.
     pub fn text(&self, folder: &str) -> Result<String, String> {
-        let mut entries = self.entries()?;
+        let mut entries = match self.shape {
+            NewShape::Boxes(boxes) => boxes.entries()?,
+            NewShape::Mesh { fixed, .. } => vec![
+                ("loads", "cavity_load", "\"consistent\"".into()),
+                ("support", "fixed", format!("\"{fixed}\"")),
+            ],
+        };
         let mut elastomer = String::new();
         let law = match self.material {
             NewMaterial::DataSheet(figure, elongation_percent) => {
@@ -92,6 +120,7 @@ impl NewActuator<'_> {
                 }
                 format!("# {}: {}.\n{lines}", silicone.name, silicone.evidence())
             }
+            NewMaterial::File(_) => String::new(),
         };
         let name = self.name;
         entries.push(("", "name", format!("\"{name}\"")));
@@ -102,7 +131,19 @@ impl NewActuator<'_> {
             "# {name}: a soft pneumatic actuator, begun by `softtwin new`. `softtwin build {folder}` makes its mesh, its states and its\n\
              # twin. After a change here run it again.\n#\n"
         );
-        Ok(compose(&heading, &entries, [&elastomer, &law], 2.0 * self.wall_mm))
+        let (left_out, mesh) = match self.shape {
+            NewShape::Boxes(boxes) => (&[][..], MESH.replace("SIZE", &format!("{:?}", 2.0 * boxes.wall_mm))),
+            NewShape::Mesh { file, .. } => (&OF_BOXES[..], OWN_MESH.replace("FILE", &mesh_name(file))),
+        };
+        let text = compose(&heading, &entries, [&elastomer, &law], left_out) + &mesh;
+        Ok(if let NewMaterial::File(_) = self.material { with_material_file(&text) } else { text })
+    }
+}
+
+impl NewBoxes {
+    /// Length for which the chambers are `pitch_mm` apart.
+    fn length_of(&self, pitch_mm: f64) -> f64 {
+        self.chambers as f64 * pitch_mm + 2.0 * self.wall_mm - SLOT_MM + 2.0 * MARGIN_MM
     }
 
     /// The values that differ from those of the reference.
@@ -193,8 +234,23 @@ netgen_passes = 1                 # passes of the Netgen optimiser
 random_seed = 34                  # of gmsh
 ";
 
-/// The file: `heading` above, `entries` in place of the reference's values, `elastomer` as further lines of the elastomer and `law` as its law.
-fn compose(heading: &str, entries: &[Entry], [elastomer, law]: [&str; 2], size_mm: f64) -> String {
+/// Section of an actuator whose shape is that of its mesh.
+const OWN_MESH: &str = "\
+[mesh]
+file = \"FILE\"                 # tetrahedra of ten nodes in mm, with named surfaces: docs/own-mesh.md
+";
+
+/// Sections that an actuator with its own mesh has not.
+const OF_BOXES: [&str; 7] = ["base", "body", "chambers", "slots", "channels", "sheet", "obstacle"];
+
+/// Name of the mesh file in the folder of a new actuator.
+pub(super) fn mesh_name(file: &Path) -> String {
+    file.extension().map_or_else(|| "mesh".to_owned(), |ending| format!("mesh.{}", ending.to_string_lossy()))
+}
+
+/// The file: `heading` above, `entries` in place of the reference's values, `elastomer` as further lines of the elastomer and `law` as its law,
+/// without the sections `left_out`.
+fn compose(heading: &str, entries: &[Entry], [elastomer, law]: [&str; 2], left_out: &[&str]) -> String {
     let body = REFERENCE.find("# Actuator frame").map_or(REFERENCE, |at| &REFERENCE[at..]);
     let (mut section, mut text) = (String::new(), heading.to_owned());
     for line in body.lines() {
@@ -206,13 +262,34 @@ fn compose(heading: &str, entries: &[Entry], [elastomer, law]: [&str; 2], size_m
         match (section.as_str(), entry) {
             // A new file has the defaults of the iteration: a value copied from elsewhere can only make its states harder to solve.
             ("mesh" | "newton", _) => {}
+            (section, _) if left_out.contains(&section) => {}
             ("elastomer.law", _) if line.contains(" = ") => {}
             ("elastomer.law", _) if line.starts_with('[') => text += &format!("{elastomer}{line}\n{law}"),
             (_, Some((_, _, value))) => text += &replaced(line, key, value),
             _ => text += &format!("{line}\n"),
         }
     }
-    text + &MESH.replace("SIZE", &format!("{size_mm:?}"))
+    text
+}
+
+/// The file with the elastomer's own keys replaced by the name of a material file.
+fn with_material_file(text: &str) -> String {
+    let mut is_elastomer = false;
+    let mut out = String::new();
+    for line in text.lines() {
+        if line.starts_with('[') {
+            let was_elastomer = is_elastomer;
+            is_elastomer = line.starts_with("[elastomer]") || line.starts_with("[elastomer.");
+            if is_elastomer && !was_elastomer {
+                let key = format!("file = \"{MATERIAL_FILE}\"");
+                out += &format!("[elastomer]\n{key:33} # made by `softtwin material fit`\n\n");
+            }
+        }
+        if !is_elastomer {
+            out += &format!("{line}\n");
+        }
+    }
+    out
 }
 
 /// The line with another value, its comment in the same column.

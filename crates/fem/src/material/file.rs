@@ -48,11 +48,18 @@ impl MaterialFile {
     /// # Errors
     /// I/O error, invalid TOML, constants out of range.
     pub fn read(path: &Path) -> Result<Self, FormatError> {
-        let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
+        Self::parse(path, &file::read_text(path, file::MAX_TEXT_BYTES)?)
+    }
+
+    /// [`MaterialFile::read`] from memory; `path` is its name in errors.
+    ///
+    /// # Errors
+    /// Invalid TOML, constants out of range.
+    pub fn parse(path: &Path, text: &str) -> Result<Self, FormatError> {
         let wrong = |place: &str, expected: &str, found: String| {
             FormatError::one(path, Diagnostic::new(place, expected, found))
         };
-        let this: Self = toml::from_str(&text).map_err(|error| {
+        let this: Self = toml::from_str(text).map_err(|error| {
             wrong("content", "a file of `softtwin material fit`", error.to_string().trim_end().to_owned())
         })?;
         if this.layout != 1 {
@@ -100,7 +107,7 @@ pub fn material_text(fitted: &FittedSpecimens, density_t_per_mm3: f64) -> String
         number(low),
         number(high),
         fitted.best.stability(),
-        law.name().to_lowercase()
+        law.key()
     );
     for ((name, value), half_width) in law.constants().iter().zip(&fitted.best.half_widths) {
         let interval = half_width.map_or_else(|| "open".into(), |h| format!("+- {h:.1e} (95 %)"));

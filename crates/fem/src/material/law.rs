@@ -137,6 +137,11 @@ impl Hyperelastic {
         }
     }
 
+    /// Name of the law in files: `yeoh`.
+    pub fn key(&self) -> String {
+        self.name().to_lowercase()
+    }
+
     /// The law with its energy multiplied by a factor.
     pub(super) fn multiplied(mut self, factor: f64) -> Self {
         match &mut self {

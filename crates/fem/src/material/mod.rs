@@ -10,6 +10,7 @@ pub mod fit;
 mod law;
 mod least_squares;
 mod principal;
+mod report;
 pub mod silicone;
 mod specimen;
 mod tension;
@@ -23,7 +24,8 @@ pub use film::{Fibres, Film, Isotropic};
 pub(crate) use law::{Dependence, Power, at_least_zero, positive};
 pub use law::{Hyperelastic, MaterialError};
 pub(crate) use principal::{Principal, is_stable_invariant};
-pub use specimen::{FittedSpecimens, Specimen};
+pub use report::FitReport;
+pub use specimen::{FitError, FittedSpecimens, Specimen};
 pub use tension::Deformation;
 pub(crate) use tension::{invariant as bar_invariant, stretch_at as bar_stretch};
 

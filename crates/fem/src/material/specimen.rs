@@ -2,8 +2,8 @@
 //! Then the law of several tests, with what is suspicious about them.
 
 use super::columns::{
-    self, ChosenColumn, CurveOrigin, DeformationQuantity, LoadQuantity, LoadingBranch, TestDescription,
-    TestKind,
+    self, ChosenColumn, CurveOrigin, DeformationQuantity, LawName, LoadQuantity, LoadingBranch,
+    TestDescription, TestKind,
 };
 use super::fit::{self, Family, Fitted, Test, stretch_range};
 use super::{Deformation, Hyperelastic};
@@ -203,11 +203,24 @@ impl Specimen {
         max_strain: f64,
         working_weight: f64,
     ) -> Result<Self, FormatError> {
+        let log = Log::read(&description.file, &description.table)?;
+        Self::of_log(&log, description, max_strain, working_weight)
+    }
+
+    /// [`Specimen::read`] of a table in memory; the description's file is its name.
+    ///
+    /// # Errors
+    /// A table whose columns are not known; too few rows.
+    pub fn of_log(
+        log: &Log,
+        description: &TestDescription,
+        max_strain: f64,
+        working_weight: f64,
+    ) -> Result<Self, FormatError> {
         let path = &description.file;
         let error = |text: String| FormatError::refused(path, text);
-        let log = Log::read(path, &description.table)?;
-        let deformation = columns::deformation(&log, &description.deformation).map_err(error)?;
-        let load = columns::load(&log, &description.load).map_err(error)?;
+        let deformation = columns::deformation(log, &description.deformation).map_err(error)?;
+        let load = columns::load(log, &description.load).map_err(error)?;
         let mut notes = vec![deformation.note.clone(), load.note.clone()];
         if !log.damaged.is_empty() {
             notes.push(format!(
@@ -219,12 +232,12 @@ impl Specimen {
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         let (kind, why) = match description.test {
             Some(kind) => (kind, ""),
-            None => guessed(&name, &log).map_err(error)?,
+            None => guessed(&name, log).map_err(error)?,
         };
         if !why.is_empty() {
             notes.push(format!("a {} test, {why}; --test states it", kind.word()));
         }
-        let rows = stretches_and_stresses((&log, &deformation, &load), description, kind, &mut notes)
+        let rows = stretches_and_stresses((log, &deformation, &load), description, kind, &mut notes)
             .map_err(error)?;
         let compressed = is_compressed(&rows);
         let (branch, loops) = branch(&rows, description.branch, &mut notes);
@@ -520,16 +533,80 @@ pub struct FittedSpecimens {
     pub remarks: Vec<String>,
 }
 
+/// Most tests of a fit, whose time grows with them: about 0.2 s each.
+const MAX_TESTS: usize = 64;
+/// RMS error in % of the largest stress beyond which a law does not explain the tests.
+const UNEXPLAINED_PERCENT: f64 = 10.0;
+
+/// Why tests have no law.
+#[derive(Debug, thiserror::Error)]
+pub enum FitError {
+    /// There is nothing to fit.
+    #[error("expected a test, found empty lists")]
+    NoTest,
+    /// A fit that would take minutes.
+    #[error(
+        "expected at most {MAX_TESTS} tests, found {0}; join the tables of equal specimens, or fit a part of them"
+    )]
+    TooMany(usize),
+    /// No law has stable constants over the tests.
+    #[error(
+        "no constants are stable over the range of the tests; look at their quantities and signs, or give a smaller --max-strain"
+    )]
+    Unstable,
+    /// The best law is far from the tests.
+    #[error(
+        "no law explains the tests: RMS {rms_percent:.1} % of the largest stress, expected at most {UNEXPLAINED_PERCENT} %; look at the \
+         picture (--picture), at units, signs and kinds of the tests{remarks}"
+    )]
+    Unexplained {
+        /// Its error, % of the largest stress.
+        rms_percent: f64,
+        /// What is suspicious about the tests, each behind `; `.
+        remarks: String,
+    },
+}
+
 impl FittedSpecimens {
-    /// Fits these families and chooses one law; `None` if no constants are stable over the tests.
-    pub fn new(mut specimens: Vec<Specimen>, families: &[Family]) -> Option<Self> {
+    /// Checks the number of tests, before they are read.
+    ///
+    /// # Errors
+    /// None, or too many.
+    pub fn check_count(tests: usize) -> Result<(), FitError> {
+        match tests {
+            0 => Err(FitError::NoTest),
+            1..=MAX_TESTS => Ok(()),
+            _ => Err(FitError::TooMany(tests)),
+        }
+    }
+
+    /// Fits the families of a law, by default of every law, and chooses one.
+    ///
+    /// # Errors
+    /// The number of tests; no constants that are stable over them.
+    pub fn new(mut specimens: Vec<Specimen>, law: Option<LawName>) -> Result<Self, FitError> {
+        Self::check_count(specimens.len())?;
+        let families = law.map_or(&Family::ALL[..], LawName::families);
         let tests: Vec<Test> = specimens.iter().map(|specimen| specimen.test.clone()).collect();
         let candidates = fit::fit_all(families, &tests);
-        let best = Fitted::best(candidates.clone())?;
+        let best = Fitted::best(candidates.clone()).ok_or(FitError::Unstable)?;
         specimens.iter_mut().zip(&best.moduli).for_each(|(specimen, modulus)| specimen.divide(*modulus));
         let mut remarks = remarks(&specimens, &best);
         remarks.extend(choice_remarks(families, &candidates, &best));
-        Some(Self { specimens, candidates, best, range: stretch_range(&tests), remarks })
+        Ok(Self { specimens, candidates, best, range: stretch_range(&tests), remarks })
+    }
+
+    /// Whether the law is near enough to the tests to be used.
+    ///
+    /// # Errors
+    /// [`FitError::Unexplained`].
+    pub fn check_explained(&self) -> Result<(), FitError> {
+        let rms_percent = 100.0 * self.best.error;
+        if rms_percent <= UNEXPLAINED_PERCENT {
+            return Ok(());
+        }
+        let remarks = self.remarks.iter().map(|remark| format!("; {remark}")).collect();
+        Err(FitError::Unexplained { rms_percent, remarks })
     }
 }
 

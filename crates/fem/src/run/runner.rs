@@ -96,6 +96,8 @@ struct RunState {
     board: Board,
     outcome: Outcome,
     broken: Option<RunError>,
+    /// True if a thread was unwound: what its case decides will not come.
+    is_unwound: bool,
 }
 
 /// List in work.
@@ -110,7 +112,7 @@ struct OngoingRun<'a> {
 
 impl Run<'_> {
     /// Solves all cases; a failed one never stops the others. Two runs of one list give the same bytes, whatever the
-    /// number of threads. `notify` is called from any thread, one call at a time.
+    /// number of threads. `notify` is called from any thread, one call at a time; if it unwinds, so does the call, with each thread's next event.
     ///
     /// # Errors
     /// [`RunError`]; solved states are kept.
@@ -127,7 +129,7 @@ impl Run<'_> {
         }
         outcome.reused = outcome.solved.len();
         if !board.is_done() {
-            let shared = Mutex::new(RunState { board, outcome, broken: None });
+            let shared = Mutex::new(RunState { board, outcome, broken: None, is_unwound: false });
             let rest = Arc::new(self.rest()?);
             let work = OngoingRun { run: self, tasks, rest, shared, changed: Condvar::new(), notify };
             std::thread::scope(|scope| {
@@ -218,9 +220,22 @@ impl Bodies for BodiesBetween<'_> {
     }
 }
 
+/// Wakes the other threads when one ends, also by unwinding: `notify` may unwind to end the run.
+struct Ending<'a>(&'a OngoingRun<'a>);
+
+impl Drop for Ending<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.shared.lock().unwrap_or_else(PoisonError::into_inner).is_unwound = true;
+        }
+        self.0.changed.notify_all();
+    }
+}
+
 impl OngoingRun<'_> {
     /// The loop of one thread.
     fn run_thread(&self) {
+        let _ending = Ending(self);
         let lock = || self.shared.lock().unwrap_or_else(PoisonError::into_inner);
         let result = Solver::new(Arc::clone(&self.run.family.problem)).map_err(RunError::from);
         let result = result.and_then(|mut solver| {
@@ -238,13 +253,12 @@ impl OngoingRun<'_> {
         if let Err(error) = result {
             lock().broken.get_or_insert(error);
         }
-        self.changed.notify_all();
     }
 
     /// The next case to solve and its start; waits while a case in work decides it.
     fn next_case(&self) -> Option<(usize, Start)> {
         let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
-        while shared.broken.is_none() {
+        while shared.broken.is_none() && !shared.is_unwound {
             match shared.board.next() {
                 Next::Solve(case, start) => return Some((case, start)),
                 Next::Done => return None,

@@ -72,6 +72,22 @@ impl Log {
         })
     }
 
+    /// A log of arrays with their names, all of one length, as a program has them.
+    #[must_use]
+    pub fn of_columns(columns: Vec<(String, Vec<f64>)>) -> Self {
+        let (headings, columns): (Vec<_>, Vec<_>) = columns.into_iter().unzip();
+        Self {
+            doubts: vec![None; columns.len()],
+            lines: (1..=columns.first().map_or(0, Vec::len)).collect(),
+            headings,
+            columns,
+            separator: ',',
+            damaged: Vec::new(),
+            parameters: Vec::new(),
+            remarks: Vec::new(),
+        }
+    }
+
     #[must_use]
     pub fn rows(&self) -> usize {
         self.lines.len()

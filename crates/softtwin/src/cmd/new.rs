@@ -1,12 +1,14 @@
 //! `softtwin new`: a folder with a commented actuator file.
 
 use crate::failure::usage;
-use crate::files::{quoted, refusal, save};
+use crate::files::{quoted, refusal};
 use crate::{output, report};
-use anyhow::{Context, Result};
-use fem::actuator::{Actuator, NewActuator, NewMaterial, cross_section};
+use anyhow::Result;
+use fem::actuator::{
+    Actuator, NewActuator, NewBoxes, NewError, NewMaterial, NewReport, NewShape, cross_section,
+};
 use fem::material::silicone::{HardnessFigure, SILICONES, Silicone, named};
-use serde::Serialize;
+use formats::file;
 use std::fmt::Display;
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::PathBuf;
@@ -25,6 +27,11 @@ const WALL_MM: f64 = 2.5;
 /// Sag as a fraction of the length from which hanging is advised.
 const HANGING_SHARE: f64 = 0.15;
 
+/// A number of the range that the library accepts.
+fn range_of([low, high]: [f64; 2]) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
+    crate::range::number(low, high)
+}
+
 /// Create a new actuator: a folder with a commented actuator.toml.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
@@ -36,61 +43,48 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
     /// Number of chambers (1 to 100) [default: 11].
-    #[arg(long, value_name = "N", value_parser = crate::range::count(1, 100), help_heading = "Shape")]
+    #[arg(long, value_name = "N", value_parser = crate::range::count(NewActuator::CHAMBERS[0], NewActuator::CHAMBERS[1]), help_heading = "Shape")]
     chambers: Option<usize>,
     /// Whole length in mm (10 to 2000) [default: 9 mm a chamber].
-    #[arg(long, value_name = "MM", value_parser = crate::range::number(10.0, 2000.0), help_heading = "Shape")]
+    #[arg(long, value_name = "MM", value_parser = range_of(NewActuator::LENGTH_MM), help_heading = "Shape")]
     length_mm: Option<f64>,
     /// Width of the body, the block of chambers, in mm (5 to 600); the base is 1.6 times as wide [default: 20].
-    #[arg(long, value_name = "MM", value_parser = crate::range::number(5.0, 600.0), help_heading = "Shape")]
+    #[arg(long, value_name = "MM", value_parser = range_of(NewActuator::WIDTH_MM), help_heading = "Shape")]
     width_mm: Option<f64>,
     /// Wall between cavity and slot in mm (0.5 to 20); the top is 0.8 and a side 1.2 of it [default: 2.5].
-    #[arg(long, value_name = "MM", value_parser = crate::range::number(0.5, 20.0), help_heading = "Shape")]
+    #[arg(long, value_name = "MM", value_parser = range_of(NewActuator::WALL_MM), help_heading = "Shape")]
     wall_mm: Option<f64>,
+    /// Instead of a finger: a mesh file of your own with named surfaces (.msh, .inp, .vtu; docs/own-mesh.md), which is copied.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["chambers", "length_mm", "width_mm", "wall_mm"], help_heading = "Shape")]
+    mesh: Option<PathBuf>,
+    /// Surface of the mesh that is held.
+    #[arg(long, value_name = "NAME", default_value = "clamp", requires = "mesh", help_heading = "Shape")]
+    fixed: String,
     /// Silicone: with a public tension test dragon-skin-30, -20, -10-medium, ecoflex-00-50, -00-30, -00-10, the printed ninjaflex; by published
-    /// constants alone reference, elastosil-m4601. Your own tests: `softtwin material fit`.
+    /// constants alone reference, elastosil-m4601. Your own tests: --material.
     #[arg(long, value_name = "NAME", value_parser = named, help_heading = "Material")]
     silicone: Option<&'static Silicone>,
     /// Instead: a neo-Hookean silicone of this shear modulus in MPa (0.005 to 10).
-    #[arg(long, value_name = "MPA", conflicts_with = "silicone", value_parser = crate::range::number(0.005, 10.0), help_heading = "Material")]
+    #[arg(long, value_name = "MPA", conflicts_with = "silicone", value_parser = range_of(NewActuator::SHEAR_MPA), help_heading = "Material")]
     shear_modulus_mpa: Option<f64>,
+    /// Instead: the material file that `softtwin material fit` made of your tests.
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["silicone", "shear_modulus_mpa"], help_heading = "Material")]
+    material: Option<PathBuf>,
     /// Only a data sheet: Shore A hardness (5 to 80). The constants get a wide interval, which `softtwin build` carries on.
-    #[arg(long, value_name = "HARDNESS", group = "sheet", conflicts_with_all = ["silicone", "shear_modulus_mpa"], value_parser = crate::range::number(5.0, 80.0), help_heading = "Material")]
+    #[arg(long, value_name = "HARDNESS", group = "sheet", conflicts_with_all = ["silicone", "shear_modulus_mpa", "material"], value_parser = range_of(NewActuator::SHORE_A), help_heading = "Material")]
     shore_a: Option<f64>,
     /// Only a data sheet: Shore 00 hardness (10 to 60).
-    #[arg(long, value_name = "HARDNESS", group = "sheet", conflicts_with_all = ["silicone", "shear_modulus_mpa"], value_parser = crate::range::number(10.0, 60.0), help_heading = "Material")]
+    #[arg(long, value_name = "HARDNESS", group = "sheet", conflicts_with_all = ["silicone", "shear_modulus_mpa", "material"], value_parser = range_of(NewActuator::SHORE_00), help_heading = "Material")]
     shore_00: Option<f64>,
     /// Only a data sheet: nominal stress at 100 % elongation in MPa (0.01 to 10).
-    #[arg(long, value_name = "MPA", group = "sheet", conflicts_with_all = ["silicone", "shear_modulus_mpa"], value_parser = crate::range::number(0.01, 10.0), help_heading = "Material")]
+    #[arg(long, value_name = "MPA", group = "sheet", conflicts_with_all = ["silicone", "shear_modulus_mpa", "material"], value_parser = range_of(NewActuator::MODULUS_100_MPA), help_heading = "Material")]
     modulus_100_mpa: Option<f64>,
     /// Elongation at break in %, the end of the range of stretches (10 to 2000).
-    #[arg(long, value_name = "PERCENT", requires = "sheet", value_parser = crate::range::number(10.0, 2000.0), help_heading = "Material")]
+    #[arg(long, value_name = "PERCENT", requires = "sheet", value_parser = range_of(NewActuator::ELONGATION_PERCENT), help_heading = "Material")]
     elongation_percent: Option<f64>,
     /// Hangs down, base along the wall it is to touch; level when left out. Soft long fingers carry their weight only so.
     #[arg(long, help_heading = "Shape")]
     hanging: bool,
-}
-
-/// The new folder.
-#[derive(Serialize)]
-struct NewReport {
-    actuator: PathBuf,
-    chambers: usize,
-    length_mm: f64,
-    thinnest_wall_mm: f64,
-    cavity_length_mm: f64,
-    pitch_mm: f64,
-    wall_mm: f64,
-    shear_modulus_mpa: f64,
-    /// Where it may be, if only a data sheet is known.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    shear_interval_mpa: Option<[f64; 2]>,
-    silicone: String,
-    /// Of the tip under its own weight, by beam theory; `None` of one that hangs.
-    sag_mm: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    sag_interval_mm: Option<[f64; 2]>,
-    remarks: Vec<String>,
 }
 
 impl Args {
@@ -99,84 +93,61 @@ impl Args {
     /// # Errors
     /// The folder is not empty or the shape cannot be built; I/O errors.
     pub fn run(mut self) -> Result<()> {
-        let name = self.name()?;
-        let folder = quoted(&self.folder);
-        if std::fs::read_dir(&self.folder).is_ok_and(|mut entries| entries.next().is_some()) {
-            return Err(usage(format!(
-                "{}: expected a new or an empty folder, found one with files; choose another, or change its actuator.toml and run \
-                 `softtwin build {folder}`",
-                self.folder.display()
-            )));
-        }
+        let folder = || self.folder.file_name().map(|name| name.to_string_lossy().into_owned());
+        let name = self.name.clone().or_else(folder).unwrap_or_default();
+        let refused = |error| match error {
+            NewError::Refused(_) => usage(error),
+            NewError::Files(error) => refusal(error),
+        };
+        NewActuator::check_place(&name, &self.folder).map_err(refused)?;
         self.ask()?;
-        let new = NewActuator {
-            name: &name,
+        let fitted = self.material.as_ref().map(|path| file::read_text(path, file::MAX_TEXT_BYTES));
+        let fitted = fitted.transpose().map_err(refusal)?;
+        let boxes = NewBoxes {
             chambers: self.chambers.unwrap_or(11),
             length_mm: self.length_mm,
             width_mm: self.width_mm.unwrap_or(20.0),
             wall_mm: self.wall_mm.unwrap_or(WALL_MM),
-            hanging: self.hanging,
-            material: self.material(),
         };
-        let text = new.text(&folder).map_err(usage)?;
-        // The same checks as when it is read: a shape that cannot be built never reaches the disk.
-        let path = self.folder.join("actuator.toml");
-        let actuator = Actuator::parse(&text).map_err(|diagnostics| {
-            refusal(formats::FormatError::Content { path: path.clone(), diagnostics })
-        })?;
-        formats::file::create_folder(&self.folder)?;
-        save(&path, text.as_bytes())?;
-        report::print(&self.report(path, &actuator, new.wall_mm)?, false)
+        let new = NewActuator {
+            name: &name,
+            shape: match &self.mesh {
+                Some(file) => NewShape::Mesh { file, fixed: &self.fixed },
+                None => NewShape::Boxes(boxes),
+            },
+            hanging: self.hanging,
+            material: self.material(fitted.as_deref()),
+        };
+        let (mut report, actuator) = new.create(&self.folder).map_err(refused)?;
+        report.remarks = self.remarks(&report, &actuator);
+        report::print(&report, false)
     }
 
-    fn report(&self, path: PathBuf, actuator: &Actuator, wall_mm: f64) -> Result<NewReport> {
-        let shape = actuator.shape().context("the new actuator has no boxes")?;
-        let length_mm = shape.base.length_mm;
-        let [first, last] = shape.chambers.along_mm(0);
-        let (shear, interval) =
-            (actuator.elastomer.law.shear_modulus_mpa(), actuator.elastomer.shear_interval_mpa);
-        let sag = |factor: f64| actuator.sag_estimate_mm(factor).filter(|_| !self.hanging);
+    /// The cross-section, and what to do next.
+    fn remarks(&self, report: &NewReport, actuator: &Actuator) -> Vec<String> {
         let folder = quoted(&self.folder);
-        let mut remarks = vec![format!("cross-section through a chamber, mm:\n{}", cross_section(&shape))];
+        let section = actuator.shape().map(|shape| cross_section(&shape));
+        let drawn = section.map(|section| format!("cross-section through a chamber, mm:\n{section}"));
+        let mut remarks: Vec<String> = drawn.into_iter().collect();
+        let length_mm = report.boxes.as_ref().map_or(f64::INFINITY, |boxes| boxes.length_mm);
         if self.hanging {
             remarks.push("it hangs: its weight pulls along it".into());
-        } else if sag(1.0).is_some_and(|sag_mm| sag_mm > HANGING_SHARE * length_mm) {
+        } else if report.sag_mm.is_some_and(|sag_mm| sag_mm > HANGING_SHARE * length_mm) {
             remarks.push("--hanging mounts it vertically, where it does not sag".into());
         }
         remarks.push(format!(
             "look at it and change what you like, then make its twin:\n  softtwin build {folder} --quick    few states, for a first look\n  \
              softtwin build {folder}            for use"
         ));
-        Ok(NewReport {
-            actuator: path,
-            chambers: shape.chambers.count,
-            length_mm,
-            thinnest_wall_mm: shape.thinnest_wall_mm(),
-            cavity_length_mm: last - first,
-            pitch_mm: shape.chambers.pitch_mm,
-            wall_mm,
-            shear_modulus_mpa: shear,
-            shear_interval_mpa: interval,
-            silicone: match self.material() {
-                NewMaterial::DataSheet(figure, _) => {
-                    let narrows =
-                        "a tension test to the strains of use narrows it most: softtwin material fit";
-                    format!("{}; {narrows}", figure.source())
-                }
-                NewMaterial::Shear(_) => "neo-Hookean, as given".into(),
-                NewMaterial::Published(silicone) => format!("{}; {}", silicone.name, silicone.evidence()),
-            },
-            sag_mm: sag(1.0),
-            sag_interval_mm: interval.and_then(|[low, high]| Some([sag(high / shear)?, sag(low / shear)?])),
-            remarks,
-        })
+        remarks
     }
 
-    fn material(&self) -> NewMaterial {
-        match (self.figure(), self.shear_modulus_mpa) {
-            (Some(figure), _) => NewMaterial::DataSheet(figure, self.elongation_percent),
-            (None, Some(shear_mpa)) => NewMaterial::Shear(shear_mpa),
-            (None, None) => NewMaterial::Published(self.silicone.unwrap_or(&SILICONES[0])),
+    fn material<'a>(&self, fitted: Option<&'a str>) -> NewMaterial<'a> {
+        match (fitted, self.figure(), self.shear_modulus_mpa) {
+            (Some(text), ..) => NewMaterial::File(text),
+            (None, Some(figure), _) => NewMaterial::DataSheet(figure, self.elongation_percent),
+            (None, None, Some(shear_mpa)) => NewMaterial::Shear(shear_mpa),
+            (None, None, None) => NewMaterial::Published(self.silicone.unwrap_or(&SILICONES[0])),
         }
     }
 
@@ -187,21 +158,16 @@ impl Args {
         shore.or(self.modulus_100_mpa.map(HardnessFigure::Modulus100))
     }
 
-    fn name(&self) -> Result<String> {
-        let folder = || self.folder.file_name().map(|name| name.to_string_lossy().into_owned());
-        let name = self.name.clone().or_else(folder).unwrap_or_default();
-        let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        if name.is_empty() || name.len() > 64 || !name.chars().all(fits) {
-            let expected = "1 to 64 letters, digits, - and _ (it names files and topics)";
-            return Err(usage(format!("--name: expected {expected}, found `{name}`; give --name")));
-        }
-        Ok(name)
-    }
-
     /// Asks on a terminal for what was not given, unless something was.
     fn ask(&mut self) -> Result<()> {
-        let given = self.chambers.is_some() || self.length_mm.is_some() || self.wall_mm.is_some();
-        let material = self.silicone.is_some() || self.shear_modulus_mpa.is_some() || self.figure().is_some();
+        let given = self.mesh.is_some()
+            || self.chambers.is_some()
+            || self.length_mm.is_some()
+            || self.wall_mm.is_some();
+        let material = self.silicone.is_some()
+            || self.shear_modulus_mpa.is_some()
+            || self.material.is_some()
+            || self.figure().is_some();
         if given || material || !std::io::stdin().is_terminal() {
             return Ok(());
         }

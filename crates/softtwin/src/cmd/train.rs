@@ -126,7 +126,7 @@ impl Args {
         progress.step("writing the model");
         let bytes = model.to_bytes()?;
         files::save(&self.out, &bytes)?;
-        let data_sheet = files::save_data_sheet(&self.out, &sheet)?;
+        let data_sheet = sheet.save_beside(&self.out)?;
         let hash = bytes.last_chunk::<32>().context("the model has no hash")?;
         train::card::save(&self.out, &model, hash, None).map_err(refusal)?;
         drop(progress);

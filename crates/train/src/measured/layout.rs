@@ -85,6 +85,12 @@ pub struct MeasuredOutput {
 }
 
 impl MeasuredOutput {
+    /// The value at an evaluated state; NaN of a model that has no answer.
+    #[must_use]
+    pub fn value_of(&self, evaluation: &Evaluation) -> f64 {
+        evaluation.coefficients.get(self.coefficient).copied().unwrap_or(f64::NAN)
+    }
+
     /// The half-width at an evaluated state; NaN where nothing is known.
     #[must_use]
     pub fn half_width_of(&self, evaluation: &Evaluation) -> f64 {

@@ -1,6 +1,5 @@
 //! What an evaluation found: for scripts, for people, and as a picture.
 
-use crate::files;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use rom::halfwidths::Errors;
 use rom::hull::DomainStatus;
@@ -8,6 +7,7 @@ use rom::snapshots::RegimeKind;
 use serde::Serialize;
 use std::path::Path;
 use train::datasheet::CaseError;
+use train::datasheet::DataSheet;
 use train::evaluate::{CaseReport, FieldErrors, Report, Summary, spread};
 
 /// What scripts read.
@@ -74,7 +74,7 @@ pub struct LeftOut {
 
 /// From the data sheet beside the model; none without one.
 pub fn leave_one_out(model: &Path) -> Vec<LeftOut> {
-    let Some(sheet) = files::read_data_sheet(model) else {
+    let Some(sheet) = DataSheet::read_beside(model) else {
         tracing::warn!("no data sheet beside the model: leave-one-out errors are not shown");
         return Vec::new();
     };

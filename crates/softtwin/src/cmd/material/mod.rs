@@ -1,26 +1,20 @@
 //! `softtwin material fit`: constants of a silicone from its tests.
 
-mod found;
+mod figure;
 
 use crate::failure::{configuration, unexplained, usage};
 use crate::files::{quoted, refusal, save};
 use crate::report;
-use anyhow::{Result, anyhow};
+use anyhow::Result;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use fem::material::fit::Family;
 use fem::material::{
-    CurveOrigin, DeformationQuantity, FittedSpecimens, LawName, LoadQuantity, LoadingBranch, Specimen,
-    TestColumn, TestDescription, TestKind, material_text, read_list,
+    CurveOrigin, DeformationQuantity, FitReport, FittedSpecimens, LawName, LoadQuantity, LoadingBranch,
+    Specimen, TestColumn, TestDescription, TestKind, material_text, read_list,
 };
+use figure::figure;
 use formats::log::Column;
 use formats::table::TableForm;
-use found::{FitReport, figure};
 use std::path::PathBuf;
-
-/// Most tests of a fit, whose time grows with them: about 0.2 s each.
-const MAX_TESTS: usize = 64;
-/// RMS error in % of the largest stress beyond which a law does not explain the tests.
-const UNEXPLAINED_PERCENT: f64 = 10.0;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -145,19 +139,13 @@ impl FitArgs {
         let specimens = descriptions
             .iter()
             .map(|test| Specimen::read(test, self.max_strain, self.working_weight).map_err(refusal));
-        let fitted = FittedSpecimens::new(
-            specimens.collect::<Result<_>>()?,
-            self.law.map_or(&Family::ALL, LawName::families),
-        );
-        let fitted = fitted.ok_or_else(|| {
-            unexplained("no constants are stable over the range of the tests; look at their quantities and signs, or give a smaller --max-strain")
-        })?;
+        let fitted =
+            FittedSpecimens::new(specimens.collect::<Result<_>>()?, self.law).map_err(unexplained)?;
         if let Some(picture) = &self.picture {
             figure(&fitted).save(picture)?;
         }
-        let rms_percent = 100.0 * fitted.best.error;
-        let is_explained = rms_percent <= UNEXPLAINED_PERCENT;
-        let out = self.out.clone().filter(|_| is_explained);
+        let explained = fitted.check_explained();
+        let out = self.out.clone().filter(|_| explained.is_ok());
         let mut report = FitReport::new(&fitted, out.clone(), self.picture.clone());
         if let Some(out) = &out {
             save(out, material_text(&fitted, 1.0e-9 * self.density_g_per_cm3).as_bytes())?;
@@ -166,14 +154,7 @@ impl FitArgs {
             }
         }
         report::print(&report, self.json)?;
-        if is_explained {
-            return Ok(());
-        }
-        let remarks: String = fitted.remarks.iter().map(|remark| format!("; {remark}")).collect();
-        Err(unexplained(format!(
-            "no law explains the tests: RMS {rms_percent:.1} % of the largest stress, expected at most {UNEXPLAINED_PERCENT} %; look at the \
-             picture (--picture), at units, signs and kinds of the tests{remarks}"
-        )))
+        explained.map_err(unexplained)
     }
 
     fn descriptions(&self) -> Result<Vec<TestDescription>> {
@@ -232,15 +213,7 @@ impl FitArgs {
             });
             at += 1;
         }
-        if all.is_empty() {
-            return Err(configuration(anyhow!("expected a test, found empty lists")));
-        }
-        let count = all.len();
-        if count > MAX_TESTS {
-            return Err(configuration(anyhow!(
-                "expected at most {MAX_TESTS} tests, found {count}; join the tables of equal specimens, or fit a part of them"
-            )));
-        }
+        FittedSpecimens::check_count(all.len()).map_err(configuration)?;
         Ok(all)
     }
 }

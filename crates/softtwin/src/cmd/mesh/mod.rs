@@ -3,12 +3,10 @@
 mod step;
 
 use crate::failure::usage;
-use crate::files::refusal;
+use crate::files::{not_gridded, refusal};
 use crate::report;
-use anyhow::Context;
 use fem::actuator::{Actuator, NamedPart, mesh_quality};
 use fem::{BodyReport, Mesh};
-use formats::vtu;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -48,21 +46,6 @@ pub struct Args {
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
-}
-
-/// Meshes an actuator on a grid into a `.vtu` file; returns the mesh.
-///
-/// # Errors
-/// The size does not suit the actuator; I/O errors.
-pub fn write_grid(actuator: &Actuator, size_mm: f64, out: &Path) -> anyhow::Result<Mesh> {
-    let mesh = actuator.grid_mesh(size_mm, 1).map_err(|list| {
-        let list: Vec<String> = list.iter().map(ToString::to_string).collect();
-        usage(format!("--size-mm: {}", list.join("\n  ")))
-    })?;
-    let cells = vtu::Cells::QuadraticTets(&mesh.tets);
-    vtu::write(out, &vtu::Grid { points_mm: &mesh.nodes_mm, cells, point_data: &[] })
-        .context("the mesh was not written")?;
-    Ok(mesh)
 }
 
 /// Whether a named surface is to take a pressure.
@@ -146,7 +129,7 @@ impl Args {
                 out.display()
             )));
         }
-        let mesh = write_grid(&actuator, self.size_mm, &out)?;
+        let mesh = actuator.write_grid(self.size_mm, &out).map_err(not_gridded)?;
         let (nodes, tetrahedra, mut body) = (mesh.nodes_mm.len(), mesh.tets.len(), body(&actuator, &mesh));
         if actuator.mesh.nodes != 0 && actuator.mesh.nodes != nodes {
             let wanted = actuator.mesh.nodes;

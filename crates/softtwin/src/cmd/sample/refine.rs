@@ -109,7 +109,7 @@ impl Refinement {
         let after = train(&refined, target.out)?;
         let model = target.out.join(&family.actuator.name).with_extension("twin");
         files::save(&model, &after.0.to_bytes()?)?;
-        files::save_data_sheet(&model, &after.1)?;
+        after.1.save_beside(&model)?;
         drop(progress);
         let names: Vec<&str> = added.iter().map(String::as_str).collect();
         let errors = |(model, sheet): &Trained| RefinementErrors::new((model, sheet), &refined, kind, &names);

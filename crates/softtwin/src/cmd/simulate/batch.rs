@@ -8,7 +8,7 @@ use fem::Family;
 use fem::actuator::Setting;
 use fem::cases::{self, Case};
 use fem::plan::PlanError;
-use fem::run::{self, Event, Outcome, Run, Store, fingerprint};
+use fem::run::{self, Event, Outcome};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
@@ -55,46 +55,54 @@ pub fn run(family: &Family, list: &Path, out: &Path, options: &Options, as_json:
 
 /// Solves what is not yet there, under a progress bar, and writes the folder.
 pub fn solve(family: &Family, cases: &[Case], out: &Path, options: &Options) -> Result<Outcome, PlanError> {
-    let store = Store::new(&out.join("states"), fingerprint(&family.problem))?;
-    // A log gets lines instead of a bar.
-    let bar = ProgressBar::new(cases.len() as u64);
-    let pace = Arc::new(Mutex::new(Pace::new(cases.len())));
-    let of_bar = Arc::clone(&pace);
-    let rest = move |_: &ProgressState, out: &mut dyn std::fmt::Write| {
-        // A bar that cannot be written must not end the work.
-        let _ = out.write_str(&held(&of_bar).rest());
-    };
-    if let Ok(style) =
-        ProgressStyle::with_template("{bar:30} {pos}/{len} cases, {elapsed} elapsed{rest}  {msg}")
-    {
-        bar.set_style(style.with_key("rest", rest));
+    let bar = CaseBar::new(cases.len());
+    run::solve_into(out, family, cases, (options.threads, options.sensitivities), &|event| bar.take(&event))
+}
+
+/// Progress of a list of cases: a bar on a terminal, lines in a log.
+pub struct CaseBar {
+    bar: ProgressBar,
+    pace: Arc<Mutex<Pace>>,
+    /// Lines while no case ends; none on a terminal.
+    heartbeat: Option<Heartbeat>,
+}
+
+impl CaseBar {
+    pub fn new(cases: usize) -> Self {
+        let bar = ProgressBar::new(cases as u64);
+        let pace = Arc::new(Mutex::new(Pace::new(cases)));
+        let of_bar = Arc::clone(&pace);
+        let rest = move |_: &ProgressState, out: &mut dyn std::fmt::Write| {
+            // A bar that cannot be written must not end the work.
+            let _ = out.write_str(&held(&of_bar).rest());
+        };
+        if let Ok(style) =
+            ProgressStyle::with_template("{bar:30} {pos}/{len} cases, {elapsed} elapsed{rest}  {msg}")
+        {
+            bar.set_style(style.with_key("rest", rest));
+        }
+        bar.enable_steady_tick(TICK);
+        let of_lines = Arc::clone(&pace);
+        let wants_lines = !std::io::stderr().is_terminal();
+        let heartbeat = wants_lines.then(|| Heartbeat::new(move || Some(held(&of_lines).line())));
+        Self { bar, pace, heartbeat }
     }
-    bar.enable_steady_tick(TICK);
-    let wants_lines = !std::io::stderr().is_terminal();
-    let of_lines = Arc::clone(&pace);
-    let _heartbeat = wants_lines.then(|| Heartbeat::new(move || Some(held(&of_lines).line())));
-    let run = Run {
-        family,
-        store,
-        threads: options.threads,
-        sensitivities: options.sensitivities,
-        searches_behind_limits: true,
-    };
-    let outcome = run.solve(cases, &|event| {
-        show(&bar, &event);
-        let mut pace = held(&pace);
-        if let (true, Some(line)) = (wants_lines, pace.take(&event)) {
+
+    /// Shows an event.
+    pub fn take(&self, event: &Event<'_>) {
+        show(&self.bar, event);
+        let mut pace = held(&self.pace);
+        if let (true, Some(line)) = (self.heartbeat.is_some(), pace.take(event)) {
             // Progress that cannot be written must not end the work.
             let _ = writeln!(std::io::stderr(), "{line}");
         }
-    });
-    let outcome = outcome?;
-    bar.finish_and_clear();
-    let derivatives = |case: &Case| run.derivatives(case);
-    let derivatives: Option<&dyn Fn(&Case) -> _> =
-        if options.sensitivities { Some(&derivatives) } else { None };
-    run::write(out, family, cases, &outcome.solved, derivatives)?;
-    Ok(outcome)
+    }
+}
+
+impl Drop for CaseBar {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
 }
 
 fn show(bar: &ProgressBar, event: &Event<'_>) {

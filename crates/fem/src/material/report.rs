@@ -1,8 +1,7 @@
-//! What a fit found, as a report and as a picture.
+//! What a fit found, as `softtwin material fit` prints it.
 
-use crate::picture::{Axis, Figure, Mark, Panel, Series};
-use fem::material::fit::Fitted;
-use fem::material::{FittedSpecimens, Hyperelastic, Specimen};
+use super::fit::Fitted;
+use super::{FittedSpecimens, Specimen};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -27,6 +26,7 @@ pub struct FitReport {
     /// The file that was written; none if no law explains the tests.
     material: Option<PathBuf>,
     picture: Option<PathBuf>,
+    /// What is suspicious about the tests, and how the file is used.
     pub remarks: Vec<String>,
 }
 
@@ -55,12 +55,8 @@ struct Candidate {
     undetermined: Option<&'static str>,
 }
 
-/// `yeoh`, as files name the law.
-fn key(law: &Hyperelastic) -> String {
-    law.name().to_lowercase()
-}
-
 impl FitReport {
+    /// The report of a fit, with the files that were made of it.
     pub fn new(fitted: &FittedSpecimens, material: Option<PathBuf>, picture: Option<PathBuf>) -> Self {
         let (best, law) = (&fitted.best, &fitted.best.law);
         let test = |specimen: &Specimen| {
@@ -78,7 +74,7 @@ impl FitReport {
             }
         };
         let candidate = |fitted: &Fitted| Candidate {
-            law: key(&fitted.law),
+            law: fitted.law.key(),
             constants: fitted.constants(),
             rms_percent: 100.0 * fitted.error,
             working_strains_percent: fitted.working_error.map(|error| 100.0 * error),
@@ -88,7 +84,7 @@ impl FitReport {
         };
         let names = law.constants().into_iter().map(|(name, _)| name);
         Self {
-            law: key(law),
+            law: law.key(),
             constants: law.constants().into_iter().collect(),
             half_widths_95: names.zip(best.half_widths.iter().copied()).collect(),
             shear_modulus_mpa: law.shear_modulus_mpa(),
@@ -104,61 +100,4 @@ impl FitReport {
             remarks: fitted.remarks.clone(),
         }
     }
-}
-
-/// Most points of a drawn test.
-const DRAWN: usize = 400;
-
-/// Tests with the law, and their differences.
-pub fn figure(fitted: &FittedSpecimens) -> Figure {
-    let law = &fitted.best.law;
-    let mut panels = Vec::new();
-    for specimen in &fitted.specimens {
-        let thinned = |points: &[[f64; 2]]| -> Vec<(f64, f64)> {
-            let step = points.len().div_ceil(DRAWN).max(1);
-            points.iter().step_by(step).map(|p| (p[0], p[1])).collect()
-        };
-        let points = &specimen.test.points;
-        let (low, high) = points.iter().fold((1.0_f64, 1.0_f64), |(a, b), p| (a.min(p[0]), b.max(p[0])));
-        let curve: Vec<(f64, f64)> = (0..=200)
-            .map(|k| low + (high - low) * f64::from(k) / 200.0)
-            .filter_map(|l| Some((l, law.nominal_stress_mpa(specimen.test.deformation, l)?)))
-            .collect();
-        let within: Vec<[f64; 2]> = specimen
-            .rows
-            .iter()
-            .copied()
-            .filter(|row| row[0] <= high + 0.02 && row[0] >= low - 0.02)
-            .collect();
-        let largest = specimen.test.largest_mpa();
-        let off: Vec<(f64, f64)> = points
-            .iter()
-            .filter_map(|p| {
-                Some((
-                    p[0],
-                    100.0 * (law.nominal_stress_mpa(specimen.test.deformation, p[0])? - p[1]) / largest,
-                ))
-            })
-            .collect();
-        let series = |name: &str, colour, mark, points| Series { name: name.into(), colour, mark, points };
-        let mut drawn = vec![series("measured", 4, Mark::Line, thinned(&within))];
-        drawn.push(series("fitted rows", 0, Mark::Dots, thinned(points)));
-        drawn.push(series(&key(law), 1, Mark::Line, curve));
-        panels.push(Panel {
-            title: format!("{} ({})", specimen.name, specimen.kind.word()),
-            x: Axis::linear("stretch"),
-            y: Axis::linear("nominal stress [MPa]"),
-            series: drawn,
-            map: None,
-        });
-        panels.push(Panel {
-            title: String::new(),
-            x: Axis::linear("stretch"),
-            y: Axis::linear("law - measured [% of the largest stress]"),
-            series: vec![series("", 1, Mark::Dots, off)],
-            map: None,
-        });
-    }
-    let title = format!("{}: RMS {:.2} % of the largest stress", key(law), 100.0 * fitted.best.error);
-    Figure { title, panels, columns: 2 }
 }

@@ -1,11 +1,9 @@
 //! A twin of states that another program solved: model, its errors, and a scene that replays a sweep of the first input that varies.
 
-use super::folder::{Folder, QualityReport, quality_report};
-use crate::files::{self, quoted, refusal, save};
-use crate::progress::Doing;
-use crate::{output, report};
-use anyhow::{Context, Result};
+use super::folder::Folder;
+use super::report::{BuildError, BuildNotice, Built, Notify};
 use formats::database::obstacle_kinds;
+use formats::{FormatError, file};
 use rom::inputs::{GAP, InputSpec, PARAMETERS};
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -16,55 +14,50 @@ const ROWS: usize = 200;
 const PERIOD_S: f64 = 0.05;
 
 /// A twin of imported states.
-#[derive(Serialize)]
-struct ImportedReport {
-    model: PathBuf,
-    scene: PathBuf,
-    sweep: PathBuf,
-    inputs: Vec<String>,
-    notes: Vec<String>,
-    quality: QualityReport,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    remarks: Vec<String>,
+#[derive(Debug, Serialize)]
+pub struct ImportedReport {
+    /// The model.
+    pub model: PathBuf,
+    /// The scene, which replays the sweep until it has a sensor.
+    pub scene: PathBuf,
+    /// The readings that it replays.
+    pub sweep: PathBuf,
+    /// Names of the model's inputs.
+    pub inputs: Vec<String>,
+    /// What the training found.
+    pub notes: Vec<String>,
+    /// The inputs as options of `softtwin predict`, in the middle of their ranges.
+    #[serde(skip)]
+    pub middle: String,
 }
 
-/// Trains on an existing database, reports the model's errors and how the twin is started.
+/// Trains on the database of a folder, measures the model and writes a scene with a sweep.
 ///
 /// # Errors
 /// The database cannot be read or trained on; I/O errors.
-pub fn build(folder: &Folder<'_>, database: &Path) -> Result<()> {
-    let kinds = obstacle_kinds(database).map_err(refusal)?;
-    let kind = kinds.first().copied().with_context(|| format!("{}: no states", database.display()))?;
-    let doing = Doing::default();
-    let _heartbeat = doing.heartbeat();
-    let (model, notes, data) = folder.train(database, kind, &doing)?;
-    let quality = folder.quality(&model, &data)?;
-    let header = files::model(&model)?.header;
+pub fn build_imported(path: &Path, notify: Notify<'_>) -> Result<Built<ImportedReport>, BuildError> {
+    let (folder, database) = (Folder { path, notify }, path.join("database"));
+    let kind = obstacle_kinds(&database)?.first().copied();
+    let kind = kind.ok_or_else(|| FormatError::refused(&database, "no states"))?;
+    let trained = folder.train(&database, kind)?;
+    (folder.notify)(BuildNotice::Begins("measuring the model"));
+    let (quality, held_out) = trained.quality()?;
+    let header = &trained.model.header;
     // An input without a range is one that no state had.
-    let inputs: Vec<(usize, &InputSpec)> = header
-        .inputs
-        .iter()
-        .enumerate()
-        .filter(|(_, input)| input.range.iter().all(|end| end.is_finite()))
-        .collect();
-    let (scene, sweep) = (folder.path.join("scene.toml"), folder.path.join("sweep.csv"));
-    save(&sweep, sweep_text(&inputs).as_bytes())?;
+    let has_range = |(_, input): &(usize, &InputSpec)| input.range.iter().all(|end| end.is_finite());
+    let inputs: Vec<(usize, &InputSpec)> = header.inputs.iter().enumerate().filter(has_range).collect();
+    let (scene, sweep) = (path.join("scene.toml"), path.join("sweep.csv"));
+    file::replace(&sweep, sweep_text(&inputs).as_bytes())?;
     folder.replace("scene", &scene, &scene_text(&header.actuator, &inputs))?;
-    let more_states = "more simulations near these states: softtwin import results";
-    let (quality, mut remarks) = quality_report(quality, more_states, folder.json);
-    if !folder.json {
-        let options: String = inputs.iter().map(option).collect();
-        let (model, scene, name) = (quoted(&model), quoted(&scene), &header.actuator);
-        remarks.push(format!(
-            "start it, with the readings of {} until the scene has a sensor:\n  softtwind twin --scene {scene}\n  softtwind bridge \
-             --scene {scene} --loop\n  softtwin view --scene {scene}      in a browser; or: softtwin echo 'softtwin/{name}/state'\nask it \
-             without starting it:\n  softtwin predict {model}{options}",
-            sweep.display()
-        ));
-        output!("")?;
-    }
-    let inputs = inputs.iter().map(|(_, input)| input.key()).collect();
-    report::print(&ImportedReport { model, scene, sweep, inputs, notes, quality, remarks }, folder.json)
+    let report = ImportedReport {
+        model: trained.path.clone(),
+        scene,
+        sweep,
+        inputs: inputs.iter().map(|(_, input)| input.key()).collect(),
+        notes: trained.sheet.remarks.clone(),
+        middle: inputs.iter().map(option).collect(),
+    };
+    Ok(Built { report, quality, held_out, remarks: Vec::new() })
 }
 
 /// Place of the input that is swept: the first that varies.

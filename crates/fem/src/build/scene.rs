@@ -1,10 +1,10 @@
 //! The scene file of a new twin.
 
-use fem::Family;
-use fem::plan::{Plan, Pressures, TOGETHER};
+use crate::family::Family;
+use crate::plan::{Plan, Pressures, TOGETHER};
 
 /// Its text: readings by formula through the pressures of the contact states, until a sensor takes their place.
-pub fn text(family: &Family, plan: &Plan, pressures: &Pressures) -> String {
+pub(super) fn text(family: &Family, plan: &Plan, pressures: &Pressures) -> String {
     let name = &family.actuator.name;
     // Of boxes a point on the sheet, where every mesh has a node if it has one on the middle line; of another shape the end face.
     let tip = family.actuator.shape().map_or_else(
