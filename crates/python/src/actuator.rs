@@ -28,8 +28,8 @@ pub struct Simulation {
     solver: Arc<Mutex<(Solver, State)>>,
 }
 
-/// Makes the folder of a new actuator with its mesh, which is copied from a file, whose held surface is named, or made. Gives the report of `softtwin new` as JSON. `hardness` is the name and the value of a
-/// data sheet's figure.
+/// Makes the folder of a new actuator. Its mesh is copied from `mesh` (the file, and the name of the surface that is held) or, without one, made
+/// from the boxes' figures. Gives the report of `softtwin new` as JSON. `hardness` is the name and the value of a data sheet's figure.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // named by the caller in Python
 pub fn new_actuator(

@@ -205,8 +205,8 @@ class Model:
 
         A parameter's dots are written as underscores (`elastomer_law_mu_mpa=0.6`) or passed by `**{"elastomer.law.mu_mpa": 0.6}`;
         one that is left out has the model's value. Arrays are broadcast against each other; the answer has their shape, its
-        fields that shape and (fields, nodes) behind it. `fields=False`: force, gradients, half-widths and observables only; with `observables=False` these are NaN, at a tenth of the cost. `out`: float32
-        memory for the fields, for repeated use.
+        fields that shape and (fields, nodes) behind it. `fields=False`: force, gradients, half-widths and observables only; with
+        `observables=False` these are NaN, at a tenth of the cost. `out`: float32 memory for the fields, for repeated use.
 
         Raises `ValueError` for NaN, `TypeError` for inputs that the model does not have, and without a pressure that it has. Outside the
         training states the answer is an extrapolation without half-widths (NaN) and `domain` says so; nothing is clamped. A state farther
