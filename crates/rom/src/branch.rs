@@ -14,7 +14,6 @@ use crate::contract::{Output, contracted};
 use crate::cubic::Cubic;
 use crate::evaluation::Evaluation;
 use crate::evaluator::{Evaluator, Query};
-use crate::hull::DomainStatus;
 use crate::inputs::{Inputs, PARAMETERS, PRESSURE};
 use crate::model::{Model, ModelError, ModelHeader};
 use crate::probe::{MeshPoint, field_at};
