@@ -100,7 +100,7 @@
 #define SOFTTWIN_ESTIMATE_ALARM_NONE 0u /* Model, sensors and estimates explain the readings. */
 #define SOFTTWIN_ESTIMATE_ALARM_INPUT 1u /* The inputs in `suspects` contradict the other sensors: what is read is not what is in the actuator. */
 #define SOFTTWIN_ESTIMATE_ALARM_SENSOR 2u /* The measurements in `suspects` contradict the others and the model. */
-#define SOFTTWIN_ESTIMATE_ALARM_QUANTITY 3u /* The quantities in `suspects` are identifiable and more than 4 standard deviations from their priors. */
+#define SOFTTWIN_ESTIMATE_ALARM_QUANTITY 3u /* The quantities in `suspects` are identifiable and more than 4 standard deviations from their priors, or have moved. */
 #define SOFTTWIN_ESTIMATE_ALARM_NOT_EXPLAINED 4u /* The model does not explain the readings. */
 #define SOFTTWIN_TARGET_KIND_STEP 0u /* At once. */
 #define SOFTTWIN_TARGET_KIND_RAMP 1u /* From the target before, with a constant rate. */

@@ -14,6 +14,7 @@ use crate::setup::{
     SetupError, Status, Swing, Update,
 };
 use crate::swing::{Passage, excluded_gap_mm, moving_inputs};
+use crate::trial::{self, Trial};
 use crate::watch::{CYCLES_S, Pattern, Watch, widened};
 
 /// Quantiles of the normal distribution around 95 % of its mass.
@@ -67,6 +68,7 @@ pub struct Filter {
     alarm: Option<Alarm>,
     /// Factor of the estimates' standard deviations by what the readings leave over.
     widening: f64,
+    trial: Option<Trial>,
 }
 
 impl Filter {
@@ -91,6 +93,7 @@ impl Filter {
             memory: Pattern::all(CYCLES_S),
             alarm: None,
             widening: 1.0,
+            trial: None,
             last_t_s: None,
             spacing_s: f64::INFINITY,
             gap_floor_mm: f64::NEG_INFINITY,
@@ -260,13 +263,48 @@ impl Filter {
         self.follow(measurement, &mut update.inputs);
         let mut watch = std::mem::take(&mut self.watch);
         watch.add(&self.setup, measurement, &update, solved);
+        self.try_drift(measurement.t_s, &update, &mut watch);
         let unread = self.unread.map(f64::sqrt);
         let may_be_memory = self.memory.iter().any(Pattern::may_be);
-        update.alarm = watch.judge(&self.setup, self.estimates().zip(unread), may_be_memory);
+        update.alarm =
+            watch.judge(&self.setup, self.estimates().zip(unread), may_be_memory, self.trial.is_some());
         self.alarm = update.alarm;
         self.widening = watch.widening(&self.setup.rows);
         self.watch = watch;
         update
+    }
+
+    /// Begins and ends trials of a drifted gap or bias.
+    fn try_drift(&mut self, t_s: f64, update: &Update, watch: &mut Watch) {
+        let Some(mut trial) = self.trial else {
+            if watch.asks_for_trial(t_s) && trial::released(&self.setup).next().is_some() {
+                self.trial = Some(Trial::new(t_s, self.mean, self.covariance, self.gap_floor_mm));
+                for at in trial::released(&self.setup) {
+                    let sigma = self.setup.unknowns[at].sigma;
+                    self.covariance.replace(at, sigma * sigma);
+                    self.memory.iter_mut().for_each(|pattern| pattern.set(at, 0.0));
+                }
+                self.gap_floor_mm = f64::NEG_INFINITY;
+            }
+            return;
+        };
+        self.trial = match trial.add(t_s, update) {
+            None => Some(trial),
+            Some(true) => {
+                watch.has_drifted(trial.drifted(&self.setup, &self.mean, t_s), t_s);
+                None
+            }
+            Some(false) => {
+                (self.mean, self.covariance) = (trial.mean, trial.covariance);
+                self.gap_floor_mm = trial.gap_floor_mm;
+                for at in trial::released(&self.setup) {
+                    let drift = trial.variance(&self.setup, at, t_s) - trial.covariance.get(at, at);
+                    self.covariance.add_diagonal(at, drift);
+                }
+                self.identifiability = identify::judge(&self.covariance, &self.unread);
+                None
+            }
+        };
     }
 
     /// Replaces measured inputs that change steadily by the estimate from all their readings.

@@ -10,6 +10,7 @@
 //! | `curves.rs` | measured values beside the predictions before and after a fit, and why it explains nothing |
 //! | `identify.rs` | identifiability of the unknowns, and the plan of an experiment that identifies them |
 //! | `watch.rs` | alarms: persistent contradictions, play and lag of the plant |
+//! | `trial.rs` | a drifted gap or bias as the cause of rejections |
 //! | `swing.rs` | motion between two readings |
 //! | `matrix.rs` | small matrices, distributions |
 //!
@@ -29,6 +30,7 @@ mod reading;
 mod setup;
 mod structure;
 mod swing;
+mod trial;
 mod watch;
 
 pub use batch::{Fit, fit};

@@ -497,8 +497,9 @@ pub enum Alarm {
     /// Blocks of measured values (one bit each) that contradict the others and the model.
     #[error("a sensor contradicts the others")]
     Sensor(u32),
-    /// Identifiable unknowns (one bit each) more than 4 standard deviations from their priors.
-    #[error("an estimate is far from its prior")]
+    /// Identifiable unknowns (one bit each) more than 4 standard deviations from their priors, or unknowns that were found elsewhere after
+    /// measured values had been rejected.
+    #[error("an estimate is far from its prior, or has moved")]
     Unknown(u32),
     /// The model does not explain the readings.
     #[error("the model does not explain the readings")]

@@ -24,6 +24,7 @@
 use crate::matrix::{MAX_STATES, Vector};
 use crate::setup::{Alarm, Estimate, MAX_INPUTS, MAX_ROWS, Measurement, Row, Setup, Status, Update};
 use crate::structure::Window;
+use crate::trial;
 
 /// Time constant of the weights (s).
 const MEMORY_S: f64 = 0.5;
@@ -100,6 +101,9 @@ pub(crate) struct Watch {
     /// The alarm that stands, and when there was evidence for one last.
     standing: Option<Alarm>,
     evident_s: f64,
+    /// Begin of the present rejections, and whether a drifted quantity was tried as their cause.
+    rejecting_since_s: Option<f64>,
+    has_tried: bool,
     /// Residuals of the readings that were used.
     window: Window,
     readings: f64,
@@ -185,19 +189,20 @@ impl Watch {
 
     /// The alarm that stands: a contradiction that has lasted for `SETTLE_S`, until there has been no evidence of any for the setup's
     /// `alarm_hold_s`. `estimates` come with their standard deviations without any reading; `may_be_memory`: memory of the plant may be
-    /// what contradicts.
+    /// what contradicts; `is_trying`: whether a quantity has drifted is being tried, and no alarm is raised meanwhile.
     pub(crate) fn judge(
         &mut self,
         setup: &Setup,
         estimates: impl Iterator<Item = (Estimate, f64)>,
         may_be_memory: bool,
+        is_trying: bool,
     ) -> Option<Alarm> {
         let (found, now_s) = (self.misfit(setup, estimates, may_be_memory), self.last_t_s?);
         self.since_s = found.and(self.since_s.or(Some(now_s)));
         if found != self.found {
             (self.found, self.kind_since_s) = (found, now_s);
         }
-        if self.since_s.is_some_and(|since| now_s - since >= SETTLE_S) {
+        if self.since_s.is_some_and(|since| now_s - since >= SETTLE_S && !is_trying) {
             // Another kind replaces the one that stands when it has lasted as long.
             if self.standing.is_none() || now_s - self.kind_since_s >= SETTLE_S {
                 self.standing = found;
@@ -207,6 +212,35 @@ impl Watch {
             self.standing = None;
         }
         self.standing
+    }
+
+    /// Whether values have been rejected for so long that a drifted quantity is tried as the cause; once for each contradiction.
+    pub(crate) fn asks_for_trial(&mut self, now_s: f64) -> bool {
+        if !self.rejects() {
+            (self.rejecting_since_s, self.has_tried) = (None, false);
+            return false;
+        }
+        let since = *self.rejecting_since_s.get_or_insert(now_s);
+        let asks = !self.has_tried && now_s - since >= trial::BEGIN_S;
+        self.has_tried |= asks;
+        asks
+    }
+
+    /// These unknowns, one bit each, were elsewhere, and explain what was rejected.
+    pub(crate) fn has_drifted(&mut self, unknowns: u32, now_s: f64) {
+        if unknowns != 0 {
+            (self.standing, self.evident_s) = (Some(Alarm::Unknown(unknowns)), now_s);
+        }
+        (self.since_s, self.found) = (None, None);
+        (self.rejected, self.unexplained) = ([0.0; MAX_ROWS], 0.0);
+        self.begin_window();
+    }
+
+    /// Whether most values of a block, or most readings, are rejected.
+    fn rejects(&self) -> bool {
+        let mut blocks = self.rejected.iter().zip(&self.seen).filter(|(_, seen)| **seen >= MIN_READINGS);
+        self.unexplained > MAX_REJECTED_FRACTION * self.readings
+            || blocks.any(|(rejected, seen)| *rejected > MAX_REJECTED_FRACTION * seen)
     }
 
     /// Forgets what is left over of earlier readings.

@@ -176,6 +176,7 @@ impl Bench {
         assert_eq!((cleared, never), (0, 0), "wrong at the end without an alarm");
         assert!(silent <= FEW, "wrong without an alarm for {silent} of a run");
         assert!(10 * right >= 6 * runs, "{right} of {runs} are right");
+        assert!(50 * blamed <= runs, "a right sensor was blamed in {blamed} of {runs}");
     }
 }
 

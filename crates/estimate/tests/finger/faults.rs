@@ -201,3 +201,30 @@ fn play_and_lag_are_not_explained() {
         .collect();
     assert!(found.iter().all(Option::is_some), "{found:?}");
 }
+
+/// A gap that may drift, and moves by 6 mm at once: that is what is named, and no sensor.
+#[test]
+fn moved_gap_is_named_before_a_sensor() {
+    let mut setup = rig();
+    setup.unknowns[0].drift_per_sqrt_s = 0.1;
+    let moved = |now: &mut Instant| now.gap += if now.t_s < BEGIN_S { 0.0 } else { 6.0 };
+    let (changes, filter) = alarms(setup, BEGIN_S + 16.0, moved, |_| {});
+    let [(raised_s, raised), (_, None)] = changes[..] else { panic!("two changes: {changes:?}") };
+    assert!((BEGIN_S..BEGIN_S + 2.0).contains(&raised_s), "{changes:?}");
+    assert_eq!(raised, Some(Alarm::Unknown(0b1)));
+    let gap = filter.estimates().next().expect("the gap");
+    assert!((gap.value - TRUTH[0] - 6.0).abs() < 3.0 * gap.sigma && gap.sigma < 0.5, "{gap:?}");
+}
+
+/// A marker that slips is no moved gap, although the gap may drift.
+#[test]
+fn slipped_marker_is_named_where_the_gap_may_drift() {
+    let mut setup = rig();
+    setup.unknowns[0].drift_per_sqrt_s = 0.1;
+    let slipped = |now: &mut Instant| now.rows[1] += if now.t_s < BEGIN_S { 0.0 } else { 8.0 };
+    let (changes, filter) = alarms(setup, BEGIN_S + 10.0, |_| {}, slipped);
+    let [(_, raised)] = changes[..] else { panic!("one change: {changes:?}") };
+    assert_eq!(raised, Some(Alarm::Sensor(0b10)), "{changes:?}");
+    let gap = filter.estimates().next().expect("the gap");
+    assert!((gap.value - TRUTH[0]).abs() < 3.0 * gap.sigma, "{gap:?}");
+}

@@ -299,7 +299,7 @@ codes! {
         INPUT = 1, "input";
         /// The measurements in `suspects` contradict the others and the model.
         SENSOR = 2, "sensor";
-        /// The quantities in `suspects` are identifiable and more than 4 standard deviations from their priors.
+        /// The quantities in `suspects` are identifiable and more than 4 standard deviations from their priors, or have moved.
         QUANTITY = 3, "quantity";
         /// The model does not explain the readings.
         NOT_EXPLAINED = 4, "not-explained";
