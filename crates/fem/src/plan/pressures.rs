@@ -109,101 +109,147 @@ pub fn find(run: &Run<'_>, notice: &mut dyn FnMut(Notice)) -> Result<Pressures, 
     let length = free_length_mm(run.family);
     let mut list = vec![Case::new("rest", 0.0, None)];
     let rest = solve_rest(run, &list, length, notice)?;
-    let sag = rest.state.largest_displacement_mm();
     let problem = &run.family.problem;
     let section = Bending::all(run.family).into_iter().next();
-    let angle = |solved: &Solved, near: f64| {
-        section.as_ref().map_or(f64::NAN, |s| s.angle_deg(problem, &solved.state.displacement_mm, near))
+    let travel = |solved: &Solved, near_deg: f64| Travel {
+        displacement_mm: solved.state.largest_displacement_mm(),
+        angle_deg: section
+            .as_ref()
+            .map_or(f64::NAN, |s| s.angle_deg(problem, &solved.state.displacement_mm, near_deg)),
+        length_mm: length,
     };
-    let mut states = vec![(0.0, rest.clearance_mm)];
-    let mut travel = Travel { displacement_mm: sag, angle_deg: angle(&rest, 0.0), length_mm: length };
-    let (begin, mut failures, mut touching) = (travel, 0, None);
-    // What the search has learnt not to go beyond: a limit of the pressure, and the lowest pressure without a state.
-    let (mut limit_mpa, mut failed_mpa) = (None, f64::INFINITY);
-    let mut stretch = problem.stretches(&rest.state).largest;
-    let mut step = FIRST_SHARE * run.family.actuator.elastomer.law.shear_modulus_mpa();
+    let begin = travel(&rest, 0.0);
+    let mut search = Search {
+        states: vec![(0.0, rest.clearance_mm)],
+        begin,
+        travel: begin,
+        touching: None,
+        stretch: problem.stretches(&rest.state).largest,
+        step_mpa: FIRST_SHARE * run.family.actuator.elastomer.law.shear_modulus_mpa(),
+        failures: 0,
+        limit_mpa: None,
+        failed_mpa: f64::INFINITY,
+    };
     let reason = loop {
-        let pressure = three_digits(states[states.len() - 1].0 + step);
+        let pressure = three_digits(search.last_mpa() + search.step_mpa);
         list.push(Case::new(format!("p{}", list.len()), pressure, None));
         notice(Notice::Begins(format!("solving at {pressure} MPa")));
         let outcome = run.solve(&list, &|_| ())?;
-        let Some(solved) = last(&outcome, list.len() - 1) else {
-            list.pop();
-            let before = states[states.len() - 1].0;
-            if let Some(found_mpa) = outcome.limit_mpa {
-                step = NEAR_LIMIT * found_mpa - before;
-                notice(Notice::Found(format!(
-                    "{pressure} MPa: beyond a limit of the pressure at {found_mpa:.6} MPa"
-                )));
-                // Once right before a limit: a state that is not found there either is not looked for again.
-                if limit_mpa.replace(found_mpa).is_none() && step > (1.0 - NEAR_LIMIT) * found_mpa {
-                    continue;
+        let stop = match last(&outcome, list.len() - 1) {
+            None => {
+                list.pop();
+                search.take_failure(pressure, &outcome, notice)
+            }
+            Some(solved) => {
+                let stretches = problem.stretches(&solved.state);
+                if stretches.is_beyond() && search.states.len() >= FEWEST {
+                    break format!(
+                        "at {pressure} MPa {:.0} % of the silicone is beyond the stretches over which its law was fitted",
+                        100.0 * stretches.beyond
+                    );
                 }
-                break at_limit(found_mpa, &travel);
+                search.stretch = stretches.largest;
+                let now = travel(solved, search.travel.angle_deg);
+                notice(Notice::Found(format!("{pressure} MPa: {now}")));
+                search.take_state((pressure, solved.clearance_mm), now)
             }
-            failures += 1;
-            failed_mpa = failed_mpa.min(pressure);
-            let reason = outcome.failed.last().map_or("", |(_, reason)| reason.as_str());
-            notice(Notice::Found(format!("{pressure} MPa: {reason}")));
-            if failures == FAILURES || before >= NEAR_FAILURE * failed_mpa {
-                break format!("no state was found at {pressure} MPa: {reason}");
-            }
-            step = 0.5 * (failed_mpa - before);
-            continue;
         };
-        let now = Travel {
-            displacement_mm: solved.state.largest_displacement_mm(),
-            angle_deg: angle(solved, travel.angle_deg),
-            length_mm: length,
-        };
-        let stretches = problem.stretches(&solved.state);
-        if stretches.is_beyond() && states.len() >= FEWEST {
-            list.pop();
-            break format!(
-                "at {pressure} MPa {:.0} % of the silicone is beyond the stretches over which its law was fitted",
-                100.0 * stretches.beyond
-            );
+        if let Some(reason) = stop {
+            break reason;
         }
-        stretch = stretches.largest;
-        notice(Notice::Found(format!("{pressure} MPa: {now}")));
-        let (before, reached) =
-            if now.bends() { (travel.turned(), now.turned()) } else { (travel.moved(), now.moved()) };
-        let slope = (reached - before) / (pressure - states[states.len() - 1].0);
-        states.push((pressure, solved.clearance_mm));
-        travel = now;
-        if touching.is_none() && now.moved() >= ENOUGH {
-            touching = Some(states.len());
-        }
-        if reached >= ENOUGH {
-            break now.to_string();
-        }
-        if let Some(limit_mpa) = limit_mpa {
-            break at_limit(limit_mpa, &travel);
-        }
-        if pressure >= NEAR_FAILURE * failed_mpa {
-            break format!("no state was found at {failed_mpa} MPa: {now}");
-        }
-        if states.len() == MAX_STATES {
-            break format!("{MAX_STATES} states were solved: {now}");
-        }
-        let first = if now.bends() { begin.turned() } else { begin.moved() };
-        // A little more than what is left, so that the last step is not followed by a tiny one.
-        let wanted = ((1.0 - first) / STEPS).min(1.05 * (1.0 - reached));
-        step = if slope > 0.0 { (wanted / slope).min(3.0 * step) } else { 2.0 * step };
-        step = step.min(0.5 * (failed_mpa - pressure));
     };
+    let Search { states, travel, touching, stretch, .. } = search;
     if states.len() < FEWEST {
         return Err(PlanError::FewPressures { found: states.len() - 1, reason });
     }
-    let touching = touching.unwrap_or(states.len());
     Ok(Pressures {
+        touching: touching.unwrap_or(states.len()),
         states,
-        touching,
         displacement_mm: travel.displacement_mm,
         angle_deg: travel.angle_deg,
         stretch,
         reason,
     })
+}
+
+/// The search upwards: the states so far, and the next step.
+struct Search {
+    states: Vec<(f64, f64)>,
+    /// At rest and now.
+    begin: Travel,
+    travel: Travel,
+    touching: Option<usize>,
+    stretch: f64,
+    step_mpa: f64,
+    failures: usize,
+    /// What the search has learnt not to go beyond: a limit of the pressure, and the lowest pressure without a state.
+    limit_mpa: Option<f64>,
+    failed_mpa: f64,
+}
+
+impl Search {
+    fn last_mpa(&self) -> f64 {
+        self.states[self.states.len() - 1].0
+    }
+
+    /// Shortens the step after a pressure without a state; returns why the search ends, if it does.
+    fn take_failure(
+        &mut self,
+        pressure: f64,
+        outcome: &Outcome,
+        notice: &mut dyn FnMut(Notice),
+    ) -> Option<String> {
+        let before = self.last_mpa();
+        if let Some(found_mpa) = outcome.limit_mpa {
+            self.step_mpa = NEAR_LIMIT * found_mpa - before;
+            notice(Notice::Found(format!(
+                "{pressure} MPa: beyond a limit of the pressure at {found_mpa:.6} MPa"
+            )));
+            // Once right before a limit: a state that is not found there either is not looked for again.
+            let is_first = self.limit_mpa.replace(found_mpa).is_none();
+            let has_room = self.step_mpa > (1.0 - NEAR_LIMIT) * found_mpa;
+            return (!is_first || !has_room).then(|| at_limit(found_mpa, &self.travel));
+        }
+        self.failures += 1;
+        self.failed_mpa = self.failed_mpa.min(pressure);
+        let reason = outcome.failed.last().map_or("", |(_, reason)| reason.as_str());
+        notice(Notice::Found(format!("{pressure} MPa: {reason}")));
+        if self.failures == FAILURES || before >= NEAR_FAILURE * self.failed_mpa {
+            return Some(format!("no state was found at {pressure} MPa: {reason}"));
+        }
+        self.step_mpa = 0.5 * (self.failed_mpa - before);
+        None
+    }
+
+    /// Adds a state and chooses the next step; returns why the search ends, if it does.
+    fn take_state(&mut self, state: (f64, f64), now: Travel) -> Option<String> {
+        let pressure = state.0;
+        let progress = |travel: &Travel| if now.bends() { travel.turned() } else { travel.moved() };
+        let reached = progress(&now);
+        let slope = (reached - progress(&self.travel)) / (pressure - self.last_mpa());
+        self.states.push(state);
+        self.travel = now;
+        if self.touching.is_none() && now.moved() >= ENOUGH {
+            self.touching = Some(self.states.len());
+        }
+        if reached >= ENOUGH {
+            return Some(now.to_string());
+        }
+        if let Some(limit_mpa) = self.limit_mpa {
+            return Some(at_limit(limit_mpa, &now));
+        }
+        if pressure >= NEAR_FAILURE * self.failed_mpa {
+            return Some(format!("no state was found at {} MPa: {now}", self.failed_mpa));
+        }
+        if self.states.len() == MAX_STATES {
+            return Some(format!("{MAX_STATES} states were solved: {now}"));
+        }
+        // A little more than what is left, so that the last step is not followed by a tiny one.
+        let wanted = ((1.0 - progress(&self.begin)) / STEPS).min(1.05 * (1.0 - reached));
+        let step = if slope > 0.0 { (wanted / slope).min(3.0 * self.step_mpa) } else { 2.0 * self.step_mpa };
+        self.step_mpa = step.min(0.5 * (self.failed_mpa - pressure));
+        None
+    }
 }
 
 /// How far a state has bent or moved.

@@ -13,6 +13,7 @@
 //! Where successive rows have nothing in common (settled states, dealt in any order), inputs have no lags and there is no reservoir.
 
 use super::data::{MIN_ROWS, Measured, MeasuredError, Run, scales};
+use crate::memory::max_gap_s;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use rom::inputs::{Inputs, PARAMETERS};
@@ -70,9 +71,6 @@ const DRAWINGS: usize = 2;
 const DEALT: f64 = 0.5;
 /// Largest range within a run of an input that each run has its own value of, as a fraction of the whole range.
 const OWN_INPUT: f64 = 0.05;
-/// Gap of a recording: a multiple of the median interval, at least some time, s.
-const GAP_INTERVALS: f64 = 20.0;
-const SHORTEST_GAP_S: f64 = 1.0;
 
 /// A run's rows that have all inputs.
 pub(super) struct DrivenRun {
@@ -118,6 +116,34 @@ pub(super) fn positions(names: &[String]) -> Vec<usize> {
     (0..names.len()).map(position).collect()
 }
 
+/// The values of an input, run by run.
+fn values(runs: &[DrivenRun], at: usize) -> impl Iterator<Item = impl Iterator<Item = f64>> {
+    runs.iter().map(move |run| run.inputs.iter().map(move |row| row.values()[at]))
+}
+
+fn map_input(runs: &[DrivenRun], at: usize) -> MapInput {
+    let all = || values(runs, at).flatten();
+    let centre = mean(all());
+    let deviation = mean(all().map(|v| (v - centre).powi(2))).sqrt().max(f64::MIN_POSITIVE);
+    let range = rom::statistics::range(all()) / deviation;
+    MapInput { input: at as u32, mean: centre, deviation, range }
+}
+
+/// Half the mean square step of an input over its variance: 1 where successive rows have nothing in common.
+fn roughness(runs: &[DrivenRun], input: &MapInput) -> f64 {
+    let steps = values(runs, input.input as usize).flat_map(|run| {
+        let run: Vec<f64> = run.collect();
+        run.windows(2).map(|v| (v[1] - v[0]).powi(2)).collect::<Vec<_>>()
+    });
+    0.5 * mean(steps) / input.deviation.powi(2)
+}
+
+/// True of an input that each run has its own value of.
+fn is_own(runs: &[DrivenRun], input: &MapInput) -> bool {
+    let ranges = values(runs, input.input as usize).map(|run| rom::statistics::range(run) / input.deviation);
+    ranges.fold(0.0, f64::max) < OWN_INPUT * input.range
+}
+
 impl FittedRows {
     pub(super) fn new(data: &Measured, remarks: &mut Vec<String>) -> Result<Self, MeasuredError> {
         let driven: Vec<Vec<usize>> = data.runs.iter().map(driven).collect();
@@ -133,11 +159,9 @@ impl FittedRows {
             let rows: Vec<usize> = rows.into_iter().step_by(step).collect();
             let time_ns = |row: &usize| ((run.time_s[*row] - begin_s) * 1e9).round() as u64;
             let inputs = |row: &usize| {
+                let columns = positions.iter().zip(&run.inputs);
                 let start = Inputs::new(0.0, f64::INFINITY);
-                positions
-                    .iter()
-                    .zip(&run.inputs)
-                    .fold(start, |state, (at, column)| state.with(*at, column[*row]))
+                columns.fold(start, |state, (at, column)| state.with(*at, column[*row]))
             };
             for (at, row) in rows.iter().enumerate() {
                 let outputs: Vec<f64> = run.outputs.iter().map(|column| column[*row]).collect();
@@ -157,30 +181,9 @@ impl FittedRows {
         let keep = whole.len().div_ceil(FITTED_ROWS);
         let fitted: Vec<(usize, usize)> = whole.iter().copied().step_by(keep).collect();
         let y = Mat::from_fn(fitted.len(), data.outputs.len(), |row, k| measured[row * keep].1[k]);
-        let values =
-            |at: usize| runs.iter().map(move |run| run.inputs.iter().map(move |row| row.values()[at]));
-        let input = |at: &usize| {
-            let centre = mean(values(*at).flatten());
-            let deviation =
-                mean(values(*at).flatten().map(|v| (v - centre).powi(2))).sqrt().max(f64::MIN_POSITIVE);
-            let range = rom::statistics::range(values(*at).flatten()) / deviation;
-            MapInput { input: *at as u32, mean: centre, deviation, range }
-        };
-        let inputs: Vec<MapInput> = positions.iter().map(input).collect();
-        let roughness = |input: &MapInput| {
-            let steps = values(input.input as usize).flat_map(|run| {
-                let run: Vec<f64> = run.collect();
-                run.windows(2).map(|v| (v[1] - v[0]).powi(2)).collect::<Vec<_>>()
-            });
-            0.5 * mean(steps) / input.deviation.powi(2)
-        };
-        let are_dealt = inputs.iter().any(|input| roughness(input) > DEALT);
-        let is_own = |input: &MapInput| {
-            let ranges =
-                values(input.input as usize).map(|run| rom::statistics::range(run) / input.deviation);
-            ranges.fold(0.0, f64::max) < OWN_INPUT * input.range
-        };
-        let have_own_inputs = runs.len() > 2 && inputs.iter().any(is_own);
+        let inputs: Vec<MapInput> = positions.iter().map(|at| map_input(&runs, *at)).collect();
+        let are_dealt = inputs.iter().any(|input| roughness(&runs, input) > DEALT);
+        let have_own_inputs = runs.len() > 2 && inputs.iter().any(|input| is_own(&runs, input));
         let whole_runs = parts(&fitted, 1);
         let segments = parts(&fitted, PARTS.div_ceil(runs.len()));
         let (parts, far_parts) = match runs.len() {
@@ -235,7 +238,7 @@ impl FittedRows {
         LearnedMap {
             inputs: self.inputs.clone(),
             step_ns: (1e9 * self.interval_s).round().max(1.0) as u64,
-            max_gap_s: (GAP_INTERVALS * self.interval_s).max(SHORTEST_GAP_S),
+            max_gap_s: max_gap_s(self.interval_s),
             lags,
             base: LinearMap { lags: Vec::new(), weights: Vec::new() },
             polynomials: Vec::new(),
@@ -481,27 +484,71 @@ pub(super) struct ChosenMaps {
 /// Chooses lags and maps. Cost `O(rows features^2)` for each of some 60 maps.
 pub(super) fn search(rows: &FittedRows, filtered: &mut LagColumns<'_>) -> Option<ChosenMaps> {
     let times = times(rows);
-    let same = |line: Option<Line>| -> Vec<Lag> {
-        (0..rows.inputs.len()).map(|input| Lag { input: input as u32, line }).collect()
-    };
-    let asymmetric =
-        |time: &f64| RATIOS.map(|q| Some(Line { fill_s: time * q.sqrt(), empty_s: time / q.sqrt() }));
-    let lines: Vec<Option<Line>> = if rows.are_dealt {
-        vec![None]
-    } else {
-        [None].into_iter().chain(times.iter().flat_map(asymmetric)).collect()
-    };
-    let mut quick = |lags: &[Lag]| -> f64 {
+    let mut common = common_lags(rows, filtered, &times);
+    let sets = lag_sets(rows, filtered, &times, &common);
+    let mut families = polynomials_and_kernels(rows, filtered, sets);
+    if !rows.are_dealt {
+        families.push(reservoirs(rows, &times));
+    }
+    let (members, [left_out, fitted, far]) = ensemble(rows, families)?;
+    let mut linear =
+        |lags: &[Lag], smoothings: &[f64]| rows.ridge(&polynomial(&filtered.columns(lags), 1), smoothings);
+    let mut bases = Vec::new();
+    for (_, lags) in &common {
+        bases.extend(linear(lags, &SMOOTHINGS).map(|fit| (fit.error, lags.clone())));
+    }
+    let (_, lags) = bases.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let base = linear(&lags, &[BASE_SMOOTHING])?;
+    let without = linear(&same_lag(rows, None), &SMOOTHINGS)?.error;
+    Some(ChosenMaps {
+        errors: [without, rows.size(&left_out)],
+        members,
+        left_out,
+        fitted,
+        far,
+        common: common.swap_remove(0).1,
+        base: (lags, base),
+    })
+}
+
+/// One lag for all inputs.
+fn same_lag(rows: &FittedRows, line: Option<Line>) -> Vec<Lag> {
+    (0..rows.inputs.len()).map(|input| Lag { input: input as u32, line }).collect()
+}
+
+/// Sets of lags with the left-out errors of their quadratic maps, the best first.
+fn sorted(
+    rows: &FittedRows,
+    filtered: &mut LagColumns<'_>,
+    sets: impl Iterator<Item = Vec<Lag>>,
+) -> Vec<(f64, Vec<Lag>)> {
+    let mut error = |lags: &[Lag]| {
         let fit = rows.ridge(&polynomial(&filtered.columns(lags), 2), &[QUICK]);
         fit.map_or(f64::INFINITY, |fit| fit.error)
     };
-    let sorted = |sets: Vec<Vec<Lag>>, quick: &mut dyn FnMut(&[Lag]) -> f64| {
-        let mut found: Vec<(f64, Vec<Lag>)> = sets.into_iter().map(|set| (quick(&set), set)).collect();
-        found.sort_by(|a, b| a.0.total_cmp(&b.0));
-        found
-    };
-    let mut first = sorted(lines.into_iter().map(same).collect(), &mut quick);
-    first.truncate(SETS);
+    let mut found: Vec<(f64, Vec<Lag>)> = sets.map(|set| (error(&set), set)).collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found
+}
+
+/// Step 1: the best lags that are common to all inputs.
+fn common_lags(rows: &FittedRows, filtered: &mut LagColumns<'_>, times: &[f64]) -> Vec<(f64, Vec<Lag>)> {
+    let asymmetric =
+        |time: &f64| RATIOS.map(|q| Some(Line { fill_s: time * q.sqrt(), empty_s: time / q.sqrt() }));
+    let times = if rows.are_dealt { &[] } else { times };
+    let lines = [None].into_iter().chain(times.iter().flat_map(asymmetric));
+    let mut found = sorted(rows, filtered, lines.map(|line| same_lag(rows, line)));
+    found.truncate(SETS);
+    found
+}
+
+/// Step 2: the common lags, and with them a further lag of one input where it gains enough.
+fn lag_sets(
+    rows: &FittedRows,
+    filtered: &mut LagColumns<'_>,
+    times: &[f64],
+    common: &[(f64, Vec<Lag>)],
+) -> Vec<Vec<Lag>> {
     let mut further_lines: Vec<Option<Line>> = vec![None];
     if !rows.are_dealt {
         // A lag as long as the run nearly integrates; among inputs of one kind it would only follow the drift of this run.
@@ -510,57 +557,42 @@ pub(super) fn search(rows: &FittedRows, filtered: &mut LagColumns<'_>) -> Option
         further_lines.extend(further.map(|time| Some(Line { fill_s: *time, empty_s: *time })));
     }
     let mut sets: Vec<Vec<Lag>> = Vec::new();
-    for (error, lags) in &first {
+    for (error, lags) in common {
         sets.push(lags.clone());
         let of_input = |input: u32| further_lines.iter().map(move |line| Lag { input, line: *line });
         let further = (0..rows.inputs.len() as u32).flat_map(of_input).filter(|lag| !lags.contains(lag));
         let extended = |lag: Lag| lags.iter().copied().chain([lag]).collect();
-        let found = sorted(further.map(extended).collect(), &mut quick);
+        let found = sorted(rows, filtered, further.map(extended));
         if found.first().is_some_and(|best| best.0 <= (1.0 - GAIN) * error) {
             sets.extend(found.into_iter().take(3).map(|(_, set)| set));
         }
     }
-    let mut families = vec![Vec::new(), Vec::new()];
+    sets
+}
+
+/// Step 3 without reservoirs: the family of kernel maps, then that of polynomials.
+fn polynomials_and_kernels(
+    rows: &FittedRows,
+    filtered: &mut LagColumns<'_>,
+    sets: Vec<Vec<Lag>>,
+) -> Vec<Vec<Member>> {
+    let (mut kernels, mut polynomials) = (Vec::new(), Vec::new());
     for lags in sets {
         let x = filtered.columns(&lags);
         for degree in 1..=3 {
             let Some(fit) = rows.ridge(&polynomial(&x, degree), &SMOOTHINGS) else { continue };
-            families[1].push(Member {
-                features: MemberFeatures::Polynomial { lags: lags.clone(), degree },
-                fit,
-                share: 0.0,
-            });
+            let features = MemberFeatures::Polynomial { lags: lags.clone(), degree };
+            polynomials.push(Member { features, fit, share: 0.0 });
         }
         let centres = centres(&x);
         let squares = Mat::from_fn(x.nrows(), centres.len(), |row, k| square(&x, row, &centres[k]));
         for radius in RADII {
             let Some(fit) = rows.ridge(&kernel_features(&x, &squares, radius), &SMOOTHINGS) else { continue };
             let features = MemberFeatures::Kernel { lags: lags.clone(), centres: centres.clone(), radius };
-            families[0].push(Member { features, fit, share: 0.0 });
+            kernels.push(Member { features, fit, share: 0.0 });
         }
     }
-    if !rows.are_dealt {
-        families.push(reservoirs(rows, &times));
-    }
-    let (members, [left_out, fitted, far]) = ensemble(rows, families)?;
-    let mut linear =
-        |lags: &[Lag], smoothings: &[f64]| rows.ridge(&polynomial(&filtered.columns(lags), 1), smoothings);
-    let mut bases = Vec::new();
-    for (_, lags) in &first {
-        bases.extend(linear(lags, &SMOOTHINGS).map(|fit| (fit.error, lags.clone())));
-    }
-    let (_, lags) = bases.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let base = linear(&lags, &[BASE_SMOOTHING])?;
-    let without = linear(&same(None), &SMOOTHINGS)?.error;
-    Some(ChosenMaps {
-        errors: [without, rows.size(&left_out)],
-        members,
-        left_out,
-        fitted,
-        far,
-        common: first.swap_remove(0).1,
-        base: (lags, base),
-    })
+    vec![kernels, polynomials]
 }
 
 /// Times of lags, s.

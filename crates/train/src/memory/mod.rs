@@ -122,9 +122,37 @@ pub fn identify(
         return None;
     }
     let limits = Limits { interval_s, duration_s };
-    let max_gap_s = (GAP_INTERVALS * interval_s).max(SHORTEST_GAP_S);
     let folds = parts(&runs.iter().map(|run| run.time_s.len()).collect::<Vec<_>>());
-    let problem = Problem::new(runs, &folds, ranges.clone(), scales, max_gap_s, limits);
+    let problem = Problem::new(runs, &folds, ranges.clone(), scales, max_gap_s(interval_s), limits);
+    let maps = model.map_or_else(|| vec![Terms::Linear, Terms::Cubic], |model| vec![Terms::Model(model)]);
+    let Selected { memoryless, kept, mut reports, mut remarks } =
+        select(&problem, &maps, are_pressures, &limits)?;
+    add_constants(&problem, &kept, &limits, &mut reports, &mut remarks);
+    remarks.extend(unseen(runs, &ranges, &limits));
+    let memory = (!kept.blocks.is_empty()).then(|| problem.spec(&kept.blocks, &kept.unknowns));
+    Some(Identified { memory, left_out: [memoryless.left_out, kept.left_out], blocks: reports, remarks })
+}
+
+/// Longest time between two rows, s, that is a step and not a gap of the recording.
+pub(crate) fn max_gap_s(interval_s: f64) -> f64 {
+    (GAP_INTERVALS * interval_s).max(SHORTEST_GAP_S)
+}
+
+/// The best candidate without memory, the one with all blocks that are kept, and what is reported of each block.
+struct Selected<'a> {
+    memoryless: Candidate<'a>,
+    kept: Candidate<'a>,
+    reports: Vec<BlockReport>,
+    remarks: Vec<String>,
+}
+
+/// Adds the block that lowers the left-out error most, one after the other, as long as one lowers it by [`KEPT`].
+fn select<'a>(
+    problem: &Problem<'a>,
+    maps: &[Terms<'a>],
+    are_pressures: bool,
+    limits: &Limits,
+) -> Option<Selected<'a>> {
     let start = Candidate {
         blocks: Vec::new(),
         terms: Terms::Cubic,
@@ -133,14 +161,13 @@ pub fn identify(
         by_fold: Vec::new(),
         without: Vec::new(),
     };
-    let best = |blocks: &[Block], from: &Candidate<'_>| {
-        let maps = model.map_or_else(|| vec![Terms::Linear, Terms::Cubic], |model| vec![Terms::Model(model)]);
-        let found = maps.into_iter().filter_map(|terms| problem.candidate(blocks, terms, from));
+    let best = |blocks: &[Block], from: &Candidate<'a>| {
+        let found = maps.iter().filter_map(|terms| problem.candidate(blocks, *terms, from));
         found.min_by(|a, b| a.left_out.total_cmp(&b.left_out))
     };
     let memoryless = best(&[], &start)?;
     let mut kept = memoryless.clone();
-    let (mut reports, mut remarks): (Vec<BlockReport>, Vec<String>) = (Vec::new(), Vec::new());
+    let mut reports = Vec::new();
     loop {
         let is_possible = |block: &Block| are_pressures || *block != Block::Orifice;
         let missing: Vec<Block> =
@@ -148,32 +175,42 @@ pub fn identify(
         let with = |block: Block| -> Vec<Block> {
             Block::ALL.into_iter().filter(|b| *b == block || kept.blocks.contains(b)).collect()
         };
-        let found: Vec<(Block, Candidate<'_>)> =
+        let found: Vec<(Block, Candidate<'a>)> =
             missing.iter().filter_map(|block| Some((*block, best(&with(*block), &kept)?))).collect();
-        let improves = |with: &Candidate<'_>| {
+        let report = |block: Block, is_kept: bool, with: &Candidate<'a>| BlockReport {
+            block,
+            is_kept,
+            left_out: [kept.left_out, with.left_out],
+            constants: Vec::new(),
+        };
+        let improves = |with: &Candidate<'a>| {
             let better = with.by_fold.iter().zip(&kept.by_fold).filter(|(with, without)| with < without);
             let is_lower = with.left_out < (1.0 - KEPT) * kept.left_out;
             is_lower && 2 * better.count() >= with.by_fold.len() && limits.at_end(with).is_none()
         };
         let added = found.iter().filter(|(_, with)| improves(with));
         let Some((block, next)) = added.min_by(|a, b| a.1.left_out.total_cmp(&b.1.left_out)) else {
-            remarks.extend(found.iter().filter_map(|(_, with)| limits.at_end(with)));
-            reports.extend(found.iter().map(|(block, with)| BlockReport {
-                block: *block,
-                is_kept: false,
-                left_out: [kept.left_out, with.left_out],
-                constants: Vec::new(),
-            }));
-            break;
+            reports.extend(found.iter().map(|(block, with)| report(*block, false, with)));
+            let remarks = found.iter().filter_map(|(_, with)| limits.at_end(with)).collect();
+            return Some(Selected { memoryless, kept, reports, remarks });
         };
-        let left_out = [kept.left_out, next.left_out];
-        reports.push(BlockReport { block: *block, is_kept: true, left_out, constants: Vec::new() });
+        reports.push(report(*block, true, next));
         kept = next.clone();
     }
-    let deviations = problem.deviations(&kept).unwrap_or_default();
+}
+
+/// The constants of the blocks that are kept, and a remark for each that the recordings do not tell.
+fn add_constants(
+    problem: &Problem<'_>,
+    kept: &Candidate<'_>,
+    limits: &Limits,
+    reports: &mut [BlockReport],
+    remarks: &mut Vec<String>,
+) {
+    let deviations = problem.deviations(kept).unwrap_or_default();
     for (at, block) in kept.blocks.iter().enumerate() {
         let constants: Vec<Constant> =
-            (0..2).map(|k| constant(*block, k, &kept, &limits, 2 * at + k, &deviations)).collect();
+            (0..2).map(|k| constant(*block, k, kept, limits, 2 * at + k, &deviations)).collect();
         for found in &constants {
             let [low, high] = found.interval;
             if high > WIDE * low && high - low > 0.2 {
@@ -189,9 +226,6 @@ pub fn identify(
             report.constants = constants;
         }
     }
-    remarks.extend(unseen(runs, &ranges, &limits));
-    let memory = (!kept.blocks.is_empty()).then(|| problem.spec(&kept.blocks, &kept.unknowns));
-    Some(Identified { memory, left_out: [memoryless.left_out, kept.left_out], blocks: reports, remarks })
 }
 
 /// Constant with an interval from the curvature of the error and from its change without each part, whichever is wider.
