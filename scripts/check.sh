@@ -12,7 +12,8 @@
 #   scripts/check.sh clients [pytest arguments]  the Python client against running twins
 #   scripts/check.sh gallery                     examples/gallery: every command runs, and the pictures show what they showed
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run with a twin
-#   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
+#   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there;
+#                                                the Python source distribution compiles
 #   scripts/check.sh dependencies                licences, sources and second versions of packages of others, by cargo-deny (deny.toml)
 #   scripts/check.sh prepare                     the Python packages of actuators, exports, batch, clients, gallery and gateway
 #   scripts/check.sh gateway [test arguments]    the network gateway: tests, a Zenoh client against a running twin

@@ -4,13 +4,14 @@
 #                                                completions, models, configuration under /etc/softtwin that an upgrade keeps, C library with
 #                                                headers, library of FMUs; --gateway: a second package, softtwin-gateway
 #   scripts/package.sh wheel OUT                 Python wheel: the package with its native module, the programs, one model
+#   scripts/package.sh sdist OUT                 Python source distribution: what the same wheel is compiled from, elsewhere
 #   scripts/package.sh c PREFIX                  C and C++ client: libsofttwin (shared, static), headers, pkg-config and CMake files:
 #                                                PKG_CONFIG_PATH=PREFIX/lib/pkgconfig pkg-config --cflags --libs softtwin
 #                                                cmake -DCMAKE_PREFIX_PATH=PREFIX ...
 #   scripts/package.sh share FOLDER [MODEL...]   content of share/softtwin: scenes, traces, settings, models (default: every model)
-# Needs Rust and a C compiler; deb: dpkg-deb; wheel: Python 3.10 or newer with pip.
+# Needs Rust and a C compiler; deb: dpkg-deb; wheel and sdist: Python 3.10 or newer with pip.
 set -euo pipefail
-usage() { sed -n '2,11s/^# \{0,1\}//p' "$0" >&2; exit 2; }
+usage() { sed -n '2,12s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 [ $# -ge 2 ] || usage
 what=$1
 mkdir -p "$2"
@@ -81,6 +82,14 @@ wheel() {
     page
     MATURIN_PEP517_ARGS="--profile $profile" "${PYTHON:-python3}" -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$out" clients/python
     ls "$out"/softtwin-*.whl
+}
+
+sdist() {
+    page
+    "${PYTHON:-python3}" -m pip install --quiet --disable-pip-version-check --target "$work/build" build
+    PYTHONPATH=$work/build "${PYTHON:-python3}" -m build --sdist --outdir "$out" clients/python >"$work/sdist.log" 2>&1 ||
+        { cat "$work/sdist.log" >&2; exit 1; }
+    ls "$out"/softtwin-*.tar.gz
 }
 
 # units ROOT UNIT...: services with the folders of a package.
@@ -179,6 +188,7 @@ case "$what" in
         deb
         ;;
     wheel) wheel ;;
+    sdist) sdist ;;
     c) c_client "" "$out" ;;
     share) share "$out" "${models[@]}" ;;
     *) usage ;;

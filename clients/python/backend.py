@@ -72,10 +72,11 @@ def build_editable(wheel_directory: str, config_settings: Any = None, metadata_d
 
 
 def _sources() -> List[str]:
-    """Paths of the files of a source distribution: those that git knows, or, in an unpacked one, all that are there."""
+    """Paths of the files of a source distribution: those that git knows, with the code of exported pages where it has been compiled, or, in
+    an unpacked one, all that are there."""
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True)
     if listed.returncode == 0 and listed.stdout:
-        paths = listed.stdout.rstrip("\0").split("\0")
+        paths = [*listed.stdout.rstrip("\0").split("\0"), "crates/viewer/page.wasm"]
     else:
         found = (path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*") if path.is_file())
         paths = [path for path in found if "/__pycache__/" not in path]

@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# Installs the Debian package in an empty root and the wheel in an empty environment and uses both outside the sources. Started by
-# scripts/check.sh install.
+# Installs the Debian package in an empty root and the wheel in an empty environment, uses both outside the sources, and compiles the source
+# distribution. Started by scripts/check.sh install.
 #   --profile dev|light|release      default: dev
 set -euo pipefail
 profile=dev
 if [ "${1:-}" = --profile ]; then profile=${2:?--profile needs a name}; fi
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+. scripts/setup.sh
 fail() { echo "check.sh: $*" >&2; exit 1; }
 work=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
@@ -59,6 +60,15 @@ PYTHON=$work/venv/bin/python scripts/package.sh wheel "$work" --profile "$profil
 python3 -m venv "$work/clean"
 "$work/clean/bin/pip" install --quiet --disable-pip-version-check "$work"/softtwin-*.whl
 demonstration "$work/clean/bin/softtwin-demo"
+# The source distribution has every file that the compiler and the wheel's data need. What others wrote is compiled already.
+PYTHON=$work/venv/bin/python scripts/package.sh sdist "$work"
+mkdir "$work/source"
+tar -xzf "$work"/softtwin-*.tar.gz -C "$work/source" --strip-components 1
+target=$(realpath "${CARGO_TARGET_DIR:-target}")
+# shellcheck disable=SC2046 # `network` prints no word or two
+(cd "$work/source" && cargo check --locked --quiet --target-dir "$target" --workspace $(network) --bins --lib)
+(cd "$work/source" && scripts/package.sh share "$work/share" pneunet)
+diff -r "$work/share" "$work/clean/share/softtwin" || fail "the source distribution has other files than the wheel in share/softtwin"
 export SOFTTWIN_DOMAIN=install$$ SOFTTWIN_ROOT=$work/iox
 cd /
 scene=$("$work/clean/bin/python" -c 'import softtwin; print(softtwin.shared_file("config/scenes/finger.toml"))')
@@ -81,4 +91,4 @@ print(f"check.sh: Python predicts {model.predict(0.05, 30.0).contact_force_n:.4f
 END
 cd - >/dev/null
 [ "$before" = "$(git status --porcelain --ignored 2>/dev/null | grep -v '__pycache__\|\.pytest_cache\|_native' || true)" ] || fail "the packages left files in the checkout: $(git status --porcelain --ignored)"
-echo "check.sh: the Debian package and the wheel were built, installed and used"
+echo "check.sh: the Debian package and the wheel were built, installed and used, and the source distribution compiles"

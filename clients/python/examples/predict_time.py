@@ -1,7 +1,9 @@
 """Times predictions in this process: the median of one state at a time, whole field, into reused memory; with `--batch`, the numbers of many
-states in one call, and the same in jax with the gradient of the force, without its compilation."""
+states in one call, with and without observables, and where jax is installed the same in jax with the gradient of the force, without its
+compilation."""
 
 import argparse
+import importlib.util
 import json
 import time
 
@@ -30,16 +32,13 @@ def main() -> None:
 
 
 def batch(model, count):
-    import jax
-
-    jax.config.update("jax_enable_x64", True)
-    finger = model.jax(fields=False)
     states = {name: np.linspace(i.min, i.max, count) for name, i in model.inputs.items()}
     ways = {
         "predict_ms": lambda: model.predict(**states, fields=False),
-        "vmap_ms": lambda run=jax.jit(jax.vmap(finger)): jax.block_until_ready(run(states)),
-        "vmap_grad_ms": lambda run=jax.jit(jax.vmap(jax.value_and_grad(lambda s: finger(s)["contact_force_n"]))): jax.block_until_ready(run(states)),
+        "no_observables_ms": lambda: model.predict(**states, fields=False, observables=False),
     }
+    if importlib.util.find_spec("jax"):
+        ways.update(ways_of_jax(model, states))
     found = {}
     for name, way in ways.items():
         way()
@@ -50,6 +49,19 @@ def batch(model, count):
             times.append(time.perf_counter_ns() - began)
         found[name] = round(float(np.median(times)) / 1e6, 1)
     return found
+
+
+def ways_of_jax(model, states):
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    finger = model.jax(fields=False)
+    numbers = jax.jit(jax.vmap(finger))
+    force = jax.jit(jax.vmap(jax.value_and_grad(lambda state: finger(state)["contact_force_n"])))
+    return {
+        "vmap_ms": lambda: jax.block_until_ready(numbers(states)),
+        "vmap_grad_ms": lambda: jax.block_until_ready(force(states)),
+    }
 
 
 if __name__ == "__main__":

@@ -62,14 +62,18 @@ fn json(text: &str) -> anyhow::Result<Value> {
     serde_json::from_str(text.trim()).with_context(|| format!("expected a JSON object, found {text}"))
 }
 
-/// The C client's latency program, linked with the library beside this program.
+/// The C client's latency program, linked with the library beside this program by the names that an installed one has.
 fn compile_c(testbed: &Testbed) -> anyhow::Result<PathBuf> {
-    let own = program("softtwind")?;
-    let folder = own.parent().context("a program lies in a folder")?;
+    let library = program("softtwind")?.with_file_name("libcapi.so");
+    let folder = testbed.path("lib");
+    std::fs::create_dir_all(&folder)?;
+    for name in ["libsofttwin.so", "libsofttwin.so.0"] {
+        std::os::unix::fs::symlink(&library, folder.join(name))?;
+    }
     let out = testbed.path("latency");
     let mut command = Command::new("cc");
     command.args(["-O2", "-std=c11", "clients/c/examples/latency.c", "-Icrates/capi/include", "-lsofttwin"]);
-    command.arg("-L").arg(folder).arg(format!("-Wl,-rpath,{}", folder.display())).arg("-o").arg(&out);
+    command.arg("-L").arg(&folder).arg(format!("-Wl,-rpath,{}", folder.display())).arg("-o").arg(&out);
     output_of(&mut command)?;
     Ok(out)
 }

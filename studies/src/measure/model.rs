@@ -1,4 +1,4 @@
-//! Whole fields from a model in this process: Rust, and Python through libsofttwin, in turn.
+//! Whole fields from a model in this process: Rust, and Python through its native module, in turn.
 
 use super::clients::PYTHON;
 use super::twin::{model, print};
