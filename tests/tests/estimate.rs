@@ -350,10 +350,11 @@ fn unzeroed_load_cell_raises_an_alarm_that_names_it() {
         StateReader::attach(&stage.bus(), &Topic::state("finger").expect("a topic")).expect("a reader");
     let _bridge = Program::bridge(&stage, &scene);
     let first = wait_for(&estimates, "the first estimate", |reader| reader.newest().expect("readable"));
-    let alarmed = wait_for(&estimates, "an alarm", |reader| {
-        reader.newest().expect("readable").filter(|estimate| estimate.alarm != estimate_alarm::NONE)
+    // On a machine that pauses the twin, residuals may first be unexplained.
+    let alarmed = wait_for(&estimates, "the alarm that names the load cell", |reader| {
+        let names_it = |alarm, suspects| alarm == estimate_alarm::SENSOR && suspects == 0b1;
+        reader.newest().expect("readable").filter(|estimate| names_it(estimate.alarm, estimate.suspects))
     });
-    assert_eq!((alarmed.alarm, alarmed.suspects), (estimate_alarm::SENSOR, 0b1), "{alarmed:?}");
     // Five times as fast as measured: two seconds of the recording are 0.4 s.
     let after_ns = alarmed.t_sensor_ns.saturating_sub(first.t_sensor_ns);
     assert!(after_ns < 2_000_000_000, "{after_ns} ns");
