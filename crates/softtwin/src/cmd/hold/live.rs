@@ -71,8 +71,6 @@ struct Loop<'a> {
     cycle: Cycle,
     /// The last setpoint that the device confirmed.
     written_seq: u64,
-    /// Whether a low supply and an oscillation were said.
-    said: [bool; 2],
     tally: Tally,
 }
 
@@ -106,7 +104,6 @@ impl<'a> Loop<'a> {
             last_ns: None,
             cycle: Cycle::default(),
             written_seq: 0,
-            said: [false; 2],
             tally: Tally::new(),
         })
     }
@@ -202,29 +199,9 @@ impl<'a> Loop<'a> {
         if let Some(fault) = self.cycle.fault {
             bail!("{}: {}", fault.name(), fault.advice());
         }
-        self.say_what_is_new();
+        self.tally.say_what_is_new(&self.cycle, &self.held);
         self.tally.take_cycle(&self.cycle, seen);
         Ok(true)
-    }
-
-    /// Says once each time that the supply is low, and that the commands oscillate; the loop goes on.
-    fn say_what_is_new(&mut self) {
-        let Cycle { limited, is_oscillating, target, .. } = self.cycle;
-        let before = std::mem::replace(&mut self.said, [limited.by_supply, is_oscillating]);
-        let (name, unit) = (&self.held.name, self.held.unit);
-        let texts = [
-            format!(
-                "supply: the gauge stays below the setpoint; {name} {target:.4} {unit} is held, which it still gives"
-            ),
-            "oscillation: the setpoints swing while the target does not; run `softtwin tune` again"
-                .to_owned(),
-        ];
-        for ((text, is_so), was_so) in texts.iter().zip(self.said).zip(before) {
-            if is_so && !was_so {
-                // A closed error stream is no reason to let go of the valve.
-                let _ = writeln!(std::io::stderr(), "{text}");
-            }
-        }
     }
 
     /// The command of the cycle of this state as a setpoint.

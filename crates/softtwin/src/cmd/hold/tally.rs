@@ -1,4 +1,4 @@
-//! What a run of `hold` reports at its end.
+//! What a run of `hold` reports, while it runs and at its end.
 
 use super::goal::Goal;
 use crate::live::Latencies;
@@ -7,6 +7,7 @@ use control::law::Cycle;
 use recording::Thinned;
 use rom::statistics::mean;
 use serde_json::{Value, json};
+use std::io::Write;
 use wire::{State, now_ns};
 
 /// Larger jumps of the number of a reading are another beginning of the sender's count.
@@ -25,6 +26,8 @@ pub(super) struct Tally {
     fallbacks: u64,
     measured: Thinned<f64>,
     predicted: Thinned<f64>,
+    /// Whether a low supply and an oscillation were said.
+    said: [bool; 2],
 }
 
 impl Tally {
@@ -37,6 +40,7 @@ impl Tally {
             fallbacks: 0,
             measured: Thinned::new(MOST_VALUES),
             predicted: Thinned::new(MOST_VALUES),
+            said: [false; 2],
         }
     }
 
@@ -52,6 +56,26 @@ impl Tally {
             self.measured.offer(|| Some(measured));
         }
         self.predicted.offer(|| Some(cycle.followed));
+    }
+
+    /// Says once each time that the supply is low, and that the commands oscillate; the loop goes on.
+    pub(super) fn say_what_is_new(&mut self, cycle: &Cycle, held: &Held) {
+        let Cycle { limited, is_oscillating, target, .. } = *cycle;
+        let before = std::mem::replace(&mut self.said, [limited.by_supply, is_oscillating]);
+        let (name, unit) = (&held.name, held.unit);
+        let texts = [
+            format!(
+                "supply: the gauge stays below the setpoint; {name} {target:.4} {unit} is held, which it still gives"
+            ),
+            "oscillation: the setpoints swing while the target does not; run `softtwin tune` again"
+                .to_owned(),
+        ];
+        for ((text, is_so), was_so) in texts.iter().zip(self.said).zip(before) {
+            if is_so && !was_so {
+                // A closed error stream is no reason to let go of the valve.
+                let _ = writeln!(std::io::stderr(), "{text}");
+            }
+        }
     }
 
     /// Takes a state whose setpoint has just been sent.
