@@ -296,6 +296,8 @@ def a_saved_page_answers_as_predict_without_a_server(stage, program):
     try:
         wait(lambda: page.shown("predicted"), "a prediction", 60)
         print(f"   {file.stat().st_size * 1e-6:.1f} MB, first picture after {page.run('performance.now()') / 1000:.1f} s at most")
+        median_ms = page.run(NEXT_STATES)
+        print(f"   the next state takes {median_ms:.1f} ms in the median, without the picture")
         # Free, in contact, at the edge, outside.
         for pressure, gap in ((0.01, 60), (0.03, 30), (0.07, 30), (0.09, 71), (0.1, 25)):
             page.slide("input-gap", gap)
@@ -434,6 +436,17 @@ def the_pictures_of_a_comparison_and_the_curves_of_a_measured_model_are_on_a_pag
     finally:
         page.browser.close()
 
+
+# Time of a state along a slider's way, ms: the model's answer, and what the page makes of it before it draws.
+NEXT_STATES = """(() => {
+    const { link } = softtwin, times = [];
+    for (let k = 0; k < 100; k++) {
+        const began = performance.now();
+        link.send({ type: "predict", inputs: { pressure_mpa: 0.0009 * k, gap_mm: 30 } });
+        times.push(performance.now() - began);
+    }
+    return times.sort((a, b) => a - b)[50];
+})()"""
 
 # Presses a button, and again after a while if that is asked for; the name, the first bytes and the size of what is then saved.
 SAVE = """new Promise((done) => {

@@ -323,4 +323,4 @@ setInterval(() => {
 requestAnimationFrame(tick);
 
 // For scripts and tests: what is on the browser right now.
-window.softtwin = { state, scale, camera, painter, scene, recorder, chosen, visible };
+window.softtwin = { state, scale, camera, painter, scene, recorder, chosen, visible, link };
