@@ -43,7 +43,8 @@ SOURCES = (
 
 def _put_beside(profile: str) -> None:
     """Programs and model where maturin takes the wheel's data from."""
-    # One call, so that nothing is compiled twice.
+    # One call, so that packages which the three share are compiled once. maturin then builds the module alone, for which cargo may choose other
+    # features of some packages and compile them again.
     packages = [argument for package in ("softtwin", "softtwind", "python") for argument in ("--package", package)]
     subprocess.run(["cargo", "build", "--locked", "--profile", profile, *packages], cwd=ROOT, check=True)
     data = ROOT / "target/wheel/softtwin.data"

@@ -1,7 +1,7 @@
 """gallery.py KEPT MADE: ends with 1 if a picture that was made again shows something else than the one in the gallery.
 
-Bodies (PNG): the mean difference of their pixels. Charts (SVG): their words and the shape of their lines, because times and noise differ
-from run to run. Another processor rounds otherwise, which is far below both bounds.
+Bodies (PNG): the mean difference of their pixels. Charts (SVG): their words and about the number of their lines, because times and
+noise differ from run to run. Another processor rounds otherwise, which is far below both bounds.
 """
 import re
 import sys

@@ -59,7 +59,7 @@ fn steps(t_s: f64) -> f64 {
     holds[((t_s / 4.0) as usize).min(9)]
 }
 
-/// Slow sines.
+/// A start within five seconds, then two sines with periods of 8 and 3 s.
 fn sines(t_s: f64) -> f64 {
     let begin = (t_s / 5.0).min(1.0);
     begin * (0.045 - 0.02 * (0.8 * t_s).cos() - 0.008 * (2.1 * t_s).sin())

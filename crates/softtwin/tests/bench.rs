@@ -154,7 +154,7 @@ fn wrong_units_and_swapped_columns_are_noticed() {
     bench(folder, "run1.csv", 1, 1.0);
     std::fs::write(folder.join("log.toml"), LOG).unwrap();
     json(folder, &LEARN);
-    for (factor, confusion) in [(6.895, "psi"), (10.0, "bar"), (1000.0, "kPa")] {
+    for (factor, confusion) in [(6.895, "psi and kPa"), (10.0, "bar and MPa"), (1000.0, "kPa and MPa")] {
         bench(folder, "wrong.csv", 2, factor);
         let ended = run(folder, &compare("wrong.csv", "log.toml"));
         let text = String::from_utf8_lossy(&ended.stderr);

@@ -108,8 +108,11 @@ class Actuator:
 
         `mesh`: a mesh file with named surfaces, such as gmsh's .msh with physical groups (docs/own-mesh.md); it is copied, and held at the
         surface `fixed`. Without it, a finger in the proportions of the reference actuator. `length_mm`: the whole length (None: 9 mm a
-        chamber). `width_mm`: of the block of chambers; the base is 1.6 times as wide. `wall_mm`: between cavity and slot. One of `silicone` (a name of `softtwin new --help`), `material` (of `fit_material`), `shear_modulus_mpa`, or a data
-        sheet's `shore_a`, `shore_00` or `modulus_100_mpa`, with the elongation at break in `elongation_percent`. `hanging` mounts it vertically.
+        chamber). `width_mm`: of the block of chambers; the base is 1.6 times as wide. `wall_mm`: between cavity and slot. `hanging`
+        mounts it vertically.
+
+        The silicone is one of `silicone` (a name of `softtwin new --help`), `material` (of `fit_material`), `shear_modulus_mpa`, or a data sheet's
+        `shore_a`, `shore_00` or `modulus_100_mpa`, with the elongation at break in `elongation_percent`.
         Raises `ValueError` for a folder with files and for a shape that cannot be built.
         """
         sheet = {"shore_a": shore_a, "shore_00": shore_00, "modulus_100_mpa": modulus_100_mpa}

@@ -63,7 +63,7 @@ class LearnedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):  # type
         return self
 
     def predict(self, X: Any, return_half_width: bool = False) -> Any:
-        """The outputs at the inputs `X`; with `return_half_width` also the half-widths that 95 % of the errors stay below, NaN where none is known.
+        """The outputs at the inputs `X`; with `return_half_width` also the half-widths that nine of ten errors stay below, NaN where none is known.
 
         Raises `ValueError` for inputs that are farther outside than those learned are wide.
         """

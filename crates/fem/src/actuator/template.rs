@@ -36,7 +36,7 @@ pub enum NewMaterial<'a> {
 pub struct NewActuator<'a> {
     /// Name of its files and topics.
     pub name: &'a str,
-    /// Its shape.
+    /// Measures of a finger, or a mesh file.
     pub shape: NewShape<'a>,
     /// True if it hangs down along the wall it is to touch.
     pub hanging: bool,
@@ -51,7 +51,7 @@ pub enum NewShape<'a> {
     Boxes(NewBoxes),
     /// A mesh file with named surfaces, which is copied.
     Mesh {
-        /// The file.
+        /// Read once and copied beside the actuator's file.
         file: &'a Path,
         /// Name of the surface that is held.
         fixed: &'a str,

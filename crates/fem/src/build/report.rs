@@ -67,9 +67,9 @@ pub enum BuildError {
     /// The states cannot be trained on.
     #[error("training on {database}")]
     Train {
-        /// Their folder.
+        /// Folder of the states.
         database: PathBuf,
-        /// Why.
+        /// What keeps them from being trained on.
         source: TrainError,
     },
     /// The model cannot be written.
