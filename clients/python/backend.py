@@ -43,10 +43,10 @@ SOURCES = (
 
 def _put_beside(profile: str) -> None:
     """Programs and model where maturin takes the wheel's data from."""
-    # One call, so that packages which the three share are compiled once. maturin then builds the module alone, for which cargo may choose other
-    # features of some packages and compile them again.
+    # The module's package is named, so that packages which it shares with the programs get the same features and are compiled once; maturin
+    # builds the module itself.
     packages = [argument for package in ("softtwin", "softtwind", "python") for argument in ("--package", package)]
-    subprocess.run(["cargo", "build", "--locked", "--profile", profile, *packages], cwd=ROOT, check=True)
+    subprocess.run(["cargo", "build", "--locked", "--profile", profile, "--bins", *packages], cwd=ROOT, check=True)
     data = ROOT / "target/wheel/softtwin.data"
     shutil.rmtree(data, ignore_errors=True)
     (data / "scripts").mkdir(parents=True)

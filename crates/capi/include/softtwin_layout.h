@@ -8,7 +8,7 @@
 
 #define SOFTTWIN_LAYOUT_VERSION 1u /* Part of every type name. */
 #define SOFTTWIN_FIELD_SLOTS 16u /* Most fields in one sample. */
-#define SOFTTWIN_COEFFICIENTS_MAX 128u /* Most modal coefficients in one state. */
+#define SOFTTWIN_COEFFICIENTS_MAX 256u /* Most modal coefficients in one state. */
 #define SOFTTWIN_GROUPS_MAX 8u /* Most groups of fields in one state. */
 #define SOFTTWIN_MARKERS_MAX 8u /* Most markers of one actuator. */
 #define SOFTTWIN_AGES_MAX 11u /* Values of a reading with their own age. */
@@ -223,7 +223,7 @@ typedef struct {
   uint32_t coefficient_count; /**< Coefficients in use. */
   uint32_t input_count; /**< Inputs of the model. */
   uint8_t group_sizes[8]; /**< Coefficients of each group, in the model's order; the rest 0. With more in all than fit below the flag `coefficients-cut` is set. */
-  float coefficients[128]; /**< Modal coefficients, group by group; the rest 0. */
+  float coefficients[256]; /**< Modal coefficients, group by group; the rest 0. */
   double inputs[8]; /**< The model's inputs, in its order and units; NaN without an answer. */
   double outside_by[8]; /**< How far each input is outside the values of the training, in its unit: above 0 over the largest, below 0 under the smallest. */
   double force_by_input[8]; /**< Derivative of the force with respect to each input, N per unit of the input; NaN when not configured. */
@@ -426,7 +426,7 @@ typedef struct {
   uint32_t coefficient_count; /**< Coefficients in use. */
   uint32_t input_count; /**< Inputs of the model. */
   uint8_t group_sizes[8]; /**< Coefficients of each group, in the model's order; the rest 0. With more in all than fit below the flag `coefficients-cut` is set. */
-  float coefficients[128]; /**< Modal coefficients, group by group; the rest 0. */
+  float coefficients[256]; /**< Modal coefficients, group by group; the rest 0. */
   double inputs[8]; /**< The model's inputs, in its order and units; NaN without an answer. */
   double outside_by[8]; /**< How far each input is outside the values of the training, in its unit: above 0 over the largest, below 0 under the smallest. */
   double force_by_input[8]; /**< Derivative of the force with respect to each input, N per unit of the input; NaN when not configured. */
@@ -488,7 +488,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_field_header, reserved) == 172);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, inputs) == 176);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, input_names) == 240);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, input_sources) == 496);
-SOFTTWIN_CHECK(sizeof(softtwin_state) == 1632);
+SOFTTWIN_CHECK(sizeof(softtwin_state) == 2144);
 SOFTTWIN_CHECK(offsetof(softtwin_state, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_state, flags) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_state, model_hash) == 8);
@@ -520,14 +520,14 @@ SOFTTWIN_CHECK(offsetof(softtwin_state, coefficient_count) == 208);
 SOFTTWIN_CHECK(offsetof(softtwin_state, input_count) == 212);
 SOFTTWIN_CHECK(offsetof(softtwin_state, group_sizes) == 216);
 SOFTTWIN_CHECK(offsetof(softtwin_state, coefficients) == 224);
-SOFTTWIN_CHECK(offsetof(softtwin_state, inputs) == 736);
-SOFTTWIN_CHECK(offsetof(softtwin_state, outside_by) == 800);
-SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_input) == 864);
-SOFTTWIN_CHECK(offsetof(softtwin_state, input_names) == 928);
-SOFTTWIN_CHECK(offsetof(softtwin_state, observables) == 1184);
-SOFTTWIN_CHECK(offsetof(softtwin_state, observable_halfwidths) == 1248);
-SOFTTWIN_CHECK(offsetof(softtwin_state, observable_offsets) == 1312);
-SOFTTWIN_CHECK(offsetof(softtwin_state, observable_names) == 1376);
+SOFTTWIN_CHECK(offsetof(softtwin_state, inputs) == 1248);
+SOFTTWIN_CHECK(offsetof(softtwin_state, outside_by) == 1312);
+SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_input) == 1376);
+SOFTTWIN_CHECK(offsetof(softtwin_state, input_names) == 1440);
+SOFTTWIN_CHECK(offsetof(softtwin_state, observables) == 1696);
+SOFTTWIN_CHECK(offsetof(softtwin_state, observable_halfwidths) == 1760);
+SOFTTWIN_CHECK(offsetof(softtwin_state, observable_offsets) == 1824);
+SOFTTWIN_CHECK(offsetof(softtwin_state, observable_names) == 1888);
 SOFTTWIN_CHECK(sizeof(softtwin_health) == 416);
 SOFTTWIN_CHECK(offsetof(softtwin_health, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_health, flags) == 4);
@@ -661,7 +661,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_query, force_halfwidth_n) == 40);
 SOFTTWIN_CHECK(offsetof(softtwin_query, node_set) == 48);
 SOFTTWIN_CHECK(offsetof(softtwin_query, parameters) == 80);
 SOFTTWIN_CHECK(offsetof(softtwin_query, parameter_names) == 128);
-SOFTTWIN_CHECK(sizeof(softtwin_answer) == 1672);
+SOFTTWIN_CHECK(sizeof(softtwin_answer) == 2184);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, status) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, model_hash) == 8);
@@ -696,14 +696,14 @@ SOFTTWIN_CHECK(offsetof(softtwin_answer, coefficient_count) == 248);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, input_count) == 252);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, group_sizes) == 256);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, coefficients) == 264);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, inputs) == 776);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, outside_by) == 840);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, force_by_input) == 904);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, input_names) == 968);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, observables) == 1224);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_halfwidths) == 1288);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_offsets) == 1352);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_names) == 1416);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, inputs) == 1288);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, outside_by) == 1352);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, force_by_input) == 1416);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, input_names) == 1480);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, observables) == 1736);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_halfwidths) == 1800);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_offsets) == 1864);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, observable_names) == 1928);
 #undef SOFTTWIN_CHECK
 
 #endif /* SOFTTWIN_LAYOUT_H */

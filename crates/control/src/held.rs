@@ -312,7 +312,8 @@ fn finite(name: &'static str, found: f64) -> Result<(), StepError> {
 
 impl Stepping {
     /// A controller of what `column` names (`force_n`, `tip_y_mm`, `pressure_mpa`, `angle_deg`, an observable of the model). Of the scene's text it
-    /// takes `control`, the driven valve, `sigma.force_n`, markers and given inputs of the actuator (default: the first one); without a scene the defaults hold.
+    /// takes `control`, the driven valve, `sigma.force_n`, markers and given inputs of the actuator (default: the first one); without a
+    /// scene the defaults hold.
     pub fn open(
         model: &Model,
         scene: Option<&str>,

@@ -112,7 +112,8 @@ impl TwinModel {
         Ok(Self::of_held(model, held, evaluation))
     }
 
-    /// Takes what a column of targets names: `force_n`, `pressure_mpa`, `tip_y_mm` (height of `marker`, or the model's observable of that name, or the height of its tip), or an observable.
+    /// Takes what a column of targets names: `force_n`, `pressure_mpa`, `tip_y_mm` (height of `marker`, or the model's observable of that
+    /// name, or the height of its tip), or an observable.
     ///
     /// # Errors
     /// [`TwinModelError`]: no such observable, or blocks that were not loaded.

@@ -30,6 +30,8 @@ pub(crate) fn penalty(d: f64, w: f64) -> Penalty {
     }
 }
 
+// ---- rigid bodies below the base ----
+
 // Rigid bodies below the base: a penalty at the base's surface nodes against the plane `y = -gap` (plate, block), or against
 // a sphere or cylinder whose highest point lies in it, by the signed distance.
 
@@ -195,6 +197,8 @@ impl Face {
     }
 }
 
+// ---- walls that face each other across a slot ----
+
 // Contact of the walls that face each other across a slot.
 //
 // Each quadrature point of the lower wall is paired once with the point opposite it on the upper wall of the
@@ -230,7 +234,6 @@ pub(crate) struct SlotWalls {
 /// One touching pair.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SlotContact<'a> {
-    /// The pair.
     pub(crate) pair: &'a Pair,
     /// Unit normal, from the lower wall to the upper one.
     pub(crate) normal: Vec3,

@@ -14,7 +14,7 @@ use faer::{Conj, MatMut, Par, Side};
 use std::sync::Arc;
 use thiserror::Error;
 
-// The symmetric stiffness matrix: a fixed pattern of 3 x 3 node blocks over the lower triangle, stored by columns.
+// ---- the symmetric stiffness matrix: a fixed pattern of 3 x 3 node blocks over the lower triangle, stored by columns ----
 
 /// Index of a node without unknowns (held).
 pub(crate) const CONSTRAINED: u32 = u32::MAX;
@@ -141,6 +141,8 @@ impl SymmetricBlocks {
     }
 }
 
+// ---- order of elimination ----
+
 // Nested dissection of the node graph by coordinate planes.
 //
 // Actuators are long and their chambers are joined by thin necks: a plane through a slot separates the body with far
@@ -262,7 +264,7 @@ impl Dissection<'_> {
     }
 }
 
-// Linear solver: faer's sparse Cholesky, analysed once per problem and factorised once per iteration.
+// ---- linear solver: faer's sparse Cholesky, analysed once per problem and factorised once per iteration ----
 
 /// Error of the linear solver.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
@@ -310,7 +312,6 @@ impl Analysis {
         Ok(Self { symbolic, unknowns })
     }
 
-    /// Entries of the factor.
     pub(crate) fn factor_entries(&self) -> usize {
         self.symbolic.len_val()
     }

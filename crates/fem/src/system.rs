@@ -22,7 +22,6 @@ use formats::mesh_file::Tri6;
 pub(crate) struct InvalidState {
     /// Violated limit.
     pub(crate) reason: Invalid,
-    /// The element.
     pub(crate) element: usize,
 }
 

@@ -17,7 +17,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::{fmt, io};
 
-// Name of a state and its scalar inputs and results.
+// ---- name of a state and its scalar inputs and results ----
 
 /// Name and scalars of a state; all states of a series have the same names of scalars in the same order.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -61,8 +61,7 @@ impl Display for Label {
     }
 }
 
-// Writes a series in the format given by the ending of the file name.
-
+/// Writes a series in the format given by the ending of the file name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SeriesFormat {
     /// One `.vtu` per state and a `.pvd` that lists them.
@@ -143,9 +142,8 @@ impl Series<'_> {
     }
 }
 
-// Reconstructed state as a file, by the ending of its name: `.npy` (f32, nodes x fields), `.csv`, `.vtu`, or
-// a series of one state as Tecplot ASCII (`.dat`) or XDMF.
-
+/// Reconstructed state as a file, by the ending of its name: `.npy` (f32, nodes x fields), `.csv`, `.vtu`, or
+/// a series of one state as Tecplot ASCII (`.dat`) or XDMF.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StateFormat {
     /// NumPy: f32, nodes x fields.
@@ -216,7 +214,7 @@ fn table_of(series: &Series<'_>, values: &[f32], label: &Label) -> String {
     table::to_text(&header, (0..series.nodes).map(row))
 }
 
-// Series of states: common properties, one state, and the trait of its formats.
+// ---- series of states: common properties, one state, and the trait of its formats ----
 
 /// State of a series.
 #[derive(Clone, Debug)]
@@ -340,8 +338,7 @@ pub(crate) fn lines(out: &mut dyn Write, values: &[impl Display], per_line: usiz
     Ok(())
 }
 
-// All states as one table: one row per node and state.
-
+/// All states as one table: one row per node and state.
 pub(crate) struct Csv<'a>(pub(crate) Series<'a>);
 
 /// Names of the columns that are constant within a state.
@@ -380,8 +377,7 @@ impl Layout for Csv<'_> {
     }
 }
 
-// All states as one NumPy array: f32, states x nodes x fields, as `snapshots.npy` of a database.
-
+/// All states as one NumPy array: f32, states x nodes x fields, as `snapshots.npy` of a database.
 pub(crate) struct Npy<'a>(pub(crate) Series<'a>);
 
 impl Layout for Npy<'_> {
@@ -395,6 +391,8 @@ impl Layout for Npy<'_> {
         out.write_all(&bytes)
     }
 }
+
+// ---- Tecplot ASCII ----
 
 // Tecplot ASCII: one finite-element zone per state, nodes and connectivity as the authors' post-processing reads them.
 //
@@ -466,8 +464,7 @@ fn linear(cells: Cells<'_>) -> (&'static str, usize, Vec<u32>) {
     }
 }
 
-// XDMF 3: a temporal collection of grids with inline numbers.
-
+/// XDMF 3: a temporal collection of grids with inline numbers.
 pub(crate) struct Xdmf<'a>(pub(crate) Series<'a>);
 
 impl Layout for Xdmf<'_> {
@@ -533,7 +530,7 @@ fn item(
     writeln!(out, "</DataItem>")
 }
 
-// ParaView's collection: a `.pvd` that lists one `.vtu` per state, with its time.
+// ---- ParaView's collection: a `.pvd` that lists one `.vtu` per state, with its time ----
 
 /// Writer of `NAME_0000.vtu`, `NAME_0001.vtu`, ... in the folder of `NAME.pvd`.
 pub(crate) struct Pvd<'a> {

@@ -240,7 +240,7 @@ fn indices<const N: usize>(
     Ok(nodes)
 }
 
-// Sequential reader of the numbers of a .msh file, ASCII or binary.
+// ---- sequential reader of the numbers of a .msh file, ASCII or binary ----
 
 /// Longest word: a number, a version or a section's name.
 const LONGEST_WORD: usize = 64;

@@ -126,7 +126,7 @@ pub fn write_f32_to(out: &mut (impl Write + ?Sized), shape: &[usize], data: &[f3
     Ok(())
 }
 
-// Header: `{'descr': '<f4', 'fortran_order': False, 'shape': (146, 25022, 5), }`.
+// ---- header: `{'descr': '<f4', 'fortran_order': False, 'shape': (146, 25022, 5), }` ----
 
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
 /// Longest header; NumPy's headers of plain arrays are shorter.

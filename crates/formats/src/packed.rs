@@ -214,8 +214,7 @@ pub fn read(path: &Path, undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapshots
     unpack(&bytes, undeformed_mm).map_err(|p| FormatError::one(path, p))
 }
 
-// Counts, numbers and lists of integers; the lists as byte planes, deflated.
-
+/// Counts, numbers and lists of integers; the lists as byte planes, deflated.
 pub(super) struct Writer(Vec<u8>);
 
 impl Writer {
@@ -351,7 +350,7 @@ fn checksum(bytes: &[u8]) -> u64 {
         .fold(0xcbf2_9ce4_8422_2325, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
-// Linear prediction of a case from earlier ones. Reader and writer run the same operations in the same order.
+// ---- linear prediction of a case from earlier ones. Reader and writer run the same operations in the same order ----
 
 /// Indices of the earlier cases nearest to `target` (mean square over a few nodes), nearest first, at most `most`.
 pub(super) fn nearest(known: &[Vec<i32>], target: &[i32], most: usize) -> Vec<usize> {

@@ -15,6 +15,8 @@ use std::fmt::Write as _;
 use std::io::Read;
 use std::path::Path;
 
+// ---- reader ----
+
 // Reader: one piece of 10-node tetrahedra, or of any cells with quantities at their nodes; arrays in ASCII, base64 or raw appended,
 // plain or zlib, either byte order.
 
@@ -439,7 +441,7 @@ fn count(tag: &BytesStart, name: &str) -> Result<usize, Diagnostic> {
     })
 }
 
-// Writer: one piece, inline binary arrays (base64, 64-bit lengths, uncompressed), which every reader understands.
+// ---- writer: one piece, inline binary arrays (base64, 64-bit lengths, uncompressed), which every reader understands ----
 
 const QUADRATIC_TETRA: u8 = 24;
 const TRIANGLE: u8 = 5;
@@ -609,7 +611,7 @@ fn array(xml: &mut String, kind: &str, name: &str, components: usize, bytes: imp
     xml.push_str("\n</DataArray>\n");
 }
 
-// Bytes of a `DataArray`: base64, length headers and zlib blocks, each bounded by what the file can hold.
+// ---- bytes of a `DataArray`: base64, length headers and zlib blocks, each bounded by what the file can hold ----
 
 /// Base64 without padding, for the end of truncated data.
 const PADDED_OR_NOT: GeneralPurpose = GeneralPurpose::new(

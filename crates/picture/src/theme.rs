@@ -13,7 +13,6 @@ pub struct Theme {
     pub ink: Rgb,
     /// Secondary text and lines.
     pub faint: Rgb,
-    /// The plate.
     pub plate: Rgb,
 }
 

@@ -45,7 +45,7 @@ fn write(message: &impl Serialize, out: &mut Vec<u8>) {
     let _ = serde_json::to_writer(out, message);
 }
 
-// Payloads read back from their JSON form.
+// ---- payloads read back from their JSON form ----
 
 /// Reads a payload from its JSON form. An absent property keeps its default.
 ///
@@ -210,7 +210,7 @@ fn quantity(value: &Value) -> Option<f64> {
     }
 }
 
-// Fields as messages: the header as JSON, the values as base64.
+// ---- fields as messages: the header as JSON, the values as base64 ----
 
 /// A field as a message: the properties of its header, and `values` in base64.
 #[derive(Debug, Clone, Copy)]
@@ -255,7 +255,7 @@ pub(super) fn values(text: &str) -> Option<Vec<f32>> {
     rest.is_empty().then(|| numbers.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect())
 }
 
-// Gaps in the sequence numbers of a topic, and the messages that note them in a recording.
+// ---- gaps in the sequence numbers of a topic, and the messages that note them in a recording ----
 
 /// Published samples that never arrived.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -360,7 +360,7 @@ impl EncodeJson for GapMessage {
     }
 }
 
-// Payloads as JSON objects.
+// ---- payloads as JSON objects ----
 
 /// A payload as a JSON object.
 #[derive(Debug, Clone, Copy)]
@@ -473,7 +473,7 @@ fn not_finite<S: Serializer>(number: f64, to: S) -> Result<S::Ok, S::Error> {
     }
 }
 
-// JSON schemas (draft 7), made from the payloads' descriptions.
+// ---- JSON schemas (draft 7), made from the payloads' descriptions ----
 
 /// The schema of a payload's JSON form.
 pub fn payload_schema(layout: &Layout) -> String {

@@ -235,7 +235,7 @@ fn about(options: &RecorderOptions, offset_ns: u64) -> BTreeMap<String, String> 
     ])
 }
 
-// The bounded queue between the topics and the disk, and the thread that writes.
+// ---- the bounded queue between the topics and the disk, and the thread that writes ----
 
 /// Longest time between receiving a sample and having it on disk.
 pub const FLUSH_EVERY: Duration = Duration::from_millis(500);
@@ -461,6 +461,8 @@ fn encode(sample: &AnySample) -> Vec<u8> {
     out
 }
 
+// ---- one topic's samples ----
+
 // Moves the samples of one topic to the queue, on a dedicated thread: opening a topic writes to the folder of the shared-memory
 // domain, and a busy disk must not delay the other topics.
 
@@ -521,7 +523,7 @@ fn report(opened: &Sender<Opened>, result: Opened) {
     let _ = opened.send(result);
 }
 
-// Summary and errors of a recording.
+// ---- summary and errors of a recording ----
 
 /// Error that ended a recording.
 #[derive(Debug, Error)]

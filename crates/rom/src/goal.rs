@@ -12,7 +12,6 @@ use crate::model_state::ModelState;
 use crate::probe::{MeshPoint, PointError, ProbePosition, Probes};
 use std::str::FromStr;
 
-/// Starts.
 const STARTS: usize = 12;
 /// A sum of squares below this is met to rounding.
 const MET: f64 = 1e-8;

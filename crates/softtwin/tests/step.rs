@@ -1,4 +1,5 @@
-//! `softtwin mesh --step`: with gmsh's Python package where `SOFTTWIN_GMSH_PYTHON` or `python3` has one, otherwise with a program that answers in its place.
+//! `softtwin mesh --step`: with gmsh's Python package where `SOFTTWIN_GMSH_PYTHON` or `python3` has one, otherwise with a program that
+//! answers in its place.
 
 use crate::program::succeeds;
 use serde_json::Value;

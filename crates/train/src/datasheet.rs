@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// Data sheet of a trained model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DataSheet {
-    /// Actuator.
+    /// Name of the actuator, as its topics have it.
     pub actuator: String,
     /// blake3 of the database, hexadecimal.
     pub database_hash: String,
@@ -21,7 +21,7 @@ pub struct DataSheet {
     pub node_count: usize,
     /// Fields in order: name, unit, source.
     pub fields: Vec<FieldSheet>,
-    /// Regimes.
+    /// Free, then contact; only those that the database has states of.
     pub regimes: Vec<RegimeSheet>,
     /// Gap at which gravity alone touches, in mm.
     pub sag_mm: Option<f64>,
@@ -68,31 +68,31 @@ impl DataSheet {
     }
 }
 
-/// One field.
+/// A field of the model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FieldSheet {
-    /// Name.
+    /// As in the database: `x`, `y`, `z`, `magnitude`, `von_mises` or the name of another column.
     pub name: String,
-    /// Unit.
+    /// Unit of its values (`mm`, `MPa`); empty for a number.
     pub unit: String,
     /// `interpolated` or `derived from the coordinates`.
     pub source: String,
 }
 
-/// One regime.
+/// How a regime was fitted and what it is off by.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RegimeSheet {
-    /// Which.
+    /// Whether this is the free regime or the one in contact.
     pub kind: RegimeKind,
-    /// Training cases.
+    /// Number of training cases, without the states on the onset.
     pub cases: usize,
     /// States on the onset added to them.
     pub boundary_states: usize,
     /// Sampled ranges by input.
     pub inputs: Vec<InputSheet>,
-    /// Groups.
+    /// The fit of each group of fields with a basis in common.
     pub groups: Vec<FitSheet>,
-    /// Contact force.
+    /// The fit of the contact force; none in the free regime and without forces in the database.
     pub force: Option<FitSheet>,
     /// Where in the training range the contact force pulls, or falls while pressure rises; none if it does so nowhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -187,7 +187,7 @@ pub struct Candidate {
 /// Leave-one-out errors of one training case: the worst node's.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CaseError {
-    /// Case name.
+    /// Name of the training case in the database.
     pub case: String,
     /// On the hull of the samples: leaving it out extrapolates, so selection does not judge by it.
     pub on_hull: bool,

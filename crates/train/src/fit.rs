@@ -216,7 +216,6 @@ fn condition(a: &Mat<f64>) -> f64 {
 struct Points<'a> {
     /// Inputs in use.
     dimensions: usize,
-    /// Centres.
     centres: &'a [Point],
     /// Derivatives, ordered by centre.
     slopes: &'a [Slope],

@@ -9,7 +9,8 @@
 //! a(x) = sum_k w_k g(|x - x_k|) + tail(x)   fit.rs             weights w, by one symmetric indefinite system (Eqs. 8-14)
 //! kernel, metric, smoothing, modes          select.rs          by leave-one-out in closed form
 //! ```
-//! Pure functions of data. Files are opened in `trace.rs`, `config.rs` and the modules of databases, models and cards. What a model answers is [`rom`]'s.
+//! Pure functions of data. Files are opened in `trace.rs`, `config.rs` and the modules of databases, models and cards. What a model answers
+//! is [`rom`]'s.
 //!
 //! ```no_run
 //! use rom::{inputs::Inputs, model::Selection, model_state::ModelState};

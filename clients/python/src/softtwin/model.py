@@ -7,7 +7,7 @@ import difflib
 import json
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional, Sequence, Tuple, Union
+from typing import TYPE_CHECKING, Any, Dict, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -44,6 +44,14 @@ class Input:
     """Default value; None: must be given (pressure), or no obstacle (gap)."""
 
 
+class _Origin(NamedTuple):
+    """From what a model was made: its file, none if it was made in this process, and what was selected of it."""
+
+    path: Optional[str] = None
+    fields: Optional[Sequence[str]] = None
+    nodes: Optional[Nodes] = None
+
+
 class Model:
     """A model file, ready to predict. Any number of threads may use one; the interpreter's lock is free meanwhile.
 
@@ -54,16 +62,16 @@ class Model:
     'contact'
     """
 
-    _origin: Tuple[Any, Any, Any]
+    _origin: _Origin
 
     def __init__(self, path: "os.PathLike[str] | str") -> None:
         os.stat(path)  # raises FileNotFoundError and the like
-        self._attach(_native.Model(os.fspath(path)), None, (os.path.abspath(os.fspath(path)), None, None))
+        self._attach(_native.Model(os.fspath(path)), None, _Origin(os.path.abspath(os.fspath(path))))
 
     @classmethod
     def _made(cls, native: Any, report: Dict[str, Any]) -> "Model":
         made = cls.__new__(cls)
-        made._attach(native, None, (None, None, None))
+        made._attach(native, None, _Origin())
         made.report = report
         return made
 
@@ -73,7 +81,7 @@ class Model:
         of a file with its data sheet beside it."""
         found: Dict[str, Dict[str, Dict[str, float]]] = {}
         sheet = self.report or {}
-        beside = os.path.splitext(self._origin[0] or "")[0] + ".json"
+        beside = os.path.splitext(self._origin.path or "")[0] + ".json"
         if "regimes" not in sheet and os.path.isfile(beside):
             with open(beside, encoding="utf-8") as file:
                 sheet = json.load(file)
@@ -90,22 +98,22 @@ class Model:
         with open(beside, "wb") as file:
             file.write(self._native.to_bytes())
         os.replace(beside, path)
-        if self._origin[0] is None:
-            self._origin = (path, *self._origin[1:])
+        if self._origin.path is None:
+            self._origin = self._origin._replace(path=path)
 
     def compare(self, run: Any, *, follow_s: Optional[float] = None, **channels: Any) -> Any:
         """How far the model is from a run of a bench, as `softtwin.compare`."""
-        from .recording import compare
+        from .recording import compare  # that module learns models, so it imports this one
 
         return compare(self, run, follow_s=follow_s, **channels)
 
     def __reduce__(self) -> Any:
         """Pickles and copies the path and the selection: the copy opens the file, in whatever process. A model without a file, its bytes."""
-        if self._origin[0] is None:
-            return _from_bytes, (self._native.to_bytes(), self.report, *self._origin[1:])
-        return _opened, self._origin
+        if self._origin.path is None:
+            return _from_bytes, (self._native.to_bytes(), self.report, self._origin.fields, self._origin.nodes)
+        return _opened, tuple(self._origin)
 
-    def _attach(self, native: Any, nodes: Optional["np.ndarray[Any, Any]"], origin: Tuple[Any, Any, Any]) -> None:
+    def _attach(self, native: Any, nodes: Optional["np.ndarray[Any, Any]"], origin: _Origin) -> None:
         self._native: Any = native
         self._origin = origin
         #: What training or learning told, of a model that was made in this process.
@@ -150,7 +158,7 @@ class Model:
             chosen = np.ascontiguousarray(given, np.uint32)
             native = self._native.select(fields, None, chosen)
         selected = Model.__new__(Model)
-        selected._attach(native, chosen, (self._origin[0], fields, nodes))
+        selected._attach(native, chosen, _Origin(self._origin.path, fields, nodes))
         selected.report = self.report
         return selected
 

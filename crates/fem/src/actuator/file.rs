@@ -25,7 +25,7 @@ pub struct Actuator {
     /// Block of chambers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<Body>,
-    /// Cavities.
+    /// Size, number and pitch of the cavities in the block.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chambers: Option<Chambers>,
     /// Cuts between chambers.
@@ -50,17 +50,17 @@ pub struct Actuator {
     pub pressure_mpa: BTreeMap<String, f64>,
     /// Gravity and how pressure acts.
     pub loads: Loads,
-    /// Support.
+    /// The surface that is held.
     pub support: Support,
-    /// Obstacle.
+    /// The rigid body below the base; without it there is a plate without end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub obstacle: Option<ObstacleBody>,
-    /// Penalties.
+    /// Penalties by which contact is enforced.
     pub contact: ContactSettings,
     /// Newton iteration. The defaults suit every actuator that has been solved so far, so most files leave it out.
     #[serde(default)]
     pub newton: NewtonSettings,
-    /// The mesh.
+    /// The mesh file and, of a mesh of boxes, how it was made.
     pub mesh: MeshSettings,
     /// Damping and relaxation in transients.
     #[serde(default)]
@@ -319,17 +319,17 @@ pub struct MeshSettings {
 /// The boxes of an actuator.
 #[derive(Clone, Copy, Debug)]
 pub struct Shape<'a> {
-    /// Base.
+    /// The slab that the block stands on.
     pub base: &'a Base,
     /// Block of chambers.
     pub body: &'a Body,
-    /// Cavities.
+    /// Size, number and pitch of the cavities.
     pub chambers: &'a Chambers,
     /// Cuts between chambers, if any.
     pub slots: Option<&'a Slots>,
     /// Tunnels between cavities, if any.
     pub channels: Option<&'a Channels>,
-    /// Held face.
+    /// The face that is held.
     pub fixed: Fixed,
     /// True with a sheet between the lower and the upper part of the base.
     pub sheet: bool,

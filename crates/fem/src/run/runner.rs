@@ -25,9 +25,7 @@ pub enum Event<'a> {
     Solved(&'a Case, &'a Solved),
     /// The case failed.
     Failed {
-        /// The case.
         case: &'a Case,
-        /// Reason.
         reason: &'a str,
         /// True if it will be tried from another state.
         again: bool,

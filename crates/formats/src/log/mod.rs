@@ -114,7 +114,7 @@ fn decoded(bytes: &[u8]) -> Result<Cow<'_, str>, Diagnostic> {
     Ok(text)
 }
 
-// A log as quantities.
+// ---- a log as quantities ----
 
 /// One quantity over the rows.
 #[derive(Clone, Debug, PartialEq)]

@@ -197,14 +197,12 @@ pub fn truncation_error(singular_values: &[f64], modes: usize) -> f64 {
 pub enum BlockKind {
     /// Mean of an output field in a regime: `node_count` f32.
     Mean {
-        /// Regime.
         regime: RegimeKind,
         /// Output field.
         field: u32,
     },
     /// Modes of an output field in a regime ([`Modes`]).
     Modes {
-        /// Regime.
         regime: RegimeKind,
         /// Output field.
         field: u32,
@@ -217,7 +215,6 @@ pub enum BlockKind {
     UndeformedBy {
         /// Position of the input.
         input: u32,
-        /// Axis.
         axis: u8,
         /// Bits (f64) of the input's value at which the mesh is the undeformed one.
         from_bits: u64,

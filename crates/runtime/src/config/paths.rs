@@ -28,7 +28,6 @@ impl Scene {
 }
 
 impl ActuatorSpec {
-    /// All of its paths.
     fn paths_mut(&mut self) -> Vec<&mut PathBuf> {
         let mut paths = vec![&mut self.model];
         if let Some(SourceSpec::Replay(replay)) = &mut self.source {

@@ -32,7 +32,7 @@ What the valve does: softtwin echo softtwin/finger/valve";
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Actuator.
+    /// Actuator whose controller or valve is meant.
     actuator: String,
     /// New target of the controller, or the values of a series.
     #[arg(value_name = "VALUE", allow_negative_numbers = true, conflicts_with_all = ["pressure_mpa", "is_override", "release", "cavity"], value_parser = crate::range::number(-1e6, 1e6))]

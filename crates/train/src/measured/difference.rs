@@ -5,7 +5,8 @@
 //! offset(x) = sum_k w_k g(|x - c_k|),     w = argmin mean_i (r_i - offset(x_i))^2 + lambda |w|^2
 //! ```
 //!
-//! `r` is measured minus predicted with the modes' difference, `x` the inputs scaled as in the model, centres `c` the means of cells of the measured states. Segments of the
+//! `r` is measured minus predicted with the modes' difference, `x` the inputs scaled as in the model, centres `c` the means of cells of the
+//! measured states. Segments of the
 //! runs that are left out choose `R` and `lambda`, and decide whether there is an offset at all.
 
 use super::data::{

@@ -1,7 +1,8 @@
 //! Maps of measured runs by ridge regression, chosen on left-out parts: the lags first, then kernel maps and reservoirs of them.
 //!
 //! Parts are six contiguous segments of one or two runs, or whole runs of several. If each run has its own value of an
-//! input (such as a load), leaving out a whole run would judge extrapolation; segments are then left out. Features are computed once over whole runs; only rows are left out, so that one Gram matrix per part gives all
+//! input (such as a load), leaving out a whole run would judge extrapolation; segments are then left out. Features are computed once over
+//! whole runs; only rows are left out, so that one Gram matrix per part gives all
 //! left-out fits.
 //!
 //! 1. A lag common to all inputs, or none, is chosen by a quadratic map; the best [`SETS`] are kept.

@@ -123,7 +123,7 @@ impl SensorSample {
 }
 
 /// Most modal coefficients in one state.
-pub const COEFFICIENTS_MAX: usize = 128;
+pub const COEFFICIENTS_MAX: usize = 256;
 /// Most groups of fields (each with its own POD basis) in one state.
 pub const GROUPS_MAX: usize = 8;
 

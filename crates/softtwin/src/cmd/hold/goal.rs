@@ -86,7 +86,6 @@ impl Goal {
         self.points.last().filter(|_| self.points.len() > 1).map(|point| point[0])
     }
 
-    /// All values.
     pub(super) fn values(&self) -> impl Iterator<Item = f64> {
         self.points.iter().map(|point| point[1])
     }
