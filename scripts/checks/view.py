@@ -297,7 +297,7 @@ def a_saved_page_answers_as_predict_without_a_server(stage, program):
         wait(lambda: page.shown("predicted"), "a prediction", 60)
         print(f"   {file.stat().st_size * 1e-6:.1f} MB, first picture after {page.run('performance.now()') / 1000:.1f} s at most")
         median_ms = page.run(NEXT_STATES)
-        print(f"   the next state takes {median_ms:.1f} ms in the median, without the picture")
+        print(f"   the next state takes {median_ms:.1f} ms in the median, without the picture; {page.run(PICTURES)} pictures a second while the pressure changes")
         # Free, in contact, at the edge, outside.
         for pressure, gap in ((0.01, 60), (0.03, 30), (0.07, 30), (0.09, 71), (0.1, 25)):
             page.slide("input-gap", gap)
@@ -447,6 +447,17 @@ NEXT_STATES = """(() => {
     }
     return times.sort((a, b) => a - b)[50];
 })()"""
+
+# Pictures that were drawn in the last of three seconds in which every frame asks for another pressure.
+PICTURES = """new Promise((done) => {
+    const began = performance.now();
+    const ask = (now) => {
+        if (now - began > 3000) return done(softtwin.state.drawn.length);
+        softtwin.link.send({ type: "predict", inputs: { pressure_mpa: 0.045 + 0.04 * Math.sin((now - began) / 500), gap_mm: 30 } });
+        requestAnimationFrame(ask);
+    };
+    requestAnimationFrame(ask);
+})"""
 
 # Presses a button, and again after a while if that is asked for; the name, the first bytes and the size of what is then saved.
 SAVE = """new Promise((done) => {

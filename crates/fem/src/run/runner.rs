@@ -25,7 +25,9 @@ pub enum Event<'a> {
     Solved(&'a Case, &'a Solved),
     /// The case failed.
     Failed {
+        /// The case that has no answer so far.
         case: &'a Case,
+        /// What the solver said of it.
         reason: &'a str,
         /// True if it will be tried from another state.
         again: bool,

@@ -197,12 +197,14 @@ pub fn truncation_error(singular_values: &[f64], modes: usize) -> f64 {
 pub enum BlockKind {
     /// Mean of an output field in a regime: `node_count` f32.
     Mean {
+        /// Regime whose field this is.
         regime: RegimeKind,
         /// Output field.
         field: u32,
     },
     /// Modes of an output field in a regime ([`Modes`]).
     Modes {
+        /// Regime whose field this is.
         regime: RegimeKind,
         /// Output field.
         field: u32,
@@ -215,6 +217,7 @@ pub enum BlockKind {
     UndeformedBy {
         /// Position of the input.
         input: u32,
+        /// 0 to 2: x, y or z.
         axis: u8,
         /// Bits (f64) of the input's value at which the mesh is the undeformed one.
         from_bits: u64,
