@@ -10,12 +10,13 @@
 #   scripts/check.sh batch                       config/batch: a small list of cases as a SLURM array and by Snakemake on two cores
 #   scripts/check.sh benchmark                   two tasks of `benchmarks`: softtwin beside a polynomial, without all peers
 #   scripts/check.sh clients [pytest arguments]  the Python client against running twins
+#   scripts/check.sh documents [PAGE...]         the shell blocks of the documents run; those that do not are listed with the reason
 #   scripts/check.sh gallery                     examples/gallery: every command runs, and the pictures show what they showed
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run with a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there;
 #                                                the Python source distribution compiles
 #   scripts/check.sh dependencies                licences, sources and second versions of packages of others, by cargo-deny (deny.toml)
-#   scripts/check.sh prepare                     the Python packages of actuators, exports, batch, clients, gallery and gateway
+#   scripts/check.sh prepare                     the Python packages of actuators, exports, batch, clients, documents, gallery and gateway
 #   scripts/check.sh gateway [test arguments]    the network gateway: tests, a Zenoh client against a running twin
 #   scripts/check.sh ros2-peer                   the gateway's topics and services by hiroz, an independent implementation of ROS 2
 #   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation
@@ -72,6 +73,8 @@ gmsh_python() { python gmsh "gmsh==4.15.2" numpy; }
 
 gallery_python() { python gallery 'gmsh==4.15.2' numpy matplotlib; }
 
+documents_python() { python documents numpy 'fmpy<0.4' 'iceoryx2==0.10.0'; }
+
 gateway_python() { python gateway "eclipse-zenoh==1.10.2" numpy pytest rosbags; }
 
 prepare() {
@@ -80,6 +83,7 @@ prepare() {
     clients_python
     gateway_python
     gmsh_python
+    documents_python
     gallery_python
     benchmark_python
 }
@@ -161,6 +165,14 @@ clients() {
     native_module
     "$python" -m mypy --cache-dir build/mypy --ignore-missing-imports --no-error-summary clients/python/src/softtwin
     exec "$python" -m pytest -q clients/python/tests "$@"
+}
+
+# Pages of the gallery are left to `gallery`, which compares their pictures too.
+documents() {
+    documents_python
+    build
+    [ $# -gt 0 ] || set -- ./*.md docs/*.md docs/clients/*.md examples/gallery/README.md benchmarks/README.md models/shapes/*/README.md
+    PATH=$(realpath "$target")/debug:$(realpath "$(dirname "$python")"):$PATH exec scripts/checks/blocks.py "$@"
 }
 
 gallery() {
@@ -336,9 +348,9 @@ hours() {
 }
 
 case ${1:-} in
-    view | actuators | exports | calculix | batch | benchmark | clients | gallery | c | dependencies | prepare | gateway | aarch64 | hours) "$@" ;;
+    view | actuators | exports | calculix | batch | benchmark | clients | documents | gallery | c | dependencies | prepare | gateway | aarch64 | hours) "$@" ;;
     install) install_check "${@:2}" ;;
     ros2-peer) ros2_peer ;;
-    -h | --help) sed -n '2,30s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,30s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,31s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,31s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac

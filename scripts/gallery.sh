@@ -22,23 +22,9 @@ native_module
 # Bounded: a picture wall that loads slowly is none.
 most_bytes=60000
 
-# run NAME: its commands, in a domain of their own. What they start ends with them.
-run() {
-    local folder=build/gallery/$1 began=$SECONDS
-    rm -rf "$folder" && mkdir -p "$folder"
-    sed -n '/^```sh$/,/^```$/{/^```/!p}' "examples/gallery/$1/README.md" >"$folder/commands"
-    [ -s "$folder/commands" ] || { echo "gallery.sh: examples/gallery/$1/README.md: expected a block of commands, found none" >&2; return 1; }
-    {
-        printf 'set -euo pipefail\nset -m\ntrap '\''jobs -p | xargs -r kill 2>/dev/null || true'\'' EXIT\n'
-        cat "$folder/commands"
-    } >"$folder/script"
-    SOFTTWIN_DOMAIN=gallery$$ SOFTTWIN_ROOT=$PWD/build/gallery/iox bash "$folder/script" >"$folder/log" 2>&1 </dev/null ||
-        { echo "gallery.sh: $1 failed:" >&2; cat "$folder/log" >&2; return 1; }
-    printf '%-20s %3d s\n' "$1" $((SECONDS - began))
-}
-
 for name in "$@"; do
-    run "$name"
+    rm -rf "build/gallery/$name" && mkdir -p "build/gallery/$name"
+    python3 scripts/checks/blocks.py --in-place "build/gallery/$name" "examples/gallery/$name/README.md"
     made=$(ls build/gallery/"$name"/picture.*)
     size=$(stat -c %s "$made")
     [ "$size" -le "$most_bytes" ] || { echo "gallery.sh: $made: expected at most $most_bytes bytes, found $size" >&2; exit 1; }
