@@ -52,7 +52,7 @@ def parsed(page):
             left_out.append((first, block["reason"])) if block["reason"] else commands.append(block["body"])
         elif named := NAMED.match(block["body"]):
             files[named["file"]] = block["body"]
-    if len(left_out) != text.count("<!-- not run:"):
+    if len(left_out) != len(re.findall("^<!-- not run:", text, re.M)):
         raise SystemExit(f"blocks.py: {page}: expected `<!-- not run: REASON -->` directly above a block of `sh`, found one elsewhere")
     return commands, left_out, files
 

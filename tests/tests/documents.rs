@@ -219,7 +219,8 @@ fn commands(script: &str) -> Vec<Vec<String>> {
     commands
 }
 
-/// `scripts/check.sh gallery`, `actuators` and `clients` run those of the gallery, of the shapes and of the Python pages.
+/// `scripts/check.sh documents`, `gallery`, `actuators` and `clients` run those that take seconds, those of the gallery, of the shapes and of
+/// the Python pages.
 #[test]
 fn commands_in_documents_are_ones_that_the_program_takes() {
     use clap::Subcommand;
