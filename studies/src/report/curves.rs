@@ -36,7 +36,8 @@ pub fn section(study: &Study, out: &Folder, repeats: u64, progress: &mut Progres
         out.picture("fig5", "Truncation error and MSE against modes, MSE against training cases", &figure)?;
     let caption = "\nA, D: truncation error (Eq. 4) of the joint uncentred snapshot matrix and of each of our centred groups. \
         B, E: mean squared error on the test cases against modes (ours: the same number for every group, cubic kernel with \
-        linear tail). C, F: against the number of training cases; every dot is a random subset.\n";
+        linear tail). C, F: against the number of training cases; every dot is a random subset. No answer: \
+        a test case is too far outside the subset.\n";
     Ok(format!("\n## Modes and training cases (the paper's Fig. 5)\n{shown}{caption}{tables}"))
 }
 
@@ -167,6 +168,13 @@ fn range(values: &[f64], rounds: u64) -> String {
     match sorted.as_slice() {
         [] => format!("-{note}"),
         [only] => format!("{only:.2e}{note}"),
-        all => format!("{:.1e}, {:.1e}, {:.1e}{note}", all[0], all[all.len() / 2], all[all.len() - 1]),
+        all => {
+            // A model has no answer for a test case that is too far from its training cases; it counts as the largest error.
+            let shown = [0, all.len() / 2, all.len() - 1].map(|place| match all[place] {
+                error if error.is_nan() => "no answer".into(),
+                error => format!("{error:.1e}"),
+            });
+            format!("{}{note}", shown.join(", "))
+        }
     }
 }
