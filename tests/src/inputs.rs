@@ -5,10 +5,12 @@ pub mod packed;
 pub mod wrapped;
 
 use recording::message::{EncodeJson, channel, decode_reading};
-use recording::{Reader, Writer};
+use recording::{RecordingReader, Writer};
 use rom::rng::Rng;
 use runtime::config::{Scene, Settings};
-use runtime::source::{ByteOrder, Encoding, InputNames, LineBuffer, RegisterAt, Table, Trace, parse_cells};
+use runtime::source::{
+    ByteOrder, Encoding, InputNames, LineBuffer, RegisterAt, SensorTrace, Table, parse_cells,
+};
 use std::io::Cursor;
 use std::path::Path;
 use wire::{KeyExpr, Payload, Selector, SensorSample, Topic};
@@ -181,7 +183,7 @@ fn npy_seed() -> Vec<u8> {
 /// A trace in CSV, also as one of a measured input.
 pub fn trace(bytes: &[u8]) {
     for names in [InputNames::default(), InputNames::new(["gap_mm"])] {
-        if let Ok(trace) = Trace::parse_named(String::from_utf8_lossy(bytes), &names) {
+        if let Ok(trace) = SensorTrace::parse_named(String::from_utf8_lossy(bytes), &names) {
             assert!(
                 trace.rows.windows(2).all(|pair| pair[0].t_trace_s <= pair[1].t_trace_s),
                 "rows out of order"
@@ -192,7 +194,7 @@ pub fn trace(bytes: &[u8]) {
 
 /// A recording, its readings too.
 pub fn recording(bytes: &[u8]) {
-    let Ok(mut reader) = Reader::new(bytes) else { return };
+    let Ok(mut reader) = RecordingReader::new(bytes) else { return };
     while let Ok(Some(item)) = reader.next_item() {
         if let recording::Item::Message(message) = item
             && let Ok(reading) = decode_reading(&message.data)

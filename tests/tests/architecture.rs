@@ -1,5 +1,8 @@
 //! Rules that the compiler does not check: which crate may use which, no circles of files, reasons to skip.
 
+use rom::memory::{InputMemory, Slopes};
+use rom::observable::ObservableKind;
+use rom::radial::{KernelKind, Tail};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -239,4 +242,96 @@ fn tests_are_skipped_only_for_listed_reasons() {
         .map(|(path, _)| path)
         .collect();
     assert!(elsewhere.is_empty(), "use tests::skip::skipped: {elsewhere:#?}");
+}
+
+/// The equations in Python refuse a kind that they do not know. One that is added to the model has to be added there too: here it does not
+/// compile, or is not found, until it is.
+#[test]
+fn equations_in_python_know_every_kind() {
+    let equations = read("clients/python/src/softtwin/equations.py");
+    let motion = read("clients/python/src/softtwin/differentiable.py");
+    let name = |kind: Value| match kind {
+        Value::String(name) => name,
+        Value::Object(named) => named.keys().next().expect("a name").clone(),
+        other => panic!("{other} has no name"),
+    };
+    let json = |kind: Result<Value, serde_json::Error>| kind.expect("JSON");
+
+    let kernels = [
+        KernelKind::Linear,
+        KernelKind::ThinPlate,
+        KernelKind::Cubic,
+        KernelKind::Quintic,
+        KernelKind::Gaussian { shape: 1.0 },
+        KernelKind::Matern72 { length: 1.0 },
+        KernelKind::CubicQuintic { crossover: 1.0 },
+    ];
+    let place = |kind: KernelKind| match kind {
+        KernelKind::Linear => 0,
+        KernelKind::ThinPlate => 1,
+        KernelKind::Cubic => 2,
+        KernelKind::Quintic => 3,
+        KernelKind::Gaussian { .. } => 4,
+        KernelKind::Matern72 { .. } => 5,
+        KernelKind::CubicQuintic { .. } => 6,
+    };
+    for (at, kind) in kernels.into_iter().enumerate() {
+        let name = name(json(serde_json::to_value(kind)));
+        assert!(at == place(kind) && equations.contains(&format!("\n    \"{name}\": ")), "kernel {name}");
+    }
+
+    let tails = [Tail::None, Tail::Constant, Tail::Linear, Tail::Quadratic];
+    let place = |tail: Tail| match tail {
+        Tail::None => 0,
+        Tail::Constant => 1,
+        Tail::Linear => 2,
+        Tail::Quadratic => 3,
+    };
+    let orders = equations.lines().find(|line| line.starts_with("TAIL_ORDERS")).expect("orders of tails");
+    for (at, tail) in tails.into_iter().enumerate() {
+        let name = name(json(serde_json::to_value(tail)));
+        assert!(at == place(tail) && orders.contains(&format!("\"{name}\": ")), "tail {name}");
+    }
+
+    let observables = [
+        ObservableKind::SectionAngle,
+        ObservableKind::ChordAngle,
+        ObservableKind::Curvature,
+        ObservableKind::Length,
+        ObservableKind::Position,
+        ObservableKind::Volume,
+    ];
+    let place = |kind: ObservableKind| match kind {
+        ObservableKind::SectionAngle => 0,
+        ObservableKind::ChordAngle => 1,
+        ObservableKind::Curvature => 2,
+        ObservableKind::Length => 3,
+        ObservableKind::Position => 4,
+        ObservableKind::Volume => 5,
+    };
+    for (at, kind) in observables.into_iter().enumerate() {
+        let name = name(json(serde_json::to_value(kind)));
+        let known = equations.contains(&format!("item[\"kind\"] == \"{name}\""));
+        assert!(at == place(kind) && known, "observable {name}");
+    }
+
+    let memory = InputMemory {
+        input: 0,
+        range: [0.0, 1.0],
+        line: None,
+        orifice: None,
+        play: Vec::new(),
+        creep: Vec::new(),
+        slopes: Slopes::default(),
+    };
+    let memory = json(serde_json::to_value(memory));
+    let mut blocks = 0;
+    // The range and the slopes are those of an unknown past, which the functions in Python do not have.
+    for name in memory.as_object().expect("keys").keys() {
+        if !["input", "range", "slopes"].contains(&name.as_str()) {
+            assert!(motion.contains(&format!("of[\"{name}\"]")), "memory {name}");
+            blocks += 1;
+        }
+    }
+    assert_eq!(blocks, 4, "blocks of a memory");
 }

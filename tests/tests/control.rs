@@ -4,7 +4,7 @@ use control::inverse::Model;
 use control::twin_model::{OUT_OF_REACH_MM, Tip, TwinModel};
 use rom::memory::{InputMemory, Line, MemorySpec, Slopes};
 use rom::model::BlockKind;
-use rom::observable::{Definition, ObservableKind, Observables, Place};
+use rom::observable::{Definition, ObservableKind, Observables, PointSpec};
 use rom::probe::{MeshPoint, model_tip};
 use serde_json::Value;
 use std::ffi::CStr;
@@ -349,7 +349,7 @@ fn height_without_a_marker_is_that_of_the_models_own_tip() {
     model.blocks.retain(|(kind, _)| *kind != BlockKind::Observables);
     let tip = MeshPoint::node(&model, model_tip(&model).unwrap() as u32).unwrap();
     assert!((held(&model) - at(&model, &tip)).abs() < 1e-6);
-    let place = Place::At([60.0, 2.0, 16.0]);
+    let place = PointSpec::At([60.0, 2.0, 16.0]);
     let of = Definition { kind: ObservableKind::Position, points: vec![place], axis: Some([0.0, 1.0, 0.0]) };
     let own = Observables::define(&model, &[("tip_y_mm".to_owned(), of)].into()).unwrap();
     model.set_record(BlockKind::Observables, &own).unwrap();

@@ -1,7 +1,7 @@
 //! Recorder and player as processes: playback is bit-identical, and a kill loses at most the last second.
 
 use recording::message::decode_reading;
-use recording::{Ending, Item, Reader};
+use recording::{Ending, Item, RecordingReader};
 use std::collections::BTreeMap;
 use std::path::Path;
 use tests::http::{free_address, metric};
@@ -31,7 +31,7 @@ fn essence(data: &[u8]) -> (u64, String) {
 /// Readings, and states that are not stale, of a recording, by the reading's number.
 fn contents(path: &Path) -> (Vec<SensorSample>, BTreeMap<u64, String>, Ending) {
     let bytes = std::fs::read(path).unwrap();
-    let mut reader = Reader::new(bytes.as_slice()).unwrap();
+    let mut reader = RecordingReader::new(bytes.as_slice()).unwrap();
     let (mut readings, mut states) = (Vec::new(), BTreeMap::new());
     while let Some(item) = reader.next_item().unwrap() {
         let Item::Message(message) = item else { continue };
@@ -62,7 +62,7 @@ fn wait_listening(bus: &Bus, recorder: &Program, topics: usize) {
 /// Messages in what there is of a recording, and the times of the first and the last, ns.
 fn count_and_span(path: &Path) -> (u64, u64, u64) {
     let bytes = std::fs::read(path).unwrap();
-    let mut reader = Reader::new(bytes.as_slice()).unwrap();
+    let mut reader = RecordingReader::new(bytes.as_slice()).unwrap();
     let (mut count, mut first_ns, mut last_ns) = (0, u64::MAX, 0);
     while let Some(item) = reader.next_item().unwrap() {
         if let Item::Message(message) = item {

@@ -79,7 +79,7 @@ fn recorder_begins_a_new_file_on_sighup_without_loss() {
     std::fs::create_dir(&folder).unwrap();
     let out = folder.join("run.mcap").display().to_string();
     let mut recorder = Program::tool(&stage, &["record", "--out", &out, "--rotate-minutes", "60", "--json"]);
-    let recorded = || recording::Series::open(&folder).ok().map(|series| sequence(&series));
+    let recorded = || recording::RecordingFiles::open(&folder).ok().map(|series| sequence(&series));
     wait_until("readings", || recorded().filter(|seen| seen.len() > 50));
     for files in 2..5 {
         recorder.signal(libc::SIGHUP);
@@ -96,7 +96,7 @@ fn recorder_begins_a_new_file_on_sighup_without_loss() {
 }
 
 /// Numbers of the recorded readings.
-fn sequence(series: &recording::Series) -> Vec<u64> {
+fn sequence(series: &recording::RecordingFiles) -> Vec<u64> {
     use recording::ReadItems;
     let mut reader = series.reader();
     let mut seen = Vec::new();

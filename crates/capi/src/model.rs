@@ -82,7 +82,7 @@ pub struct softtwin_prediction {
 const _: () = assert!(size_of::<softtwin_prediction>() == 352);
 
 /// The strings and tables that [`softtwin_model_info`] points into.
-struct Description {
+struct ModelStrings {
     actuator: CString,
     inputs: Vec<softtwin_model_input>,
     fields: Vec<softtwin_model_field>,
@@ -97,10 +97,10 @@ pub struct softtwin_model {
     evaluator: Evaluator,
     reconstructor: Reconstructor,
     observables: Observables,
-    description: Description,
+    description: ModelStrings,
 }
 
-impl Description {
+impl ModelStrings {
     fn new(model: &Model, fields: &[usize], observables: &Observables) -> Self {
         let mut strings = Vec::new();
         let header = &model.header;
@@ -155,7 +155,7 @@ impl softtwin_model {
         Ok(Self {
             evaluator: Evaluator::new(&model.header).map_err(refused)?,
             reconstructor: Reconstructor::new(&model, selection).map_err(refused)?,
-            description: Description::new(&model, &fields, &observables),
+            description: ModelStrings::new(&model, &fields, &observables),
             observables,
             model,
         })
@@ -201,8 +201,8 @@ impl softtwin_model {
     }
 
     /// The state at `values`, one for each input; NaN is the model's value of a parameter.
-    pub(crate) fn state(&self, at: usize, values: &[f64]) -> Result<Inputs, Failure> {
-        self.evaluator.state(values).map_err(|error| argument(&format!("state {at}: {error}")))
+    pub(crate) fn state(&self, column: usize, values: &[f64]) -> Result<Inputs, Failure> {
+        self.evaluator.state(values).map_err(|error| argument(&format!("state {column}: {error}")))
     }
 }
 
@@ -284,10 +284,10 @@ pub unsafe extern "C" fn softtwin_model_describe(
         if out.is_null() {
             return Err(argument("the place for the result is null"));
         }
-        let (strings, of) = (&model.description, &model.model);
+        let (strings, data) = (&model.description, &model.model);
         let undeformed_mm =
-            of.undeformed_mm().map_or([std::ptr::null(); 3], |axes| axes.map(<[f32]>::as_ptr));
-        let surface = of.facets().as_flattened();
+            data.undeformed_mm().map_or([std::ptr::null(); 3], |axes| axes.map(<[f32]>::as_ptr));
+        let surface = data.facets().as_flattened();
         let info = softtwin_model_info {
             actuator: CStr::as_ptr(&strings.actuator),
             inputs: strings.inputs.as_ptr(),
@@ -295,7 +295,7 @@ pub unsafe extern "C" fn softtwin_model_describe(
             fields: strings.fields.as_ptr(),
             field_count: strings.fields.len(),
             node_count: model.reconstructor.rows(),
-            model_node_count: of.header.node_count,
+            model_node_count: data.header.node_count,
             node_sets: strings.node_sets.as_ptr(),
             node_set_count: strings.node_sets.len(),
             undeformed_mm,
@@ -333,7 +333,7 @@ pub unsafe extern "C" fn softtwin_model_predict(
             // SAFETY: `states` x `width` numbers by the caller's promise.
             let given = unsafe { std::slice::from_raw_parts(inputs.add(at * width), width) };
             let state = model.state(at, given)?;
-            if !evaluator.has_values(&state) {
+            if !evaluator.has_default_parameters(&state) {
                 let refused = |error| argument(&format!("state {at}: {error}"));
                 evaluator.to_mut().set_parameters(&state, &mut evaluation).map_err(refused)?;
             }
@@ -375,8 +375,9 @@ pub unsafe extern "C" fn softtwin_motion_open(
 ) -> softtwin_status {
     call(|| {
         // SAFETY: null or live by the caller's promise.
-        let of = unsafe { shared(model, "the model") }?;
-        let session = Session::new(of.model(), Gaps::Live).map_err(|error| argument(&error.to_string()))?;
+        let owner = unsafe { shared(model, "the model") }?;
+        let session =
+            Session::new(owner.model(), Gaps::Live).map_err(|error| argument(&error.to_string()))?;
         let evaluation = session.evaluation();
         // SAFETY: by the caller's promise.
         unsafe { write_handle(out, softtwin_motion { model, session, evaluation }) }

@@ -2,7 +2,7 @@
 
 use crate::ffi::{argument, call, handle, name, put, shared, softtwin_status, take, text, write_handle};
 use crate::model::softtwin_model;
-use control::ahead::Series;
+use control::ahead::TargetSeries;
 use control::held::Stepping;
 use control::law::{Cycle, Limited, Reading, Target};
 use control::monitor::Fault;
@@ -170,7 +170,7 @@ pub unsafe extern "C" fn softtwin_control_step_ahead(
         }
         // SAFETY: not null, and `count` numbers by the caller's promise.
         let values = unsafe { std::slice::from_raw_parts(targets, count) };
-        let cycle = control.stepping.step_ahead(t_ns, Series { values, interval_s }, reading.into());
+        let cycle = control.stepping.step_ahead(t_ns, TargetSeries { values, interval_s }, reading.into());
         // SAFETY: by the caller's promise.
         unsafe { put(out, cycle.map_err(|error| argument(&error.to_string()))?.into()) }
     })

@@ -73,7 +73,7 @@ fn corrected() -> Vec<u8> {
     let mut state = ModelState::new(&model, &Selection::default()).unwrap();
     let tip = rom::observable::Definition {
         kind: rom::observable::ObservableKind::Position,
-        points: vec![rom::observable::Place::Set("tip".into())],
+        points: vec![rom::observable::PointSpec::Set("tip".into())],
         axis: Some([0.0, 1.0, 0.0]),
     };
     let tip = Observables::define(&model, &[("tip_y_mm".to_owned(), tip)].into()).unwrap();

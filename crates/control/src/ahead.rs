@@ -4,13 +4,13 @@ use crate::law::Target;
 
 /// Values that follow each other at equal times, the first one now; after the last one it stays.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Series<'a> {
+pub struct TargetSeries<'a> {
     pub values: &'a [f64],
     /// Time from one value to the next, s.
     pub interval_s: f64,
 }
 
-impl Series<'_> {
+impl TargetSeries<'_> {
     /// The target at a time ahead, on the straight line between two values.
     pub fn at(&self, ahead_s: f64) -> Target {
         let Some(last) = self.values.len().checked_sub(1) else { return Target::step(f64::NAN) };
@@ -35,7 +35,7 @@ const KEPT_S: f64 = 0.3;
 /// Continues a target of which value and rate are known: the rate changes on as it has done, less and less. The lead of the law, shaper and
 /// delay together, is a good part of a sine's period, over which a straight line overshoots: at 0.5 Hz and 0.25 s by 28 % of the amplitude.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Trend {
+pub(crate) struct TargetTrend {
     last_rate: Option<f64>,
     /// The last changes of the rate per second, and their smoothed middle one: a bend, as at the beginning of a ramp, is one change that does not
     /// go on.
@@ -43,7 +43,7 @@ pub(crate) struct Trend {
     smooth: f64,
 }
 
-impl Trend {
+impl TargetTrend {
     /// Takes the target of now; the targets ahead follow.
     pub(crate) fn step(&mut self, target: Target, dt_s: f64) -> impl Fn(f64) -> Target + use<> {
         let change = match self.last_rate {

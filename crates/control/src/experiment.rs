@@ -47,10 +47,10 @@ impl Experiment {
     pub fn new([low, high]: [f64; 2], time_s: f64, rate_mpa_per_s: f64) -> Self {
         let hold_s = (HOLD_TIMES * time_s).clamp(HOLD_S[0], HOLD_S[1]);
         let mut made = Self { points: vec![[0.0, low]], holds_s: Vec::new(), parts_s: Vec::new(), hold_s };
-        let at = |share: f64| low + share * (high - low);
+        let pressure_at = |share: f64| low + share * (high - low);
         for level in LEVELS {
             for share in [level, level + STEP, level] {
-                made.go(at(share.min(1.0)), rate_mpa_per_s);
+                made.go(pressure_at(share.min(1.0)), rate_mpa_per_s);
                 let begin = made.end_s();
                 made.hold(hold_s);
                 made.holds_s.push([begin, made.end_s()]);
@@ -146,9 +146,9 @@ impl Progress {
         self.repeats += 1;
         let reached_s = self.time_s(elapsed_s).max(self.from_s);
         let parts_s = &experiment.parts_s;
-        let at = parts_s.partition_point(|begin_s| *begin_s <= reached_s).saturating_sub(1);
-        let before_s = parts_s[at.saturating_sub(1)] - experiment.hold_s;
-        self.from_s = parts_s[at];
+        let part = parts_s.partition_point(|begin_s| *begin_s <= reached_s).saturating_sub(1);
+        let before_s = parts_s[part.saturating_sub(1)] - experiment.hold_s;
+        self.from_s = parts_s[part];
         self.shift_s = before_s - elapsed_s;
         Some(self.from_s)
     }

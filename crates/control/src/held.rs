@@ -1,6 +1,6 @@
 //! The held quantity as a scene describes it, with its model, settings and limits; and the controller of one, for a loop that is not ours.
 
-use crate::ahead::{Series, Trend};
+use crate::ahead::{TargetSeries, TargetTrend};
 use crate::inverse::Quantity;
 use crate::law::{Controller, Cycle, Reading, Target};
 use crate::settings::{Limits, Settings, table_of};
@@ -75,7 +75,7 @@ impl Default for Sigma {
 /// Tables of an actuator in a scene that concern its controller; the others are the runtime's.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
-pub struct Description {
+pub struct ControlledActuator {
     /// Name of the actuator.
     pub name: String,
     pub control: Settings,
@@ -93,7 +93,7 @@ pub struct Description {
 
 #[derive(Deserialize)]
 struct Scene {
-    actuator: Vec<Description>,
+    actuator: Vec<ControlledActuator>,
 }
 
 /// Why a quantity cannot be held.
@@ -109,7 +109,7 @@ pub enum HeldError {
     Model(#[from] TwinModelError),
 }
 
-impl Description {
+impl ControlledActuator {
     /// The actuator of this name in the text of a scene; by default its first.
     ///
     /// # Errors
@@ -191,11 +191,12 @@ pub struct Held {
 
 impl Held {
     /// The quantity of a target's column (`angle_deg`: the model's observable in degrees) by the model at the given inputs.
-    pub fn new(of: &Description, mut model: Model, column: &str) -> Result<Self, HeldError> {
+    pub fn new(description: &ControlledActuator, mut model: Model, column: &str) -> Result<Self, HeldError> {
         let number = |value: &toml::Value| value.as_float().or(value.as_integer().map(|whole| whole as f64));
-        let given = of.inputs.iter().filter_map(|(name, value)| Some((name.as_str(), number(value)?)));
+        let given =
+            description.inputs.iter().filter_map(|(name, value)| Some((name.as_str(), number(value)?)));
         model.header.set_parameters(given).map_err(TwinModelError::from)?;
-        let mut settings = of.control.of(table_of(column)).map_err(HeldError::Scene)?;
+        let mut settings = description.control.of(table_of(column)).map_err(HeldError::Scene)?;
         let driven = match &settings.cavity {
             Some(cavity) => {
                 let input = model.header.parameter(&format!("pressure_mpa.{cavity}"));
@@ -216,11 +217,13 @@ impl Held {
             name => (Quantity::Observable, name.to_owned(), unit(&model, name)?),
         };
         let has_memory = settings.take_memory(&model, driven)?;
-        let marker = if column == "tip_y_mm" { of.marker()? } else { None };
-        let point = marker.and_then(|at| of.markers.get(at)).map(|marker| marker.point(&model)).transpose();
-        let (range_mpa, contact_n) = (model.header.inputs[driven].range, CONTACT_SIGMAS * of.sigma.force_n);
+        let marker = if column == "tip_y_mm" { description.marker()? } else { None };
+        let point =
+            marker.and_then(|at| description.markers.get(at)).map(|marker| marker.point(&model)).transpose();
+        let (range_mpa, contact_n) =
+            (model.header.inputs[driven].range, CONTACT_SIGMAS * description.sigma.force_n);
         let mut limits = Limits { range_mpa, contact_n, ..Limits::default() };
-        if let Some(valve) = of.driven_valve() {
+        if let Some(valve) = description.driven_valve() {
             (limits.range_mpa, limits.rate_mpa_per_s) = (valve.range_mpa, valve.rate_mpa_per_s);
             settings.force_max_n = settings.force_max_n.min(valve.force_max_n);
         }
@@ -282,7 +285,7 @@ fn angle(model: &Model, hold: &str) -> Result<String, HeldError> {
 pub struct Stepping {
     controller: Controller<TwinModel>,
     last_ns: Option<u64>,
-    trend: Trend,
+    trend: TargetTrend,
     /// Positions of the inputs that the model has, among all of the header.
     taken: Vec<usize>,
 }
@@ -320,11 +323,12 @@ impl Stepping {
         actuator: Option<&str>,
         column: &str,
     ) -> Result<Self, HeldError> {
-        let of = scene.map(|text| Description::read(text, actuator)).transpose()?.unwrap_or_default();
-        let held = Held::new(&of, model.clone(), column)?;
+        let description =
+            scene.map(|text| ControlledActuator::read(text, actuator)).transpose()?.unwrap_or_default();
+        let held = Held::new(&description, model.clone(), column)?;
         let controller = Controller::new(held.model()?, held.quantity, held.settings, held.limits);
         let taken = model.header.taken_inputs().map(|(at, _)| at).collect();
-        Ok(Self { controller, last_ns: None, trend: Trend::default(), taken })
+        Ok(Self { controller, last_ns: None, trend: TargetTrend::default(), taken })
     }
 
     /// One control cycle at `t_ns`, later than the last one. The target goes on with its rate, and with the rate's change. Never allocates with the
@@ -348,7 +352,7 @@ impl Stepping {
     pub fn step_ahead(
         &mut self,
         t_ns: u64,
-        targets: Series<'_>,
+        targets: TargetSeries<'_>,
         reading: Reading,
     ) -> Result<Cycle, StepError> {
         if targets.values.is_empty() {
@@ -359,7 +363,7 @@ impl Stepping {
             return Err(StepError::Interval { found: targets.interval_s });
         }
         let dt_s = self.elapsed_s(t_ns, reading)?;
-        self.trend = Trend::default();
+        self.trend = TargetTrend::default();
         Ok(self.controller.update(&|ahead_s| targets.at(ahead_s), reading, dt_s))
     }
 
@@ -381,7 +385,7 @@ impl Stepping {
     /// [`StepError::Inputs`]; nothing has changed.
     pub fn set_inputs(&mut self, inputs: &[f64]) -> Result<(), StepError> {
         let model = self.controller.model_mut();
-        let is_given = |at: usize| inputs.get(at).is_some_and(|value| !value.is_nan());
+        let is_given = |input: usize| inputs.get(input).is_some_and(|value| !value.is_nan());
         if [model.driven(), GAP].into_iter().any(is_given) || inputs.iter().any(|value| value.is_infinite()) {
             return Err(StepError::Inputs);
         }

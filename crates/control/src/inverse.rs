@@ -78,32 +78,32 @@ pub fn inverse(
 ) -> Inverse {
     let range_mpa = model.range_mpa();
     let [mut low, mut high] = range_mpa;
-    let mut at = start_mpa.clamp(low, high);
+    let mut pressure_mpa = start_mpa.clamp(low, high);
     let mut found =
-        Inverse { pressure_mpa: at, slope: 0.0, residual: f64::NAN, force_n: f64::NAN, is_reached: false };
+        Inverse { pressure_mpa, slope: 0.0, residual: f64::NAN, force_n: f64::NAN, is_reached: false };
     let grows = quantity != Quantity::Observable || model.observable_grows();
     let mut is_known = [false; 2]; // whether the model was asked at the bracket's ends
     for _ in 0..MAX_EVALUATIONS {
-        let point = model.at(at, gap_mm);
+        let point = model.at(pressure_mpa, gap_mm);
         if quantity == Quantity::Force && value <= 0.0 {
             // Every pressure up to the onset has no force; the onset is where one begins.
             let pressure_mpa = point.onset_mpa.clamp(low, high);
             let is_reached = point.onset_mpa <= high;
             return Inverse { pressure_mpa, slope: 0.0, residual: 0.0, force_n: 0.0, is_reached };
         }
-        let (now, slope) = quantity.of(&point, at);
+        let (now, slope) = quantity.of(&point, pressure_mpa);
         let error = value - now;
         let force_n = point.force_n;
-        found = Inverse { pressure_mpa: at, slope, residual: error, force_n, is_reached: false };
+        found = Inverse { pressure_mpa, slope, residual: error, force_n, is_reached: false };
         let is_above = (error > 0.0) == grows;
         if is_above {
-            (low, is_known[0]) = (at, true);
+            (low, is_known[0]) = (pressure_mpa, true);
         } else {
-            (high, is_known[1]) = (at, true);
+            (high, is_known[1]) = (pressure_mpa, true);
         }
         // Without contact there is no slope; the onset is as near as a force can be, and no step to it is the last.
-        let is_flat = quantity == Quantity::Force && point.force_n == 0.0 && point.onset_mpa > at;
-        let newton = if is_flat { point.onset_mpa + 1e-9 } else { at + error / slope };
+        let is_flat = quantity == Quantity::Force && point.force_n == 0.0 && point.onset_mpa > pressure_mpa;
+        let newton = if is_flat { point.onset_mpa + 1e-9 } else { pressure_mpa + error / slope };
         // A value at an end of the range is found there, not at the end of a bisection.
         let next = match newton {
             inside if inside > low && inside < high => inside,
@@ -111,18 +111,18 @@ pub fn inverse(
             beyond if beyond >= high && !is_known[1] => high,
             _ => 0.5 * (low + high),
         };
-        let step = next - at;
+        let step = next - pressure_mpa;
         if error == 0.0 || (step.abs() < TOLERANCE_MPA && !is_flat) {
-            found.pressure_mpa = if error == 0.0 { at } else { next };
+            found.pressure_mpa = if error == 0.0 { pressure_mpa } else { next };
             // The last correction is what a search within the range ends with. At its ends there is none: the residual stays, and a value
             // that lies beyond by more than rounding is not reached.
-            let is_beyond =
-                at == range_mpa[usize::from(is_above)] && error.abs() > ROUNDING * value.abs().max(1.0);
+            let is_beyond = pressure_mpa == range_mpa[usize::from(is_above)]
+                && error.abs() > ROUNDING * value.abs().max(1.0);
             found.is_reached =
                 !is_beyond && error.abs() <= 2.0 * (slope * TOLERANCE_MPA).abs() || error == 0.0;
             return found;
         }
-        at = next;
+        pressure_mpa = next;
     }
     found
 }

@@ -1,15 +1,18 @@
 //! The controller: pressure from a wanted force, observable or pressure. Pure; nothing is allocated after its making.
 //!
-//! With the model's inverse `P(y, gap)` of the quantity `y`, the play `H` and its inverse; all values are pressures:
+//! With the model's inverse `P(y, gap)` of the quantity `y` and the play `H`; all values are pressures, `p` the gauge's:
 //!
 //! ```text
-//! s' = (P(target) - s) / T_a + rate/(dy/dP)        path, within what the line gives up and down     T_a = approach_s
-//! v  = shaped(s)                                    two impulses, half a swing apart
-//! d' ' = notch(H(p) - P(y_measured)) - d            error of the model as a pressure, two lags       T_d = correction_s
-//! c  = H^-1(v + d)                                  pressure that is wanted in the cavity
-//! b' = k (q - p) while the pressure is at rest      error of valve and gauge                        k   = bias_per_s
-//! u  = c + T_l c' + b                               command, within range and rate                  T_l of filling or emptying
+//! s' = (P(target) - s) / T_a + rate/(dy/dP)        path: `path.value`, T_a = `approach_s`
+//! v  = sum a_k s(t - k/2f)                         shaped path: `shaped_mpa`
+//! d  = lag(lag(notch(H(p) - P(y_measured))))       error of the model: `correction_mpa()`, T_d = `correction_s`
+//! c  = v + d + o                                   wanted in the cavity: `wanted_cavity_mpa()`; o = `side_mpa`, the side of the play
+//! b' = k (q - p) while the pressure is at rest     error of valve and gauge: `bias_mpa`, k = `bias_per_s`, q = `expected_mpa`
+//! u  = c + T_l c' + (c(t - delay_s) - p) + b       command, within range and rate; T_l of filling or emptying
 //! ```
+//!
+//! The difference in `u` is there where the gauge is at the cavity. The inverse of the play is not computed: `o` goes to the side of the
+//! play from which the motion to come is driven, before the path begins.
 //!
 //! `d` compares pressure and quantity of one instant, so the line is not in its loop: what is in it is the fraction by which the model's slope is
 //! wrong. No integral can wind up: `d` is computed from measurements, `b` from the limited command, and the path never asks for more than the
@@ -104,6 +107,14 @@ struct Search {
     slope: f64,
 }
 
+/// What a search is for: each kind begins where the last of its kind ended.
+#[derive(Debug, Clone, Copy)]
+enum SearchFor {
+    Target,
+    Measured,
+    ForceLimit,
+}
+
 /// Longest time of one control cycle, s: after a longer pause the control starts again.
 pub const LONGEST_S: f64 = 0.1;
 /// Largest distance of a search's start from the end of the last one, MPa: a slope holds only nearby.
@@ -146,7 +157,7 @@ pub struct Controller<M> {
     plays: Plays,
     /// Shaped reference, MPa.
     shaped_mpa: f64,
-    /// Correction behind each of its lags, MPa.
+    /// Error of the model as a pressure behind each of its lags, MPa; the second is the correction.
     lags_mpa: [f64; 2],
     /// Distance of the wanted pressure in the cavity from the one behind the play, MPa.
     side_mpa: f64,
@@ -158,7 +169,7 @@ pub struct Controller<M> {
     expected_mpa: f64,
     cavity_mpa: f64,
     command_mpa: f64,
-    /// The last searches: for target, measured value and force limit.
+    /// The last searches, by [`SearchFor`].
     last: [Search; 3],
     is_started: bool,
     /// Time since the reference arrived, s.
@@ -273,7 +284,7 @@ impl<M: Model> Controller<M> {
         limited.by_valve = (written_mpa - self.command_mpa).abs() > WRITTEN_MPA;
         self.expect(written_mpa, dt_s);
         let behind_mpa = self.behind_play(reading, dt_s);
-        let before_mpa = self.shaped_mpa + self.lags_mpa[1] + self.side_mpa;
+        let before_mpa = self.wanted_cavity_mpa();
         let error_mpa = self.error_mpa(reading, behind_mpa);
         limited.by_correction = self.correct(error_mpa, dt_s);
         self.watch(reading, written_mpa, behind_mpa, error_mpa, limited.by_correction, dt_s);
@@ -281,7 +292,7 @@ impl<M: Model> Controller<M> {
         if !limited.by_supply {
             self.learn_bias(reading, dt_s);
         }
-        let cavity_mpa = self.shaped_mpa + self.lags_mpa[1] + self.side_mpa;
+        let cavity_mpa = self.wanted_cavity_mpa();
         // At rest it is mostly noise that moves the wanted pressure: the line is not inverted for it.
         let is_driven = dt_s > 0.0 && !self.is_resting();
         let slope = if is_driven { (cavity_mpa - before_mpa) / dt_s } else { 0.0 };
@@ -300,12 +311,23 @@ impl<M: Model> Controller<M> {
         };
         self.command(wanted_mpa, dt_s, &mut limited);
         let play_mpa = 2.0 * self.settings.half_play_mpa();
-        self.turns.step(self.command_mpa, self.last[0].pressure_mpa, play_mpa, dt_s);
+        let target_mpa = self.last[SearchFor::Target as usize].pressure_mpa;
+        self.turns.step(self.command_mpa, target_mpa, play_mpa, dt_s);
         let held = instead_mpa.map(|instead_mpa| {
             let point = self.model.at(instead_mpa, reading.gap_mm);
             self.quantity.of(&point, instead_mpa).0
         });
         self.cycle(held.unwrap_or(wanted.value), followed, limited)
+    }
+
+    /// Error of the model as a pressure, behind its lags.
+    fn correction_mpa(&self) -> f64 {
+        self.lags_mpa[1]
+    }
+
+    /// Pressure that is wanted in the cavity.
+    fn wanted_cavity_mpa(&self) -> f64 {
+        self.shaped_mpa + self.correction_mpa() + self.side_mpa
     }
 
     /// A reading as the settings take it.
@@ -320,7 +342,7 @@ impl<M: Model> Controller<M> {
             pressure_mpa: if self.fault.is_some() { f64::NAN } else { self.command_mpa },
             reference_mpa: self.shaped_mpa,
             followed,
-            correction_mpa: self.lags_mpa[1],
+            correction_mpa: self.correction_mpa(),
             bias_mpa: self.bias_mpa,
             limited,
             is_fallback: self.is_fallback,
@@ -377,11 +399,11 @@ impl<M: Model> Controller<M> {
         limited: &mut Limited,
     ) -> Option<f64> {
         let value = target.value;
-        let ahead = self.search(0, value, gap_mm);
+        let ahead = self.search(SearchFor::Target, self.quantity, value, gap_mm);
         let most_mpa = self.limit_mpa(&ahead, value, gap_mm);
         let [low, high] = self.limits.range_mpa.map(|end| end - self.bias_mpa);
         let half_mpa = self.settings.half_play_mpa();
-        let shift_mpa = self.lags_mpa[1];
+        let shift_mpa = self.correction_mpa();
         // How far the goal may go before the pressure in the cavity would leave the range of the valve.
         let given_mpa = high.min(self.monitor.most_mpa() + SUPPLY_MPA);
         let ends = [low - shift_mpa - half_mpa, given_mpa - shift_mpa - half_mpa];
@@ -425,9 +447,9 @@ impl<M: Model> Controller<M> {
             // Without contact the measurement says only that the onset is not reached yet.
             let onset_mpa = self.model.at(behind_mpa, reading.gap_mm).onset_mpa;
             let least_mpa = behind_mpa - onset_mpa;
-            return Some(least_mpa.max(self.lags_mpa[1])).filter(|error_mpa| error_mpa.is_finite());
+            return Some(least_mpa.max(self.correction_mpa())).filter(|error_mpa| error_mpa.is_finite());
         }
-        let found = self.search(1, reading.measured, reading.gap_mm);
+        let found = self.search(SearchFor::Measured, self.quantity, reading.measured, reading.gap_mm);
         // Slope 0: the tip rests on the plate, its place does not depend on the pressure.
         (found.slope != 0.0).then_some(behind_mpa - found.pressure_mpa)
     }
@@ -459,12 +481,12 @@ impl<M: Model> Controller<M> {
         self.is_seen |= is_measured;
         let has_value = self.quantity == Quantity::Observable || reading.measured >= self.limits.contact_n;
         let signs = Signs {
-            gauge_mpa: [written_mpa - self.bias_mpa, self.expected_mpa, reading.pressure_mpa],
+            written_mpa: written_mpa - self.bias_mpa,
+            expected_mpa: self.expected_mpa,
+            read_mpa: reading.pressure_mpa,
             bias_mpa: self.bias_mpa,
-            quantity_mpa: [
-                Some(behind_mpa),
-                error_mpa.filter(|_| has_value).map(|error_mpa| behind_mpa - error_mpa),
-            ],
+            driven_mpa: behind_mpa,
+            found_mpa: error_mpa.filter(|_| has_value).map(|error_mpa| behind_mpa - error_mpa),
             is_at_limit,
             is_missing: self.is_seen && !is_measured && self.quantity != Quantity::Pressure,
         };
@@ -530,7 +552,7 @@ impl<M: Model> Controller<M> {
         if ahead_n.is_nan() || ahead_n <= TARGET_FRACTION * limit_n {
             return f64::INFINITY;
         }
-        self.search_of(2, Quantity::Force, TARGET_FRACTION * limit_n, gap_mm).pressure_mpa
+        self.search(SearchFor::ForceLimit, Quantity::Force, TARGET_FRACTION * limit_n, gap_mm).pressure_mpa
     }
 
     /// The reference has been at its target for [`REST_S`].
@@ -552,7 +574,7 @@ impl<M: Model> Controller<M> {
             return None;
         }
         let mut planner = self.planner.take()?;
-        let (shift_mpa, mut is_touching) = (self.lags_mpa[1], false);
+        let (shift_mpa, mut is_touching) = (self.correction_mpa(), false);
         let given_mpa = self.monitor.most_mpa() + SUPPLY_MPA - shift_mpa - self.settings.half_play_mpa();
         for knot in planner.knots() {
             let target = self.within(targets(knot.ahead_s)).0;
@@ -563,7 +585,7 @@ impl<M: Model> Controller<M> {
         }
         let most_n = PLAN_FRACTION * self.settings.force_max_n;
         let most_mpa = if is_touching {
-            self.search_of(2, Quantity::Force, most_n, gap_mm).pressure_mpa + shift_mpa
+            self.search(SearchFor::ForceLimit, Quantity::Force, most_n, gap_mm).pressure_mpa + shift_mpa
         } else {
             f64::INFINITY
         };
@@ -588,16 +610,12 @@ impl<M: Model> Controller<M> {
         command_mpa
     }
 
-    fn search(&mut self, slot: usize, value: f64, gap_mm: f64) -> Inverse {
-        self.search_of(slot, self.quantity, value, gap_mm)
-    }
-
-    fn search_of(&mut self, slot: usize, quantity: Quantity, value: f64, gap_mm: f64) -> Inverse {
-        let last = self.last[slot];
+    fn search(&mut self, purpose: SearchFor, quantity: Quantity, value: f64, gap_mm: f64) -> Inverse {
+        let last = self.last[purpose as usize];
         let moved_mpa = (value - last.value) / last.slope;
         let start_mpa = last.pressure_mpa + if moved_mpa.abs() <= MAX_MOVE_MPA { moved_mpa } else { 0.0 };
         let found = inverse(&mut self.model, quantity, gap_mm, value, start_mpa);
-        self.last[slot] = Search { value, pressure_mpa: found.pressure_mpa, slope: found.slope };
+        self.last[purpose as usize] = Search { value, pressure_mpa: found.pressure_mpa, slope: found.slope };
         found
     }
 }

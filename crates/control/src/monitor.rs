@@ -44,12 +44,18 @@ impl Fault {
 /// Signs of one control cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Signs {
-    /// Written pressure, the gauge as expected from it, and as read, MPa.
-    pub(crate) gauge_mpa: [f64; 3],
-    /// Correction of the valve's error that the first two of these are without, MPa.
+    /// Pressure that the valve was given, without the correction of its error, MPa.
+    pub(crate) written_mpa: f64,
+    /// What the gauge should show of it, MPa.
+    pub(crate) expected_mpa: f64,
+    /// What the gauge shows, MPa.
+    pub(crate) read_mpa: f64,
+    /// Correction of the valve's error, MPa.
     pub(crate) bias_mpa: f64,
-    /// Pressure behind the play, and the one at which the model has the measured value; `None` where that says nothing, MPa.
-    pub(crate) quantity_mpa: [Option<f64>; 2],
+    /// Pressure behind the play, which drives the quantity, MPa.
+    pub(crate) driven_mpa: f64,
+    /// Pressure at which the model has the measured value, MPa; `None` where that says nothing.
+    pub(crate) found_mpa: Option<f64>,
     /// The correction is at its largest.
     pub(crate) is_at_limit: bool,
     /// The quantity has to be measured and is not.
@@ -69,8 +75,13 @@ const DRIVEN_MPA: f64 = 3e-3;
 const AGAINST: f64 = 0.3;
 /// Time over which movements are seen, s.
 const MEMORY_S: f64 = 0.5;
-/// Times after which the signs are a fault, in the order of [`Fault`], s.
-const PATIENCE_S: [f64; 4] = [0.5, 0.2, 1.0, 0.5];
+/// The faults and the time for which the sign of each has to last, s.
+const WATCHED: [(Fault, f64); 4] = [
+    (Fault::NoResponse, 0.5),
+    (Fault::OppositeSign, 0.2),
+    (Fault::Unexplained, 1.0),
+    (Fault::MeasurementLost, 0.5),
+];
 
 /// A value minus its mean over the last `MEMORY_S`.
 #[derive(Debug, Clone, Copy)]
@@ -79,6 +90,8 @@ struct Movement {
 }
 
 impl Movement {
+    const UNKNOWN: Self = Self { mean: f64::NAN };
+
     fn step(&mut self, value: f64, dt_s: f64) -> f64 {
         if self.mean.is_nan() {
             self.mean = value;
@@ -148,9 +161,11 @@ impl Supply {
 pub(crate) struct Monitor {
     gauge: Movement,
     still: Still,
-    quantity: [Movement; 2],
+    driven: Movement,
+    found: Movement,
     supply: Supply,
-    since_s: [f64; 4],
+    /// For how long the sign of each fault has been there, in the order of [`WATCHED`], s.
+    since_s: [f64; WATCHED.len()],
     /// Gauge minus its mean over the last `MEMORY_S`, MPa.
     pub(crate) gauge_moved_mpa: f64,
 }
@@ -158,13 +173,13 @@ pub(crate) struct Monitor {
 impl Monitor {
     /// `holds_low_supply`: a gauge that stays below what was written is a limit first.
     pub(crate) fn new(holds_low_supply: bool) -> Self {
-        let unknown = Movement { mean: f64::NAN };
         Self {
-            gauge: unknown,
+            gauge: Movement::UNKNOWN,
             still: Still::UNKNOWN,
-            quantity: [unknown; 2],
+            driven: Movement::UNKNOWN,
+            found: Movement::UNKNOWN,
             supply: Supply { is_held: holds_low_supply, most_mpa: f64::INFINITY, short_s: 0.0, stays_s: 0.0 },
-            since_s: [0.0; 4],
+            since_s: [0.0; _],
             gauge_moved_mpa: 0.0,
         }
     }
@@ -176,18 +191,18 @@ impl Monitor {
 
     /// The first fault whose sign has lasted long enough.
     pub(crate) fn step(&mut self, signs: Signs, dt_s: f64) -> Option<Fault> {
-        let [written_mpa, expected_mpa, read_mpa] = signs.gauge_mpa;
+        let Signs { written_mpa, expected_mpa, read_mpa, .. } = signs;
         let apart_mpa = (expected_mpa - read_mpa).abs().min((written_mpa - read_mpa).abs());
         self.gauge_moved_mpa = self.gauge.step(read_mpa, dt_s);
         let moved_mpa = self.gauge_moved_mpa * (written_mpa - read_mpa).signum();
-        let opposite = match signs.quantity_mpa {
-            [Some(driven), Some(found)] => {
-                let driven_mpa = self.quantity[0].step(driven, dt_s);
-                let found_mpa = self.quantity[1].step(found, dt_s) * driven_mpa.signum();
+        let is_opposite = match signs.found_mpa {
+            Some(found_mpa) => {
+                let driven_mpa = self.driven.step(signs.driven_mpa, dt_s);
+                let found_mpa = self.found.step(found_mpa, dt_s) * driven_mpa.signum();
                 driven_mpa.abs() > DRIVEN_MPA && found_mpa < -AGAINST * driven_mpa.abs()
             }
-            _ => {
-                self.quantity = [Movement { mean: f64::NAN }; 2];
+            None => {
+                (self.driven, self.found) = (Movement::UNKNOWN, Movement::UNKNOWN);
                 false
             }
         };
@@ -197,14 +212,12 @@ impl Monitor {
         let is_away = is_away && !is_explained;
         let should_mpa = (expected_mpa + signs.bias_mpa).min(self.most_mpa());
         let is_frozen = self.still.step(read_mpa, should_mpa) > FROZEN_MPA;
-        let is_there = [is_frozen || is_away, opposite, signs.is_at_limit, signs.is_missing];
+        let is_there = [is_frozen || is_away, is_opposite, signs.is_at_limit, signs.is_missing];
         for (since_s, is_there) in self.since_s.iter_mut().zip(is_there) {
             *since_s = if is_there { *since_s + dt_s } else { 0.0 };
         }
-        let faults = [Fault::NoResponse, Fault::OppositeSign, Fault::Unexplained, Fault::MeasurementLost];
-        let lasts =
-            self.since_s.iter().zip(PATIENCE_S).position(|(since_s, patience_s)| *since_s > patience_s);
-        lasts.map(|at| faults[at])
+        let mut watched = self.since_s.iter().zip(WATCHED);
+        watched.find(|(since_s, (_, patience_s))| *since_s > patience_s).map(|(_, (fault, _))| fault)
     }
 }
 

@@ -168,7 +168,7 @@ impl Planner {
         let start = self.at_the_valve(settings, now);
         self.move_on(dt_s);
         self.approach(settings, dt_s);
-        self.state(settings, now, start, dt_s);
+        self.build_program(settings, now, start, dt_s);
         let change = self.program.solve(self.max_iterations)?;
         for (moved, by) in self.moves_mpa.iter_mut().zip(&change) {
             *moved += RELAXED * UNIT_MPA * by;
@@ -242,8 +242,8 @@ impl Planner {
             (self.away_mpa + expected_mpa - self.last_mpa[0]) * (-dt_s / approach_s(settings)).exp();
     }
 
-    /// States the program: prediction along the plan, weights, limits.
-    fn state(&mut self, settings: &Settings, now: &PlanInput, start: PlanStart, dt_s: f64) {
+    /// Writes the quadratic program: what is predicted along the plan, weights, limits.
+    fn build_program(&mut self, settings: &Settings, now: &PlanInput, start: PlanStart, dt_s: f64) {
         self.program.clear();
         let mut along = Prediction::new(settings, &start, self.stage_s);
         let mut stage = 0;
@@ -251,17 +251,17 @@ impl Planner {
         for (at, stages) in BLOCKS.iter().enumerate() {
             let mut command = Dual::constant(self.moves_mpa[at]);
             command.by[at] = 1.0;
-            self.limit(&command, &last, at, dt_s);
-            self.square(&command.mixed(1.0, &last, -1.0), MOVE_WEIGHT.sqrt());
+            self.add_limits(&command, &last, at, dt_s);
+            self.add_square_of(&command.mixed(1.0, &last, -1.0), MOVE_WEIGHT.sqrt());
             for _ in 0..*stages {
                 let before = along.step(&command, now.bias_mpa);
                 let time_s = (stage + 1) as f64 * self.stage_s;
                 let reference_mpa = self.reference(time_s);
                 let away = now.shift_mpa + self.away_mpa * (-time_s / approach_s(settings)).exp();
                 let after = along.swing[0];
-                self.square(&after.mixed(1.0, &Dual::constant(reference_mpa + away), -1.0), 1.0);
+                self.add_square_of(&after.mixed(1.0, &Dual::constant(reference_mpa + away), -1.0), 1.0);
                 if settings.swing_hz > 0.0 {
-                    self.square(&before.mixed(1.0, &after, -1.0), SWING_WEIGHT.sqrt());
+                    self.add_square_of(&before.mixed(1.0, &after, -1.0), SWING_WEIGHT.sqrt());
                 }
                 if now.most_mpa < f64::INFINITY && stage % 2 == 1 {
                     let bound = (now.most_mpa - after.value) / UNIT_MPA;
@@ -278,12 +278,12 @@ impl Planner {
     }
 
     /// Range of a move, and its rate from the one before.
-    fn limit(&mut self, command: &Dual, last: &Dual, at: usize, dt_s: f64) {
+    fn add_limits(&mut self, command: &Dual, last: &Dual, move_index: usize, dt_s: f64) {
         let [low, high] = self.limits.range_mpa.map(|end| (end - command.value) / UNIT_MPA);
-        let by = |column: usize| f64::from(u8::from(column == at));
+        let by = |column: usize| f64::from(u8::from(column == move_index));
         self.program.add_row(high, by);
         self.program.add_row(-low, |column| -by(column));
-        let time_s = if at == 0 { dt_s } else { BLOCKS[at - 1] as f64 * self.stage_s };
+        let time_s = if move_index == 0 { dt_s } else { BLOCKS[move_index - 1] as f64 * self.stage_s };
         let step = command.mixed(1.0, last, -1.0);
         let [up, down] =
             [1.0, -1.0].map(|sign| (self.limits.rate_mpa_per_s * time_s - sign * step.value) / UNIT_MPA);
@@ -292,7 +292,8 @@ impl Planner {
         self.program.add_row(down, |column| -by(column));
     }
 
-    fn square(&mut self, residual: &Dual, weight: f64) {
+    /// Adds the square of a residual to what the program minimises.
+    fn add_square_of(&mut self, residual: &Dual, weight: f64) {
         let mut by = [0.0; UNKNOWNS];
         by.iter_mut().zip(&residual.by).for_each(|(mine, theirs)| *mine = weight * theirs);
         self.program.add_square(&by, weight * residual.value / UNIT_MPA);
@@ -300,10 +301,10 @@ impl Planner {
 
     /// Reference between the knots.
     fn reference(&self, time_s: f64) -> f64 {
-        let at = time_s / (KNOT_STAGES as f64 * self.stage_s);
-        let before = (at as usize).min(KNOTS - 2);
+        let knot = time_s / (KNOT_STAGES as f64 * self.stage_s);
+        let before = (knot as usize).min(KNOTS - 2);
         let [first, second] = [before, before + 1].map(|knot| self.knots[knot].reference_mpa);
-        first + (second - first) * (at - before as f64).min(1.0)
+        first + (second - first) * (knot - before as f64).min(1.0)
     }
 }
 
@@ -326,9 +327,9 @@ fn swung(settings: &Settings, [at, speed]: [f64; 2], input_mpa: f64, dt_s: f64) 
     if settings.swing_hz <= 0.0 {
         return [input_mpa, 0.0];
     }
-    let Swing([to, of]) = Swing::new(settings.swing_hz, settings.swing_damping, dt_s);
+    let Swing([away_row, speed_row]) = Swing::new(settings.swing_hz, settings.swing_damping, dt_s);
     let away = at - input_mpa;
-    [input_mpa + to[0] * away + to[1] * speed, of[0] * away + of[1] * speed]
+    [input_mpa + away_row[0] * away + away_row[1] * speed, speed_row[0] * away + speed_row[1] * speed]
 }
 
 /// A prediction on its way, with derivatives.
@@ -376,9 +377,12 @@ impl<'a> Prediction<'a> {
         let [at, speed] = &self.swing;
         self.swing = match &self.swing_step {
             None => [output, Dual::constant(0.0)],
-            Some(Swing([to, of])) => {
+            Some(Swing([away_row, speed_row])) => {
                 let away = at.mixed(1.0, &input, -1.0);
-                [input.mixed(1.0, &away.mixed(to[0], speed, to[1]), 1.0), away.mixed(of[0], speed, of[1])]
+                [
+                    input.mixed(1.0, &away.mixed(away_row[0], speed, away_row[1]), 1.0),
+                    away.mixed(speed_row[0], speed, speed_row[1]),
+                ]
             }
         };
         output

@@ -35,7 +35,7 @@ pub struct PlantSpec {
     /// Place of the gauge.
     pub gauge_at: GaugeAt,
     pub true_gap_mm: f64,
-    /// Stiffness of the body relative to that of [`Body`].
+    /// Stiffness of the body relative to that of [`RestingBody`].
     pub stiffness: f64,
     /// Standard deviation of the gauge's noise, MPa.
     pub gauge_noise_mpa: f64,
@@ -70,12 +70,12 @@ impl Default for PlantSpec {
 
 /// Force and observable of a body at rest, by pressure in MPa, gap in mm and relative stiffness. A model whose silicone and sheet are `k`
 /// times as stiff has the shape of `p / k` and `k` times its force, its weight and the plate's give aside.
-pub trait Body {
+pub trait RestingBody {
     /// Contact force, N, and observable.
     fn answer(&mut self, pressure_mpa: f64, gap_mm: f64, stiffness: f64) -> [f64; 2];
 }
 
-impl<M: Model> Body for M {
+impl<M: Model> RestingBody for M {
     fn answer(&mut self, pressure_mpa: f64, gap_mm: f64, stiffness: f64) -> [f64; 2] {
         let point = Model::at(self, pressure_mpa / stiffness, gap_mm);
         [stiffness * point.force_n, point.observable]
@@ -84,7 +84,7 @@ impl<M: Model> Body for M {
 
 /// Instrument values and true values.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Shown {
+pub struct PlantReading {
     /// Gauge, MPa.
     pub pressure_mpa: f64,
     /// Load cell, N.
@@ -97,7 +97,7 @@ pub struct Shown {
     pub true_pressure_mpa: f64,
 }
 
-impl Shown {
+impl PlantReading {
     /// Measured and true value of a quantity.
     pub fn of(&self, quantity: Quantity) -> [f64; 2] {
         match quantity {
@@ -129,7 +129,7 @@ pub struct Plant<B> {
 /// Longest step of the equations, s.
 const STEP_S: f64 = 1e-3;
 
-impl<B: Body> Plant<B> {
+impl<B: RestingBody> Plant<B> {
     /// A plant at rest without pressure.
     pub fn new(spec: PlantSpec, body: B) -> Self {
         Self {
@@ -154,7 +154,7 @@ impl<B: Body> Plant<B> {
     }
 
     /// Advances by `dt_s` and reads the instruments.
-    pub fn step(&mut self, dt_s: f64) -> Shown {
+    pub fn step(&mut self, dt_s: f64) -> PlantReading {
         let steps = (dt_s / STEP_S).ceil().max(1.0) as usize;
         for _ in 0..steps {
             self.advance(dt_s / steps as f64);
@@ -165,7 +165,7 @@ impl<B: Body> Plant<B> {
         let at_gauge_mpa = if gauge_at == GaugeAt::Cavity { self.cavity_mpa } else { self.valve_mpa };
         let [gauge, force, observable] =
             [gauge_noise_mpa, noise[0], noise[1]].map(|sigma| sigma * self.noise.normal());
-        Shown {
+        PlantReading {
             pressure_mpa: at_gauge_mpa + gauge_bias_mpa + gauge,
             force_n: true_force_n + force,
             observable: true_observable + observable,

@@ -3,7 +3,7 @@
 use crate::inverse::{Model, Quantity};
 use crate::law::{Controller, Cycle, Reading, Target};
 use crate::monitor::Fault;
-use crate::plant::{Body, Plant, Shown};
+use crate::plant::{Plant, PlantReading, RestingBody};
 use serde::Serialize;
 
 /// A law that gives a command for each reading.
@@ -63,11 +63,11 @@ pub struct Loop<L, B> {
     pub plant: Plant<B>,
     /// Circumstances; the error of the gap may be changed.
     pub trial: Trial,
-    shown: Option<Shown>,
+    shown: Option<PlantReading>,
     time_s: f64,
 }
 
-impl<L: Law, B: Body> Loop<L, B> {
+impl<L: Law, B: RestingBody> Loop<L, B> {
     pub fn new(law: L, plant: Plant<B>, trial: Trial) -> Self {
         Self { law, plant, trial, shown: None, time_s: 0.0 }
     }

@@ -101,14 +101,14 @@ impl TwinModel {
     /// [`TwinModelError`]: no such observable, or a header that contradicts itself.
     pub fn of_observable(model: &rom::model::Model, name: &str) -> Result<Self, TwinModelError> {
         let observables = Observables::of(model)?;
-        let at = observables.names().position(|known| known == name);
-        let at = at.ok_or_else(|| TwinModelError::NoObservable {
+        let position = observables.names().position(|known| known == name);
+        let position = position.ok_or_else(|| TwinModelError::NoObservable {
             found: name.to_owned(),
             known: observables.names().map(str::to_owned).collect(),
         })?;
         let evaluator = Evaluator::new(&model.header)?.for_search();
         let evaluation = evaluator.evaluation();
-        let held = ObservableSource::Observable { evaluator: Box::new(evaluator), observables, at };
+        let held = ObservableSource::Observable { evaluator: Box::new(evaluator), observables, at: position };
         Ok(Self::of_held(model, held, evaluation))
     }
 

@@ -2,7 +2,7 @@
 
 use crate::batch::Fit;
 use crate::filter::Filter;
-use crate::setup::{Measurement, Model, Predicted, Row, Setup};
+use crate::setup::{MeasuredRow, Measurement, Model, Predicted, Setup};
 use crate::structure::{ResidualSeries, Structure};
 
 /// Predictions for each reading, by measured quantity.
@@ -54,7 +54,7 @@ impl Curves {
     pub fn structures(&self, setup: &Setup, readings: &[Measurement]) -> Vec<(String, Structure)> {
         let t_s: Vec<f64> = readings.iter().map(|reading| reading.t_s).collect();
         let driving: Vec<f64> = readings.iter().map(|reading| reading.inputs[self.driving]).collect();
-        let of_row = |(at, row): (usize, &Row)| {
+        let of_row = |(at, row): (usize, &MeasuredRow)| {
             let measured: Vec<f64> = readings.iter().map(|reading| reading.rows[at]).collect();
             let predicted: Vec<f64> = self.after.iter().map(|rows| rows[at]).collect();
             let sigma = row.variance(1.0).sqrt();

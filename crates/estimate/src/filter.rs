@@ -14,8 +14,9 @@ use crate::setup::{
     SetupError, Status, Swing, Update,
 };
 use crate::swing::{Passage, excluded_gap_mm, moving_inputs};
+use crate::trend::InputTrend;
 use crate::trial::{self, Trial};
-use crate::watch::{CYCLES_S, Pattern, Watch, widened};
+use crate::watch::{AlarmWatch, CYCLES_S, Pattern, widened};
 
 /// Quantiles of the normal distribution around 95 % of its mass.
 const BAND_Z: f64 = 1.959_964;
@@ -62,8 +63,8 @@ pub struct Filter {
     /// Consecutive readings that the motion did not explain completely.
     unexplained: u32,
     /// Trend per input; `Some` for inputs that change steadily.
-    trends: [Option<Trend>; MAX_INPUTS],
-    watch: Watch,
+    trends: [Option<InputTrend>; MAX_INPUTS],
+    watch: AlarmWatch,
     memory: [Pattern; 2],
     alarm: Option<Alarm>,
     /// Factor of the estimates' standard deviations by what the readings leave over.
@@ -89,7 +90,7 @@ impl Filter {
             in_contact: false,
             unexplained: 0,
             trends: [None; MAX_INPUTS],
-            watch: Watch::default(),
+            watch: AlarmWatch::default(),
             memory: Pattern::all(CYCLES_S),
             alarm: None,
             widening: 1.0,
@@ -275,7 +276,7 @@ impl Filter {
     }
 
     /// Begins and ends trials of a drifted gap or bias.
-    fn try_drift(&mut self, t_s: f64, update: &Update, watch: &mut Watch) {
+    fn try_drift(&mut self, t_s: f64, update: &Update, watch: &mut AlarmWatch) {
         let Some(mut trial) = self.trial else {
             if watch.asks_for_trial(t_s) && trial::released(&self.setup).next().is_some() {
                 self.trial = Some(Trial::new(t_s, self.mean, self.covariance, self.gap_floor_mm));
@@ -312,7 +313,7 @@ impl Filter {
         for (input, role) in self.setup.inputs.iter().enumerate() {
             let InputRole::Measured { sigma, rate_change: Some(change), .. } = *role else { continue };
             let value = measurement.inputs[input];
-            let trend = Trend::follow(self.trends[input], measurement.t_s, value, sigma * sigma, change);
+            let trend = InputTrend::follow(self.trends[input], measurement.t_s, value, sigma * sigma, change);
             self.trends[input] = Some(trend);
             inputs[input] = trend.value() - role.offset(measurement.spread[input], &self.mean);
         }
@@ -761,61 +762,6 @@ impl Rewind {
     /// Removes all estimates, when a contact has begun.
     fn forget(&mut self) {
         self.0.clear();
-    }
-}
-
-// ---- a measured input that changes steadily ----
-//
-// State: value `u` and rate `r`, a Kalman filter whose rate walks at random (in `t` seconds by `change sqrt(t)`):
-//
-//     u' = u + dt r      covariance of what is added over dt: change^2 [[dt^3 / 3, dt^2 / 2], [dt^2 / 2, dt]]
-//     r' = r
-//
-// The unknowns are estimated from the readings themselves, so that no reading counts twice; the trend affects the outputs only.
-
-/// Deviation, in standard deviations, beyond which a value is a step and restarts the trend.
-const STEP: f64 = 4.0;
-
-/// Last value and rate, with their covariance.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Trend {
-    t_s: f64,
-    state: [f64; 2],
-    /// Variance of the value, covariance, variance of the rate.
-    covariance: [f64; 3],
-}
-
-impl Trend {
-    /// Trend from one value with its variance.
-    fn new(t_s: f64, value: f64, variance: f64, change: f64) -> Self {
-        Self { t_s, state: [value, 0.0], covariance: [variance, 0.0, change * change] }
-    }
-
-    /// Trend after a value with its variance; `before` is the trend of the earlier values, `change` the standard deviation of the
-    /// rate's change per second.
-    fn follow(before: Option<Self>, t_s: f64, value: f64, variance: f64, change: f64) -> Self {
-        let Some(before) = before else { return Self::new(t_s, value, variance, change) };
-        let Self { state: [u, r], covariance: [a, b, c], .. } = before;
-        let (dt, q) = (t_s - before.t_s, change * change);
-        let predicted = [u + dt * r, r];
-        let [a, b, c] =
-            [a + dt * (2.0 * b + dt * c) + q * dt.powi(3) / 3.0, b + dt * c + q * dt * dt / 2.0, c + q * dt];
-        let (off, spread) = (value - predicted[0], a + variance);
-        let is_on_the_way = off * off <= STEP * STEP * spread; // false for NaN
-        if !is_on_the_way {
-            return Self::new(t_s, value, variance, change);
-        }
-        let gain = [a / spread, b / spread];
-        let state = [predicted[0] + gain[0] * off, predicted[1] + gain[1] * off];
-        Self { t_s, state, covariance: [a - gain[0] * a, b - gain[0] * b, c - gain[1] * b] }
-    }
-
-    fn value(&self) -> f64 {
-        self.state[0]
-    }
-
-    fn variance(&self) -> f64 {
-        self.covariance[0]
     }
 }
 

@@ -51,7 +51,7 @@ pub(crate) fn judge(covariance: &Symmetric, unread: &Vector) -> Identifiability 
 }
 
 /// Variance of an unknown for fixed unidentifiable ones, as a fraction of its variance.
-fn conditional_variance(covariance: &Symmetric, at: usize, identifiable: &[bool; MAX_STATES]) -> f64 {
+fn conditional_variance(covariance: &Symmetric, unknown: usize, identifiable: &[bool; MAX_STATES]) -> f64 {
     let unidentifiable = (0..covariance.size()).filter(|other| !identifiable[*other]);
     let mut others = [0; MAX_STATES];
     let mut count = 0;
@@ -67,7 +67,7 @@ fn conditional_variance(covariance: &Symmetric, at: usize, identifiable: &[bool;
             block.set(i, j, covariance.correlation(others[i], others[j]));
         }
         block.add_diagonal(i, 1e-9); // fully correlated unknowns have a singular block
-        with[i] = covariance.correlation(at, others[i]);
+        with[i] = covariance.correlation(unknown, others[i]);
     }
     let Some(factor) = block.cholesky() else { return 0.0 };
     let explained: f64 = with.iter().zip(factor.solve(&with)).map(|(a, b)| a * b).sum();

@@ -30,6 +30,7 @@ mod reading;
 mod setup;
 mod structure;
 mod swing;
+mod trend;
 mod trial;
 mod watch;
 
@@ -40,7 +41,7 @@ pub use identify::{ExpectedFit, choose, expected_fit, information};
 pub use matrix::{MAX_STATES, Symmetric};
 pub use reading::MAX_PREDICTIONS;
 pub use setup::{
-    Alarm, Estimate, InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, MotionEnd, MotionState, PASTS,
-    Predicted, Row, Setup, SetupError, Status, Swing, Unknown, Update,
+    Alarm, Estimate, InputRole, MAX_INPUTS, MAX_ROWS, MeasuredRow, Measurement, Model, MotionEnd,
+    MotionState, PASTS, Predicted, Setup, SetupError, Status, Swing, Unknown, Update,
 };
 pub use structure::{ResidualSeries, Structure};

@@ -13,7 +13,7 @@
 //! are rejected by the residuals that a step would leave. The rejection starts again with each prediction.
 
 use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector, chi_squared_quantile};
-use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Predicted, Row, Setup};
+use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, MeasuredRow, Measurement, Model, Predicted, Setup};
 
 /// Side of the onset on which a reading is solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -134,7 +134,7 @@ impl Prediction {
 
 impl ReadingProblem<'_> {
     /// Rows with a measured value, and their positions.
-    pub(crate) fn present(&self) -> impl Iterator<Item = (usize, &Row)> {
+    pub(crate) fn present(&self) -> impl Iterator<Item = (usize, &MeasuredRow)> {
         let rows = self.setup.rows.iter().enumerate();
         rows.filter(|(i, _)| self.measurement.rows[*i].is_finite())
     }
@@ -156,11 +156,11 @@ impl ReadingProblem<'_> {
 
     /// Model inputs at a state, on the problem's side of the onset.
     pub(crate) fn inputs_at(&self, states: &Vector) -> [f64; MAX_INPUTS] {
-        let mut at = self.setup.inputs_at(self.measurement, states);
+        let mut inputs = self.setup.inputs_at(self.measurement, states);
         if let (Side::Free, Some(gap)) = (self.side, self.setup.gap) {
-            at[gap] = f64::INFINITY;
+            inputs[gap] = f64::INFINITY;
         }
-        at
+        inputs
     }
 
     /// Prediction at a state; `None` if the state lies on the other side of the onset.

@@ -75,7 +75,7 @@ impl InputRole {
 
 /// Measured value that the model predicts.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Row {
+pub struct MeasuredRow {
     pub name: String,
     /// Block of values that are accepted or rejected together (the coordinates of a marker), counted from 0.
     pub block: usize,
@@ -87,7 +87,7 @@ pub struct Row {
     pub bias: Option<usize>,
 }
 
-impl Row {
+impl MeasuredRow {
     /// Variance of a measured value if `readings` share the model's error and therefore do not average it out.
     pub fn variance(&self, readings: f64) -> f64 {
         self.sigma * self.sigma + readings * self.model_sigma * self.model_sigma
@@ -112,7 +112,7 @@ pub struct Setup {
     /// Role per model input, in the model's order.
     pub inputs: Vec<InputRole>,
     /// Predicted measurements, blocks in order.
-    pub rows: Vec<Row>,
+    pub rows: Vec<MeasuredRow>,
     /// Position of the gap in the inputs; `None` for a model without contact.
     pub gap: Option<usize>,
     /// Correlation time of the model's error (s). Readings within it do not average the error out.
@@ -128,8 +128,72 @@ pub struct Setup {
 pub struct SetupError {
     /// Place of the error.
     pub place: String,
-    pub expected: &'static str,
+    pub expected: String,
     pub found: String,
+}
+
+/// Errors of a setup, as they are found.
+#[derive(Default)]
+struct SetupErrors(Vec<SetupError>);
+
+impl SetupErrors {
+    fn expect(&mut self, fits: bool, place: &str, expected: &str, found: impl FnOnce() -> String) {
+        if !fits {
+            self.0.push(SetupError { place: place.into(), expected: expected.into(), found: found() });
+        }
+    }
+
+    fn at_most(&mut self, most: usize, place: &str, found: usize) {
+        self.expect(found <= most, place, &format!("at most {most}"), || found.to_string());
+    }
+
+    fn positive(&mut self, place: &str, expected: &str, value: f64) {
+        self.expect(value.is_finite() && value > 0.0, place, expected, || value.to_string());
+    }
+
+    fn at_least_zero(&mut self, place: &str, expected: &str, value: f64) {
+        self.expect(value.is_finite() && value >= 0.0, place, expected, || value.to_string());
+    }
+
+    /// A position in the unknowns, if there is one.
+    fn exists(&mut self, place: &str, unknown: Option<usize>, unknowns: usize) {
+        let exists = unknown.is_none_or(|unknown| unknown < unknowns);
+        self.expect(exists, place, "an unknown that exists", || {
+            unknown.map_or(String::new(), |unknown| unknown.to_string())
+        });
+    }
+
+    fn unknown(&mut self, unknown: &Unknown) {
+        let Unknown { name, prior, sigma, drift_per_sqrt_s, range: [low, high] } = unknown;
+        self.positive(&format!("{name}: sigma"), "above 0", *sigma);
+        self.at_least_zero(&format!("{name}: drift"), "0 or more", *drift_per_sqrt_s);
+        let inside = low < high && (low..=high).contains(&prior);
+        let found = || format!("{prior} in {low} to {high}");
+        self.expect(inside, &format!("{name}: prior"), "a value in the model's range", found);
+    }
+
+    fn role(&mut self, place: &str, role: &InputRole, unknowns: usize) {
+        match *role {
+            InputRole::Given(value) => self.expect(!value.is_nan(), place, "a number", || value.to_string()),
+            InputRole::Estimated(unknown) => self.exists(place, Some(unknown), unknowns),
+            InputRole::Measured { sigma, bias, rate_change, pasts } => {
+                self.positive(place, "a change of its rate above 0", rate_change.unwrap_or(1.0));
+                self.positive(place, "a sigma above 0", sigma);
+                self.exists(place, bias, unknowns);
+                pasts.into_iter().for_each(|past| self.exists(place, past, unknowns));
+            }
+        }
+    }
+
+    /// `block` is that of the row before.
+    fn row(&mut self, row: &MeasuredRow, block: usize, unknowns: usize) {
+        let place = row.name.as_str();
+        self.positive(place, "a sigma above 0", row.sigma);
+        self.at_least_zero(place, "a model sigma of 0 or more", row.model_sigma);
+        self.exists(place, row.bias, unknowns);
+        let follows = row.block == block || row.block == block + 1;
+        self.expect(follows, place, "blocks that count up from 0", || row.block.to_string());
+    }
 }
 
 impl Setup {
@@ -138,90 +202,33 @@ impl Setup {
     /// # Errors
     /// All errors; never empty.
     pub fn check(&self) -> Result<(), Vec<SetupError>> {
-        let mut errors = Vec::new();
-        let mut expect = |fits: bool, place: String, expected: &'static str, found: String| {
-            if !fits {
-                errors.push(SetupError { place, expected, found });
-            }
-        };
-        let positive = |v: f64| v.is_finite() && v > 0.0;
-        let at_least_zero = |v: f64| v.is_finite() && v >= 0.0;
+        let mut errors = SetupErrors::default();
         let states = self.unknowns.len() + self.measured_inputs().count();
-        expect(states <= MAX_STATES, "unknowns and measured inputs".into(), "at most 12", states.to_string());
-        expect(self.inputs.len() <= MAX_INPUTS, "inputs".into(), "at most 8", self.inputs.len().to_string());
-        expect(self.rows.len() <= MAX_ROWS, "measurements".into(), "at most 31", self.rows.len().to_string());
-        expect(
-            at_least_zero(self.model_correlation_s),
-            "model_correlation_s".into(),
-            "0 or more",
-            self.model_correlation_s.to_string(),
-        );
-        expect(
-            at_least_zero(self.alarm_hold_s),
-            "alarm_hold_s".into(),
-            "0 or more",
-            self.alarm_hold_s.to_string(),
-        );
-        for unknown in &self.unknowns {
-            let [low, high] = unknown.range;
-            let place = |key: &str| format!("{}: {key}", unknown.name);
-            expect(positive(unknown.sigma), place("sigma"), "above 0", unknown.sigma.to_string());
-            let drift = unknown.drift_per_sqrt_s;
-            expect(at_least_zero(drift), place("drift"), "0 or more", drift.to_string());
-            let inside = low < high && (low..=high).contains(&unknown.prior);
-            let found = format!("{} in {low} to {high}", unknown.prior);
-            expect(inside, place("prior"), "a value in the model's range", found);
-        }
-        let known = |at: &Option<usize>| at.is_none_or(|at| at < self.unknowns.len());
+        errors.at_most(MAX_STATES, "unknowns and measured inputs", states);
+        errors.at_most(MAX_INPUTS, "inputs", self.inputs.len());
+        errors.at_most(MAX_ROWS, "measurements", self.rows.len());
+        errors.at_least_zero("model_correlation_s", "0 or more", self.model_correlation_s);
+        errors.at_least_zero("alarm_hold_s", "0 or more", self.alarm_hold_s);
+        self.unknowns.iter().for_each(|unknown| errors.unknown(unknown));
         for (input, role) in self.inputs.iter().enumerate() {
-            let place = || format!("input {input}");
-            match role {
-                InputRole::Given(value) => {
-                    expect(!value.is_nan(), place(), "a number", value.to_string());
-                }
-                InputRole::Estimated(at) => {
-                    expect(known(&Some(*at)), place(), "an unknown that exists", at.to_string());
-                }
-                InputRole::Measured { sigma, bias, rate_change, pasts } => {
-                    let change = rate_change.unwrap_or(1.0);
-                    expect(positive(change), place(), "a change of its rate above 0", change.to_string());
-                    expect(positive(*sigma), place(), "a sigma above 0", sigma.to_string());
-                    expect(known(bias), place(), "an unknown that exists", format!("{bias:?}"));
-                    let exist = pasts.iter().all(known);
-                    expect(exist, place(), "unknowns that exist", format!("{pasts:?}"));
-                }
-            }
+            errors.role(&format!("input {input}"), role, self.unknowns.len());
         }
         let mut block = 0;
         for row in &self.rows {
-            expect(positive(row.sigma), row.name.clone(), "a sigma above 0", row.sigma.to_string());
-            let model = row.model_sigma;
-            expect(at_least_zero(model), row.name.clone(), "a model sigma of 0 or more", model.to_string());
-            expect(known(&row.bias), row.name.clone(), "an unknown that exists", format!("{:?}", row.bias));
-            let next = row.block == block || row.block == block + 1;
-            expect(next, row.name.clone(), "blocks that count up from 0", row.block.to_string());
+            errors.row(row, block, self.unknowns.len());
             block = row.block;
         }
-        if let Some(swing) = self.swing {
-            let last = [swing.load, swing.rate]
-                == [self.unknowns.len().wrapping_sub(2), self.unknowns.len().wrapping_sub(1)];
-            let is_input = self.load_input().is_some() && last;
-            let error = swing.frequency_error;
-            expect(
-                is_input,
-                "swing".into(),
-                "an estimated load and its rate as the last unknowns",
-                format!("{swing:?}"),
-            );
-            expect(at_least_zero(error), "swing: frequency error".into(), "0 or more", error.to_string());
+        if let Some(swing) = &self.swing {
+            let last = [self.unknowns.len().wrapping_sub(2), self.unknowns.len().wrapping_sub(1)];
+            let fits = self.load_input().is_some() && [swing.load, swing.rate] == last;
+            errors.expect(fits, "swing", "an estimated load and its rate as the last unknowns", || {
+                format!("{swing:?}")
+            });
+            errors.at_least_zero("swing: frequency error", "0 or more", swing.frequency_error);
         }
-        expect(
-            self.gap.is_none_or(|gap| gap < self.inputs.len()),
-            "gap".into(),
-            "an input",
-            format!("{:?}", self.gap),
-        );
-        if errors.is_empty() { Ok(()) } else { Err(errors) }
+        let has_gap = self.gap.is_none_or(|gap| gap < self.inputs.len());
+        errors.expect(has_gap, "gap", "an input", || format!("{:?}", self.gap));
+        if errors.0.is_empty() { Ok(()) } else { Err(errors.0) }
     }
 
     /// Model inputs of a reading whose measured inputs have no noise, only the biases among `unknowns`.

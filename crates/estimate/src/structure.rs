@@ -3,7 +3,7 @@
 //! `softtwin calibrate` looks at a whole recording ([`Structure`]), the running filter at the readings of a window (`Window`). Both
 //! decide by the same sums ([`NeighbourSums`]): the covariance of neighbouring residuals is the square of what is not noise.
 
-use crate::setup::{MAX_ROWS, Row};
+use crate::setup::{MAX_ROWS, MeasuredRow};
 use serde::Serialize;
 
 /// Smallest number of residuals with a structure.
@@ -105,19 +105,22 @@ impl Window {
     }
 
     /// Rows with enough residuals, beside their sums.
-    fn known<'a>(&'a self, rows: &'a [Row]) -> impl Iterator<Item = (&'a NeighbourSums, &'a Row)> {
+    fn known<'a>(
+        &'a self,
+        rows: &'a [MeasuredRow],
+    ) -> impl Iterator<Item = (&'a NeighbourSums, &'a MeasuredRow)> {
         self.rows.iter().zip(rows).filter(|(sums, _)| sums.count() >= MIN_COUNT as f64)
     }
 
     /// Whether the residuals of a row have a structure that sensor and model do not explain.
-    pub(crate) fn is_unexplained(&self, rows: &[Row]) -> bool {
+    pub(crate) fn is_unexplained(&self, rows: &[MeasuredRow]) -> bool {
         self.known(rows).any(|(sums, row)| sums.is_unexplained(BEYOND_WIDENING * row.variance(1.0).sqrt()))
     }
 
     /// Factor of the standard deviations of estimates: how many times larger the part of the residuals that is no noise is than the
     /// model's error, in the row where it is largest; at least 1.
-    pub(crate) fn widening(&self, rows: &[Row]) -> f64 {
-        let factor = |(sums, row): (&NeighbourSums, &Row)| {
+    pub(crate) fn widening(&self, rows: &[MeasuredRow]) -> f64 {
+        let factor = |(sums, row): (&NeighbourSums, &MeasuredRow)| {
             let beyond = sums.neighbours() - sums.chance();
             if beyond > 0.0 {
                 beyond.sqrt() / row.model_sigma.max(LEAST_MODEL_ERROR * row.sigma)

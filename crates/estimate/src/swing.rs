@@ -6,7 +6,7 @@
 //! an impulse, which is process noise. Further process noise is an error of the frequency, and what an impact loses.
 
 use crate::matrix::{MAX_STATES, Symmetric, Vector};
-use crate::setup::{MAX_INPUTS, Measurement, Model, MotionState, Setup, Swing};
+use crate::setup::{MAX_INPUTS, Measurement, Model, MotionEnd, MotionState, Setup, Swing};
 
 /// Differences of an unknown in the quotients, in its standard deviations: the first one that lands or leaves where the states do.
 const DIFFERENCES: [f64; 4] = [0.1, -0.1, 0.01, -0.01];
@@ -54,88 +54,145 @@ impl Passage<'_> {
         model: &mut impl Model,
     ) -> Option<CarriedMotion> {
         let swing = self.setup.swing?;
-        let start = |states: &Vector| MotionState {
-            t_s: self.from.t_s,
-            inputs: self.inputs(self.from, states),
-            rate: states[swing.rate],
-        };
-        let (from, to) = (start(states), self.inputs(self.to, states));
+        let from = self.start(states, &swing);
+        let to = self.inputs(self.to, states);
         let base = model.step(&from, self.to.t_s, &to)?;
-        let quotient = |there: [f64; 2], by: f64| {
-            std::array::from_fn::<f64, 2, _>(|k| (there[k] - [base.load, base.rate][k]) / by)
+        let step = StepAround { passage: self, swing, states, covariance, from, to, base };
+        let (by, may_change) = step.by_unknowns(model)?;
+        let mut carried = CarriedMotion {
+            states: [base.load, base.rate],
+            by,
+            noise: [0.0; 3],
+            drive: [0.0; 2],
+            by_reading: [0.0; MAX_INPUTS],
         };
-        let (mut by, mut has_changed) = ([[0.0; MAX_STATES]; 2], base.has_changed);
-        for (at, unknown) in self.setup.unknowns.iter().enumerate() {
-            let sigma = covariance.get(at, at).sqrt().max(MIN_SIGMA * unknown.sigma);
+        step.add_readings(&mut carried, model)?;
+        step.add_frequency(&mut carried);
+        if may_change {
+            step.add_impact(&mut carried, model)?;
+        }
+        let arrived = model.step(&step.from, self.to.t_s, &step.to)?;
+        carried.states = [arrived.load, arrived.rate];
+        Some(carried)
+    }
+
+    /// Where the motion begins at states.
+    fn start(&self, states: &Vector, swing: &Swing) -> MotionState {
+        MotionState { t_s: self.from.t_s, inputs: self.inputs(self.from, states), rate: states[swing.rate] }
+    }
+}
+
+/// The step of a passage at its states, around which errors are told by further steps.
+struct StepAround<'a> {
+    passage: &'a Passage<'a>,
+    swing: Swing,
+    states: &'a Vector,
+    covariance: &'a Symmetric,
+    from: MotionState,
+    to: [f64; MAX_INPUTS],
+    /// Its end.
+    base: MotionEnd,
+}
+
+impl StepAround<'_> {
+    /// Half of its time.
+    fn half_s(&self) -> f64 {
+        0.5 * (self.passage.to.t_s - self.passage.from.t_s)
+    }
+
+    fn quotient(&self, there: &MotionEnd, by: f64) -> [f64; 2] {
+        [(there.load - self.base.load) / by, (there.rate - self.base.rate) / by]
+    }
+
+    /// Derivatives of load and rate with respect to the unknowns, and whether a body may land or leave within the step.
+    fn by_unknowns(&self, model: &mut impl Model) -> Option<([Vector; 2], bool)> {
+        let Self { passage, swing, states, from, to, base, .. } = self;
+        let (mut by, mut may_change) = ([[0.0; MAX_STATES]; 2], base.has_changed);
+        for (at, unknown) in passage.setup.unknowns.iter().enumerate() {
+            let sigma = self.covariance.get(at, at).sqrt().max(MIN_SIGMA * unknown.sigma);
             for difference in DIFFERENCES.map(|part| part * sigma) {
-                let mut trial = *states;
+                let mut trial = **states;
                 trial[at] += difference;
                 let [low, high] = unknown.range;
                 if !(low..=high).contains(&trial[at]) {
                     continue;
                 }
-                let (moved, end) = (start(&trial), self.inputs(self.to, &trial));
+                let (moved, end) = (passage.start(&trial, swing), passage.inputs(passage.to, &trial));
                 // A bias of a load cell has no effect on a motion.
                 let is_same = |a: &[f64; MAX_INPUTS], b: &[f64; MAX_INPUTS]| {
                     a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
                 };
-                if at != swing.rate && is_same(&moved.inputs, &from.inputs) && is_same(&end, &to) {
+                if at != swing.rate && is_same(&moved.inputs, &from.inputs) && is_same(&end, to) {
                     break;
                 }
-                let there = model.step(&moved, self.to.t_s, &end)?;
+                let there = model.step(&moved, passage.to.t_s, &end)?;
                 if there.has_changed == base.has_changed {
-                    let derivative = quotient([there.load, there.rate], difference);
+                    let derivative = self.quotient(&there, difference);
                     by.iter_mut().zip(derivative).for_each(|(row, d)| row[at] = d);
                     break;
                 }
                 // An impact is no derivative, but may take place.
-                has_changed = true;
+                may_change = true;
             }
         }
-        let (mut noise, mut drive, mut by_reading) = ([0.0; 3], [0.0; 2], [0.0; MAX_INPUTS]);
-        let half_s = 0.5 * (self.to.t_s - self.from.t_s);
-        let first = self.setup.measured_inputs().next().map(|(input, _)| input);
-        for (input, sigma) in self.setup.measured_inputs() {
+        Some((by, may_change))
+    }
+
+    /// The noise of the reading's measured inputs, and their effects.
+    fn add_readings(&self, carried: &mut CarriedMotion, model: &mut impl Model) -> Option<()> {
+        let Self { passage, from, to, base, .. } = self;
+        let first = passage.setup.measured_inputs().next().map(|(input, _)| input);
+        for (input, sigma) in passage.setup.measured_inputs() {
             if !to[input].is_finite() {
                 continue;
             }
-            let mut end = to;
+            let mut end = *to;
             end[input] += sigma;
             let mut difference = sigma;
-            let mut there = model.step(&from, self.to.t_s, &end)?;
+            let mut there = model.step(from, passage.to.t_s, &end)?;
             if there.has_changed != base.has_changed {
                 difference = -sigma;
                 end[input] = to[input] - sigma;
-                there = model.step(&from, self.to.t_s, &end)?;
+                there = model.step(from, passage.to.t_s, &end)?;
             }
-            let [load, rate] = quotient([there.load, there.rate], difference);
-            by_reading[input] = load;
+            let [load, rate] = self.quotient(&there, difference);
+            carried.by_reading[input] = load;
             // The noise of a reading acts in both steps beside it.
-            let acting = [2.0 * half_s * rate, 2.0 * rate];
-            add_square(&mut noise, acting, sigma);
-            drive = if first == Some(input) { acting } else { drive };
-        }
-        // Change of the rate per load in the step: the square of the frequency times the time.
-        let pull = by[1][swing.load].abs();
-        let periods = (pull * 2.0 * half_s).sqrt().clamp(1e-3, 1.0);
-        let off = states[swing.load] - self.setup.unknowns[swing.load].prior;
-        let of_frequency = 2.0 * swing.frequency_error * pull * off / periods.sqrt();
-        add_square(&mut noise, [half_s * of_frequency, of_frequency], 1.0);
-        if has_changed {
-            // An impact has no derivative, and its time jumps by inner steps: errors of the states before count as independent ones.
-            (by, drive) = ([[0.0; MAX_STATES]; 2], [0.0; 2]);
-            for (at, unknown) in self.setup.unknowns.iter().enumerate() {
-                let mut trial = *states;
-                let sigma = covariance.get(at, at).sqrt();
-                trial[at] += if trial[at] + sigma > unknown.range[1] { -sigma } else { sigma };
-                let there = model.step(&start(&trial), self.to.t_s, &self.inputs(self.to, &trial))?;
-                add_square(&mut noise, [there.load - base.load, there.rate - base.rate], 1.0);
+            let acting = [2.0 * self.half_s() * rate, 2.0 * rate];
+            add_square(&mut carried.noise, acting, sigma);
+            if first == Some(input) {
+                carried.drive = acting;
             }
-            let of_impact = IMPACT * states[swing.rate];
-            add_square(&mut noise, [half_s * of_impact, of_impact], 1.0);
         }
-        let arrived = model.step(&from, self.to.t_s, &to)?;
-        Some(CarriedMotion { states: [arrived.load, arrived.rate], by, noise, drive, by_reading })
+        Some(())
+    }
+
+    /// The error of the model's frequency.
+    fn add_frequency(&self, carried: &mut CarriedMotion) {
+        let Swing { load, frequency_error, .. } = self.swing;
+        // Change of the rate per load in the step: the square of the frequency times the time.
+        let pull = carried.by[1][load].abs();
+        let periods = (pull * 2.0 * self.half_s()).sqrt().clamp(1e-3, 1.0);
+        let off = self.states[load] - self.passage.setup.unknowns[load].prior;
+        let of_frequency = 2.0 * frequency_error * pull * off / periods.sqrt();
+        add_square(&mut carried.noise, [self.half_s() * of_frequency, of_frequency], 1.0);
+    }
+
+    /// An impact has no derivative, and its time jumps by inner steps: errors of the states before count as independent ones.
+    fn add_impact(&self, carried: &mut CarriedMotion, model: &mut impl Model) -> Option<()> {
+        let Self { passage, swing, states, base, .. } = self;
+        (carried.by, carried.drive) = ([[0.0; MAX_STATES]; 2], [0.0; 2]);
+        for (at, unknown) in passage.setup.unknowns.iter().enumerate() {
+            let mut trial = **states;
+            let sigma = self.covariance.get(at, at).sqrt();
+            trial[at] += if trial[at] + sigma > unknown.range[1] { -sigma } else { sigma };
+            let end = passage.inputs(passage.to, &trial);
+            let there = model.step(&passage.start(&trial, swing), passage.to.t_s, &end)?;
+            add_square(&mut carried.noise, [there.load - base.load, there.rate - base.rate], 1.0);
+        }
+        let of_impact = IMPACT * states[swing.rate];
+        add_square(&mut carried.noise, [self.half_s() * of_impact, of_impact], 1.0);
+        Some(())
     }
 }
 

@@ -46,8 +46,8 @@ impl Trial {
     }
 
     /// Variance of an unknown without the trial, at a later time.
-    pub(crate) fn variance(&self, setup: &Setup, at: usize, t_s: f64) -> f64 {
-        self.covariance.get(at, at) + setup.unknowns[at].drift_variance(t_s - self.begin_s)
+    pub(crate) fn variance(&self, setup: &Setup, unknown: usize, t_s: f64) -> f64 {
+        self.covariance.get(unknown, unknown) + setup.unknowns[unknown].drift_variance(t_s - self.begin_s)
     }
 
     /// Unknowns that are elsewhere now, one bit each.

@@ -22,7 +22,7 @@
 //! Until the input has reversed, memory is not distinguishable from a bias: `I` stays small, and the bias keeps a wide interval.
 
 use crate::matrix::{MAX_STATES, Vector};
-use crate::setup::{Alarm, Estimate, MAX_INPUTS, MAX_ROWS, Measurement, Row, Setup, Status, Update};
+use crate::setup::{Alarm, Estimate, MAX_INPUTS, MAX_ROWS, MeasuredRow, Measurement, Setup, Status, Update};
 use crate::structure::Window;
 use crate::trial;
 
@@ -92,7 +92,7 @@ impl Direction {
 
 /// Sums over the last readings.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Watch {
+pub(crate) struct AlarmWatch {
     last_t_s: Option<f64>,
     /// Begin of the present contradiction, and of the present kind of it.
     since_s: Option<f64>,
@@ -126,7 +126,7 @@ pub(crate) struct Watch {
     directions: [Direction; MAX_INPUTS],
 }
 
-impl Watch {
+impl AlarmWatch {
     /// Adds the outcome of a reading. `noise` is that of the measured inputs, in order, `residuals` those at the estimates without it;
     /// `None` if the reading was not used.
     pub(crate) fn add(
@@ -249,7 +249,7 @@ impl Watch {
     }
 
     /// Factor by which what is left in the readings widens the standard deviations of the estimates.
-    pub(crate) fn widening(&self, rows: &[Row]) -> f64 {
+    pub(crate) fn widening(&self, rows: &[MeasuredRow]) -> f64 {
         self.window.widening(rows)
     }
 
@@ -325,15 +325,21 @@ const SIGNIFICANT: f64 = 6.0;
 const MIN_AMPLITUDE: f64 = 0.15;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
+enum MemoryKind {
     Play,
     Lag,
 }
 
 /// Standard deviation of an estimate with the effect of memory. Its distance from the prior is a bound: the truth has the prior's
 /// standard deviation.
-pub(crate) fn widened(patterns: &[Pattern], at: usize, sigma: f64, prior_sigma: f64, from_prior: f64) -> f64 {
-    let of_memory = |pattern: &Pattern| pattern.sensitivity[at].powi(2) * pattern.square();
+pub(crate) fn widened(
+    patterns: &[Pattern],
+    unknown: usize,
+    sigma: f64,
+    prior_sigma: f64,
+    from_prior: f64,
+) -> f64 {
+    let of_memory = |pattern: &Pattern| pattern.sensitivity[unknown].powi(2) * pattern.square();
     let with = sigma.hypot(patterns.iter().map(of_memory).sum::<f64>().sqrt());
     with.min(prior_sigma.hypot(from_prior)).max(sigma)
 }
@@ -341,7 +347,7 @@ pub(crate) fn widened(patterns: &[Pattern], at: usize, sigma: f64, prior_sigma: 
 /// One kind of memory.
 #[derive(Clone, Debug)]
 pub(crate) struct Pattern {
-    kind: Kind,
+    kind: MemoryKind,
     /// Time constant of the sums, s.
     cycles_s: f64,
     /// Value that acts in the actuator behind the play or the lag.
@@ -361,7 +367,7 @@ pub(crate) struct Pattern {
 }
 
 impl Pattern {
-    fn new(kind: Kind, cycles_s: f64) -> Self {
+    fn new(kind: MemoryKind, cycles_s: f64) -> Self {
         Self {
             kind,
             cycles_s,
@@ -378,7 +384,7 @@ impl Pattern {
 
     /// All kinds, with the time constant of their sums (s).
     pub(crate) fn all(cycles_s: f64) -> [Self; 2] {
-        [Self::new(Kind::Play, cycles_s), Self::new(Kind::Lag, cycles_s)]
+        [Self::new(MemoryKind::Play, cycles_s), Self::new(MemoryKind::Lag, cycles_s)]
     }
 
     /// Moves to the next reading of the input, with the standard deviation of its noise.
@@ -386,10 +392,10 @@ impl Pattern {
         let held = self.held.unwrap_or(value);
         let passed_s = if self.held.is_some() { t_s - self.last_t_s } else { 0.0 };
         let held = match self.kind {
-            Kind::Play => held.clamp(value - PLAY_SIGMAS * sigma, value + PLAY_SIGMAS * sigma),
-            Kind::Lag => held + (value - held) * (1.0 - (-passed_s / LAG_S).exp()),
+            MemoryKind::Play => held.clamp(value - PLAY_SIGMAS * sigma, value + PLAY_SIGMAS * sigma),
+            MemoryKind::Lag => held + (value - held) * (1.0 - (-passed_s / LAG_S).exp()),
         };
-        self.moves |= self.kind == Kind::Lag || self.held.is_some_and(|before| before != held);
+        self.moves |= self.kind == MemoryKind::Lag || self.held.is_some_and(|before| before != held);
         self.difference = if self.moves { value - held } else { 0.0 };
         (self.held, self.last_t_s) = (Some(held), t_s);
         self.passed_s += passed_s;

@@ -8,7 +8,7 @@ use crate::algebra::{cross, dot, sub};
 use crate::family::Family;
 use crate::mesh::EndFace;
 use crate::problem::Problem;
-use rom::observable::{Definition, ObservableKind, Place};
+use rom::observable::{Definition, ObservableKind, PointSpec};
 use std::collections::BTreeMap;
 
 /// Sections narrower than this fraction of the free length have no direction.
@@ -64,7 +64,7 @@ impl Bending {
     pub fn definition(&self, problem: &Problem) -> Definition {
         Definition {
             kind: ObservableKind::SectionAngle,
-            points: self.nodes.map(|n| Place::At(problem.mesh().nodes_mm[n])).to_vec(),
+            points: self.nodes.map(|n| PointSpec::At(problem.mesh().nodes_mm[n])).to_vec(),
             axis: Some(self.about),
         }
     }
@@ -89,10 +89,12 @@ impl Bending {
 /// it. `None` where they are as good as level.
 fn extremes(problem: &Problem, nodes: &[u32], axis: usize, narrowest_mm: f64) -> Option<[usize; 2]> {
     let places = &problem.mesh().nodes_mm;
-    let at = |n: u32| places[n as usize];
-    let middle = [0, 1, 2].map(|k| nodes.iter().map(|n| at(*n)[k]).sum::<f64>() / nodes.len().max(1) as f64);
-    let off = |n: u32| -> f64 { (0..3).filter(|k| *k != axis).map(|k| (at(n)[k] - middle[k]).powi(2)).sum() };
-    let level = |n: u32| at(n)[axis];
+    let place = |n: u32| places[n as usize];
+    let middle =
+        [0, 1, 2].map(|k| nodes.iter().map(|n| place(*n)[k]).sum::<f64>() / nodes.len().max(1) as f64);
+    let off =
+        |n: u32| -> f64 { (0..3).filter(|k| *k != axis).map(|k| (place(n)[k] - middle[k]).powi(2)).sum() };
+    let level = |n: u32| place(n)[axis];
     let low_mm = nodes.iter().map(|n| level(*n)).fold(f64::INFINITY, f64::min);
     let high_mm = nodes.iter().map(|n| level(*n)).fold(f64::NEG_INFINITY, f64::max);
     if high_mm - low_mm <= narrowest_mm {
@@ -125,7 +127,7 @@ pub fn observables(family: &Family) -> BTreeMap<String, Definition> {
         .collect();
     let shape = family.actuator.shape();
     let tip = match &shape {
-        Some(shape) => Place::At([shape.base.length_mm, shape.base_mm(), 0.0]),
+        Some(shape) => PointSpec::At([shape.base.length_mm, shape.base_mm(), 0.0]),
         None => tip_place(family),
     };
     let axes = [("tip_x_mm", [1.0, 0.0, 0.0]), ("tip_y_mm", [0.0, 1.0, 0.0]), ("tip_z_mm", [0.0, 0.0, 1.0])];
@@ -133,7 +135,7 @@ pub fn observables(family: &Family) -> BTreeMap<String, Definition> {
         all.insert(name.into(), definition(ObservableKind::Position, vec![tip.clone()], Some(axis)));
     }
     if let Some(shape) = shape {
-        let chord = vec![Place::At([0.0, shape.base_mm(), 0.0]), tip];
+        let chord = vec![PointSpec::At([0.0, shape.base_mm(), 0.0]), tip];
         all.insert("chord_angle_deg".into(), definition(ObservableKind::ChordAngle, chord, None));
         all.insert("chamber_volume_mm3".into(), definition(ObservableKind::Volume, Vec::new(), None));
     }
@@ -141,10 +143,10 @@ pub fn observables(family: &Family) -> BTreeMap<String, Definition> {
 }
 
 /// The centroid of the end face; where that is in a hole, or far from every node, the mean of the face's nodes.
-fn tip_place(family: &Family) -> Place {
+fn tip_place(family: &Family) -> PointSpec {
     let mesh = family.problem.mesh();
     let end = mesh.end_face();
     let distance = |x: &[f64; 3]| x.iter().zip(end.centroid_mm).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
     let is_near = mesh.nodes_mm.iter().any(|x| distance(x) <= NEAR_MM * NEAR_MM);
-    if end.is_solid && is_near { Place::At(end.centroid_mm) } else { Place::Set("tip".into()) }
+    if end.is_solid && is_near { PointSpec::At(end.centroid_mm) } else { PointSpec::Set("tip".into()) }
 }

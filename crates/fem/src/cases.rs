@@ -71,11 +71,6 @@ pub(crate) fn rounded(value: f64, parts_per_unit: f64) -> f64 {
     (value * parts_per_unit).round() / parts_per_unit
 }
 
-/// Three significant digits, for numbers that people read.
-pub(crate) fn three_digits(value: f64) -> f64 {
-    format!("{value:.2e}").parse().unwrap_or(value)
-}
-
 /// True if the volume is given in place of the pressure.
 pub(crate) fn by_volume(cases: &[Case]) -> bool {
     cases.first().is_some_and(|case| case.volume_mm3.is_some())

@@ -84,7 +84,7 @@ impl Obstacle {
 #[serde(deny_unknown_fields)]
 pub struct Round {
     /// Its form.
-    pub form: Form,
+    pub form: RoundShape,
     /// Radius (mm).
     pub radius_mm: f64,
     /// x and z (mm) of its highest point, which lies in the plane `y = -gap`; of a cylinder x counts.
@@ -94,7 +94,7 @@ pub struct Round {
 /// Forms of a round body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Form {
+pub enum RoundShape {
     /// A sphere.
     Sphere,
     /// A cylinder along z, across the actuator.
@@ -166,7 +166,9 @@ impl Face {
         }
         let normal = scale(1.0 / distance, arm);
         let mut turning = outer(-1.0 / distance, normal, normal);
-        for (k, row) in turning.iter_mut().enumerate().filter(|(k, _)| *k < 2 || round.form == Form::Sphere) {
+        for (k, row) in
+            turning.iter_mut().enumerate().filter(|(k, _)| *k < 2 || round.form == RoundShape::Sphere)
+        {
             row[k] += 1.0 / distance;
         }
         Some(Touch { penalty: penalty(overlap, self.smoothing_mm), normal, turning })
@@ -176,7 +178,7 @@ impl Face {
     fn arm(&self, round: &Round, p: Vec3) -> Vec3 {
         let [x, z] = round.centre_mm;
         let arm = sub(p, [x, -self.gap_mm - round.radius_mm, z]);
-        if round.form == Form::Cylinder { [arm[0], arm[1], 0.0] } else { arm }
+        if round.form == RoundShape::Cylinder { [arm[0], arm[1], 0.0] } else { arm }
     }
 
     /// Depth of a deformed point behind the face (mm); 0 or less in front of it or outside its extent. Below its middle a round

@@ -22,9 +22,9 @@ pub(crate) fn strain_n_mm(problem: &Problem, u: &[Vec3]) -> Result<f64, InvalidS
     }
     let x = problem.positions(u);
     for (t, (tri, geometry)) in problem.sheet.triangles.iter().zip(&problem.sheet.membrane).enumerate() {
-        let (at, law) = (tri.map(|n| x[n as usize]), problem.sheet.law(t));
+        let (corners, law) = (tri.map(|n| x[n as usize]), problem.sheet.law(t));
         for (q, weight) in geometry.weights.iter().enumerate() {
-            sum += weight * law.energy(membrane::strain(geometry, q, &at));
+            sum += weight * law.energy(membrane::strain(geometry, q, &corners));
         }
     }
     let mut bent = vec![[0.0; 3]; x.len()];

@@ -256,12 +256,12 @@ fn middle(database: &Database, kind: RegimeKind) -> Option<&Case> {
     let touches = |case: &&Case| (case.contact_force_n > 0.0) == (kind == RegimeKind::Contact);
     let cases: Vec<&Case> =
         database.of_split(Split::Train).map(|i| &database.cases[i]).filter(touches).collect();
-    let of =
+    let loads =
         |case: &Case| [case.pressure_mpa, case.gap_mm.filter(|_| kind == RegimeKind::Contact).unwrap_or(0.0)];
     let distance = |case: &Case| {
         let mut sum = 0.0;
-        for (at, value) in of(case).into_iter().enumerate() {
-            let [low, high] = ends(cases.iter().map(|other| of(other)[at]));
+        for (at, value) in loads(case).into_iter().enumerate() {
+            let [low, high] = ends(cases.iter().map(|other| loads(other)[at]));
             sum += if high > low { ((value - 0.5 * (low + high)) / (high - low)).powi(2) } else { 0.0 };
         }
         for (at, (value, parameter)) in case.parameters.iter().zip(&database.parameters).enumerate() {

@@ -40,7 +40,7 @@ pub use bending::{Bending, observables};
 pub use config::{
     ContactSettings, GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2, Load, MM3_PER_MG, NewtonSettings, ProblemConfig,
 };
-pub use contact::{Form, Obstacle, Round};
+pub use contact::{Obstacle, Round, RoundShape};
 pub use dynamics::{Dynamics, PronyTerm};
 pub use element::cavity::CavityLoad;
 pub use family::{Family, Variant, VariantError};
@@ -52,9 +52,9 @@ pub use path::{Limit, LimitKind, Path, PathPoint, PathSettings, limits};
 pub use problem::{Problem, ProblemError};
 pub use recovery::StressRecovery;
 pub use sensitivity::{Change, Sensitivity};
-pub use solver::{Bodies, FORMULATION, NotConverged, Report, SolveError, Solver};
+pub use solver::{Bodies, FORMULATION, NotConverged, SolveCost, SolveError, Solver};
 pub use state::{State, Stretches};
-pub use transfer::{Locator, Place};
+pub use transfer::{ElementPoint, Locator};
 pub use vibration::{BodyMass, Vibration, VibrationError};
 
 #[cfg(test)]

@@ -218,8 +218,8 @@ impl Dissection<'_> {
             for sign in [1.0, -1.0] {
                 let mut sorted = part.to_vec();
                 sorted.sort_by(|a, b| {
-                    let at = |n: u32| sign * self.points[n as usize][axis];
-                    at(*a).total_cmp(&at(*b)).then(a.cmp(b))
+                    let coordinate = |n: u32| sign * self.points[n as usize][axis];
+                    coordinate(*a).total_cmp(&coordinate(*b)).then(a.cmp(b))
                 });
                 self.number(&sorted);
                 let (cost, cut) = self.rate(&sorted);
@@ -322,7 +322,7 @@ const SIDES: usize = 8;
 
 /// Kind of the present factor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum FactorKind {
     Definite,
     Indefinite,
 }
@@ -332,7 +332,7 @@ pub(crate) struct Factor {
     analysis: Arc<Analysis>,
     values: Vec<f64>,
     memory: MemBuffer,
-    kind: Kind,
+    kind: FactorKind,
 }
 
 impl Factor {
@@ -350,7 +350,7 @@ impl Factor {
         let unknowns = analysis.unknowns;
         let memory = MemBuffer::try_new(request).map_err(|_| LinearError::Memory { unknowns })?;
         let values = vec![0.0; symbolic.len_val()];
-        Ok(Self { analysis, values, memory, kind: Kind::Definite })
+        Ok(Self { analysis, values, memory, kind: FactorKind::Definite })
     }
 
     /// Factorises the matrix: Cholesky, or `L D L^T` where the tangent is not positive definite (past a limit point of
@@ -371,7 +371,7 @@ impl Factor {
             Default::default(),
         );
         if definite.is_ok() {
-            self.kind = Kind::Definite;
+            self.kind = FactorKind::Definite;
             return Ok(());
         }
         let indefinite = symbolic.factorize_numeric_ldlt(
@@ -383,18 +383,18 @@ impl Factor {
             MemStack::new(&mut self.memory),
             Default::default(),
         );
-        self.kind = Kind::Indefinite;
+        self.kind = FactorKind::Indefinite;
         indefinite.map(|_| ()).map_err(|_| LinearError::Singular)
     }
 
     /// True if the last matrix was positive definite.
     pub(crate) fn positive_definite(&self) -> bool {
-        self.kind == Kind::Definite
+        self.kind == FactorKind::Definite
     }
 
     /// Number of negative pivots of the last matrix, equal to that of its negative eigenvalues.
     pub(crate) fn negative_pivots(&self) -> usize {
-        if self.kind == Kind::Definite {
+        if self.kind == FactorKind::Definite {
             return 0;
         }
         match self.analysis.symbolic.raw() {
@@ -424,10 +424,10 @@ impl Factor {
         let rhs = MatMut::from_column_major_slice_mut(sides, unknowns, sides.len() / unknowns);
         let stack = MemStack::new(&mut self.memory);
         match self.kind {
-            Kind::Definite => {
+            FactorKind::Definite => {
                 LltRef::new(symbolic, &self.values).solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack);
             }
-            Kind::Indefinite => {
+            FactorKind::Indefinite => {
                 LdltRef::new(symbolic, &self.values).solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack);
             }
         }

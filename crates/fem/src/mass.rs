@@ -79,6 +79,6 @@ pub(crate) fn gather(problem: &Problem, nodal: &[Vec3]) -> Vec<f64> {
 
 /// Nodal vector of values at the unknowns; 0 at held nodes.
 pub(crate) fn scatter(problem: &Problem, values: &[f64]) -> Vec<Vec3> {
-    let at = |free: &u32| values.get(3 * *free as usize..).and_then(|rest| rest.first_chunk::<3>());
-    problem.free.iter().map(|free| at(free).copied().unwrap_or_default()).collect()
+    let nodal = |free: &u32| values.get(3 * *free as usize..).and_then(|rest| rest.first_chunk::<3>());
+    problem.free.iter().map(|free| nodal(free).copied().unwrap_or_default()).collect()
 }

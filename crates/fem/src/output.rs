@@ -8,7 +8,7 @@ use crate::problem::Problem;
 use crate::state::State;
 use crate::system::{Ahead, System, face};
 use formats::FormatError;
-use formats::export::{Label, Moment, Series};
+use formats::export::{Label, Moment, StateSeries};
 use formats::vtu::Cells;
 use rom::snapshots::FieldSpec;
 use std::path::Path;
@@ -47,7 +47,7 @@ impl Output {
         let mut values: Vec<f32> = (0..3).flat_map(|k| axis(&self.coordinates_mm, k)).collect();
         values.extend(self.displacement_mm.iter().chain(&self.von_mises_mpa).map(|v| *v as f32));
         let undeformed = [0, 1, 2].map(|k| axis(&mesh.nodes_mm, k));
-        let series = Series {
+        let series = StateSeries {
             fields: &FieldSpec::of_the_paper(),
             nodes: mesh.nodes_mm.len(),
             cells: Cells::QuadraticTets(&mesh.tets),
@@ -75,8 +75,8 @@ pub(crate) fn depth_mm(problem: &Problem, state: &State) -> f64 {
 /// True if displacements `u` bring the base onto the obstacle.
 pub(crate) fn touches(problem: &Problem, u: &[Vec3], obstacle: Obstacle) -> bool {
     let Some(face) = face(problem, obstacle) else { return false };
-    let at = |n: u32| add(problem.mesh.nodes_mm[n as usize], u[n as usize]);
-    problem.contact_nodes.iter().any(|n| face.touch(at(*n)).is_some())
+    let position = |n: u32| add(problem.mesh.nodes_mm[n as usize], u[n as usize]);
+    problem.contact_nodes.iter().any(|n| face.touch(position(*n)).is_some())
 }
 
 /// Forces (N) of a state, with the carried stresses.

@@ -281,8 +281,8 @@ impl Problem {
             for (n, by) in nodes.iter().zip(&terms.gradient) {
                 let free = self.free[*n as usize];
                 if free != CONSTRAINED {
-                    let at = 3 * free as usize;
-                    gradient[at..at + 3].iter_mut().zip(by).for_each(|(sum, by)| *sum += by);
+                    let first = 3 * free as usize;
+                    gradient[first..first + 3].iter_mut().zip(by).for_each(|(sum, by)| *sum += by);
                 }
             }
         }
@@ -433,14 +433,14 @@ const FILM_AXIS: f64 = 0.05;
 
 fn sheet_geometry(mesh: &Mesh, config: &ProblemConfig, boundary: &Boundary) -> Result<Sheet, ProblemError> {
     let mut sheet = Sheet::default();
-    let at = |t: &Tri6| t.map(|n| mesh.nodes_mm[n as usize]);
+    let corners = |t: &Tri6| t.map(|n| mesh.nodes_mm[n as usize]);
     if let (Some(material), Some(first)) = (&config.sheet, mesh.sheet.first()) {
-        let origin = at(first);
+        let origin = corners(first);
         let axes = membrane::plane_axes(&origin);
         let normal = cross(axes[0], axes[1]);
         sheet.laws.push(membrane::Law::of_sheet(material));
         for (k, t) in mesh.sheet.iter().enumerate() {
-            let x = at(t);
+            let x = corners(t);
             let off = x.iter().map(|p| dot(sub(*p, origin[0]), normal).abs()).fold(0.0, f64::max);
             if off > 1.0e-6 * norm(sub(x[1], x[0])) {
                 return Err(ProblemError::Sheet(format!("{off:.3e} mm out of plane at triangle {k}")));
@@ -460,7 +460,7 @@ fn sheet_geometry(mesh: &Mesh, config: &ProblemConfig, boundary: &Boundary) -> R
         let law = sheet.laws.len() - 1;
         for t in triangles {
             let t = boundary.outward(t).unwrap_or(*t);
-            let x = at(&t);
+            let x = corners(&t);
             let wrong = |what: &str| {
                 let [a, b, c] = x[0];
                 ProblemError::Film(format!("film {} at ({a:.3}, {b:.3}, {c:.3}) mm: {what}", film + 1))

@@ -75,8 +75,8 @@ fn scaled(unit: &[f64], bounds: &Bounds) -> Vec<f64> {
 pub fn grid(counts: &[usize], bounds: &Bounds) -> Vec<Vec<f64>> {
     let mut points = vec![Vec::new()];
     for (count, [low, high]) in counts.iter().zip(bounds) {
-        let at = |i: usize| if *count == 1 { 0.5 } else { i as f64 / (*count - 1) as f64 };
-        let values: Vec<f64> = (0..*count).map(|i| low + at(i) * (high - low)).collect();
+        let fraction = |i: usize| if *count == 1 { 0.5 } else { i as f64 / (*count - 1) as f64 };
+        let values: Vec<f64> = (0..*count).map(|i| low + fraction(i) * (high - low)).collect();
         points = points
             .into_iter()
             .flat_map(|p: Vec<f64>| values.iter().map(move |v| [p.as_slice(), &[*v]].concat()))

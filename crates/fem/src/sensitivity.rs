@@ -72,8 +72,8 @@ impl Solver {
                 for (r, free) in
                     system.condensed.iter().zip(problem.free.iter()).filter(|(_, f)| **f != CONSTRAINED)
                 {
-                    let at = 3 * *free as usize;
-                    side[at..at + 3].iter_mut().zip(r).for_each(|(s, r)| *s += sign / change.step * r);
+                    let first = 3 * *free as usize;
+                    side[first..first + 3].iter_mut().zip(r).for_each(|(s, r)| *s += sign / change.step * r);
                 }
             }
         }
@@ -128,15 +128,15 @@ fn follow(problem: &Problem, state: &State, change: &Change, side: &[f64]) -> Se
 /// Force on the obstacle (N) at displacements `u`.
 fn contact_force_n(problem: &Problem, u: &[Vec3], load: &Load) -> f64 {
     let Some(face) = face(problem, load.obstacle) else { return 0.0 };
-    let at = |n: &u32| add(problem.mesh.nodes_mm[*n as usize], u[*n as usize]);
+    let position = |n: &u32| add(problem.mesh.nodes_mm[*n as usize], u[*n as usize]);
     let nodes = problem.contact_nodes.iter().zip(&problem.contact_stiffness_n_per_mm);
-    nodes.filter_map(|(n, k)| Some(k * face.touch(at(n))?.vertical())).sum()
+    nodes.filter_map(|(n, k)| Some(k * face.touch(position(n))?.vertical())).sum()
 }
 
 /// True if nodes touch the obstacle and all of them have just begun to.
 fn on_the_edge(problem: &Problem, state: &State) -> bool {
     let Some(face) = face(problem, state.load.obstacle) else { return false };
-    let at = |n: &u32| add(problem.mesh.nodes_mm[*n as usize], state.displacement_mm[*n as usize]);
-    let mut touching = problem.contact_nodes.iter().filter_map(|n| face.touch(at(n))).peekable();
+    let position = |n: &u32| add(problem.mesh.nodes_mm[*n as usize], state.displacement_mm[*n as usize]);
+    let mut touching = problem.contact_nodes.iter().filter_map(|n| face.touch(position(n))).peekable();
     touching.peek().is_some() && touching.all(|touch| touch.penalty.stiffness < EDGE_STIFFNESS)
 }

@@ -18,7 +18,7 @@ use crate::transfer::transferred;
 
 /// Cost and residual of a solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Report {
+pub struct SolveCost {
     /// Factorisations of the tangent, one per Newton iteration.
     pub factorisations: usize,
     /// Load steps that succeeded.
@@ -53,7 +53,7 @@ pub struct NotConverged {
     /// Why the next step failed.
     pub reason: NewtonError,
     /// The work spent.
-    pub report: Report,
+    pub report: SolveCost,
 }
 
 /// Loads as people read them: every pressure and the gap, to 1e-6 MPa, which is below every sensor's resolution.
@@ -207,9 +207,9 @@ pub trait Bodies {
 }
 
 /// Path with a constant body.
-struct Stays(Arc<Problem>);
+struct ConstantBody(Arc<Problem>);
 
-impl Bodies for Stays {
+impl Bodies for ConstantBody {
     fn at(&self, _: f64) -> Result<Arc<Problem>, VariantError> {
         Ok(Arc::clone(&self.0))
     }
@@ -271,13 +271,13 @@ impl Solver {
     ///
     /// # Errors
     /// [`SolveError`].
-    pub fn gravity_equilibrium(&mut self, gravity_mm_s2: [f64; 3]) -> Result<(State, Report), SolveError> {
+    pub fn gravity_equilibrium(&mut self, gravity_mm_s2: [f64; 3]) -> Result<(State, SolveCost), SolveError> {
         let load = self.at_rest(gravity_mm_s2);
         self.continuation(
             &self.undeformed(),
             &load,
             1.0 / f64::from(GRAVITY_STEPS),
-            &Stays(self.problem.clone()),
+            &ConstantBody(self.problem.clone()),
         )
     }
 
@@ -288,8 +288,8 @@ impl Solver {
     ///
     /// # Errors
     /// [`SolveError`]; the start is untouched.
-    pub fn solve_to(&mut self, from: &State, load: &Load) -> Result<(State, Report), SolveError> {
-        let body = Stays(Arc::clone(&self.problem));
+    pub fn solve_to(&mut self, from: &State, load: &Load) -> Result<(State, SolveCost), SolveError> {
+        let body = ConstantBody(Arc::clone(&self.problem));
         self.solve_along(from, load, &body)
     }
 
@@ -305,12 +305,12 @@ impl Solver {
         from: &State,
         load: &Load,
         path: &dyn Bodies,
-    ) -> Result<(State, Report), SolveError> {
+    ) -> Result<(State, SolveCost), SolveError> {
         let (state, report) = self.follow(from, load, path)?;
         if output::depth_mm(&self.problem, &state) <= MAX_DEPTH_MM {
             return Ok((state, report));
         }
-        let body = Stays(Arc::clone(&self.problem));
+        let body = ConstantBody(Arc::clone(&self.problem));
         let (rest, to_rest) = self.gravity_equilibrium(load.gravity_mm_s2)?;
         let on_obstacle = Load { obstacle: load.obstacle, ..rest.load };
         let (pressed, to_obstacle) = self.follow(&rest, &on_obstacle, &body)?;
@@ -327,10 +327,10 @@ impl Solver {
         from: &State,
         load: &Load,
         path: &dyn Bodies,
-    ) -> Result<(State, Report), SolveError> {
+    ) -> Result<(State, SolveCost), SolveError> {
         self.check(from, load)?;
         let mut start = from.clone();
-        let mut before = Report::default();
+        let mut before = SolveCost::default();
         if from.load.obstacle != Obstacle::None && !from.load.obstacle.same_body(load.obstacle) {
             (start, before) = self.withdraw(from, path)?;
         }
@@ -368,11 +368,11 @@ impl Solver {
         &mut self.newton
     }
 
-    fn withdraw(&mut self, from: &State, path: &dyn Bodies) -> Result<(State, Report), SolveError> {
+    fn withdraw(&mut self, from: &State, path: &dyn Bodies) -> Result<(State, SolveCost), SolveError> {
         let first = path.at(0.0).map_err(SolveError::Body)?;
         let gap = from.load.obstacle.gap_mm().unwrap_or(0.0) + WITHDRAWAL_MM;
         let away = Load { obstacle: from.load.obstacle.at(gap), ..from.load };
-        let (mut state, report) = self.continuation(from, &away, 1.0, &Stays(first))?;
+        let (mut state, report) = self.continuation(from, &away, 1.0, &ConstantBody(first))?;
         state.load.obstacle = Obstacle::None;
         Ok((state, report))
     }
@@ -493,37 +493,25 @@ impl Solver {
         to: &Load,
         first_step: f64,
         path: &dyn Bodies,
-    ) -> Result<(State, Report), SolveError> {
+    ) -> Result<(State, SolveCost), SolveError> {
         let began = Instant::now();
         let mut state = from.clone();
         state.load.injected_mm3 = to.injected_mm3.map(|_| self.driven_mm3(from, to));
         let begin = state.load;
-        let mut report = Report::default();
+        let mut report = SolveCost::default();
         let (mut done, mut step) = (0.0_f64, first_step);
         let (mut failures, mut has_searched) = (0, to.injected_mm3.is_some());
-        loop {
+        while done < 1.0 {
             let mut trial = state.clone();
             let mut effort = Effort::default();
             let outcome = self.step(&mut trial, (&begin, to), (done, &mut step), path, &mut effort);
             report.factorisations += effort.factorisations;
             report.seconds = began.elapsed().as_secs_f64();
             let shortest = self.problem.config.newton.smallest_step;
-            let problem = Arc::clone(&self.problem);
-            let stopped = |done, last, reason, report| {
-                SolveError::NotConverged(Box::new(NotConverged {
-                    fraction: done,
-                    to: *to,
-                    last,
-                    cavities_mpa: problem.config.cavities_mpa.clone(),
-                    newton: problem.config.newton,
-                    reason: NewtonError::placed(reason, &problem),
-                    report,
-                }))
-            };
             match outcome {
                 Ok(reached) if reached < 1.0 && reached - done < shortest => {
                     let reason = NewtonError::StepTooShort { fraction: reached - done };
-                    return Err(stopped(reached, trial.load, reason, report));
+                    return Err(self.not_converged(reached, to, trial.load, reason, report));
                 }
                 Ok(reached) => {
                     // The predictor determines the length of the next step, unless this one was hard.
@@ -540,6 +528,7 @@ impl Solver {
                     report.steps += 1;
                 }
                 Err(reason) => {
+                    let reason = NewtonError::placed(reason, &self.problem);
                     report.cuts += 1;
                     failures += 1;
                     step *= 0.5;
@@ -552,33 +541,52 @@ impl Solver {
                             .flatten();
                         report.factorisations += effort.factorisations;
                         if let Some(reason) = limit {
-                            return Err(stopped(done, state.load, reason, report));
+                            let reason = NewtonError::placed(reason, &self.problem);
+                            return Err(self.not_converged(done, to, state.load, reason, report));
                         }
                     }
                     if step < shortest {
-                        return Err(stopped(done, state.load, reason, report));
+                        return Err(self.not_converged(done, to, state.load, reason, report));
                     }
                 }
             }
-            if done >= 1.0 {
-                let pressure_mpa = state.load.pressure_mpa;
-                state.load = *to;
-                if to.injected_mm3.is_some() {
-                    state.load.pressure_mpa = pressure_mpa;
-                }
-                let balance = output::balance(&self.problem, &state, &mut self.newton.system);
-                (report.residual_n, report.residual) = (balance.residual_n, balance.relative());
-                report.seconds = began.elapsed().as_secs_f64();
-                if report.residual > MAX_RESIDUAL {
-                    return Err(SolveError::Unbalanced { found: report.residual });
-                }
-                return Ok((state, report));
-            }
         }
+        let pressure_mpa = state.load.pressure_mpa;
+        state.load = *to;
+        if to.injected_mm3.is_some() {
+            state.load.pressure_mpa = pressure_mpa;
+        }
+        let balance = output::balance(&self.problem, &state, &mut self.newton.system);
+        (report.residual_n, report.residual) = (balance.residual_n, balance.relative());
+        report.seconds = began.elapsed().as_secs_f64();
+        if report.residual > MAX_RESIDUAL {
+            return Err(SolveError::Unbalanced { found: report.residual });
+        }
+        Ok((state, report))
+    }
+
+    /// The error of a path to a load that ended after a part of it, at `last`.
+    fn not_converged(
+        &self,
+        fraction: f64,
+        to: &Load,
+        last: Load,
+        reason: NewtonError,
+        report: SolveCost,
+    ) -> SolveError {
+        SolveError::NotConverged(Box::new(NotConverged {
+            fraction,
+            to: *to,
+            last,
+            cavities_mpa: self.problem.config.cavities_mpa.clone(),
+            newton: self.problem.config.newton,
+            reason,
+            report,
+        }))
     }
 }
 
-impl Report {
+impl SolveCost {
     /// This work followed by more.
     #[must_use]
     pub fn and(&self, later: &Self) -> Self {

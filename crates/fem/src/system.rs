@@ -203,18 +203,18 @@ impl System {
         let sheet = &problem.sheet;
         for (t, nodes) in sheet.triangles.iter().enumerate() {
             let (geometry, law) = (&sheet.membrane[t], sheet.law(t));
-            let at = nodes.map(|n| x[n as usize]);
+            let corners = nodes.map(|n| x[n as usize]);
             let carried = &state.sheet_resultants_n_per_mm[t];
             let follows: [Plane; 3] =
-                std::array::from_fn(|q| law.resultant(membrane::strain(geometry, q, &at)));
+                std::array::from_fn(|q| law.resultant(membrane::strain(geometry, q, &corners)));
             let (condensed, mixed) =
-                (membrane::force(geometry, &at, &follows), membrane::force(geometry, &at, carried));
+                (membrane::force(geometry, &corners, &follows), membrane::force(geometry, &corners, carried));
             for (a, n) in nodes.iter().enumerate() {
                 axpy(-1.0, condensed[a], &mut self.condensed[*n as usize]);
                 axpy(-1.0, mixed[a], &mut self.mixed[*n as usize]);
             }
             if with_tangent {
-                let blocks = membrane::tangent(geometry, &at, carried, law);
+                let blocks = membrane::tangent(geometry, &corners, carried, law);
                 self.scatter_face(problem, nodes, &sheet.ranks[t], &blocks);
             }
         }

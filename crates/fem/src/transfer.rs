@@ -23,7 +23,7 @@ pub struct Locator<'a> {
 
 /// A point in an element.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Place {
+pub struct ElementPoint {
     /// The element.
     pub element: usize,
     /// Its ten nodes.
@@ -34,7 +34,7 @@ pub struct Place {
     pub outside: f64,
 }
 
-impl Place {
+impl ElementPoint {
     /// Value of a nodal field at the point, quadratic in the element.
     pub fn value(&self, field: &[f64]) -> f64 {
         self.nodes.iter().zip(self.weights).map(|(n, weight)| weight * field[*n as usize]).sum()
@@ -76,8 +76,8 @@ impl<'a> Locator<'a> {
             for i in range(0) {
                 for j in range(1) {
                     for k in range(2) {
-                        let at = this.index([i, j, k]);
-                        this.cells[at].push(e as u32);
+                        let bin = this.index([i, j, k]);
+                        this.cells[bin].push(e as u32);
                     }
                 }
             }
@@ -94,7 +94,7 @@ impl<'a> Locator<'a> {
     }
 
     /// Element that contains a point, or the nearest of those around it; `None` if no element is near.
-    pub fn place(&self, x: [f64; 3]) -> Option<Place> {
+    pub fn place(&self, x: [f64; 3]) -> Option<ElementPoint> {
         let [i, j, k] = self.cell(x);
         let around = |at: usize, count: usize| at.saturating_sub(1)..=(at + 1).min(count - 1);
         // A point on the cell's face may belong to a neighbour by rounding.
@@ -108,13 +108,13 @@ impl<'a> Locator<'a> {
         self.nearest(x, neighbours.flat_map(|cell| self.cells[self.index(cell)].iter()))
     }
 
-    fn nearest<'c>(&self, x: Vec3, elements: impl Iterator<Item = &'c u32>) -> Option<Place> {
+    fn nearest<'c>(&self, x: Vec3, elements: impl Iterator<Item = &'c u32>) -> Option<ElementPoint> {
         let place = |e: &u32| {
             let nodes = self.problem.mesh.tets[*e as usize];
             let corner = |n: usize| self.problem.mesh.nodes_mm[nodes[n] as usize];
             let barycentric = barycentric([0, 1, 2, 3].map(corner), x);
             let outside = barycentric.iter().fold(0.0, |most: f64, l| most.max(-l));
-            Place { element: *e as usize, nodes, weights: tet10::shape(barycentric), outside }
+            ElementPoint { element: *e as usize, nodes, weights: tet10::shape(barycentric), outside }
         };
         elements.map(place).min_by(|a, b| a.outside.total_cmp(&b.outside))
     }
@@ -155,9 +155,9 @@ fn resultants(from: &Problem, state: &State, to: &Problem) -> Vec<[Plane; 3]> {
     let (old, new) = (&from.sheet, &to.sheet);
     let middles: Vec<Vec3> = old.triangles.iter().map(|t| middle(from, &t[..3])).collect();
     let nearest = |(t, nodes): (usize, &Tri6)| {
-        let at = middle(to, &nodes[..3]);
+        let centre = middle(to, &nodes[..3]);
         let distance = |k: &usize| {
-            let d = sub(middles[*k], at);
+            let d = sub(middles[*k], centre);
             dot(d, d)
         };
         let same = (0..middles.len()).filter(|k| new.same_film(t, old, *k));

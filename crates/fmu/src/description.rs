@@ -52,7 +52,7 @@ pub(crate) fn read_nodes(text: &str) -> Result<Vec<ChosenNode>, String> {
 
 /// Quantity of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Quantity {
+pub(crate) enum OutputQuantity {
     /// One of [`NUMBERS`], by its position.
     Number(usize),
     /// Derivative of the force with respect to the input at this position.
@@ -68,7 +68,7 @@ pub(crate) enum Quantity {
     },
 }
 
-impl Quantity {
+impl OutputQuantity {
     /// True for an Int32.
     pub(crate) fn is_integer(self) -> bool {
         matches!(self, Self::Number(at) if NUMBERS[at].unit.is_empty())
@@ -80,7 +80,7 @@ pub(crate) struct Output {
     pub name: String,
     pub unit: String,
     pub about: &'static str,
-    pub quantity: Quantity,
+    pub quantity: OutputQuantity,
 }
 
 /// The outputs in the order of their value references.
@@ -90,30 +90,30 @@ pub(crate) fn outputs(header: &ModelHeader, observables: &Observables, nodes: &[
         all.push(Output { name, unit, about, quantity });
     };
     for (at, number) in NUMBERS.iter().enumerate().filter(|(_, number)| header.has_number(number)) {
-        add(number.key.into(), number.unit.into(), number.about, Quantity::Number(at));
+        add(number.key.into(), number.unit.into(), number.about, OutputQuantity::Number(at));
     }
     for (at, input) in header.taken_inputs().filter(|_| header.has_forces()) {
         let (name, unit) = (format!("force_by_{}", input.key()), format!("N/{}", input.unit));
-        add(name, unit, "Derivative of the contact force", Quantity::ForceBy(at));
+        add(name, unit, "Derivative of the contact force", OutputQuantity::ForceBy(at));
     }
     if header.has_stress() {
         let (name, about) = ("max_von_mises_mpa", "Largest von Mises stress of all nodes");
-        add(name.into(), "MPa".into(), about, Quantity::MaxStress);
+        add(name.into(), "MPa".into(), about, OutputQuantity::MaxStress);
     }
     for (at, (name, unit)) in observables.names().zip(observables.units()).enumerate() {
-        add(name.into(), unit.into(), "Observable of the shape", Quantity::Observable(at));
+        add(name.into(), unit.into(), "Observable of the shape", OutputQuantity::Observable(at));
         let halfwidth = format!("{name}_halfwidth");
         add(
             halfwidth,
             unit.into(),
             "Its half-width; NaN outside the training states",
-            Quantity::ObservableHalfwidth(at),
+            OutputQuantity::ObservableHalfwidth(at),
         );
     }
     for (chosen, node) in nodes.iter().enumerate() {
         for (field, output) in header.fields.iter().enumerate() {
             let (name, unit) = (format!("{}.{}", node.name, output.spec.name), output.spec.unit.clone());
-            add(name, unit, "Field at a chosen node", Quantity::AtNode { field, chosen });
+            add(name, unit, "Field at a chosen node", OutputQuantity::AtNode { field, chosen });
         }
     }
     all

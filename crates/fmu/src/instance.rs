@@ -1,7 +1,7 @@
 //! One instance: the model with its present inputs and the results computed from them.
 
 use crate::description::{
-    self, ChosenNode, FIRST_INPUT, FIRST_OUTPUT, MODEL_FILE, NODES_FILE, Output, Quantity, TIME,
+    self, ChosenNode, FIRST_INPUT, FIRST_OUTPUT, MODEL_FILE, NODES_FILE, Output, OutputQuantity, TIME,
 };
 use rom::evaluation::{Evaluation, NUMBERS};
 use rom::evaluator::{Evaluator, Query};
@@ -12,7 +12,12 @@ use rom::observable::{Observables, Observed};
 use rom::reconstructor::Reconstructor;
 use rom::session::{Gaps, Session};
 use rom::snapshots::FieldKind;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
+
+/// Most of a list of nodes that is read: some 50,000 nodes.
+const MAX_NODES_BYTES: u64 = 1 << 20;
 
 /// Everything that changes in an instance: the state that an importer saves and restores.
 #[derive(Clone)]
@@ -47,7 +52,10 @@ impl Instance {
             format!("{}: {error}; export the FMU again", resources.join(name).display())
         };
         let (model, hash) = Model::read(resources.join(MODEL_FILE)).map_err(|e| broken(MODEL_FILE, &e))?;
-        let text = std::fs::read_to_string(resources.join(NODES_FILE)).map_err(|e| broken(NODES_FILE, &e))?;
+        let mut text = String::new();
+        let file = File::open(resources.join(NODES_FILE)).map_err(|e| broken(NODES_FILE, &e))?;
+        // What lies behind the limit is not read, and the token then belongs to other nodes.
+        file.take(MAX_NODES_BYTES).read_to_string(&mut text).map_err(|e| broken(NODES_FILE, &e))?;
         let nodes = description::read_nodes(&text).map_err(|e| broken(NODES_FILE, &e))?;
         let expected = description::token(&hash, &nodes);
         if token != expected {
@@ -158,14 +166,14 @@ impl Instance {
 
     /// Sets an input. NaN, and infinity for inputs other than the gap, are refused, and the old value is kept.
     pub(crate) fn set(&mut self, reference: u32, value: f64) -> Result<(), String> {
-        let at = reference.wrapping_sub(FIRST_INPUT) as usize;
-        let key = self.keys.get(at).filter(|_| at < MAX_INPUTS);
+        let input = reference.wrapping_sub(FIRST_INPUT) as usize;
+        let key = self.keys.get(input).filter(|_| input < MAX_INPUTS);
         let key = key.ok_or_else(|| format!("value reference {reference} is no input"))?;
-        if value.is_nan() || value.is_infinite() && at != GAP {
+        if value.is_nan() || value.is_infinite() && input != GAP {
             return Err(format!("{key}: expected a number, found {value}; the value before stands"));
         }
-        if self.now.inputs.values()[at] != value {
-            self.now.inputs = self.now.inputs.with(at, value);
+        if self.now.inputs.values()[input] != value {
+            self.now.inputs = self.now.inputs.with(input, value);
             self.outdate();
         }
         Ok(())
@@ -193,9 +201,9 @@ impl Instance {
         Ok(())
     }
 
-    fn quantity(&self, reference: u32, integer: bool) -> Result<Quantity, String> {
-        let at = reference.wrapping_sub(FIRST_OUTPUT) as usize;
-        let found = self.outputs.get(at).map(|output| output.quantity);
+    fn quantity(&self, reference: u32, integer: bool) -> Result<OutputQuantity, String> {
+        let output = reference.wrapping_sub(FIRST_OUTPUT) as usize;
+        let found = self.outputs.get(output).map(|output| output.quantity);
         let kind = if integer { "Int32" } else { "Float64" };
         found
             .filter(|quantity| quantity.is_integer() == integer)
@@ -215,13 +223,13 @@ impl Instance {
         self.update()?;
         let found = &self.now.evaluation;
         Ok(match quantity {
-            Quantity::Number(at) => (NUMBERS[at].value)(found),
-            Quantity::ForceBy(input) => found.force_gradient[input],
-            Quantity::MaxStress => match &mut self.stress {
+            OutputQuantity::Number(at) => (NUMBERS[at].value)(found),
+            OutputQuantity::ForceBy(input) => found.force_gradient[input],
+            OutputQuantity::MaxStress => match &mut self.stress {
                 Some(stress) => stress.largest_mpa(found)?.into(),
                 None => f64::NAN,
             },
-            Quantity::AtNode { field, chosen } => {
+            OutputQuantity::AtNode { field, chosen } => {
                 let stress = self.stress.iter_mut().map(|stress| &mut stress.part);
                 for part in self.others.iter_mut().chain(stress) {
                     if let Some(value) = part.value(found, field, chosen)? {
@@ -230,19 +238,23 @@ impl Instance {
                 }
                 return Err("no node was chosen".into());
             }
-            Quantity::Observable(at) => self.observed(at).map_or(f64::NAN, |found| found.value),
-            Quantity::ObservableHalfwidth(at) => self.observed(at).map_or(f64::NAN, |found| found.halfwidth),
+            OutputQuantity::Observable(at) => self.observed(at).map_or(f64::NAN, |found| found.value),
+            OutputQuantity::ObservableHalfwidth(at) => {
+                self.observed(at).map_or(f64::NAN, |found| found.halfwidth)
+            }
         })
     }
 
-    fn observed(&mut self, at: usize) -> Option<Observed> {
+    fn observed(&mut self, observable: usize) -> Option<Observed> {
         let part = self.others.as_mut()?;
-        Some(self.observables.value(at, part.at(&self.now.evaluation)))
+        Some(self.observables.value(observable, part.at(&self.now.evaluation)))
     }
 
     /// An output that is an Int32.
     pub(crate) fn integer(&mut self, reference: u32) -> Result<i32, String> {
-        let Quantity::Number(at) = self.quantity(reference, true)? else { return Err("no Int32".into()) };
+        let OutputQuantity::Number(at) = self.quantity(reference, true)? else {
+            return Err("no Int32".into());
+        };
         self.update()?;
         Ok((NUMBERS[at].value)(&self.now.evaluation) as i32)
     }

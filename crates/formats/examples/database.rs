@@ -1,7 +1,7 @@
 //! Arrays as a database for training, read back, and one state as a file for ParaView.
 
 use formats::database::{self, ObstacleKind};
-use formats::export::{Label, Moment, Series};
+use formats::export::{Label, Moment, StateSeries};
 use formats::vtu::Cells;
 use rom::snapshots::{Case, Database, FieldSpec, Footprint, RegimeKind, Split};
 
@@ -41,8 +41,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let read = database::read(&folder, ObstacleKind::Plate)?;
     assert_eq!((read.hash, read.snapshots), (mine.hash, mine.snapshots.clone()));
     let by_field: Vec<f32> = (0..5).flat_map(|field| mine.field(1, field)).collect();
-    let series =
-        Series { fields: &mine.fields, nodes: 2, cells: Cells::Triangles(&[]), undeformed: None, count: 1 };
+    let series = StateSeries {
+        fields: &mine.fields,
+        nodes: 2,
+        cells: Cells::Triangles(&[]),
+        undeformed: None,
+        count: 1,
+    };
     let state = Moment { time: 0.0, label: Label::default(), values: by_field, moved: None };
     series.write_state(&folder.join("inflated.vtu"), &state)?;
     println!("{}", folder.display());

@@ -20,7 +20,7 @@ impl Block {
     }
 
     /// Adds a cell of `kind` to its block among `blocks`.
-    pub(crate) fn add(blocks: &mut Vec<Self>, kind: Kind, nodes: impl IntoIterator<Item = u32>) {
+    pub(crate) fn add(blocks: &mut Vec<Self>, kind: CellKind, nodes: impl IntoIterator<Item = u32>) {
         match blocks.iter_mut().find(|block| block.kind == kind.number) {
             Some(block) => block.nodes.extend(nodes),
             None => blocks.push(Self {
@@ -33,7 +33,7 @@ impl Block {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Kind {
+pub struct CellKind {
     pub number: u8,
     pub nodes: usize,
     /// Shape in the plural (`tetrahedra`).
@@ -43,12 +43,18 @@ pub struct Kind {
     pub meshio: &'static str,
 }
 
-const fn kind(number: u8, nodes: usize, shape: &'static str, is_solid: bool, meshio: &'static str) -> Kind {
-    Kind { number, nodes, shape, is_solid, meshio }
+const fn kind(
+    number: u8,
+    nodes: usize,
+    shape: &'static str,
+    is_solid: bool,
+    meshio: &'static str,
+) -> CellKind {
+    CellKind { number, nodes, shape, is_solid, meshio }
 }
 
 /// Supported kinds: solids, then faces.
-pub const KINDS: [Kind; 12] = [
+pub const KINDS: [CellKind; 12] = [
     kind(10, 4, "tetrahedra", true, "tetra"),
     kind(24, 10, "tetrahedra", true, "tetra10"),
     kind(12, 8, "hexahedra", true, "hexahedron"),
@@ -63,7 +69,7 @@ pub const KINDS: [Kind; 12] = [
     kind(23, 8, "quadrilaterals", false, "quad8"),
 ];
 
-impl Kind {
+impl CellKind {
     /// Kind by VTK's number.
     pub fn of(number: usize) -> Option<Self> {
         KINDS.into_iter().find(|kind| usize::from(kind.number) == number)
@@ -131,8 +137,8 @@ fn facets(nodes: usize) -> &'static [[usize; 3]] {
 /// # Panics
 /// When a cell names a node beyond `points`.
 pub fn surface(points: &[[f64; 3]], blocks: &[Block]) -> Vec<[u32; 3]> {
-    let known = |block: &&Block| Kind::of(block.kind.into()).is_some();
-    let solid = |block: &&Block| Kind::of(block.kind.into()).is_some_and(|kind| kind.is_solid);
+    let known = |block: &&Block| CellKind::of(block.kind.into()).is_some();
+    let solid = |block: &&Block| CellKind::of(block.kind.into()).is_some_and(|kind| kind.is_solid);
     let has_solids = blocks.iter().any(|block| solid(&block));
     let used: Vec<&Block> = blocks.iter().filter(|b| if has_solids { solid(b) } else { known(b) }).collect();
     let mut owners: HashMap<[u32; 4], u32> = HashMap::new();
@@ -155,7 +161,7 @@ pub fn surface(points: &[[f64; 3]], blocks: &[Block]) -> Vec<[u32; 3]> {
 /// Calls `take` with every cell and each of its faces.
 fn for_faces(blocks: &[&Block], mut take: impl FnMut(&[u32], &[u32])) {
     for block in blocks {
-        let faces = Kind::of(block.kind.into()).map_or_else(Vec::new, Kind::faces);
+        let faces = CellKind::of(block.kind.into()).map_or_else(Vec::new, CellKind::faces);
         let mut nodes = Vec::new();
         for cell in block.nodes.chunks_exact(block.nodes_per_cell) {
             for face in &faces {
@@ -198,7 +204,7 @@ impl MeshFile {
     /// # Errors
     /// Solids other than 10-node tetrahedra, or none.
     pub fn of_solids(points_mm: Vec<[f64; 3]>, blocks: &[Block]) -> Result<Self, Diagnostic> {
-        let is_solid = |block: &&Block| Kind::of(block.kind.into()).is_some_and(|kind| kind.is_solid);
+        let is_solid = |block: &&Block| CellKind::of(block.kind.into()).is_some_and(|kind| kind.is_solid);
         let solids: Vec<&Block> = blocks.iter().filter(is_solid).collect();
         let [Block { kind: 24, nodes, .. }] = solids.as_slice() else {
             let count = |block: &&Block| format!("{} of type {}", block.count(), block.kind);

@@ -96,7 +96,7 @@ impl SeriesFormat {
         }
     }
 
-    fn layout<'a>(self, path: &Path, series: Series<'a>) -> Box<dyn Layout + 'a> {
+    fn layout<'a>(self, path: &Path, series: StateSeries<'a>) -> Box<dyn Layout + 'a> {
         match self {
             Self::Pvd => Box::new(Pvd::new(path, series)),
             Self::Tecplot => Box::new(Tecplot::new(series)),
@@ -107,7 +107,7 @@ impl SeriesFormat {
     }
 }
 
-impl Series<'_> {
+impl StateSeries<'_> {
     /// Writes the series in the format of the name's ending; returns the files written, `path` first. Cost and output are linear in
     /// states x nodes x fields.
     ///
@@ -178,8 +178,8 @@ impl StateFormat {
     }
 }
 
-impl Series<'_> {
-    /// Writes one state in the format of the name's ending; ignores [`Series::count`] and the state's time.
+impl StateSeries<'_> {
+    /// Writes one state in the format of the name's ending; ignores [`StateSeries::count`] and the state's time.
     ///
     /// # Errors
     /// An unknown ending, a state of inconsistent sizes, or an I/O error.
@@ -194,7 +194,7 @@ impl Series<'_> {
             StateFormat::Csv => file::replace(path, table_of(self, values, label).as_bytes()),
             StateFormat::Vtu => write_vtu(path, self, state),
             StateFormat::OneOfSeries => {
-                let one = Series { count: 1, ..*self };
+                let one = StateSeries { count: 1, ..*self };
                 one.write(path, std::iter::once(Ok::<_, FormatError>(state.clone()))).map(drop)
             }
         }
@@ -202,7 +202,7 @@ impl Series<'_> {
 }
 
 /// Table with one row per node.
-fn table_of(series: &Series<'_>, values: &[f32], label: &Label) -> String {
+fn table_of(series: &StateSeries<'_>, values: &[f32], label: &Label) -> String {
     let first = std::iter::once("node".to_owned());
     let header: Vec<String> = first.chain(series.columns()).chain(heading(label)).collect();
     let last = cells(label);
@@ -225,13 +225,13 @@ pub struct Moment {
     pub label: Label,
     /// Field-major: all nodes of the first field, then of the next.
     pub values: Vec<f32>,
-    /// Displacement of the undeformed nodes from [`Series::undeformed`] by parameters, by axis in mm; `None`: zero.
+    /// Displacement of the undeformed nodes from [`StateSeries::undeformed`] by parameters, by axis in mm; `None`: zero.
     pub moved: Option<[Vec<f32>; 3]>,
 }
 
 /// Properties common to all states.
 #[derive(Clone, Copy, Debug)]
-pub struct Series<'a> {
+pub struct StateSeries<'a> {
     /// Fields in order; x, y and z must be among them.
     pub fields: &'a [FieldSpec],
     pub nodes: usize,
@@ -242,7 +242,7 @@ pub struct Series<'a> {
     pub count: usize,
 }
 
-impl<'a> Series<'a> {
+impl<'a> StateSeries<'a> {
     /// Inconsistencies of the series.
     pub(super) fn diagnostics(&self) -> Vec<Diagnostic> {
         let mut diagnostics = Vec::new();
@@ -339,7 +339,7 @@ pub(crate) fn lines(out: &mut dyn Write, values: &[impl Display], per_line: usiz
 }
 
 /// All states as one table: one row per node and state.
-pub(crate) struct Csv<'a>(pub(crate) Series<'a>);
+pub(crate) struct Csv<'a>(pub(crate) StateSeries<'a>);
 
 /// Names of the columns that are constant within a state.
 pub(super) fn heading(label: &Label) -> impl Iterator<Item = String> {
@@ -378,7 +378,7 @@ impl Layout for Csv<'_> {
 }
 
 /// All states as one NumPy array: f32, states x nodes x fields, as `snapshots.npy` of a database.
-pub(crate) struct Npy<'a>(pub(crate) Series<'a>);
+pub(crate) struct Npy<'a>(pub(crate) StateSeries<'a>);
 
 impl Layout for Npy<'_> {
     fn begin(&mut self, out: &mut dyn Write) -> io::Result<()> {
@@ -415,14 +415,14 @@ const EIGHT: [[usize; 4]; 8] = [
 const A_LINE: usize = 10;
 
 pub(crate) struct Tecplot<'a> {
-    series: Series<'a>,
+    series: StateSeries<'a>,
     kind: &'static str,
     corners: usize,
     cells: Vec<u32>,
 }
 
 impl<'a> Tecplot<'a> {
-    pub(crate) fn new(series: Series<'a>) -> Self {
+    pub(crate) fn new(series: StateSeries<'a>) -> Self {
         let (kind, corners, cells) = linear(series.cells);
         Self { series, kind, corners, cells }
     }
@@ -465,7 +465,7 @@ fn linear(cells: Cells<'_>) -> (&'static str, usize, Vec<u32>) {
 }
 
 /// XDMF 3: a temporal collection of grids with inline numbers.
-pub(crate) struct Xdmf<'a>(pub(crate) Series<'a>);
+pub(crate) struct Xdmf<'a>(pub(crate) StateSeries<'a>);
 
 impl Layout for Xdmf<'_> {
     fn begin(&mut self, out: &mut dyn Write) -> io::Result<()> {
@@ -535,11 +535,11 @@ fn item(
 /// Writer of `NAME_0000.vtu`, `NAME_0001.vtu`, ... in the folder of `NAME.pvd`.
 pub(crate) struct Pvd<'a> {
     path: PathBuf,
-    series: Series<'a>,
+    series: StateSeries<'a>,
 }
 
 impl<'a> Pvd<'a> {
-    pub(crate) fn new(path: &Path, series: Series<'a>) -> Self {
+    pub(crate) fn new(path: &Path, series: StateSeries<'a>) -> Self {
         Self { path: path.into(), series }
     }
 }
@@ -575,7 +575,7 @@ impl Layout for Pvd<'_> {
 ///
 /// # Errors
 /// A state without coordinates, or as [`vtu::write`].
-pub(crate) fn write_vtu(path: &Path, series: &Series<'_>, moment: &Moment) -> Result<(), FormatError> {
+pub(crate) fn write_vtu(path: &Path, series: &StateSeries<'_>, moment: &Moment) -> Result<(), FormatError> {
     let Moment { label, values, moved, .. } = moment;
     let deformed = series.coordinates(values);
     if deformed.iter().any(|axis| axis.len() != series.nodes) {
@@ -683,13 +683,13 @@ impl ExportBody {
     }
 
     /// The description of a series of `count` states.
-    pub fn series<'a>(&'a self, fields: &'a [FieldSpec], count: usize) -> Series<'a> {
+    pub fn series<'a>(&'a self, fields: &'a [FieldSpec], count: usize) -> StateSeries<'a> {
         let cells = match self.tets.as_slice() {
             [] => Cells::Triangles(&self.facets),
             tets => Cells::QuadraticTets(tets),
         };
         let undeformed = self.undeformed.as_ref().map(|[x, y, z]| [x.as_slice(), y, z]);
-        Series { fields, nodes: self.nodes, cells, undeformed, count }
+        StateSeries { fields, nodes: self.nodes, cells, undeformed, count }
     }
 }
 

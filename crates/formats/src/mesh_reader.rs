@@ -1,6 +1,6 @@
 //! Reads a mesh in any of the formats known here.
 
-use crate::cells::{Block, Kind};
+use crate::cells::{Block, CellKind};
 use crate::error::FormatError;
 use crate::file::unreadable;
 use crate::mesh_file::MeshFile;
@@ -41,7 +41,7 @@ pub fn read_blocks(path: &Path) -> Result<Blocks, FormatError> {
         _ => {
             let mesh = read_mesh(path)?;
             let mut blocks = Vec::new();
-            if let Some(kind) = Kind::of(24) {
+            if let Some(kind) = CellKind::of(24) {
                 Block::add(&mut blocks, kind, mesh.tets.into_flattened());
             }
             Ok((mesh.points_mm, blocks, Vec::new()))

@@ -54,7 +54,7 @@ pub fn pack(snapshots: &Snapshots, fields: &[Stored]) -> Result<Vec<u8>, Diagnos
         return Err(Diagnostic::new("snapshots", format!("{:?}", snapshots.shape), found));
     }
     let shares = fields.iter().any(|stored| matches!(stored, Stored::Share(_)));
-    let mut out = Writer::new(&MAGIC, if shares { SHARES_VERSION } else { VERSION });
+    let mut out = PackedWriter::new(&MAGIC, if shares { SHARES_VERSION } else { VERSION });
     [cases, nodes, count].iter().for_each(|n| out.count(*n));
     let steps: Vec<Vec<f64>> =
         fields.iter().enumerate().map(|(f, stored)| steps(snapshots, f, stored)).collect();
@@ -87,7 +87,7 @@ fn steps(snapshots: &Snapshots, field: usize, stored: &Stored) -> Vec<f64> {
 }
 
 fn pack_field(
-    out: &mut Writer,
+    out: &mut PackedWriter,
     snapshots: &Snapshots,
     field: usize,
     steps: &[f64],
@@ -127,7 +127,7 @@ fn pack_field(
 /// # Errors
 /// Damaged bytes, or a missing or foreign mesh.
 pub fn unpack(bytes: &[u8], undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapshots, Diagnostic> {
-    let (mut input, version) = Reader::new(bytes, &MAGIC, &[VERSION, SHARES_VERSION])?;
+    let (mut input, version) = PackedReader::new(bytes, &MAGIC, &[VERSION, SHARES_VERSION])?;
     let shape = [input.count("cases")?, input.count("nodes")?, input.count("fields")?];
     let [cases, nodes, count] = shape;
     // Deflate shrinks at most a thousandfold, so larger counts are damage or an attack on memory.
@@ -162,7 +162,7 @@ pub fn unpack(bytes: &[u8], undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapsh
     Ok(snapshots)
 }
 
-fn unpack_case(input: &mut Reader, known: &[Vec<i32>], nodes: usize) -> Result<Vec<i32>, Diagnostic> {
+fn unpack_case(input: &mut PackedReader, known: &[Vec<i32>], nodes: usize) -> Result<Vec<i32>, Diagnostic> {
     let count = input.count("basis")?;
     if count > BASIS {
         return Err(Diagnostic::new("basis", format!("at most {BASIS} cases"), count));
@@ -215,9 +215,9 @@ pub fn read(path: &Path, undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapshots
 }
 
 /// Counts, numbers and lists of integers; the lists as byte planes, deflated.
-pub(super) struct Writer(Vec<u8>);
+pub(super) struct PackedWriter(Vec<u8>);
 
-impl Writer {
+impl PackedWriter {
     pub(crate) fn new(magic: &[u8; 8], version: u32) -> Self {
         let mut bytes = magic.to_vec();
         bytes.extend(version.to_le_bytes());
@@ -249,9 +249,9 @@ impl Writer {
     }
 }
 
-pub(super) struct Reader<'a>(&'a [u8]);
+pub(super) struct PackedReader<'a>(&'a [u8]);
 
-impl<'a> Reader<'a> {
+impl<'a> PackedReader<'a> {
     /// Reader after the head, and the version in the head.
     pub(crate) fn new(bytes: &'a [u8], magic: &[u8; 8], versions: &[u32]) -> Result<(Self, u32), Diagnostic> {
         let rest = bytes

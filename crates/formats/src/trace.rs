@@ -17,6 +17,24 @@ pub const SERIES_COLUMNS: [&str; SERIES] = [
     "tip_z_mm",
 ];
 pub const SERIES: usize = 9;
+
+/// Position of one of [`SERIES_COLUMNS`]. In a constant, another name does not compile.
+pub const fn series_column(name: &str) -> usize {
+    let mut column = 0;
+    while column < SERIES {
+        let (known, wanted) = (SERIES_COLUMNS[column].as_bytes(), name.as_bytes());
+        let mut same = 0;
+        while same < known.len() && same < wanted.len() && known[same] == wanted[same] {
+            same += 1;
+        }
+        if same == known.len() && same == wanted.len() {
+            return column;
+        }
+        column += 1;
+    }
+    panic!("no column of a series")
+}
+
 /// Leading columns of a series that are inputs.
 const INPUTS: usize = 3;
 /// Name of the input whose empty cell is no obstacle.
@@ -25,7 +43,7 @@ const GAP: &str = "gap_mm";
 const MIN_INTERVAL_S: f64 = 1.0e-6;
 
 #[derive(Clone, Debug, PartialEq)]
-pub struct Trace {
+pub struct InputTrace {
     /// Names of the inputs, in the order of the columns.
     pub names: Vec<String>,
     /// Time (s) and a value for each input; an empty gap is infinite. At least two rows.
@@ -43,7 +61,7 @@ pub struct Cell<'a> {
     pub first: Option<f64>,
 }
 
-impl Trace {
+impl InputTrace {
     /// Takes the inputs of a table: all columns but the time and the results of a series. `refused` returns what a cell is expected to be
     /// if it is not.
     ///

@@ -5,7 +5,7 @@
 
 /// Quantity of a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
+pub enum Dimension {
     /// MPa.
     Pressure,
     /// mm.
@@ -29,54 +29,54 @@ pub enum Quantity {
 }
 
 /// Spellings, quantity, factor to its base unit.
-const UNITS: &[(&[&str], Quantity, f64)] = &[
-    (&["mpa", "n/mm2", "n/mm^2"], Quantity::Pressure, 1.0),
-    (&["gpa"], Quantity::Pressure, 1e3),
-    (&["kpa", "kpag"], Quantity::Pressure, 1e-3),
-    (&["hpa", "mbar"], Quantity::Pressure, 1e-4),
-    (&["pa"], Quantity::Pressure, 1e-6),
-    (&["bar", "barg"], Quantity::Pressure, 0.1),
-    (&["psi", "psig"], Quantity::Pressure, 0.006_894_757_293_168_361),
-    (&["atm"], Quantity::Pressure, 0.101_325),
-    (&["torr", "mmhg"], Quantity::Pressure, 101_325e-6 / 760.0),
-    (&["cmh2o"], Quantity::Pressure, 98.0665e-6),
-    (&["kgf/cm2", "kgf/cm^2"], Quantity::Pressure, 0.098_066_5),
-    (&["mm", "millimeters"], Quantity::Length, 1.0),
-    (&["cm", "centimeters"], Quantity::Length, 10.0),
-    (&["m", "meters"], Quantity::Length, 1000.0),
-    (&["um", "\u{b5}m", "\u{3bc}m"], Quantity::Length, 1e-3),
-    (&["in", "inch", "\""], Quantity::Length, 25.4),
-    (&["n"], Quantity::Force, 1.0),
-    (&["mn"], Quantity::Force, 1e-3),
-    (&["kn"], Quantity::Force, 1e3),
-    (&["gf"], Quantity::Force, 9.806_65e-3),
-    (&["kgf"], Quantity::Force, 9.806_65),
-    (&["lbf"], Quantity::Force, 4.448_221_615_260_5),
-    (&["rad"], Quantity::Angle, 1.0),
-    (&["deg", "\u{b0}", "degree", "degrees"], Quantity::Angle, std::f64::consts::PI / 180.0),
-    (&["s", "sec", "second", "seconds"], Quantity::Time, 1.0),
-    (&["ms", "msec", "milliseconds", "millis"], Quantity::Time, 1e-3),
-    (&["us", "\u{b5}s", "\u{3bc}s", "usec", "microseconds", "micros"], Quantity::Time, 1e-6),
-    (&["ns", "nsec", "nanoseconds"], Quantity::Time, 1e-9),
-    (&["min", "minutes"], Quantity::Time, 60.0),
-    (&["h", "hour", "hours"], Quantity::Time, 3600.0),
-    (&["d", "day", "days"], Quantity::Time, 86_400.0),
-    (&["v", "volts"], Quantity::Voltage, 1.0),
-    (&["mv"], Quantity::Voltage, 1e-3),
-    (&["a"], Quantity::Current, 1.0),
-    (&["ma"], Quantity::Current, 1e-3),
-    (&["mm3", "mm^3", "ul", "\u{b5}l"], Quantity::Volume, 1.0),
-    (&["ml", "cm3", "cm^3", "cc"], Quantity::Volume, 1e3),
-    (&["l"], Quantity::Volume, 1e6),
-    (&["1/mm", "per_mm", "mm^-1"], Quantity::Curvature, 1.0),
-    (&["1/cm", "cm^-1"], Quantity::Curvature, 0.1),
-    (&["1/m", "m^-1"], Quantity::Curvature, 1e-3),
-    (&["1", "count", "counts"], Quantity::Number, 1.0),
+const UNITS: &[(&[&str], Dimension, f64)] = &[
+    (&["mpa", "n/mm2", "n/mm^2"], Dimension::Pressure, 1.0),
+    (&["gpa"], Dimension::Pressure, 1e3),
+    (&["kpa", "kpag"], Dimension::Pressure, 1e-3),
+    (&["hpa", "mbar"], Dimension::Pressure, 1e-4),
+    (&["pa"], Dimension::Pressure, 1e-6),
+    (&["bar", "barg"], Dimension::Pressure, 0.1),
+    (&["psi", "psig"], Dimension::Pressure, 0.006_894_757_293_168_361),
+    (&["atm"], Dimension::Pressure, 0.101_325),
+    (&["torr", "mmhg"], Dimension::Pressure, 101_325e-6 / 760.0),
+    (&["cmh2o"], Dimension::Pressure, 98.0665e-6),
+    (&["kgf/cm2", "kgf/cm^2"], Dimension::Pressure, 0.098_066_5),
+    (&["mm", "millimeters"], Dimension::Length, 1.0),
+    (&["cm", "centimeters"], Dimension::Length, 10.0),
+    (&["m", "meters"], Dimension::Length, 1000.0),
+    (&["um", "\u{b5}m", "\u{3bc}m"], Dimension::Length, 1e-3),
+    (&["in", "inch", "\""], Dimension::Length, 25.4),
+    (&["n"], Dimension::Force, 1.0),
+    (&["mn"], Dimension::Force, 1e-3),
+    (&["kn"], Dimension::Force, 1e3),
+    (&["gf"], Dimension::Force, 9.806_65e-3),
+    (&["kgf"], Dimension::Force, 9.806_65),
+    (&["lbf"], Dimension::Force, 4.448_221_615_260_5),
+    (&["rad"], Dimension::Angle, 1.0),
+    (&["deg", "\u{b0}", "degree", "degrees"], Dimension::Angle, std::f64::consts::PI / 180.0),
+    (&["s", "sec", "second", "seconds"], Dimension::Time, 1.0),
+    (&["ms", "msec", "milliseconds", "millis"], Dimension::Time, 1e-3),
+    (&["us", "\u{b5}s", "\u{3bc}s", "usec", "microseconds", "micros"], Dimension::Time, 1e-6),
+    (&["ns", "nsec", "nanoseconds"], Dimension::Time, 1e-9),
+    (&["min", "minutes"], Dimension::Time, 60.0),
+    (&["h", "hour", "hours"], Dimension::Time, 3600.0),
+    (&["d", "day", "days"], Dimension::Time, 86_400.0),
+    (&["v", "volts"], Dimension::Voltage, 1.0),
+    (&["mv"], Dimension::Voltage, 1e-3),
+    (&["a"], Dimension::Current, 1.0),
+    (&["ma"], Dimension::Current, 1e-3),
+    (&["mm3", "mm^3", "ul", "\u{b5}l"], Dimension::Volume, 1.0),
+    (&["ml", "cm3", "cm^3", "cc"], Dimension::Volume, 1e3),
+    (&["l"], Dimension::Volume, 1e6),
+    (&["1/mm", "per_mm", "mm^-1"], Dimension::Curvature, 1.0),
+    (&["1/cm", "cm^-1"], Dimension::Curvature, 0.1),
+    (&["1/m", "m^-1"], Dimension::Curvature, 1e-3),
+    (&["1", "count", "counts"], Dimension::Number, 1.0),
 ];
 
 /// Quantity and factor of a unit's spelling.
 #[must_use]
-pub fn unit(spelling: &str) -> Option<(Quantity, f64)> {
+pub fn unit(spelling: &str) -> Option<(Dimension, f64)> {
     let spelling = spelling.trim().to_lowercase();
     let found = UNITS.iter().find(|(names, ..)| names.contains(&spelling.as_str()));
     found.map(|(_, quantity, factor)| (*quantity, *factor))
@@ -90,7 +90,7 @@ pub fn known() -> String {
 
 /// A spelling of each unit of a quantity, for messages.
 #[must_use]
-pub fn known_of(quantity: Quantity) -> String {
+pub fn known_of(quantity: Dimension) -> String {
     let of_quantity = UNITS.iter().filter(|(_, found, _)| *found == quantity);
     of_quantity.map(|(names, ..)| names[0]).collect::<Vec<_>>().join(", ")
 }
@@ -108,7 +108,7 @@ pub const PIXELS: &str = "px";
 #[must_use]
 pub fn in_heading(heading: &str) -> Option<&str> {
     let is_known = |spelling: &&str| match unit(spelling) {
-        Some((quantity, _)) => quantity != Quantity::Number || spelling.parse::<u32>().is_err(),
+        Some((quantity, _)) => quantity != Dimension::Number || spelling.parse::<u32>().is_err(),
         None => spelling.trim().eq_ignore_ascii_case(PIXELS),
     };
     let bracket = heading.rfind(['(', '[']);
@@ -120,7 +120,7 @@ pub fn in_heading(heading: &str) -> Option<&str> {
     {
         let before = heading[..at].trim_end();
         let word = &before[last_word(before).unwrap_or(0)..];
-        if unit(word).is_some_and(|(quantity, _)| quantity == Quantity::Pressure) {
+        if unit(word).is_some_and(|(quantity, _)| quantity == Dimension::Pressure) {
             return Some(word).filter(|_| reference.eq_ignore_ascii_case("g"));
         }
     }
@@ -130,7 +130,7 @@ pub fn in_heading(heading: &str) -> Option<&str> {
         !heading[at - 1..].starts_with('/') || unit(divided).is_none()
     });
     let last = last.map(|at| &heading[at..]).filter(|last| !WORDS.contains(&last.to_lowercase().as_str()));
-    let alone = Some(heading).filter(|h| h.len() > 3 && unit(h).is_some_and(|(q, _)| q == Quantity::Time));
+    let alone = Some(heading).filter(|h| h.len() > 3 && unit(h).is_some_and(|(q, _)| q == Dimension::Time));
     [bracketed, last, alone].into_iter().flatten().find(is_known)
 }
 
@@ -145,7 +145,7 @@ mod tests {
         assert!((factor("bar") / factor("mbar") - 1000.0).abs() < 1e-9);
         assert!((factor("deg") * 180.0 - std::f64::consts::PI).abs() < 1e-12);
         assert!((factor("gf") * 1000.0 - 9.806_65).abs() < 1e-9);
-        assert_eq!(unit("mN"), Some((Quantity::Force, 1e-3)));
+        assert_eq!(unit("mN"), Some((Dimension::Force, 1e-3)));
         assert_eq!(in_heading("Pressure (N/mm2)"), Some("N/mm2"));
         assert_eq!(in_heading("pressure_kpa"), Some("kpa"));
         assert_eq!(in_heading("speed"), None);

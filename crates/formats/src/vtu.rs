@@ -1,6 +1,6 @@
 //! VTK's XML unstructured grids, as ParaView, meshio and PyVista read and write them.
 
-use crate::cells::{Block, Kind};
+use crate::cells::{Block, CellKind};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use crate::mesh_file::{MeshFile, Tri6};
@@ -58,7 +58,7 @@ pub struct Content {
     /// Cells; points and lines are ignored.
     pub blocks: Vec<Block>,
     /// Numeric quantities at the nodes.
-    pub point_data: Vec<Quantity>,
+    pub point_data: Vec<VtuArray>,
     /// Cells that were left out.
     pub left_out: Vec<String>,
     /// Time in the file (`TimeValue`).
@@ -67,7 +67,7 @@ pub struct Content {
 
 /// Quantity at the nodes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Quantity {
+pub struct VtuArray {
     /// Name in the file.
     pub name: String,
     pub components: usize,
@@ -97,7 +97,7 @@ pub fn parse_content(bytes: &[u8]) -> Result<Content, Vec<Diagnostic>> {
     for (name, components, array) in &file.point_data {
         let expected = file.points.saturating_mul(*components);
         match file.decode(name, array, expected) {
-            Ok(values) => point_data.push(Quantity { name: name.clone(), components: *components, values }),
+            Ok(values) => point_data.push(VtuArray { name: name.clone(), components: *components, values }),
             Err(diagnostic) => diagnostics.push(diagnostic),
         }
     }
@@ -160,13 +160,14 @@ impl Raw {
             if LINES.contains(&(*number as usize)) || POINTS.contains(&(*number as usize)) {
                 continue;
             }
-            let kind =
-                Kind::of(*number as usize).filter(|kind| kind.nodes == members.len()).ok_or_else(|| {
+            let kind = CellKind::of(*number as usize).filter(|kind| kind.nodes == members.len()).ok_or_else(
+                || {
                     let found = format!("type {number} with {} nodes", members.len());
                     let expected =
                         "linear or quadratic tetrahedra, hexahedra, wedges, triangles or quadrilaterals";
                     vec![Diagnostic::new(place(), expected, found)]
-                })?;
+                },
+            )?;
             let points = self.points.len();
             if let Some(bad) = members.iter().find(|n| !(**n >= 0.0 && (**n as usize) < points)) {
                 return Err(vec![Diagnostic::new(place(), format!("nodes 0 .. {points}"), bad)]);

@@ -1,6 +1,6 @@
 //! Series of states: what is written, and what is refused before anything is.
 
-use formats::export::{Label, Moment, Series};
+use formats::export::{Label, Moment, StateSeries};
 use formats::vtu::Cells;
 use formats::{FormatError, npy};
 use rom::snapshots::Split;
@@ -26,7 +26,7 @@ fn write(
         .map(|k| Moment { time: k as f64 / 2.0, label: label(k), values: state(k), moved: None })
         .collect();
     change(&mut moments);
-    let series = Series {
+    let series = StateSeries {
         fields: &database.fields,
         nodes: database.node_count,
         cells: Cells::QuadraticTets(&tets),

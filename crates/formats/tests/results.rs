@@ -3,7 +3,7 @@
 
 use crate::common::{at_rest, data, quantity, wanted};
 use formats::cells::surface;
-use formats::results::{self, Assembly, Quantity, Wanted, parse_frd};
+use formats::results::{self, Assembly, NodalQuantity, Wanted, parse_frd};
 use proptest::prelude::*;
 use rom::snapshots::FieldKind;
 use std::collections::HashMap;
@@ -333,7 +333,7 @@ proptest! {
         if let Ok(run) = parse_frd(&file) {
             let nodes = run.points.len();
             prop_assert!(run.blocks.iter().all(|block| block.nodes.iter().all(|node| (*node as usize) < nodes)));
-            let sized = |q: &Quantity| q.values.len() == nodes * q.components.len();
+            let sized = |q: &NodalQuantity| q.values.len() == nodes * q.components.len();
             prop_assert!(run.steps.iter().all(|step| step.quantities.iter().all(sized)));
         }
     }

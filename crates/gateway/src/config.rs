@@ -184,13 +184,13 @@ fn keys(listed: &[String], problems: &mut Vec<String>) -> Vec<KeyExpr> {
 
 fn topics(
     key: &str,
-    of: impl Fn(&str) -> Result<Topic, WireError>,
+    topic_named: impl Fn(&str) -> Result<Topic, WireError>,
     names: &[String],
     problems: &mut Vec<String>,
 ) -> Vec<Topic> {
     let mut topics: Vec<Topic> = Vec::new();
     for name in names {
-        match of(name) {
+        match topic_named(name) {
             Ok(topic) if topics.contains(&topic) => problems.push(format!("{key}: {name:?} twice")),
             Ok(topic) => topics.push(topic),
             Err(error) => problems.push(format!("{key}: {error}")),

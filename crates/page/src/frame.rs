@@ -93,7 +93,7 @@ impl<'a> PredictionHead<'a> {
     ) -> Self {
         let inputs = evaluator.inputs();
         let of_inputs = |values: &[f64]| values.iter().take(inputs.len()).copied().map(number).collect();
-        let numbers = NUMBERS.iter().filter(|of| of.key != "regime" && of.key != "domain_status");
+        let numbers = NUMBERS.iter().filter(|number| number.key != "regime" && number.key != "domain_status");
         Self {
             kind: "frame",
             actuator,
@@ -108,7 +108,7 @@ impl<'a> PredictionHead<'a> {
             force_by_input: of_inputs(&e.force_gradient),
             pressure_mpa: number(e.inputs.pressure_mpa()),
             gap_mm: number(e.inputs.gap_mm()),
-            numbers: numbers.map(|of| (of.key.to_owned(), number((of.value)(e)))).collect(),
+            numbers: numbers.map(|entry| (entry.key.to_owned(), number((entry.value)(e)))).collect(),
         }
     }
 }

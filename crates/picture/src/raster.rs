@@ -76,9 +76,9 @@ impl Raster {
     /// left out. With `outlined`, steps in depth against anything else are drawn as dark lines by [`Raster::finish`].
     pub fn draw(&mut self, triangles: &[[Corner; 3]], outlined: bool, shade: impl Fn(&Hit) -> [f32; 3]) {
         for triangle in triangles {
-            let at = triangle.map(|corner| self.to_pixels(corner.position));
-            if at.iter().flatten().all(|v| v.is_finite()) {
-                self.fill(triangle, at, outlined, &shade);
+            let pixels = triangle.map(|corner| self.to_pixels(corner.position));
+            if pixels.iter().flatten().all(|v| v.is_finite()) {
+                self.fill(triangle, pixels, outlined, &shade);
             }
         }
     }

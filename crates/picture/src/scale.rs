@@ -90,10 +90,10 @@ impl Scale {
             } else {
                 0.5
             };
-            let at = x as f32 + share * width as f32;
-            canvas.fill((at as usize).min(x + width - 2), y + line + height, 2, height / 3, theme.faint);
+            let middle = x as f32 + share * width as f32;
+            canvas.fill((middle as usize).min(x + width - 2), y + line + height, 2, height / 3, theme.faint);
             let style = Style { size_px: text_px * 0.9, colour: theme.faint, align: Align::Centre, ..style };
-            fonts.draw(canvas, at, (y + line + height) as f32 + text_px * 0.3, &self.text(*tick), style);
+            fonts.draw(canvas, middle, (y + line + height) as f32 + text_px * 0.3, &self.text(*tick), style);
         }
     }
 }

@@ -5,7 +5,7 @@ use super::canvas::Canvas;
 use super::colour::{ColourMap, decode};
 use super::raster::{BAND_ROWS, Hit, Raster};
 use super::shadow::Shadow;
-use super::skin::{Body, Corner};
+use super::skin::{Corner, DrawnBody};
 use super::theme::Theme;
 
 /// Thickness of the plate as drawn, mm.
@@ -59,7 +59,7 @@ impl Block {
 /// Content of one panel.
 pub struct Scene<'a> {
     /// The deformed body with its values.
-    pub body: &'a Body,
+    pub body: &'a DrawnBody,
     /// The plate, if there is one.
     pub plate: Option<Plate>,
     /// Rigid blocks.

@@ -1,6 +1,6 @@
 //! The soft shadow of a body on the plate: it shows how far the actuator hovers above it.
 
-use super::skin::Body;
+use super::skin::DrawnBody;
 
 /// Cells per millimetre of the height map.
 const CELLS_PER_MM: f32 = 1.0;
@@ -18,14 +18,14 @@ pub struct Shadow {
 
 impl Shadow {
     /// Casts the shadow of a body on the plane `y = plate_y_mm` over the rectangle `x_mm`, `z_mm`.
-    pub fn cast(body: &Body, plate_y_mm: f32, x_mm: [f32; 2], z_mm: [f32; 2]) -> Self {
+    pub fn cast(body: &DrawnBody, plate_y_mm: f32, x_mm: [f32; 2], z_mm: [f32; 2]) -> Self {
         let cells = [x_mm, z_mm].map(|range| ((range[1] - range[0]) * CELLS_PER_MM).ceil().max(1.0) as usize);
         let mut shadow = Self { origin_mm: [x_mm[0], z_mm[0]], cells, light: vec![1.0; cells[0] * cells[1]] };
         for facet in &body.facets {
             let [a, b, c] = facet.map(|node| body.nodes_mm[node as usize]);
             for (u, v) in [(1.0 / 3.0, 1.0 / 3.0), (0.6, 0.2), (0.2, 0.6), (0.2, 0.2)] {
-                let at = |k: usize| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v;
-                shadow.darken(at(0), at(2), at(1) - plate_y_mm);
+                let mixed = |k: usize| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v;
+                shadow.darken(mixed(0), mixed(2), mixed(1) - plate_y_mm);
             }
         }
         shadow.blur();

@@ -16,7 +16,7 @@ const FACES: [[u32; 3]; 8] =
 
 /// Drawable part of a body.
 #[derive(Clone, Debug, Default)]
-pub struct Body {
+pub struct DrawnBody {
     /// Node positions, mm.
     pub nodes_mm: Vec<Vec3>,
     /// Flat facets over the nodes.
@@ -54,7 +54,7 @@ pub fn distances(nodes_mm: &[Vec3], rest_mm: &[Vec3]) -> Vec<f32> {
     nodes_mm.iter().zip(rest_mm).map(distance).collect()
 }
 
-impl Body {
+impl DrawnBody {
     /// Octahedra at markers, coloured by their distance from `rest_mm`.
     pub fn of_markers(nodes_mm: &[Vec3], rest_mm: &[Vec3]) -> Self {
         let size = marker_mm(nodes_mm);

@@ -6,7 +6,7 @@ use crate::colour::ColourMap;
 use crate::scale::Scale;
 use crate::scene::{Block, Plate, Scene};
 use crate::sheet::{Panel, Row, Sheet};
-use crate::skin::Body;
+use crate::skin::DrawnBody;
 use crate::theme::ThemeName;
 use anyhow::Result;
 
@@ -19,7 +19,7 @@ const TEXT_SHARE: f32 = 26.0;
 pub struct Look {
     /// Quantity shown as colour.
     #[arg(long, value_enum, default_value = "stress")]
-    pub field: Shown,
+    pub field: ShownField,
     /// Ends of the colour scale in the field's unit, LOW:HIGH; fitted to the picture when left out.
     #[arg(long, value_name = "LOW:HIGH", value_parser = parse_range)]
     pub range: Option<[f32; 2]>,
@@ -36,7 +36,7 @@ pub struct Look {
 
 /// A field that can be shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Shown {
+pub enum ShownField {
     /// Von Mises stress, MPa.
     Stress,
     /// Displacement magnitude, mm (for modes: the vertical coordinate).
@@ -64,7 +64,7 @@ impl View {
     }
 }
 
-impl Shown {
+impl ShownField {
     /// Name in models and databases.
     pub fn name(self) -> &'static str {
         match self {
@@ -84,7 +84,7 @@ impl Shown {
 
 /// A state ready to draw.
 pub struct DrawnState {
-    pub body: Body,
+    pub body: DrawnBody,
     pub plate: Option<Plate>,
     pub blocks: Vec<Block>,
     pub force_n: f64,

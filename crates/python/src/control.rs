@@ -1,7 +1,7 @@
 //! The controller in a loop of Python's.
 
 use crate::refused;
-use control::ahead::Series;
+use control::ahead::TargetSeries;
 use control::held::Stepping;
 use control::law::{Cycle, Limited, Reading, Target};
 use pyo3::prelude::*;
@@ -78,7 +78,7 @@ impl Control {
         interval_s: f64,
         reading: [f64; 4],
     ) -> PyResult<PythonCycle> {
-        let series = Series { values: &targets, interval_s };
+        let series = TargetSeries { values: &targets, interval_s };
         let cycle = py.detach(|| self.stepping().step_ahead(t_ns, series, read(reading)));
         cycle.map(in_python).map_err(refused)
     }

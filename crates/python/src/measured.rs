@@ -3,7 +3,7 @@
 use crate::model::Model;
 use crate::progress::long_call;
 use crate::refused;
-use formats::log::{Recording, Series};
+use formats::log::{LogColumn, Recording};
 use formats::unit::{in_heading, unit};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -18,7 +18,7 @@ fn recording(inputs: &[String], outputs: &[String], run: &Columns<'_>) -> Record
     let series = |names: &[String], columns: &[PyReadonlyArray1<'_, f64>]| {
         let named = names.iter().zip(columns);
         named
-            .map(|(name, column)| Series { name: name.clone(), values: column.as_array().to_vec() })
+            .map(|(name, column)| LogColumn { name: name.clone(), values: column.as_array().to_vec() })
             .collect()
     };
     Recording {

@@ -247,7 +247,7 @@ impl Loaded {
         for (at, (given, row)) in places.enumerate() {
             let number = first + at;
             let state = evaluator.state(given).map_err(|error| format!("state {number}: {error}"))?;
-            if !evaluator.has_values(&state) {
+            if !evaluator.has_default_parameters(&state) {
                 let set = evaluator.to_mut().set_parameters(&state, &mut evaluation);
                 set.map_err(|error| format!("state {number}: {error}"))?;
             }

@@ -39,13 +39,21 @@ pub fn fields<'py>(
 ) -> PyResult<Vec<FieldRow<'py>>> {
     let mut rows = Vec::new();
     for regime in &model.header.regimes {
-        for of in reconstructor.field_modes(regime.kind) {
-            let mean = model.mean(regime.kind, of.field as u32).unwrap_or_default();
+        for modes_of_field in reconstructor.field_modes(regime.kind) {
+            let mean = model.mean(regime.kind, modes_of_field.field as u32).unwrap_or_default();
             let mean = at_nodes(mean, nodes);
-            let values = (0..nodes.len()).flat_map(|node| (0..of.count).map(move |mode| (mode, node)));
-            let values: Vec<f64> = values.map(|(mode, node)| of.modes.value(mode, node)).collect();
-            let modes = values.into_pyarray(py).reshape([nodes.len(), of.count])?;
-            rows.push((regime.kind.name().to_owned(), of.field, of.first, mean.into_pyarray(py), modes));
+            let values =
+                (0..nodes.len()).flat_map(|node| (0..modes_of_field.count).map(move |mode| (mode, node)));
+            let values: Vec<f64> =
+                values.map(|(mode, node)| modes_of_field.modes.value(mode, node)).collect();
+            let modes = values.into_pyarray(py).reshape([nodes.len(), modes_of_field.count])?;
+            rows.push((
+                regime.kind.name().to_owned(),
+                modes_of_field.field,
+                modes_of_field.first,
+                mean.into_pyarray(py),
+                modes,
+            ));
         }
     }
     Ok(rows)

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use mcap::records::op;
 
-use crate::parse::Body;
+use crate::parse::RecordBody;
 
 /// Largest number of channels that a reader stores.
 const MAX_CHANNELS: usize = 4096;
@@ -57,7 +57,7 @@ pub struct Contents {
 impl Contents {
     /// Takes a record; counts a malformed one as skipped.
     pub fn take(&mut self, opcode: u8, record: &[u8]) -> Option<Item> {
-        let mut body = Body(record);
+        let mut body = RecordBody(record);
         let known = match opcode {
             op::SCHEMA => self.schema(&mut body).map(|()| None),
             op::CHANNEL => self.channel(&mut body).map(|()| None),
@@ -79,7 +79,7 @@ impl Contents {
         self.skipped.max(is_short.into())
     }
 
-    fn schema(&mut self, body: &mut Body) -> Option<()> {
+    fn schema(&mut self, body: &mut RecordBody) -> Option<()> {
         let (id, name) = (body.u16()?, body.string()?);
         if self.schemas.len() < MAX_CHANNELS {
             self.schemas.insert(id, name.to_owned());
@@ -87,7 +87,7 @@ impl Contents {
         Some(())
     }
 
-    fn channel(&mut self, body: &mut Body) -> Option<()> {
+    fn channel(&mut self, body: &mut RecordBody) -> Option<()> {
         let (id, schema, topic) = (body.u16()?, body.u16()?, body.string()?);
         let info = ChannelInfo {
             topic: topic.to_owned(),
@@ -101,7 +101,7 @@ impl Contents {
         Some(())
     }
 
-    fn message(&mut self, body: &mut Body) -> Option<Item> {
+    fn message(&mut self, body: &mut RecordBody) -> Option<Item> {
         let channel = self.channels.get(&body.u16()?)?.clone();
         let (sequence, log_time_ns, publish_time_ns) = (body.u32()?, body.u64()?, body.u64()?);
         self.delivered += 1;
@@ -110,9 +110,9 @@ impl Contents {
     }
 }
 
-fn metadata(body: &mut Body) -> Option<Item> {
+fn metadata(body: &mut RecordBody) -> Option<Item> {
     let name = body.string()?.to_owned();
-    let mut pairs = Body(body.bytes()?);
+    let mut pairs = RecordBody(body.bytes()?);
     let mut entries = BTreeMap::new();
     while !pairs.0.is_empty() {
         entries.insert(pairs.string()?.to_owned(), pairs.string()?.to_owned());

@@ -259,14 +259,14 @@ pub(super) fn values(text: &str) -> Option<Vec<f32>> {
 
 /// Published samples that never arrived.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Gap {
+pub struct LostSamples {
     /// The number that was expected.
     pub expected_seq: u64,
     /// The number that came.
     pub found_seq: u64,
 }
 
-impl Gap {
+impl LostSamples {
     /// Number of missing samples.
     pub fn missing(self) -> u64 {
         self.found_seq.saturating_sub(self.expected_seq)
@@ -283,7 +283,7 @@ pub struct GapCounter {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct GapObservation {
     /// The gap in front of it, if there is one.
-    pub gap: Option<Gap>,
+    pub gap: Option<LostSamples>,
     /// Change of the number of missing samples: that of the gap, or -1 for one that was missing and came late.
     pub missing: i64,
 }
@@ -295,7 +295,7 @@ impl GapCounter {
                 let arrival = arrivals.take(stamp.seq);
                 let gap = match arrival {
                     Arrival::New { missing } if missing > 0 => {
-                        Some(Gap { expected_seq: stamp.seq - missing, found_seq: stamp.seq })
+                        Some(LostSamples { expected_seq: stamp.seq - missing, found_seq: stamp.seq })
                     }
                     _ => None,
                 };
@@ -344,7 +344,7 @@ impl GapMessage {
     }
 
     /// The message of one gap.
-    pub fn new(topic: &str, gap: Gap) -> Self {
+    pub fn new(topic: &str, gap: LostSamples) -> Self {
         Self {
             topic: topic.to_owned(),
             expected_seq: gap.expected_seq,
@@ -392,21 +392,21 @@ pub fn answer(answer: &Answer) -> Value {
 }
 
 /// Writes the properties of a payload.
-pub(super) fn properties<M: SerializeMap>(of: Json<'_>, to: &mut M) -> Result<(), M::Error> {
-    for (key, field) in of.view.layout.json {
-        to.serialize_entry(key, &Property { of, field })?;
+pub(super) fn properties<M: SerializeMap>(payload: Json<'_>, to: &mut M) -> Result<(), M::Error> {
+    for (key, field) in payload.view.layout.json {
+        to.serialize_entry(key, &Property { payload, field })?;
     }
     Ok(())
 }
 
 struct Property<'a> {
-    of: Json<'a>,
+    payload: Json<'a>,
     field: &'a Field,
 }
 
 impl Serialize for Property<'_> {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let Self { of: Json { view }, field } = self;
+        let Self { payload: Json { view }, field } = self;
         let numbers = view.numbers(field).map(Digits);
         let whole = || view.wholes(field).next().unwrap_or(0) as u32;
         let used = |count: &str| view.whole(count).unwrap_or(0) as usize;

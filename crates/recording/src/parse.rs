@@ -4,9 +4,9 @@
 //! and it panics on a short attachment.
 
 /// The unread rest of a record.
-pub struct Body<'a>(pub &'a [u8]);
+pub struct RecordBody<'a>(pub &'a [u8]);
 
-impl<'a> Body<'a> {
+impl<'a> RecordBody<'a> {
     pub fn take(&mut self, count: usize) -> Option<&'a [u8]> {
         let (head, tail) = self.0.split_at_checked(count)?;
         self.0 = tail;
@@ -48,7 +48,7 @@ pub struct Chunk<'a> {
 
 /// Checksum and length of the records of a chunk without compression, from what is before them.
 pub fn uncompressed_chunk(head: &[u8]) -> Option<(u32, u64)> {
-    let mut body = Body(head);
+    let mut body = RecordBody(head);
     body.take(24)?; // times and size
     let checksum = body.u32()?;
     (body.u32()? == 0).then_some(())?; // no compression
@@ -57,7 +57,7 @@ pub fn uncompressed_chunk(head: &[u8]) -> Option<(u32, u64)> {
 
 /// Parts of a chunk record; what follows its records is padding.
 pub fn chunk(record: &[u8]) -> Option<Chunk<'_>> {
-    let mut body = Body(record);
+    let mut body = RecordBody(record);
     body.take(16)?; // times
     let (size, checksum, compression) = (body.u64()?, body.u32()?, body.string()?);
     let length = body.u64()?;

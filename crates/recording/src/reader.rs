@@ -52,7 +52,7 @@ pub enum ReadError {
     InFile { path: PathBuf, source: Box<ReadError> },
 }
 
-/// How a recording ended; known when [`Reader::next_item`] has returned `None`.
+/// How a recording ended; known when [`RecordingReader::next_item`] has returned `None`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Ending {
     /// With its footer, and every chunk was whole.
@@ -83,7 +83,7 @@ impl fmt::Display for Ending {
 }
 
 /// Reads a recording record by record. Memory: one record and one compressed chunk, each of at most [`MAX_RECORD_BYTES`].
-pub struct Reader<R: Read> {
+pub struct RecordingReader<R: Read> {
     input: R,
     /// Where the next record begins.
     at_byte: u64,
@@ -99,7 +99,7 @@ pub struct Reader<R: Read> {
     ending: Option<Ending>,
 }
 
-impl<R: Read> Reader<R> {
+impl<R: Read> RecordingReader<R> {
     /// Checks the head of the file.
     ///
     /// # Errors
@@ -124,11 +124,11 @@ impl<R: Read> Reader<R> {
         })
     }
 
-    /// The next message or metadata; `None` at the end, which [`Reader::ending`] then describes.
+    /// The next message or metadata; `None` at the end, which [`RecordingReader::ending`] then describes.
     ///
     /// # Errors
     /// [`ReadError::Io`], [`ReadError::Compression`] and [`ReadError::Layout`]. Truncation and damage are no errors: they end or shorten the
-    /// recording and are reported by [`Reader::ending`].
+    /// recording and are reported by [`RecordingReader::ending`].
     pub fn next_item(&mut self) -> Result<Option<Item>, ReadError> {
         while self.ending.is_none() {
             let item = match &self.chunk {
@@ -217,7 +217,7 @@ impl<R: Read> Reader<R> {
     }
 }
 
-impl<R: Read> Reader<R> {
+impl<R: Read> RecordingReader<R> {
     /// Leaves out a record that is too long for memory, of which the head was read. Its length is a claim: the file may end before.
     fn skip_record(&mut self, opcode: u8, len: u64) -> Result<(), ReadError> {
         let end = self.at_byte.saturating_add(RECORD_HEAD as u64).saturating_add(len);

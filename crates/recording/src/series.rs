@@ -7,21 +7,21 @@ use std::io::{self, BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use crate::contents::Item;
-use crate::reader::{Ending, ReadError, Reader};
+use crate::reader::{Ending, ReadError, RecordingReader};
 
 /// Fewest digits of a file's number in its series.
 const NUMBER_DIGITS: usize = 4;
 
 /// A recording of one or of many files.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Series {
+pub struct RecordingFiles {
     /// Name of its only file, or the common beginning of the files' names.
     pub name: String,
     /// Oldest first; at least one.
     pub files: Vec<PathBuf>,
 }
 
-impl Series {
+impl RecordingFiles {
     /// A file alone; the rotated files of a folder that holds one recording; or `FOLDER/NAME` of a folder that holds several.
     ///
     /// # Errors
@@ -115,17 +115,17 @@ pub trait ReadItems {
     fn next_item(&mut self) -> Result<Option<Item>, ReadError>;
 }
 
-impl<R: io::Read> ReadItems for Reader<R> {
+impl<R: io::Read> ReadItems for RecordingReader<R> {
     fn next_item(&mut self) -> Result<Option<Item>, ReadError> {
-        Reader::next_item(self)
+        RecordingReader::next_item(self)
     }
 }
 
-/// Reads the files of a series as one recording. Memory: as [`Reader`], whatever the number of files.
+/// Reads the files of a series as one recording. Memory: as [`RecordingReader`], whatever the number of files.
 pub struct SeriesReader {
     waiting: VecDeque<PathBuf>,
     files: usize,
-    current: Option<(PathBuf, Reader<BufReader<File>>)>,
+    current: Option<(PathBuf, RecordingReader<BufReader<File>>)>,
     incomplete: Vec<(PathBuf, Ending)>,
 }
 
@@ -151,8 +151,9 @@ impl SeriesReader {
     /// oldest.
     fn open(&mut self, path: PathBuf) -> Result<(), ReadError> {
         let in_file = |source: ReadError| ReadError::InFile { path: path.clone(), source: Box::new(source) };
-        let opened =
-            open_regular(&path).map_err(ReadError::Io).and_then(|file| Reader::new(BufReader::new(file)));
+        let opened = open_regular(&path)
+            .map_err(ReadError::Io)
+            .and_then(|file| RecordingReader::new(BufReader::new(file)));
         let reason = match opened {
             Ok(reader) => {
                 self.current = Some((path, reader));

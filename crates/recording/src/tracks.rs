@@ -1,7 +1,7 @@
 //! A recording in memory: what pictures, series and the viewer take from it.
 
 use crate::message::{decode, decode_field};
-use crate::{Item, Message, ReadError, ReadItems, RunClock, Series, SeriesReader, Stamps};
+use crate::{Item, Message, ReadError, ReadItems, RecordingFiles, RunClock, SeriesReader, Stamps};
 use rom::inputs::{InputSpec, Inputs};
 use std::collections::BTreeMap;
 use std::ops::Deref;
@@ -90,11 +90,11 @@ impl RecordedState {
     }
 
     /// The inputs at which a model with these inputs can be evaluated for this state; none when it stands for no reading.
-    pub fn inputs(&self, of: &[InputSpec]) -> Option<Inputs> {
+    pub fn inputs(&self, specs: &[InputSpec]) -> Option<Inputs> {
         let State { pressure_mpa, gap_mm, input_count, .. } = self.values;
         let mut inputs = Inputs::new(pressure_mpa, gap_mm);
         let mut is_reading = input_count > 0 || pressure_mpa.is_finite() && !gap_mm.is_nan();
-        let places: Vec<[u8; 32]> = of.iter().map(|input| pack_slot(&input.key())).collect();
+        let places: Vec<[u8; 32]> = specs.iter().map(|input| pack_slot(&input.key())).collect();
         for input in self.values.inputs() {
             let at = places.iter().position(|name| *name == pack_slot(&input.name))?;
             inputs = inputs.with(at, input.value);
@@ -141,7 +141,7 @@ pub struct Messages {
 
 impl Messages {
     /// At the first message.
-    pub fn open(series: &Series) -> Self {
+    pub fn open(series: &RecordingFiles) -> Self {
         let place = series.files.first().map(|path| path.display().to_string()).unwrap_or_default();
         let clock = RunClock::new(Stamps::Wall);
         Self { reader: series.reader(), place, clock, first_ns: None, last_ns: i128::MIN }
@@ -194,7 +194,11 @@ impl RecordingData {
     ///
     /// # Errors
     /// The file is not a recording or has no state or field; `stop` was set before the end (reading a long one takes minutes).
-    pub fn read(series: &Series, fields: Option<&KeyExpr>, stop: &AtomicBool) -> Result<Self, ReadError> {
+    pub fn read(
+        series: &RecordingFiles,
+        fields: Option<&KeyExpr>,
+        stop: &AtomicBool,
+    ) -> Result<Self, ReadError> {
         let mut messages = Messages::open(series);
         let mut tracks: BTreeMap<String, Track> = BTreeMap::new();
         while let Some((topic, t_s, message)) = messages.next_message()? {

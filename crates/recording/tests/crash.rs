@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use crate::common::{read_all, text, write_some};
 use proptest::prelude::*;
-use recording::{Ending, Reader, Retention, RotateOptions, RotatingWriter, Store, WriteError};
+use recording::{Ending, RecordingReader, Retention, RotateOptions, RotatingWriter, Store, WriteError};
 
 const MESSAGES: u64 = 24;
 const FLUSH_EVERY: u64 = 6;
@@ -129,7 +129,7 @@ proptest! {
             bytes[at] ^= 1 << bit;
         }
         let all = expected(MESSAGES as usize);
-        if let Ok(mut reader) = Reader::new(bytes.as_slice()) {
+        if let Ok(mut reader) = RecordingReader::new(bytes.as_slice()) {
             while let Ok(Some(item)) = reader.next_item() {
                 if let recording::Item::Message(message) = item {
                     let text = String::from_utf8(message.data).expect("only whole messages");
@@ -144,7 +144,7 @@ proptest! {
     fn random_bytes_are_read_to_an_end(noise in prop::collection::vec(any::<u8>(), 0..2_000)) {
         let mut bytes = recording::MAGIC.to_vec();
         bytes.extend(noise);
-        let mut reader = Reader::new(bytes.as_slice()).expect("head");
+        let mut reader = RecordingReader::new(bytes.as_slice()).expect("head");
         while let Ok(Some(_)) = reader.next_item() {}
     }
 
@@ -160,7 +160,7 @@ proptest! {
             bytes.extend(length.to_le_bytes());
             bytes.extend(body);
         }
-        let mut reader = Reader::new(bytes.as_slice()).expect("head");
+        let mut reader = RecordingReader::new(bytes.as_slice()).expect("head");
         while let Ok(Some(_)) = reader.next_item() {}
     }
 }

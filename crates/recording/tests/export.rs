@@ -1,7 +1,7 @@
 //! Recordings as tables.
 
 use recording::message::{self, EncodeJson};
-use recording::{Channel, Ending, Reader, TableForm, Writer, export_csv};
+use recording::{Channel, Ending, RecordingReader, TableForm, Writer, export_csv};
 use wire::{KeyExpr, Payload, SensorSample, State};
 
 fn recording() -> Vec<u8> {
@@ -28,7 +28,7 @@ fn each_topic_becomes_a_table_that_reads_back_to_the_bit() {
     let folder = tempfile::tempdir().expect("a folder");
     let bytes = recording();
     let key = KeyExpr::new("softtwin/**").expect("a key");
-    let mut reader = Reader::new(bytes.as_slice()).expect("a recording");
+    let mut reader = RecordingReader::new(bytes.as_slice()).expect("a recording");
     let exported = export_csv(&mut reader, folder.path(), &key, TableForm::Whole).expect("written");
     assert_eq!((exported.rows.len(), exported.left_out, reader.ending()), (2, 0, Some(&Ending::Complete)));
     let text = std::fs::read_to_string(folder.path().join("softtwin.finger.sensor.csv")).expect("there");
@@ -57,7 +57,7 @@ fn a_topic_cannot_lead_out_of_the_folder_and_texts_are_quoted() {
     writer.message(odd, 0, 0, 0, b"no object").expect("memory");
     let bytes = writer.finish().expect("memory");
     let key = KeyExpr::new("**").expect("a key");
-    let mut reader = Reader::new(bytes.as_slice()).expect("a recording");
+    let mut reader = RecordingReader::new(bytes.as_slice()).expect("a recording");
     let exported = export_csv(&mut reader, folder.path(), &key, TableForm::Whole).expect("written");
     assert_eq!(exported.left_out, 1);
     let path = folder.path().join("x.a.b.csv");
@@ -71,7 +71,7 @@ fn tables_for_fmi_hold_time_and_numbers_only() {
     let folder = tempfile::tempdir().expect("a folder");
     let bytes = recording();
     let key = KeyExpr::new("softtwin/*/sensor").expect("a key");
-    let mut reader = Reader::new(bytes.as_slice()).expect("a recording");
+    let mut reader = RecordingReader::new(bytes.as_slice()).expect("a recording");
     export_csv(&mut reader, folder.path(), &key, TableForm::Fmi).expect("written");
     let text = std::fs::read_to_string(folder.path().join("softtwin.finger.sensor.csv")).expect("there");
     assert!(
@@ -103,7 +103,7 @@ fn times_of_tables_for_fmi_go_on_where_the_clock_was_set_back() {
     }
     let bytes = writer.finish().expect("memory");
     let key = KeyExpr::new("softtwin/**").expect("a key");
-    let mut reader = Reader::new(bytes.as_slice()).expect("a recording");
+    let mut reader = RecordingReader::new(bytes.as_slice()).expect("a recording");
     export_csv(&mut reader, folder.path(), &key, TableForm::Fmi).expect("written");
     let text = std::fs::read_to_string(folder.path().join("softtwin.finger.sensor.csv")).expect("there");
     let times: Vec<f64> =

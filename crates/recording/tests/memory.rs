@@ -3,7 +3,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use recording::{Ending, Reader};
+use recording::{Ending, RecordingReader};
 
 /// The largest piece of memory that was ever asked for, bytes.
 static LARGEST: AtomicUsize = AtomicUsize::new(0);
@@ -49,7 +49,7 @@ fn a_claimed_length_reserves_nothing() {
     for (opcode, before) in [(SCHEMA, 2), (METADATA, 0), (CHUNK, 28)] {
         for is_long in [false, true] {
             let bytes = claim(opcode, before, is_long);
-            let mut reader = Reader::new(bytes.as_slice()).expect("the head is whole");
+            let mut reader = RecordingReader::new(bytes.as_slice()).expect("the head is whole");
             assert_eq!(reader.next_item().expect("readable"), None);
             assert!(matches!(reader.ending(), Some(Ending::Truncated { .. })), "{:?}", reader.ending());
         }

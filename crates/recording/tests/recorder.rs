@@ -5,7 +5,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use recording::message::decode_reading;
-use recording::{Ending, Item, Reader, Recorder, RecorderOptions, RotateOptions};
+use recording::{Ending, Item, Recorder, RecorderOptions, RecordingReader, RotateOptions};
 use wire::{Bus, Domain, KeyExpr, SensorSample, SensorWriter, State, StateWriter, Topic};
 
 const READINGS: u64 = 2_000;
@@ -74,7 +74,7 @@ fn published_samples_are_in_the_file() {
     assert_eq!(summary.messages["softtwin/finger/sensor"], READINGS);
 
     let bytes = std::fs::read(path).expect("there");
-    let mut reader = Reader::new(bytes.as_slice()).expect("a recording");
+    let mut reader = RecordingReader::new(bytes.as_slice()).expect("a recording");
     let (mut readings, mut gaps, mut metadata) = (Vec::new(), 0, Vec::new());
     while let Some(item) = reader.next_item().expect("readable") {
         match item {

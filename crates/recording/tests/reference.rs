@@ -6,7 +6,7 @@ use std::io::Cursor;
 use std::sync::Arc;
 
 use crate::common::{metadata, read_all, text, write_some};
-use recording::{Ending, Item, ReadError, Reader, Writer};
+use recording::{Ending, Item, ReadError, RecordingReader, Writer};
 use wire::layout::LAYOUT_VERSION;
 
 #[test]
@@ -108,7 +108,7 @@ fn reference_file(compression: Option<mcap::Compression>, count: u64) -> Vec<u8>
 fn our_reader_reads_the_reference_writer() {
     for compression in [None, Some(mcap::Compression::Lz4)] {
         let bytes = reference_file(compression, 300);
-        let mut reader = Reader::new(bytes.as_slice()).expect("head");
+        let mut reader = RecordingReader::new(bytes.as_slice()).expect("head");
         let (mut messages, mut notes) = (0, 0);
         while let Some(item) = reader.next_item().expect("readable") {
             match item {
@@ -139,7 +139,7 @@ fn another_compression_is_named_with_its_remedy() {
         .position(|window| window == b"\x03\0\0\0lz4")
         .expect("a chunk names its compression");
     bytes[at + 4..at + 7].copy_from_slice(b"zzz");
-    let mut reader = Reader::new(bytes.as_slice()).expect("head");
+    let mut reader = RecordingReader::new(bytes.as_slice()).expect("head");
     let error = loop {
         match reader.next_item() {
             Ok(Some(_)) => {}
@@ -153,7 +153,7 @@ fn another_compression_is_named_with_its_remedy() {
 #[test]
 fn invalid_file_is_refused() {
     for bytes in [&b""[..], b"time,pressure", b"\x89MCAP1\r\n"] {
-        let error = Reader::new(bytes).err().expect("refused");
+        let error = RecordingReader::new(bytes).err().expect("refused");
         assert!(matches!(error, ReadError::NotMcap { .. }), "{error}");
     }
     assert_eq!(read_all(&write_some(Vec::new(), 0, 1).expect("memory")), (Vec::new(), Ending::Complete));
@@ -171,7 +171,7 @@ fn a_recording_of_another_layout_is_refused_and_names_the_command_that_makes_it(
         let mut writer = Writer::new(Vec::new()).expect("memory");
         writer.metadata("softtwin.recording", &entries).expect("memory");
         let bytes = writer.finish().expect("memory");
-        let error = Reader::new(bytes.as_slice()).expect("head").next_item().expect_err("refused");
+        let error = RecordingReader::new(bytes.as_slice()).expect("head").next_item().expect_err("refused");
         assert!(matches!(&error, ReadError::Layout { found } if *found == wanted), "{error}");
     }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::common::{channel, text};
-use recording::{Ending, Item, ReadItems, Retention, RotateOptions, RotatingWriter, Series};
+use recording::{Ending, Item, ReadItems, RecordingFiles, Retention, RotateOptions, RotatingWriter};
 
 const ROTATE: RotateOptions = RotateOptions {
     max_bytes: None,
@@ -22,7 +22,7 @@ fn run(base: &Path, options: RotateOptions, from: u64, to: u64) -> Vec<std::path
 }
 
 fn read(path: &Path) -> (Vec<String>, String) {
-    let mut reader = Series::open(path).expect("a recording").reader();
+    let mut reader = RecordingFiles::open(path).expect("a recording").reader();
     let mut messages = Vec::new();
     while let Some(item) = reader.next_item().expect("readable") {
         if let Item::Message(message) = item {
@@ -65,7 +65,7 @@ fn retention_counts_the_files_of_earlier_runs_only() {
     for name in ["run.mcap", "run-2.mcap", "run-test-0001.mcap", "other-0001.mcap"] {
         assert!(folder.path().join(name).exists(), "{name}");
     }
-    let several = Series::open(folder.path()).expect_err("which one?").to_string();
+    let several = RecordingFiles::open(folder.path()).expect_err("which one?").to_string();
     assert!(several.contains("run") && several.contains("other"), "{several}");
 }
 
@@ -101,7 +101,8 @@ fn damaged_and_empty_files_of_a_series_cost_only_themselves() {
     let (messages, ending) = read(folder.path());
     assert_eq!(messages, [expected(0..10), expected(20..40)].concat());
     assert!(ending.contains("run-0002.mcap"), "{ending}");
-    let alone = Series::open(&files[1]).expect("there").reader().next_item().expect_err("no recording");
+    let alone =
+        RecordingFiles::open(&files[1]).expect("there").reader().next_item().expect_err("no recording");
     assert!(alone.to_string().contains("an empty file"), "{alone}");
 }
 

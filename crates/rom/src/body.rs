@@ -18,9 +18,9 @@ pub(crate) const MAX_STRETCH: f64 = 4.0;
 /// One edge in so many may be longer: single elements at corners are.
 const ONE_IN: usize = 16;
 
-/// What is followed of a body.
+/// Bounds that a predicted shape has to keep: lengths of edges, stretch, volumes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Body {
+pub struct ShapeLimits {
     pub(crate) regimes: Vec<RegimeShapes>,
     /// Largest possible length of each edge, mm.
     pub(crate) longest_mm: Vec<f64>,
@@ -34,52 +34,52 @@ pub(crate) struct RegimeShapes {
     pub(crate) kind: RegimeKind,
     /// Vector along each edge.
     pub(crate) edges: Vec<[Affine; 3]>,
-    pub(crate) volumes: Vec<Form>,
+    pub(crate) volumes: Vec<VolumeForm>,
 }
 
-impl Body {
+impl ShapeLimits {
     fn regime(&self, kind: RegimeKind) -> Option<&RegimeShapes> {
-        self.regimes.iter().find(|of| of.kind == kind)
+        self.regimes.iter().find(|regime| regime.kind == kind)
     }
 
     /// Whether the shape depends on some of these coefficients.
     pub(crate) fn depends_on(&self, kind: RegimeKind, coefficients: &Range<usize>) -> bool {
-        let edge = self.regime(kind).and_then(|of| of.edges.first());
+        let edge = self.regime(kind).and_then(|regime| regime.edges.first());
         edge.is_some_and(|rows| rows.iter().any(|row| coefficients.contains(&row.first)))
     }
 
     /// False if the shape of an evaluation with coefficients cannot be one of the body. Allocates nothing.
     pub(crate) fn is_possible(&self, evaluation: &Evaluation) -> bool {
         let coefficients = &evaluation.coefficients;
-        let Some(of) = self.regime(evaluation.regime).filter(|_| !coefficients.is_empty()) else {
+        let Some(regime) = self.regime(evaluation.regime).filter(|_| !coefficients.is_empty()) else {
             return true;
         };
         let is_longer = |(rows, longest_mm): &(&[Affine; 3], &f64)| {
             let square: f64 = rows.iter().map(|row| row.value(coefficients).powi(2)).sum();
             square.sqrt() > **longest_mm
         };
-        let longer = of.edges.iter().zip(&self.longest_mm).filter(is_longer).count();
-        let holds = |form: &Form| {
+        let longer = regime.edges.iter().zip(&self.longest_mm).filter(is_longer).count();
+        let holds = |form: &VolumeForm| {
             let area_mm2 = self.stretch * self.stretch * form.area_mm2;
             let sphere_mm3 = area_mm2.powf(1.5) / (6.0 * std::f64::consts::PI.sqrt());
             (0.0..=sphere_mm3).contains(&form.value(coefficients, None))
         };
-        longer * ONE_IN <= of.edges.len() && of.volumes.iter().all(holds)
+        longer * ONE_IN <= regime.edges.len() && regime.volumes.iter().all(holds)
     }
 }
 
-/// The volume of a regime's shapes as a function of the coefficients.
+/// The volume of a chamber in a regime as a function of the coefficients: `sum t_ijk a_i b_j c_k` (`observable/volume.rs`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Form {
+pub(crate) struct VolumeForm {
     /// First coefficient and number of coefficients of x, y, z.
     pub(crate) axes: [(usize, usize); 3],
-    /// `t`, the index of z running fastest.
+    /// `t_ijk`, `k` running fastest. Models and the equations in Python have them by this name.
     pub(crate) numbers: Vec<f64>,
     /// Area of the undeformed walls, mm2.
     pub(crate) area_mm2: f64,
 }
 
-impl Form {
+impl VolumeForm {
     /// True if it fits a regime of `count` coefficients.
     pub(crate) fn fits(&self, count: usize) -> bool {
         let inside = self.axes.iter().all(|(first, own)| first.saturating_add(*own) <= count);

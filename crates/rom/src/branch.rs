@@ -51,9 +51,9 @@ struct Branch {
     is_open: [bool; 2],
 }
 
-/// Place of a past on the branches.
+/// Where a past is on the branches.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Place {
+enum BranchPosition {
     On(usize),
     /// Above the last maximum, or below the first minimum, at the end of a branch: in a state that the table does not have.
     Behind {
@@ -98,7 +98,7 @@ pub struct Follower {
     rest_mpa: f64,
     max_gap_s: f64,
     /// State taken for true, and those after the smallest and the largest past; `None` before the first reading.
-    places: Option<[Place; 3]>,
+    places: Option<[BranchPosition; 3]>,
     last_ns: u64,
 }
 
@@ -210,51 +210,51 @@ impl Follower {
         followed
     }
 
-    /// Place of an unknown past: on the first, or the last, branch that has the pressure.
-    fn begin(&self, pressure_mpa: f64, is_last: bool) -> Place {
+    /// Position of an unknown past: on the first, or the last, branch that has the pressure.
+    fn begin(&self, pressure_mpa: f64, is_last: bool) -> BranchPosition {
         let reaches = |branch: &Branch| {
             let [low, high] = branch.ends_mpa();
             (branch.is_open[0] || low <= pressure_mpa) && (branch.is_open[1] || pressure_mpa <= high)
         };
         let found = self.branches.iter().position(reaches);
         let found = if is_last { self.branches.iter().rposition(reaches) } else { found };
-        found.map_or_else(|| self.moved(Place::On(0), pressure_mpa), Place::On)
+        found.map_or_else(|| self.moved(BranchPosition::On(0), pressure_mpa), BranchPosition::On)
     }
 
-    /// Place after the pressure went straight to another value.
-    fn moved(&self, from: Place, pressure_mpa: f64) -> Place {
-        let ends = |at: usize| self.branches[at].ends_mpa();
-        let mut at = match from {
-            Place::On(at) => at,
-            Place::Behind { branch, is_above: false } if pressure_mpa >= ends(branch)[0] => branch,
-            Place::Behind { is_above: true, .. } if pressure_mpa <= self.rest_mpa => 0,
-            Place::Behind { .. } => return from,
+    /// Position after the pressure went straight to another value.
+    fn moved(&self, from: BranchPosition, pressure_mpa: f64) -> BranchPosition {
+        let ends = |branch: usize| self.branches[branch].ends_mpa();
+        let mut branch = match from {
+            BranchPosition::On(branch) => branch,
+            BranchPosition::Behind { branch, is_above: false } if pressure_mpa >= ends(branch)[0] => branch,
+            BranchPosition::Behind { is_above: true, .. } if pressure_mpa <= self.rest_mpa => 0,
+            BranchPosition::Behind { .. } => return from,
         };
         loop {
-            let Branch { is_open, .. } = &self.branches[at];
-            let [low, high] = ends(at);
+            let Branch { is_open, .. } = &self.branches[branch];
+            let [low, high] = ends(branch);
             let is_above = pressure_mpa > high;
             let next = if is_above && !is_open[1] {
                 let reaches = |other: &usize| ends(*other)[1] >= high || self.branches[*other].is_open[1];
-                (at + 1..self.branches.len()).find(reaches)
+                (branch + 1..self.branches.len()).find(reaches)
             } else if pressure_mpa < low && !is_open[0] {
                 let reaches = |other: &usize| ends(*other)[0] <= low || self.branches[*other].is_open[0];
-                (0..at).rev().find(reaches)
+                (0..branch).rev().find(reaches)
             } else {
-                return Place::On(at);
+                return BranchPosition::On(branch);
             };
             match next {
-                Some(next) => at = next,
-                None => return Place::Behind { branch: at, is_above },
+                Some(next) => branch = next,
+                None => return BranchPosition::Behind { branch, is_above },
             }
         }
     }
 
-    fn followed(&self, places: [Place; 3], pressure_mpa: f64) -> BranchState {
+    fn followed(&self, places: [BranchPosition; 3], pressure_mpa: f64) -> BranchState {
         let is_unknown = places[1..].iter().any(|place| *place != places[0]);
         let (branch, is_behind, at_mpa) = match places[0] {
-            Place::On(branch) => (branch, false, pressure_mpa),
-            Place::Behind { branch, is_above } => {
+            BranchPosition::On(branch) => (branch, false, pressure_mpa),
+            BranchPosition::Behind { branch, is_above } => {
                 (branch, true, self.branches[branch].ends_mpa()[usize::from(is_above)])
             }
         };
@@ -311,12 +311,13 @@ fn with_limits(samples: &[Sample]) -> Vec<Sample> {
 
 /// Indices of the ends and of the extrema, without folds that are not as deep as `depth_mpa`: the shallowest go first.
 fn turns(samples: &[Sample], depth_mpa: f64) -> Vec<usize> {
-    let rises = |at: usize| samples[at + 1].pressure_mpa > samples[at].pressure_mpa;
+    let rises = |sample: usize| samples[sample + 1].pressure_mpa > samples[sample].pressure_mpa;
     let inner = (1..samples.len().saturating_sub(1)).filter(|at| rises(*at) != rises(*at - 1));
     let mut turns: Vec<usize> = std::iter::once(0).chain(inner).collect();
     turns.extend(samples.len().checked_sub(1));
     while turns.len() > 2 {
-        let depth = |at: usize| (samples[turns[at + 1]].pressure_mpa - samples[turns[at]].pressure_mpa).abs();
+        let depth =
+            |turn: usize| (samples[turns[turn + 1]].pressure_mpa - samples[turns[turn]].pressure_mpa).abs();
         let shallowest = (0..turns.len() - 1).min_by(|a, b| depth(*a).total_cmp(&depth(*b)));
         let Some(at) = shallowest.filter(|at| depth(*at) < depth_mpa) else { break };
         // The ends of the table stay.

@@ -150,7 +150,7 @@ impl OnsetSolver {
         }
         let mut depth = |p: f64| self.depth(&inputs.with(PRESSURE, p), scratch);
         if let Some((other, false)) = table
-            && let Some(found) = self.near(other.pressure_and_slope(gap_mm).0, gap_mm, &mut depth)
+            && let Some(found) = self.onset_from_guess(other.pressure_and_slope(gap_mm).0, gap_mm, &mut depth)
         {
             return found;
         }
@@ -191,7 +191,8 @@ impl OnsetSolver {
     }
 
     /// Onset at a state near the last one: error of about 1e-4 mm after one evaluation of the free model's height, for states as
-    /// close as successive readings.
+    /// close as successive readings. It ends with a step along the tangent that is not checked; [`Self::onset_from_guess`] ends where
+    /// the height is the gap to rounding, and gives the same pressure whatever the guess.
     pub(crate) fn onset_near(
         &self,
         inputs: &Inputs,
@@ -216,8 +217,13 @@ impl OnsetSolver {
         None
     }
 
-    /// Newton's method from a guess; `None` outside the pressures of the free model or after [`NEAR_STEPS`] steps.
-    fn near(&self, mut p: f64, gap_mm: f64, depth: &mut impl FnMut(f64) -> Depth) -> Option<OnsetAt> {
+    /// Exact onset by Newton's method from a guess; `None` outside the pressures of the free model or after [`NEAR_STEPS`] steps.
+    fn onset_from_guess(
+        &self,
+        mut p: f64,
+        gap_mm: f64,
+        depth: &mut impl FnMut(f64) -> Depth,
+    ) -> Option<OnsetAt> {
         for _ in 0..NEAR_STEPS {
             if p.is_nan() || p <= 0.0 || p >= self.clearance.max_pressure_mpa {
                 return None;
@@ -225,8 +231,8 @@ impl OnsetSolver {
             let here = depth(p);
             let off_mm = here.mm - gap_mm;
             if off_mm.abs() <= TOLERANCE_MM {
-                let at = OnsetAt { onset: Onset::At(p), pressure_mpa: p, gradient: implicit(&here) };
-                return (here.gradient[PRESSURE] > 0.0).then_some(at);
+                let onset = OnsetAt { onset: Onset::At(p), pressure_mpa: p, gradient: implicit(&here) };
+                return (here.gradient[PRESSURE] > 0.0).then_some(onset);
             }
             p -= off_mm / here.gradient[PRESSURE];
         }

@@ -73,7 +73,7 @@ fn of_regime(old: &RegimeModel, wanted: &[Output], kept: Option<usize>) -> (Regi
         gap_mm: far.gap_mm.clone(),
         corrections: summed(old, &far.corrections, &corrections),
     });
-    new.difference = old.difference.as_ref().map(|of| differing(old, of, &corrections));
+    new.difference = old.difference.as_ref().map(|difference| differing(old, difference, &corrections));
     (new, place)
 }
 
@@ -95,7 +95,7 @@ fn push(regime: &mut RegimeModel, begin: usize, surrogate: Interpolant) -> usize
 fn weighed(old: &RegimeModel, outputs: &[Output]) -> Interpolant {
     let first = &old.groups[outputs[0].parts[0].0].surrogate;
     let width = outputs.len();
-    let sums = |terms: usize, of: &dyn Fn(&Interpolant) -> &[f64]| {
+    let sums = |terms: usize, weights_of: &dyn Fn(&Interpolant) -> &[f64]| {
         let mut sums = vec![0.0; terms * width];
         let parts = outputs
             .iter()
@@ -103,7 +103,7 @@ fn weighed(old: &RegimeModel, outputs: &[Output]) -> Interpolant {
             .flat_map(|(at, output)| output.parts.iter().map(move |part| (at, part)));
         for (at, (group, weights)) in parts {
             let source = &old.groups[*group].surrogate;
-            let rows = of(source).chunks_exact(source.outputs.max(1));
+            let rows = weights_of(source).chunks_exact(source.outputs.max(1));
             for (row, sums) in rows.zip(sums.chunks_exact_mut(width)) {
                 sums[at] += dot(weights, row);
             }
@@ -131,15 +131,15 @@ fn summed(old: &RegimeModel, rows: &[f64], outputs: &[&Output]) -> Vec<f64> {
 }
 
 /// The measured difference of the outputs.
-fn differing(old: &RegimeModel, of: &FieldDifference, outputs: &[&Output]) -> FieldDifference {
+fn differing(old: &RegimeModel, difference: &FieldDifference, outputs: &[&Output]) -> FieldDifference {
     let count = old.coefficient_count();
-    let mut rows = vec![0.0; of.centres.len() * count];
-    let weights = of.weights.chunks_exact(of.coefficients.len().max(1));
+    let mut rows = vec![0.0; difference.centres.len() * count];
+    let weights = difference.weights.chunks_exact(difference.coefficients.len().max(1));
     for (row, weights) in rows.chunks_exact_mut(count.max(1)).zip(weights) {
-        of.coefficients.iter().zip(weights).for_each(|(at, w)| row[*at] += w);
+        difference.coefficients.iter().zip(weights).for_each(|(at, w)| row[*at] += w);
     }
     let (coefficients, weights) = ((0..outputs.len()).collect(), summed(old, &rows, outputs));
-    FieldDifference { coefficients, weights, ..of.clone() }
+    FieldDifference { coefficients, weights, ..difference.clone() }
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -11,7 +11,7 @@
 //! between, so that an answer allocates nothing: the twin's loop has to answer in a bounded time. Nothing is written into the evaluator, so
 //! threads can share it if each brings its own evaluation.
 
-use crate::body::Body;
+use crate::body::ShapeLimits;
 use crate::clearance::OnsetSolver;
 use crate::evaluation::{Evaluation, Flags, Refusal};
 use crate::halfwidths::HalfWidths;
@@ -119,15 +119,15 @@ pub struct Evaluator {
     onset: Option<OnsetTable>,
     /// Solver of the onset if it depends on parameters; the table is then that of their default values.
     solver: Option<OnsetSolver>,
-    /// Default per input for states with NaN; NaN for pressure and gap.
-    values: [f64; MAX_INPUTS],
+    /// Value that an input has where a state gives NaN; NaN for pressure and gap.
+    defaults: [f64; MAX_INPUTS],
     hysteresis_mpa: f64,
     /// See [`Flags::no_force`].
     no_force: bool,
     no_stress: bool,
     /// What stopped the search for the largest pressure when the actuator was built.
     limit: Option<PressureLimit>,
-    body: Option<Arc<Body>>,
+    body: Option<Arc<ShapeLimits>>,
     /// Map of a model learned from measurements: the interpolants are not asked.
     learned: Option<Arc<LearnedMap>>,
     /// States at any distance have numbers: for searches, whose steps may lie far outside.
@@ -144,8 +144,8 @@ impl Evaluator {
     /// [`ModelError::Inconsistent`] when the header contradicts itself.
     pub fn new(header: &ModelHeader) -> Result<Self, ModelError> {
         header.check().map_err(ModelError::Inconsistent)?;
-        let mut values = [f64::NAN; MAX_INPUTS];
-        values
+        let mut defaults = [f64::NAN; MAX_INPUTS];
+        defaults
             .iter_mut()
             .zip(&header.inputs)
             .for_each(|(default, input)| *default = input.value.unwrap_or(f64::NAN));
@@ -165,7 +165,7 @@ impl Evaluator {
             parts,
             onset: header.onset.clone(),
             solver,
-            values,
+            defaults,
             hysteresis_mpa: header.hysteresis_mpa,
             no_force: !header.has_forces(),
             no_stress: !header.has_stress(),
@@ -214,15 +214,15 @@ impl Evaluator {
         }
         let part = self.parts.iter().find(|part| part.model.kind == evaluation.regime)?;
         let map = &part.model.inputs;
-        let value = |at: usize| rounded(evaluation.inputs.values()[at]);
+        let value = |input: usize| rounded(evaluation.inputs.values()[input]);
         let mut found = Vec::new();
-        for (at, spec) in self.taken_inputs() {
-            let Some([low, high]) = map.range(at).map(|range| range.map(rounded)) else { continue };
-            let (key, unit, value) = (spec.key(), &spec.unit, value(at));
+        for (input, spec) in self.taken_inputs() {
+            let Some([low, high]) = map.range(input).map(|range| range.map(rounded)) else { continue };
+            let (key, unit, value) = (spec.key(), &spec.unit, value(input));
             if value.is_nan() {
                 found.push(format!("{key} has no value"));
             } else if value > high {
-                let limit = self.limit.as_ref().filter(|_| at == PRESSURE);
+                let limit = self.limit.as_ref().filter(|_| input == PRESSURE);
                 let reason =
                     limit.map_or(String::new(), |limit| format!("; build went no further: {}", limit.reason));
                 let by = rounded(value - high);
@@ -259,25 +259,25 @@ impl Evaluator {
     /// # Errors
     /// [`ModelError::Inconsistent`] when the free model moves down at no pressure at these parameters; the defaults are then unchanged.
     pub fn set_parameters(&mut self, inputs: &Inputs, scratch: &mut Evaluation) -> Result<(), ModelError> {
-        let inputs = inputs.or(&self.values);
-        if self.has_values(&inputs) {
+        let inputs = inputs.or(&self.defaults);
+        if self.has_default_parameters(&inputs) {
             return Ok(());
         }
-        let values = *inputs.with(PRESSURE, f64::NAN).with(GAP, f64::NAN).values();
-        let before = std::mem::replace(&mut self.values, values);
-        self.tabulate(scratch).inspect_err(|_| self.values = before)
+        let defaults = *inputs.with(PRESSURE, f64::NAN).with(GAP, f64::NAN).values();
+        let before = std::mem::replace(&mut self.defaults, defaults);
+        self.tabulate(scratch).inspect_err(|_| self.defaults = before)
     }
 
     /// True if the parameters of a state have the default values.
-    pub fn has_values(&self, inputs: &Inputs) -> bool {
-        inputs.values()[PARAMETERS..self.inputs.len()] == self.values[PARAMETERS..self.inputs.len()]
+    pub fn has_default_parameters(&self, inputs: &Inputs) -> bool {
+        inputs.values()[PARAMETERS..self.inputs.len()] == self.defaults[PARAMETERS..self.inputs.len()]
     }
 
     /// Tabulates the onset at the default values if it depends on parameters.
     fn tabulate(&mut self, scratch: &mut Evaluation) -> Result<(), ModelError> {
         if let Some(solver) = &self.solver {
             scratch.scratch.reserve(&self.scratch);
-            let table = solver.table(&Inputs::new(0.0, 0.0).or(&self.values), scratch);
+            let table = solver.table(&Inputs::new(0.0, 0.0).or(&self.defaults), scratch);
             let reason = || "the free model sinks at no pressure at these parameters".to_owned();
             self.onset = Some(table.ok_or_else(|| ModelError::Inconsistent(reason()))?);
         }
@@ -328,8 +328,8 @@ impl Evaluator {
     }
 
     /// A state with the defaults of its parameters, and NaN for an input that the model does not have.
-    fn complete_inputs(&self, inputs: Inputs) -> Inputs {
-        let inputs = inputs.or(&self.values);
+    fn with_defaults_only_taken(&self, inputs: Inputs) -> Inputs {
+        let inputs = inputs.or(&self.defaults);
         let ignored = (0..self.inputs.len()).filter(|at| !self.is_taken[*at]);
         ignored.fold(inputs, |inputs, at| inputs.with(at, f64::NAN))
     }
@@ -354,9 +354,11 @@ impl Evaluator {
     fn onset_at(&self, inputs: &Inputs, scratch: &mut Evaluation) -> OnsetAt {
         let fixed_onset = |onset| OnsetAt { onset, pressure_mpa: 0.0, gradient: [0.0; MAX_INPUTS] };
         match (&self.solver, &self.onset, self.parts.first()) {
-            (Some(solver), table, _) => {
-                solver.onset(inputs, table.as_ref().map(|table| (table, self.has_values(inputs))), scratch)
-            }
+            (Some(solver), table, _) => solver.onset(
+                inputs,
+                table.as_ref().map(|table| (table, self.has_default_parameters(inputs))),
+                scratch,
+            ),
             (None, Some(table), _) => table.at(inputs.gap_mm()),
             (None, None, Some(part)) if part.model.kind == RegimeKind::Contact => fixed_onset(Onset::Always),
             (None, None, _) => fixed_onset(Onset::Never),
@@ -366,7 +368,7 @@ impl Evaluator {
     /// Largest gap that a state's pressure and parameters close, in mm. `None` for a model
     /// of one regime or if the free model has no finite answer. Cost: at most one evaluation of the free model.
     pub fn closed_gap_mm(&self, inputs: Inputs, scratch: &mut Evaluation) -> Option<f64> {
-        let inputs = inputs.or(&self.values);
+        let inputs = inputs.or(&self.defaults);
         scratch.scratch.reserve(&self.scratch);
         let gap_mm = match (&self.solver, &self.onset) {
             (Some(solver), _) => solver.depth_mm(&inputs, scratch),
@@ -387,7 +389,7 @@ impl Evaluator {
     /// have is NaN in `out`. Any state is answered without panic: one that is not a number, or lies outside the samples, is flagged as
     /// extrapolated. In a regime that was not trained there are no coefficients. Allocates nothing when [`Self::evaluation`] made `out`.
     pub fn answer(&self, inputs: Inputs, query: Query<'_>, out: &mut Evaluation) {
-        let inputs = self.complete_inputs(inputs);
+        let inputs = self.with_defaults_only_taken(inputs);
         out.scratch.reserve(&self.scratch);
         let onset = match (query.near, query.regime) {
             (Some(last), _) => Some(self.onset_near(inputs, last, out)),
@@ -405,7 +407,7 @@ impl Evaluator {
         let part = self.parts.iter().find(|part| part.model.kind == out.regime);
         out.halfwidths = HalfWidths::UNKNOWN; // until they are known, also inside
         if query.range {
-            self.place(
+            self.set_range_distance(
                 part,
                 query.regime.is_some(),
                 self.onset.is_some() && onset.pressure_mpa.is_nan(),
@@ -423,7 +425,7 @@ impl Evaluator {
             if query.until == Until::Gradients {
                 self.settled_slopes(map, out);
             }
-            return self.settle(out);
+            return self.answer_settled(out);
         }
         if let Some(part) = part {
             let x = part.model.inputs.scale(&inputs);
@@ -443,29 +445,28 @@ impl Evaluator {
     }
 
     /// Answers of a model learned from measurements under inputs that have been there for long, with all its numbers.
-    fn settle(&self, out: &mut Evaluation) {
+    fn answer_settled(&self, out: &mut Evaluation) {
         let Some(map) = self.learned.as_ref().filter(|map| map.takes(&out.inputs)) else {
             out.flags.refusal = Some(Refusal::TooFar);
             return self.fill_refused(out);
         };
         let mut settled = out.settled.take().unwrap_or_else(|| Box::new(map.initial_state()));
         settled.settle(map, &out.inputs);
-        self.ask(map, &mut settled, None, out);
+        self.answer_learned(map, &mut settled, None, out);
         out.settled = Some(settled);
     }
 
     /// Answer of a learned map; refused where it is farther outside than the training is wide.
-    fn ask(
+    fn answer_learned(
         &self,
         map: &LearnedMap,
         past: &mut LearnedState,
         following: Option<(&OffsetFilter, u64)>,
         out: &mut Evaluation,
     ) {
-        let [distance, displacement_mm] =
-            map.answer(past, following, &mut out.coefficients, &mut out.output_half_widths);
-        out.set_distance(distance);
-        out.halfwidths = HalfWidths { displacement_mm, ..HalfWidths::UNKNOWN };
+        let reach = map.answer(past, following, &mut out.coefficients, &mut out.output_half_widths);
+        out.set_distance(reach.distance);
+        out.halfwidths = HalfWidths { displacement_mm: reach.marker_half_width_mm, ..HalfWidths::UNKNOWN };
         out.flags.refusal = self.too_far(out.domain_distance);
         if out.flags.refusal.is_some() {
             self.fill_refused(out);
@@ -488,7 +489,7 @@ impl Evaluator {
 
     /// Answers of a model learned from measurements after a past, whose last reading had these inputs, with the offsets that are followed at a
     /// time, ns.
-    pub(crate) fn remember(
+    pub(crate) fn answer_after(
         &self,
         inputs: Inputs,
         past: &mut LearnedState,
@@ -498,7 +499,7 @@ impl Evaluator {
         self.answer(inputs, Query::REGIME, out);
         clear(out);
         match &self.learned {
-            Some(map) if map.takes(&out.inputs) => self.ask(map, past, following, out),
+            Some(map) if map.takes(&out.inputs) => self.answer_learned(map, past, following, out),
             _ => self.fill_refused(out),
         }
     }
@@ -506,17 +507,18 @@ impl Evaluator {
     /// Derivatives of the settled answers by central differences, for searches.
     fn settled_slopes(&self, map: &LearnedMap, out: &mut Evaluation) {
         out.gradients.iter_mut().for_each(|row| row.resize(map.outputs(), 0.0)); // within the capacity reserved
-        let at = out.inputs;
-        for of in &map.inputs {
-            let (input, step) = (of.input as usize, SLOPE_STEP * of.range * of.deviation);
+        let centre = out.inputs;
+        for map_input in &map.inputs {
+            let (input, step) =
+                (map_input.input as usize, SLOPE_STEP * map_input.range * map_input.deviation);
             for sign in [1.0, -1.0] {
-                out.inputs = at.with(input, at.values()[input] + sign * step);
-                self.settle(out);
+                out.inputs = centre.with(input, centre.values()[input] + sign * step);
+                self.answer_settled(out);
                 let (values, rows) = (&out.coefficients, &mut out.gradients);
                 rows[input].iter_mut().zip(values).for_each(|(slope, v)| *slope += sign * v / (2.0 * step));
             }
         }
-        out.inputs = at;
+        out.inputs = centre;
     }
 
     /// Half-widths at a state over scaled inputs; NaN for a quantity that the model does not have, and for all outside the training range.
@@ -578,8 +580,8 @@ impl Evaluator {
     }
 
     /// Inputs with the model's values for parameters that are not set.
-    pub(crate) fn completed(&self, inputs: Inputs) -> Inputs {
-        inputs.or(&self.values)
+    pub(crate) fn with_defaults(&self, inputs: Inputs) -> Inputs {
+        inputs.or(&self.defaults)
     }
 
     /// Contact force of the contact regime and its gradient, negative below the onset; the onset is searched for near the last one.
@@ -589,11 +591,11 @@ impl Evaluator {
         last: &mut LastOnset,
         out: &mut Evaluation,
     ) -> Option<(f64, [f64; MAX_INPUTS])> {
-        let inputs = inputs.or(&self.values);
+        let inputs = inputs.or(&self.defaults);
         out.scratch.reserve(&self.scratch);
-        let at = self.onset_near(inputs, last, out);
+        let onset = self.onset_near(inputs, last, out);
         let part = self.parts.iter().find(|part| part.model.kind == RegimeKind::Contact)?;
-        signed_force(part, &at, &part.model.inputs.scale(&inputs), inputs, out)
+        signed_force(part, &onset, &part.model.inputs.scale(&inputs), inputs, out)
     }
 
     /// Onset at a state, sought near the last one.
@@ -607,7 +609,7 @@ impl Evaluator {
     /// Coefficients of the regime of `out`; none of a regime that was not trained.
     fn coefficients(&self, out: &mut Evaluation, gradient: bool) {
         if self.learned.is_some() {
-            return self.settle(out);
+            return self.answer_settled(out);
         }
         match self.parts.iter().find(|part| part.model.kind == out.regime) {
             Some(part) => {
@@ -639,7 +641,13 @@ impl Evaluator {
 
     /// Distance of the inputs of `out` from the training range of their regime, infinite where one of them or the onset is missing, and
     /// whether there is no answer so far outside.
-    fn place(&self, part: Option<&RegimePart>, is_given: bool, has_no_onset: bool, out: &mut Evaluation) {
+    fn set_range_distance(
+        &self,
+        part: Option<&RegimePart>,
+        is_given: bool,
+        has_no_onset: bool,
+        out: &mut Evaluation,
+    ) {
         let inputs = out.inputs;
         let mut taken = inputs.values().iter().zip(self.is_taken);
         let is_missing = has_no_onset || taken.any(|(value, taken)| taken && value.is_nan());
@@ -661,7 +669,7 @@ impl Evaluator {
             // A jump of the pressure throws a moving body beyond any load for a moment: what is refused is a place where it is not at rest
             // either.
             let rest: [f64; MAX_INPUTS] = std::array::from_fn(|input| {
-                if input < PARAMETERS { inputs.values()[input] } else { self.values[input] }
+                if input < PARAMETERS { inputs.values()[input] } else { self.defaults[input] }
             });
             out.flags.refusal = self.too_far(distance(part, &Inputs::from(rest)));
         }

@@ -177,8 +177,8 @@ impl FromStr for Objective {
             Some((axis, point)) => {
                 let axis =
                     ["x_mm", "y_mm", "z_mm"].iter().position(|name| *name == axis).ok_or_else(expected)?;
-                let at = point.split(',').map(number).collect::<Result<Vec<f64>, _>>()?;
-                Ok(Self::Place(axis, at.try_into().map_err(|_| expected())?, value))
+                let point_mm = point.split(',').map(number).collect::<Result<Vec<f64>, _>>()?;
+                Ok(Self::Place(axis, point_mm.try_into().map_err(|_| expected())?, value))
             }
             None => Err(expected()),
         }

@@ -22,7 +22,7 @@
 
 use crate::inputs::{Point, square_distance};
 use crate::kernel::around::Around;
-use crate::statistics::quantile;
+use crate::statistics::{farthest_points, quantile};
 use serde::{Deserialize, Serialize};
 
 /// Standard deviations of a normal distribution within half-widths, which hold for 90 % of the states.
@@ -143,14 +143,15 @@ impl LocalHalfWidths {
 
     /// Calibrates on the errors of held-out states at these scaled inputs ([`Unseen`]). Cost `O(states)`.
     pub fn of_unseen(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
-        let places = places(points);
+        let distance = |a: usize, b: usize| square_distance(&points[a], &points[b]);
+        let places = farthest_points(points.len(), 0, MAX_PLACES, 0.0, distance);
         let of_places: Vec<Point> = places.iter().map(|place| points[*place]).collect();
         let mut local = Self::without_factors(dimensions, &of_places, errors, coverage);
         let mut factors = [0.0; 3];
         for (k, least) in local.least.values().into_iter().enumerate() {
             let errors = &std::mem::take(&mut local.errors[k]);
             let scale = Unseen { points, places: &places, errors, least, coverage }.scale();
-            (factors[k], local.errors[k]) = (scale.factor, scale.at_places);
+            (factors[k], local.errors[k]) = (scale.quantile, scale.s_at_places);
         }
         Self { factors: factors.into(), ..local }
     }
@@ -193,25 +194,12 @@ const AROUND: f64 = 0.2;
 /// Number of states around a place at which its quantile has half its weight.
 const HALF: f64 = 10.0;
 
-/// The values at the places and the factor on their mean.
+/// Half-width of one quantity: `q s(x)` of the equations above.
 struct Scale {
-    pub at_places: Vec<f64>,
-    pub factor: f64,
-}
-
-/// States spread over all: the first, then each time the one farthest from those before it.
-fn places(points: &[Point]) -> Vec<usize> {
-    let mut nearest = vec![f64::INFINITY; points.len()];
-    let mut places = Vec::new();
-    while places.len() < MAX_PLACES {
-        let farthest = (0..points.len()).rev().max_by(|a, b| nearest[*a].total_cmp(&nearest[*b]));
-        let Some(place) = farthest.filter(|place| nearest[*place] > 0.0) else { break };
-        places.push(place);
-        for (nearest, point) in nearest.iter_mut().zip(points) {
-            *nearest = nearest.min(square_distance(point, &points[place]));
-        }
-    }
-    places
+    /// `s_j` at the places.
+    pub s_at_places: Vec<f64>,
+    /// `q`.
+    pub quantile: f64,
 }
 
 /// States, their errors of one quantity, and the places among them.
@@ -234,17 +222,17 @@ impl Unseen<'_> {
             (self.loss(factor, &left_out), factor, at_places, left_out)
         });
         let Some((_, factor, at_places, left_out)) = scored.min_by(|a, b| a.0.total_cmp(&b.0)) else {
-            return Scale { at_places: Vec::new(), factor: f64::NAN };
+            return Scale { s_at_places: Vec::new(), quantile: f64::NAN };
         };
         let ratios: Vec<f64> = self.errors.iter().zip(&left_out).map(|(e, mean)| e / mean).collect();
-        let wider: Vec<f64> =
-            (0..self.places.len()).map(|place| self.wider(place, &ratios, factor)).collect();
+        let local: Vec<f64> =
+            (0..self.places.len()).map(|place| self.local_factor(place, &ratios, factor)).collect();
         let of_state = |(state, mean): (usize, &f64)| {
-            (mean * self.mean_at(state, |place| wider[place]).unwrap_or(1.0)).max(self.least)
+            (mean * self.mean_at(state, |place| local[place]).unwrap_or(1.0)).max(self.least)
         };
         let left_out: Vec<f64> = left_out.iter().enumerate().map(of_state).collect();
-        let at_places = at_places.iter().zip(&wider).map(|(mean, wider)| mean * wider).collect();
-        Scale { at_places, factor: self.factor(&left_out) }
+        let s_at_places = at_places.iter().zip(&local).map(|(mean, local)| mean * local).collect();
+        Scale { s_at_places, quantile: self.factor(&left_out) }
     }
 
     /// The mean error around each place, and what the mean over places is at each state with its error in none of them.
@@ -291,13 +279,13 @@ impl Unseen<'_> {
         self.errors.iter().zip(means).map(of_state).sum()
     }
 
-    /// `g` of a place.
-    fn wider(&self, place: usize, ratios: &[f64], factor: f64) -> f64 {
-        let at = &self.points[self.places[place]];
+    /// `g_j` of the equations above: how much wider the half-width is around a place than on average, drawn to 1 where few states are near.
+    fn local_factor(&self, place: usize, ratios: &[f64], factor: f64) -> f64 {
+        let centre = &self.points[self.places[place]];
         let mut around: Vec<(f64, f64)> = ratios
             .iter()
             .zip(self.points)
-            .map(|(ratio, point)| (*ratio, weight(point, at, AROUND)))
+            .map(|(ratio, point)| (*ratio, weight(point, centre, AROUND)))
             .collect();
         around.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (sum, squares) =
@@ -361,17 +349,5 @@ mod tests {
         let at = Point::default();
         let alike = LocalHalfWidths::of_unseen(1, &[at; 20], &[[1.0, 2.0, 0.0].into(); 20], 0.9).at(&at);
         assert!((alike.displacement_mm, alike.stress_mpa) == (1.0, 2.0), "{alike:?}");
-    }
-
-    #[test]
-    fn places_are_spread_and_distinct() {
-        let point_at = |x: f64| {
-            let mut point = Point::default();
-            point[0] = x;
-            point
-        };
-        assert_eq!(places(&[0.2, 0.0, 1.0, 0.2, 0.5].map(point_at)), [0, 2, 4, 1]);
-        assert_eq!(places(&[point_at(0.3); 5]), [0]);
-        assert!(places(&[]).is_empty());
     }
 }

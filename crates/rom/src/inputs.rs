@@ -247,3 +247,18 @@ impl InputMap {
         self.constants.iter().map(off).fold(0.0, f64::max)
     }
 }
+
+/// What a reading did to a state that remembers the inputs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Advance {
+    /// The first reading: the state is in equilibrium with it, the past unknown.
+    Started,
+    /// Advanced to the reading's time.
+    Advanced,
+    /// Advanced over more than the longest gap that is bridged: the last input was held, the past is less known.
+    Gap,
+    /// Stamp not after the last one: nothing changed.
+    Late,
+    /// An input that is remembered is not finite: nothing changed. The next reading spans the time.
+    NotFinite,
+}

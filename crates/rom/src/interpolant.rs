@@ -63,10 +63,10 @@ impl Metric {
 /// A trained interpolant of `outputs` functions over `dimensions` scaled inputs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Interpolant {
-    /// Kernel.
+    /// Radial function about each centre.
     #[serde(with = "crate::radial::numbered")]
     pub kernel: KernelKind,
-    /// Polynomial tail.
+    /// Polynomial that is added to the sum over the centres.
     pub tail: Tail,
     /// Inputs, 1 to [`MAX_INPUTS`].
     pub dimensions: usize,

@@ -16,7 +16,7 @@
 //! steps they are brought forward without being kept, so that the state does not depend on how readings were cut.
 
 use crate::halfwidths::HALFWIDTH_SIGMAS;
-use crate::inputs::{Inputs, MAX_INPUTS};
+use crate::inputs::{Advance, Inputs, MAX_INPUTS};
 use crate::line::Line;
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +26,7 @@ const MAX_STEPS: u64 = 1000;
 const SETTLING: usize = 300;
 /// Most neurons of a reservoir.
 pub const MAX_NEURONS: usize = 256;
-/// Most outputs.
+/// Most outputs of a map: its sums are on the stack.
 pub const MAX_OUTPUTS: usize = 256;
 /// Distance, in units of the reach, from which on the base alone answers.
 const BASE_ALONE: f64 = 3.0;
@@ -62,7 +62,7 @@ pub struct Lag {
 /// A map linear in lags: `weights` has one row of the outputs for the constant and for each lag.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LinearMap {
-    /// Which lags.
+    /// Positions of the lags that it sees in [`LearnedMap::lags`].
     pub lags: Vec<u32>,
     /// `(1 + lags) x outputs`.
     pub weights: Vec<f64>,
@@ -73,7 +73,7 @@ pub struct LinearMap {
 pub struct Polynomial {
     /// Share in the answer.
     pub share: f64,
-    /// Which lags.
+    /// Positions of the lags that it sees in [`LearnedMap::lags`].
     pub lags: Vec<u32>,
     /// 1 to 3.
     pub degree: u32,
@@ -84,7 +84,7 @@ pub struct Polynomial {
 /// Kernel maps of the same lags around the same centres.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Kernels {
-    /// Which lags.
+    /// Positions of the lags that they see in [`LearnedMap::lags`].
     pub lags: Vec<u32>,
     /// `centres x lags`.
     pub centres: Vec<f64>,
@@ -125,7 +125,7 @@ pub struct Reservoir {
 /// What training visited.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Support {
-    /// Which lags.
+    /// Positions in [`LearnedMap::lags`] of the lags that the distance is over.
     pub lags: Vec<u32>,
     /// `rows x lags`.
     pub rows: Vec<f64>,
@@ -276,6 +276,15 @@ impl Reservoir {
     }
 }
 
+/// How far an answer of a learned map reaches.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LearnedReach {
+    /// Distance beyond the training, in training ranges.
+    pub distance: f64,
+    /// Half-width of the widest marker; NaN without one.
+    pub marker_half_width_mm: f64,
+}
+
 impl LearnedMap {
     /// Number of outputs.
     pub fn outputs(&self) -> usize {
@@ -393,16 +402,15 @@ impl LearnedMap {
         require(self.drifts.len() == outputs, "its drifts are cut")
     }
 
-    /// Evaluates the map, with offsets where measured values are followed up to a time (ns). Writes the outputs into `outcome` and their
-    /// half-widths into `half_widths`; returns the distance beyond the training, in training ranges, and the half-width of the widest
-    /// marker, NaN without one.
+    /// Evaluates the map, with offsets where measured values are followed up to a time (ns). Writes the outputs into `values` and their
+    /// half-widths into `half_widths`.
     pub(crate) fn answer(
         &self,
         past: &mut LearnedState,
         following: Option<(&OffsetFilter, u64)>,
-        outcome: &mut Vec<f64>,
+        values: &mut Vec<f64>,
         half_widths: &mut Vec<f64>,
-    ) -> [f64; 2] {
+    ) -> LearnedReach {
         let outputs = self.outputs();
         self.members(past);
         let distance = self.distance(&past.lags);
@@ -420,12 +428,12 @@ impl LearnedMap {
                 .zip(values)
                 .for_each(|((sum, mean), v)| *sum += share * (v - mean).powi(2));
         }
-        outcome.clear();
+        values.clear();
         half_widths.clear();
         let far = distance.min(BASE_ALONE * self.support.reach);
         for (k, width) in self.widths.iter().enumerate() {
             let offset = following.map_or(0.0, |(filter, _)| filter.offset(k));
-            outcome.push(base[k] + gate * (mean[k] - base[k]) + offset);
+            values.push(base[k] + gate * (mean[k] - base[k]) + offset);
             let squares = width.noise + width.spread * variance[k] * gate * gate + width.distance * far * far;
             let squares = match following {
                 Some((following, t_ns)) => following.squared_half_width(k, t_ns, squares),
@@ -440,7 +448,10 @@ impl LearnedMap {
             |outputs: &Vec<u32>| outputs.iter().map(|k| half_widths[*k as usize].powi(2)).sum::<f64>().sqrt();
         let widest =
             self.markers.iter().map(of_marker).reduce(|a, b| if b > a || b.is_nan() { b } else { a });
-        [beyond / self.support.extent, widest.unwrap_or(f64::NAN)]
+        LearnedReach {
+            distance: beyond / self.support.extent,
+            marker_half_width_mm: widest.unwrap_or(f64::NAN),
+        }
     }
 
     fn shares(&self) -> impl Iterator<Item = f64> + '_ {
@@ -456,7 +467,7 @@ impl LearnedMap {
         let mut places = past.members.chunks_exact_mut(outputs);
         for (terms, out) in self.polynomials.iter().zip(&mut places) {
             let mut rows = terms.weights.chunks_exact(outputs);
-            let value = |at: usize| past.lags[terms.lags[at] as usize];
+            let value = |lag: usize| past.lags[terms.lags[lag] as usize];
             polynomial(terms.lags.len(), terms.degree, value, |term| {
                 rows.by_ref().take(1).for_each(|row| add(out, term, row))
             });
@@ -533,24 +544,24 @@ impl LearnedState {
         (self.since_ns, self.unknown) = (0, 0.0);
     }
 
-    /// Moves to a reading at `t_ns`, later than the last one. Returns whether it began here, and whether the inputs were held over a
-    /// gap longer than `max_gap_s`.
-    pub fn advance(&mut self, map: &LearnedMap, t_ns: u64, inputs: &Inputs, max_gap_s: f64) -> (bool, bool) {
+    /// Moves to a reading at `t_ns`, later than the last one. The inputs are held over a gap longer than
+    /// `max_gap_s`.
+    pub fn advance(&mut self, map: &LearnedMap, t_ns: u64, inputs: &Inputs, max_gap_s: f64) -> Advance {
         let Some(last_ns) = self.last_ns.replace(t_ns) else {
             self.settle(map, inputs);
             self.unknown = if map.fading_s() > 0.0 { 1.0 } else { 0.0 };
-            return (true, false);
+            return Advance::Started;
         };
         let (from, to, passed_ns) = (self.last, map.scaled(inputs), t_ns.saturating_sub(last_ns));
         let passed_s = 1e-9 * passed_ns as f64;
         let is_gap = passed_s > max_gap_s;
         let end = if is_gap { from } else { to };
         for (value, lag) in self.lags.iter_mut().zip(&map.lags) {
-            let at = lag.input as usize;
+            let input = lag.input as usize;
             *value = match lag.line {
-                Some(line) if passed_ns > 0 => line.step(*value, from[at], end[at], passed_s).0,
+                Some(line) if passed_ns > 0 => line.step(*value, from[input], end[input], passed_s).0,
                 Some(_) => *value,
-                None => to[at],
+                None => to[input],
             };
         }
         let due = (self.since_ns + passed_ns) / map.step_ns;
@@ -580,7 +591,7 @@ impl LearnedState {
         if self.unknown < FADED {
             self.unknown = 0.0;
         }
-        (false, is_gap)
+        if is_gap { Advance::Gap } else { Advance::Advanced }
     }
 
     /// One step of all neurons; `None` for the map's own step.
@@ -656,19 +667,20 @@ impl OffsetFilter {
         self.last_ns.map_or(0.0, |last_ns| 1e-9 * t_ns.saturating_sub(last_ns) as f64)
     }
 
-    /// Takes measured minus freely predicted values offset a time, ns, not before that offset the last call; NaN where nothing was measured.
+    /// Takes measured minus freely predicted values at a time (ns) that is not before that of the last call; NaN where nothing was
+    /// measured.
     pub fn take(&mut self, t_ns: u64, errors: &[f64]) {
         let passed_s = self.passed_s(t_ns);
         self.last_ns = Some(t_ns);
         self.offsets.iter_mut().zip(errors).for_each(|(offset, error)| offset.take(passed_s, *error));
     }
 
-    /// Offset offset an output in its predicted values.
+    /// What is added to the predicted value of an output.
     pub fn offset(&self, output: usize) -> f64 {
         self.offsets[output].value
     }
 
-    /// Square offset the half-width offset an output at a time, ns, from that without the allowance.
+    /// Square of an output's half-width at a time (ns), from `without`, the square without the allowance for a further run.
     pub fn squared_half_width(&self, output: usize, t_ns: u64, without: f64) -> f64 {
         let offset = &self.offsets[output];
         (without + SQUARED_SIGMAS * offset.later(self.passed_s(t_ns))).max(SQUARED_SIGMAS * offset.seen)
@@ -676,7 +688,7 @@ impl OffsetFilter {
 }
 
 impl OutputOffset {
-    /// Variance after some time: it grows, up to that offset the difference between two runs.
+    /// Variance after some time: it grows, at most to that of the difference between two runs.
     fn later(&self, passed_s: f64) -> f64 {
         (self.variance + self.drift.per_s * passed_s).min(2.0 * self.drift.start)
     }

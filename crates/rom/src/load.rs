@@ -1,6 +1,6 @@
 //! Models from files: which blocks a selection needs, and which shapes the body can have.
 
-use crate::body::{Body, MAX_STRETCH, RegimeShapes};
+use crate::body::{MAX_STRETCH, RegimeShapes, ShapeLimits};
 use crate::model::{BlockEntry, BlockKind, MAX_MODEL_BYTES, Model, ModelFileError, ModelReader, Selection};
 use crate::observable::Observables;
 use crate::probe::{MeshPoint, affine_coordinate};
@@ -55,7 +55,7 @@ impl ModelReader<File> {
 impl<R: Read + Seek> ModelReader<R> {
     /// Shapes that the body can have ([`ModelHeader::body`]), whatever part of the model is loaded: the blocks that say so are read, and
     /// dropped again.
-    pub fn body(&mut self) -> Result<Option<Arc<Body>>, ModelFileError> {
+    pub fn body(&mut self) -> Result<Option<Arc<ShapeLimits>>, ModelFileError> {
         let header = self.header().clone();
         let is_coordinate = |field: u32| {
             let field = header.fields.get(field as usize);
@@ -109,7 +109,7 @@ impl<R: Read + Seek> ModelReader<R> {
 }
 
 /// Edges of a model with its undeformed mesh, surface and coordinates loaded, and its volumes; `None` without one of these.
-fn body_of(model: &Model) -> Option<Body> {
+fn body_of(model: &Model) -> Option<ShapeLimits> {
     let mesh = model.undeformed_mm()?;
     let coordinate =
         |values: &[f32], node: u32| values.get(node as usize).copied().map_or(f64::NAN, f64::from);
@@ -143,5 +143,5 @@ fn body_of(model: &Model) -> Option<Body> {
         });
     }
     let longest_mm = edges.iter().map(|(_, length)| stretch * length).collect();
-    Some(Body { regimes, longest_mm, stretch })
+    Some(ShapeLimits { regimes, longest_mm, stretch })
 }

@@ -13,25 +13,11 @@
 //! comes from the smallest and one from the largest input, therefore enclose the effect of an unknown past, and their distance fades.
 
 use crate::halfwidths::HalfWidths;
+pub use crate::inputs::Advance;
 use crate::inputs::{Inputs, MAX_INPUTS};
 pub use crate::line::Line;
 use crate::model::{BlockKind, Model, ModelFileError};
 use serde::{Deserialize, Serialize};
-
-/// Outcome of a reading.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Advance {
-    /// The first reading: memory in equilibrium with it, the past unknown.
-    Started,
-    /// Advanced to the reading's time.
-    Advanced,
-    /// Advanced over more than [`MemorySpec::max_gap_s`]: the last input was held, the past is less known.
-    Gap,
-    /// Stamp not after the last one: nothing changed.
-    Late,
-    /// An input with memory is not finite: nothing changed. The next reading spans the time.
-    NotFinite,
-}
 
 /// Blocks with their states. Allocates nothing after its construction.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,7 +67,7 @@ impl Memory {
     /// As [`MemorySpec::check`].
     pub fn new(spec: MemorySpec) -> Result<Self, String> {
         spec.check(MAX_INPUTS)?;
-        let rest = |of: &InputMemory| [Channel::at_rest(of, of.range[0], of.range[0]); 3];
+        let rest = |spec: &InputMemory| [Channel::at_rest(spec, spec.range[0], spec.range[0]); 3];
         let channels: Vec<[Channel; 3]> = spec.inputs.iter().map(rest).collect();
         Ok(Self { open_creeps: vec![[0.0; MAX_CREEPS]; channels.len()], channels, spec, last_ns: None })
     }
@@ -95,7 +81,7 @@ impl Memory {
         made.map_err(|reason| ModelFileError::Header(format!("memory: {reason}")))
     }
 
-    /// Its blocks.
+    /// The blocks without their states.
     pub fn spec(&self) -> &MemorySpec {
         &self.spec
     }
@@ -117,21 +103,21 @@ impl Memory {
 
     /// True if all inputs with memory are numbers.
     pub fn takes(&self, inputs: &Inputs) -> bool {
-        self.spec.inputs.iter().all(|of| inputs.values()[of.input].abs() <= LARGEST)
+        self.spec.inputs.iter().all(|spec| inputs.values()[spec.input].abs() <= LARGEST)
     }
 
     /// Advances to a reading of the time `t_ns`. `O(blocks)`.
     pub fn advance(&mut self, t_ns: u64, inputs: &Inputs) -> Advance {
-        let value = |of: &InputMemory| inputs.values()[of.input];
+        let value = |spec: &InputMemory| inputs.values()[spec.input];
         if !self.takes(inputs) {
             return Advance::NotFinite;
         }
         let both = self.spec.inputs.iter().zip(&mut self.channels).zip(&mut self.open_creeps);
         let Some(last_ns) = self.last_ns else {
-            for ((of, channels), open) in both {
-                let input = value(of);
-                let pasts = [input, of.range[0].min(input), of.range[1].max(input)];
-                *channels = pasts.map(|past| Channel::at_rest(of, past, input));
+            for ((spec, channels), open) in both {
+                let input = value(spec);
+                let pasts = [input, spec.range[0].min(input), spec.range[1].max(input)];
+                *channels = pasts.map(|past| Channel::at_rest(spec, past, input));
                 *open = farthest_creeps(channels);
             }
             self.last_ns = Some(t_ns);
@@ -143,18 +129,18 @@ impl Memory {
         self.last_ns = Some(t_ns);
         let dt_s = (t_ns - last_ns) as f64 * 1e-9;
         let is_gap = dt_s > self.spec.max_gap_s;
-        for ((of, channels), open) in both {
-            let input = value(of);
+        for ((spec, channels), open) in both {
+            let input = value(spec);
             if is_gap {
                 // What the input was meanwhile is unknown.
                 let held = channels[NOMINAL].input();
-                channels[LOW].jump(of, of.range[0].min(held));
-                channels[HIGH].jump(of, of.range[1].max(held));
+                channels[LOW].jump(spec, spec.range[0].min(held));
+                channels[HIGH].jump(spec, spec.range[1].max(held));
             }
             for channel in channels.iter_mut() {
-                channel.advance(of, input, dt_s, self.spec.max_gap_s);
+                channel.advance(spec, input, dt_s, self.spec.max_gap_s);
             }
-            open.iter_mut().zip(&of.creep).for_each(|(open, creep)| *open *= (-dt_s / creep.time_s).exp());
+            open.iter_mut().zip(&spec.creep).for_each(|(open, creep)| *open *= (-dt_s / creep.time_s).exp());
             if is_gap {
                 *open = farthest_creeps(channels);
             }
@@ -165,15 +151,15 @@ impl Memory {
     /// Inputs of the static map at the last reading: those with memory replaced.
     pub fn effective(&self, inputs: &Inputs) -> Inputs {
         let both = self.spec.inputs.iter().zip(&self.channels);
-        both.fold(*inputs, |inputs, (of, channels)| inputs.with(of.input, channels[NOMINAL].output()))
+        both.fold(*inputs, |inputs, (spec, channels)| inputs.with(spec.input, channels[NOMINAL].output()))
     }
 
     /// Largest error of each input of the static map by an unknown past, in its unit; 0 without memory.
     pub fn spread(&self) -> [f64; MAX_INPUTS] {
         let mut spread = [0.0; MAX_INPUTS];
-        for (of, channels) in self.spec.inputs.iter().zip(&self.channels) {
+        for (spec, channels) in self.spec.inputs.iter().zip(&self.channels) {
             let [nominal, low, high] = channels.each_ref().map(Channel::output);
-            spread[of.input] = (high - nominal).max(nominal - low).max(0.0);
+            spread[spec.input] = (high - nominal).max(nominal - low).max(0.0);
         }
         spread
     }
@@ -182,10 +168,11 @@ impl Memory {
     /// is the first.
     pub fn spreads(&self) -> [[f64; 2]; MAX_INPUTS] {
         let mut spreads = self.spread().map(|all| [all, 0.0]);
-        for (of, open) in self.spec.inputs.iter().zip(&self.open_creeps).filter(|(of, _)| of.has_two_pasts())
+        for (spec, open) in
+            self.spec.inputs.iter().zip(&self.open_creeps).filter(|(spec, _)| spec.has_two_pasts())
         {
-            let of_creep: f64 = of.creep.iter().zip(open).map(|(creep, open)| creep.weight * open).sum();
-            let [first, second] = &mut spreads[of.input];
+            let of_creep: f64 = spec.creep.iter().zip(open).map(|(creep, open)| creep.weight * open).sum();
+            let [first, second] = &mut spreads[spec.input];
             *second = of_creep.min(*first);
             *first -= *second;
         }
@@ -224,13 +211,13 @@ pub struct InputMemory {
     pub input: usize,
     /// Smallest and largest value that an unknown past may have had.
     pub range: [f64; 2],
-    /// Line.
+    /// Lag of the pressure in the cavity, with its own times of filling and emptying.
     pub line: Option<Line>,
     /// Line with an orifice in place of `line`; the input is a gauge pressure, MPa.
     pub orifice: Option<Orifice>,
-    /// Play operators.
+    /// Play operators, whose weighted sum is the hysteresis; empty: none.
     pub play: Vec<Play>,
-    /// Creep.
+    /// Slow states after the play; empty: none.
     pub creep: Vec<Creep>,
     /// Largest slopes of the answers, by which an unknown past widens the half-widths.
     pub slopes: Slopes,
@@ -493,17 +480,17 @@ struct Channel {
 
 impl Channel {
     /// All states in equilibrium with `past`, the input now being `input`.
-    fn at_rest(of: &InputMemory, past: f64, input: f64) -> Self {
+    fn at_rest(spec: &InputMemory, past: f64, input: f64) -> Self {
         let mut channel = Self {
             input,
-            line: if of.has_lag() { past } else { input },
+            line: if spec.has_lag() { past } else { input },
             plays: [past; MAX_PLAYS],
             after_play: past,
             creeps: [past; MAX_CREEPS],
             output: past,
         };
-        channel.follow(of);
-        channel.read(of);
+        channel.follow(spec);
+        channel.read(spec);
         channel
     }
 
@@ -521,77 +508,77 @@ impl Channel {
     }
 
     /// The input jumps.
-    fn jump(&mut self, of: &InputMemory, to: f64) {
+    fn jump(&mut self, spec: &InputMemory, to: f64) {
         self.input = to;
-        if !of.has_lag() {
+        if !spec.has_lag() {
             self.line = to;
         }
-        self.follow(of);
-        self.read(of);
+        self.follow(spec);
+        self.read(spec);
     }
 
     /// The input goes to `to` within `dt_s`: straight, or after a gap by a jump at its end. Nothing happens within no time.
-    fn advance(&mut self, of: &InputMemory, to: f64, dt_s: f64, max_gap_s: f64) {
+    fn advance(&mut self, spec: &InputMemory, to: f64, dt_s: f64, max_gap_s: f64) {
         if dt_s > max_gap_s {
-            self.step(of, self.input, dt_s);
-            self.jump(of, to);
+            self.step(spec, self.input, dt_s);
+            self.jump(spec, to);
         } else if dt_s > 0.0 {
-            self.step(of, to, dt_s);
+            self.step(spec, to, dt_s);
         }
     }
 
     /// The input goes straight to `to` within `dt_s`, which is above 0.
-    fn step(&mut self, of: &InputMemory, to: f64, dt_s: f64) {
-        let shortest = of.creep.iter().map(|creep| creep.time_s).fold(f64::INFINITY, f64::min);
-        let shortest = of.orifice.map_or(shortest, |orifice| shortest.min(FLOW * orifice.time_s));
+    fn step(&mut self, spec: &InputMemory, to: f64, dt_s: f64) {
+        let shortest = spec.creep.iter().map(|creep| creep.time_s).fold(f64::INFINITY, f64::min);
+        let shortest = spec.orifice.map_or(shortest, |orifice| shortest.min(FLOW * orifice.time_s));
         let count = (dt_s / (INNER * shortest)).ceil().clamp(1.0, MAX_INNER);
         let (from, inner_s) = (self.input, dt_s / count);
         for k in 1..=count as u32 {
             let next = from + (to - from) * f64::from(k) / count;
-            let of_orifice = of.orifice.map(|orifice| orifice.within(self.line, self.input, next, inner_s));
-            match of.line.or(of_orifice).map(|line| line.step(self.line, self.input, next, inner_s)) {
+            let of_orifice = spec.orifice.map(|orifice| orifice.within(self.line, self.input, next, inner_s));
+            match spec.line.or(of_orifice).map(|line| line.step(self.line, self.input, next, inner_s)) {
                 Some((end, turn)) => {
                     let mut rest_s = inner_s;
                     if let Some(turn) = turn {
                         self.line = turn.value;
-                        self.drive(of, turn.after_s);
+                        self.drive(spec, turn.after_s);
                         rest_s -= turn.after_s;
                     }
                     self.line = end;
-                    self.drive(of, rest_s);
+                    self.drive(spec, rest_s);
                 }
                 None => {
                     self.line = next;
-                    self.drive(of, inner_s);
+                    self.drive(spec, inner_s);
                 }
             }
             self.input = next;
         }
-        self.read(of);
+        self.read(spec);
     }
 
     /// Play and creep follow the line, which has not turned for `dt_s`.
-    fn drive(&mut self, of: &InputMemory, dt_s: f64) {
+    fn drive(&mut self, spec: &InputMemory, dt_s: f64) {
         let before = self.after_play;
-        self.follow(of);
+        self.follow(spec);
         if dt_s > 0.0 {
-            for (creep, state) in of.creep.iter().zip(&mut self.creeps) {
+            for (creep, state) in spec.creep.iter().zip(&mut self.creeps) {
                 *state = creep.step(*state, before, self.after_play, dt_s);
             }
         }
     }
 
-    fn follow(&mut self, of: &InputMemory) {
+    fn follow(&mut self, spec: &InputMemory) {
         let mut sum = self.line;
-        for (play, state) in of.play.iter().zip(&mut self.plays) {
+        for (play, state) in spec.play.iter().zip(&mut self.plays) {
             *state = play.follow(*state, self.line);
             sum += play.weight * (*state - self.line);
         }
         self.after_play = sum;
     }
 
-    fn read(&mut self, of: &InputMemory) {
-        let late = of.creep.iter().zip(&self.creeps);
+    fn read(&mut self, spec: &InputMemory) {
+        let late = spec.creep.iter().zip(&self.creeps);
         self.output =
             self.after_play + late.map(|(c, state)| c.weight * (state - self.after_play)).sum::<f64>();
     }

@@ -65,11 +65,11 @@ impl ModelHeader {
     }
 
     /// Half-widths of the quantities that the model has; NaN for the others.
-    pub fn known_halfwidths(&self, of: HalfWidths) -> HalfWidths {
+    pub fn known_halfwidths(&self, widths: HalfWidths) -> HalfWidths {
         let known = |is_known: bool, value: f64| if is_known { value } else { f64::NAN };
         let (stress_mpa, force_n) =
-            (known(self.has_stress(), of.stress_mpa), known(self.has_forces(), of.force_n));
-        HalfWidths { stress_mpa, force_n, ..of }
+            (known(self.has_stress(), widths.stress_mpa), known(self.has_forces(), widths.force_n));
+        HalfWidths { stress_mpa, force_n, ..widths }
     }
 
     /// Needs of pressure and gap: an input is needed if a regime was trained over it or the onset depends on it. Any value is valid for

@@ -198,8 +198,10 @@ impl Probes {
         let inertia = model.record::<InertiaModel>(BlockKind::Inertia);
         let inertia = inertia.map_err(|error| ModelError::Inconsistent(error.to_string()))?;
         let inertia = inertia.as_ref().map_or(&[][..], |inertia| &inertia.regimes);
-        let mut modes: Vec<(RegimeKind, Vec<Vec<[f64; 3]>>)> =
-            inertia.iter().map(|of| (of.kind, vec![vec![[0.0; 3]; points.len()]; of.modes.len()])).collect();
+        let mut modes: Vec<(RegimeKind, Vec<Vec<[f64; 3]>>)> = inertia
+            .iter()
+            .map(|regime| (regime.kind, vec![vec![[0.0; 3]; points.len()]; regime.modes.len()]))
+            .collect();
         for regime in &model.header.regimes {
             // Axis by axis: groups with one kernel are consecutive.
             let (mut of_points, mut of_axes) = (vec![[0.0; 3]; points.len()], Vec::new());
@@ -207,9 +209,10 @@ impl Probes {
                 for (at, (point, mean)) in points.iter().zip(&mut of_points).enumerate() {
                     let (value, group, weights) = coordinate(model, regime, point, axis)?;
                     mean[usize::from(axis)] = value;
-                    let mut stored = inertia.iter().zip(&mut modes).find(|(of, _)| of.kind == regime.kind);
+                    let mut stored =
+                        inertia.iter().zip(&mut modes).find(|(moving, _)| moving.kind == regime.kind);
                     for (mode, shape) in
-                        stored.iter_mut().flat_map(|(of, (_, shapes))| of.modes.iter().zip(shapes))
+                        stored.iter_mut().flat_map(|(moving, (_, shapes))| moving.modes.iter().zip(shapes))
                     {
                         let own = &mode.coefficients[regime.groups[group].coefficients.clone()];
                         shape[at][usize::from(axis)] = own.iter().zip(&weights).map(|(c, w)| c * w).sum();

@@ -51,17 +51,15 @@ pub enum KernelKind {
     },
 }
 
-/// As people write it: `quintic`, `Matern 7/2 of length 0.5`.
+/// Its name with its parameter: `quintic`, `matern-7/2 of length 0.500`.
 impl Display for KernelKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())?;
         match self {
-            Self::Linear => f.write_str("linear"),
-            Self::ThinPlate => f.write_str("thin plate"),
-            Self::Cubic => f.write_str("cubic"),
-            Self::Quintic => f.write_str("quintic"),
-            Self::Gaussian { shape } => write!(f, "Gaussian of shape {shape:.3}"),
-            Self::Matern72 { length } => write!(f, "Matern 7/2 of length {length:.3}"),
-            Self::CubicQuintic { crossover } => write!(f, "cubic, quintic beyond {crossover:.3}"),
+            Self::Linear | Self::ThinPlate | Self::Cubic | Self::Quintic => Ok(()),
+            Self::Gaussian { shape } => write!(f, " of shape {shape:.3}"),
+            Self::Matern72 { length } => write!(f, " of length {length:.3}"),
+            Self::CubicQuintic { crossover } => write!(f, " of crossover {crossover:.3}"),
         }
     }
 }

@@ -4,7 +4,7 @@ use crate::evaluation::{Evaluation, Refusal};
 use crate::kernel::plan::Plan;
 use crate::kernel::sweep::{self, RawPeaks, Rows};
 use crate::kernel::{
-    Affine, BasisError, Field, Isa, MAX_ROWS, Modes, NotFinite, Precision, Role, Shift, Source, Spec,
+    Affine, BasisError, Field, FieldSource, Isa, MAX_ROWS, Modes, NotFinite, Precision, Role, Shift, Spec,
 };
 use crate::model::{BlockKind, Model, ModelError, RegimeModel, Selection};
 use crate::snapshots::{FieldKind, RegimeKind};
@@ -77,7 +77,7 @@ impl Basis {
         let plan = Plan::new(spec)?;
         let mut modes = Vec::new();
         for op in &plan.ops {
-            let Source::Affine(affine) = &spec.fields[op.field].source else { continue };
+            let FieldSource::Affine(affine) = &spec.fields[op.field].source else { continue };
             let wanted = precision.unwrap_or(affine.modes.precision());
             if spec.nodes.is_none() && (precision.is_none() || affine.modes.precision() == wanted) {
                 modes.push(affine.modes.clone());
@@ -423,7 +423,7 @@ fn source<'a>(
     order: &[usize],
     field: usize,
     shifts: &[Shift<'a>],
-) -> Result<Source<'a>, ModelError> {
+) -> Result<FieldSource<'a>, ModelError> {
     let expected = model.header.node_count;
     let whole = |kind: BlockKind, values: Option<&'a [f32]>| {
         let values = values.unwrap_or(&[]);
@@ -435,11 +435,11 @@ fn source<'a>(
         let position = |axis: usize| order.iter().position(|f| *f == axis).unwrap_or(usize::MAX);
         let rest = |axis| whole(BlockKind::Undeformed(axis), model.f32_block(BlockKind::Undeformed(axis)));
         let rest = [rest(0)?, rest(1)?, rest(2)?];
-        return Ok(Source::Magnitude { coordinates: axes.map(position), rest, shifts: shifts.to_vec() });
+        return Ok(FieldSource::Magnitude { coordinates: axes.map(position), rest, shifts: shifts.to_vec() });
     }
     let group = regime.group_of(field);
     let (kind, field) = (regime.kind, field as u32);
-    Ok(Source::Affine(Affine {
+    Ok(FieldSource::Affine(Affine {
         mean: Some(whole(BlockKind::Mean { regime: kind, field }, model.mean(kind, field))?),
         modes: model.modes(kind, field)?,
         coefficients: group.map_or(0..0, |group| group.coefficients.clone()),

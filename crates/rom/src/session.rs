@@ -30,14 +30,21 @@ pub enum Gaps {
 pub struct Session {
     evaluator: Evaluator,
     memory: Option<Memory>,
-    /// State of a model learned from measurements, and the longest gap that is bridged, s.
-    learned: Option<(Box<LearnedState>, f64)>,
+    learned: Option<LearnedPast>,
     /// Offsets of a learned model's outputs that follow their measured values.
     following: Option<OffsetFilter>,
     follower: Option<Follower>,
     motion: Option<Box<ModelMotion>>,
     /// Time of the last reading, ns.
     last_ns: Option<u64>,
+}
+
+/// The past of a model learned from measurements.
+#[derive(Clone, Debug)]
+struct LearnedPast {
+    state: Box<LearnedState>,
+    /// The longest gap between two readings over which the inputs are straight lines, s; longer ones hold the last inputs.
+    max_gap_s: f64,
 }
 
 /// A reading that a session has taken.
@@ -64,6 +71,16 @@ impl FilteredInputs {
     /// The reading before is so long ago that the memory does not know what the inputs did since.
     pub fn is_after_gap(&self) -> bool {
         self.held
+    }
+
+    /// Notes what a reading that was taken did to the memory.
+    fn note(&mut self, advance: Advance) {
+        match advance {
+            Advance::Started => self.at_rest = true,
+            Advance::Gap => self.held = true,
+            // The last two were refused before.
+            Advance::Advanced | Advance::Late | Advance::NotFinite => {}
+        }
     }
 
     /// Adds the branch and what the memory does not know to an evaluation at these inputs.
@@ -105,10 +122,13 @@ impl Session {
     /// As [`Self::new`].
     pub fn with_volumes(model: &Model, gaps: Gaps) -> Result<Self, ModelFileError> {
         let learned = model.header.learned.as_ref();
-        let max_gap_s = |of: f64| if gaps == Gaps::Recorded { f64::INFINITY } else { of };
+        let max_gap_s = |longest_s: f64| if gaps == Gaps::Recorded { f64::INFINITY } else { longest_s };
         let mut session = Self {
             evaluator: Evaluator::new(&model.header)?,
-            learned: learned.map(|map| (Box::new(map.initial_state()), max_gap_s(map.max_gap_s))),
+            learned: learned.map(|map| LearnedPast {
+                state: Box::new(map.initial_state()),
+                max_gap_s: max_gap_s(map.max_gap_s),
+            }),
             following: None,
             memory: Memory::of(model)?,
             follower: None,
@@ -196,7 +216,7 @@ impl Session {
     /// Forgets: the next reading begins at equilibrium, at any time.
     pub fn restart(&mut self) {
         self.memory.iter_mut().for_each(Memory::restart);
-        self.learned.iter_mut().for_each(|(past, _)| past.restart());
+        self.learned.iter_mut().for_each(|past| past.state.restart());
         self.following.iter_mut().for_each(OffsetFilter::restart);
         self.follower.iter_mut().for_each(Follower::restart);
         self.motion.iter_mut().for_each(|motion| motion.reset());
@@ -237,21 +257,16 @@ impl Session {
             held: false,
         };
         if let Some(memory) = &mut self.memory {
-            match memory.advance(t_ns, &inputs) {
-                Advance::Started => filtered.at_rest = true,
-                Advance::Gap => filtered.held = true,
-                // The last two were refused above.
-                Advance::Advanced | Advance::Late | Advance::NotFinite => {}
-            }
+            filtered.note(memory.advance(t_ns, &inputs));
             filtered.inputs = memory.effective(&inputs);
             (filtered.spread, filtered.halfwidths) = (memory.spreads(), Some(memory.half_widths()));
         }
-        if let Some(((past, max_gap_s), map)) = self.learned.as_mut().zip(self.evaluator.learned()) {
-            let inputs = self.evaluator.completed(inputs);
+        if let Some((past, map)) = self.learned.as_mut().zip(self.evaluator.learned()) {
+            let inputs = self.evaluator.with_defaults(inputs);
             if map.has_memory() {
-                (filtered.at_rest, filtered.held) = past.advance(map, t_ns, &inputs, *max_gap_s);
+                filtered.note(past.state.advance(map, t_ns, &inputs, past.max_gap_s));
             } else {
-                past.settle(map, &inputs);
+                past.state.settle(map, &inputs);
             }
         }
         let follower = self.follower.as_mut().filter(|follower| follower.is_for(&inputs));
@@ -272,9 +287,9 @@ impl Session {
     ) -> Result<StepOutcome, ReadingError> {
         let mut outcome = StepOutcome { load_distance: 0.0, at_rest: filtered.at_rest, held: filtered.held };
         match (&mut self.motion, &mut self.learned) {
-            (_, Some((past, _))) => {
+            (_, Some(past)) => {
                 let following = self.following.as_ref().map(|following| (following, filtered.t_ns));
-                self.evaluator.remember(filtered.inputs, past, following, out);
+                self.evaluator.answer_after(filtered.inputs, &mut past.state, following, out);
             }
             (Some(motion), _) => {
                 let moved = motion.advance(filtered.t_ns, filtered.inputs, out)?;
@@ -329,7 +344,7 @@ impl Session {
             && self
                 .evaluator
                 .learned()
-                .is_none_or(|map| !map.has_memory() || map.takes(&self.evaluator.completed(*inputs)));
+                .is_none_or(|map| !map.has_memory() || map.takes(&self.evaluator.with_defaults(*inputs)));
         if !is_remembered || follows && !inputs.pressure_mpa().is_finite() {
             return Err(ReadingError::NotFinite { found_ns: t_ns });
         }

@@ -42,7 +42,7 @@ pub struct FieldSpec {
     pub name: String,
     /// Unit as printed (`mm`, `MPa`).
     pub unit: String,
-    /// Meaning.
+    /// What training and publishing must know of it.
     pub kind: FieldKind,
 }
 
@@ -63,7 +63,7 @@ impl FieldSpec {
 /// Purpose of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Split {
-    /// Training.
+    /// The model is fitted to it.
     Train,
     /// The paper's test cases: evaluation only, never selection.
     Test,
@@ -71,7 +71,7 @@ pub enum Split {
     Check,
 }
 
-/// Mechanical regime.
+/// Whether the body touches the obstacle. A model has interpolants of its own for each regime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum RegimeKind {
     /// Nothing is touched: the pressure alone decides (the paper's Regime I).
@@ -113,7 +113,7 @@ pub struct Case {
     pub name: String,
     /// The regime it was sampled for. A contact case with zero force touches nothing and is trained as free.
     pub regime: RegimeKind,
-    /// Purpose.
+    /// Whether it trains or tests the model.
     pub split: Split,
     /// Cavity pressure in MPa.
     pub pressure_mpa: f64,
@@ -240,7 +240,7 @@ pub struct Database {
     pub surface_triangles: Vec<[u32; 3]>,
     /// Named node sets.
     pub node_sets: Vec<NodeSet>,
-    /// Obstacle.
+    /// What the actuator touches at a gap.
     pub obstacle: Footprint,
     /// Inputs in addition to pressure and gap, at most six; every case has a value for each.
     pub parameters: Vec<Parameter>,

@@ -1,4 +1,5 @@
-//! Mean, median, quantile and range of some numbers: one definition of each for the half-widths, for learning and for the readers of files.
+//! Mean, median, quantile and range of some numbers, and points spread over many: one definition of each for the half-widths, for learning
+//! and for the readers of files.
 
 use std::borrow::Borrow;
 
@@ -36,6 +37,26 @@ pub fn range(values: impl IntoIterator<Item = impl Borrow<f64>>) -> f64 {
     (high - low).max(0.0)
 }
 
+/// At most `most` of `count` points, spread over all: `first`, then each time the one whose square distance to the nearest of those before it
+/// is largest, while that exceeds `least`. Cost `O(count most)`.
+pub fn farthest_points(
+    count: usize,
+    first: usize,
+    most: usize,
+    least: f64,
+    square_distance: impl Fn(usize, usize) -> f64,
+) -> Vec<usize> {
+    let (mut found, mut next) = (Vec::new(), (first < count).then_some(first));
+    let mut nearest = vec![f64::INFINITY; count];
+    while let Some(newest) = next.filter(|_| found.len() < most) {
+        found.push(newest);
+        nearest.iter_mut().enumerate().for_each(|(k, d)| *d = d.min(square_distance(k, newest)));
+        let farthest = (0..count).rev().max_by(|a, b| nearest[*a].total_cmp(&nearest[*b]));
+        next = farthest.filter(|k| nearest[*k] > least);
+    }
+    found
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -52,5 +73,21 @@ mod tests {
             ([-1.0, 2.0], 3.0, 0.0)
         );
         assert_eq!(quantile([1.0, 2.0, 3.0], 0.9), 3.0, "three values do not tell 90 %");
+    }
+
+    #[test]
+    fn points_are_spread() {
+        let spread = |x: &[f64], first, most, least| {
+            farthest_points(x.len(), first, most, least, |a, b| (x[a] - x[b]).powi(2))
+        };
+        assert_eq!(spread(&[0.2, 0.0, 1.0, 0.2, 0.5], 0, 16, 0.0), [0, 2, 4, 1]);
+        assert_eq!(spread(&[0.2, 0.0, 1.0, 0.2, 0.5], 4, 2, 0.0), [4, 1], "of two as far the first");
+        assert_eq!(
+            spread(&[0.2, 0.0, 1.0, 0.2, 0.5], 0, 16, 0.05),
+            [0, 2, 4],
+            "0.0 is within 0.2 of another"
+        );
+        assert_eq!(spread(&[0.3; 5], 0, 16, 0.0), [0]);
+        assert!(spread(&[], 0, 16, 0.0).is_empty());
     }
 }

@@ -1,7 +1,8 @@
 //! Motion on families of equilibria with a closed form: oscillator, hinge, two masses above a plate.
 
+use rom::inertia::data::FadingMotion;
 use rom::inertia::manifold::{
-    Amplitudes, Coordinates, InertialLoad, LinearMode, MAX_LOADS, Manifold, Place, PlateForce, Tangents,
+    Amplitudes, Coordinates, Equilibrium, InertialLoad, LinearMode, MAX_LOADS, Manifold, PlateForce, Tangents,
 };
 use rom::inertia::stepper::{Motion, MotionSettings, MotionStep, ReadingError};
 use rom::inputs::Inputs;
@@ -64,10 +65,10 @@ impl Manifold for Spring {
         &self.loads
     }
 
-    fn place(&mut self, _: RegimeKind, inputs: &Inputs) -> Place {
+    fn equilibrium(&mut self, _: RegimeKind, inputs: &Inputs) -> Equilibrium {
         let compliance = self.rate_rad_s.powi(-2);
         let position = 1000.0 * inputs.pressure_mpa() + compliance * inputs.values()[LOAD];
-        Place {
+        Equilibrium {
             position: coordinates(&[position, 500.0 * inputs.pressure_mpa()]),
             tangents: along_one(&[compliance]),
             by_pressure: coordinates(&[1000.0, 500.0]),
@@ -79,7 +80,8 @@ impl Manifold for Spring {
     }
 
     fn force(&mut self, inputs: &Inputs, _: &Amplitudes) -> PlateForce {
-        let Place { position: [first, second, ..], tangents, .. } = self.place(RegimeKind::Contact, inputs);
+        let Equilibrium { position: [first, second, ..], tangents, .. } =
+            self.equilibrium(RegimeKind::Contact, inputs);
         let mut by_load = [0.0; MAX_LOADS];
         by_load[0] = 2.0 * tangents[0][0];
         PlateForce { n: PRELOAD_N + 2.0 * first + 3.0 * second, by_load, ..PlateForce::default() }
@@ -88,7 +90,7 @@ impl Manifold for Spring {
 
 /// Position of the spring's mass.
 fn at(spring: &mut Spring, moved: &MotionStep) -> f64 {
-    spring.place(RegimeKind::Free, &moved.state.inputs).position[0]
+    spring.equilibrium(RegimeKind::Free, &moved.state.inputs).position[0]
 }
 
 /// Largest error of a spring during a second whose pressure rises by 5 kPa in 20 ms.
@@ -169,7 +171,7 @@ fn unresolved_part_follows_the_pressure_with_the_time_constant_of_the_damping() 
     let (beta, h, rise_s) = (2e-3, 5e-4, 0.02);
     let spring = || Spring { clearance_mm: -1.0, ..Spring::new(4.0) };
     let (mut motion, mut place) = (Motion::new(spring(), settings(500_000, beta)), spring());
-    let mut at = |inputs: &Inputs| place.place(RegimeKind::Contact, inputs).position;
+    let mut at = |inputs: &Inputs| place.equilibrium(RegimeKind::Contact, inputs).position;
     let mut last = at(&motion.advance(0, &reading(0.0, 1.0)).unwrap().state.inputs);
     for i in 1..=80_u64 {
         let t = i as f64 * h;
@@ -213,9 +215,9 @@ fn damping_decays_as_its_closed_form() {
     let found = at(&mut spring, &last);
     assert!((found - (5.0 - swing + REST / (w * w))).abs() < 0.02, "{found}");
     // A swing that the unknown past may have left: by 25 % of the range of 40 mm, which fades as the motion does.
-    let [path, impact, past] = begin.state.amplitudes_mm;
+    let FadingMotion { path, impact, unknown_past: past } = begin.state.fading_mm;
     assert!((path, impact) == (0.0, 0.0) && (past - 10.0).abs() < 1e-9, "{begin:?}");
-    let [path, impact, past] = last.state.amplitudes_mm;
+    let FadingMotion { path, impact, unknown_past: past } = last.state.fading_mm;
     assert!((past / (10.0 * (-decay * t).exp()) - 1.0).abs() < 0.01, "{last:?}");
     assert!(impact == 0.0 && path > 1.0 && path < 4.0 * 5.0 * hertz * t, "{last:?}");
 }
@@ -257,12 +259,12 @@ impl Manifold for Hinge {
         &self.loads
     }
 
-    fn place(&mut self, _: RegimeKind, inputs: &Inputs) -> Place {
+    fn equilibrium(&mut self, _: RegimeKind, inputs: &Inputs) -> Equilibrium {
         let load = inputs.values()[LOAD];
         let (sin, cos) = Self::angle(inputs.pressure_mpa(), load).sin_cos();
         let stiffness = TORSION + load * LEVER_MM * sin;
         let (by_load, by_pressure) = (LEVER_MM * cos / stiffness, -10.0 * TORSION / stiffness);
-        Place {
+        Equilibrium {
             position: coordinates(&[LEVER_MM * cos, LEVER_MM * sin]),
             tangents: along_one(&[-LEVER_MM * sin * by_load, LEVER_MM * cos * by_load]),
             by_pressure: coordinates(&[-LEVER_MM * sin * by_pressure, LEVER_MM * cos * by_pressure]),
@@ -385,11 +387,11 @@ impl Manifold for Pair {
         if regime == RegimeKind::Free { &self.mode } else { &[] }
     }
 
-    fn place(&mut self, regime: RegimeKind, inputs: &Inputs) -> Place {
+    fn equilibrium(&mut self, regime: RegimeKind, inputs: &Inputs) -> Equilibrium {
         let ([k, l], load, push) = (STIFFNESS, inputs.values()[LOAD], PUSH * inputs.pressure_mpa());
         if regime == RegimeKind::Free {
             let first = (load - push) / k;
-            return Place {
+            return Equilibrium {
                 position: coordinates(&[first, first - push / l]),
                 tangents: along_one(&[1.0 / k, 1.0 / k]),
                 by_pressure: coordinates(&[-PUSH / k, -PUSH / k - PUSH / l]),
@@ -397,11 +399,12 @@ impl Manifold for Pair {
         }
         let first = (load - l * inputs.gap_mm()) / (k + l);
         let position = coordinates(&[first, -inputs.gap_mm()]);
-        Place { position, tangents: along_one(&[1.0 / (k + l)]), by_pressure: Coordinates::default() }
+        Equilibrium { position, tangents: along_one(&[1.0 / (k + l)]), by_pressure: Coordinates::default() }
     }
 
     fn clearance_mm(&mut self, inputs: &Inputs, amplitudes: &Amplitudes) -> f64 {
-        let outer = self.place(RegimeKind::Free, inputs).position[1] + self.mode[0].shape[1] * amplitudes[0];
+        let outer =
+            self.equilibrium(RegimeKind::Free, inputs).position[1] + self.mode[0].shape[1] * amplitudes[0];
         outer + inputs.gap_mm()
     }
 
@@ -412,7 +415,7 @@ impl Manifold for Pair {
 
     fn force(&mut self, inputs: &Inputs, _: &Amplitudes) -> PlateForce {
         let [k, l] = STIFFNESS;
-        let first = self.place(RegimeKind::Contact, inputs).position[0];
+        let first = self.equilibrium(RegimeKind::Contact, inputs).position[0];
         let n = l * (-inputs.gap_mm() - first) + PUSH * inputs.pressure_mpa();
         let mut by_load = [0.0; MAX_LOADS];
         by_load[0] = -l / (k + l);
@@ -432,7 +435,7 @@ fn pair_truth(beta: f64) -> Vec<[f64; 3]> {
     let [k, l] = STIFFNESS;
     let h = 2e-6;
     let push = |i: u64| PUSH * swing(i * 2000);
-    let mut x = Pair::new().place(RegimeKind::Free, &reading(swing(0), GAP_MM)).position;
+    let mut x = Pair::new().equilibrium(RegimeKind::Free, &reading(swing(0), GAP_MM)).position;
     let (mut v, mut touching, mut found) = ([0.0; 2], false, Vec::new());
     for i in 0..500_000_u64 {
         let u = [x[0] + beta * v[0], x[1] + beta * v[1]];
@@ -469,7 +472,7 @@ fn landing_and_leaving_follow_the_plastic_impact_without_chatter() {
             assert!(moved.contact_force_n >= 0.0);
             if i % 5 == 0 {
                 let manifold = motion.manifold();
-                let mut x = manifold.place(moved.regime, &moved.inputs).position;
+                let mut x = manifold.equilibrium(moved.regime, &moved.inputs).position;
                 let modes = manifold.modes(moved.regime);
                 modes
                     .iter()
@@ -506,7 +509,7 @@ fn energy_never_grows_through_impacts_at_constant_pressure() {
         landings += usize::from(moved.regime != last && moved.regime == RegimeKind::Contact);
         last = moved.regime;
         let manifold = motion.manifold();
-        let mut x = manifold.place(moved.regime, &moved.inputs).position;
+        let mut x = manifold.equilibrium(moved.regime, &moved.inputs).position;
         let modes = manifold.modes(moved.regime);
         modes.iter().for_each(|mode| (0..2).for_each(|j| x[j] += mode.shape[j] * moved.amplitudes[0]));
         let potential =

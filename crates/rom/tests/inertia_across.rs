@@ -1,7 +1,7 @@
 //! Motion with two inertial loads, against a closed form.
 
 use crate::inertia::{LOAD, along_one, coordinates, reading, settings};
-use rom::inertia::manifold::{InertialLoad, Manifold, Place};
+use rom::inertia::manifold::{Equilibrium, InertialLoad, Manifold};
 use rom::inertia::stepper::Motion;
 use rom::inputs::Inputs;
 use rom::snapshots::RegimeKind;
@@ -28,14 +28,18 @@ impl Manifold for Plane {
         &self.loads
     }
 
-    fn place(&mut self, _: RegimeKind, inputs: &Inputs) -> Place {
+    fn equilibrium(&mut self, _: RegimeKind, inputs: &Inputs) -> Equilibrium {
         let ([a, b, c], [_, _, first, second, ..]) = (PLANE, *inputs.values());
         let inverse = [[c, -b], [-b, a]].map(|row| row.map(|v| v / (a * c - b * b)));
         let x = inverse.map(|row| row[0] * first + row[1] * second);
         let mut tangents = along_one(&inverse[0]);
         tangents[1] = coordinates(&inverse[1]);
         let by_pressure = coordinates(&[1000.0]);
-        Place { position: coordinates(&[x[0] + 1000.0 * inputs.pressure_mpa(), x[1]]), tangents, by_pressure }
+        Equilibrium {
+            position: coordinates(&[x[0] + 1000.0 * inputs.pressure_mpa(), x[1]]),
+            tangents,
+            by_pressure,
+        }
     }
 }
 
@@ -47,7 +51,7 @@ fn two_loads_swing_as_the_two_modes_of_a_plane() {
     // The base is accelerated across from the first reading on: x'' + K (x - x_end) = 0.
     motion.advance(1, &at(5000.0)).unwrap();
     let [a, b, c] = PLANE;
-    let end = Plane::new().place(RegimeKind::Free, &at(5000.0)).position;
+    let end = Plane::new().equilibrium(RegimeKind::Free, &at(5000.0)).position;
     let spread = (0.25 * (a - c).powi(2) + b * b).sqrt();
     let squares = [0.5 * (a + c) + spread, 0.5 * (a + c) - spread];
     let length = (b * b + (squares[0] - a).powi(2)).sqrt();
@@ -57,7 +61,7 @@ fn two_loads_swing_as_the_two_modes_of_a_plane() {
     for i in 1..=500_u64 {
         let moved = motion.advance(1 + i * 4_000_000, &at(5000.0)).unwrap();
         assert!(moved.load_distance == 0.0 && !moved.at_rest, "{moved:?}");
-        let found = motion.manifold().place(RegimeKind::Free, &moved.state.inputs).position;
+        let found = motion.manifold().equilibrium(RegimeKind::Free, &moved.state.inputs).position;
         for axis in 0..2 {
             let along = |shape: &[f64; 2]| end[0] * shape[0] + end[1] * shape[1];
             let swings = shapes

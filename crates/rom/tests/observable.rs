@@ -6,7 +6,7 @@ use rom::evaluator::{Evaluator, Query};
 use rom::inputs::Inputs;
 use rom::model::{BlockData, BlockKind, Model, ModelFileError, Selection};
 use rom::model_state::ModelState;
-use rom::observable::{Definition, ObservableKind, Observables, Place};
+use rom::observable::{Definition, ObservableKind, Observables, PointSpec};
 use rom::probe::{MeshPoint, ProbePosition, Probes};
 use rom::rng::Rng;
 use rom::snapshots::{Database, FieldSpec, Split};
@@ -40,7 +40,7 @@ fn circle(pressure_mpa: f64) -> Vec<f32> {
 }
 
 fn definition(kind: ObservableKind, points: &[[f64; 3]], axis: Option<[f64; 3]>) -> Definition {
-    Definition { kind, points: points.iter().map(|at| Place::At(*at)).collect(), axis }
+    Definition { kind, points: points.iter().map(|at| PointSpec::At(*at)).collect(), axis }
 }
 
 fn definitions() -> BTreeMap<String, Definition> {
@@ -165,7 +165,7 @@ fn volume_of_a_chamber_is_the_closed_form_with_its_derivative() {
         precision: Precision::F32,
         observables: [
             ("all_mm3".to_owned(), volume(vec![])),
-            ("one_mm3".into(), volume(vec![Place::Node(9)])),
+            ("one_mm3".into(), volume(vec![PointSpec::Node(9)])),
         ]
         .into(),
         ..TrainConfig::default()
@@ -187,7 +187,7 @@ fn volume_of_a_chamber_is_the_closed_form_with_its_derivative() {
             assert!((slope / by - 1.0).abs() < 1e-3, "{slope} for {by}");
         }
     }
-    let outside = BTreeMap::from([("v_mm3".to_owned(), volume(vec![Place::Node(3)]))]);
+    let outside = BTreeMap::from([("v_mm3".to_owned(), volume(vec![PointSpec::Node(3)]))]);
     assert!(Observables::define(&model, &outside).expect_err("no chamber")[0].contains("v_mm3"));
 }
 
@@ -367,15 +367,15 @@ fn measured_values_of_nothing_in_the_model_are_refused() {
 #[test]
 fn definitions_that_do_not_suit_are_refused_by_name() {
     let model = trained();
-    let at = |x: f64| Place::At([x, 0.0, 16.0]);
-    let wrong = |kind, points: Vec<Place>, axis| Definition { kind, points, axis };
+    let at = |x: f64| PointSpec::At([x, 0.0, 16.0]);
+    let wrong = |kind, points: Vec<PointSpec>, axis| Definition { kind, points, axis };
     let refused = [
         ("bending_angle", wrong(ObservableKind::ChordAngle, vec![at(0.0), at(110.0)], None)),
         ("a_deg", wrong(ObservableKind::SectionAngle, vec![at(0.0), at(50.0), at(110.0)], None)),
         ("b_mm", wrong(ObservableKind::Position, vec![at(0.0)], None)),
         ("c_mm", wrong(ObservableKind::Length, vec![at(0.0), at(500.0)], None)),
-        ("d_mm", wrong(ObservableKind::Length, vec![at(0.0), Place::Set("nowhere".into())], None)),
-        ("e_mm", wrong(ObservableKind::Length, vec![at(0.0), Place::Node(120)], None)),
+        ("d_mm", wrong(ObservableKind::Length, vec![at(0.0), PointSpec::Set("nowhere".into())], None)),
+        ("e_mm", wrong(ObservableKind::Length, vec![at(0.0), PointSpec::Node(120)], None)),
         ("f_deg", wrong(ObservableKind::ChordAngle, vec![at(0.0), at(110.0)], Some([1.0, 0.0, 0.0]))),
         ("g_deg", wrong(ObservableKind::ChordAngle, vec![at(0.0), at(110.0)], Some([0.0; 3]))),
     ]

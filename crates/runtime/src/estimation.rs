@@ -15,10 +15,10 @@ pub use moving::filter;
 use crate::config::{ActuatorSpec, BIASES, CameraSpec, FORCE_BIAS, Gap, PRESSURE_BIAS, Sigmas};
 use crate::measured::MeasuredInputs;
 use estimate::{
-    Alarm, Filter, InputRole, MAX_INPUTS, Measurement, MotionEnd, MotionState, PASTS, Predicted, Row, Setup,
-    Status, Swing, Unknown, Update,
+    Alarm, Filter, InputRole, MAX_INPUTS, MeasuredRow, Measurement, MotionEnd, MotionState, PASTS, Predicted,
+    Setup, Status, Swing, Unknown, Update,
 };
-use moving::Body;
+use moving::MovingBody;
 use observed::Observed;
 pub(crate) use observed::measured_observables;
 use rom::evaluation::Evaluation;
@@ -55,16 +55,16 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
         Some(input) => inputs.get(input).map_or([-MAX_BIAS, MAX_BIAS], |input| input.range),
         None => [-MAX_BIAS, MAX_BIAS],
     };
-    let remembering = moving::remembering(model).unwrap_or_else(|error| {
+    let remembered = moving::remembered_inputs(model).unwrap_or_else(|error| {
         problems.push(error);
         Vec::new()
     });
-    let swing = moving::swing(model).unwrap_or_else(|error| {
+    let swing = moving::unknown_swing(model).unwrap_or_else(|error| {
         problems.push(error);
         None
     });
-    let past = |input: usize| moving::places(input, &remembering, estimated.len());
-    let pasts = moving::pasts(inputs, &remembering);
+    let past = |input: usize| moving::past_positions(input, &remembered, estimated.len());
+    let pasts = moving::unknown_pasts(inputs, &remembered);
     let load = estimated.len() + pasts.len();
     let unknowns = estimated.iter().filter_map(|name| {
         let unknown = spec.estimate.get(*name)?;
@@ -77,7 +77,7 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
         })
     });
     let is_measured = |key: &str| is_measured(spec, key);
-    let load_input = swing.as_ref().map(|(input, ..)| *input);
+    let load_input = swing.as_ref().map(|swing| swing.input);
     if let Some(key) = load_input.and_then(|input| keys.get(input))
         && (is_measured(key) || position(key).is_some())
     {
@@ -112,8 +112,8 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
         problems.extend(found);
         None
     });
-    let swing_error = swing.as_ref().map(|(.., error)| *error);
-    let of_swing = swing.into_iter().flat_map(|(_, unknowns, _)| unknowns);
+    let swing_error = swing.as_ref().map(|swing| swing.frequency_error);
+    let of_swing = swing.into_iter().flat_map(|swing| swing.unknowns);
     let out = Setup {
         unknowns: unknowns.chain(pasts).chain(of_swing).collect(),
         inputs: keys.iter().enumerate().map(role).collect(),
@@ -170,14 +170,22 @@ fn wrong_setup(out: &Setup) -> Vec<String> {
 const MESH_FORCE: f64 = 0.01;
 const MESH_TRAVEL: f64 = 0.001;
 
-/// Errors of the mesh: of the force, N, and of the markers, mm. 0 for a model learned from measurements, which has none.
-///
+/// Errors of the mesh. 0 for a model learned from measurements, which has none.
+#[derive(Debug, Clone, Copy, Default)]
+struct MeshErrors {
+    force_n: f64,
+    /// Of the markers.
+    marker_mm: f64,
+}
+
 /// A model does not know its mesh's error. These are the parts by which finer meshes of the shipped fingers change force and position, of
 /// the force and the travel along the pressures at the gap and the inputs of the scene.
-fn mesh_errors(spec: &ActuatorSpec, model: &Model) -> (f64, f64) {
+fn mesh_errors(spec: &ActuatorSpec, model: &Model) -> MeshErrors {
     let points: Option<Vec<_>> = spec.markers.iter().map(|marker| marker.point(model).ok()).collect();
     let probes = points.and_then(|points| Probes::new(model, &points).ok());
-    let Some(probes) = probes.filter(|_| model.header.learned.is_none()) else { return (0.0, 0.0) };
+    let Some(probes) = probes.filter(|_| model.header.learned.is_none()) else {
+        return MeshErrors::default();
+    };
     let value = |(at, input): (usize, &InputSpec)| {
         let given = match spec.gap_mm {
             Gap::Fixed(gap_mm) if at == GAP => Some(gap_mm),
@@ -186,13 +194,9 @@ fn mesh_errors(spec: &ActuatorSpec, model: &Model) -> (f64, f64) {
         let prior = spec.estimate.get(&input.key()).map(|unknown| unknown.prior);
         prior.or(given).unwrap_or(0.5 * (input.range[0] + input.range[1]))
     };
-    let nominal = Inputs::new(f64::NAN, f64::INFINITY);
-    let nominal = model
-        .header
-        .inputs
-        .iter()
-        .enumerate()
-        .fold(nominal, |inputs, (at, input)| inputs.with(at, value((at, input))));
+    let absent = Inputs::new(f64::NAN, f64::INFINITY);
+    let inputs = model.header.inputs.iter().enumerate();
+    let nominal = inputs.fold(absent, |inputs, (at, input)| inputs.with(at, value((at, input))));
     let [low, high] = model.header.inputs.first().map_or([0.0; 2], |pressure| pressure.range);
     let mut evaluation = probes.evaluation();
     let mut positions = vec![ProbePosition::default(); spec.markers.len()];
@@ -207,7 +211,7 @@ fn mesh_errors(spec: &ActuatorSpec, model: &Model) -> (f64, f64) {
             travel_mm = travel_mm.max(square.sum::<f64>().sqrt());
         }
     }
-    (MESH_FORCE * force_n, MESH_TRAVEL * travel_mm)
+    MeshErrors { force_n: MESH_FORCE * force_n, marker_mm: MESH_TRAVEL * travel_mm }
 }
 
 /// The force, then x, y, z of each marker, then the observables.
@@ -217,23 +221,24 @@ fn rows(
     force_bias: Option<usize>,
     sigmas: &Sigmas,
     observed: Option<Observed>,
-) -> Vec<Row> {
+) -> Vec<MeasuredRow> {
     let regimes = model.header.regimes.iter();
     let (force, displacement) = regimes.fold((0.0_f64, 0.0_f64), |(force, displacement), regime| {
         (force.max(regime.halfwidths.force_n), displacement.max(regime.halfwidths.displacement_mm))
     });
-    let (mesh_n, mesh_mm) = mesh_errors(spec, model);
-    let force = Row {
+    let mesh = mesh_errors(spec, model);
+    let force = MeasuredRow {
         name: "measured_force_n".into(),
         block: 0,
         sigma: sigmas.force_n,
-        model_sigma: spec.sigma.model_force_n.unwrap_or_else(|| mesh_n.hypot(force / HALFWIDTH_SIGMAS)),
+        model_sigma: spec.sigma.model_force_n.unwrap_or_else(|| mesh.force_n.hypot(force / HALFWIDTH_SIGMAS)),
         bias: force_bias,
     };
-    let model_mm = spec.sigma.model_mm.unwrap_or_else(|| mesh_mm.hypot(displacement / HALFWIDTH_SIGMAS));
+    let model_mm =
+        spec.sigma.model_mm.unwrap_or_else(|| mesh.marker_mm.hypot(displacement / HALFWIDTH_SIGMAS));
     let marker = |(at, marker): (usize, &crate::config::MarkerSpec)| {
         let Marker { x, y, z } = sigmas.markers_mm.get(at).copied().unwrap_or(Marker::ABSENT);
-        [("x", x), ("y", y), ("z", z)].map(|(axis, sigma)| Row {
+        [("x", x), ("y", y), ("z", z)].map(|(axis, sigma)| MeasuredRow {
             name: format!("{} {axis}", marker.name),
             block: at + 1,
             sigma,
@@ -242,13 +247,13 @@ fn rows(
         })
     };
     let mut observed = observed;
-    let observable = |(at, (name, of)): (usize, (&String, &crate::config::ObservedSpec))| {
+    let observable = |(at, (name, observed_spec)): (usize, (&String, &crate::config::ObservedSpec))| {
         let width = observed.as_mut().map_or(f64::NAN, |observed| observed.largest_halfwidth(at, model));
-        Row {
+        MeasuredRow {
             name: name.clone(),
             block: spec.markers.len() + 1 + at,
             sigma: spec.named_sigma(name).unwrap_or(f64::NAN),
-            model_sigma: of.model_sigma.unwrap_or(width / HALFWIDTH_SIGMAS),
+            model_sigma: observed_spec.model_sigma.unwrap_or(width / HALFWIDTH_SIGMAS),
             bias: None,
         }
     };
@@ -266,7 +271,7 @@ pub struct SensorModel {
     camera: CameraSpec,
     rotation: [[f64; 3]; 3],
     observed: Option<Observed>,
-    body: Option<Body>,
+    body: Option<MovingBody>,
 }
 
 impl SensorModel {
@@ -295,7 +300,7 @@ impl SensorModel {
             camera: spec.camera,
             rotation: spec.camera.rotation(),
             observed: Observed::new(spec, model)?,
-            body: Body::new(model).map_err(|error| vec![error])?,
+            body: MovingBody::new(model).map_err(|error| vec![error])?,
         })
     }
 

@@ -30,5 +30,14 @@ pub mod source;
 pub mod twin;
 pub mod valve;
 
+/// Sizes that several crates have, because none of them uses another.
+const _: () = {
+    assert!(rom::inputs::MAX_INPUTS == wire::layout::INPUTS_MAX);
+    assert!(estimate::MAX_INPUTS == rom::inputs::MAX_INPUTS);
+    assert!(rom::observable::MAX_OBSERVABLES == wire::layout::OBSERVABLES_MAX);
+    // The force, the coordinates of the markers, the named values of a reading.
+    assert!(estimate::MAX_ROWS == 1 + 3 * wire::layout::MARKERS_MAX + wire::layout::PARAMETERS_MAX);
+};
+
 pub use formats::file;
 pub use wire::{self, thread_group};

@@ -79,9 +79,9 @@ impl PayloadContents {
     }
 
     /// Packed name of the input at this position in the model's inputs; empty without one.
-    pub(crate) fn name(&self, at: usize) -> [u8; 32] {
+    pub(crate) fn name(&self, input: usize) -> [u8; 32] {
         let mut named = self.names.as_chunks::<32>().0.iter().zip(self.positions());
-        named.find(|(_, position)| *position == at).map_or([0; 32], |(name, _)| *name)
+        named.find(|(_, position)| *position == input).map_or([0; 32], |(name, _)| *name)
     }
 
     /// Where the value of each input comes from in this scene: numbers of [`input_source`].
@@ -100,18 +100,18 @@ impl PayloadContents {
 }
 
 /// Where the value of an input comes from in this scene: a number of [`input_source`].
-pub(crate) fn input_source_of(spec: &ActuatorSpec, at: usize, input: &InputSpec) -> u8 {
+pub(crate) fn input_source_of(spec: &ActuatorSpec, position: usize, input: &InputSpec) -> u8 {
     let key = input.key();
-    let is_estimated =
-        spec.estimate.contains_key(&key) || (at == PRESSURE && spec.estimate.contains_key(PRESSURE_BIAS));
+    let is_estimated = spec.estimate.contains_key(&key)
+        || (position == PRESSURE && spec.estimate.contains_key(PRESSURE_BIAS));
     let from = spec.inputs.get(&key);
-    let is_given = (at == GAP && matches!(spec.gap_mm, Gap::Fixed(_)))
+    let is_given = (position == GAP && matches!(spec.gap_mm, Gap::Fixed(_)))
         || from.is_some_and(|from| from.given().is_some());
     match (is_estimated, is_given) {
         (true, _) => input_source::ESTIMATED,
         (false, true) => input_source::GIVEN,
         // A volume without an entry follows the measured pressure.
-        (false, false) if at < PARAMETERS || from.is_some() || key == VOLUME => input_source::MEASURED,
+        (false, false) if position < PARAMETERS || from.is_some() || key == VOLUME => input_source::MEASURED,
         (false, false) => input_source::NOMINAL,
     }
 }
@@ -421,14 +421,14 @@ fn outputs(
     let mut outputs = Vec::new();
     for (index, (output, selection)) in spec.outputs.iter().zip(selections).enumerate() {
         match Reconstructor::new(model, &selection) {
-            Ok(reconstructor) => outputs.push(describe(output, model, &selection, reconstructor)),
+            Ok(reconstructor) => outputs.push(loaded_output(output, model, &selection, reconstructor)),
             Err(error) => problems.push(format!("output[{index}]: {error}")),
         }
     }
     if problems.is_empty() { Ok(outputs) } else { Err(problems) }
 }
 
-fn describe(
+fn loaded_output(
     spec: &OutputSpec,
     model: &Model,
     selection: &Selection,

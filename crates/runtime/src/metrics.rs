@@ -32,10 +32,10 @@ const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset
 const SECOND: f64 = 1e-9;
 
 /// Name, help, value.
-type Quantity<T> = (&'static str, &'static str, fn(&Health) -> T);
+type Metric<T> = (&'static str, &'static str, fn(&Health) -> T);
 
 /// Counters; in the exposition format their names end with `_total`.
-const COUNTERS: [Quantity<u64>; 8] = [
+const COUNTERS: [Metric<u64>; 8] = [
     ("softtwin_readings", "Readings taken from the sensor topic", |h| h.received),
     ("softtwin_missed", "Readings that never arrived", |h| h.missed),
     ("softtwin_sensor_restarts", "Restarts of the bridge seen", |h| h.sensor_restarts),
@@ -46,7 +46,7 @@ const COUNTERS: [Quantity<u64>; 8] = [
     ("softtwin_log_lost", "Events and lines that are missing in the log", |h| h.log_lost),
 ];
 
-const GAUGES: [Quantity<f64>; 5] = [
+const GAUGES: [Metric<f64>; 5] = [
     ("softtwin_uptime_seconds", "Time since the twin started", |h| h.uptime_ns as f64 * SECOND),
     ("softtwin_age_seconds", "Age of the newest good reading", |h| h.age_ns as f64 * SECOND),
     ("softtwin_rate_hertz", "Readings a second over the last interval", |h| h.rate_hz),

@@ -2,7 +2,7 @@
 
 use recording::message::{EncodeJson, channel};
 use recording::{RotateOptions, RotatingWriter};
-use runtime::source::{InputNames, Poll, Reading, SourceSpec, Trace, TraceError};
+use runtime::source::{InputNames, Poll, Reading, SensorTrace, SourceSpec, TraceError};
 use std::path::{Path, PathBuf};
 use wire::{Payload, SensorSample};
 
@@ -79,24 +79,27 @@ fn a_reading_stamped_in_its_future_costs_itself() {
         writer.message(&channel, seq as u32, log_time_ns, log_time_ns, &bytes).unwrap();
     }
     writer.finish().unwrap();
-    let times: Vec<f64> = Trace::read(&path).unwrap().rows.iter().map(|row| row.t_trace_s).collect();
+    let times: Vec<f64> = SensorTrace::read(&path).unwrap().rows.iter().map(|row| row.t_trace_s).collect();
     assert_eq!(times.iter().map(|t_s| (t_s * 1e3).round()).collect::<Vec<_>>(), [0.0, 5.0, 15.0, 20.0, 25.0]);
 }
 
 #[test]
 fn several_sensors_need_a_topic() {
     let (_folder, path) = recording(&["softtwin/left/sensor", "softtwin/right/sensor"], 4);
-    let errors = Trace::read(&path).unwrap_err();
+    let errors = SensorTrace::read(&path).unwrap_err();
     assert!(
         matches!(&errors[..], [TraceError::SeveralTopics { found }] if found.contains("softtwin/left/sensor")),
         "{errors:?}"
     );
     assert_eq!(
-        Trace::read_named(&path, Some("softtwin/right/sensor"), &InputNames::default()).unwrap().rows.len(),
+        SensorTrace::read_named(&path, Some("softtwin/right/sensor"), &InputNames::default())
+            .unwrap()
+            .rows
+            .len(),
         4
     );
     let errors =
-        Trace::read_named(&path, Some("softtwin/middle/sensor"), &InputNames::default()).unwrap_err();
+        SensorTrace::read_named(&path, Some("softtwin/middle/sensor"), &InputNames::default()).unwrap_err();
     assert!(errors[0].to_string().contains("softtwin/right/sensor"), "{errors:?}");
 }
 
@@ -105,7 +108,7 @@ fn truncated_recording_is_read_and_an_empty_one_refused() {
     let (_folder, path) = recording(&["softtwin/finger/sensor"], 50);
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() - 20]).unwrap();
-    assert_eq!(Trace::read(&path).unwrap().rows.len(), 50);
+    assert_eq!(SensorTrace::read(&path).unwrap().rows.len(), 50);
     std::fs::write(&path, recording::MAGIC).unwrap();
-    assert!(matches!(&Trace::read(&path).unwrap_err()[..], [TraceError::Empty]));
+    assert!(matches!(&SensorTrace::read(&path).unwrap_err()[..], [TraceError::Empty]));
 }

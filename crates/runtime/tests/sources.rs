@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use runtime::source::{
-    InputNames, Poll, Profile, Reading, ReplaySpec, SimulateSpec, Source, SourceSpec, Trace, TraceError,
+    InputNames, Poll, Profile, Reading, ReplaySpec, SensorTrace, SimulateSpec, Source, SourceSpec, TraceError,
 };
 use std::path::Path;
 
@@ -206,7 +206,7 @@ fn broken_traces_are_refused_with_the_line() {
             TraceError::Table(found) => (found.place, found.found),
             other => panic!("{other}"),
         };
-        Trace::parse(text).unwrap_err().into_iter().map(place).collect()
+        SensorTrace::parse(text).unwrap_err().into_iter().map(place).collect()
     };
     let found = |place: &str, found: &str| (place.to_owned(), found.to_owned());
     let missing = || found("header", "none of that name");
@@ -224,7 +224,7 @@ fn broken_traces_are_refused_with_the_line() {
     let both = places("t_s,pressure_kpa,gap_mm\n0,1,2\n");
     assert_eq!(both, [missing(), found("header", "`pressure_kpa`")]);
     assert_eq!(places(""), [missing(), missing()]);
-    assert_eq!(Trace::parse("t_s,pressure_mpa\n").unwrap_err(), [TraceError::Empty]);
+    assert_eq!(SensorTrace::parse("t_s,pressure_mpa\n").unwrap_err(), [TraceError::Empty]);
 }
 
 #[test]
@@ -241,7 +241,7 @@ fn traces_that_are_no_table_are_refused_in_time_and_in_few_words() {
         (twice.into_bytes(), 1),
     ] {
         std::fs::write(&path, bytes).unwrap();
-        let errors = Trace::read(&path).unwrap_err();
+        let errors = SensorTrace::read(&path).unwrap_err();
         let text: String = errors.iter().map(ToString::to_string).collect();
         assert!(errors.len() == most && text.len() < 4000, "{} errors, {} bytes", errors.len(), text.len());
     }
@@ -252,17 +252,17 @@ fn traces_that_are_no_table_are_refused_in_time_and_in_few_words() {
 fn named_inputs_are_columns_of_a_trace() {
     let names = InputNames::new(["load_n", "shift_mm"]);
     let text = "t_s,shift_mm,measured_force_n,load_n\n0,1.5,7,2.25\n0.1,nan,8,-inf\n";
-    let trace = Trace::parse_named(text, &names).unwrap();
+    let trace = SensorTrace::parse_named(text, &names).unwrap();
     let [first, second] = &trace.rows[..] else { panic!("{:?}", trace.rows) };
     let named: Vec<(String, f64)> = first.inputs().collect();
     assert_eq!(named, [("load_n".to_owned(), 2.25), ("shift_mm".to_owned(), 1.5)]);
     assert!(first.pressure_mpa.is_nan() && first.measured_force_n == 7.0);
     assert!(second.inputs[0] == f64::NEG_INFINITY && second.inputs[1].is_nan());
-    let problems = Trace::parse_named("t_s,pressure_mpa,load_n\n0,0.1,1\n", &names).unwrap_err();
+    let problems = SensorTrace::parse_named("t_s,pressure_mpa,load_n\n0,0.1,1\n", &names).unwrap_err();
     assert!(matches!(&problems[0], TraceError::Table(error) if error.expected.contains("shift_mm")));
-    let problems = Trace::parse_named("t_s,load_n,shift_mm\n0,1,\n", &names).unwrap_err();
+    let problems = SensorTrace::parse_named("t_s,load_n,shift_mm\n0,1,\n", &names).unwrap_err();
     assert!(problems[0].to_string().contains("line 2, column shift_mm"), "{problems:?}");
-    let unnamed = Trace::parse("t_s,pressure_mpa,load_n\n0,0.1,1\n").unwrap();
+    let unnamed = SensorTrace::parse("t_s,pressure_mpa,load_n\n0,0.1,1\n").unwrap();
     assert_eq!(unnamed.rows[0].input_count, 0, "other columns are ignored");
     let source = SourceSpec::Simulate(SimulateSpec::default());
     let refused = source.open(Path::new("."), &names).unwrap_err();
@@ -271,9 +271,9 @@ fn named_inputs_are_columns_of_a_trace() {
 
 #[test]
 fn values_that_a_gauge_can_say_are_passed_on_and_gaps_in_time_are_noted() {
-    let trace = Trace::parse(TRACE).unwrap();
+    let trace = SensorTrace::parse(TRACE).unwrap();
     assert_eq!(trace.gaps, [(6, 0.49)]);
-    let odd = Trace::parse("t_s,pressure_mpa\n0,nan\n0.1,inf\n0.2,-5\n").unwrap();
+    let odd = SensorTrace::parse("t_s,pressure_mpa\n0,nan\n0.1,inf\n0.2,-5\n").unwrap();
     assert!(odd.rows[0].pressure_mpa.is_nan() && odd.rows[1].pressure_mpa.is_infinite());
     assert!(odd.rows[2].gap_mm.is_nan());
 }
@@ -282,7 +282,8 @@ fn values_that_a_gauge_can_say_are_passed_on_and_gaps_in_time_are_noted() {
 fn the_projects_own_traces_are_read() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/traces");
     for (file, gap_mm) in [("gap80.csv", 80.0), ("gap40.csv", 40.0), ("gap15.csv", 15.0)] {
-        let trace = Trace::read(&folder.join(file)).unwrap_or_else(|errors| panic!("{file}: {errors:?}"));
+        let trace =
+            SensorTrace::read(&folder.join(file)).unwrap_or_else(|errors| panic!("{file}: {errors:?}"));
         assert!((trace.period_s - 0.005).abs() < 1e-9, "{file} is not sampled at 200 Hz");
         assert!(trace.rows.iter().all(|row| row.gap_mm == gap_mm) && trace.gaps.is_empty());
     }
@@ -307,7 +308,7 @@ proptest! {
             line(name) + &rows.collect::<String>()
         };
         let named = |column: usize| names[column].to_owned();
-        let trace = Trace::parse(&table(&order, &named)).unwrap();
+        let trace = SensorTrace::parse(&table(&order, &named)).unwrap();
         prop_assert_eq!(trace.rows.len(), values.len());
         for (k, row) in trace.rows.iter().enumerate() {
             let marker = row.markers_mm[0];
@@ -319,16 +320,16 @@ proptest! {
         }
         let mut longer = order.clone();
         longer.insert(at, twice);
-        prop_assert!(Trace::parse(&table(&longer, &named)).is_err(), "{} twice", names[twice]);
+        prop_assert!(SensorTrace::parse(&table(&longer, &named)).is_err(), "{} twice", names[twice]);
         let other = (twice + 1 + at % 6) % 7;
         let renamed = |column: usize| named(if column == twice { other } else { column });
-        prop_assert!(Trace::parse(&table(&order, &renamed)).is_err(), "{} as {}", names[twice], names[other]);
+        prop_assert!(SensorTrace::parse(&table(&order, &renamed)).is_err(), "{} as {}", names[twice], names[other]);
     }
 
     #[test]
     fn any_bytes_are_answered(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         let text = String::from_utf8_lossy(&bytes);
-        if let Ok(trace) = Trace::parse(&text) {
+        if let Ok(trace) = SensorTrace::parse(&text) {
             prop_assert!(!trace.rows.is_empty());
         }
     }
@@ -336,7 +337,7 @@ proptest! {
     #[test]
     fn any_cells_are_answered(cells in prop::collection::vec("[-0-9.einfa# ,]{0,12}", 0..12)) {
         let text = format!("t_s,pressure_mpa,gap_mm\n{}", cells.join("\n"));
-        if let Ok(trace) = Trace::parse(&text) {
+        if let Ok(trace) = SensorTrace::parse(&text) {
             prop_assert!(trace.rows.windows(2).all(|pair| pair[1].t_trace_s >= pair[0].t_trace_s));
         }
     }

@@ -11,7 +11,7 @@ use formats::database::{self, ObstacleKind};
 pub use formats::file::quoted;
 use formats::results::ImportError;
 use formats::{FormatError, file, log};
-use recording::Series;
+use recording::RecordingFiles;
 use rom::model::{Model, ModelFileError};
 use rom::model_state::ModelState;
 use rom::reconstructor::{Peaks, ReconstructError};
@@ -54,8 +54,8 @@ pub fn bench_run(run: &Path, log: &Path) -> anyhow::Result<log::Recording> {
 }
 
 /// The recording that a path names: a file, or the files of a recorder that rotates.
-pub fn recording(path: &Path) -> anyhow::Result<Series> {
-    Series::open(path).with_context(|| format!("cannot read the recording {}", path.display()))
+pub fn recording(path: &Path) -> anyhow::Result<RecordingFiles> {
+    RecordingFiles::open(path).with_context(|| format!("cannot read the recording {}", path.display()))
 }
 
 /// Loads the cases of one scene of a database.

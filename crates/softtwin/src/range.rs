@@ -1,6 +1,6 @@
 //! Parsers of arguments: numbers with their ranges, pressures and lengths also with a unit.
 
-use formats::unit::{Quantity, unit};
+use formats::unit::{Dimension, unit};
 pub use softtwind::range::{number, seconds};
 
 /// Largest pressure of an argument, MPa: only wrong units exceed it.
@@ -23,7 +23,7 @@ pub fn count(low: usize, high: usize) -> impl Fn(&str) -> Result<usize, String> 
 /// # Errors
 /// Not a number from 0 to [`MAX_PRESSURE_MPA`], or not a unit of pressure.
 pub fn pressure_mpa(text: &str) -> Result<f64, String> {
-    with_unit(text, Quantity::Pressure, 0.0, MAX_PRESSURE_MPA)
+    with_unit(text, Dimension::Pressure, 0.0, MAX_PRESSURE_MPA)
         .ok_or_else(|| format!("expected a number from 0 to {MAX_PRESSURE_MPA} (MPa), or one with a unit, such as 50kPa, 0.5bar, 7psi"))
 }
 
@@ -32,14 +32,14 @@ pub fn pressure_mpa(text: &str) -> Result<f64, String> {
 /// # Errors
 /// Not a number from minus to plus [`MAX_GAP_MM`], or not a unit of length.
 pub fn gap_mm(text: &str) -> Result<f64, String> {
-    with_unit(text, Quantity::Length, -MAX_GAP_MM, MAX_GAP_MM).ok_or_else(|| {
+    with_unit(text, Dimension::Length, -MAX_GAP_MM, MAX_GAP_MM).ok_or_else(|| {
         format!(
             "expected a number from -{MAX_GAP_MM} to {MAX_GAP_MM} (mm), or one with a unit, such as 40mm, 4cm"
         )
     })
 }
 
-fn with_unit(text: &str, quantity: Quantity, low: f64, high: f64) -> Option<f64> {
+fn with_unit(text: &str, quantity: Dimension, low: f64, high: f64) -> Option<f64> {
     let digits = text.trim_end_matches(|c: char| !c.is_ascii_digit() && c != '.');
     let digits = if text.parse::<f64>().is_ok() { text } else { digits };
     let factor = match text[digits.len()..].trim() {

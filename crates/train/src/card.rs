@@ -80,7 +80,7 @@ fn outputs(model: &Model) -> Vec<Value> {
     let named = observables.names().zip(observables.units()).enumerate();
     all.extend(named.map(|(at, (name, unit))| {
         let mut one = json!({ "name": name, "unit": unit, "per": "state" });
-        let own = observables.corrections().iter().filter(|(of, _)| *of == at);
+        let own = observables.corrections().iter().filter(|(corrected, _)| *corrected == at);
         let offsets: Vec<Value> = own.map(|(_, correction)| offset_of(model, correction)).collect();
         if !offsets.is_empty() {
             one["measured_offset"] = offsets.into();

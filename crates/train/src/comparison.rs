@@ -5,7 +5,7 @@
 //! an observable, a coordinate `tip_x_mm` at the node set `tip`, or the contact force.
 
 use crate::measured::{MeasuredStates, place};
-use formats::log::{Recording, Series};
+use formats::log::{LogColumn, Recording};
 use rom::evaluation::Evaluation;
 use rom::inertia::stepper::ReadingError;
 use rom::inputs::{GAP, Inputs, PRESSURE};
@@ -28,15 +28,17 @@ const KNOWN_RATIOS: [(f64, &str); 7] = [
     (1000.0, "kPa and MPa, or m and mm"),
     (1e6, "Pa and MPa"),
 ];
-/// Ratio of a column's largest value to that of the model's range from which the unit is refused, and below which it is remarked.
+/// Ratio of a column's largest value to that of the model's range from which the unit is refused.
 const REFUSED_RATIO: f64 = 3.0;
+/// The same ratio, and that of an output's measured to its predicted range, below which the unit is remarked.
 const SMALL_RATIO: f64 = 1.0 / 5.0;
 /// Correlation of measured and predicted values from which they have the same shape.
 const SAME_SHAPE: f64 = 0.9;
 /// Rows of a recording from which swapped inputs are found.
 const PROBE_ROWS: usize = 200;
-/// Error from which inputs may be swapped, and the fraction of it that is left if they are: mean squares over the squared range.
+/// Error from which inputs may be swapped: mean squares over the squared range.
 const SUSPECT: f64 = 0.03 * 0.03;
+/// Fraction of an error that is left if two columns were swapped.
 const LEFT_BY_SWAP: f64 = 0.25;
 
 /// Why a model and a recording cannot be compared.
@@ -165,7 +167,7 @@ impl<'a> RecordedInputs<'a> {
 
     /// The input that moves most.
     #[must_use]
-    pub fn widest(&self) -> Option<&'a Series> {
+    pub fn widest(&self) -> Option<&'a LogColumn> {
         let inputs = self.columns.iter().flatten().map(|at| &self.recording.inputs[*at]);
         inputs.max_by(|a, b| range(&a.values).total_cmp(&range(&b.values)))
     }
@@ -304,7 +306,7 @@ impl RecordedInputs<'_> {
     /// Measured position of a marker; along an axis that was not measured the mean of its nodes.
     fn marker_mm(&self, row: usize, set: &NodeSet, nodes_mm: &[[f32; 3]]) -> [f32; 3] {
         [0, 1, 2].map(|axis| {
-            let is_of = |series: &&Series| marker_axis(&series.name) == Some((set.name.as_str(), axis));
+            let is_of = |series: &&LogColumn| marker_axis(&series.name) == Some((set.name.as_str(), axis));
             let measured = self.recording.outputs.iter().find(is_of);
             let sum = || set.nodes.iter().map(|node| nodes_mm[*node as usize][axis]).sum::<f32>();
             measured.map_or_else(|| sum() / set.nodes.len() as f32, |series| series.values[row] as f32)
@@ -459,76 +461,22 @@ fn compared(
     follow_s: Option<f64>,
     remarks: &mut Vec<String>,
 ) -> Result<Vec<ComparedOutput>, ComparisonError> {
-    let recording = inputs.recording;
-    let observables = Observables::of(model)?;
-    let has_force = model.header.regimes.iter().any(|regime| regime.force.is_some());
-    let origin = |name: &str| {
-        if has_force && matches!(name, "contact_force_n" | "measured_force_n") {
-            return Some(Origin::Force);
-        }
-        let observable = observables.names().position(|known| known == name).map(Origin::Observable);
-        observable.or_else(|| {
-            let (field, node) = place(&model.header, name)?;
-            Some(Origin::Node { field, node, output: model.learned_output(field, node) })
-        })
-    };
-    let (mut origins, mut outputs) = (Vec::new(), Vec::new());
-    for series in &recording.outputs {
-        let Some(origin) = origin(&series.name) else {
-            remarks.push(format!("{}: the model has no such output", series.name));
-            continue;
-        };
-        origins.push((series, origin));
-        let nan = vec![f64::NAN; series.values.len()];
-        outputs.push(ComparedOutput {
-            name: series.name.clone(),
-            measured: series.values.clone(),
-            predicted: nan.clone(),
-            half_width: nan,
-            is_outside: vec![false; series.values.len()],
-        });
-    }
-    if outputs.is_empty() {
-        return Err(ComparisonError::NoOutput {
-            observables: names(observables.names()),
-            fields: names(model.header.fields.iter().map(|field| field.spec.name.as_str())),
-            node_sets: names(model.header.node_sets.iter().map(|set| set.name.as_str())),
-        });
-    }
-    let reconstructor = Reconstructor::new(model, &Selection::default())?;
-    let mut fields = vec![0.0; reconstructor.entries()];
-    let nodes = model.header.node_count;
-    let value_and_width = |evaluation: &Evaluation, fields: &[f32], origin: &Origin| {
-        let widths = evaluation.halfwidths;
-        match *origin {
-            Origin::Observable(at) => {
-                let found = observables.value(at, evaluation);
-                (found.value, found.halfwidth)
-            }
-            Origin::Force => (evaluation.contact_force_n + inputs.biases.force_n, widths.force_n),
-            Origin::Node { field, node, output } => {
-                let width = match (output, model.header.fields[field].spec.kind) {
-                    (Some(output), _) => {
-                        evaluation.output_half_widths.get(output).copied().unwrap_or(f64::NAN)
-                    }
-                    (None, FieldKind::Coordinate(_) | FieldKind::Magnitude) => widths.displacement_mm,
-                    (None, FieldKind::Stress) => widths.stress_mpa,
-                    (None, FieldKind::Other) => f64::NAN,
-                };
-                (f64::from(fields[field * nodes + node]), width)
-            }
-        }
-    };
+    let mut answers = Answers::new(model, inputs.biases.force_n)?;
+    let origins = answers.origins(inputs.recording, remarks)?;
+    let mut outputs: Vec<ComparedOutput> =
+        origins.iter().map(|(column, _)| ComparedOutput::unanswered(column)).collect();
     let mut session = Session::new(model, Gaps::Recorded)?;
     let mut late = match follow_s {
-        Some(behind_s) if session.start_following() => Some(LateErrors::new(recording, behind_s, &origins)),
+        Some(behind_s) if session.start_following() => {
+            Some(LateErrors::new(inputs.recording, behind_s, &origins))
+        }
         Some(_) => return Err(ComparisonError::NotLearned),
         None => None,
     };
     let of_rows = inputs.follow_in(&mut session, |row, evaluation, session| {
-        reconstructor.reconstruct_into(evaluation, &mut fields)?;
+        answers.reconstructor.reconstruct_into(evaluation, &mut answers.fields)?;
         for (output, (_, origin)) in outputs.iter_mut().zip(&origins) {
-            (output.predicted[row], output.half_width[row]) = value_and_width(evaluation, &fields, origin);
+            (output.predicted[row], output.half_width[row]) = answers.value_and_width(evaluation, origin);
             output.is_outside[row] = evaluation.flags.extrapolated;
         }
         late.iter_mut().for_each(|late| late.take(row, evaluation, session));
@@ -547,6 +495,99 @@ fn compared(
     Ok(outputs)
 }
 
+impl ComparedOutput {
+    /// A column whose predictions are to come.
+    fn unanswered(column: &LogColumn) -> Self {
+        let nan = vec![f64::NAN; column.values.len()];
+        Self {
+            name: column.name.clone(),
+            measured: column.values.clone(),
+            predicted: nan.clone(),
+            half_width: nan,
+            is_outside: vec![false; column.values.len()],
+        }
+    }
+}
+
+/// What a model answers to the rows of a recording.
+struct Answers<'a> {
+    model: &'a Model,
+    observables: Observables,
+    reconstructor: Reconstructor,
+    /// All fields at all nodes for the present row.
+    fields: Vec<f32>,
+    /// Offset of the load cell.
+    force_bias_n: f64,
+}
+
+impl<'a> Answers<'a> {
+    fn new(model: &'a Model, force_bias_n: f64) -> Result<Self, ComparisonError> {
+        let reconstructor = Reconstructor::new(model, &Selection::default())?;
+        let fields = vec![0.0; reconstructor.entries()];
+        Ok(Self { model, observables: Observables::of(model)?, reconstructor, fields, force_bias_n })
+    }
+
+    /// The recording's outputs that the model has, with the origin of each; the others are remarks.
+    fn origins<'r>(
+        &self,
+        recording: &'r Recording,
+        remarks: &mut Vec<String>,
+    ) -> Result<Vec<(&'r LogColumn, Origin)>, ComparisonError> {
+        let mut origins = Vec::new();
+        for column in &recording.outputs {
+            match self.origin(&column.name) {
+                Some(origin) => origins.push((column, origin)),
+                None => remarks.push(format!("{}: the model has no such output", column.name)),
+            }
+        }
+        if origins.is_empty() {
+            let header = &self.model.header;
+            return Err(ComparisonError::NoOutput {
+                observables: names(self.observables.names()),
+                fields: names(header.fields.iter().map(|field| field.spec.name.as_str())),
+                node_sets: names(header.node_sets.iter().map(|set| set.name.as_str())),
+            });
+        }
+        Ok(origins)
+    }
+
+    fn origin(&self, name: &str) -> Option<Origin> {
+        let header = &self.model.header;
+        let has_force = header.regimes.iter().any(|regime| regime.force.is_some());
+        if has_force && matches!(name, "contact_force_n" | "measured_force_n") {
+            return Some(Origin::Force);
+        }
+        let observable = self.observables.names().position(|known| known == name).map(Origin::Observable);
+        observable.or_else(|| {
+            let (field, node) = place(header, name)?;
+            Some(Origin::Node { field, node, output: self.model.learned_output(field, node) })
+        })
+    }
+
+    /// Value and half-width of an output for the present row.
+    fn value_and_width(&self, evaluation: &Evaluation, origin: &Origin) -> (f64, f64) {
+        let widths = evaluation.halfwidths;
+        match *origin {
+            Origin::Observable(at) => {
+                let found = self.observables.value(at, evaluation);
+                (found.value, found.halfwidth)
+            }
+            Origin::Force => (evaluation.contact_force_n + self.force_bias_n, widths.force_n),
+            Origin::Node { field, node, output } => {
+                let width = match (output, self.model.header.fields[field].spec.kind) {
+                    (Some(output), _) => {
+                        evaluation.output_half_widths.get(output).copied().unwrap_or(f64::NAN)
+                    }
+                    (None, FieldKind::Coordinate(_) | FieldKind::Magnitude) => widths.displacement_mm,
+                    (None, FieldKind::Stress) => widths.stress_mpa,
+                    (None, FieldKind::Other) => f64::NAN,
+                };
+                (f64::from(self.fields[field * self.model.header.node_count + node]), width)
+            }
+        }
+    }
+}
+
 fn names<'a>(all: impl Iterator<Item = &'a str>) -> String {
     all.collect::<Vec<_>>().join(", ")
 }
@@ -556,13 +597,13 @@ struct LateErrors<'a> {
     recording: &'a Recording,
     behind_s: f64,
     /// Column of the recording's outputs, and the model's output.
-    columns: Vec<(&'a Series, usize)>,
+    columns: Vec<(&'a LogColumn, usize)>,
     /// Time, s, and errors of rows that are not old enough.
     waiting: VecDeque<(f64, Vec<f64>)>,
 }
 
 impl<'a> LateErrors<'a> {
-    fn new(recording: &'a Recording, behind_s: f64, origins: &[(&'a Series, Origin)]) -> Self {
+    fn new(recording: &'a Recording, behind_s: f64, origins: &[(&'a LogColumn, Origin)]) -> Self {
         let columns = origins.iter().filter_map(|(series, origin)| match origin {
             Origin::Node { output: Some(output), .. } => Some((*series, *output)),
             _ => None,
@@ -655,7 +696,11 @@ fn suspicions(outputs: &[ComparedOutput], statistics: &BTreeMap<String, OutputSt
         let ratio = range(&output.measured) / range(&output.predicted);
         // Only a curve of the same shape can have another unit.
         let is_same_shape = statistics[&output.name].correlation > SAME_SHAPE;
-        if is_same_shape && ratio.is_finite() && ratio > 0.0 && !(0.2..=5.0).contains(&ratio) {
+        if is_same_shape
+            && ratio.is_finite()
+            && ratio > 0.0
+            && !(SMALL_RATIO..=1.0 / SMALL_RATIO).contains(&ratio)
+        {
             remarks.push(format!(
                 "{}: the measured range is {ratio:.3} times the predicted one ({}); is its unit right?",
                 output.name,
@@ -670,7 +715,7 @@ fn suspicions(outputs: &[ComparedOutput], statistics: &BTreeMap<String, OutputSt
     for (at, a) in outputs.iter().enumerate() {
         for b in &outputs[at + 1..] {
             let (own, swapped) = (error(a, a) + error(b, b), error(a, b) + error(b, a));
-            if swapped < 0.25 * own {
+            if swapped < LEFT_BY_SWAP * own {
                 remarks.push(format!("{} and {}: swapped? Each fits the other's prediction", a.name, b.name));
             }
         }

@@ -1,7 +1,7 @@
 //! Configuration of training. Every key has a default; the defaults work on any database.
 
 pub use rom::kernel::Precision;
-pub use rom::observable::{Definition, ObservableKind, Place};
+pub use rom::observable::{Definition, ObservableKind, PointSpec};
 pub use rom::radial::{KernelKind, Tail};
 
 use formats::{FormatError, file};

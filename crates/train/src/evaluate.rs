@@ -296,11 +296,11 @@ fn summary(database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> 
         return None;
     }
     let mean =
-        |of: &dyn Fn(&CaseReport) -> f64| cases.iter().map(|c| of(c)).sum::<f64>() / cases.len() as f64;
+        |value: &dyn Fn(&CaseReport) -> f64| cases.iter().map(|c| value(c)).sum::<f64>() / cases.len() as f64;
     let largest = database.cases.iter().map(|c| c.contact_force_n).fold(f64::MIN_POSITIVE, f64::max);
     let mut forces: Vec<f64> = cases.iter().map(|c| (c.force_n - c.force_true_n).abs() / largest).collect();
-    let share = |of: fn(&CaseReport) -> Option<bool>| {
-        let known: Vec<bool> = cases.iter().filter_map(|case| of(case)).collect();
+    let share = |is_true: fn(&CaseReport) -> Option<bool>| {
+        let known: Vec<bool> = cases.iter().filter_map(|case| is_true(case)).collect();
         known.iter().filter(|is_within| **is_within).count() as f64 / known.len() as f64
     };
     let fields = database.fields.iter().enumerate().map(|(f, spec)| {

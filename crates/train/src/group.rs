@@ -239,7 +239,8 @@ fn bits(
     };
     let errors: Vec<Mat<f64>> = cluster.iter().map(|&g| fits[g].error_fields(last + 1)).collect();
     let worst = |&i: &usize| {
-        let square = |row: usize| errors.iter().map(|of| of[(row % of.nrows(), i)].powi(2)).sum::<f64>();
+        let square =
+            |row: usize| errors.iter().map(|fold| fold[(row % fold.nrows(), i)].powi(2)).sum::<f64>();
         (0..errors[0].nrows()).map(square).fold(0.0, f64::max).sqrt()
     };
     let error = mean_of_logarithms(scored.iter().map(worst));

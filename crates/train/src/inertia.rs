@@ -51,8 +51,10 @@ pub fn reduce(model: &Model, database: &Database, mass: &Mass<'_>) -> Result<Red
     let wrong = |what: String| TrainError::Database(vec![what]);
     let inputs = &model.header.inputs;
     let input = |name: &str| {
-        let at = inputs.iter().position(|input| input.name == name).filter(|at| *at >= PARAMETERS);
-        at.ok_or_else(|| wrong(format!("inertia: no parameter {name} varies between the cases; sample it")))
+        let position =
+            inputs.iter().position(|input| input.name == name).filter(|position| *position >= PARAMETERS);
+        position
+            .ok_or_else(|| wrong(format!("inertia: no parameter {name} varies between the cases; sample it")))
     };
     let places = mass.loads.iter().map(|(name, _)| input(name)).collect::<Result<Vec<usize>, _>>()?;
     let axes = [0, 1, 2].map(|axis| database.coordinate(axis));
@@ -136,10 +138,10 @@ fn coordinates(
     let most = MAX_COORDINATES.saturating_sub(database.vibrations.len());
     let enough = |square: &&f64| **square > SMALLEST * SMALLEST * squares[0] && **square > 0.0;
     let count = squares.iter().take_while(enough).count().min(most);
-    let combined = |of: &[Nodal], k: usize| -> Nodal {
+    let combined = |directions: &[Nodal], k: usize| -> Nodal {
         let factor = 1.0 / squares[k].sqrt();
         (0..centre.len())
-            .map(|i| factor * of.iter().enumerate().map(|(j, d)| svd.U()[(j, k)] * d[i]).sum::<f64>())
+            .map(|i| factor * directions.iter().enumerate().map(|(j, d)| svd.U()[(j, k)] * d[i]).sum::<f64>())
             .collect()
     };
     let mut shapes: Vec<Nodal> = (0..count).map(|k| combined(&off, k)).collect();

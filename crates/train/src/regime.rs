@@ -262,6 +262,21 @@ fn far_points(boundary: &[Inputs], table: &OnsetTable) -> Vec<Inputs> {
     if beyond.is_empty() { beyond } else { std::iter::once(last).chain(beyond).collect() }
 }
 
+/// Pressures of the cases above the onset of contact, MPa; 1 for a model without an onset.
+struct ExcessPressures {
+    mpa: Vec<f64>,
+    onsets: Option<Vec<OnsetAt>>,
+}
+
+impl ExcessPressures {
+    /// Derivative of a case's by an input.
+    fn by_input(&self, case: usize, input: usize) -> f64 {
+        let Some(onsets) = &self.onsets else { return 0.0 };
+        let by_pressure = if input == PRESSURE { 1.0 } else { 0.0 };
+        by_pressure - onsets[case].gradient[input]
+    }
+}
+
 /// Fitted contact force.
 pub(crate) struct ForceFit {
     pub model: ForceModel,
@@ -344,12 +359,12 @@ impl<'a> Training<'a> {
                 }
             }
             for (j, vibration) in self.vibrations().enumerate().take(columns.vibrations) {
-                let at = columns.states + j;
-                self.vibration(vibration, group, y.col_as_slice_mut(at));
+                let column = columns.states + j;
+                self.vibration(vibration, group, y.col_as_slice_mut(column));
             }
             for j in 0..columns.derivatives {
-                let at = columns.count() - columns.derivatives + j;
-                self.derivative(j, group, columns.weight, y.col_as_slice_mut(at));
+                let column = columns.count() - columns.derivatives + j;
+                self.derivative(j, group, columns.weight, y.col_as_slice_mut(column));
             }
             let basis_of = free.filter(|_| config.centred).map(|free| &free.groups[g]);
             DecomposedGroup::new(group, y, columns, self.name(), choices, centre, basis_of)
@@ -429,8 +444,8 @@ impl<'a> Training<'a> {
         let row = &known.values[self.slope_rows[j] * nodes * count..][..nodes * count];
         let factor = weight * (axis.max - axis.min);
         for (field, column) in group.fields.iter().zip(column.chunks_exact_mut(nodes)) {
-            let at = known.fields.iter().position(|f| f == field).unwrap_or(0);
-            let values = row.iter().skip(at).step_by(count);
+            let place = known.fields.iter().position(|f| f == field).unwrap_or(0);
+            let values = row.iter().skip(place).step_by(count);
             column.iter_mut().zip(values).for_each(|(y, v)| *y = factor * f64::from(*v));
         }
     }
@@ -462,36 +477,16 @@ impl<'a> Training<'a> {
         States { operating, dimensions, inputs, score, slopes: &self.slopes, exact: None }
     }
 
-    /// Fits the contact force.
+    /// Fits `h = F / (p - P_c)`, the contact force over the pressure above the onset, or the force itself of a model without an onset.
     fn force(&self, config: &RegimeConfig, onset: Option<&OnsetModel>) -> Result<ForceFit, TrainError> {
         let forces: Vec<f64> = self.cases.iter().map(|&i| self.database.cases[i].contact_force_n).collect();
-        let onsets: Option<Vec<OnsetAt>> =
-            onset.map(|onset| self.points[..forces.len()].iter().map(|p| onset.at(p)).collect());
-        let excess: Vec<f64> = match &onsets {
-            Some(onsets) => {
-                let pairs = self.points.iter().zip(onsets);
-                pairs.map(|(p, onset)| p.pressure_mpa() - onset.pressure_mpa).collect()
-            }
-            None => vec![1.0; forces.len()],
-        };
-        let least = MIN_EXCESS * excess.iter().copied().fold(0.0, f64::max);
-        let used: Vec<usize> = (0..forces.len()).filter(|&i| excess[i] > least).collect();
+        let excess = self.excess_pressures(onset);
+        let least = MIN_EXCESS * excess.mpa.iter().copied().fold(0.0, f64::max);
+        let used: Vec<usize> = (0..forces.len()).filter(|&i| excess.mpa[i] > least).collect();
         let inputs: Vec<Point> = used.iter().map(|&i| self.scaled[i]).collect();
-        let values: Vec<f64> = used.iter().map(|&i| forces[i] / excess[i]).collect();
-        let score: Vec<f64> = used.iter().map(|&i| self.score[i] * excess[i]).collect();
-        let (mut slopes, mut slope_values) = (Vec::new(), Vec::new());
-        for (slope, row) in self.slopes.iter().zip(&self.slope_rows) {
-            let case = slope.centre as usize;
-            let Some(centre) = used.iter().position(|&i| i == case) else { continue };
-            let axis = &self.inputs.axes[slope.axis as usize];
-            let by_input = onsets.as_ref().map_or(0.0, |onsets| onsets[case].gradient[axis.input]);
-            let excess_by = if onsets.is_some() && axis.input == PRESSURE { 1.0 } else { 0.0 } - by_input;
-            let force_by =
-                self.database.sensitivities.as_ref().map_or(0.0, |s| s.rows[*row].contact_force_n_per_unit);
-            let h_by = (force_by - values[centre] * excess_by) / excess[case];
-            slopes.push(Slope { centre: centre as u32, ..*slope });
-            slope_values.push(h_by * (axis.max - axis.min));
-        }
+        let values: Vec<f64> = used.iter().map(|&i| forces[i] / excess.mpa[i]).collect();
+        let score: Vec<f64> = used.iter().map(|&i| self.score[i] * excess.mpa[i]).collect();
+        let (slopes, slope_values) = self.force_slopes(&excess, &used, &values);
         let task = Task {
             dropped: vec![0.0; values.len()],
             values,
@@ -517,7 +512,7 @@ impl<'a> Training<'a> {
         };
         let choice = chosen.map_err(error)?.swap_remove(0); // one task, one choice
         let mut residuals_n = vec![0.0; forces.len()];
-        used.iter().zip(&choice.fit.residuals).for_each(|(&i, e)| residuals_n[i] = e * excess[i]);
+        used.iter().zip(&choice.fit.residuals).for_each(|(&i, e)| residuals_n[i] = e * excess.mpa[i]);
         let squares: f64 = residuals_n.iter().zip(&self.score).map(|(e, s)| e * e * s).sum();
         let error_n = (squares / self.score.iter().sum::<f64>()).sqrt();
         let violation = violation(&choice.fit.interpolant);
@@ -530,6 +525,41 @@ impl<'a> Training<'a> {
             idle: choice.idle,
             violation,
         })
+    }
+
+    /// Pressures of the cases above the onset.
+    fn excess_pressures(&self, onset: Option<&OnsetModel>) -> ExcessPressures {
+        let points = &self.points[..self.cases.len()];
+        let onsets: Option<Vec<OnsetAt>> = onset.map(|onset| points.iter().map(|p| onset.at(p)).collect());
+        let mpa = match &onsets {
+            Some(onsets) => {
+                points.iter().zip(onsets).map(|(p, onset)| p.pressure_mpa() - onset.pressure_mpa).collect()
+            }
+            None => vec![1.0; points.len()],
+        };
+        ExcessPressures { onsets, mpa }
+    }
+
+    /// Known derivatives of `h` (see [`Self::force`]) by the scaled inputs, at the used cases, where it has these values.
+    fn force_slopes(
+        &self,
+        excess: &ExcessPressures,
+        used: &[usize],
+        values: &[f64],
+    ) -> (Vec<Slope>, Vec<f64>) {
+        let (mut slopes, mut slope_values) = (Vec::new(), Vec::new());
+        for (slope, row) in self.slopes.iter().zip(&self.slope_rows) {
+            let case = slope.centre as usize;
+            let Some(centre) = used.iter().position(|&i| i == case) else { continue };
+            let axis = &self.inputs.axes[slope.axis as usize];
+            let excess_by = excess.by_input(case, axis.input);
+            let force_by =
+                self.database.sensitivities.as_ref().map_or(0.0, |s| s.rows[*row].contact_force_n_per_unit);
+            let h_by = (force_by - values[centre] * excess_by) / excess.mpa[case];
+            slopes.push(Slope { centre: centre as u32, ..*slope });
+            slope_values.push(h_by * (axis.max - axis.min));
+        }
+        (slopes, slope_values)
     }
 
     /// Leave-one-out errors at each case's worst node.

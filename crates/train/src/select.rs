@@ -295,10 +295,11 @@ impl<'a> Search<'a> {
     /// Compares scores. At rounding level the higher-degree tail wins: it extrapolates better.
     fn is_best(&self, new: &Best) -> bool {
         let Some(best) = &self.best else { return true };
-        let merit =
-            |of: &Best| merit(of.scored.score.max(self.floor), of.fit.interpolant.smoothing, of.is_unsound);
-        let terms = |of: &Best| of.fit.interpolant.tail.terms(self.samples.dimensions);
-        merit(new) < merit(best) || (merit(new) == merit(best) && terms(new) > terms(best))
+        let merit_of = |tried: &Best| {
+            merit(tried.scored.score.max(self.floor), tried.fit.interpolant.smoothing, tried.is_unsound)
+        };
+        let terms = |tried: &Best| tried.fit.interpolant.tail.terms(self.samples.dimensions);
+        merit_of(new) < merit_of(best) || (merit_of(new) == merit_of(best) && terms(new) > terms(best))
     }
 
     /// The best few kernels again, fitted to the derivatives as well, then other metrics around the best of these. Where
@@ -475,12 +476,12 @@ fn sheared(metric: Metric, shear: f64) -> [Metric; STRETCHES.len()] {
 }
 
 /// All groups' coefficients of a state in one row: one factorisation serves all.
-fn side_by_side(tasks: &[Task], rows: usize, of: impl Fn(&Task) -> &[f64]) -> Vec<f64> {
+fn side_by_side(tasks: &[Task], rows: usize, values: impl Fn(&Task) -> &[f64]) -> Vec<f64> {
     let mut all = Vec::new();
     for i in 0..rows {
         tasks
             .iter()
-            .for_each(|task| all.extend_from_slice(&of(task)[i * task.outputs..(i + 1) * task.outputs]));
+            .for_each(|task| all.extend_from_slice(&values(task)[i * task.outputs..(i + 1) * task.outputs]));
     }
     all
 }
@@ -560,14 +561,14 @@ fn levels(task: &Task, errors: &[Vec<f64>]) -> Vec<f64> {
     (0..=task.outputs).map(|l| geometric_mean(errors, |e| e[l])).collect()
 }
 
-fn mean<T>(cases: &[T], of: impl Fn(&T) -> f64) -> f64 {
-    cases.iter().map(of).sum::<f64>() / cases.len() as f64
+fn mean<T>(cases: &[T], value: impl Fn(&T) -> f64) -> f64 {
+    cases.iter().map(value).sum::<f64>() / cases.len() as f64
 }
 
 /// An error is at least the rounding of the largest: a state without one (that in the middle, of 0 modes) would make all others 0.
-fn geometric_mean<T>(cases: &[T], of: impl Fn(&T) -> f64) -> f64 {
-    let least = DATA_ROUNDING * cases.iter().map(&of).fold(0.0, f64::max);
-    mean(cases, |case| of(case).max(least).max(f64::MIN_POSITIVE).ln()).exp()
+fn geometric_mean<T>(cases: &[T], value: impl Fn(&T) -> f64) -> f64 {
+    let least = DATA_ROUNDING * cases.iter().map(&value).fold(0.0, f64::max);
+    mean(cases, |case| value(case).max(least).max(f64::MIN_POSITIVE).ln()).exp()
 }
 
 /// Weighted leave-one-out error with 0, 1, ... all modes, per scored case. `residual(state, mode)`.

@@ -3,7 +3,7 @@
 
 use crate::measured::{self, MeasuredOutput};
 use formats::table::Table;
-use formats::trace::{self, SERIES, SERIES_COLUMNS, around};
+use formats::trace::{self, SERIES, SERIES_COLUMNS, around, series_column};
 use formats::{Diagnostic, FormatError};
 use rom::branch::{Follower, VOLUME, pressure_field, volume_input};
 use rom::evaluation::Evaluation;
@@ -21,14 +21,15 @@ use std::time::Instant;
 
 /// Most instants of a trace with those between its rows: some 0.5 GB of answers. An hour at 1 ms has 3.6 million.
 const MAX_INSTANTS: u64 = 5_000_000;
-/// Places in a series.
-const SERIES_PRESSURE: usize = 1;
-const TIP: [usize; 3] = [4, 5, 8];
-const TIP_Y: usize = TIP[1];
-const FORCE: usize = 6;
-const STRESS: usize = 7;
+/// Columns of a series.
+const TIME: usize = series_column("t_s");
+const SERIES_PRESSURE: usize = series_column("pressure_mpa");
+const TIP_Y: usize = series_column("tip_y_mm");
+const TIP: [usize; 3] = [series_column("tip_x_mm"), TIP_Y, series_column("tip_z_mm")];
+const FORCE: usize = series_column("contact_force_n");
+const STRESS: usize = series_column("max_stress_mpa");
 /// First quantity of a series that is predicted.
-const FIRST: usize = 3;
+const FIRST_PREDICTED: usize = series_column("lowest_y_mm");
 /// Width of the mean of the contact force, s.
 const FORCE_WINDOW_S: f64 = 0.01;
 /// Smallest swing that has a frequency, as a fraction of the range of the tip's height.
@@ -83,7 +84,7 @@ impl InputTrace {
     pub fn read(path: &Path, model: &Model) -> Result<Self, TraceError> {
         let wrong = |diagnostics| FormatError::Content { path: path.into(), diagnostics };
         let table = Table::read(path, true)?;
-        let read = trace::Trace::of_table(&table, &|_| None).map_err(wrong)?;
+        let read = trace::InputTrace::of_table(&table, &|_| None).map_err(wrong)?;
         let known = &model.header.inputs;
         let mut diagnostics = Vec::new();
         let mut places = Vec::new();
@@ -144,9 +145,9 @@ impl InputTrace {
         if count <= MAX_INSTANTS {
             return Ok(());
         }
-        let (at, gap_ns) = gaps().enumerate().max_by_key(|(_, gap_ns)| *gap_ns).unwrap_or_default();
+        let (row, gap_ns) = gaps().enumerate().max_by_key(|(_, gap_ns)| *gap_ns).unwrap_or_default();
         let (step_ms, gap_s) = (1e-6 * step_ns as f64, 1e-9 * gap_ns as f64);
-        Err(TraceError::TooLong { count, step_ms, gap_s, row: at + 1 })
+        Err(TraceError::TooLong { count, step_ms, gap_s, row: row + 1 })
     }
 
     /// Instants of the rows and in between at least every `step_ns`.
@@ -182,7 +183,7 @@ pub struct PredictedSeries {
 /// Figures of a [`PredictedSeries`].
 #[derive(Clone, Debug, Serialize)]
 pub struct SeriesSummary {
-    /// Instants.
+    /// Instants that were answered.
     pub rows: usize,
     /// Length of the trace, s.
     pub seconds: f64,
@@ -348,11 +349,11 @@ impl SeriesColumns {
 /// Errors along one motion of the finite elements.
 #[derive(Debug, Serialize)]
 pub struct MotionErrors {
-    /// The series.
+    /// File of the finite elements' motion.
     pub series: PathBuf,
     /// `free`, `contact` (throughout) or `landing`.
     pub class: &'static str,
-    /// Instants.
+    /// Instants that the model answers outside of its training range.
     pub outside_training_range: usize,
     /// Frequencies of the swing after the last change of pressure, finite elements and model.
     pub frequency_hz: Option<[f64; 2]>,
@@ -414,27 +415,27 @@ pub fn motion_errors(model: &Model, series: &Path) -> Result<MotionErrors, Trace
         class,
         outside_training_range: moving.summary.outside_training_range,
         frequency_hz: both.filter(|_| class != "landing").map(<[f64; 2]>::from),
-        quantities: (FIRST..SERIES).map(errors).collect(),
+        quantities: (FIRST_PREDICTED..SERIES).map(errors).collect(),
         motion: [truth, moving.rows, still],
     })
 }
 
 /// Values of a quantity within their half-widths, %.
-fn coverage(truth: &[f64], found: &PredictedSeries, at: usize) -> Option<f64> {
-    let width = |[displacement, force, stress]: &[f64; 3]| match at {
+fn coverage(truth: &[f64], found: &PredictedSeries, quantity: usize) -> Option<f64> {
+    let width = |[displacement, force, stress]: &[f64; 3]| match quantity {
         FORCE => *force,
         STRESS => *stress,
         _ => *displacement,
     };
-    let rows = truth.iter().zip(column(&found.rows, at)).zip(found.half_widths.iter().map(width));
+    let rows = truth.iter().zip(column(&found.rows, quantity)).zip(found.half_widths.iter().map(width));
     let known = rows.filter(|(_, width)| width.is_finite());
     let share = mean(known.map(|((a, b), width)| f64::from((a - b).abs() <= width)));
     Some(100.0 * share).filter(|share| range(truth) > 0.0 && share.is_finite())
 }
 
 /// Values of a quantity at all instants; of the contact force its mean over a window.
-fn column(rows: &[Vec<f64>], at: usize) -> Vec<f64> {
-    if at == FORCE { means(rows) } else { rows.iter().map(|row| row[at]).collect() }
+fn column(rows: &[Vec<f64>], quantity: usize) -> Vec<f64> {
+    if quantity == FORCE { means(rows) } else { rows.iter().map(|row| row[quantity]).collect() }
 }
 
 /// Mean of the force over a window about each instant; forces are straight lines between the rows.
@@ -442,18 +443,18 @@ fn means(rows: &[Vec<f64>]) -> Vec<f64> {
     let mut impulse = vec![0.0];
     for pair in rows.windows(2) {
         let last = impulse[impulse.len() - 1];
-        impulse.push(last + 0.5 * (pair[0][FORCE] + pair[1][FORCE]) * (pair[1][0] - pair[0][0]));
+        impulse.push(last + 0.5 * (pair[0][FORCE] + pair[1][FORCE]) * (pair[1][TIME] - pair[0][TIME]));
     }
-    let (begin, end) = (rows[0][0], rows[rows.len() - 1][0]);
+    let (begin, end) = (rows[0][TIME], rows[rows.len() - 1][TIME]);
     let until = |t: f64| {
-        let i = rows.partition_point(|row| row[0] <= t).clamp(1, rows.len() - 1) - 1;
-        let part = (t - rows[i][0]) / (rows[i + 1][0] - rows[i][0]);
+        let i = rows.partition_point(|row| row[TIME] <= t).clamp(1, rows.len() - 1) - 1;
+        let part = (t - rows[i][TIME]) / (rows[i + 1][TIME] - rows[i][TIME]);
         let force = rows[i][FORCE] + part * (rows[i + 1][FORCE] - rows[i][FORCE]);
-        impulse[i] + 0.5 * (rows[i][FORCE] + force) * (t - rows[i][0])
+        impulse[i] + 0.5 * (rows[i][FORCE] + force) * (t - rows[i][TIME])
     };
     let mean = |row: &Vec<f64>| {
         let (from, to) =
-            ((row[0] - 0.5 * FORCE_WINDOW_S).max(begin), (row[0] + 0.5 * FORCE_WINDOW_S).min(end));
+            ((row[TIME] - 0.5 * FORCE_WINDOW_S).max(begin), (row[TIME] + 0.5 * FORCE_WINDOW_S).min(end));
         (until(to) - until(from)) / (to - from)
     };
     rows.iter().map(mean).collect()
@@ -473,9 +474,9 @@ fn frequency_hz(rows: &[Vec<f64>]) -> Option<f64> {
         let [before, after] = [three[1][TIP_Y] - three[0][TIP_Y], three[2][TIP_Y] - three[1][TIP_Y]];
         if before * after < 0.0 {
             // The slope passes 0 between the middles of both intervals.
-            let [from_s, to_s] = [three[1][0] - three[0][0], three[2][0] - three[1][0]];
+            let [from_s, to_s] = [three[1][TIME] - three[0][TIME], three[2][TIME] - three[1][TIME]];
             let (first, second) = (before / from_s, after / to_s);
-            let middle_s = three[1][0] - 0.5 * from_s;
+            let middle_s = three[1][TIME] - 0.5 * from_s;
             extrema.push(middle_s + 0.5 * (from_s + to_s) * first / (first - second));
         }
     }
@@ -487,7 +488,7 @@ fn frequency_hz(rows: &[Vec<f64>]) -> Option<f64> {
 pub fn phase(rows: &[Vec<f64>]) -> Vec<(f64, f64)> {
     let between = |pair: &[Vec<f64>]| {
         let [a, b] = [&pair[0], &pair[1]];
-        (0.5 * (a[TIP_Y] + b[TIP_Y]), (b[TIP_Y] - a[TIP_Y]) / (b[0] - a[0]))
+        (0.5 * (a[TIP_Y] + b[TIP_Y]), (b[TIP_Y] - a[TIP_Y]) / (b[TIME] - a[TIME]))
     };
     rows.windows(2).map(between).collect()
 }
@@ -495,16 +496,16 @@ pub fn phase(rows: &[Vec<f64>]) -> Vec<(f64, f64)> {
 /// Frequencies (Hz) and amplitudes (mm) of the tip's height about its straight line between the ends, with a Hann window.
 pub fn spectrum(rows: &[Vec<f64>]) -> Vec<(f64, f64)> {
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return Vec::new() };
-    let length_s = last[0] - first[0];
-    let at = |k: usize| {
-        let t_s = first[0] + length_s * k as f64 / SAMPLES as f64;
-        let ([a, b], part) = around(rows, |row| row[0], t_s);
+    let length_s = last[TIME] - first[TIME];
+    let windowed = |k: usize| {
+        let t_s = first[TIME] + length_s * k as f64 / SAMPLES as f64;
+        let ([a, b], part) = around(rows, |row| row[TIME], t_s);
         let share = k as f64 / SAMPLES as f64;
         let line = first[TIP_Y] + share * (last[TIP_Y] - first[TIP_Y]);
         let window = 1.0 - (std::f64::consts::TAU * share).cos();
         window * (a[TIP_Y] + part * (b[TIP_Y] - a[TIP_Y]) - line)
     };
-    let values: Vec<f64> = (0..SAMPLES).map(at).collect();
+    let values: Vec<f64> = (0..SAMPLES).map(windowed).collect();
     let line = |n: usize| {
         let turn = std::f64::consts::TAU * n as f64 / SAMPLES as f64;
         let sums = values.iter().enumerate().fold((0.0, 0.0), |(re, im), (k, v)| {

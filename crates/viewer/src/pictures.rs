@@ -25,8 +25,8 @@ pub fn routes<S: Clone + Send + Sync + 'static>(mut router: Router<S>, pictures:
     router.route("/pictures", get(move || async move { answer.clone() }))
 }
 
-fn path(at: usize) -> String {
-    format!("/pictures/{at}")
+fn path(index: usize) -> String {
+    format!("/pictures/{index}")
 }
 
 fn page(pictures: &[Picture]) -> String {

@@ -5,7 +5,7 @@ use crate::frame::FrameHead;
 use crate::hub::Hub;
 use anyhow::{Context, Result};
 use page::frame::{bits, encode};
-use recording::{ReadError, RecordedState, RecordingData, Series, Track};
+use recording::{ReadError, RecordedState, RecordingData, RecordingFiles, Track};
 use serde::Serialize;
 use std::path::Path;
 use std::sync::Arc;
@@ -36,7 +36,7 @@ pub enum Command {
 /// The recordings that pages may choose from: one, or those of one folder. Rotated files are one recording.
 #[derive(Clone, Debug)]
 pub struct Library {
-    recordings: Vec<Series>,
+    recordings: Vec<RecordingFiles>,
 }
 
 impl Library {
@@ -47,9 +47,9 @@ impl Library {
     pub fn new(path: &Path) -> Result<Self> {
         let place = || format!("cannot read the recording {}", path.display());
         if !path.is_dir() {
-            return Ok(Self { recordings: vec![Series::open(path).with_context(place)?] });
+            return Ok(Self { recordings: vec![RecordingFiles::open(path).with_context(place)?] });
         }
-        let recordings = Series::all_in(path).with_context(place)?;
+        let recordings = RecordingFiles::all_in(path).with_context(place)?;
         anyhow::ensure!(
             !recordings.is_empty(),
             "expected recordings (.mcap) in {}, found none",
@@ -63,7 +63,7 @@ impl Library {
         self.recordings.iter().map(|recording| recording.name.clone()).collect()
     }
 
-    fn find(&self, name: &str) -> Option<&Series> {
+    fn find(&self, name: &str) -> Option<&RecordingFiles> {
         self.recordings.iter().find(|recording| recording.name == name)
     }
 }
@@ -217,7 +217,11 @@ impl Player {
 }
 
 /// Recorded fields are only needed where no model can make them again.
-fn read(recording: &Series, catalogue: &Catalogue, stop: &AtomicBool) -> Result<RecordingData, ReadError> {
+fn read(
+    recording: &RecordingFiles,
+    catalogue: &Catalogue,
+    stop: &AtomicBool,
+) -> Result<RecordingData, ReadError> {
     let data = RecordingData::read(recording, None, stop)?;
     let mut states = data.tracks.values().flat_map(|track| track.states.last());
     let all_known = !data.tracks.values().any(|track| track.states.is_empty())

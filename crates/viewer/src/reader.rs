@@ -36,7 +36,7 @@ pub struct Reader {
 }
 
 /// The ports of one actuator and what was last seen on them.
-struct Source {
+struct ActuatorPorts {
     field: Option<FieldReader>,
     state: Option<StateReader>,
     estimate: Option<EstimateReader>,
@@ -44,11 +44,11 @@ struct Source {
     head: FrameHead,
     pace: Pace,
     /// Model and node places of the last field, looked up again when its header changes.
-    mesh: Option<([u8; 16], Option<Place>)>,
+    mesh: Option<([u8; 16], Option<FieldMesh>)>,
 }
 
 /// Model and the places of a field's nodes on its skin.
-type Place = (usize, Vec<u32>);
+type FieldMesh = (usize, Vec<u32>);
 
 /// Readings a second, from sequence numbers about a second apart.
 struct Pace {
@@ -97,7 +97,7 @@ impl Reader {
     fn open_new_topics(
         &self,
         bus: &Bus,
-        sources: &mut BTreeMap<String, Source>,
+        sources: &mut BTreeMap<String, ActuatorPorts>,
         grasps: &mut Grasps,
         warned: &mut BTreeSet<String>,
     ) {
@@ -117,7 +117,7 @@ impl Reader {
             let opened = match topic.kind() {
                 TopicKind::Field | TopicKind::State | TopicKind::Estimate => {
                     let source = sources.entry(topic.actuator().to_owned());
-                    source.or_insert_with(|| Source::new(topic.actuator())).open(bus, &topic)
+                    source.or_insert_with(|| ActuatorPorts::new(topic.actuator())).open(bus, &topic)
                 }
                 TopicKind::Grasp => grasps.open(bus, &topic),
                 TopicKind::Sensor | TopicKind::Health | TopicKind::Command => Ok(()),
@@ -132,7 +132,7 @@ impl Reader {
     }
 }
 
-impl Source {
+impl ActuatorPorts {
     fn new(actuator: &str) -> Self {
         Self {
             field: None,

@@ -116,7 +116,7 @@ fn recorded(data: &RecordingData, catalogue: &Catalogue, hash: [u8; 32]) -> Resu
             let specs = catalogue.inputs(0);
             let values = states.iter().map(|state| state.inputs(specs));
             let values: Vec<_> = values.map(|inputs| inputs.map(|inputs| *inputs.values())).collect();
-            let column = |at: usize| values.iter().map(|of| of.map_or(f64::NAN, |of| of[at])).collect();
+            let column = |at: usize| values.iter().map(|row| row.map_or(f64::NAN, |row| row[at])).collect();
             let inputs = specs.iter().enumerate().map(|(at, spec)| (spec.key(), column(at))).collect();
             RecordedTrack { strip: Strip::new(name, track, catalogue), inputs }
         })

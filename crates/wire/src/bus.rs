@@ -1,6 +1,6 @@
 //! Membership of a program in a shared-memory domain, and the domain's topics.
 
-use crate::leftover::{Places, Watch};
+use crate::leftover::{Places, SweepThread};
 use crate::port::memory::require_headroom;
 use crate::port::retry::{Refusal, within};
 use crate::sys::Ipc;
@@ -25,7 +25,7 @@ pub struct Bus {
 struct Member {
     node: Node<Ipc>,
     places: Places,
-    _watch: Watch,
+    _watch: SweepThread,
 }
 
 impl Drop for Member {
@@ -84,7 +84,7 @@ impl Bus {
         places.require_own_folder()?;
         places.remove_files_of_others();
         require_headroom("the shared-memory domain", 0)?;
-        let watch = Watch::start(places.clone());
+        let watch = SweepThread::start(places.clone());
         let removed = places.sweep(SWEEP_PATIENCE);
         let refusal = |cause: String| match domain.claimed_prefix() == places.prefix {
             true => Refusal::Passing(cause),

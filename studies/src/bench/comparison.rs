@@ -1,7 +1,7 @@
 //! Cost of a model's parameters, at equal modes.
 
 use super::compute::inputs;
-use super::measure::Series;
+use super::measure::Durations;
 use rom::evaluator::{Evaluator, Query};
 use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
@@ -37,8 +37,8 @@ struct Subject {
     inputs: Vec<Inputs>,
     full: ModelState,
     evaluator: Evaluator,
-    predict: Series,
-    state: Series,
+    predict: Durations,
+    state: Durations,
 }
 
 impl Subject {
@@ -47,8 +47,8 @@ impl Subject {
             inputs: inputs(model)?,
             full: ModelState::new(model, &Selection::default())?,
             evaluator: Evaluator::new(&model.header)?,
-            predict: Series::new("predict"),
-            state: Series::new("state only"),
+            predict: Durations::new("predict"),
+            state: Durations::new("state only"),
         })
     }
 

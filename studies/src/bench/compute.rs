@@ -1,6 +1,6 @@
 //! Kernel and prediction in this process.
 
-use super::measure::{Evictor, Series, gbps};
+use super::measure::{Durations, Evictor, gbps};
 use anyhow::Context;
 use rom::evaluator::{Evaluator, Query};
 use rom::inputs::{GAP, Inputs, PRESSURE};
@@ -83,13 +83,13 @@ const UNTIL_WARM: usize = 5;
 /// One basis under test and its series.
 struct Subject<'a> {
     basis: &'a Basis,
-    warm: Series,
-    evicted: Series,
+    warm: Durations,
+    evicted: Durations,
 }
 
 impl<'a> Subject<'a> {
     fn new(name: &str, basis: &'a Basis) -> Self {
-        let series = |what: &str| Series::new(format!("kernel {name}, {what}"));
+        let series = |what: &str| Durations::new(format!("kernel {name}, {what}"));
         Self { basis, warm: series("warm"), evicted: series("evicted") }
     }
 
@@ -101,7 +101,11 @@ impl<'a> Subject<'a> {
 }
 
 /// Measures; returns the figures and the distributions.
-pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Result<(Compute, Vec<Series>)> {
+pub fn run(
+    model: &Model,
+    samples: usize,
+    progress: &mut Progress,
+) -> anyhow::Result<(Compute, Vec<Durations>)> {
     let inputs = inputs(model)?;
     let all = Selection::default();
     let tip = Selection { fields: None, nodes: Nodes::List(tip_nodes(model)) };
@@ -181,8 +185,8 @@ fn predictions(
     full: &mut ModelState,
     tip: &mut ModelState,
     samples: usize,
-) -> anyhow::Result<[Series; 3]> {
-    let mut series = ["predict", "state only", "tip"].map(Series::new);
+) -> anyhow::Result<[Durations; 3]> {
+    let mut series = ["predict", "state only", "tip"].map(Durations::new);
     let [predict, state, tip_series] = &mut series;
     let mut evaluation = evaluator.evaluation();
     // Each in its own loop: a twin has one basis, and the sets that are small stay in the first caches.
@@ -204,10 +208,10 @@ fn predictions(
 }
 
 /// Full field over inputs from the whole training range of the last regime, of those that are in it.
-fn jumping(model: &Model, state: &mut ModelState, samples: usize) -> anyhow::Result<Series> {
+fn jumping(model: &Model, state: &mut ModelState, samples: usize) -> anyhow::Result<Durations> {
     let regime = model.header.regimes.last().context("the model has no regime")?;
     let mut rng = Rng::new(JUMPING_SEED);
-    let mut series = Series::new("predict, jumping");
+    let mut series = Durations::new("predict, jumping");
     // Without another regime every state is in the last one; otherwise it takes a part of the box of their ranges.
     for _ in 0..4 * samples {
         let mut inputs = Inputs::new(f64::NAN, f64::INFINITY);
@@ -224,11 +228,11 @@ fn jumping(model: &Model, state: &mut ModelState, samples: usize) -> anyhow::Res
 }
 
 /// The position of one node of the tip, as a controller or a filter follows it.
-fn position(model: &Model, inputs: &[Inputs], samples: usize) -> anyhow::Result<Series> {
+fn position(model: &Model, inputs: &[Inputs], samples: usize) -> anyhow::Result<Durations> {
     let node = *tip_nodes(model).last().context("the model has no nodes")?;
     let probes = Probes::new(model, &[MeshPoint::node(model, node)?])?;
     let (mut evaluation, mut at) = (probes.evaluation(), [ProbePosition::default()]);
-    let mut series = Series::new("position");
+    let mut series = Durations::new("position");
     for input in inputs.iter().cycle().take(samples) {
         series.time(|| probes.answer(*input, Query::GRADIENTS, &mut evaluation, &mut at));
     }

@@ -2,7 +2,7 @@
 
 mod scene;
 
-use super::measure::{Quantiles, Series};
+use super::measure::{Durations, Quantiles};
 use crate::testbed::Testbed;
 use rom::model::Model;
 pub use scene::Payload;
@@ -54,7 +54,7 @@ pub struct Rows {
 }
 
 /// A row with its distribution, or why it could not be measured.
-pub type Measured = Result<(EndToEnd, Series), String>;
+pub type Measured = Result<(EndToEnd, Durations), String>;
 
 const RATES_HZ: [f64; 3] = [100.0, 1000.0, 4000.0];
 const PAYLOADS: [Payload; 4] = [Payload::StateOnly, Payload::Tip, Payload::Surface, Payload::All];
@@ -90,13 +90,14 @@ fn row(
     scenes: &Scenes<'_>,
     settings: scene::Row,
     seconds: f64,
-) -> anyhow::Result<(EndToEnd, Series)> {
+) -> anyhow::Result<(EndToEnd, Durations)> {
     let (scene, twin_settings) = scenes.write(settings)?;
     let bus = testbed.bus()?;
     let port = Port::attach(&bus, settings.payload)?;
     let twin = testbed.daemon("twin", &scene, &["--config".as_ref(), twin_settings.as_ref()])?;
     let bridge = testbed.daemon("bridge", &scene, &[])?;
-    let series = Series::new(format!("{} Hz {:?} {:?}", settings.rate_hz, settings.payload, settings.wake));
+    let series =
+        Durations::new(format!("{} Hz {:?} {:?}", settings.rate_hz, settings.payload, settings.wake));
     let mut daemons = [bridge, twin];
     let listener = Listener { port, series, first: None, last: 0, used: [0.0; 2] };
     let listener = listener.listen(settings, seconds, &mut daemons)?;
@@ -174,7 +175,7 @@ impl Meter {
 /// Reads until the time is over.
 struct Listener {
     port: Port,
-    series: Series,
+    series: Durations,
     first: Option<u64>,
     last: u64,
     /// Fraction of a core that twin and reader used.

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 /// Durations of one thing, to a thousandth of their value.
 #[derive(Debug)]
-pub struct Series {
+pub struct Durations {
     /// Name.
     pub name: String,
     ns: Histogram<u64>,
@@ -31,7 +31,7 @@ pub struct Quantiles {
     pub max: f64,
 }
 
-impl Series {
+impl Durations {
     /// An empty series.
     ///
     /// # Panics

@@ -6,7 +6,7 @@ use anyhow::{Context, anyhow};
 use control::inverse::Model as _;
 use control::inverse::Quantity;
 use control::law::{Controller, Reading, Target};
-use control::plant::{Body, Plant};
+use control::plant::{Plant, RestingBody};
 use control::settings::{Limits, Settings};
 use control::twin_model::{Tip, TwinModel};
 use estimate::{Filter, Measurement};
@@ -39,7 +39,7 @@ impl Family {
     }
 }
 
-impl Body for Family {
+impl RestingBody for Family {
     fn answer(&mut self, pressure_mpa: f64, gap_mm: f64, stiffness: f64) -> [f64; 2] {
         self.inputs[self.at] = stiffness * self.nominal_mpa;
         self.model.set_inputs(&self.inputs);
@@ -97,7 +97,7 @@ pub fn measure(bench: &Bench) -> anyhow::Result<Vec<Row>> {
 }
 
 /// Largest relative error, then stiffness and gap at the end.
-fn run<B: Body>(
+fn run<B: RestingBody>(
     case: &Case,
     [of_gap, of_stiffness, of_bias]: [bool; 3],
     body: impl FnOnce(&rom::model::Model) -> anyhow::Result<B>,

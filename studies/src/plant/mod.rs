@@ -6,7 +6,7 @@ pub mod report;
 mod rig;
 pub mod table;
 
-use control::plant::Body;
+use control::plant::RestingBody;
 use runtime::query::Solver;
 use table::PlantTable;
 
@@ -19,7 +19,7 @@ pub enum Truth {
     Model(Box<Solver>),
 }
 
-impl Body for Truth {
+impl RestingBody for Truth {
     fn answer(&mut self, pressure_mpa: f64, gap_mm: f64, stiffness: f64) -> [f64; 2] {
         match self {
             Self::Table(table) => table.at(pressure_mpa, gap_mm, stiffness).into(),

@@ -9,7 +9,7 @@
 //! | 4 | holding 10 | time without a write to the valve, ms, after which it closes by itself; 0: never |
 
 use super::Truth;
-use control::plant::{Plant, Shown};
+use control::plant::{Plant, PlantReading};
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio_modbus::server::Service;
@@ -34,7 +34,7 @@ pub struct Event {
 #[derive(Debug)]
 struct Inner {
     plant: Plant<Truth>,
-    shown: Option<Shown>,
+    shown: Option<PlantReading>,
     shown_gap_mm: f64,
     pulled: [bool; 3],
     valve_mpa: f64,

@@ -37,7 +37,7 @@ struct Column {
 
 /// The states of one stiffness.
 #[derive(Debug, Clone)]
-struct Body {
+struct StiffnessTable {
     stiffness: f64,
     /// Pressure, tip, lowest point.
     free: Vec<[f64; 3]>,
@@ -47,7 +47,7 @@ struct Body {
 /// The table: bodies by increasing stiffness.
 #[derive(Debug, Clone)]
 pub struct PlantTable {
-    bodies: Vec<Body>,
+    bodies: Vec<StiffnessTable>,
 }
 
 /// Why a table cannot be used.
@@ -102,10 +102,11 @@ impl PlantTable {
         rows.sort_by(|a, b| {
             a.stiffness.total_cmp(&b.stiffness).then(a.pressure_mpa.total_cmp(&b.pressure_mpa))
         });
-        let bodies: Vec<Body> = rows.chunk_by(|a, b| a.stiffness == b.stiffness).map(Body::new).collect();
-        let is_enough = |body: &Body| body.free.len() >= 2 && body.columns.len() >= 2;
+        let bodies: Vec<StiffnessTable> =
+            rows.chunk_by(|a, b| a.stiffness == b.stiffness).map(StiffnessTable::new).collect();
+        let is_enough = |body: &StiffnessTable| body.free.len() >= 2 && body.columns.len() >= 2;
         if bodies.len() < 2 || !bodies.iter().all(is_enough) {
-            let count = |body: &Body| (body.stiffness, body.free.len(), body.columns.len());
+            let count = |body: &StiffnessTable| (body.stiffness, body.free.len(), body.columns.len());
             return Err(TableError::TooFew { found: bodies.iter().map(count).collect() });
         }
         Ok(Self { bodies })
@@ -118,7 +119,7 @@ impl PlantTable {
             self.bodies.partition_point(|body| body.stiffness < stiffness).clamp(1, self.bodies.len() - 1);
         let (a, b) = (&self.bodies[above - 1], &self.bodies[above]);
         let share = (stiffness - a.stiffness) / (b.stiffness - a.stiffness);
-        let between = |of: &dyn Fn(&Body) -> f64| {
+        let between = |of: &dyn Fn(&StiffnessTable) -> f64| {
             let (a, b) = (of(a), of(b));
             a + (b - a) * share
         };
@@ -134,7 +135,7 @@ impl PlantTable {
     }
 }
 
-impl Body {
+impl StiffnessTable {
     /// States of one stiffness, by pressure.
     fn new(rows: &[Row]) -> Self {
         let free = rows.iter().filter(|row| row.gap_mm.is_none());

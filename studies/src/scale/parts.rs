@@ -1,10 +1,10 @@
 //! The measurements of the scale study.
 
-use crate::bench::measure::{Series, gbps};
+use crate::bench::measure::{Durations, gbps};
 use crate::bench::{compute, full_size};
 use anyhow::Context;
 use rom::inputs::Inputs;
-use rom::kernel::{Affine, Field, Modes, Precision, Role, Source, Spec};
+use rom::kernel::{Affine, Field, FieldSource, Modes, Precision, Role, Spec};
 use rom::model::{Nodes, Selection};
 use rom::model_state::ModelState;
 use rom::reconstructor::Basis;
@@ -65,7 +65,7 @@ pub fn kernel(nodes: usize, modes: usize) -> anyhow::Result<Cost> {
     let [x, y, z, stress] = all;
     let of_field = [x?, y?, z?, stress?];
     let field = |index: usize, role| Field {
-        source: Source::Affine(Affine {
+        source: FieldSource::Affine(Affine {
             mean: Some(&rest),
             modes: &of_field[index],
             coefficients: index * modes..(index + 1) * modes,
@@ -73,7 +73,7 @@ pub fn kernel(nodes: usize, modes: usize) -> anyhow::Result<Cost> {
         role,
         published: true,
     };
-    let magnitude = Source::Magnitude { coordinates: [0, 1, 2], rest: [&rest; 3], shifts: Vec::new() };
+    let magnitude = FieldSource::Magnitude { coordinates: [0, 1, 2], rest: [&rest; 3], shifts: Vec::new() };
     let displacement = Field { source: magnitude, role: Role::Displacement, published: true };
     let mut fields: Vec<Field<'_>> = (0..3).map(|axis| field(axis, Role::Plain)).collect();
     fields.extend([displacement, field(3, Role::Stress)]);
@@ -84,7 +84,7 @@ pub fn kernel(nodes: usize, modes: usize) -> anyhow::Result<Cost> {
     let coefficients: Vec<f64> = (0..4 * modes).map(|j| (j as f64).cos()).collect();
     let mut out = vec![0.0; wide.output_len()];
     let samples = (WORK / (nodes * modes * 4)).clamp(7, 2000);
-    let mut series = [(); 2].map(|()| Series::new(""));
+    let mut series = [(); 2].map(|()| Durations::new(""));
     let [f32, i16] = &mut series;
     for _ in 0..samples {
         wide.reconstruct(&coefficients, &mut out)?;
@@ -122,7 +122,7 @@ pub fn actuators(counts: &[usize]) -> anyhow::Result<Vec<ActuatorsRow>> {
 
 /// Median over rounds of the time of one actuator, each writing its own output.
 fn round(states: &mut [ModelState], inputs: Inputs) -> anyhow::Result<f64> {
-    let mut series = Series::new("");
+    let mut series = Durations::new("");
     for _ in 0..ROUNDS {
         let mut failed = None;
         series.time(|| {
@@ -148,7 +148,7 @@ pub fn subscribers(counts: &[usize]) -> anyhow::Result<Vec<SubscribersRow>> {
         let mut header =
             FieldHeader { node_count: full_size::NODES as u32, field_count: 5, ..FieldHeader::default() };
         header.field_ids[..5].copy_from_slice(&[0, 1, 2, 3, 4]);
-        let [mut loans, mut sends] = [(); 2].map(|()| Series::new(""));
+        let [mut loans, mut sends] = [(); 2].map(|()| Durations::new(""));
         for _ in 0..ROUNDS {
             let mut loan = None;
             loans.time(|| loan = Some(writer.loan()));

@@ -107,7 +107,7 @@ impl Summary {
 }
 
 /// Name and value of what a program uses.
-type Quantity = (&'static str, fn(&Usage) -> u64);
+type UsageQuantity = (&'static str, fn(&Usage) -> u64);
 
 fn begin_end_max(values: &[f64]) -> BeginEndMax {
     let tenth = (values.len() / 10).max(1).min(values.len());
@@ -130,7 +130,7 @@ fn columns<T>(rows: &[Row], make: impl Fn(&[f64]) -> T) -> BTreeMap<String, T> {
         ("shared_memory_files".to_owned(), column(&|row| row.shared_memory_files)),
         ("management_files".to_owned(), column(&|row| row.management_files)),
     ]);
-    let quantities: [Quantity; 4] = [
+    let quantities: [UsageQuantity; 4] = [
         ("resident_kb", |usage| usage.resident_kb),
         ("private_kb", |usage| usage.private_kb),
         ("open_files", |usage| usage.open_files),

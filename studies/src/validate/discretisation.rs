@@ -3,7 +3,7 @@
 //! Penalties are per area, so that they are the same on both. A state of the finer mesh starts from the coarser one's, interpolated.
 
 use super::book::Book;
-use fem::{Load, Locator, Output, Problem, Report, Solver, State};
+use fem::{Load, Locator, Output, Problem, SolveCost, Solver, State};
 use serde::Serialize;
 use softtwin::failure::usage;
 use softtwin::files;
@@ -51,12 +51,12 @@ impl Spread {
 }
 
 /// One mesh with its solver.
-struct Body {
+struct MeshedBody {
     problem: Arc<Problem>,
     solver: Solver,
 }
 
-impl Body {
+impl MeshedBody {
     fn new(problem: Arc<Problem>) -> anyhow::Result<Self> {
         Ok(Self { solver: Solver::new(Arc::clone(&problem))?, problem })
     }
@@ -76,7 +76,8 @@ pub fn run(path: &Path, finer: &Path, book: &mut Book) -> anyhow::Result<()> {
         )));
     }
     let (actuator, problem) = files::actuator(path)?;
-    let (mut coarse, mut fine) = (Body::new(problem)?, Body::new(files::family_on(path, finer)?.problem)?);
+    let (mut coarse, mut fine) =
+        (MeshedBody::new(problem)?, MeshedBody::new(files::family_on(path, finer)?.problem)?);
     let [a, b] = [coarse.sizes(), fine.sizes()];
     book.remark(&format!(
         "\nwhole actuator, {} nodes and {} elements against {} and {}: {:.2} times in each direction",
@@ -96,7 +97,12 @@ pub fn run(path: &Path, finer: &Path, book: &mut Book) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn compare(coarse: &mut Body, fine: &mut Body, state: &State, load: &Load) -> anyhow::Result<Difference> {
+fn compare(
+    coarse: &mut MeshedBody,
+    fine: &mut MeshedBody,
+    state: &State,
+    load: &Load,
+) -> anyhow::Result<Difference> {
     let start = fine.solver.transferred(&coarse.problem, state);
     let start = start.ok_or_else(|| {
         usage("--finer-mesh: expected a mesh of the same body; it reaches beyond the actuator's own")
@@ -107,11 +113,11 @@ fn compare(coarse: &mut Body, fine: &mut Body, state: &State, load: &Load) -> an
 }
 
 fn difference(
-    coarse: &Body,
-    fine: &Body,
+    coarse: &MeshedBody,
+    fine: &MeshedBody,
     (a, b): (&Output, &Output),
     (state, finer): (&State, &State),
-    report: &Report,
+    report: &SolveCost,
 ) -> anyhow::Result<Difference> {
     let locator = Locator::new(&fine.problem);
     let (mut distances, mut stresses) = (Vec::new(), Vec::new());

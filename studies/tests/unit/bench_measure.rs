@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn quantiles_are_microseconds_and_tails_fall_to_one_sample() {
-    let mut series = Series::new("x");
+    let mut series = Durations::new("x");
     (1..=1000u64).rev().for_each(|us| series.push(us * 1000));
     let q = series.quantiles();
     for (found, expected) in [(q.p50, 500.0), (q.p99, 990.0), (q.p999, 999.0), (q.max, 1000.0)] {
@@ -13,7 +13,7 @@ fn quantiles_are_microseconds_and_tails_fall_to_one_sample() {
     let tail = series.tail();
     assert!(tail.windows(2).all(|w| w[0].0 <= w[1].0 && w[0].1 >= w[1].1) && tail.len() < 500);
     assert_eq!(tail.last().map(|last| last.1), Some(0.001));
-    assert!(Series::new("x").p50().is_nan());
+    assert!(Durations::new("x").p50().is_nan());
 }
 
 #[test]

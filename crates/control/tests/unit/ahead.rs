@@ -4,7 +4,7 @@ const DT_S: f64 = 5e-3;
 
 /// The largest error of what a trend says `ahead_s` ahead, over two seconds after `from_s`.
 fn error(target: impl Fn(f64) -> Target, from_s: f64, ahead_s: f64) -> f64 {
-    let mut trend = Trend::default();
+    let mut trend = TargetTrend::default();
     let times = (0..((from_s + 2.0) / DT_S) as usize).map(|cycle| cycle as f64 * DT_S);
     let errors = times.map(|t_s| {
         let found = trend.step(target(t_s), DT_S)(ahead_s);
@@ -37,11 +37,11 @@ fn a_ramp_is_continued_exactly_and_its_bend_is_no_trend() {
 
 #[test]
 fn a_series_is_straight_between_its_values_and_stays_after_them() {
-    let series = Series { values: &[1.0, 3.0, 2.0], interval_s: 0.1 };
+    let series = TargetSeries { values: &[1.0, 3.0, 2.0], interval_s: 0.1 };
     assert_eq!(series.at(0.0), Target { value: 1.0, rate: 20.0 });
     assert!((series.at(0.15).value - 2.5).abs() < 1e-12 && (series.at(0.15).rate + 10.0).abs() < 1e-12);
     assert_eq!(series.at(0.2), Target::step(2.0));
     assert_eq!(series.at(5.0), Target::step(2.0));
-    assert_eq!(Series { values: &[4.0], interval_s: 0.1 }.at(0.0), Target::step(4.0));
-    assert!(Series { values: &[], interval_s: 0.1 }.at(0.0).value.is_nan());
+    assert_eq!(TargetSeries { values: &[4.0], interval_s: 0.1 }.at(0.0), Target::step(4.0));
+    assert!(TargetSeries { values: &[], interval_s: 0.1 }.at(0.0).value.is_nan());
 }

@@ -451,7 +451,7 @@ fn supply_that_gives_nothing_is_a_fault_though_a_low_one_is_held() {
 #[test]
 fn quantity_against_its_model_is_a_fault() {
     struct Turned(Straight);
-    impl crate::plant::Body for Turned {
+    impl crate::plant::RestingBody for Turned {
         fn answer(&mut self, pressure_mpa: f64, gap_mm: f64, _: f64) -> [f64; 2] {
             let point = self.0.at(pressure_mpa, gap_mm);
             [point.force_n, -50.0 - point.observable]
@@ -487,7 +487,7 @@ fn measurement_may_be_missing_for_a_tenth_of_a_second() {
 fn saturated_load_cell_is_a_fault_within_the_range() {
     /// Its load cell shows at most 0.25 N.
     struct Saturated(Straight);
-    impl crate::plant::Body for Saturated {
+    impl crate::plant::RestingBody for Saturated {
         fn answer(&mut self, pressure_mpa: f64, gap_mm: f64, _: f64) -> [f64; 2] {
             let point = self.0.at(pressure_mpa, gap_mm);
             [point.force_n.min(0.25), point.observable]

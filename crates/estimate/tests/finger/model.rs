@@ -1,6 +1,8 @@
 //! Finger in closed form: force, tip and middle over pressure, gap and stiffness, with a contact onset.
 
-use estimate::{Filter, InputRole, MAX_INPUTS, Measurement, Model, Predicted, Row, Setup, Unknown, Update};
+use estimate::{
+    Filter, InputRole, MAX_INPUTS, MeasuredRow, Measurement, Model, Predicted, Setup, Unknown, Update,
+};
 
 pub(crate) const PRESSURE: usize = 0;
 pub(crate) const GAP: usize = 1;
@@ -97,8 +99,13 @@ pub(crate) fn setup(markers: bool) -> Setup {
         drift_per_sqrt_s: 0.0,
         range,
     };
-    let row =
-        |name: &str, block, sigma| Row { name: name.into(), block, sigma, model_sigma: 0.0, bias: None };
+    let row = |name: &str, block, sigma| MeasuredRow {
+        name: name.into(),
+        block,
+        sigma,
+        model_sigma: 0.0,
+        bias: None,
+    };
     let mut rows = vec![row("force", 0, 0.005), row("tip x", 1, 0.2), row("tip y", 1, 0.2)];
     rows.truncate(if markers { 3 } else { 1 });
     Setup {
@@ -124,7 +131,13 @@ pub(crate) fn setup(markers: bool) -> Setup {
 pub(crate) fn setup_with_middle() -> Setup {
     let mut setup = setup(true);
     for name in ["middle x", "middle y"] {
-        setup.rows.push(Row { name: name.into(), block: 2, sigma: 0.2, model_sigma: 0.0, bias: None });
+        setup.rows.push(MeasuredRow {
+            name: name.into(),
+            block: 2,
+            sigma: 0.2,
+            model_sigma: 0.0,
+            bias: None,
+        });
     }
     setup
 }

@@ -45,7 +45,7 @@ fn ramps(rate: f64) -> (Vec<f64>, f64) {
         for k in 0..400 {
             let t_s = f64::from(k) / 200.0;
             let value = rate * t_s + 5e-4 * noise(&mut seed);
-            trend = Some(Trend::follow(trend, t_s, value, 5e-4 * 5e-4, 0.005));
+            trend = Some(InputTrend::follow(trend, t_s, value, 5e-4 * 5e-4, 0.005));
         }
         let trend = trend.expect("values");
         sigma = trend.variance().sqrt();
@@ -68,7 +68,8 @@ fn noise_averages_out_on_a_ramp_without_lag() {
 
 #[test]
 fn step_restarts_the_trend() {
-    let at = |k: usize, value: f64, trend| Some(Trend::follow(trend, k as f64 / 200.0, value, 2.5e-7, 0.005));
+    let at =
+        |k: usize, value: f64, trend| Some(InputTrend::follow(trend, k as f64 / 200.0, value, 2.5e-7, 0.005));
     let mut trend = (0..100).fold(None, |trend, k| at(k, 0.02, trend));
     trend = at(100, 0.05, trend);
     assert_eq!(trend.map(|trend| trend.value()), Some(0.05));
@@ -78,6 +79,6 @@ fn step_restarts_the_trend() {
 
 #[test]
 fn nan_is_replaced_by_the_next_value() {
-    let wild = Trend::follow(None, 0.0, f64::NAN, 1.0, 0.1);
-    assert_eq!(Trend::follow(Some(wild), 1.0, 3.0, 1.0, 0.1).value(), 3.0);
+    let wild = InputTrend::follow(None, 0.0, f64::NAN, 1.0, 0.1);
+    assert_eq!(InputTrend::follow(Some(wild), 1.0, 3.0, 1.0, 0.1).value(), 3.0);
 }

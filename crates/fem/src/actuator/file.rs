@@ -1,7 +1,7 @@
 //! Content of `actuator.toml`.
 
 use crate::config::{ContactSettings, Load, NewtonSettings, ProblemConfig};
-use crate::contact::{Form, Obstacle, Round};
+use crate::contact::{Obstacle, Round, RoundShape};
 use crate::dynamics::Dynamics;
 use crate::element::cavity::CavityLoad;
 use crate::material::{Elastomer, Film, SheetMaterial};
@@ -24,7 +24,7 @@ pub struct Actuator {
     pub base: Option<Base>,
     /// Block of chambers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub body: Option<Body>,
+    pub body: Option<BodySpec>,
     /// Size, number and pitch of the cavities in the block.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chambers: Option<Chambers>,
@@ -84,7 +84,7 @@ pub struct Base {
 /// Block of chambers, sunk into a pocket of the base (mm).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Body {
+pub struct BodySpec {
     /// x of its left end.
     pub start_mm: f64,
     /// Along x.
@@ -260,11 +260,11 @@ impl ObstacleShape {
         if self == Self::Block { ObstacleKind::Block } else { ObstacleKind::Plate }
     }
 
-    fn form(self) -> Option<Form> {
+    fn form(self) -> Option<RoundShape> {
         match self {
             Self::Plate | Self::Block => None,
-            Self::Sphere => Some(Form::Sphere),
-            Self::Cylinder => Some(Form::Cylinder),
+            Self::Sphere => Some(RoundShape::Sphere),
+            Self::Cylinder => Some(RoundShape::Cylinder),
         }
     }
 }
@@ -322,7 +322,7 @@ pub struct Shape<'a> {
     /// The slab that the block stands on.
     pub base: &'a Base,
     /// Block of chambers.
-    pub body: &'a Body,
+    pub body: &'a BodySpec,
     /// Size, number and pitch of the cavities.
     pub chambers: &'a Chambers,
     /// Cuts between chambers, if any.

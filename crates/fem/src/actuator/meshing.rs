@@ -167,7 +167,7 @@ impl Actuator {
         if self.materials.is_empty() {
             return (Vec::new(), Vec::new());
         }
-        let (mut of, mut diagnostics) = (vec![0_u16; file.tets.len()], Vec::new());
+        let (mut material_of_tet, mut diagnostics) = (vec![0_u16; file.tets.len()], Vec::new());
         for (place, name) in self.materials.keys().enumerate() {
             let elements = file.volumes.get(name).filter(|elements| !elements.is_empty());
             let Some(elements) = elements else {
@@ -179,7 +179,7 @@ impl Actuator {
                 continue;
             };
             for e in elements {
-                let material = &mut of[*e as usize];
+                let material = &mut material_of_tet[*e as usize];
                 if *material != 0 {
                     let other = self.materials.keys().nth(usize::from(*material) - 1);
                     let found = format!("element {e} in {} as well", other.map_or("", String::as_str));
@@ -193,7 +193,7 @@ impl Actuator {
                 *material = place as u16 + 1;
             }
         }
-        (of, diagnostics)
+        (material_of_tet, diagnostics)
     }
 
     /// Cavities and films of the file without a pressure or material.

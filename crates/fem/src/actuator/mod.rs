@@ -17,8 +17,8 @@ mod surfaces;
 mod template;
 
 pub use file::{
-    Actuator, Base, Body, Chambers, Channels, Fixed, Loads, MeshSettings, ObstacleBody, ObstacleShape, Shape,
-    Slots, Support,
+    Actuator, Base, BodySpec, Chambers, Channels, Fixed, Loads, MeshSettings, ObstacleBody, ObstacleShape,
+    Shape, Slots, Support,
 };
 
 pub use inventory::NamedPart;

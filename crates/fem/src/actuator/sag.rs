@@ -74,9 +74,9 @@ impl Shape<'_> {
             let about = |y: f64| (y.min(floor) - self.base.lower_mm).powi(3) / 3.0;
             [(right - left) * (high - low), (right - left) * (about(*high) - about(*low))]
         };
-        let at = |bounds: &&Bounds| (bounds[0][0]..bounds[0][1]).contains(&x);
+        let is_at = |bounds: &&Bounds| (bounds[0][0]..bounds[0][1]).contains(&x);
         let sum = |parts: &mut dyn Iterator<Item = &Bounds>| {
-            parts.filter(at).map(part).fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
+            parts.filter(is_at).map(part).fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
         };
         let [(_, lower), (_, upper), (_, body), ..] = boxes.solids[..] else { return [f64::NAN; 2] };
         // The pocket belongs to the base and to the body.

@@ -59,8 +59,8 @@ pub fn moved_nodes(mesh: &Mesh, from: &Actuator, to: &Actuator) -> Result<Vec<Ve
     match turned {
         None => Ok(nodes),
         Some(e) => {
-            let at = mesh.nodes_mm[mesh.tets[e][0] as usize];
-            let place = format!("element {e} at {at:.2?} mm");
+            let node_mm = mesh.nodes_mm[mesh.tets[e][0] as usize];
+            let place = format!("element {e} at {node_mm:.2?} mm");
             Err(vec![Diagnostic::new(
                 place,
                 "an element that keeps its side; change the measures less",
@@ -98,13 +98,13 @@ fn faces(boxes: &Boxes) -> Vec<(String, Bounds)> {
         };
         named.push((name.to_owned(), *b));
     }
-    for (row, of) in boxes.rows.iter().zip(["", "opposite "]) {
+    for (row, prefix) in boxes.rows.iter().zip(["", "opposite "]) {
         let mut add = |name: &str, all: &[Bounds]| {
-            named.extend(all.iter().enumerate().map(|(i, b)| (format!("{of}{name} {}", i + 1), *b)));
+            named.extend(all.iter().enumerate().map(|(i, b)| (format!("{prefix}{name} {}", i + 1), *b)));
         };
         add("chamber", &row.chambers);
         add("channel", &row.channels);
-        named.extend(row.slots.iter().map(|(i, b)| (format!("{of}slot {}", i + 1), *b)));
+        named.extend(row.slots.iter().map(|(i, b)| (format!("{prefix}slot {}", i + 1), *b)));
     }
     named
 }

@@ -45,8 +45,8 @@ pub(crate) fn locate(
 
 /// Positions of a triangle's corners; `None` if a node does not exist (the mesh's check reports it).
 fn corners(points_mm: &[[f64; 3]], tri: &Tri6) -> Option<[[f64; 3]; 3]> {
-    let at = |n: u32| points_mm.get(n as usize).copied();
-    Some([at(tri[0])?, at(tri[1])?, at(tri[2])?])
+    let point = |n: u32| points_mm.get(n as usize).copied();
+    Some([point(tri[0])?, point(tri[1])?, point(tri[2])?])
 }
 
 struct Places<'a> {

@@ -2,8 +2,8 @@
 //! with its comments.
 
 use super::file::Shape;
-use crate::cases::three_digits;
 use crate::material::silicone::{HardnessFigure, Silicone};
+use crate::mesh::three_digits;
 use rom::snapshots::Footprint;
 use std::path::Path;
 
@@ -258,7 +258,7 @@ fn compose(heading: &str, entries: &[Entry], [elastomer, law]: [&str; 2], left_o
             name.clone_into(&mut section);
         }
         let key = line.split(" = ").next().unwrap_or("");
-        let entry = entries.iter().find(|(of, name, _)| *of == section && *name == key);
+        let entry = entries.iter().find(|(table, name, _)| *table == section && *name == key);
         match (section.as_str(), entry) {
             // A new file has the defaults of the iteration: a value copied from elsewhere can only make its states harder to solve.
             ("mesh" | "newton", _) => {}

@@ -10,8 +10,9 @@ pub(super) fn text(family: &Family, plan: &Plan, pressures: &Pressures) -> Strin
     let tip = family.actuator.shape().map_or_else(
         || "\"tip\"".to_owned(),
         |shape| {
-            let at = [shape.base.length_mm, shape.base_mm() + shape.base.lower_mm, 0.5 * shape.base.width_mm];
-            let [min, max] = [-0.01, 0.01].map(|off| at.map(|mm| mm + off));
+            let point_mm =
+                [shape.base.length_mm, shape.base_mm() + shape.base.lower_mm, 0.5 * shape.base.width_mm];
+            let [min, max] = [-0.01, 0.01].map(|off| point_mm.map(|mm| mm + off));
             format!("{{ box = {{ min = {min:?}, max = {max:?} }} }}")
         },
     );

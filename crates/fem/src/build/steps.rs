@@ -69,7 +69,7 @@ impl Folder<'_> {
             (self.notify)(BuildNotice::State(event));
         });
         (self.notify)(BuildNotice::Solved);
-        outcome
+        Ok(outcome?)
     }
 
     pub(super) fn pressures(&self, family: &Family, database: &Path) -> Result<Pressures, BuildError> {

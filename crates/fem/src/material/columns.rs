@@ -276,7 +276,7 @@ pub(super) fn deformation(
     let (factor, unit) = match quantity {
         DeformationQuantity::Displacement | DeformationQuantity::Length => {
             let spelling = spelling.ok_or_else(|| unit_missing(log, index, "--deformation-unit mm"))?;
-            (factor(&spelling, unit::Quantity::Length)?, spelling)
+            (factor(&spelling, unit::Dimension::Length)?, spelling)
         }
         DeformationQuantity::Stretch => (1.0, "1".to_owned()),
         DeformationQuantity::Strain | DeformationQuantity::TrueStrain => match spelling.as_deref() {
@@ -314,7 +314,7 @@ pub(super) fn load(
         .or(guessed)
         .ok_or_else(|| unnamed(log, index, "--load nominal-stress|true-stress|force"))?;
     let expected =
-        if quantity == LoadQuantity::Force { unit::Quantity::Force } else { unit::Quantity::Pressure };
+        if quantity == LoadQuantity::Force { unit::Dimension::Force } else { unit::Dimension::Pressure };
     let spelling = given.unit.clone().or_else(|| unit_of(&log.headings[index]));
     let spelling = spelling.ok_or_else(|| {
         unit_missing(
@@ -438,7 +438,7 @@ fn unit_missing(log: &Log, index: usize, option: &str) -> String {
     )
 }
 
-fn factor(spelling: &str, expected: unit::Quantity) -> Result<f64, String> {
+fn factor(spelling: &str, expected: unit::Dimension) -> Result<f64, String> {
     match unit::unit(spelling) {
         Some((quantity, factor)) if quantity == expected => Ok(factor),
         Some((quantity, _)) => {
@@ -469,7 +469,7 @@ fn extension(heading: &str) -> Option<(u32, DeformationQuantity)> {
     }
     let is_length = unit_of(heading)
         .and_then(|spelling| unit::unit(&spelling))
-        .is_some_and(|(q, _)| q == unit::Quantity::Length);
+        .is_some_and(|(q, _)| q == unit::Dimension::Length);
     match () {
         () if has(&["stretch", "lambda", "\u{3bb}", "extension ratio"]) => {
             Some((2, DeformationQuantity::Stretch))

@@ -85,8 +85,8 @@ impl Hyperelastic {
         let stable_invariant = |ratio: f64| {
             let first = |k: &usize| !self.is_stable_at(ratio, EXAMINED.ln() * *k as f64 / STEPS as f64);
             let step = (1..=STEPS).find(first)?;
-            let at = |k: usize| EXAMINED.ln() * k as f64 / STEPS as f64;
-            let (mut low, mut high) = (at(step - 1), at(step));
+            let log_stretch = |k: usize| EXAMINED.ln() * k as f64 / STEPS as f64;
+            let (mut low, mut high) = (log_stretch(step - 1), log_stretch(step));
             for _ in 0..30 {
                 let middle = 0.5 * (low + high);
                 if self.is_stable_at(ratio, middle) { low = middle } else { high = middle }

@@ -50,7 +50,7 @@ impl Head {
         let length = |words: &[&str]| {
             named(words).into_iter().find_map(|(name, value)| {
                 let (quantity, factor) = unit::unit(unit::in_heading(name)?)?;
-                (quantity == unit::Quantity::Length).then_some(factor * value)
+                (quantity == unit::Dimension::Length).then_some(factor * value)
             })
         };
         let area = named(&["section", "area"]).into_iter().find_map(|(name, value)| {

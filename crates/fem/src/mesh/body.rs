@@ -94,6 +94,11 @@ impl BodyReport {
     }
 }
 
+/// Three significant digits, for numbers that people read.
+pub(crate) fn three_digits(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
+
 /// A number with four digits.
 pub fn four_digits(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {

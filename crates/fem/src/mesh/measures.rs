@@ -89,12 +89,12 @@ impl Measures {
 
 /// Volume that triangles enclose, negative where they face inwards, and its centroid.
 pub(crate) fn enclosed(points_mm: &[Vec3], triangles: &[[u32; 3]]) -> (f64, Vec3) {
-    let at = |n: u32| points_mm[n as usize];
+    let point = |n: u32| points_mm[n as usize];
     // From a point nearby, so that a body far from the origin loses no digits.
-    let origin = triangles.first().map_or([0.0; 3], |t| at(t[0]));
+    let origin = triangles.first().map_or([0.0; 3], |t| point(t[0]));
     let (mut volume, mut moment) = (0.0, [0.0; 3]);
     for triangle in triangles {
-        let [a, b, c] = triangle.map(|n| sub(at(n), origin));
+        let [a, b, c] = triangle.map(|n| sub(point(n), origin));
         let tetrahedron_mm3 = dot(a, cross(b, c)) / 6.0;
         volume += tetrahedron_mm3;
         axpy(0.25 * tetrahedron_mm3, add(add(a, b), c), &mut moment);

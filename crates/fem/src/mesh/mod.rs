@@ -6,6 +6,7 @@ mod end;
 mod measures;
 mod types;
 
+pub(crate) use body::three_digits;
 pub use body::{BodyReport, four_digits};
 pub(crate) use check::{Boundary, closed, diagnostics, flipped};
 pub use end::EndFace;

@@ -116,15 +116,18 @@ impl List<'_> {
     pub fn designs(&self, states: usize, mut onset: Option<Onset>) -> Result<Vec<Case>, PlanError> {
         let [pressures, gaps] = self.loads;
         let ranges: Vec<[f64; 2]> = self.parameters.iter().map(|p| p.range).collect();
-        let at = |share: f64| pressures[0] + share * (pressures[1] - pressures[0]);
-        let free =
-            sequence(self.count, &FREE_SHARES.map(|part| part.map(at)), self.seed.wrapping_add(FREE_SEED));
+        let pressure_at = |share: f64| pressures[0] + share * (pressures[1] - pressures[0]);
+        let free = sequence(
+            self.count,
+            &FREE_SHARES.map(|part| part.map(pressure_at)),
+            self.seed.wrapping_add(FREE_SEED),
+        );
         let touching = states - FREE_SHARES.len();
         let draws = |states: usize, pressures: [f64; 2], seed: u64| {
             sequence(self.count * states * DRAWS, &[pressures, gaps], self.seed.wrapping_add(seed))
                 .into_iter()
         };
-        let mut low_draws = draws(1, [pressures[0], at(LOW_SHARE)], LOW_SEED);
+        let mut low_draws = draws(1, [pressures[0], pressure_at(LOW_SHARE)], LOW_SEED);
         let mut draws = draws(touching, pressures, LOADS_SEED);
         let mut cases = Vec::new();
         for (design, (values, free)) in sequence(self.count, &ranges, self.seed).iter().zip(free).enumerate()
@@ -200,8 +203,8 @@ impl Onset {
             Self::OneDesign(table) if table.first().is_some_and(|rest| gap_mm <= rest.1) => Some(0.0),
             Self::OneDesign(table) => onset_pressure_mpa(table, gap_mm),
             Self::Model(out, evaluator, places) => {
-                let at = |inputs: Inputs, (place, value): (&usize, &f64)| inputs.with(*place, *value);
-                let inputs = places.iter().zip(values).fold(Inputs::new(0.0, gap_mm), at);
+                let with_value = |inputs: Inputs, (place, value): (&usize, &f64)| inputs.with(*place, *value);
+                let inputs = places.iter().zip(values).fold(Inputs::new(0.0, gap_mm), with_value);
                 evaluator.answer(inputs, Query::REGIME, out);
                 out.onset_pressure_mpa
             }

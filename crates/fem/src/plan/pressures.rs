@@ -2,9 +2,10 @@
 
 use super::{Notice, PlanError};
 use crate::bending::Bending;
-use crate::cases::{Case, three_digits};
+use crate::cases::Case;
 use crate::family::Family;
 use crate::material::Elastomer;
+use crate::mesh::three_digits;
 use crate::run::{Outcome, Run, Solved};
 use std::fmt::{self, Display};
 use std::sync::Arc;

@@ -93,7 +93,7 @@ fn parts(family: &Family) -> Vec<NodeSet> {
     let further = further.map(|(name, walls)| (format!("cavity.{name}"), walls.as_flattened().to_vec()));
     let first = (!mesh.cavities.is_empty()).then(|| ("cavity".into(), mesh.cavity.as_flattened().to_vec()));
     let materials = actuator.materials.keys().zip(1..).map(|(name, material): (_, u16)| {
-        let tets = mesh.tets.iter().zip(&mesh.tet_material).filter(|(_, of)| **of == material);
+        let tets = mesh.tets.iter().zip(&mesh.tet_material).filter(|(_, own)| **own == material);
         (format!("material.{name}"), tets.flat_map(|(tet, _)| *tet).collect())
     });
     let set = |(name, mut nodes): (String, Vec<u32>)| {
@@ -296,5 +296,5 @@ fn undeformed_by(
             }
         }
     }
-    Ok(moves.then(|| by.iter().flat_map(|of| of.as_flattened()).map(|v| *v as f32).collect()))
+    Ok(moves.then(|| by.iter().flat_map(|nodal| nodal.as_flattened()).map(|v| *v as f32).collect()))
 }

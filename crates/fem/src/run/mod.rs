@@ -14,7 +14,6 @@ pub use store::{Sizes, Solved, Store};
 
 use crate::cases::Case;
 use crate::family::Family;
-use crate::plan::PlanError;
 use std::path::Path;
 
 /// Solves what is not yet there of a list of cases and writes the database folder; states are kept in its folder `states`. Solves `threads`
@@ -28,7 +27,7 @@ pub fn solve_into(
     cases: &[Case],
     (threads, sensitivities): (usize, bool),
     notify: &(dyn Fn(Event<'_>) + Sync),
-) -> Result<Outcome, PlanError> {
+) -> Result<Outcome, RunError> {
     let store = Store::new(&out.join("states"), fingerprint(&family.problem))?;
     let run = Run { family, store, threads, sensitivities, searches_behind_limits: true };
     let outcome = run.solve(cases, notify)?;

@@ -9,7 +9,7 @@ use crate::config::{Load, flat};
 use crate::family::{Family, Variant, VariantError};
 use crate::linear::LinearError;
 use crate::problem::Problem;
-use crate::solver::{Bodies, FORMULATION, Report, SolveError, Solver};
+use crate::solver::{Bodies, FORMULATION, SolveCost, SolveError, Solver};
 use crate::state::State;
 use formats::FormatError;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -51,7 +51,7 @@ pub struct Outcome {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the messages say what the values are
 pub enum RunError {
-    /// A checkpoint could not be written.
+    /// A checkpoint or the database could not be written.
     #[error(transparent)]
     Store(#[from] FormatError),
     /// There is no equilibrium under gravity alone.
@@ -342,7 +342,7 @@ impl OngoingRun<'_> {
 }
 
 /// Stored part of a state.
-fn describe(solver: &mut Solver, state: State, report: Report) -> Solved {
+fn describe(solver: &mut Solver, state: State, report: SolveCost) -> Solved {
     let output = solver.output(&state);
     Solved {
         von_mises_mpa: output.von_mises_mpa.iter().map(|v| *v as f32).collect(),

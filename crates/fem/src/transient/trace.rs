@@ -41,7 +41,7 @@ pub struct Trace {
     /// Quantities of the actuator that have their own column, constant in time.
     pub settings: Vec<Setting>,
     /// All columns of inputs.
-    inputs: trace::Trace,
+    inputs: trace::InputTrace,
     /// Columns of a row.
     columns: Columns,
     /// Gravity of an actuator without columns of it (mm/s2).
@@ -91,16 +91,17 @@ impl Trace {
         if !diagnostics.is_empty() {
             return Err(diagnostics);
         }
-        let inputs = trace::Trace::of_table(table, &refused)?;
-        let at = |name: &str| inputs.position(name);
+        let inputs = trace::InputTrace::of_table(table, &refused)?;
+        let column = |name: &str| inputs.position(name);
         let mut cavities = [None; MAX_CAVITIES];
         for (cavity, name) in cavities.iter_mut().zip(actuator.pressure_mpa.keys()) {
-            *cavity = at(&format!("{CAVITY}{name}"));
+            *cavity = column(&format!("{CAVITY}{name}"));
         }
-        let (pressure, gap, gravity) = (at("pressure_mpa"), at("gap_mm"), GRAVITY.map(at));
-        let changing = [pressure, gap, at(VOLUME)].into_iter().chain(gravity).flatten().collect::<Vec<_>>();
+        let (pressure, gap, gravity) = (column("pressure_mpa"), column("gap_mm"), GRAVITY.map(column));
+        let changing =
+            [pressure, gap, column(VOLUME)].into_iter().chain(gravity).flatten().collect::<Vec<_>>();
         let first = inputs.rows.iter().take(1).flat_map(|(_, values)| inputs.names.iter().zip(values));
-        let constant = first.enumerate().filter(|(at, _)| !changing.contains(at));
+        let constant = first.enumerate().filter(|(column, _)| !changing.contains(column));
         let settings = constant.map(|(_, (name, value))| (name.clone(), *value)).collect();
         let columns = Columns { pressure, gap, gravity, cavities };
         Ok(Self { settings, inputs, columns, gravity_mm_s2: actuator.loads.gravity_mm_s2 })

@@ -14,7 +14,7 @@ use crate::mesh::{Mesh, Slot};
 use crate::newton::{Closure, Effort, NewtonError};
 use crate::system::{Ahead, System};
 use crate::{
-    Form, Load, Obstacle, Problem, ProblemConfig, ProblemError, Round, SolveError, Solver, State,
+    Load, Obstacle, Problem, ProblemConfig, ProblemError, Round, RoundShape, SolveError, Solver, State,
     StressRecovery,
 };
 use rom::snapshots::Footprint;
@@ -180,7 +180,7 @@ fn homogeneous_deformation_passes_the_patch_test() {
 #[test]
 fn residual_and_tangent_are_derivatives_of_the_energy() {
     let round = |form| Round { form, radius_mm: 40.0, centre_mm: [12.0, 3.0] };
-    for round in [None, Some(round(Form::Sphere)), Some(round(Form::Cylinder))] {
+    for round in [None, Some(round(RoundShape::Sphere)), Some(round(RoundShape::Cylinder))] {
         derivatives_agree(&Problem::new(finger(), ProblemConfig { round, ..config() }).unwrap());
     }
 }

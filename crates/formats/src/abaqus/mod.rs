@@ -8,7 +8,7 @@
 mod placement;
 mod sets;
 
-use crate::cells::{Block as Cells, Kind};
+use crate::cells::{Block as Cells, CellKind};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use crate::mesh_file::Tri6;
@@ -46,9 +46,9 @@ pub struct AbaqusMesh {
 }
 
 /// Kind of cell of an element type. The letters behind the number of nodes change the formulation, not the shape.
-fn kind_of(name: &str) -> Option<Kind> {
+fn kind_of(name: &str) -> Option<CellKind> {
     let body = name.strip_prefix("C3D").map(|rest| rest.trim_end_matches(|c: char| c.is_ascii_uppercase()));
-    Kind::of(match (body, name) {
+    CellKind::of(match (body, name) {
         (Some("4"), _) => 10,
         (Some("10"), _) => 24,
         (Some("8"), _) => 12,
@@ -95,7 +95,7 @@ enum Block {
     Other,
     Nodes(Coordinates),
     /// Element lines, and the numbers of an incomplete element.
-    Elements(Kind, Vec<u64>),
+    Elements(CellKind, Vec<u64>),
     /// Lines of `*SYSTEM`.
     System(Vec<Vec<f64>>),
     /// Lines of an instance before its first keyword.
@@ -110,7 +110,7 @@ struct Scope {
     labels: Vec<u64>,
     place: HashMap<u64, u32>,
     /// Kind, numbers with that of the element, place in the file.
-    elements: Vec<(Kind, Vec<u64>, String)>,
+    elements: Vec<(CellKind, Vec<u64>, String)>,
     sets: Vec<Set>,
 }
 
@@ -150,7 +150,7 @@ pub fn parse(text: &str) -> Result<AbaqusMesh, Vec<Diagnostic>> {
 }
 
 fn run(text: &str, path: Option<&Path>) -> Result<AbaqusMesh, Vec<Diagnostic>> {
-    let mut reader = Reader {
+    let mut reader = InpReader {
         path: path.map(Path::to_owned),
         files: Vec::new(),
         number: 0,
@@ -170,7 +170,7 @@ fn run(text: &str, path: Option<&Path>) -> Result<AbaqusMesh, Vec<Diagnostic>> {
     reader.finish()
 }
 
-struct Reader {
+struct InpReader {
     /// The file; `None` if other files are refused.
     path: Option<PathBuf>,
     /// Names of the included files that are being read.
@@ -192,7 +192,7 @@ struct Reader {
     diagnostics: Vec<Diagnostic>,
 }
 
-impl Reader {
+impl InpReader {
     fn place(&self) -> String {
         let file = self.files.last().map_or(String::new(), |file| format!("{file}, "));
         format!("{file}line {}", self.number)
@@ -509,7 +509,7 @@ impl Reader {
                 self.place_scope(&mut mesh, name, own, *placement);
             }
         }
-        let solid = |block: &Cells| Kind::of(block.kind.into()).is_some_and(|kind| kind.is_solid);
+        let solid = |block: &Cells| CellKind::of(block.kind.into()).is_some_and(|kind| kind.is_solid);
         if !mesh.blocks.iter().any(solid) {
             self.diagnostics.extend(self.plane.take());
         }
@@ -525,9 +525,9 @@ impl Reader {
         mesh.labels.extend(&scope.labels);
         mesh.instances.push((name.into(), scope.points.len()));
         let mut known: HashMap<u64, (&[u64], &str)> = HashMap::new();
-        let of =
+        let is_of_instance =
             |set: &&Set| set.instance.as_ref().is_none_or(|instance| instance.eq_ignore_ascii_case(name));
-        let sets: Vec<&Set> = scope.sets.iter().chain(self.assembly.iter().filter(of)).collect();
+        let sets: Vec<&Set> = scope.sets.iter().chain(self.assembly.iter().filter(is_of_instance)).collect();
         let mut elements = HashMap::new();
         for (kind, numbers, place) in &scope.elements {
             if let Some((earlier, at)) = known.insert(numbers[0], (&numbers[1..], place.as_str())) {

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// Members of a set.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Of {
+pub(super) enum SetMembers {
     Elements,
     Nodes,
     /// Element or set of elements, and one of its faces S1 to S4.
@@ -17,7 +17,7 @@ pub(super) enum Of {
 
 pub(super) struct Set {
     pub(super) name: String,
-    pub(super) of: Of,
+    pub(super) members: SetMembers,
     /// Instance of a set of the assembly.
     pub(super) instance: Option<String>,
     /// True if a line has first, last and step.
@@ -28,16 +28,16 @@ pub(super) struct Set {
 impl Set {
     /// Set of a keyword; `None` for a surface of nodes or without a name.
     pub(super) fn begun(keyword: &str, options: &HashMap<String, &str>) -> Option<Self> {
-        let (key, of) = match keyword {
-            "ELSET" => ("ELSET", Of::Elements),
-            "NSET" => ("NSET", Of::Nodes),
-            _ => ("NAME", Of::Faces),
+        let (key, members) = match keyword {
+            "ELSET" => ("ELSET", SetMembers::Elements),
+            "NSET" => ("NSET", SetMembers::Nodes),
+            _ => ("NAME", SetMembers::Faces),
         };
         let by_faces = options.get("TYPE").is_none_or(|kind| kind.eq_ignore_ascii_case("ELEMENT"));
-        let name = options.get(key).filter(|_| of != Of::Faces || by_faces)?;
+        let name = options.get(key).filter(|_| members != SetMembers::Faces || by_faces)?;
         Some(Self {
             name: (*name).into(),
-            of,
+            members,
             instance: options.get("INSTANCE").map(|instance| (*instance).into()),
             generate: options.contains_key("GENERATE"),
             lines: Vec::new(),
@@ -53,11 +53,14 @@ impl Set {
 /// Adds an element to the set that its block names, if any.
 pub(super) fn include(sets: &mut Vec<Set>, set: Option<String>, label: String) {
     let Some(name) = set else { return };
-    match sets.last_mut().filter(|set| set.of == Of::Elements && set.name == name && !set.generate) {
+    match sets
+        .last_mut()
+        .filter(|set| set.members == SetMembers::Elements && set.name == name && !set.generate)
+    {
         Some(set) => set.lines.push(vec![label]),
         None => sets.push(Set {
             name,
-            of: Of::Elements,
+            members: SetMembers::Elements,
             instance: None,
             generate: false,
             lines: vec![vec![label]],
@@ -83,20 +86,21 @@ pub(super) fn resolve(
         return;
     }
     let mut found: [BTreeMap<String, Vec<u64>>; 2] = [BTreeMap::new(), BTreeMap::new()];
-    for set in sets.iter().filter(|set| set.of != Of::Faces) {
-        let known = &mut found[usize::from(set.of == Of::Nodes)];
+    for set in sets.iter().filter(|set| set.members != SetMembers::Faces) {
+        let known = &mut found[usize::from(set.members == SetMembers::Nodes)];
         let members = members(set, known);
         known.entry(set.name.to_ascii_uppercase()).or_default().extend(members);
     }
     let mut written = HashSet::new();
     for set in sets {
         let name = spelling(surfaces.keys().chain(volumes.keys()), &set.name);
-        if set.of == Of::Faces {
+        if set.members == SetMembers::Faces {
             let faces = faces(set, &found[0], elements);
             surfaces.entry(name).or_default().extend(faces);
-        } else if written.insert((set.of == Of::Nodes, set.name.to_ascii_uppercase())) {
-            let labels = &found[usize::from(set.of == Of::Nodes)][&set.name.to_ascii_uppercase()];
-            if set.of == Of::Nodes {
+        } else if written.insert((set.members == SetMembers::Nodes, set.name.to_ascii_uppercase())) {
+            let labels =
+                &found[usize::from(set.members == SetMembers::Nodes)][&set.name.to_ascii_uppercase()];
+            if set.members == SetMembers::Nodes {
                 let inside: HashSet<u32> = labels.iter().filter_map(|n| nodes.get(n).copied()).collect();
                 let faces = between(&inside, elements);
                 if !faces.is_empty() {
@@ -146,12 +150,12 @@ fn members(set: &Set, known: &BTreeMap<String, Vec<u64>>) -> Vec<u64> {
 fn faces(set: &Set, known: &BTreeMap<String, Vec<u64>>, elements: &HashMap<u64, Element>) -> Vec<Tri6> {
     let mut faces = Vec::new();
     for line in &set.lines {
-        let [of, side, ..] = line.as_slice() else { continue };
+        let [element, side, ..] = line.as_slice() else { continue };
         let Some(side) = ["S1", "S2", "S3", "S4"].iter().position(|s| s.eq_ignore_ascii_case(side)) else {
             continue;
         };
-        let one = of.parse().ok();
-        let labels = known.get(&of.to_ascii_uppercase()).into_iter().flatten().copied().chain(one);
+        let one = element.parse().ok();
+        let labels = known.get(&element.to_ascii_uppercase()).into_iter().flatten().copied().chain(one);
         for (_, _, nodes) in labels.filter_map(|label| elements.get(&label)).filter(|(kind, ..)| *kind == 24)
         {
             faces.push(TET_FACES[side].map(|k| nodes[k]));

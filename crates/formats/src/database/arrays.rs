@@ -2,7 +2,7 @@
 //! case and input of row `i` of the derivatives.
 
 use super::cases::CaseRow;
-use super::manifest::{FILE, Kind, Manifest};
+use super::manifest::{FILE, Manifest, StoredKind};
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::mesh_reader::read_blocks;
 use crate::packed::{self, Snapshots, Stored};
@@ -180,7 +180,7 @@ pub fn pack_sensitivities(
     from: &Path,
     to: &Path,
     manifest: &Manifest,
-    share: impl Fn(Kind) -> f64,
+    share: impl Fn(StoredKind) -> f64,
 ) -> Result<Option<usize>, FormatError> {
     let cases = super::cases::read(&from.join(&manifest.cases), manifest)?;
     let Some(all) = read_sensitivities(from, manifest, &cases)? else { return Ok(None) };

@@ -68,13 +68,13 @@ pub struct Field {
     /// Name; coordinates are `x`, `y`, `z`.
     pub name: String,
     pub unit: String,
-    pub kind: Kind,
+    pub kind: StoredKind,
 }
 
 /// Meaning of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum StoredKind {
     /// Deformed coordinate; its axis is its name.
     Coordinate,
     /// Displacement magnitude.
@@ -237,7 +237,7 @@ impl Manifest {
         for (i, field) in self.field.iter().enumerate() {
             let twice = self.field[..i].iter().any(|other| other.name == field.name);
             check(!twice, format!("[[field]] {}", i + 1), "a name used once", field.name.clone());
-            let axis = field.kind != Kind::Coordinate || axis_of(&field.name).is_some();
+            let axis = field.kind != StoredKind::Coordinate || axis_of(&field.name).is_some();
             check(axis, format!("[[field]] {}", i + 1), "x, y or z for a coordinate", field.name.clone());
         }
         self.check_inputs(&mut check);
@@ -294,10 +294,10 @@ fn axis_of(name: &str) -> Option<u8> {
 impl Field {
     fn of(spec: &FieldSpec) -> Self {
         let kind = match spec.kind {
-            FieldKind::Coordinate(_) => Kind::Coordinate,
-            FieldKind::Magnitude => Kind::Magnitude,
-            FieldKind::Stress => Kind::Stress,
-            FieldKind::Other => Kind::Other,
+            FieldKind::Coordinate(_) => StoredKind::Coordinate,
+            FieldKind::Magnitude => StoredKind::Magnitude,
+            FieldKind::Stress => StoredKind::Stress,
+            FieldKind::Other => StoredKind::Other,
         };
         Self { name: spec.name.clone(), unit: spec.unit.clone(), kind }
     }
@@ -305,10 +305,10 @@ impl Field {
     fn spec(&self) -> FieldSpec {
         let kind = match self.kind {
             // `diagnostics` refuses a coordinate without an axis in its name.
-            Kind::Coordinate => axis_of(&self.name).map_or(FieldKind::Other, FieldKind::Coordinate),
-            Kind::Magnitude => FieldKind::Magnitude,
-            Kind::Stress => FieldKind::Stress,
-            Kind::Other => FieldKind::Other,
+            StoredKind::Coordinate => axis_of(&self.name).map_or(FieldKind::Other, FieldKind::Coordinate),
+            StoredKind::Magnitude => FieldKind::Magnitude,
+            StoredKind::Stress => FieldKind::Stress,
+            StoredKind::Other => FieldKind::Other,
         };
         FieldSpec { name: self.name.clone(), unit: self.unit.clone(), kind }
     }

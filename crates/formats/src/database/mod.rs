@@ -12,7 +12,7 @@ mod manifest;
 pub use arrays::{PACKED, bottom_nodes, pack_sensitivities, read_snapshots};
 pub use cases::{ANY_REGIME, ObstacleKind, REGIMES, SPLITS};
 pub use folder::{obstacle_kinds, write};
-pub use manifest::{Extra, Field, Input, Kind, Manifest};
+pub use manifest::{Extra, Field, Input, Manifest, StoredKind};
 
 use crate::error::FormatError;
 use rom::snapshots::Database;

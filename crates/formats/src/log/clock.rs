@@ -7,7 +7,7 @@
 //!
 //! Columns of one table that were written at different instants (topics of a bus) are interpolated in the same way.
 
-use super::{Recording, Series};
+use super::{LogColumn, Recording};
 use crate::error::Diagnostic;
 use rom::statistics::median;
 
@@ -43,9 +43,9 @@ pub(super) fn join(
             }
         };
         let times: Vec<f64> = first.time_s.iter().map(|t| t - shift_s).collect();
-        let onto = |series: Series| {
+        let onto = |series: LogColumn| {
             let values = interpolated(&other.time_s, &series.values, &times);
-            Series { name: series.name, values }
+            LogColumn { name: series.name, values }
         };
         let missing = times.iter().filter(|t| !(0.0..=last(&other.time_s)).contains(*t)).count();
         if missing > 0 {
@@ -66,19 +66,19 @@ fn last(times: &[f64]) -> f64 {
 /// all outputs another one.
 pub(super) fn interleave(
     time_s: &[f64],
-    inputs: &mut [Series],
-    outputs: &mut [Series],
+    inputs: &mut [LogColumn],
+    outputs: &mut [LogColumn],
     remarks: &mut Vec<String>,
 ) {
-    let is_read = |series: &Series, row: usize| series.values[row].is_finite();
+    let is_read = |series: &LogColumn, row: usize| series.values[row].is_finite();
     let measured = |row: &usize| outputs.iter().any(|series| is_read(series, *row));
     let measured: Vec<usize> = (0..time_s.len()).filter(measured).collect();
-    let lacks = |all: &[Series]| {
+    let lacks = |all: &[LogColumn]| {
         let whole = measured.iter().filter(|row| all.iter().all(|series| is_read(series, **row)));
         2 * whole.count() < measured.len()
     };
     let (lack_inputs, lack_outputs) = (lacks(inputs), lacks(outputs));
-    let mut fill = |columns: &mut [Series]| {
+    let mut fill = |columns: &mut [LogColumn]| {
         for series in columns.iter_mut().filter(|series| series.values.iter().any(|v| !v.is_finite())) {
             let read = time_s.iter().zip(&series.values).filter(|(_, v)| v.is_finite());
             let (times, values): (Vec<f64>, Vec<f64>) = read.map(|(t, v)| (*t, *v)).unzip();
@@ -125,8 +125,8 @@ struct Shift {
 }
 
 /// The quantity whose values differ most from row to row on the scale of their standard deviation: steps and ramps instead of noise.
-fn liveliest(recording: &Recording) -> Option<&Series> {
-    let smooth = |series: &&Series| {
+fn liveliest(recording: &Recording) -> Option<&LogColumn> {
+    let smooth = |series: &&LogColumn| {
         let finite: Vec<f64> = series.values.iter().copied().filter(|v| v.is_finite()).collect();
         let mean = finite.iter().sum::<f64>() / finite.len() as f64;
         let variance: f64 = finite.iter().map(|v| (v - mean).powi(2)).sum();
@@ -146,9 +146,9 @@ fn estimate(first: &Recording, other: &Recording) -> Result<Shift, Diagnostic> {
     };
     let spans = [last(&first.time_s), last(&other.time_s)];
     let step_s = spans[0].max(spans[1]) / GRID as f64;
-    let grid = |times: &[f64], series: &Series, span: f64| -> Vec<f64> {
-        let at: Vec<f64> = (0..(span / step_s) as usize + 1).map(|k| k as f64 * step_s).collect();
-        interpolated(times, &series.values, &at)
+    let grid = |times: &[f64], series: &LogColumn, span: f64| -> Vec<f64> {
+        let times_s: Vec<f64> = (0..(span / step_s) as usize + 1).map(|k| k as f64 * step_s).collect();
+        interpolated(times, &series.values, &times_s)
     };
     let (mut x, mut y) = (grid(&first.time_s, a, spans[0]), grid(&other.time_s, b, spans[1]));
     let least = (MIN_OVERLAP * x.len().min(y.len()) as f64) as i64;
@@ -167,7 +167,8 @@ fn estimate(first: &Recording, other: &Recording) -> Result<Shift, Diagnostic> {
     let second = second.filter(|second| sizes[*second] > MAX_SECOND * sizes[best]);
     let second = second.map(|second| (lags[second] - lags[best], sizes[second], sizes[best]));
     // The lag of an output behind an input moves the peak: the largest correlation over time constants and the shifts around it.
-    let is_input = |recording: &Recording, of: &Series| recording.inputs.iter().any(|s| s.name == of.name);
+    let is_input =
+        |recording: &Recording, series: &LogColumn| recording.inputs.iter().any(|s| s.name == series.name);
     let (mut lag_s, at) = (0.0, best);
     if is_input(first, a) != is_input(other, b) {
         let plain = (x.clone(), y.clone());

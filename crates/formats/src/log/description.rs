@@ -11,7 +11,7 @@ struct Known {
     number: usize,
     heading: String,
     unit: Option<String>,
-    quantity: Option<unit::Quantity>,
+    quantity: Option<unit::Dimension>,
     low: f64,
     high: f64,
     missing: usize,
@@ -148,16 +148,16 @@ fn remarks(log: &Log, columns: &[Known], time: Option<usize>) -> Vec<String> {
 }
 
 /// Steps of a time column, in its unit: median, smallest and largest, repeated stamps and steps back.
-fn pace(log: &Log, at: usize) -> String {
-    let mut steps: Vec<f64> = log.columns[at].windows(2).map(|pair| pair[1] - pair[0]).collect();
+fn pace(log: &Log, column: usize) -> String {
+    let mut steps: Vec<f64> = log.columns[column].windows(2).map(|pair| pair[1] - pair[0]).collect();
     let count = |is_so: &dyn Fn(f64) -> bool| steps.iter().filter(|step| is_so(**step)).count();
     let (repeated, back) = (count(&|step| step == 0.0), count(&|step| step < 0.0));
     steps.retain(|step| step.is_finite());
     steps.sort_by(f64::total_cmp);
     let [least, median, most] = [0, steps.len() / 2, steps.len().saturating_sub(1)]
-        .map(|at| steps.get(at).copied().unwrap_or(f64::NAN));
+        .map(|rank| steps.get(rank).copied().unwrap_or(f64::NAN));
     let mut text =
-        format!("column {}: steps of {median:.5} (median), {least:.5} to {most:.5}, in its unit", at + 1);
+        format!("column {}: steps of {median:.5} (median), {least:.5} to {most:.5}, in its unit", column + 1);
     if repeated + back > 0 {
         text += &format!("; {repeated} repeated stamps, {back} steps back");
     }
@@ -165,11 +165,11 @@ fn pace(log: &Log, at: usize) -> String {
 }
 
 impl Known {
-    fn of(log: &Log, at: usize) -> Self {
-        let values = &log.columns[at];
+    fn of(log: &Log, column: usize) -> Self {
+        let values = &log.columns[column];
         let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
         let [low, high] = ends(values);
-        let heading = log.headings[at].clone();
+        let heading = log.headings[column].clone();
         let unit = unit::in_heading(&heading).map(str::to_owned);
         let quantity = unit.as_deref().and_then(unit::unit).map(|(quantity, _)| quantity);
         let rises =
@@ -184,16 +184,16 @@ impl Known {
         let lower = heading.to_lowercase();
         let is_named = lower == "t" || TIME_NAMES.iter().any(|name| lower.starts_with(name));
         let time = match quantity {
-            Some(unit::Quantity::Time) if is_named => TimeSign::NamedWithUnit,
-            Some(unit::Quantity::Time) if rises || heading.len() == unit.as_deref().map_or(0, str::len) => {
+            Some(unit::Dimension::Time) if is_named => TimeSign::NamedWithUnit,
+            Some(unit::Dimension::Time) if rises || heading.len() == unit.as_deref().map_or(0, str::len) => {
                 TimeSign::Unit
             }
             None if is_named && !finite.is_empty() => TimeSign::Named,
-            None if at == 0 && rises => TimeSign::Rises,
+            None if column == 0 && rises => TimeSign::Rises,
             _ => TimeSign::None,
         };
         Self {
-            number: at + 1,
+            number: column + 1,
             heading,
             unit,
             quantity,
@@ -202,7 +202,7 @@ impl Known {
             missing: values.len() - finite.len(),
             integer_step,
             is_in_days,
-            doubt: log.doubts[at].clone(),
+            doubt: log.doubts[column].clone(),
             time,
         }
     }
@@ -226,15 +226,15 @@ impl Known {
     fn kind(&self) -> Option<(&'static str, &'static str)> {
         let by_unit = self.quantity.and_then(|quantity| {
             Some(match quantity {
-                unit::Quantity::Pressure => ("input", "mpa"),
-                unit::Quantity::Length => ("output", "mm"),
-                unit::Quantity::Force => ("output", "n"),
-                unit::Quantity::Angle => ("output", "deg"),
-                unit::Quantity::Voltage => ("output", "v"),
-                unit::Quantity::Current => ("output", "a"),
-                unit::Quantity::Volume => ("output", "ml"),
-                unit::Quantity::Curvature => ("output", "per_mm"),
-                unit::Quantity::Time | unit::Quantity::Number => return None,
+                unit::Dimension::Pressure => ("input", "mpa"),
+                unit::Dimension::Length => ("output", "mm"),
+                unit::Dimension::Force => ("output", "n"),
+                unit::Dimension::Angle => ("output", "deg"),
+                unit::Dimension::Voltage => ("output", "v"),
+                unit::Dimension::Current => ("output", "a"),
+                unit::Dimension::Volume => ("output", "ml"),
+                unit::Dimension::Curvature => ("output", "per_mm"),
+                unit::Dimension::Time | unit::Dimension::Number => return None,
             })
         });
         let words =
@@ -329,7 +329,7 @@ fn channel_proposal(
         entry += "mm_per_px = 0 # to be measured\n";
     }
     // `tip x, tip y, tip likelihood`
-    let group = |of: &Known| of.heading.rsplit_once(' ').map(|(group, _)| group.to_owned());
+    let group = |known: &Known| known.heading.rsplit_once(' ').map(|(group, _)| group.to_owned());
     let confidence = columns[column.number..].iter().take(3).find(|other| other.has(&CONFIDENCE));
     if let Some(other) = confidence.filter(|other| group(other).is_some() && group(other) == group(column)) {
         entry += &format!("confidence = {}\n", other.number);

@@ -2,11 +2,11 @@
 
 use super::Log;
 use super::clock;
-use super::{Recording, Series};
+use super::{LogColumn, Recording};
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
 use crate::table::TableForm;
-use crate::unit::{self, Quantity};
+use crate::unit::{self, Dimension};
 use rom::snapshots::{AXES, marker_axis};
 use rom::statistics::{ends, median, range};
 use serde::{Deserialize, Serialize};
@@ -248,7 +248,7 @@ impl Mapping {
         let rows = collect(in_order(&stamps, &log.lines), &mut errors).unwrap_or_default();
         let time_s: Vec<f64> = rows.iter().map(|row| stamps[*row] - stamps[rows[0]]).collect();
         let lost = self.lost_markers(log, &rows, &mut remarks);
-        let mut series = |channels: &[Channel]| -> Vec<Series> {
+        let mut series = |channels: &[Channel]| -> Vec<LogColumn> {
             let quantity = |channel: &Channel| {
                 let mut values = collect(channel.values(log, &rows, &time_s), &mut errors)?;
                 if let Some((_, lost)) =
@@ -258,7 +258,7 @@ impl Mapping {
                 }
                 remarks.extend(unwrap(&channel.name, &mut values));
                 remarks.extend(value_remarks(&channel.name, &values));
-                Some(Series { name: channel.name.clone(), values })
+                Some(LogColumn { name: channel.name.clone(), values })
             };
             channels.iter().filter_map(quantity).collect()
         };
@@ -351,11 +351,11 @@ impl TimeColumn {
         match (&self.column, &self.unit, self.rate_hz) {
             (Some(_), unit, None) => {
                 let spelling = unit.as_deref().unwrap_or("s");
-                let found = unit::unit(spelling).filter(|(quantity, _)| *quantity == Quantity::Time);
+                let found = unit::unit(spelling).filter(|(quantity, _)| *quantity == Dimension::Time);
                 let wrong = || {
                     Diagnostic::new(
                         "time.unit",
-                        format!("one of {}", unit::known_of(Quantity::Time)),
+                        format!("one of {}", unit::known_of(Dimension::Time)),
                         format!("`{spelling}`"),
                     )
                 };
@@ -403,7 +403,7 @@ impl Channel {
             Diagnostic::new("name", expected, format!("`{}`", self.name))
         })?;
         let from = match (self.unit.as_str(), self.mm_per_px) {
-            ("px", Some(size)) if size > 0.0 => (Quantity::Length, size),
+            ("px", Some(size)) if size > 0.0 => (Dimension::Length, size),
             ("px", _) => return Err(Diagnostic::new(place("mm_per_px"), "size of a pixel, mm", "none")),
             (spelling, _) => unit::unit(spelling).ok_or_else(|| {
                 Diagnostic::new(
@@ -457,7 +457,7 @@ impl Frame {
     }
 
     /// Moves the markers. A camera's plane has two of the three coordinates: the rotation must then stay in that plane.
-    fn apply(&self, outputs: &mut [Series]) -> Result<(), Diagnostic> {
+    fn apply(&self, outputs: &mut [LogColumn]) -> Result<(), Diagnostic> {
         let markers: BTreeSet<String> =
             outputs.iter().filter_map(|series| marker_of(&series.name)).map(str::to_owned).collect();
         for marker in markers {

@@ -118,7 +118,7 @@ fn decoded(bytes: &[u8]) -> Result<Cow<'_, str>, Diagnostic> {
 
 /// One quantity over the rows.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Series {
+pub struct LogColumn {
     /// Name with its unit.
     pub name: String,
     /// Values; NaN if missing.
@@ -132,8 +132,8 @@ pub struct Recording {
     pub start_s: f64,
     /// Time of the rows from the first one, s.
     pub time_s: Vec<f64>,
-    pub inputs: Vec<Series>,
-    pub outputs: Vec<Series>,
+    pub inputs: Vec<LogColumn>,
+    pub outputs: Vec<LogColumn>,
     /// Remarks on times, missing values, flat tops, negative pressures.
     pub remarks: Vec<String>,
 }
@@ -143,8 +143,8 @@ impl Recording {
     #[must_use]
     pub fn every(&self, step: usize) -> Self {
         let thin = |values: &[f64]| values.iter().copied().step_by(step.max(1)).collect();
-        let all = |series: &[Series]| {
-            series.iter().map(|s| Series { name: s.name.clone(), values: thin(&s.values) }).collect()
+        let all = |series: &[LogColumn]| {
+            series.iter().map(|s| LogColumn { name: s.name.clone(), values: thin(&s.values) }).collect()
         };
         Self {
             start_s: self.start_s,

@@ -1,6 +1,6 @@
 //! Database from finished simulations: units, fields by name, nodes with cells.
 
-use super::run::{Quantity, Run, Step, same_or_new};
+use super::run::{NodalQuantity, Run, Step, same_or_new};
 use crate::cells::{self, Block};
 use crate::error::{Diagnostic, FormatError};
 use rom::inputs::Parameter;
@@ -215,14 +215,15 @@ impl Assembly {
             if let Some((quantity, mpa)) = stress {
                 snapshot.push((mpa * equivalent(quantity, node)) as f32);
             }
-            let value =
-                |(quantity, k): &(&Quantity, usize)| quantity.values[node * quantity.components.len() + k];
+            let value = |(quantity, k): &(&NodalQuantity, usize)| {
+                quantity.values[node * quantity.components.len() + k]
+            };
             snapshot.extend(further.iter().map(|field| value(field) as f32));
         }
         Ok(snapshot)
     }
 
-    fn stress_mpa(&self, quantity: &Quantity) -> Result<f64, Diagnostic> {
+    fn stress_mpa(&self, quantity: &NodalQuantity) -> Result<f64, Diagnostic> {
         let place = format!("quantity {}", quantity.name);
         self.wanted
             .stress_mpa
@@ -275,7 +276,7 @@ impl Assembly {
 }
 
 /// Von Mises stress of a tensor, or the scalar itself.
-fn equivalent(quantity: &Quantity, node: usize) -> f64 {
+fn equivalent(quantity: &NodalQuantity, node: usize) -> f64 {
     let count = quantity.components.len();
     let s = &quantity.values[node * count..][..count];
     let [x, y, z, xy, yz, xz] = match *s {
@@ -290,10 +291,10 @@ fn equivalent(quantity: &Quantity, node: usize) -> f64 {
 
 /// Quantities of a step from which a snapshot is made.
 struct Sources<'a> {
-    displacement: &'a Quantity,
-    stress: Option<&'a Quantity>,
+    displacement: &'a NodalQuantity,
+    stress: Option<&'a NodalQuantity>,
     /// With the component.
-    further: Vec<(&'a Quantity, usize)>,
+    further: Vec<(&'a NodalQuantity, usize)>,
 }
 
 impl Sources<'_> {
@@ -302,7 +303,7 @@ impl Sources<'_> {
         let all = std::iter::once(self.displacement)
             .chain(self.stress)
             .chain(self.further.iter().map(|further| further.0));
-        let lacks = |quantity: &&Quantity| {
+        let lacks = |quantity: &&NodalQuantity| {
             let count = quantity.components.len();
             quantity.values[node * count..][..count].iter().any(|value| !value.is_finite())
         };
@@ -361,8 +362,8 @@ fn choose(wanted: &Wanted, step: &Step) -> Result<Result<Chosen, Diagnostic>, Di
     let by_name = |name: &str| step.quantities.iter().find(|quantity| quantity.name == name);
     // Of several with a usual name the one of a suitable size: principal stresses S1, S2, S3 may come before the equivalent stress.
     let usual = |names: &[&str], sizes: &[usize]| {
-        let known = |quantity: &&Quantity| names.contains(&quantity.name.to_lowercase().as_str());
-        let fits = |quantity: &&Quantity| known(quantity) && sizes.contains(&quantity.components.len());
+        let known = |quantity: &&NodalQuantity| names.contains(&quantity.name.to_lowercase().as_str());
+        let fits = |quantity: &&NodalQuantity| known(quantity) && sizes.contains(&quantity.components.len());
         step.quantities.iter().find(fits).or_else(|| step.quantities.iter().find(known))
     };
     let displacement = match &wanted.displacement {
@@ -408,7 +409,7 @@ fn choose(wanted: &Wanted, step: &Step) -> Result<Result<Chosen, Diagnostic>, Di
     }))
 }
 
-fn sized(quantity: &Quantity, components: &[usize]) -> Result<(), Diagnostic> {
+fn sized(quantity: &NodalQuantity, components: &[usize]) -> Result<(), Diagnostic> {
     if components.contains(&quantity.components.len()) {
         return Ok(());
     }

@@ -3,8 +3,8 @@
 //! Columns are fixed, without separators: `-1`, the node in 10 (short form: 5) characters, 12 characters per value.
 //! A job that fails stores the state of the failed increment and omits the last line, `9999`.
 
-use super::run::{Quantity, Run, Step, Total, same_or_new};
-use crate::cells::{Block, Kind};
+use super::run::{NodalQuantity, Run, Step, Total, same_or_new};
+use crate::cells::{Block, CellKind};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use std::collections::HashMap;
@@ -31,7 +31,7 @@ pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
 /// # Errors
 /// All errors, with line numbers; never empty.
 pub fn parse(bytes: &[u8]) -> Result<Run, Vec<Diagnostic>> {
-    let mut reader = Reader::default();
+    let mut reader = FrdReader::default();
     // A job that was killed leaves half a line.
     let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(bytes, |at| &bytes[..at]);
     for (number, line) in whole.split(|byte| *byte == b'\n').enumerate() {
@@ -66,18 +66,18 @@ enum Section {
     /// Elements, with the width of the numbers and an incomplete element.
     Elements(usize, Option<Element>),
     /// Width of the numbers, a quantity with its values in the order of the lines, and their nodes.
-    Values(usize, Quantity, Vec<u32>),
+    Values(usize, NodalQuantity, Vec<u32>),
 }
 
 struct Element {
-    kind: Option<Kind>,
+    kind: Option<CellKind>,
     number: usize,
     nodes: Vec<u32>,
     line: usize,
 }
 
 #[derive(Default)]
-struct Reader {
+struct FrdReader {
     run: Run,
     place: HashMap<u64, u32>,
     section: Section,
@@ -91,7 +91,7 @@ struct Reader {
     diagnostics: Vec<Diagnostic>,
 }
 
-impl Reader {
+impl FrdReader {
     fn report(&mut self, expected: impl std::fmt::Display, found: impl std::fmt::Display) {
         let found: String = found.to_string().chars().take(60).collect();
         self.diagnostics.push(Diagnostic::new(format!("line {}", self.number), expected, found));
@@ -160,8 +160,11 @@ impl Reader {
             }
             self.state = Some(state);
         }
-        self.section =
-            if is_shape { Section::Other } else { Section::Values(width, Quantity::default(), Vec::new()) };
+        self.section = if is_shape {
+            Section::Other
+        } else {
+            Section::Values(width, NodalQuantity::default(), Vec::new())
+        };
     }
 
     fn quantity(&mut self, line: &str) {
@@ -284,7 +287,7 @@ impl Reader {
     }
 
     /// Sorts the values of a quantity by node; a quantity at few nodes is ignored.
-    fn values(&mut self, mut quantity: Quantity, rows: &[u32]) {
+    fn values(&mut self, mut quantity: NodalQuantity, rows: &[u32]) {
         let (nodes, count) = (self.run.points.len(), quantity.components.len());
         if quantity.values.len() != rows.len() * count {
             return self
@@ -331,9 +334,9 @@ impl Reader {
     }
 }
 
-fn kind(number: usize) -> Option<Kind> {
+fn kind(number: usize) -> Option<CellKind> {
     let vtk = [12, 13, 10, 25, 26, 24, 5, 22, 9, 23];
-    number.checked_sub(1).and_then(|at| vtk.get(at)).and_then(|number| Kind::of(*number))
+    number.checked_sub(1).and_then(|at| vtk.get(at)).and_then(|number| CellKind::of(*number))
 }
 
 fn integer(line: &str, from: usize, width: usize) -> Option<u64> {
@@ -344,8 +347,8 @@ fn integer(line: &str, from: usize, width: usize) -> Option<u64> {
 fn numbers(line: &str, from: usize, count: usize) -> Option<[f64; VALUES]> {
     let mut values = [f64::NAN; VALUES];
     for (k, value) in values.iter_mut().enumerate().take(count) {
-        let at = from + k * VALUE;
-        *value = line.get(at..(at + VALUE).min(line.len()))?.trim().parse().ok()?;
+        let begin = from + k * VALUE;
+        *value = line.get(begin..(begin + VALUE).min(line.len()))?.trim().parse().ok()?;
     }
     Some(values)
 }

@@ -25,6 +25,6 @@ pub use assemble::{Assembly, Wanted};
 pub use collect::{ImportOptions, ImportedStates, collect, input_ranges, plain_name, read};
 pub use frd::{parse as parse_frd, parse_dat};
 pub use labels::{ImportError, InputSource};
-pub use run::{Quantity, Run, Step, Total};
+pub use run::{NodalQuantity, Run, Step, Total};
 pub use stacks::parse_archive as parse_npz;
 pub use vtk::parse_list as parse_pvd;

@@ -5,7 +5,7 @@
 //! Columns of one quantity end in 1, 2, 3 or 11, 22, 33, 12, 13, 23, or in x, y, z, xy, yz, xz: `u1,u2,u3` is the vector `u`,
 //! `sx,...` the tensor `s`.
 
-use super::run::{Quantity, Run, Step, same_or_new};
+use super::run::{NodalQuantity, Run, Step, same_or_new};
 use super::stacks;
 use crate::abaqus::{self, AbaqusMesh};
 use crate::error::{Diagnostic, FormatError, collect};
@@ -82,7 +82,7 @@ fn with_table(mesh: AbaqusMesh, path: &Path) -> Result<Run, FormatError> {
         time,
         quantities: groups
             .iter()
-            .map(|(name, columns)| Quantity {
+            .map(|(name, columns)| NodalQuantity {
                 name: name.clone(),
                 components: columns.iter().map(|at| names[*at].clone()).collect(),
                 values: vec![f64::NAN; nodes * columns.len()],
@@ -90,9 +90,12 @@ fn with_table(mesh: AbaqusMesh, path: &Path) -> Result<Run, FormatError> {
             .collect(),
     };
     for row in table.rows() {
-        let of = instance.map_or(only.to_owned(), |column| row.text(column).to_ascii_uppercase());
-        let label =
-            row.text(node).parse().ok().and_then(|label: u64| place.get(&(of.as_str(), label)).copied());
+        let instance_name = instance.map_or(only.to_owned(), |column| row.text(column).to_ascii_uppercase());
+        let label = row
+            .text(node)
+            .parse()
+            .ok()
+            .and_then(|label: u64| place.get(&(instance_name.as_str(), label)).copied());
         let Some(at) = label else {
             diagnostics.push(row.diagnostic(node, "a node of the mesh"));
             continue;

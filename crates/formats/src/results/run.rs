@@ -53,12 +53,12 @@ pub struct Step {
     /// Time of the solver.
     pub time: Option<f64>,
     /// Quantities at the nodes.
-    pub quantities: Vec<Quantity>,
+    pub quantities: Vec<NodalQuantity>,
 }
 
 /// Quantity at the nodes; NaN: no value in the file.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Quantity {
+pub struct NodalQuantity {
     /// Name in the file.
     pub name: String,
     /// Names of its components, one for a scalar.

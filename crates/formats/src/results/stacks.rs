@@ -1,7 +1,7 @@
 //! NumPy arrays in a folder or in one `.npz`: `points.npy` (nodes x 3), an array per kind of cell by meshio's name (`tetra10.npy`),
 //! quantities by name (`displacement.npy`), steps x nodes or steps x nodes x components, and optionally `time.npy`.
 
-use super::run::{Quantity, Run, Step, counted};
+use super::run::{NodalQuantity, Run, Step, counted};
 use crate::cells::{Block, KINDS};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
@@ -136,7 +136,7 @@ fn steps_of(
         time: times.get(step).copied(),
         quantities: quantities
             .iter()
-            .map(|(name, _, components, data)| Quantity {
+            .map(|(name, _, components, data)| NodalQuantity {
                 name: name.clone(),
                 components: counted(*components),
                 values: data[step * nodes * components..][..nodes * components].to_vec(),

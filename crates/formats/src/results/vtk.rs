@@ -1,6 +1,6 @@
 //! VTU files and ParaView's lists of them (`.pvd`).
 
-use super::run::{Quantity, Run, Step, counted};
+use super::run::{NodalQuantity, Run, Step, counted};
 use crate::error::{Diagnostic, FormatError};
 use crate::{file, vtu};
 use quick_xml::Reader;
@@ -11,7 +11,7 @@ use std::path::Path;
 /// Reads a single file: one step.
 pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
     let content = vtu::read_content(path)?;
-    let quantity = |found: vtu::Quantity| Quantity {
+    let quantity = |found: vtu::VtuArray| NodalQuantity {
         name: found.name,
         components: counted(found.components),
         values: found.values,

@@ -7,7 +7,7 @@ use super::number::{Spelling, is_content, is_number, number_of_head, spelling};
 use super::{SEPARATORS, Table, TableForm, cells, labelled, lines};
 use crate::error::Diagnostic;
 use crate::file;
-use crate::unit::{self, Quantity};
+use crate::unit::{self, Dimension};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -219,7 +219,7 @@ impl Layout {
     fn add_units(&self, headings: &mut [String], lines: &[(usize, &str)]) {
         let above: Vec<Vec<Cow<'_, str>>> =
             lines[..self.first].iter().map(|(_, line)| cells(line, self.separator)).collect();
-        let is_length = |cell: &&Cow<'_, str>| unit::unit(cell).is_some_and(|(q, _)| q == Quantity::Length);
+        let is_length = |cell: &&Cow<'_, str>| unit::unit(cell).is_some_and(|(q, _)| q == Dimension::Length);
         let of_positions = above.iter().flat_map(|cells| cells.windows(2));
         let of_positions = of_positions.filter(|pair| pair[0].to_lowercase().contains("length unit"));
         let of_positions = of_positions.map(|pair| &pair[1]).find(is_length);

@@ -221,7 +221,7 @@ pub(crate) fn numbers(table: &Table, form: &TableForm, blanks: bool) -> Numbers 
         }
     }
     let (mut found, mut decimals) = (Numbers::default(), Vec::new());
-    let first_of = |of: fn(&Evidence) -> &Seen| evidence.iter().find_map(|e| of(e).clone());
+    let first_of = |seen: fn(&Evidence) -> &Seen| evidence.iter().find_map(|e| seen(e).clone());
     let of_table = [first_of(|e| &e.point), first_of(|e| &e.comma)];
     for (column, evidence) in evidence.iter().enumerate() {
         let decimal = match form.decimal {

@@ -1,7 +1,7 @@
 //! A small actuator for tests: a bar of 10-node tetrahedra that bends down with pressure and stops at the plate.
 #![allow(dead_code)] // each test file uses its part
 
-use formats::results::{Quantity, Run, Wanted};
+use formats::results::{NodalQuantity, Run, Wanted};
 use rom::snapshots::{Case, Database, FieldSpec, Footprint, RegimeKind, Split};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -77,7 +77,7 @@ pub fn data(name: &str) -> PathBuf {
 }
 
 /// A quantity of a step of a run.
-pub fn quantity<'a>(run: &'a Run, step: usize, name: &str) -> &'a Quantity {
+pub fn quantity<'a>(run: &'a Run, step: usize, name: &str) -> &'a NodalQuantity {
     run.steps[step].quantities.iter().find(|quantity| quantity.name == name).expect("the quantity")
 }
 

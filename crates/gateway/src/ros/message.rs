@@ -2,7 +2,7 @@
 //! coloured by its stress.
 
 use super::config::Ros2;
-use super::wire_format::{Cdr, Reader};
+use super::wire_format::{Cdr, CdrReader};
 use runtime::known_model::KnownModel;
 use std::sync::Arc;
 use wire::layout::{field_id, flags, unpack_name, valve_interlock, valve_limit, valve_reason};
@@ -150,7 +150,7 @@ pub fn valve_diagnostics(valve: &Valve, actuator: &str, time_ns: u64) -> Option<
 
 /// Time (ns since 1970) and pressure (Pa) of a `sensor_msgs/FluidPressure`; `None` for other messages.
 pub fn fluid_pressure(bytes: &[u8]) -> Option<(u64, f64)> {
-    let mut reader = Reader::new(bytes)?;
+    let mut reader = CdrReader::new(bytes)?;
     let (seconds, nanoseconds) = (reader.word()?, reader.word()?);
     reader.string()?;
     let time_ns = u64::from(seconds) * 1_000_000_000 + u64::from(nanoseconds);
@@ -234,9 +234,9 @@ fn marker(
     let mut points = Vec::with_capacity(3 * corners.len());
     let mut colours = Vec::with_capacity(4 * corners.len());
     for corner in corners {
-        let at = *corner as usize;
-        points.extend([*x.get(at)?, *y.get(at)?, *z.get(at)?].map(|mm| f64::from(mm) * METRE));
-        let [red, green, blue] = colour(stress.map_or(f32::NAN, |stress| stress[at] / full_scale_mpa));
+        let node = *corner as usize;
+        points.extend([*x.get(node)?, *y.get(node)?, *z.get(node)?].map(|mm| f64::from(mm) * METRE));
+        let [red, green, blue] = colour(stress.map_or(f32::NAN, |stress| stress[node] / full_scale_mpa));
         colours.extend([red, green, blue, 1.0]);
     }
     let message = Cdr::new().header(time_ns, actuator).string(actuator).word(0).word(TRIANGLE_LIST).word(ADD);

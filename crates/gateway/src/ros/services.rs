@@ -6,8 +6,8 @@
 
 use super::config::{Ros2, ros_name};
 use super::wire_format::{
-    Cdr, Entity, FIND_GAP, FIND_PRESSURE, Gid, MessageType, Names, Reader, TRIGGER, WHAT_IF, attachment_of,
-    now_since_1970_ns, parse_attachment, token,
+    Cdr, CdrReader, Entity, FIND_GAP, FIND_PRESSURE, Gid, MessageType, Names, TRIGGER, WHAT_IF,
+    attachment_of, now_since_1970_ns, parse_attachment, token,
 };
 use crate::link::{Counters, Link, count, network};
 use crate::queries::Clients;
@@ -98,7 +98,7 @@ pub fn run(link: &Link, ros: &Ros2, calls: &Receiver<Call>) -> anyhow::Result<()
 /// The response to a request; `None` if it is malformed.
 fn answer(bus: &Bus, clients: &mut Clients, ros: &Ros2, call: &Call) -> Option<Vec<u8>> {
     if call.kind == ServiceKind::Describe {
-        Reader::new(&call.request)?;
+        CdrReader::new(&call.request)?;
         let state = newest_state(bus, &call.actuator).unwrap_or_else(|error| {
             tracing::debug!("{error}");
             None
@@ -156,7 +156,7 @@ impl ServiceKind {
 
     /// The query in a request, or why a well-formed request has none; `None` for a malformed request.
     fn query(self, request: &[u8]) -> Option<Result<wire::Query, String>> {
-        let mut reader = Reader::new(request)?;
+        let mut reader = CdrReader::new(request)?;
         let mut number = || reader.double();
         let query = match self {
             Self::Describe => return None,

@@ -3,8 +3,8 @@
 use super::config::{Ros2, ros_name};
 use super::message::{self, Markers, PA_PER_MPA, fluid_pressure};
 use super::wire_format::{
-    COMMANDS, DIAGNOSTICS, Entity, Gid, JOINTS, MARKER, MessageType, Names, POINTS, PRESSURE, Reader, WRENCH,
-    attachment_of, gid, now_since_1970_ns, parse_attachment, token,
+    COMMANDS, CdrReader, DIAGNOSTICS, Entity, Gid, JOINTS, MARKER, MessageType, Names, POINTS, PRESSURE,
+    WRENCH, attachment_of, gid, now_since_1970_ns, parse_attachment, token,
 };
 use crate::link::{LastError, Link, count, network};
 use crate::topics::delivery;
@@ -308,7 +308,7 @@ fn command(sample: &Sample) -> Result<f64, String> {
 /// The values of a `std_msgs/Float64MultiArray` without dimensions or with some; `None` for other messages.
 fn float_array(bytes: &[u8]) -> Option<Vec<f64>> {
     const MOST: usize = 16;
-    let mut reader = Reader::new(bytes)?;
+    let mut reader = CdrReader::new(bytes)?;
     let dimensions = reader.word().filter(|count| *count as usize <= MOST)?;
     for _ in 0..dimensions {
         reader.string()?;

@@ -80,12 +80,12 @@ impl Cdr {
 }
 
 /// Reads a message value by value; `None` at its end, or if a string is not UTF-8.
-pub struct Reader<'a> {
+pub struct CdrReader<'a> {
     body: &'a [u8],
     at: usize,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> CdrReader<'a> {
     /// The beginning of a message; `None` for another head.
     pub fn new(bytes: &'a [u8]) -> Option<Self> {
         Some(Self { body: bytes.strip_prefix(&HEAD)?, at: 0 })

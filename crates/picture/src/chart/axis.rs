@@ -80,8 +80,8 @@ impl Axis {
         let whole = (placed - placed.round()).abs() < 1e-6;
         match () {
             () if !self.names.is_empty() => {
-                let at = placed.round().max(0.0) as usize;
-                let name = self.names.get(at).filter(|_| whole && at.is_multiple_of(stride));
+                let index = placed.round().max(0.0) as usize;
+                let name = self.names.get(index).filter(|_| whole && index.is_multiple_of(stride));
                 name.cloned().unwrap_or_default()
             }
             () if self.log && whole => power(placed.round() as i32),

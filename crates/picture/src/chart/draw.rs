@@ -125,8 +125,8 @@ fn png(figure: &Figure) -> anyhow::Result<Vec<u8>> {
 fn halved(rgb: &[u8], width: usize) -> Vec<u8> {
     let row = 3 * width;
     let mean = |pair: &[u8], x: usize, k: usize| {
-        let at = |x: usize| u16::from(pair[3 * x + k]) + u16::from(pair[row + 3 * x + k]);
-        ((at(2 * x) + at(2 * x + 1) + 2) / 4) as u8
+        let sum = |x: usize| u16::from(pair[3 * x + k]) + u16::from(pair[row + 3 * x + k]);
+        ((sum(2 * x) + sum(2 * x + 1) + 2) / 4) as u8
     };
     let pairs = rgb.chunks_exact(2 * row);
     pairs.flat_map(|pair| (0..width / 2).flat_map(move |x| (0..3).map(move |k| mean(pair, x, k)))).collect()
@@ -351,9 +351,9 @@ fn colour_bar<B: DrawingBackend>(map: &Map, area: &Area<'_, B>, unit: u32) -> Dr
 fn shade(t: f64) -> RGBColor {
     const STOPS: [[f64; 3]; 4] =
         [[247.0, 250.0, 253.0], [150.0, 205.0, 215.0], [40.0, 125.0, 170.0], [10.0, 40.0, 95.0]];
-    let at = t.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
-    let low = (at as usize).min(STOPS.len() - 2);
-    let part = at - low as f64;
+    let stop = t.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
+    let low = (stop as usize).min(STOPS.len() - 2);
+    let part = stop - low as f64;
     let mix = |k: usize| (STOPS[low][k] + part * (STOPS[low + 1][k] - STOPS[low][k])) as u8;
     RGBColor(mix(0), mix(1), mix(2))
 }

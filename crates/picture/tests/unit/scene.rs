@@ -6,7 +6,7 @@ use super::*;
 #[test]
 fn picture_of_several_bands_equals_one_band_moved() {
     let nodes_mm = vec![[20.0, 5.0, 0.0], [100.0, 5.0, 0.0], [60.0, 60.0, 30.0]];
-    let body = Body { nodes_mm, facets: vec![[0, 1, 2]], values: vec![0.0, 0.5, 1.0] };
+    let body = DrawnBody { nodes_mm, facets: vec![[0, 1, 2]], values: vec![0.0, 0.5, 1.0] };
     let scene = Scene { body: &body, plate: None, blocks: &[], range: [0.0, 1.0] };
     let camera = Camera::new(0.0, 0.0);
     let draw = |centre_px: f32| {
@@ -24,7 +24,7 @@ fn picture_of_several_bands_equals_one_band_moved() {
 #[test]
 fn body_and_plate_show_their_colours() {
     let nodes_mm = vec![[20.0, 5.0, 0.0], [100.0, 5.0, 0.0], [60.0, 5.0, 30.0]];
-    let body = Body { nodes_mm, facets: vec![[0, 1, 2]], values: vec![1.0; 3] };
+    let body = DrawnBody { nodes_mm, facets: vec![[0, 1, 2]], values: vec![1.0; 3] };
     let plate = Plate { gap_mm: 0.0, x_mm: [0.0, 120.0], z_mm: [-9.0, 41.0] };
     let scene = Scene { body: &body, plate: Some(plate), blocks: &[], range: [0.0, 1.0] };
     let camera = Camera::new(0.0, 60.0);

@@ -2,9 +2,9 @@
 
 use super::*;
 
-fn square(height: f32) -> Body {
+fn square(height: f32) -> DrawnBody {
     let nodes_mm = vec![[40.0, height, 10.0], [44.0, height, 10.0], [40.0, height, 14.0]];
-    Body { nodes_mm, facets: vec![[0, 1, 2]], values: vec![0.0; 3] }
+    DrawnBody { nodes_mm, facets: vec![[0, 1, 2]], values: vec![0.0; 3] }
 }
 
 #[test]

@@ -1,15 +1,15 @@
 //! Tests of `src/sheet.rs`.
 
 use super::super::scene::Plate;
-use super::super::skin::Body;
+use super::super::skin::DrawnBody;
 use super::*;
 
-fn body(y: f32) -> Body {
+fn body(y: f32) -> DrawnBody {
     let nodes_mm = vec![[0.0, y, 0.0], [110.0, y, 0.0], [60.0, y + 20.0, 30.0]];
-    Body { nodes_mm, facets: vec![[0, 1, 2]], values: vec![0.0, 0.5, 1.0] }
+    DrawnBody { nodes_mm, facets: vec![[0, 1, 2]], values: vec![0.0, 0.5, 1.0] }
 }
 
-fn sheet(bodies: &[Body], gap_mm: f32) -> Sheet<'_> {
+fn sheet(bodies: &[DrawnBody], gap_mm: f32) -> Sheet<'_> {
     let plate = Some(Plate { gap_mm, x_mm: [0.0, 120.0], z_mm: [-9.0, 41.0] });
     let panel = |body| Panel {
         scene: Scene { body, plate, blocks: &[], range: [0.0, 1.0] },

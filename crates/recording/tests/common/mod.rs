@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use recording::{Channel, Ending, Item, Reader, Store, WriteError, Writer};
+use recording::{Channel, Ending, Item, RecordingReader, Store, WriteError, Writer};
 
 pub fn channel(topic: &str) -> Channel {
     Channel {
@@ -39,7 +39,7 @@ pub fn write_some<S: Store>(store: S, count: u64, flush_every: u64) -> Result<S,
 
 /// All messages and how the recording ended.
 pub fn read_all(bytes: &[u8]) -> (Vec<String>, Ending) {
-    let mut reader = Reader::new(bytes).expect("the head is whole");
+    let mut reader = RecordingReader::new(bytes).expect("the head is whole");
     let mut messages = Vec::new();
     while let Some(item) = reader.next_item().expect("readable") {
         if let Item::Message(message) = item {

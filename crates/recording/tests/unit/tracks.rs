@@ -42,7 +42,8 @@ fn reading_a_recording_ends_at_the_stop_flag() {
     State::default().view().encode(&mut bytes);
     writer.message(channel, 0, 0, 0, &bytes).unwrap();
     writer.finish().unwrap();
-    let read = |stop: bool| RecordingData::read(&Series::open(&path).unwrap(), None, &AtomicBool::new(stop));
+    let read =
+        |stop: bool| RecordingData::read(&RecordingFiles::open(&path).unwrap(), None, &AtomicBool::new(stop));
     assert!(read(false).is_ok());
     assert!(matches!(read(true), Err(ReadError::Stopped { .. })));
 }

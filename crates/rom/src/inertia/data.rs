@@ -31,6 +31,18 @@ pub struct StoredLoad {
     pub unit: Vec<f64>,
 }
 
+/// What a motion leaves behind that makes its states less certain. All of it fades as a swing does. In coordinates, or in mm as the
+/// mass-weighted root mean square over the body.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FadingMotion {
+    /// Path of the motion.
+    pub path: f64,
+    /// Amplitude of what impacts took from the motion.
+    pub impact: f64,
+    /// Amplitude of a swing that an unknown past may have left.
+    pub unknown_past: f64,
+}
+
 /// Half-widths of displacement (mm), stress (MPa) and contact force (N) per mm of an amplitude, in addition to those of the static model
 /// (root of the sum of squares). Amplitudes are mass-weighted root mean squares over the body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -44,11 +56,11 @@ pub struct MotionWidths {
 }
 
 impl MotionWidths {
-    /// Half-widths at a path and amplitudes of impact and past (mm), at a coverage.
-    pub fn at(&self, amplitudes_mm: [f64; 3], coverage: f64) -> HalfWidths {
+    /// Half-widths after a motion (mm), at a coverage.
+    pub fn at(&self, fading_mm: &FadingMotion, coverage: f64) -> HalfWidths {
         let half_width = |k: usize| {
-            let [swing, impact, past] = amplitudes_mm;
-            (self.swing[k] * swing).hypot(self.impact[k] * impact).hypot(self.past[k] * past)
+            let FadingMotion { path, impact, unknown_past } = *fading_mm;
+            (self.swing[k] * path).hypot(self.impact[k] * impact).hypot(self.past[k] * unknown_past)
         };
         HalfWidths {
             coverage,
@@ -62,7 +74,7 @@ impl MotionWidths {
 /// From modal coefficients of a regime to coordinates, and linear modes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RegimeInertia {
-    /// Regime.
+    /// Regime in which the body moves so.
     pub kind: RegimeKind,
     /// Coordinates of the mean fields.
     pub mean: Vec<f64>,

@@ -44,7 +44,7 @@ pub struct LinearMode {
 
 /// Equilibrium under loads and its derivatives with respect to them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct Equilibrium {
     /// Position in coordinates.
     pub position: Coordinates,
     /// Derivatives of the position with respect to the loads.
@@ -81,7 +81,7 @@ pub trait Manifold {
     }
 
     /// Equilibrium of a regime; `inputs` contain the loads.
-    fn place(&mut self, regime: RegimeKind, inputs: &Inputs) -> Place;
+    fn equilibrium(&mut self, regime: RegimeKind, inputs: &Inputs) -> Equilibrium;
 
     /// Distance of the lowest point of a free shape from the obstacle, mm: negative if it would penetrate, infinite without
     /// an obstacle.

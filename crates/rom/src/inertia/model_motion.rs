@@ -2,7 +2,8 @@
 
 use super::data::{InertiaModel, MotionWidths, RegimeInertia, StoredLoad, StoredMode};
 use super::manifold::{
-    Amplitudes, Coordinates, InertialLoad, LinearMode, MAX_LOADS, Manifold, Place, PlateForce, Tangents, dot,
+    Amplitudes, Coordinates, Equilibrium, InertialLoad, LinearMode, MAX_LOADS, Manifold, PlateForce,
+    Tangents, dot,
 };
 use super::stepper::{Motion, MotionSettings, MotionState, MotionStep, PAST_FRACTION, ReadingError};
 use crate::clearance::OnsetSolver;
@@ -55,18 +56,18 @@ impl ModelManifold {
     fn new(header: &ModelHeader, inertia: &InertiaModel) -> Result<Self, ModelError> {
         inertia.check(header).map_err(ModelError::Inconsistent)?;
         let (mut outputs, mut coordinates) = (Vec::new(), Vec::new());
-        for (regime, of) in inertia.regimes.iter().zip(&header.regimes) {
+        for (regime, stored) in inertia.regimes.iter().zip(&header.regimes) {
             let (mut wanted, mut at): (Vec<Output>, Vec<usize>) = (Vec::new(), Vec::new());
-            let rows = regime.by_coefficient.chunks_exact(of.coefficient_count().max(1));
+            let rows = regime.by_coefficient.chunks_exact(stored.coefficient_count().max(1));
             for (coordinate, row) in rows.enumerate() {
                 let begin = wanted.len();
-                for (group, model) in of.groups.iter().enumerate() {
+                for (group, model) in stored.groups.iter().enumerate() {
                     let weights = row[model.coefficients.clone()].to_vec();
                     if weights.iter().all(|w| *w == 0.0) {
                         continue;
                     }
                     let alike = |output: &&mut Output| {
-                        of.groups[output.parts[0].0].surrogate.shares_kernel_with(&model.surrogate)
+                        stored.groups[output.parts[0].0].surrogate.shares_kernel_with(&model.surrogate)
                     };
                     match wanted[begin..].iter_mut().find(alike) {
                         Some(output) => output.parts.push((group, weights)),
@@ -143,26 +144,26 @@ impl Manifold for ModelManifold {
         &self.regime(kind).modes
     }
 
-    fn place(&mut self, kind: RegimeKind, inputs: &Inputs) -> Place {
+    fn equilibrium(&mut self, kind: RegimeKind, inputs: &Inputs) -> Equilibrium {
         let kind = self.regime(kind).kind;
         let query = Query { range: false, regime: Some(kind), ..Query::GRADIENTS };
         self.evaluator.answer(*inputs, query, &mut self.scratch);
         let regime = self.regime(kind);
-        let mut place = Place {
+        let mut equilibrium = Equilibrium {
             position: regime.mean,
             tangents: Tangents::default(),
             by_pressure: Coordinates::default(),
         };
         let slopes = self.scratch.coefficient_gradient(PRESSURE);
         for (coordinate, at) in &regime.outputs {
-            place.position[*coordinate] += self.scratch.coefficients[*at];
-            place.by_pressure[*coordinate] += slopes[*at];
+            equilibrium.position[*coordinate] += self.scratch.coefficients[*at];
+            equilibrium.by_pressure[*coordinate] += slopes[*at];
         }
-        for (load, tangent) in self.loads.iter().zip(&mut place.tangents) {
+        for (load, tangent) in self.loads.iter().zip(&mut equilibrium.tangents) {
             let slopes = self.scratch.coefficient_gradient(load.input);
             regime.outputs.iter().for_each(|(coordinate, at)| tangent[*coordinate] += slopes[*at]);
         }
-        place
+        equilibrium
     }
 
     fn clearance_mm(&mut self, inputs: &Inputs, amplitudes: &Amplitudes) -> f64 {
@@ -281,9 +282,9 @@ impl ModelMotion {
 
     /// Amplitude of the body per first load at an equilibrium, mm per mm/s2.
     pub fn amplitude_per_load(&mut self, kind: RegimeKind, inputs: Inputs) -> f64 {
-        let inputs = self.evaluator.completed(inputs);
+        let inputs = self.evaluator.with_defaults(inputs);
         let manifold = self.motion.manifold();
-        let tangent = manifold.place(kind, &inputs).tangents[0];
+        let tangent = manifold.equilibrium(kind, &inputs).tangents[0];
         let unit = manifold.loads[0].unit;
         (dot(&tangent, &tangent) / dot(&unit, &unit)).sqrt()
     }
@@ -299,7 +300,7 @@ impl ModelMotion {
         inputs: Inputs,
         out: &mut Evaluation,
     ) -> Result<MotionStep, ReadingError> {
-        let moved = self.motion.advance(t_ns, &self.evaluator.completed(inputs))?;
+        let moved = self.motion.advance(t_ns, &self.evaluator.with_defaults(inputs))?;
         self.evaluate(&moved, out);
         Ok(moved)
     }
@@ -309,7 +310,7 @@ impl ModelMotion {
     /// # Errors
     /// [`ReadingError`].
     pub fn check(&self, t_ns: u64, inputs: &Inputs) -> Result<(), ReadingError> {
-        self.motion.check(t_ns, &self.evaluator.completed(*inputs))
+        self.motion.check(t_ns, &self.evaluator.with_defaults(*inputs))
     }
 
     /// The motion without evaluation; it needs all inputs of the model.
@@ -341,7 +342,7 @@ impl ModelMotion {
             out.set_distance(moved.load_distance);
         }
         out.contact_force_n = if out.flags.no_force { f64::NAN } else { state.contact_force_n };
-        let widths = self.widths.at(state.amplitudes_mm, out.halfwidths.coverage);
+        let widths = self.widths.at(&state.fading_mm, out.halfwidths.coverage);
         out.halfwidths = out.halfwidths.with(&widths);
         self.add_modes(state, out);
         self.evaluator.check_shape(out);
@@ -363,9 +364,9 @@ impl ModelMotion {
     /// Standard deviations before any reading of the first load (mm/s2) and of the velocity along its tangent (mm/s3): those of a swing that
     /// an unknown past may have left; and of the frequency, as a fraction.
     pub fn unknown_swing(&mut self) -> [f64; 3] {
-        let rest = self.evaluator.completed(Inputs::new(0.0, f64::INFINITY));
+        let rest = self.evaluator.with_defaults(Inputs::new(0.0, f64::INFINITY));
         let manifold = self.motion.manifold();
-        let tangent = manifold.place(RegimeKind::Free, &rest).tangents[0];
+        let tangent = manifold.equilibrium(RegimeKind::Free, &rest).tangents[0];
         let InertialLoad { unit, range: [low, high], .. } = &manifold.loads[0];
         let rate = (dot(unit, &tangent).abs() / dot(&tangent, &tangent)).sqrt();
         let load = PAST_FRACTION * (high - low);

@@ -16,7 +16,7 @@
 //! A relaxing elastomer resists with `u + sum_k r_k h_k`, `h_k' = u' - h_k / tau_k`, in place of `u` (`memory/prony.rs`).
 
 use super::manifold::{
-    Amplitudes, Coordinates, InertialLoad, LinearMode, MAX_LINEAR_MODES, MAX_LOADS, Manifold, Place,
+    Amplitudes, Coordinates, Equilibrium, InertialLoad, LinearMode, MAX_LINEAR_MODES, MAX_LOADS, Manifold,
     Tangents, dot,
 };
 use crate::inputs::Inputs;
@@ -57,11 +57,11 @@ pub(super) struct Instant {
 }
 
 impl Instant {
-    /// At rest under the loads of a place.
-    pub fn at_rest(at: Unknowns, place: &Place, space: &Space<'_>) -> Self {
+    /// At rest under the loads of an equilibrium.
+    pub fn at_rest(at: Unknowns, equilibrium: &Equilibrium, space: &Space<'_>) -> Self {
         let still = [0.0; UNKNOWNS];
-        let (tangents, elastic) = (place.tangents, space.elastic());
-        let of_pressure = space.nearest(&place.by_pressure);
+        let (tangents, elastic) = (equilibrium.tangents, space.elastic());
+        let of_pressure = space.nearest(&equilibrium.by_pressure);
         Self { at, tangents, of_pressure, elastic, momenta: still, rates: still, relaxing: [still; _] }
     }
 }
@@ -170,9 +170,9 @@ impl Space<'_> {
         })
     }
 
-    fn each(&self, of: impl Fn(usize) -> f64) -> Unknowns {
+    fn each(&self, value: impl Fn(usize) -> f64) -> Unknowns {
         let count = self.count();
-        std::array::from_fn(|i| if i < count { of(i) } else { 0.0 })
+        std::array::from_fn(|i| if i < count { value(i) } else { 0.0 })
     }
 }
 
@@ -201,24 +201,24 @@ pub(super) fn step(
     let rest: Unknowns = std::array::from_fn(|i| 0.5 * (step.rest[0][i] + step.rest[1][i]));
     let excess = |at: &Unknowns| -> Unknowns { std::array::from_fn(|i| rest[i] - relaxation.mean(i, at[i])) };
     let equations = Equations::new(manifold, step, now, relaxation.stiffness);
-    let mut at: Unknowns = std::array::from_fn(|i| now.at[i] + h * now.rates[i]);
+    let mut coordinates: Unknowns = std::array::from_fn(|i| now.at[i] + h * now.rates[i]);
     for _ in 0..NEWTON_STEPS {
-        let reached = with_loads(manifold.loads(), next, &at);
-        let place = manifold.place(regime, &reached);
+        let reached = with_loads(manifold.loads(), next, &coordinates);
+        let equilibrium = manifold.equilibrium(regime, &reached);
         let space =
-            Space { loads: manifold.loads(), modes: manifold.modes(regime), tangents: &place.tangents };
+            Space { loads: manifold.loads(), modes: manifold.modes(regime), tangents: &equilibrium.tangents };
         let (loads, count) = (space.loads.len(), space.count());
-        let mut moved: Coordinates = std::array::from_fn(|i| place.position[i] - position[i]);
-        add(&mut moved, &space, loads..count, &at);
-        let excess_now = excess(&at);
+        let mut moved: Coordinates = std::array::from_fn(|i| equilibrium.position[i] - position[i]);
+        add(&mut moved, &space, loads..count, &coordinates);
+        let excess_now = excess(&coordinates);
         let mut change = equations.right(now, &excess_now, &moved, count);
         let mut matrix = equations.matrix(&space);
         solve(&mut matrix, &mut change, count)?;
         let fraction = |(load, change): (&InertialLoad, &f64)| change.abs() / (load.range[1] - load.range[0]);
         let largest = space.loads.iter().zip(&change).map(fraction).fold(0.0, f64::max);
         let damp = if largest > MAX_CHANGE { MAX_CHANGE / largest } else { 1.0 };
-        at.iter_mut().zip(&change[..count]).for_each(|(u, d)| *u += damp * d);
-        if !at.iter().all(|u| u.is_finite()) {
+        coordinates.iter_mut().zip(&change[..count]).for_each(|(u, d)| *u += damp * d);
+        if !coordinates.iter().all(|u| u.is_finite()) {
             return None;
         }
         if largest <= TANGENT_FRACTION {
@@ -226,11 +226,12 @@ pub(super) fn step(
             add(&mut moved, &space, 0..count, &change);
             let velocity = moved.map(|d| d / h);
             let elastic = space.elastic();
-            let momenta = space.momenta(h, damping_s, &elastic, &excess(&at), &velocity);
-            let rates: Unknowns = std::array::from_fn(|i| (at[i] - now.at[i]) / h);
+            let momenta = space.momenta(h, damping_s, &elastic, &excess(&coordinates), &velocity);
+            let rates: Unknowns = std::array::from_fn(|i| (coordinates[i] - now.at[i]) / h);
             let relaxing = relaxed(prony, h, now, &rates);
-            let (tangents, of_pressure) = (place.tangents, space.nearest(&place.by_pressure));
-            let instant = Instant { at, tangents, of_pressure, elastic, momenta, rates, relaxing };
+            let (tangents, of_pressure) = (equilibrium.tangents, space.nearest(&equilibrium.by_pressure));
+            let instant =
+                Instant { at: coordinates, tangents, of_pressure, elastic, momenta, rates, relaxing };
             let position = std::array::from_fn(|i| position[i] + moved[i]);
             return Some(StepEnd { instant, position, velocity });
         }

@@ -7,6 +7,7 @@
 //! onset, amplitudes by projection of the position, momenta those of the velocity tested with the tangents of contact. **Leaving**: a
 //! step whose contact force is negative is repeated free, in the same way. Projection never adds kinetic energy.
 
+use super::data::FadingMotion;
 use super::manifold::{Amplitudes, Coordinates, Manifold, Tangents, dot};
 use super::momenta::{Instant, Space, Step, StepEnd, Unknowns, amplitudes, rest, step, with_loads};
 use crate::inputs::{Inputs, PRESSURE};
@@ -69,7 +70,7 @@ pub struct MotionStep {
 /// Motion at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionState {
-    /// Regime.
+    /// Whether the body touches.
     pub regime: RegimeKind,
     /// Inputs, with the inertial loads (mm/s2) in place of the loads at rest.
     pub inputs: Inputs,
@@ -84,9 +85,8 @@ pub struct MotionState {
     pub contact_force_n: f64,
     /// Kinetic energy, mJ.
     pub kinetic_mj: f64,
-    /// Path of the motion, which fades as a swing does; amplitude of what impacts took from it, and of a swing that an unknown past may
-    /// have left; mm, mass-weighted root mean square over the body.
-    pub amplitudes_mm: [f64; 3],
+    /// What the motion has left behind, mm.
+    pub fading_mm: FadingMotion,
 }
 
 /// Everything that the next step depends on.
@@ -105,8 +105,8 @@ struct MotionInstant {
     force_n: f64,
     /// Force of the relaxed elastomer, and its internal variables.
     relaxed_n: RelaxedForce,
-    /// Path, and amplitudes of impacts and of an unknown past, in coordinates.
-    faded: [f64; 3],
+    /// What the motion has left behind, in coordinates.
+    fading: FadingMotion,
 }
 
 /// Contact force of the relaxed elastomer, N, and internal variables of its relaxation.
@@ -250,19 +250,20 @@ impl<M: Manifold> Motion<M> {
         let still = Amplitudes::default();
         let is_free = self.manifold.clearance_mm(inputs, &still) >= 0.0;
         let regime = if is_free { RegimeKind::Free } else { RegimeKind::Contact };
-        let place = self.manifold.place(regime, inputs);
-        let at = rest(self.manifold.loads(), inputs);
-        let instant = Instant::at_rest(at, &place, &self.space(regime, &place.tangents));
-        let (position, velocity) = (place.position, Coordinates::default());
+        let equilibrium = self.manifold.equilibrium(regime, inputs);
+        let loads_at_rest = rest(self.manifold.loads(), inputs);
+        let instant =
+            Instant::at_rest(loads_at_rest, &equilibrium, &self.space(regime, &equilibrium.tangents));
+        let (position, velocity) = (equilibrium.position, Coordinates::default());
         let [force_n, _] = self.force_n(regime, inputs, &instant, [0.0; 2]);
         let relaxed_n = RelaxedForce { force_n, ..RelaxedForce::default() };
         let reach = if self.is_past_unknown { PAST_FRACTION } else { 0.0 };
         // A swing is one of the free body, which may touch only now.
-        let tangents = self.manifold.place(RegimeKind::Free, inputs).tangents;
+        let tangents = self.manifold.equilibrium(RegimeKind::Free, inputs).tangents;
         let swings = self.manifold.loads().iter().zip(&tangents);
         let squares = swings.map(|(load, along)| (load.range[1] - load.range[0]).powi(2) * dot(along, along));
-        let past = reach * squares.sum::<f64>().sqrt();
-        let faded = [0.0, 0.0, past];
+        let unknown_past = reach * squares.sum::<f64>().sqrt();
+        let fading = FadingMotion { unknown_past, ..FadingMotion::default() };
         let (inputs, ahead_mpa, relaxing_mpa) = (*inputs, 0.0, [0.0; _]);
         let now = MotionInstant {
             regime,
@@ -274,7 +275,7 @@ impl<M: Manifold> Motion<M> {
             relaxing_mpa,
             force_n,
             relaxed_n,
-            faded,
+            fading,
         };
         self.now = Some((now, Clock { begin_ns: t_ns, steps: 0, last_ns: t_ns, last: inputs }));
         let state = self.state(&now);
@@ -284,6 +285,8 @@ impl<M: Manifold> Motion<M> {
     fn state(&self, now: &MotionInstant) -> MotionState {
         let loads = self.manifold.loads();
         let mass = dot(&loads[0].unit, &loads[0].unit);
+        let mm = |length: f64| if mass > 0.0 { length / mass.sqrt() } else { 0.0 };
+        let FadingMotion { path, impact, unknown_past } = now.fading;
         let Instant { at, of_pressure, .. } = now.instant;
         let at = std::array::from_fn(|i| at[i] + of_pressure[i] * now.ahead_mpa);
         let late_mpa = now.inputs.pressure_mpa() - now.ahead_mpa;
@@ -292,7 +295,7 @@ impl<M: Manifold> Motion<M> {
         let stressed_mpa = late_mpa + self.borne(&now.relaxing_mpa);
         MotionState {
             stressed: with_loads(loads, &late.with(PRESSURE, stressed_mpa), &stressed),
-            amplitudes_mm: now.faded.map(|length| if mass > 0.0 { length / mass.sqrt() } else { 0.0 }),
+            fading_mm: FadingMotion { path: mm(path), impact: mm(impact), unknown_past: mm(unknown_past) },
             regime: now.regime,
             inputs: with_loads(loads, &now.inputs, &now.instant.at),
             amplitudes: amplitudes(&now.instant.at, loads.len()),
@@ -365,13 +368,13 @@ impl<M: Manifold> Motion<M> {
             RegimeKind::Free => self.penetrates(next, &stepped.instant),
             RegimeKind::Contact => force_n < 0.0,
         };
-        let faded = self.faded(now, &stepped, step_ns);
+        let fading = self.after_fading(now, &stepped, step_ns);
         let late_mpa = damping_s * rates[0];
         let kept = if damping_s > 0.0 { (-h / damping_s).exp() } else { 0.0 };
         let ahead_mpa = late_mpa + kept * (now.ahead_mpa - late_mpa);
         let relaxing_mpa =
             self.relaxed(&now.relaxing_mpa, next.pressure_mpa() - now.inputs.pressure_mpa(), h);
-        let moved = |regime, stepped: StepEnd, (force_n, relaxed_n), faded| {
+        let moved = |regime, stepped: StepEnd, (force_n, relaxed_n), fading| {
             let StepEnd { instant, position, velocity } = stepped;
             MotionInstant {
                 regime,
@@ -383,11 +386,11 @@ impl<M: Manifold> Motion<M> {
                 relaxing_mpa,
                 force_n,
                 relaxed_n,
-                faded,
+                fading,
             }
         };
         if !leaves {
-            return Some(moved(now.regime, stepped, (force_n, relaxed_n), faded));
+            return Some(moved(now.regime, stepped, (force_n, relaxed_n), fading));
         }
         let regime = match now.regime {
             RegimeKind::Free => RegimeKind::Contact,
@@ -398,7 +401,7 @@ impl<M: Manifold> Motion<M> {
         let other = step(&mut self.manifold, &changed, &instant, &now.position, next)?;
         if regime == RegimeKind::Free && self.penetrates(next, &other.instant) {
             // Neither held nor away from the obstacle: it touches without force.
-            return Some(moved(now.regime, stepped, (0.0, relaxed_n), faded));
+            return Some(moved(now.regime, stepped, (0.0, relaxed_n), fading));
         }
         // The load of the onset is not that of the position: its change in this step is no rate.
         let arrived = Instant { rates: [0.0; _], ..other.instant };
@@ -409,12 +412,9 @@ impl<M: Manifold> Motion<M> {
         };
         let lost: Coordinates = std::array::from_fn(|i| now.velocity[i] - other.velocity[i]);
         let rate = self.contact_rate(&arrived).max(f64::MIN_POSITIVE);
-        let [path, impact, past] = faded;
-        let faded = match regime {
-            RegimeKind::Contact => [path, impact.hypot(dot(&lost, &lost).sqrt() / rate), past],
-            RegimeKind::Free => faded,
-        };
-        Some(moved(regime, StepEnd { instant: arrived, ..other }, force_n, faded))
+        let of_lost = if regime == RegimeKind::Contact { dot(&lost, &lost).sqrt() / rate } else { 0.0 };
+        let fading = FadingMotion { impact: fading.impact.hypot(of_lost), ..fading };
+        Some(moved(regime, StepEnd { instant: arrived, ..other }, force_n, fading))
     }
 
     /// Circular frequency of the slowest linear mode of contact, or of the motion where it has none, rad/s.
@@ -423,17 +423,20 @@ impl<M: Manifold> Motion<M> {
         slowest.map_or_else(|| self.square_rate(instant).sqrt(), |mode| mode.rate_rad_s)
     }
 
-    /// Path, and amplitudes of impacts and of an unknown past, after a step.
-    fn faded(&self, now: &MotionInstant, stepped: &StepEnd, step_ns: u64) -> [f64; 3] {
+    /// What the motion has left behind after a step.
+    fn after_fading(&self, now: &MotionInstant, stepped: &StepEnd, step_ns: u64) -> FadingMotion {
         let h = step_ns as f64 * 1e-9;
         let periods = |rate: f64| rate * h / std::f64::consts::TAU;
         let square = self.square_rate(&now.instant);
         let damped = 0.5 * self.settings.damping_s * square * h;
         let kept = (-damped.max(periods(square.sqrt()) / PATH_PERIODS)).exp();
-        let [path, impact, past] = now.faded;
         let length = h * dot(&stepped.velocity, &stepped.velocity).sqrt();
         let of_impact = (-periods(self.contact_rate(&now.instant)) / IMPACT_PERIODS).exp();
-        [kept * path + length, of_impact * impact, kept * past]
+        FadingMotion {
+            path: kept * now.fading.path + length,
+            impact: of_impact * now.fading.impact,
+            unknown_past: kept * now.fading.unknown_past,
+        }
     }
 
     /// True if the whole shape of a free instant, linear modes included, reaches behind the obstacle.
@@ -448,10 +451,11 @@ impl<M: Manifold> Motion<M> {
     fn arrival(&mut self, now: &MotionInstant, step: &Step<'_>) -> Option<Instant> {
         let reached = with_loads(self.manifold.loads(), &now.inputs, &now.instant.at);
         let onset = self.manifold.onset_load(&reached);
-        let place = self.manifold.place(step.regime, &reached.with(self.manifold.loads()[0].input, onset));
-        let space = self.space(step.regime, &place.tangents);
+        let equilibrium =
+            self.manifold.equilibrium(step.regime, &reached.with(self.manifold.loads()[0].input, onset));
+        let space = self.space(step.regime, &equilibrium.tangents);
         let loads = space.loads.len();
-        let off = std::array::from_fn(|i| now.position[i] - place.position[i]);
+        let off = std::array::from_fn(|i| now.position[i] - equilibrium.position[i]);
         let mut at: Unknowns = std::array::from_fn(|i| if i < loads { now.instant.at[i] } else { 0.0 });
         at[0] = onset;
         let along = match step.regime {
@@ -469,7 +473,7 @@ impl<M: Manifold> Motion<M> {
             now.instant.relaxing.map(|h| std::array::from_fn(|i| if i < loads { h[i] } else { 0.0 }));
         let acting = |i: usize| self.borne(&relaxing.map(|h: Unknowns| h[i]));
         let excess = std::array::from_fn(|i| step.rest[0][i] - at[i] - acting(i));
-        let arrived = Instant::at_rest(at, &place, &space);
+        let arrived = Instant::at_rest(at, &equilibrium, &space);
         let momenta = space.momenta(step.h, step.damping_s, &arrived.elastic, &excess, &now.velocity);
         Some(Instant { momenta, relaxing, ..arrived })
     }
@@ -575,17 +579,18 @@ impl<M: Manifold> Motion<M> {
         let (now, clock) = self.now?;
         let (stays, loads) = (regime == now.regime, self.manifold.loads().len());
         let kept = |i: usize| if stays || i < loads { now.instant.at[i] } else { 0.0 };
-        let mut at: Unknowns = std::array::from_fn(kept);
-        at[0] = load;
-        let place = self.manifold.place(regime, &with_loads(self.manifold.loads(), inputs, &at));
-        let mut position = place.position;
-        for (mode, y) in self.manifold.modes(regime).iter().zip(&at[loads..]) {
+        let mut guess: Unknowns = std::array::from_fn(kept);
+        guess[0] = load;
+        let equilibrium =
+            self.manifold.equilibrium(regime, &with_loads(self.manifold.loads(), inputs, &guess));
+        let mut position = equilibrium.position;
+        for (mode, y) in self.manifold.modes(regime).iter().zip(&guess[loads..]) {
             position.iter_mut().zip(&mode.shape).for_each(|(q, phi)| *q += phi * y);
         }
         let more = to_rate - load_rate(&now.instant);
-        let [along, ..] = place.tangents;
+        let [along, ..] = equilibrium.tangents;
         let velocity: Coordinates = std::array::from_fn(|i| now.velocity[i] + more * along[i]);
-        let space = self.space(regime, &place.tangents);
+        let space = self.space(regime, &equilibrium.tangents);
         let mut momenta = if stays { now.instant.momenta } else { space.tested(&velocity) };
         let mut rates = [0.0; _];
         if stays {
@@ -595,9 +600,9 @@ impl<M: Manifold> Motion<M> {
             rates[0] += more;
         }
         momenta[0] = to_rate * dot(&along, &along);
-        let (elastic, of_pressure) = (space.elastic(), space.nearest(&place.by_pressure));
-        let tangents = place.tangents;
-        let instant = Instant { at, tangents, of_pressure, elastic, momenta, rates, ..now.instant };
+        let (elastic, of_pressure) = (space.elastic(), space.nearest(&equilibrium.by_pressure));
+        let tangents = equilibrium.tangents;
+        let instant = Instant { at: guess, tangents, of_pressure, elastic, momenta, rates, ..now.instant };
         let force_n = match regime {
             RegimeKind::Free => 0.0,
             RegimeKind::Contact => {

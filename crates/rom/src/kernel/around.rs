@@ -20,7 +20,7 @@ impl Around<'_> {
     pub(crate) fn sums(&self, x: &Point) -> [f64; 4] {
         let mut sums = [[0.0; BLOCK]; 4];
         add_up(self, x, &mut sums);
-        sums.map(|of| of.iter().sum())
+        sums.map(|lanes| lanes.iter().sum())
     }
 
     #[inline(always)]

@@ -34,7 +34,7 @@ pub(crate) mod weigh;
 
 pub use isa::Isa;
 pub use modes::{Modes, NotFinite, Precision, Shape};
-pub use plan::{Affine, BasisError, Field, Role, Shift, Source, Spec};
+pub use plan::{Affine, BasisError, Field, FieldSource, Role, Shift, Spec};
 
 /// Nodes per tile: four AVX-512 registers of f32, eight of AVX2, sixteen of NEON. More than one register holds, because
 /// the control flow of a tile then costs less a node; with twice as many, sums no longer fit the registers.

@@ -157,8 +157,8 @@ mod tests {
             lines.iter_mut().for_each(|line| line.0 = [1; LINE]);
             drop(lines);
             assert!(copy.len() == len && copy.iter().enumerate().all(|(k, line)| line.0 == [k as u8; LINE]));
-            let at = if len * LINE < LARGE { LINE } else { LARGE };
-            assert!((copy.as_ptr() as usize).is_multiple_of(at), "{len}");
+            let alignment = if len * LINE < LARGE { LINE } else { LARGE };
+            assert!((copy.as_ptr() as usize).is_multiple_of(alignment), "{len}");
         }
     }
 }

@@ -29,7 +29,7 @@ pub struct Shift<'a> {
 
 /// Origin of a field.
 #[derive(Debug, Clone)]
-pub enum Source<'a> {
+pub enum FieldSource<'a> {
     /// A linear combination of modes.
     Affine(Affine<'a>),
     /// `|x - x0 - sum_i shift_i coefficient_i|` of three affine fields.
@@ -58,7 +58,7 @@ pub enum Role {
 #[derive(Debug, Clone)]
 pub struct Field<'a> {
     /// Origin.
-    pub source: Source<'a>,
+    pub source: FieldSource<'a>,
     /// Meaning.
     pub role: Role,
     /// True if the field is published. A coordinate that is not published is still computed when a published magnitude needs
@@ -83,8 +83,8 @@ type Rest<'a> = (&'a [f32], Vec<(usize, &'a [f32])>);
 impl<'a> Spec<'a> {
     /// The undeformed coordinate that a magnitude measures an affine field from.
     fn rest_of(&self, field: usize) -> Option<Rest<'a>> {
-        self.fields.iter().find_map(|of| {
-            let Source::Magnitude { coordinates, rest, shifts } = &of.source else { return None };
+        self.fields.iter().find_map(|other| {
+            let FieldSource::Magnitude { coordinates, rest, shifts } = &other.source else { return None };
             let axis = coordinates.iter().position(|&c| c == field)?;
             let along = |shift: &Shift<'a>| Some((shift.coefficient, shift.axes[axis]?));
             Some((rest[axis], shifts.iter().filter_map(along).collect()))
@@ -214,8 +214,8 @@ impl Plan {
             let slot = field.published.then_some(slots);
             slots += usize::from(field.published);
             match &field.source {
-                Source::Magnitude { .. } => magnitude_slot = magnitude_slot.or(slot),
-                Source::Affine(affine) => {
+                FieldSource::Magnitude { .. } => magnitude_slot = magnitude_slot.or(slot),
+                FieldSource::Affine(affine) => {
                     let in_magnitude = coordinates.contains(&index);
                     if slot.is_some() || in_magnitude {
                         ops.push(op(spec, index, affine, slot, in_magnitude));
@@ -256,7 +256,7 @@ impl Plan {
     pub(crate) fn constant_rows(&self, spec: &Spec<'_>) -> Result<Vec<Vec<f32>>, BasisError> {
         let mut rows = Vec::new();
         for op in &self.ops {
-            let Source::Affine(affine) = &spec.fields[op.field].source else { continue };
+            let FieldSource::Affine(affine) = &spec.fields[op.field].source else { continue };
             let (rest, shifts) = spec.rest_of(op.field).filter(|_| op.in_magnitude).unzip();
             let value_at = |values: Option<&[f32]>, node: usize| values.map_or(0.0, |v| f64::from(v[node]));
             let mut push = |value: &dyn Fn(usize) -> f64| {
@@ -324,7 +324,7 @@ fn check_lengths(spec: &Spec<'_>) -> Result<(), BasisError> {
     };
     for (index, field) in spec.fields.iter().enumerate() {
         match &field.source {
-            Source::Affine(Affine { mean, modes, coefficients }) => {
+            FieldSource::Affine(Affine { mean, modes, coefficients }) => {
                 if let Some(mean) = mean {
                     expect(index, "the mean", mean.len(), n, mean.len() == n)?;
                 }
@@ -332,7 +332,7 @@ fn check_lengths(spec: &Spec<'_>) -> Result<(), BasisError> {
                 let (found, needed) = (modes.count(), coefficients.len());
                 expect(index, "the list of modes", found, needed, found >= needed)?;
             }
-            Source::Magnitude { rest, shifts, .. } => {
+            FieldSource::Magnitude { rest, shifts, .. } => {
                 let moves = shifts.iter().flat_map(|shift| shift.axes.iter().flatten());
                 for axis in rest.iter().chain(moves) {
                     expect(index, "the undeformed coordinate", axis.len(), n, axis.len() == n)?;
@@ -356,8 +356,8 @@ fn check_roles(spec: &Spec<'_>) -> Result<(), BasisError> {
 /// A magnitude is a displacement whatever the spec calls it.
 fn effective_role(field: &Field<'_>) -> Role {
     match field.source {
-        Source::Magnitude { .. } => Role::Displacement,
-        Source::Affine(_) => field.role,
+        FieldSource::Magnitude { .. } => Role::Displacement,
+        FieldSource::Affine(_) => field.role,
     }
 }
 
@@ -365,8 +365,9 @@ fn effective_role(field: &Field<'_>) -> Role {
 fn published_magnitude(spec: &Spec<'_>) -> Result<Option<(usize, [usize; 3])>, BasisError> {
     let mut found = None;
     for (index, field) in spec.fields.iter().enumerate() {
-        let Source::Magnitude { coordinates: [x, y, z], .. } = &field.source else { continue };
-        let affine = |i: &usize| matches!(spec.fields.get(*i).map(|f| &f.source), Some(Source::Affine(_)));
+        let FieldSource::Magnitude { coordinates: [x, y, z], .. } = &field.source else { continue };
+        let affine =
+            |i: &usize| matches!(spec.fields.get(*i).map(|f| &f.source), Some(FieldSource::Affine(_)));
         let distinct = x != y && y != z && x != z;
         if found.is_some() || !distinct || ![x, y, z].into_iter().all(affine) {
             return Err(BasisError::Magnitude { field: index });

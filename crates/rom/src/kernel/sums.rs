@@ -342,23 +342,23 @@ mod tests {
                 KernelKind::Matern72 { length: 0.7 },
                 KernelKind::CubicQuintic { crossover: 0.4 },
             ][kernel];
-            let group = |of: &[[f64; 8]]| -> Vec<[f64; BLOCK]> {
+            let group = |centres: &[[f64; 8]]| -> Vec<[f64; BLOCK]> {
                 // The state itself in the rows that are left.
-                (0..dimensions).map(|j| std::array::from_fn(|k| of.get(k).map_or(u[j], |at| at[j]))).collect()
+                (0..dimensions).map(|j| std::array::from_fn(|k| centres.get(k).map_or(u[j], |at| at[j]))).collect()
             };
             let centres: Vec<[f64; BLOCK]> = places.chunks(BLOCK).flat_map(group).collect();
             let mut near = vec![[[f64::NAN; BLOCK]; 3 + MAX_INPUTS]; places.len().div_ceil(BLOCK)];
             approach(kernel, &u, dimensions, &centres, &mut near);
             for k in 0..near.len() * BLOCK {
-                let (of, lane) = (&near[k / BLOCK], k % BLOCK);
+                let (block_of_eight, lane) = (&near[k / BLOCK], k % BLOCK);
                 let mut square = 0.0;
                 for j in 0..dimensions {
                     let d = u[j] - places.get(k).map_or(u[j], |at| at[j]);
-                    prop_assert_eq!(of[3 + j][lane].to_bits(), d.to_bits());
+                    prop_assert_eq!(block_of_eight[3 + j][lane].to_bits(), d.to_bits());
                     square += d * d;
                 }
                 for (row, wanted) in kernel.derivatives(square).into_iter().enumerate() {
-                    prop_assert_eq!(of[row][lane].to_bits(), wanted.to_bits());
+                    prop_assert_eq!(block_of_eight[row][lane].to_bits(), wanted.to_bits());
                 }
             }
         }

@@ -36,14 +36,14 @@ pub(crate) struct Weights {
 }
 
 impl Weights {
-    /// Weights of `outputs` outputs at `centres` centres; `of(centre, row, output)` is `w` in row 0 and `v` along input `j` in row `1 + j`.
+    /// Weights of `outputs` outputs at `centres` centres; `weight_at(centre, row, output)` is `w` in row 0 and `v` along input `j` in row `1 + j`.
     pub(crate) fn new(
         [dimensions, outputs, centres, sloped]: [usize; 4],
-        of: impl Fn(usize, usize, usize) -> f64,
+        weight_at: impl Fn(usize, usize, usize) -> f64,
     ) -> Self {
         let (is_single, blocks) = (outputs == 1, outputs.div_ceil(BLOCK));
         let value = |centre: usize, row: usize, output: usize| {
-            if centre < centres && output < outputs { of(centre, row, output) } else { 0.0 }
+            if centre < centres && output < outputs { weight_at(centre, row, output) } else { 0.0 }
         };
         let rows = |has_slopes: bool| 0..if has_slopes { 1 + dimensions } else { 1 };
         let mut values = Vec::new();
@@ -120,7 +120,7 @@ fn plain(weights: &Weights, near: &[Near], gradient: bool, sums: &mut [[f64; BLO
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 unsafe fn over<E: Eight>(weights: &Weights, near: &[Near], gradient: bool, sums: &mut [[f64; BLOCK]]) {
-    macro_rules! of {
+    macro_rules! blocks_of_dimensions {
         ($($dimensions:literal)*) => {
             match weights.dimensions {
                 // SAFETY: the caller's promise.
@@ -130,7 +130,7 @@ unsafe fn over<E: Eight>(weights: &Weights, near: &[Near], gradient: bool, sums:
             }
         };
     }
-    of!(0 1 2 3 4 5 6 7)
+    blocks_of_dimensions!(0 1 2 3 4 5 6 7)
 }
 
 /// # Safety
@@ -334,8 +334,8 @@ mod tests {
             let number = |i: usize| ((i * 37) % 101) as f64 / 7.0 - 5.0;
             let weight = |centre: usize, row: usize, output: usize| number(31 * centre + 7 * row + 13 * output);
             let weights = Weights::new([dimensions, outputs, centres.len(), sloped], weight);
-            let group = |of: &[[f64; 3 + MAX_INPUTS]]| -> Near {
-                std::array::from_fn(|row| std::array::from_fn(|k| of.get(k).map_or(0.0, |near| near[row])))
+            let group = |approaches: &[[f64; 3 + MAX_INPUTS]]| -> Near {
+                std::array::from_fn(|row| std::array::from_fn(|k| approaches.get(k).map_or(0.0, |near| near[row])))
             };
             let near: Vec<Near> = centres.chunks(BLOCK).map(group).collect();
             let narrow = |weights: &Weights, near: &[Near], gradient, sums: &mut [[f64; BLOCK]]| {

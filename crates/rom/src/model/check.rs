@@ -83,10 +83,11 @@ impl InertiaModel {
         require(kinds.eq(self.regimes.iter().map(|regime| regime.kind)), "it has other regimes")?;
         require(self.regimes.first().is_some_and(|r| r.kind == RegimeKind::Free), "it has no free regime")?;
         let nodes = header.clearance.as_ref().map_or(0, |clearance| clearance.mean_mm.len());
-        for (regime, of) in self.regimes.iter().zip(&header.regimes) {
-            let coefficients = of.coefficient_count();
-            let varies =
-                |load: &StoredLoad| of.inputs.axes.iter().any(|axis| axis.input == load.input as usize);
+        for (regime, described) in self.regimes.iter().zip(&header.regimes) {
+            let coefficients = described.coefficient_count();
+            let varies = |load: &StoredLoad| {
+                described.inputs.axes.iter().any(|axis| axis.input == load.input as usize)
+            };
             require(self.loads.iter().all(varies), "a load does not vary in a regime")?;
             let sizes = [regime.mean.len(), regime.by_coefficient.len()];
             require(sizes == [count, count * coefficients], "coordinates are cut")?;
@@ -210,7 +211,10 @@ impl ModelHeader {
                 "far onset: corrections are cut",
             )?;
         }
-        let sound = regime.difference.as_ref().is_none_or(|of| of.is_sound(regime.coefficient_count()));
+        let sound = regime
+            .difference
+            .as_ref()
+            .is_none_or(|difference| difference.is_sound(regime.coefficient_count()));
         require(sound, "the measured difference does not fit its regime")?;
         let local = regime.local_halfwidths.as_ref();
         require(local.is_none_or(|local| local.fits(dimensions)), "the local half-widths are cut")?;

@@ -85,13 +85,13 @@ pub enum ModelFileError {
 /// Place and content of a block.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BlockEntry {
-    /// Meaning.
+    /// What the block holds.
     pub kind: BlockKind,
-    /// Number format.
+    /// How its numbers are stored.
     pub encoding: Encoding,
     /// First byte, counted from the first block.
     pub offset: u64,
-    /// Bytes.
+    /// Length in bytes.
     pub bytes: u64,
     /// blake3 of its bytes.
     pub hash: [u8; 32],
@@ -170,7 +170,7 @@ impl Model {
         let (mut table, mut data) = (Vec::new(), Vec::new());
         let regimes = self.header.regimes.iter();
         let differences: Vec<(RegimeKind, &FieldDifference)> =
-            regimes.filter_map(|of| Some((of.kind, of.difference.as_ref()?))).collect();
+            regimes.filter_map(|regime| Some((regime.kind, regime.difference.as_ref()?))).collect();
         let mut further = Vec::new();
         if !differences.is_empty() {
             let bytes = codec::encode(&differences).map_err(ModelFileError::Header)?;
@@ -399,7 +399,7 @@ impl<R: Read + Seek> ModelReader<R> {
             };
             read[at] = Some((entry.kind, data));
         }
-        let modes = Modes::filled(&shapes, |of, bytes| self.fill(&entries[of_modes[of]], bytes))?;
+        let modes = Modes::filled(&shapes, |shape, bytes| self.fill(&entries[of_modes[shape]], bytes))?;
         for (at, modes) in of_modes.into_iter().zip(modes) {
             let kind = entries[at].kind;
             if let Some(found) = modes.not_finite() {

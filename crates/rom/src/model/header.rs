@@ -1,7 +1,7 @@
 //! Parts of a trained model.
 
 use super::selection::ModelError;
-use crate::body::Body;
+use crate::body::ShapeLimits;
 use crate::difference::FieldDifference;
 use crate::halfwidths::{HalfWidths, LocalHalfWidths};
 use crate::hull::TrainingRange;
@@ -44,7 +44,7 @@ pub struct ModelHeader {
     /// Shapes that the body can have, from the mesh and the modes of the file ([`crate::model::ModelReader::body`]); `None` in a model that
     /// was not loaded from a file, or without a surface.
     #[serde(skip)]
-    pub body: Option<Arc<Body>>,
+    pub body: Option<Arc<ShapeLimits>>,
     /// Map of a model learned from measurements, which answers in place of the interpolants; in the file a separate block
     /// ([`BlockKind::Learned`]).
     #[serde(skip)]
@@ -74,7 +74,7 @@ pub struct OutputField {
 /// One regime of the model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RegimeModel {
-    /// Which.
+    /// Free or in contact.
     pub kind: RegimeKind,
     /// Its inputs and their ranges.
     pub inputs: InputMap,
@@ -82,7 +82,7 @@ pub struct RegimeModel {
     pub groups: Vec<GroupModel>,
     /// Contact force; `None` in the free regime.
     pub force: Option<ForceModel>,
-    /// Training range.
+    /// Region of the inputs that the training states cover.
     pub domain: TrainingRange,
     /// Constant half-widths with the nominal coverage.
     pub halfwidths: HalfWidths,
@@ -199,14 +199,14 @@ pub enum BlockKind {
     Mean {
         /// Regime whose field this is.
         regime: RegimeKind,
-        /// Output field.
+        /// Position in [`ModelHeader::fields`].
         field: u32,
     },
     /// Modes of an output field in a regime ([`Modes`]).
     Modes {
         /// Regime whose field this is.
         regime: RegimeKind,
-        /// Output field.
+        /// Position in [`ModelHeader::fields`].
         field: u32,
     },
     /// Undeformed coordinate along an axis: `node_count` f32 in mm.
@@ -226,7 +226,7 @@ pub enum BlockKind {
     Observables,
     /// Half-width of a field of a model learned from measurements: `node_count` f32 in its unit.
     HalfWidth {
-        /// Output field.
+        /// Position in [`ModelHeader::fields`].
         field: u32,
     },
     /// Record of the reduced inertia of a model that moves.
@@ -336,7 +336,7 @@ impl Model {
             })
         };
         let found = regime.with_other().into_iter().find_map(of_regime);
-        let group = self.regime(regime).and_then(|of| of.group_of(field as usize));
+        let group = self.regime(regime).and_then(|regime| regime.group_of(field as usize));
         let expected = group.map_or(0, |group| group.coefficients.len());
         let nodes = self.header.node_count;
         found.filter(|modes| modes.count() >= expected && modes.nodes() == nodes).ok_or_else(|| {

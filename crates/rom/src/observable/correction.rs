@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 /// Difference of one observable in one regime.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Correction {
-    /// Regime.
+    /// The regime whose values it changes.
     pub regime: RegimeKind,
     /// Inputs of the regime.
     pub inputs: InputMap,

@@ -73,7 +73,7 @@ impl ObservableKind {
 /// A point of a definition.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
-pub enum Place {
+pub enum PointSpec {
     /// Undeformed coordinates, mm.
     At([f64; 3]),
     /// A node.
@@ -86,16 +86,16 @@ pub enum Place {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Definition {
-    /// Quantity.
+    /// Quantity that is computed of the points.
     pub kind: ObservableKind,
-    /// Its points.
-    pub points: Vec<Place>,
+    /// Points that it is computed of; how many, the kind says.
+    pub points: Vec<PointSpec>,
     /// Axis of an angle or a curvature (left out: `[0, 0, -1]`), direction of a position.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
 }
 
-impl Place {
+impl PointSpec {
     pub(super) fn on(&self, model: &Model) -> Result<MeshPoint, PointError> {
         match self {
             Self::At(at_mm) => MeshPoint::at(model, *at_mm),

@@ -10,12 +10,39 @@ use serde::{Deserialize, Serialize};
 /// Square of the sine below which a vector lies along the axis and has no angle.
 const ALONG_AXIS: f64 = 1e-12;
 
+/// Some of the points of all observables that follow each other. A model stores the pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "[usize; 2]", into = "[usize; 2]")]
+pub(super) struct ItemPoints {
+    pub first: usize,
+    pub count: usize,
+}
+
+impl From<[usize; 2]> for ItemPoints {
+    fn from([first, count]: [usize; 2]) -> Self {
+        Self { first, count }
+    }
+}
+
+impl From<ItemPoints> for [usize; 2] {
+    fn from(ItemPoints { first, count }: ItemPoints) -> Self {
+        [first, count]
+    }
+}
+
+impl ItemPoints {
+    /// The first of the points behind these.
+    pub fn end(self) -> usize {
+        self.first.saturating_add(self.count)
+    }
+}
+
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Item {
     pub name: String,
     pub kind: ObservableKind,
-    /// First of its points, and their number; of a volume its number and 0.
-    pub points: [usize; 2],
+    /// Its points among those of all observables; of a volume which one it is, and no points.
+    pub points: ItemPoints,
     /// Two unit vectors normal to the axis, and the axis.
     pub frame: [Vec3; 3],
     /// Value of the undeformed shape, which is subtracted.
@@ -88,10 +115,10 @@ impl Item {
         let places: Result<Vec<MeshPoint>, PointError> = points.iter().map(|place| place.on(model)).collect();
         let places = places.map_err(|error| error.to_string())?;
         let frame = frame(axis.map(|v| v / length));
-        let mut item =
-            Self { name: name.to_owned(), kind: *kind, points: [first, places.len()], frame, rest: 0.0 };
+        let item_points = ItemPoints { first, count: places.len() };
+        let mut item = Self { name: name.to_owned(), kind: *kind, points: item_points, frame, rest: 0.0 };
         if *kind == ObservableKind::Volume {
-            item.points = [volumes, 0];
+            item.points = ItemPoints { first: volumes, count: 0 };
             return Ok((item, Source::Chambers(Walls::of(model, &places)?)));
         }
         if matches!(kind, ObservableKind::SectionAngle | ObservableKind::ChordAngle) {
@@ -159,11 +186,11 @@ impl Item {
         let mut sum = 0.0;
         let (mut last, mut last_by) = self.angle(shape.vector(0, 1));
         for section in 1..shape.count / 2 {
-            let at = 2 * section;
-            let (angle, angle_by) = self.angle(shape.vector(at, at + 1));
+            let first = 2 * section;
+            let (angle, angle_by) = self.angle(shape.vector(first, first + 1));
             sum += wrapped(angle - last);
-            add(by, at, at + 1, angle_by, 1.0);
-            add(by, at - 2, at - 1, last_by, -1.0);
+            add(by, first, first + 1, angle_by, 1.0);
+            add(by, first - 2, first - 1, last_by, -1.0);
             (last, last_by) = (angle, angle_by);
         }
         sum

@@ -23,10 +23,10 @@ mod item;
 mod volume;
 
 pub use correction::Correction;
-pub use definition::{Definition, ObservableKind, Place};
+pub use definition::{Definition, ObservableKind, PointSpec};
 
 use crate::affine::Affine;
-use crate::body::Form;
+use crate::body::VolumeForm;
 use crate::evaluation::Evaluation;
 use crate::inputs::MAX_INPUTS;
 use crate::model::{BlockKind, Model, ModelError, ModelFileError, ModelHeader, RegimeModel};
@@ -35,7 +35,7 @@ use crate::snapshots::RegimeKind;
 use crate::statistics::quantile;
 use crate::vector::norm;
 use definition::MAX_POINTS;
-use item::{Item, Shape, Source, wrapped};
+use item::{Item, ItemPoints, Shape, Source, wrapped};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use volume::Walls;
@@ -80,7 +80,7 @@ struct OfRegime {
     kind: RegimeKind,
     /// Rows of the points' coordinates.
     rows: Vec<Affine>,
-    volumes: Vec<Form>,
+    volumes: Vec<VolumeForm>,
     /// Factor of each half-width.
     factors: Vec<f64>,
 }
@@ -125,21 +125,22 @@ impl OnMesh {
     }
 
     /// Value of one for a shape, and the sum of `|dq/dx_k|`.
-    pub fn measure(&self, at: usize, node: impl Fn(usize) -> [f64; 3]) -> (f64, f64) {
-        let item = &self.items[at];
-        let [first, count] = item.points;
+    pub fn measure(&self, observable: usize, node: impl Fn(usize) -> [f64; 3]) -> (f64, f64) {
+        let item = &self.items[observable];
+        let points = item.points;
         if item.kind == ObservableKind::Volume {
-            let place = |at: u32| node(at as usize);
-            return (self.walls[first].volume_mm3(place), self.walls[first].area_mm2(place));
+            let place = |observable: u32| node(observable as usize);
+            let walls = &self.walls[points.first];
+            return (walls.volume_mm3(place), walls.area_mm2(place));
         }
-        let shape = Shape::of(&self.points[first..first + count], node);
+        let shape = Shape::of(&self.points[points.first..points.end()], node);
         let (value, by) = item.measure(&shape);
-        (item.beyond_rest(value), by.iter().take(count).map(|by| norm(*by)).sum())
+        (item.beyond_rest(value), by.iter().take(points.count).map(|by| norm(*by)).sum())
     }
 
     /// Difference of two values of one: of chord angles the smaller one.
-    pub fn difference(&self, at: usize, a: f64, b: f64) -> f64 {
-        if self.items[at].kind == ObservableKind::ChordAngle { wrapped(a - b) } else { a - b }
+    pub fn difference(&self, observable: usize, a: f64, b: f64) -> f64 {
+        if self.items[observable].kind == ObservableKind::ChordAngle { wrapped(a - b) } else { a - b }
     }
 
     /// The observables of the model, whose coordinates must be loaded. `ratios`: by regime and observable the ratios of leave-one-out errors
@@ -201,9 +202,10 @@ impl Observables {
         }
         let is_volume = |item: &&Item| item.kind == ObservableKind::Volume;
         let of_points = self.items.iter().filter(|item| !is_volume(item));
-        let points = of_points.map(|item| item.points[0].saturating_add(item.points[1])).max().unwrap_or(0);
-        let volumes = self.items.iter().filter(is_volume).map(|item| item.points[0].saturating_add(1)).max();
-        let sound = |item: &Item| item.kind.takes(item.points[1]) && item.points[1] <= MAX_POINTS;
+        let points = of_points.map(|item| item.points.end()).max().unwrap_or(0);
+        let volumes =
+            self.items.iter().filter(is_volume).map(|item| item.points.first.saturating_add(1)).max();
+        let sound = |item: &Item| item.kind.takes(item.points.count) && item.points.count <= MAX_POINTS;
         let finite =
             |item: &Item| item.rest.is_finite() && item.frame.as_flattened().iter().all(|v| v.is_finite());
         if self.items.len() > MAX_OBSERVABLES || !self.items.iter().all(|item| sound(item) && finite(item)) {
@@ -251,29 +253,31 @@ impl Observables {
     /// Adds the observables of the same model.
     pub fn append(&mut self, other: Self) {
         let (points, volumes) =
-            (self.regimes.first()).map_or((0, 0), |of| (of.rows.len() / 3, of.volumes.len()));
+            (self.regimes.first()).map_or((0, 0), |regime| (regime.rows.len() / 3, regime.volumes.len()));
         let before = self.items.len();
         for mut item in other.items {
-            item.points[0] += if item.kind == ObservableKind::Volume { volumes } else { points };
+            item.points.first += if item.kind == ObservableKind::Volume { volumes } else { points };
             self.items.push(item);
         }
-        for of in other.regimes {
-            match self.regimes.iter_mut().find(|own| own.kind == of.kind) {
+        for theirs in other.regimes {
+            match self.regimes.iter_mut().find(|own| own.kind == theirs.kind) {
                 Some(own) => {
-                    own.rows.extend(of.rows);
-                    own.volumes.extend(of.volumes);
-                    own.factors.extend(of.factors);
+                    own.rows.extend(theirs.rows);
+                    own.volumes.extend(theirs.volumes);
+                    own.factors.extend(theirs.factors);
                 }
-                None => self.regimes.push(of),
+                None => self.regimes.push(theirs),
             }
         }
-        self.corrections.extend(other.corrections.into_iter().map(|(at, of)| (before + at, of)));
+        self.corrections
+            .extend(other.corrections.into_iter().map(|(at, correction)| (before + at, correction)));
     }
 
     /// Sets the measured difference of an observable in a regime.
-    pub fn correct(&mut self, at: usize, correction: Correction) {
-        self.corrections.retain(|(of, known)| *of != at || known.regime != correction.regime);
-        self.corrections.push((at, correction));
+    pub fn correct(&mut self, observable: usize, correction: Correction) {
+        self.corrections
+            .retain(|(corrected, known)| *corrected != observable || known.regime != correction.regime);
+        self.corrections.push((observable, correction));
     }
 
     /// The measured differences, with the number of the observable.
@@ -287,14 +291,15 @@ impl Observables {
     }
 
     /// The volumes of chambers in a regime.
-    pub(crate) fn volumes(&self, regime: RegimeKind) -> &[Form] {
-        self.of_regime(regime).map_or(&[], |of| &of.volumes)
+    pub(crate) fn volumes(&self, regime: RegimeKind) -> &[VolumeForm] {
+        self.of_regime(regime).map_or(&[], |regime| &regime.volumes)
     }
 
     /// Value of one of an evaluation with modal coefficients; NaN where the model was not trained in its regime. Allocates nothing.
-    pub fn value(&self, at: usize, evaluation: &Evaluation) -> Observed {
-        let factor = self.of_regime(evaluation.regime).and_then(|of| of.factors.get(at));
-        let Some((OfShape { value, reach, offset }, factor)) = self.of_shape(at, evaluation).zip(factor)
+    pub fn value(&self, observable: usize, evaluation: &Evaluation) -> Observed {
+        let factor = self.of_regime(evaluation.regime).and_then(|regime| regime.factors.get(observable));
+        let Some((OfShape { value, reach, offset }, factor)) =
+            self.of_shape(observable, evaluation).zip(factor)
         else {
             return Observed { value: f64::NAN, halfwidth: f64::NAN, offset: 0.0 };
         };
@@ -307,7 +312,7 @@ impl Observables {
         } else {
             factor * reach * all_mm
         };
-        let Some(correction) = self.correction(at, evaluation.regime) else {
+        let Some(correction) = self.correction(observable, evaluation.regime) else {
             return Observed { value, halfwidth, offset };
         };
         let (further, share) = correction.at(&evaluation.inputs);
@@ -316,9 +321,9 @@ impl Observables {
     }
 
     /// Value of the shape, without [`Correction`]s.
-    pub fn of_shape(&self, at: usize, evaluation: &Evaluation) -> Option<OfShape> {
+    pub fn of_shape(&self, observable: usize, evaluation: &Evaluation) -> Option<OfShape> {
         let difference = evaluation.coefficient_difference();
-        if let Some(form) = self.form(at, evaluation) {
+        if let Some(form) = self.form(observable, evaluation) {
             let value = form.value(&evaluation.coefficients, None);
             let offset = match difference {
                 [] => 0.0,
@@ -327,12 +332,12 @@ impl Observables {
             return Some(OfShape { value, reach: form.area_mm2, offset });
         }
         let mut shape = Shape::new();
-        let item = self.shape(at, evaluation, &[], &mut shape)?;
+        let item = self.shape(observable, evaluation, &[], &mut shape)?;
         let (value, by) = item.measure(&shape);
         let reach: f64 = by.iter().take(shape.count).map(|by| norm(*by)).sum();
         let mut offset = 0.0;
         if !difference.is_empty() {
-            self.shape(at, evaluation, difference, &mut shape)?;
+            self.shape(observable, evaluation, difference, &mut shape)?;
             let plain = item.measure(&shape).0;
             let is_chord = item.kind == ObservableKind::ChordAngle;
             offset = if is_chord { wrapped(value - plain) } else { value - plain };
@@ -341,35 +346,37 @@ impl Observables {
     }
 
     /// Derivative of the shape's value along a direction of the coefficients; `None` where it has no value.
-    pub fn along(&self, at: usize, evaluation: &Evaluation, direction: &[f64]) -> Option<f64> {
-        if let Some(form) = self.form(at, evaluation) {
+    pub fn along(&self, observable: usize, evaluation: &Evaluation, direction: &[f64]) -> Option<f64> {
+        if let Some(form) = self.form(observable, evaluation) {
             return Some(form.value(&evaluation.coefficients, Some(direction)));
         }
         let mut shape = Shape::new();
-        let item = self.shape(at, evaluation, &[], &mut shape)?;
+        let item = self.shape(observable, evaluation, &[], &mut shape)?;
         let (_, by) = item.measure(&shape);
         let rows = self.rows(item, evaluation.regime).iter().zip(by.as_flattened());
         Some(rows.map(|(row, by)| by * row.change(direction)).sum())
     }
 
     /// Derivatives of one with respect to each input, of an evaluation with gradients. Allocates nothing.
-    pub fn gradient(&self, at: usize, evaluation: &Evaluation) -> [f64; MAX_INPUTS] {
-        let mut gradient = self.shape_gradient(at, evaluation);
-        if let Some(correction) = self.correction(at, evaluation.regime) {
+    pub fn gradient(&self, observable: usize, evaluation: &Evaluation) -> [f64; MAX_INPUTS] {
+        let mut gradient = self.shape_gradient(observable, evaluation);
+        if let Some(correction) = self.correction(observable, evaluation.regime) {
             let own = correction.gradient(evaluation);
             gradient.iter_mut().zip(own).for_each(|(to, own)| *to += own);
         }
         gradient
     }
 
-    fn shape_gradient(&self, at: usize, evaluation: &Evaluation) -> [f64; MAX_INPUTS] {
+    fn shape_gradient(&self, observable: usize, evaluation: &Evaluation) -> [f64; MAX_INPUTS] {
         let along = |input| Some(evaluation.coefficient_gradient(input)).filter(|along| !along.is_empty());
-        if let Some(form) = self.form(at, evaluation) {
+        if let Some(form) = self.form(observable, evaluation) {
             let by = |input| along(input).map_or(0.0, |by| form.value(&evaluation.coefficients, Some(by)));
             return std::array::from_fn(by);
         }
         let mut shape = Shape::new();
-        let Some(item) = self.shape(at, evaluation, &[], &mut shape) else { return [f64::NAN; MAX_INPUTS] };
+        let Some(item) = self.shape(observable, evaluation, &[], &mut shape) else {
+            return [f64::NAN; MAX_INPUTS];
+        };
         let (_, by) = item.measure(&shape);
         let rows = self.rows(item, evaluation.regime).as_chunks::<3>().0;
         std::array::from_fn(|input| {
@@ -379,29 +386,35 @@ impl Observables {
     }
 
     fn of_regime(&self, regime: RegimeKind) -> Option<&OfRegime> {
-        self.regimes.iter().find(|of| of.kind == regime)
+        self.regimes.iter().find(|known| known.kind == regime)
     }
 
-    fn correction(&self, at: usize, regime: RegimeKind) -> Option<&Correction> {
-        let mut own = self.corrections.iter().filter(|(of, _)| *of == at);
+    fn correction(&self, observable: usize, regime: RegimeKind) -> Option<&Correction> {
+        let mut own = self.corrections.iter().filter(|(corrected, _)| *corrected == observable);
         own.find(|(_, correction)| correction.regime == regime).map(|(_, correction)| correction)
     }
 
-    fn form(&self, at: usize, evaluation: &Evaluation) -> Option<&Form> {
-        let item = self.items.get(at).filter(|item| item.kind == ObservableKind::Volume)?;
-        let of = self.of_regime(evaluation.regime).filter(|_| !evaluation.coefficients.is_empty())?;
-        of.volumes.get(item.points[0])
+    fn form(&self, observable: usize, evaluation: &Evaluation) -> Option<&VolumeForm> {
+        let item = self.items.get(observable).filter(|item| item.kind == ObservableKind::Volume)?;
+        let regime = self.of_regime(evaluation.regime).filter(|_| !evaluation.coefficients.is_empty())?;
+        regime.volumes.get(item.points.first)
     }
 
     fn rows(&self, item: &Item, regime: RegimeKind) -> &[Affine] {
-        let [first, count] = item.points;
-        let rows = self.of_regime(regime).map(|of| &of.rows);
+        let ItemPoints { first, count } = item.points;
+        let rows = self.of_regime(regime).map(|regime| &regime.rows);
         rows.and_then(|rows| rows.get(3 * first..3 * (first + count))).unwrap_or(&[])
     }
 
     /// Deformed points, without a part of the coefficients unless it is empty.
-    fn shape(&self, at: usize, evaluation: &Evaluation, without: &[f64], shape: &mut Shape) -> Option<&Item> {
-        let item = self.items.get(at)?;
+    fn shape(
+        &self,
+        observable: usize,
+        evaluation: &Evaluation,
+        without: &[f64],
+        shape: &mut Shape,
+    ) -> Option<&Item> {
+        let item = self.items.get(observable)?;
         let rows = self.rows(item, evaluation.regime).as_chunks::<3>().0;
         if evaluation.coefficients.is_empty() || rows.is_empty() {
             return None;

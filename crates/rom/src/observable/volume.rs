@@ -4,7 +4,7 @@
 //! linear in the x, the y and the z of the nodes. With coordinates affine in the modal coefficients (Eq. 6 of the paper) the volume is
 //! `sum_ijk t_ijk a_i b_j c_k`, where `a`, `b`, `c` are the coefficients of x, y, z after a leading 1. These few numbers are kept.
 
-use crate::body::Form;
+use crate::body::VolumeForm;
 use crate::model::{Model, ModelError, RegimeModel};
 use crate::parts::connected;
 use crate::probe::{self, MeshPoint};
@@ -49,7 +49,7 @@ impl Walls {
         let mut chosen = Vec::new();
         for (at, point) in points.iter().enumerate() {
             let node = point.weights.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(node, _)| *node);
-            let has = |chamber: &&Self| chamber.0.iter().flatten().any(|of| Some(*of) == node);
+            let has = |chamber: &&Self| chamber.0.iter().flatten().any(|corner| Some(*corner) == node);
             let found = chambers.iter().position(|chamber| has(&chamber));
             chosen.push(found.ok_or_else(|| format!("point {at} lies on no wall of a closed chamber"))?);
         }
@@ -78,7 +78,7 @@ impl Walls {
 }
 
 /// The volume of the shapes of a regime.
-fn form(model: &Model, regime: &RegimeModel, walls: &Walls) -> Result<Form, String> {
+fn form(model: &Model, regime: &RegimeModel, walls: &Walls) -> Result<VolumeForm, String> {
     let mut nodes: Vec<u32> = walls.0.iter().flatten().copied().collect();
     nodes.sort_unstable();
     nodes.dedup();
@@ -120,18 +120,18 @@ fn form(model: &Model, regime: &RegimeModel, walls: &Walls) -> Result<Form, Stri
                 }
             }
             for (i, x) in x.iter().enumerate() {
-                let at = (i * columns[1].len() + j) * columns[2].len() + k;
-                numbers[at] = x.iter().zip(&factors).map(|(x, factor)| x * factor).sum();
+                let index = (i * columns[1].len() + j) * columns[2].len() + k;
+                numbers[index] = x.iter().zip(&factors).map(|(x, factor)| x * factor).sum();
             }
         }
     }
     let mesh = model.undeformed_mm().unwrap_or_default();
     let area_mm2 = walls.area_mm2(|node| mesh.map(|axis| f64::from(axis[node as usize])));
-    Ok(Form { axes, numbers, area_mm2 })
+    Ok(VolumeForm { axes, numbers, area_mm2 })
 }
 
 /// Forms of the volumes of one regime.
-pub(super) fn forms(model: &Model, kind: RegimeKind, walls: &[Walls]) -> Result<Vec<Form>, String> {
+pub(super) fn forms(model: &Model, kind: RegimeKind, walls: &[Walls]) -> Result<Vec<VolumeForm>, String> {
     let Some(regime) = model.regime(kind) else { return Ok(Vec::new()) };
     walls.iter().map(|walls| form(model, regime, walls)).collect()
 }

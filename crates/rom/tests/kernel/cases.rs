@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use rom::kernel::{Affine, Field, Isa, Modes, Precision, Role, Shift, Source, Spec};
+use rom::kernel::{Affine, Field, FieldSource, Isa, Modes, Precision, Role, Shift, Spec};
 
 /// Data that a [`Spec`] can borrow from.
 #[derive(Debug, Clone)]
@@ -72,7 +72,7 @@ impl Body {
     /// X, Y, Z, U, S; `published` says which are written.
     pub fn spec<'a>(&'a self, published: [bool; 5], nodes: Option<&'a [u32]>) -> Spec<'a> {
         let affine = |field: usize, role: Role, published: bool| Field {
-            source: Source::Affine(Affine {
+            source: FieldSource::Affine(Affine {
                 mean: Some(&self.means[field]),
                 modes: &self.bases[field],
                 coefficients: self.range(field),
@@ -89,7 +89,7 @@ impl Body {
             affine(1, Role::Plain, published[1]),
             affine(2, Role::Plain, published[2]),
             Field {
-                source: Source::Magnitude { coordinates: [0, 1, 2], rest, shifts },
+                source: FieldSource::Magnitude { coordinates: [0, 1, 2], rest, shifts },
                 role: Role::Displacement,
                 published: published[3],
             },

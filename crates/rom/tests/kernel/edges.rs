@@ -2,7 +2,7 @@
 
 use super::cases::{Body, available};
 use rom::kernel::{
-    Affine, BasisError, Field, Isa, MAX_ROWS, Modes, NotFinite, Precision, Role, Source, Spec,
+    Affine, BasisError, Field, FieldSource, Isa, MAX_ROWS, Modes, NotFinite, Precision, Role, Spec,
 };
 use rom::reconstructor::{Basis, ReconstructError};
 
@@ -14,7 +14,7 @@ fn error(spec: &Spec<'_>) -> BasisError {
 
 /// One plain field of one node with the first `count` of these modes.
 fn single(modes: &Modes, count: usize) -> Spec<'_> {
-    let source = Source::Affine(Affine { mean: None, modes, coefficients: 0..count });
+    let source = FieldSource::Affine(Affine { mean: None, modes, coefficients: 0..count });
     Spec { node_count: 1, nodes: None, fields: vec![Field { source, role: Role::Plain, published: true }] }
 }
 
@@ -49,7 +49,7 @@ fn contradictory_magnitudes_and_roles_are_refused() {
     let body = Body::new(20, 2, 1, Precision::F32);
     for coordinates in [[0, 1, 1], [0, 1, 3], [0, 1, 9]] {
         let mut spec = body.spec(ALL, None);
-        if let Source::Magnitude { coordinates: c, .. } = &mut spec.fields[3].source {
+        if let FieldSource::Magnitude { coordinates: c, .. } = &mut spec.fields[3].source {
             *c = coordinates;
         }
         assert_eq!(error(&spec), BasisError::Magnitude { field: 3 });
@@ -125,7 +125,7 @@ fn fields_of_a_joint_pod_share_coefficients() {
     let of_field = |field: usize| Modes::new(Precision::F32, 2, 2, |k, i| values[k][2 * field + i]).unwrap();
     let modes = [of_field(0), of_field(1)];
     let field = |at: usize| Field {
-        source: Source::Affine(Affine { mean: None, modes: &modes[at], coefficients: 1..3 }),
+        source: FieldSource::Affine(Affine { mean: None, modes: &modes[at], coefficients: 1..3 }),
         role: Role::Plain,
         published: true,
     };
@@ -159,7 +159,7 @@ fn bytes_are_those_of_the_modes_in_use_and_of_means_shifts_and_rest_shape() {
     }
     let body = Body::new(64, 3, 1, Precision::Integers);
     let mut spec = body.spec([false, false, false, false, true], None);
-    if let Source::Affine(affine) = &mut spec.fields[4].source {
+    if let FieldSource::Affine(affine) = &mut spec.fields[4].source {
         affine.coefficients.end -= 2;
     }
     let basis = Basis::build(&spec, Some(Precision::Integers)).unwrap();
@@ -186,7 +186,7 @@ fn modes_of_zeros_and_no_modes_give_the_mean() {
     for count in [0, 2] {
         let modes = Modes::new(Precision::Integers, 70, count, |_, _| 0.0).unwrap();
         let mean = vec![1.5; 70];
-        let source = Source::Affine(Affine { mean: Some(&mean), modes: &modes, coefficients: 0..count });
+        let source = FieldSource::Affine(Affine { mean: Some(&mean), modes: &modes, coefficients: 0..count });
         let field = Field { source, role: Role::Plain, published: true };
         let spec = Spec { node_count: 70, nodes: None, fields: vec![field] };
         for isa in available() {

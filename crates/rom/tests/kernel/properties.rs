@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::cases::{Body, Lcg, available};
 use super::reference;
-use rom::kernel::{Isa, Modes, Precision, Source, Spec};
+use rom::kernel::{FieldSource, Isa, Modes, Precision, Spec};
 use rom::reconstructor::{Basis, Peak};
 
 /// Unit roundoff of f32.
@@ -107,7 +107,7 @@ proptest! {
         let body = Body::new(nodes, 6, seed, Precision::Integers);
         let mut spec = body.spec([true; 5], None);
         for field in &mut spec.fields {
-            if let Source::Affine(affine) = &mut field.source {
+            if let FieldSource::Affine(affine) = &mut field.source {
                 affine.coefficients.end = affine.coefficients.start + used;
             }
         }

@@ -1,6 +1,6 @@
 //! The same in the plainest way: the oracle of the tests and the definition of what the kernel computes.
 
-use rom::kernel::{Affine, Field, Role, Source, Spec};
+use rom::kernel::{Affine, Field, FieldSource, Role, Spec};
 
 /// All published fields, field-major, in f64, straight from the equations; with each value the sum of the magnitudes
 /// of its terms, from which the bound of any order of summation in f32 follows.
@@ -14,14 +14,14 @@ pub fn reconstruct(spec: &Spec<'_>, coefficients: &[f64]) -> Vec<Reference> {
         for i in 0..spec.output_nodes() {
             let node = spec.source_node(i);
             let value = match &field.source {
-                Source::Affine(affine) => {
+                FieldSource::Affine(affine) => {
                     let sum = combine(affine, coefficients, node);
                     Reference { terms: sum.terms + 2.0 * rest_of(spec, index, node), ..sum }
                 }
-                Source::Magnitude { coordinates, rest, shifts } => {
+                FieldSource::Magnitude { coordinates, rest, shifts } => {
                     let mut squares = Reference { value: 0.0, terms: 0.0 };
                     for (axis, (&coordinate, rest)) in coordinates.iter().zip(rest).enumerate() {
-                        let Source::Affine(affine) = &spec.fields[coordinate].source else { continue };
+                        let FieldSource::Affine(affine) = &spec.fields[coordinate].source else { continue };
                         let x = combine(affine, coefficients, node);
                         let moves = shifts.iter().filter_map(|shift| {
                             shift.axes[axis].map(|by| f64::from(by[node]) * coefficients[shift.coefficient])
@@ -57,7 +57,7 @@ pub struct Reference {
 /// Magnitude of the undeformed coordinate that a published magnitude measures field `index` against, or 0.
 fn rest_of(spec: &Spec<'_>, index: usize, node: usize) -> f64 {
     let of_magnitude = |field: &Field<'_>| match &field.source {
-        Source::Magnitude { coordinates, rest, .. } if field.published => {
+        FieldSource::Magnitude { coordinates, rest, .. } if field.published => {
             let axis = coordinates.iter().position(|&coordinate| coordinate == index)?;
             Some(f64::from(rest[axis][node]).abs())
         }

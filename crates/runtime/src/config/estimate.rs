@@ -185,7 +185,8 @@ pub(super) fn problems(
             problems.expect(above_0(value), key, "a number above 0", value);
         }
     }
-    problems.expect(markers.len() <= MARKERS_MAX, "marker", "at most 8 markers", markers.len());
+    let expected = format!("at most {MARKERS_MAX} markers");
+    problems.expect(markers.len() <= MARKERS_MAX, "marker", &expected, markers.len());
     for (at, marker) in markers.iter().enumerate() {
         let fits = marker.node.is_some() != marker.at_mm.is_some();
         let found = if marker.node.is_some() { "both" } else { "neither" };

@@ -7,7 +7,7 @@ use super::input::{self, InputSpecs, Measured, WithinSpec};
 use crate::problems::Problems;
 use crate::source::{Devices, InputNames, PaceSpec, Sensors, Source, SourceSpec, open_sensors, value_mut};
 use crate::valve::{self, ValveSpec};
-use control::held::{Description, MarkerSpec, Sigma, ValveLimits};
+use control::held::{ControlledActuator, MarkerSpec, Sigma, ValveLimits};
 use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -344,16 +344,16 @@ impl ActuatorSpec {
     }
 
     /// The part of it that concerns its controller.
-    pub fn controlled(&self) -> Description {
+    pub fn controlled(&self) -> ControlledActuator {
         let valve = |valve: &ValveSpec| {
             let ValveSpec { range_mpa, rate_mpa_per_s, force_max_n, .. } = *valve;
             ValveLimits { range_mpa, rate_mpa_per_s, force_max_n }
         };
-        Description {
+        ControlledActuator {
             name: self.name.clone(),
             control: self.control.clone(),
             valve: self.valve.as_ref().map(valve),
-            valves: self.valves.iter().map(|(name, of)| (name.clone(), valve(of))).collect(),
+            valves: self.valves.iter().map(|(name, spec)| (name.clone(), valve(spec))).collect(),
             sigma: Sigma { force_n: self.force_sigma_n() },
             inputs: self.given_inputs().map(|(name, value)| (name.to_owned(), value.into())).collect(),
             markers: self.markers.clone(),

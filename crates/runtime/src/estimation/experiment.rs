@@ -102,10 +102,10 @@ impl Experiment<'_> {
         if gaps_mm.iter().any(|gap| gap.is_nan()) {
             return Err(ExperimentError::NoGap);
         }
-        let at = |step: usize| low + (high - low) * step as f64 / (STEPS - 1) as f64;
-        let grid = gaps_mm
-            .iter()
-            .flat_map(|gap| (0..STEPS).map(move |step| base.with(PRESSURE, at(step)).with(GAP, *gap)));
+        let pressure_at = |step: usize| low + (high - low) * step as f64 / (STEPS - 1) as f64;
+        let grid = gaps_mm.iter().flat_map(|gap| {
+            (0..STEPS).map(move |step| base.with(PRESSURE, pressure_at(step)).with(GAP, *gap))
+        });
         let inside = grid.filter(|inputs| {
             evaluator.evaluate(*inputs, &mut evaluation);
             evaluation.domain != DomainStatus::Outside

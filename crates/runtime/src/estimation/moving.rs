@@ -5,7 +5,7 @@ use rom::evaluation::Evaluation;
 use rom::inertia::model_motion::ModelMotion;
 use rom::inertia::stepper::{MotionArrival, MotionStep, SavedMotion};
 use rom::inputs::{GAP, InputSpec, Inputs};
-use rom::memory::MemorySpec;
+use rom::memory::{InputMemory, MemorySpec};
 use rom::model::Model;
 use rom::session::Session;
 use rom::snapshots::RegimeKind;
@@ -13,18 +13,29 @@ use rom::snapshots::RegimeKind;
 /// Longest inner step, ns: its error is far below that of a reading.
 const STEP_NS: u64 = 2_000_000;
 
-/// Inputs of a model whose memory has an unknown past, with those that have one of the creep too.
-pub(super) fn remembering(model: &Model) -> Result<Vec<(usize, usize)>, String> {
-    let found = MemorySpec::of(model).map_err(|error| format!("model: {error}"))?;
-    let of = |of: &rom::memory::InputMemory| (of.input, 1 + usize::from(of.has_two_pasts()));
-    Ok(found.map_or_else(Vec::new, |spec| spec.inputs.iter().map(of).collect()))
+/// An input with a memory whose past the readings do not show.
+pub(super) struct RememberedInput {
+    /// Position in the model's inputs.
+    input: usize,
+    /// Unknowns of its past: one, and a second for the creep where that can differ from the rest.
+    unknowns: usize,
 }
 
-/// Unknowns of these pasts.
-pub(super) fn pasts(inputs: &[InputSpec], remembering: &[(usize, usize)]) -> Vec<Unknown> {
-    let of = |(input, count): &(usize, usize)| {
-        let name = inputs.get(*input).map_or(String::new(), |input| input.name.clone());
-        ["past", "creep_past"].into_iter().take(*count).map(move |kind| Unknown {
+/// The inputs of a model that need an unknown past.
+pub(super) fn remembered_inputs(model: &Model) -> Result<Vec<RememberedInput>, String> {
+    let spec = MemorySpec::of(model).map_err(|error| format!("model: {error}"))?;
+    let remembered = |memory: &InputMemory| RememberedInput {
+        input: memory.input,
+        unknowns: 1 + usize::from(memory.has_two_pasts()),
+    };
+    Ok(spec.map_or_else(Vec::new, |spec| spec.inputs.iter().map(remembered).collect()))
+}
+
+/// The unknown pasts, in the order of the inputs: -1 is the lowest that an input has been, 1 the highest.
+pub(super) fn unknown_pasts(inputs: &[InputSpec], remembered: &[RememberedInput]) -> Vec<Unknown> {
+    let unknowns = |past: &RememberedInput| {
+        let name = inputs.get(past.input).map_or(String::new(), |input| input.name.clone());
+        ["past", "creep_past"].into_iter().take(past.unknowns).map(move |kind| Unknown {
             name: format!("{name}_{kind}"),
             prior: 0.0,
             sigma: 1.0,
@@ -32,23 +43,37 @@ pub(super) fn pasts(inputs: &[InputSpec], remembering: &[(usize, usize)]) -> Vec
             range: [-1.0, 1.0],
         })
     };
-    remembering.iter().flat_map(of).collect()
+    remembered.iter().flat_map(unknowns).collect()
 }
 
-/// Positions of the pasts of an input in the unknowns, of which `before` come first.
-pub(super) fn places(input: usize, remembering: &[(usize, usize)], before: usize) -> [Option<usize>; PASTS] {
-    let mut at = before;
-    for (other, count) in remembering {
-        if *other == input {
-            return [Some(at), (*count > 1).then_some(at + 1)];
+/// Positions of an input's pasts among all unknowns, of which `before` come before the first past.
+pub(super) fn past_positions(
+    input: usize,
+    remembered: &[RememberedInput],
+    before: usize,
+) -> [Option<usize>; PASTS] {
+    let mut first = before;
+    for past in remembered {
+        if past.input == input {
+            return [Some(first), (past.unknowns > 1).then_some(first + 1)];
         }
-        at += count;
+        first += past.unknowns;
     }
     [None; PASTS]
 }
 
-/// Position of the inertial load in the inputs, unknowns of the swing, relative error of the frequency; `None` for a model without inertia.
-pub(super) fn swing(model: &Model) -> Result<Option<(usize, [Unknown; 2], f64)>, String> {
+/// What the estimation has to find of a swinging body.
+pub(super) struct UnknownSwing {
+    /// Position of the inertial load in the model's inputs.
+    pub(super) input: usize,
+    /// The load and its rate.
+    pub(super) unknowns: [Unknown; 2],
+    /// Relative error of the model's frequency.
+    pub(super) frequency_error: f64,
+}
+
+/// `None` for a model without inertia.
+pub(super) fn unknown_swing(model: &Model) -> Result<Option<UnknownSwing>, String> {
     let Some(mut motion) = ModelMotion::new(model).map_err(|error| format!("model: {error}"))? else {
         return Ok(None);
     };
@@ -66,7 +91,7 @@ pub(super) fn swing(model: &Model) -> Result<Option<(usize, [Unknown; 2], f64)>,
     let load = unknown("inertial_load_mm_s2", rest, load_sigma, [2.0 * low - high, 2.0 * high - low]);
     let end = rate_sigma * (high - low) / load_sigma;
     let rate = unknown("inertial_load_rate_mm_s3", 0.0, rate_sigma, [-4.0 * end, 4.0 * end]);
-    Ok(Some((input, [load, rate], frequency_error)))
+    Ok(Some(UnknownSwing { input, unknowns: [load, rate], frequency_error }))
 }
 
 /// Effect of an unknown past, in standard deviations of a reading, from which a reading after a gap is used again.
@@ -94,13 +119,20 @@ pub fn filter(session: &mut Session, setup: &Setup, readings: &mut [Measurement]
     }
 }
 
+/// An inertial load: its position in the inputs and its value while the body rests.
+#[derive(Debug, Clone, Copy)]
+struct RestingLoad {
+    input: usize,
+    rest: f64,
+}
+
 /// Motion of the body along the readings.
 #[derive(Debug, Clone)]
-pub(super) struct Body {
+pub(super) struct MovingBody {
     motion: ModelMotion,
-    /// Position and value at rest of the first inertial load, and of all.
-    load: (usize, f64),
-    loads: Vec<(usize, f64)>,
+    /// All inertial loads. The estimation finds the first; the further ones follow the motion.
+    loads: Vec<RestingLoad>,
+    first_load: RestingLoad,
     /// Instant from which steps begin.
     base: Option<SavedMotion>,
     begin_s: f64,
@@ -110,7 +142,7 @@ pub(super) struct Body {
     extra_n: Option<f64>,
 }
 
-impl Body {
+impl MovingBody {
     /// `None` for a model without inertia.
     pub(super) fn new(model: &Model) -> Result<Option<Self>, String> {
         let Some(mut motion) = ModelMotion::new(model).map_err(|error| format!("model: {error}"))? else {
@@ -118,10 +150,18 @@ impl Body {
         };
         let rest =
             |input: usize| model.header.inputs.get(input).and_then(|input| input.value).unwrap_or(f64::NAN);
-        let loads: Vec<(usize, f64)> =
-            motion.load_inputs().into_iter().map(|input| (input, rest(input))).collect();
-        let Some(load) = loads.first().copied() else { return Ok(None) };
-        Ok(Some(Self { motion, load, loads, base: None, begin_s: f64::NAN, moved: None, extra_n: None }))
+        let loads: Vec<RestingLoad> =
+            motion.load_inputs().into_iter().map(|input| RestingLoad { input, rest: rest(input) }).collect();
+        let Some(first_load) = loads.first().copied() else { return Ok(None) };
+        Ok(Some(Self {
+            motion,
+            loads,
+            first_load,
+            base: None,
+            begin_s: f64::NAN,
+            moved: None,
+            extra_n: None,
+        }))
     }
 
     /// Inputs with the further loads of the motion at its last step: they follow it.
@@ -129,7 +169,7 @@ impl Body {
         let Some(moved) = &self.moved else { return inputs };
         let further = self.loads.iter().skip(1);
         let value = |input: usize| moved.state.inputs.values().get(input).copied();
-        further.fold(inputs, |inputs, (input, rest)| inputs.with(*input, value(*input).unwrap_or(*rest)))
+        further.fold(inputs, |inputs, load| inputs.with(load.input, value(load.input).unwrap_or(load.rest)))
     }
 
     /// Amplitudes of the linear modes at the last step, where the regime is that of the motion.
@@ -167,7 +207,7 @@ impl Body {
 
     /// Inputs with the loads at rest.
     fn at_rest(&self, inputs: &[f64; MAX_INPUTS]) -> Inputs {
-        self.loads.iter().fold(Inputs::from(*inputs), |inputs, (input, rest)| inputs.with(*input, *rest))
+        self.loads.iter().fold(Inputs::from(*inputs), |inputs, load| inputs.with(load.input, load.rest))
     }
 
     pub(super) fn step(
@@ -180,7 +220,7 @@ impl Body {
         if !end.pressure_mpa().is_finite() || end.gap_mm().is_nan() {
             return None;
         }
-        let (base, load) = (self.base?, *from.inputs.get(self.load.0)?);
+        let (base, load) = (self.base?, *from.inputs.get(self.first_load.input)?);
         let (start, t_ns) = (self.at_rest(&from.inputs), self.ns(t_s));
         let stepper = self.motion.stepper();
         stepper.restore(&base);
@@ -198,12 +238,12 @@ impl Body {
         (!moved.at_rest).then_some(MotionEnd { load, rate, has_changed })
     }
 
-    pub(super) fn settle(&mut self, at: &MotionState, in_contact: bool) {
-        let inputs = self.at_rest(&at.inputs);
+    pub(super) fn settle(&mut self, state: &MotionState, in_contact: bool) {
+        let inputs = self.at_rest(&state.inputs);
         if self.base.is_none() {
-            self.begin_s = at.t_s;
+            self.begin_s = state.t_s;
         }
-        let t_ns = self.ns(at.t_s);
+        let t_ns = self.ns(state.t_s);
         let stepper = self.motion.stepper();
         let mut moved = match self.moved.filter(|_| stepper.last_ns() == Some(t_ns)) {
             Some(moved) => moved,
@@ -212,11 +252,11 @@ impl Body {
                 stepper.arrive(t_ns, &inputs, STEP_NS).moved
             }
         };
-        let load = at.inputs.get(self.load.0).copied().unwrap_or(self.load.1);
+        let load = state.inputs.get(self.first_load.input).copied().unwrap_or(self.first_load.rest);
         let can_touch = in_contact && inputs.gap_mm().is_finite();
         let regime = if can_touch { RegimeKind::Contact } else { RegimeKind::Free };
-        if let Some(state) = stepper.set(regime, &inputs, [load, at.rate]) {
-            moved.state = state;
+        if let Some(body_state) = stepper.set(regime, &inputs, [load, state.rate]) {
+            moved.state = body_state;
         }
         self.base = Some(stepper.keep());
         (self.moved, self.extra_n) = (Some(moved), None);

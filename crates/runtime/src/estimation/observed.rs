@@ -23,8 +23,11 @@ pub(super) struct Observed {
 ///
 /// # Errors
 /// Observables that the model does not have.
-pub(crate) fn measured_observables(spec: &ActuatorSpec, of: &Observables) -> Result<Vec<usize>, Vec<String>> {
-    let known: Vec<&str> = of.names().collect();
+pub(crate) fn measured_observables(
+    spec: &ActuatorSpec,
+    observables: &Observables,
+) -> Result<Vec<usize>, Vec<String>> {
+    let known: Vec<&str> = observables.names().collect();
     let (mut which, mut problems) = (Vec::new(), Vec::new());
     for name in spec.observables.keys() {
         match known.iter().position(|known| known == name) {
@@ -59,19 +62,22 @@ impl Observed {
     }
 
     /// The largest half-width of one along the ranges of the inputs.
-    pub(super) fn largest_halfwidth(&mut self, at: usize, model: &Model) -> f64 {
+    pub(super) fn largest_halfwidth(&mut self, observable: usize, model: &Model) -> f64 {
         let inputs = &model.header.inputs;
         let value = |spec: &InputSpec, part: f64| spec.range[0] + part * (spec.range[1] - spec.range[0]);
         let state = |part: f64| {
             let start = Inputs::new(f64::NAN, f64::INFINITY);
             let ranged =
                 inputs.iter().enumerate().filter(|(_, spec)| spec.range.iter().all(|end| end.is_finite()));
-            ranged.fold(start, |state, (at, spec)| state.with(at, value(spec, part)))
+            ranged.fold(start, |state, (observable, spec)| state.with(observable, value(spec, part)))
         };
         let mut largest = 0.0_f64;
         for part in [0.0, 0.25, 0.5, 0.75, 1.0] {
             self.evaluator.evaluate(state(part), &mut self.evaluation);
-            let width = self.which.get(at).map(|at| self.observables.value(*at, &self.evaluation).halfwidth);
+            let width = self
+                .which
+                .get(observable)
+                .map(|observable| self.observables.value(*observable, &self.evaluation).halfwidth);
             largest = largest.max(width.filter(|width| width.is_finite()).unwrap_or(0.0));
         }
         largest

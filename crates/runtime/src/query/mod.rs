@@ -119,7 +119,7 @@ impl Answerer {
                     (answer.uncertainty, answer.low, answer.high) = (uncertainty, low, high);
                 }
                 self.solver.evaluate(pressure_mpa, gap_mm);
-                self.describe(&mut answer);
+                self.write(&mut answer);
                 self.reconstruct(query, &mut answer, values);
             }
             Err(NoSolution { status, limit }) => (answer.status, answer.limit) = (status.code(), limit),
@@ -133,8 +133,8 @@ impl Answerer {
         let refuse = |status| NoSolution { status, limit: f64::NAN };
         let mut inputs = self.inputs;
         for (name, value) in query.parameters() {
-            let at = self.contents.position(name).filter(|at| *at >= PARAMETERS);
-            inputs = inputs.with(at.ok_or_else(|| refuse(QueryStatus::UnknownInput))?, value);
+            let position = self.contents.position(name).filter(|position| *position >= PARAMETERS);
+            inputs = inputs.with(position.ok_or_else(|| refuse(QueryStatus::UnknownInput))?, value);
             if !value.is_finite() {
                 return Err(refuse(QueryStatus::NotFinite));
             }
@@ -183,7 +183,8 @@ impl Answerer {
         }
     }
 
-    fn describe(&self, answer: &mut Answer) {
+    /// Writes the evaluation into the answer, or why there is none.
+    fn write(&self, answer: &mut Answer) {
         if !self.solver.is_known() {
             answer.status = QueryStatus::OutsideDomain.code();
             answer.limit = self.solver.gap_mm[1];

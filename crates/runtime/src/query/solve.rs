@@ -63,10 +63,10 @@ enum Line {
 }
 
 impl Line {
-    fn inputs(self, at: f64) -> Inputs {
+    fn inputs(self, free: f64) -> Inputs {
         match self {
-            Self::AtGap(gap_mm) => Inputs::new(at, gap_mm),
-            Self::AtPressure(pressure_mpa) => Inputs::new(pressure_mpa, at),
+            Self::AtGap(gap_mm) => Inputs::new(free, gap_mm),
+            Self::AtPressure(pressure_mpa) => Inputs::new(pressure_mpa, free),
         }
     }
 }
@@ -130,7 +130,7 @@ impl Solver {
             return Err(NoSolution::new(QueryStatus::OutsideDomain, self.nearest_gap_mm(gap_mm)));
         };
         let root = self.solve(line, sampled, force_n)?;
-        let found = self.at(line, root.at());
+        let found = self.evaluate_on(line, root.at());
         let uncertainty = found.halfwidths.force_n / found.force_by_pressure_n_per_mpa().abs();
         Ok(bounded(root, uncertainty, sampled))
     }
@@ -162,7 +162,7 @@ impl Solver {
             return Err(NoSolution::new(QueryStatus::NoContact, closed));
         }
         let root = self.solve(line, sampled, force_n)?;
-        let found = self.at(line, root.at());
+        let found = self.evaluate_on(line, root.at());
         let halfwidth_n = found.halfwidths.force_n.hypot(force_halfwidth_n);
         let uncertainty = halfwidth_n / found.force_by_gap_n_per_mm().abs();
         Ok(bounded(root, uncertainty, sampled))
@@ -217,25 +217,25 @@ impl Solver {
         with
     }
 
-    fn at(&mut self, line: Line, at: f64) -> &Evaluation {
-        self.evaluator.evaluate(line.inputs(at), &mut self.evaluation);
+    fn evaluate_on(&mut self, line: Line, free: f64) -> &Evaluation {
+        self.evaluator.evaluate(line.inputs(free), &mut self.evaluation);
         &self.evaluation
     }
 
-    fn force(&mut self, line: Line, at: f64) -> f64 {
-        self.evaluator.answer(line.inputs(at), Query::STATE, &mut self.evaluation);
+    fn force(&mut self, line: Line, free: f64) -> f64 {
+        self.evaluator.answer(line.inputs(free), Query::STATE, &mut self.evaluation);
         self.evaluation.contact_force_n
     }
 
     /// Distance to the sampled states in contact; infinite for a state without contact.
-    fn distance(&mut self, line: Line, at: f64) -> f64 {
-        self.evaluator.answer(line.inputs(at), Query::REGIME, &mut self.evaluation);
+    fn distance(&mut self, line: Line, free: f64) -> f64 {
+        self.evaluator.answer(line.inputs(free), Query::REGIME, &mut self.evaluation);
         let found = &self.evaluation;
         if found.regime == RegimeKind::Contact { found.domain_distance } else { f64::INFINITY }
     }
 
-    fn is_sampled(&mut self, line: Line, at: f64) -> bool {
-        self.distance(line, at).is_finite() && self.evaluation.domain == DomainStatus::Inside
+    fn is_sampled(&mut self, line: Line, free: f64) -> bool {
+        self.distance(line, free).is_finite() && self.evaluation.domain == DomainStatus::Inside
     }
 
     /// Part of a line between two places, in their order, inside the contact training range.
@@ -319,8 +319,8 @@ impl Root {
         self.0
     }
 
-    fn check(at: f64, value: f64, target: Target) -> Option<Self> {
-        ((value - target.value).abs() <= target.tolerance).then_some(Self(at))
+    fn check(place: f64, value: f64, target: Target) -> Option<Self> {
+        ((value - target.value).abs() <= target.tolerance).then_some(Self(place))
     }
 }
 
@@ -351,8 +351,8 @@ fn close_in(a: Sample, b: Sample, target: Target, f: &mut impl FnMut(f64) -> f64
         }
         let secant = a.0 + (b.0 - a.0) * (target.value - a.1) / (b.1 - a.1);
         let inside = secant > a.0.min(b.0) && secant < a.0.max(b.0);
-        let at = if step % 3 == 2 || !inside { middle } else { secant };
-        let sample = (at, f(at));
+        let next = if step % 3 == 2 || !inside { middle } else { secant };
+        let sample = (next, f(next));
         if !sample.1.is_finite() {
             return None;
         }

@@ -28,12 +28,12 @@ pub(crate) use reading::value_mut;
 pub use reading::{BridgeWaker, InputNames, Poll, Reading, SensorCounters, Source, SourceReader};
 pub use recorded::TraceError;
 pub use replay::ReplaySpec;
-pub use sensor::{Filter, FilterSpec, Quantity, ValueSpec, Values};
+pub use sensor::{Filter, FilterSpec, SensorQuantity, ValueSpec, Values};
 pub use serial::{ModbusPath, Parity, SerialSpec};
 pub use simulate::{Profile, SimulateSpec};
 pub use spec::{LinesSensor, ModbusSensor, PaceSpec, SensorSpec, Sensors, open as open_sensors};
 pub use stream::Cell;
-pub use trace::Trace;
+pub use trace::SensorTrace;
 pub use trace::in_another_unit;
 
 use serde::{Deserialize, Serialize};

@@ -136,8 +136,8 @@ impl InputNames {
     }
 
     /// Whether the value of a name may be missing.
-    pub(super) fn is_optional(&self, at: usize) -> bool {
-        at >= self.inputs
+    pub(super) fn is_optional(&self, input: usize) -> bool {
+        input >= self.inputs
     }
 
     /// Slot of a value by name. A named input precedes a value that every reading has: a model's `force_n` is a load, not the

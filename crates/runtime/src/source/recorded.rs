@@ -2,7 +2,7 @@
 
 use formats::{Diagnostic, file};
 use recording::message::decode_reading;
-use recording::{Item, Message, ReadItems, RunClock, Series, SeriesReader, Stamps};
+use recording::{Item, Message, ReadItems, RecordingFiles, RunClock, SeriesReader, Stamps};
 use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::Path;
@@ -15,7 +15,7 @@ const AHEAD_NS: i128 = 100_000_000;
 
 /// Whether the path is a recording: a file that begins as one does, or no file.
 pub(super) fn is_recording(path: &Path) -> Result<bool, TraceError> {
-    if path.is_dir() || (!path.exists() && Series::open(path).is_ok()) {
+    if path.is_dir() || (!path.exists() && RecordingFiles::open(path).is_ok()) {
         return Ok(true);
     }
     let mut head = Vec::new();
@@ -68,7 +68,7 @@ pub struct LeftOut {
 
 impl Rows {
     pub(super) fn open(path: &Path, topic: Option<&str>) -> Result<Self, TraceError> {
-        let series = Series::open(path).map_err(TraceError::unreadable)?;
+        let series = RecordingFiles::open(path).map_err(TraceError::unreadable)?;
         Ok(Self {
             reader: series.reader(),
             topic: topic.map(str::to_owned),

@@ -2,7 +2,7 @@
 
 use super::reading::{InputNames, Reading, Scheduled, Source};
 use super::recorded::{self, TraceError};
-use super::trace::{Survey, Trace};
+use super::trace::{SensorTrace, Survey};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use wire::SensorSample;
@@ -59,7 +59,9 @@ impl ReplaySpec {
         }
         let part = Part { from_s: self.from_s, to_s: self.to_s };
         let opened = match &self.log {
-            Some(log) => Trace::read_log(&path, &folder.join(log), inputs).map(|trace| Rows::of(trace, part)),
+            Some(log) => {
+                SensorTrace::read_log(&path, &folder.join(log), inputs).map(|trace| Rows::of(trace, part))
+            }
             None => Rows::open(&path, self.topic.as_deref(), part, inputs),
         };
         match opened {
@@ -180,8 +182,8 @@ enum Rows {
 
 impl Rows {
     /// The part of a trace in memory.
-    fn of(trace: Trace, part: Part) -> (Self, About) {
-        let Trace { mut rows, period_s, gaps } = trace;
+    fn of(trace: SensorTrace, part: Part) -> (Self, About) {
+        let SensorTrace { mut rows, period_s, gaps } = trace;
         let mut about = About { period_s, gaps, ..About::default() };
         rows.iter().for_each(|row| about.take(row, part));
         rows.retain(|row| part.contains(row));
@@ -198,7 +200,7 @@ impl Rows {
         let is_recording = recorded::is_recording(path).map_err(|error| vec![error])?;
         let mut about = About::default();
         if !is_recording {
-            return Ok(Self::of(Trace::read_named(path, None, inputs)?, part));
+            return Ok(Self::of(SensorTrace::read_named(path, None, inputs)?, part));
         }
         let mut survey = Survey::default();
         let mut rows = recorded::Rows::open(path, topic).map_err(|error| vec![error])?;

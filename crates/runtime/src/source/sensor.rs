@@ -17,7 +17,7 @@ use wire::now_ns;
 
 /// Kind of a measured quantity; each has a base unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Quantity {
+pub enum SensorQuantity {
     /// MPa.
     Pressure,
     /// mm.
@@ -26,12 +26,12 @@ pub enum Quantity {
     Force,
 }
 
-impl Quantity {
-    fn kind(self) -> unit::Quantity {
+impl SensorQuantity {
+    fn kind(self) -> unit::Dimension {
         match self {
-            Self::Pressure => unit::Quantity::Pressure,
-            Self::Gap => unit::Quantity::Length,
-            Self::Force => unit::Quantity::Force,
+            Self::Pressure => unit::Dimension::Pressure,
+            Self::Gap => unit::Dimension::Length,
+            Self::Force => unit::Dimension::Force,
         }
     }
 
@@ -87,23 +87,23 @@ fn one() -> f64 {
 }
 
 /// Quantity of a value of a reading; `None` for an input other than pressure, length or force.
-fn quantity(slot: usize, name: &str) -> Option<Quantity> {
+fn quantity(slot: usize, name: &str) -> Option<SensorQuantity> {
     match slot {
-        PRESSURE => Some(Quantity::Pressure),
-        FORCE => Some(Quantity::Force),
-        GAP | MARKERS..NAMED => Some(Quantity::Gap), // lengths
+        PRESSURE => Some(SensorQuantity::Pressure),
+        FORCE => Some(SensorQuantity::Force),
+        GAP | MARKERS..NAMED => Some(SensorQuantity::Gap), // lengths
         _ if name.contains("_per_") => None,
         _ => match name.rsplit_once('_')?.1 {
-            "mpa" => Some(Quantity::Pressure),
-            "mm" => Some(Quantity::Gap),
-            "n" => Some(Quantity::Force),
+            "mpa" => Some(SensorQuantity::Pressure),
+            "mm" => Some(SensorQuantity::Gap),
+            "n" => Some(SensorQuantity::Force),
             _ => None,
         },
     }
 }
 
 /// Size of `unit` in the unit of a value; `None` where it is no unit of it.
-fn factor(quantity: Option<Quantity>, unit: Option<&str>) -> Option<f64> {
+fn factor(quantity: Option<SensorQuantity>, unit: Option<&str>) -> Option<f64> {
     match (quantity, unit) {
         (Some(quantity), unit) => quantity.factor(unit),
         (None, None) => Some(1.0),

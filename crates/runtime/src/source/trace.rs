@@ -19,7 +19,7 @@ use wire::SensorSample;
 
 /// A trace in memory.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Trace {
+pub struct SensorTrace {
     /// Readings in order of their time in the trace; at least one.
     pub rows: Vec<SensorSample>,
     /// Median time between rows (of the first 65,537), s; 0 for a single row.
@@ -52,7 +52,7 @@ fn marker_columns() -> impl Iterator<Item = &'static str> {
     QUANTITIES.into_iter().skip(MARKERS)
 }
 
-impl Trace {
+impl SensorTrace {
     /// Reads and checks a file: CSV or a recording, recognised by its first bytes.
     ///
     /// # Errors
@@ -203,7 +203,7 @@ fn is_gap(step_s: f64, period_s: f64) -> bool {
 /// The column that is read, for one of the same quantity in another unit (`pressure_kpa`, `gap`): its values would be taken for
 /// absent or for a model's input.
 pub fn in_another_unit(column: &str) -> Option<&'static str> {
-    use unit::Quantity::{Force, Length, Pressure};
+    use unit::Dimension::{Force, Length, Pressure};
     let is_unit = |text: &str| {
         unit::unit(text).is_some_and(|(quantity, _)| matches!(quantity, Pressure | Length | Force))
     };

@@ -44,14 +44,15 @@ pub(super) struct Validator {
     boot_id: u64,
     last_seq: u64,
     last_t_sensor_ns: u64,
-    out_of_order: OutOfOrder,
+    /// Numbers that do not continue those of the last reading, but each other.
+    out_of_order: SequenceRun,
     /// Numbers dropped for their stamps since the last reading.
-    dropped: OutOfOrder,
+    dropped: SequenceRun,
 }
 
-/// Readings out of order that follow each other.
+/// Some sequence numbers since the last reading: the last of them, and how many.
 #[derive(Debug, Clone, Copy, Default)]
-struct OutOfOrder {
+struct SequenceRun {
     last_seq: u64,
     count: u64,
 }
@@ -75,8 +76,8 @@ impl Validator {
             boot_id: 0,
             last_seq: 0,
             last_t_sensor_ns: 0,
-            out_of_order: OutOfOrder::default(),
-            dropped: OutOfOrder::default(),
+            out_of_order: SequenceRun::default(),
+            dropped: SequenceRun::default(),
         }
     }
 
@@ -92,7 +93,7 @@ impl Validator {
             self.boot_id = sample.boot_id;
             self.last_seq = sample.seq.wrapping_sub(1); // what an earlier run sent is not missing from this one
             self.last_t_sensor_ns = 0;
-            (self.out_of_order, self.dropped) = (OutOfOrder::default(), OutOfOrder::default());
+            (self.out_of_order, self.dropped) = (SequenceRun::default(), SequenceRun::default());
         }
         let missed = match self.order(sample) {
             // What was dropped since the last one has arrived and is not missing.
@@ -106,7 +107,7 @@ impl Validator {
                 return SampleCheck { rejection: Some(outcome), missed: 0, restarted };
             }
         };
-        self.dropped = OutOfOrder::default();
+        self.dropped = SequenceRun::default();
         self.last_seq = sample.seq;
         let rejection = self.rejection(sample, now_ns);
         // A stamp from the future must not make all later readings look old, whatever else is wrong with its reading.
@@ -121,7 +122,7 @@ impl Validator {
         let step = sample.seq.wrapping_sub(self.last_seq);
         let is_new = self.dropped.count == 0 || step > self.dropped.last_seq.wrapping_sub(self.last_seq);
         if outcome == Outcome::DroppedBackInTime && (1..=MAX_JUMP).contains(&step) && is_new {
-            self.dropped = OutOfOrder { last_seq: sample.seq, count: self.dropped.count + 1 };
+            self.dropped = SequenceRun { last_seq: sample.seq, count: self.dropped.count + 1 };
         }
     }
 
@@ -133,7 +134,7 @@ impl Validator {
         } else if sample.t_sensor_ns < self.last_t_sensor_ns {
             return Err(Outcome::DroppedBackInTime);
         } else if step <= MAX_JUMP {
-            self.out_of_order = OutOfOrder::default();
+            self.out_of_order = SequenceRun::default();
             return Ok(step - 1);
         } else if sample.seq < self.last_seq {
             Outcome::DroppedBackInTime
@@ -143,11 +144,11 @@ impl Validator {
         let before = self.out_of_order;
         let follows = before.count > 0 && sample.seq == before.last_seq.wrapping_add(1);
         let count = if follows { before.count + 1 } else { 1 };
-        self.out_of_order = OutOfOrder { last_seq: sample.seq, count };
+        self.out_of_order = SequenceRun { last_seq: sample.seq, count };
         if count < NEW_ORDER {
             return Err(outcome);
         }
-        self.out_of_order = OutOfOrder::default();
+        self.out_of_order = SequenceRun::default();
         // A sequence that went back has lost nothing that can be counted.
         Ok(if outcome == Outcome::DroppedSequenceJump { step - NEW_ORDER } else { 0 })
     }

@@ -111,7 +111,7 @@ impl Twin {
             let due_ns = self.actuators.iter().map(ActuatorTwin::next_due_ns).min().unwrap_or(u64::MAX);
             let timeout = Duration::from_nanos(due_ns.saturating_sub(now_ns())).min(max_wait);
             if self.wait.wait(timeout).is_err() {
-                self.actuators.iter_mut().for_each(|of| of.record.failed(EventKind::WaitFailed));
+                self.actuators.iter_mut().for_each(|actuator| actuator.record.failed(EventKind::WaitFailed));
                 std::thread::sleep(max_wait); // a failing wait must not become a busy loop
             }
         }
@@ -193,6 +193,16 @@ struct Estimation {
     estimate: Estimate,
 }
 
+/// What the comparison of a reading's measured values with the model's answer came to.
+#[derive(Debug, Clone, Copy)]
+struct WatchedResiduals {
+    has_force_mismatch: bool,
+    has_marker_mismatch: bool,
+    has_observable_mismatch: bool,
+    /// Outputs of a learned model follow the markers.
+    is_following: bool,
+}
+
 impl ActuatorTwin {
     /// Becomes the twin of the actuator: opens its topics, reserves their memory.
     fn start(
@@ -226,7 +236,7 @@ impl ActuatorTwin {
         let parts = Parts::new(loaded);
         let mut state = State { boot_id, actuator, ..State::default() };
         let mut health = Health { boot_id, actuator, ..Health::default() };
-        parts.describe(&mut state, &mut health);
+        parts.write_names(&mut state, &mut health);
         let record = Record::new(number, health_writer, health, events);
         let last_good_ns = record.start_ns();
         let deadline = Deadline::new(limits.deadline_ms);
@@ -281,7 +291,7 @@ impl ActuatorTwin {
         retired.parts.push(std::mem::replace(&mut self.parts, Parts::new(loaded)));
         self.validator.set_needed(self.parts.needed.clone());
         self.waiting.reserve(self.parts.backlog.saturating_sub(self.waiting.len()));
-        self.parts.describe(&mut self.state, &mut self.record.health);
+        self.parts.write_names(&mut self.state, &mut self.record.health);
     }
 
     /// When this actuator must be served again at the latest.
@@ -432,7 +442,7 @@ impl ActuatorTwin {
     /// Steps 4 and 5: sends the state, which waits for no field, then reconstructs each field into its loan and sends it.
     /// Returns the outcome of the reading.
     fn publish(&mut self, sample: &SensorSample, taken_ns: u64) -> Outcome {
-        self.describe(sample, taken_ns);
+        self.finish_state(sample, taken_ns);
         let mut outcome = if self.send_state() { Outcome::Published } else { Outcome::DroppedNotSent };
         self.send_estimate(sample);
         for output in self.outputs.iter_mut().filter(|output| output.is_due(sample.t_sensor_ns)) {
@@ -464,17 +474,49 @@ impl ActuatorTwin {
         outcome
     }
 
-    /// Fills the state from the evaluation and the reading.
-    fn describe(&mut self, sample: &SensorSample, taken_ns: u64) {
-        let (evaluation, state) = (&mut self.evaluation, &mut self.state);
-        if let Some(Estimation { estimator, estimate, .. }) = &mut self.estimation {
-            estimate.force_sigma_n = estimator.force_sigma_n(evaluation);
-            let of_estimate_n = HALFWIDTH_SIGMAS * estimate.force_sigma_n;
-            evaluation.halfwidths.force_n = evaluation.halfwidths.force_n.hypot(of_estimate_n);
-            if evaluation.domain != DomainStatus::Inside {
-                estimate.force_sigma_n = f64::NAN;
-            }
+    /// Fills the state from the evaluation and the reading, and counts what it shows.
+    fn finish_state(&mut self, sample: &SensorSample, taken_ns: u64) {
+        self.widen_by_estimate();
+        let watched = self.watch_residuals(sample);
+        let (regime_before, flags_before) = (self.state.regime, self.record.health.flags);
+        self.fill_state(sample);
+        let is_late = taken_ns.saturating_sub(sample.t_sensor_ns) > ms_to_ns(self.limits.late_ms);
+        let estimation = self.estimation.as_ref();
+        let has_alarm =
+            estimation.is_some_and(|estimation| estimation.estimate.alarm != estimate_alarm::NONE);
+        for (bit, is_set) in [
+            (flags::FORCE_MEASURED, sample.measured_force_n.is_finite()),
+            (flags::FORCE_MISMATCH, watched.has_force_mismatch),
+            (flags::MARKER_MISMATCH, watched.has_marker_mismatch),
+            (flags::OBSERVABLE_MISMATCH, watched.has_observable_mismatch),
+            (flags::ESTIMATE_ALARM, has_alarm),
+            (flags::LATE, is_late),
+            (flags::MARKERS_FOLLOWED, watched.is_following),
+        ] {
+            self.state.flags |= if is_set { bit } else { 0 };
         }
+        self.record.health.late += u64::from(is_late);
+        self.record.alarms(flags_before, self.state.flags);
+        if regime_before != self.state.regime {
+            self.record.event(EventKind::Regime, self.state.regime.into());
+        }
+    }
+
+    /// Adds the errors of the estimated unknowns to the half-width of the force.
+    fn widen_by_estimate(&mut self) {
+        let Some(Estimation { estimator, estimate, .. }) = &mut self.estimation else { return };
+        let evaluation = &mut self.evaluation;
+        estimate.force_sigma_n = estimator.force_sigma_n(evaluation);
+        let of_estimate_n = HALFWIDTH_SIGMAS * estimate.force_sigma_n;
+        evaluation.halfwidths.force_n = evaluation.halfwidths.force_n.hypot(of_estimate_n);
+        if evaluation.domain != DomainStatus::Inside {
+            estimate.force_sigma_n = f64::NAN;
+        }
+    }
+
+    /// Compares what was measured with the model's answer. Residuals that stay widen the half-widths.
+    fn watch_residuals(&mut self, sample: &SensorSample) -> WatchedResiduals {
+        let evaluation = &mut self.evaluation;
         let bias_n = self.estimation.as_ref().map_or(0.0, |estimation| estimation.estimator.force_bias_n());
         let residual = Residual {
             t_sensor_ns: sample.t_sensor_ns,
@@ -484,43 +526,34 @@ impl ActuatorTwin {
         };
         let after_s = 1e-3 * self.limits.mismatch_ms;
         let force = self.force_watch.update(residual, after_s);
-        let Parts { markers, session, .. } = &mut self.parts;
+        let Parts { markers, session, observed, contents, .. } = &mut self.parts;
         let is_following = session.has_followed();
-        let markers = markers.as_mut().map(|of| of.update(sample, evaluation, session, after_s));
+        let markers = markers.as_mut().map(|watch| watch.update(sample, evaluation, session, after_s));
         let markers = markers.unwrap_or_default();
-        let of = &self.parts.contents.observables;
-        let observed = self.parts.observed.update(sample, evaluation, of, after_s);
+        let has_observable_mismatch = observed.update(sample, evaluation, &contents.observables, after_s);
         let halfwidths = &mut evaluation.halfwidths;
         halfwidths.force_n = halfwidths.force_n.hypot(force.contribution);
         halfwidths.displacement_mm = halfwidths.displacement_mm.hypot(markers.contribution);
-        let (regime_before, flags_before) = (state.regime, self.record.health.flags);
-        let Parts { contents, wanted, .. } = &self.parts;
-        publish::fill_state(state, evaluation, contents, *wanted);
-        self.parts.observed.widen(&mut state.observable_halfwidths);
+        WatchedResiduals {
+            has_force_mismatch: force.mismatch,
+            has_marker_mismatch: markers.mismatch,
+            has_observable_mismatch,
+            is_following,
+        }
+    }
+
+    /// Writes evaluation and reading into the state.
+    fn fill_state(&mut self, sample: &SensorSample) {
+        let state = &mut self.state;
+        let Parts { contents, wanted, observed, .. } = &self.parts;
+        publish::fill_state(state, &self.evaluation, contents, *wanted);
+        observed.widen(&mut state.observable_halfwidths);
         publish::fill_label(state, self.label);
         state.outcome = Outcome::Published.code();
         state.sensor_boot_id = sample.boot_id;
         state.sensor_seq = sample.seq;
         state.t_sensor_ns = sample.t_sensor_ns;
         state.measured_force_n = sample.measured_force_n;
-        let late = taken_ns.saturating_sub(sample.t_sensor_ns) > ms_to_ns(self.limits.late_ms);
-        let has_alarm = self.estimation.as_ref().is_some_and(|of| of.estimate.alarm != estimate_alarm::NONE);
-        for (bit, set) in [
-            (flags::FORCE_MEASURED, sample.measured_force_n.is_finite()),
-            (flags::FORCE_MISMATCH, force.mismatch),
-            (flags::MARKER_MISMATCH, markers.mismatch),
-            (flags::OBSERVABLE_MISMATCH, observed),
-            (flags::ESTIMATE_ALARM, has_alarm),
-            (flags::LATE, late),
-            (flags::MARKERS_FOLLOWED, is_following),
-        ] {
-            state.flags |= if set { bit } else { 0 };
-        }
-        self.record.health.late += u64::from(late);
-        self.record.alarms(flags_before, state.flags);
-        if regime_before != state.regime {
-            self.record.event(EventKind::Regime, state.regime.into());
-        }
     }
 
     /// Sends the present state with its age; a failure is counted.

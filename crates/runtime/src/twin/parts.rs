@@ -49,7 +49,7 @@ impl Parts {
     }
 
     /// Writes model and inputs into the state and the health.
-    pub fn describe(&self, state: &mut State, health: &mut Health) {
+    pub fn write_names(&self, state: &mut State, health: &mut Health) {
         (state.model_hash, health.model_hash) = (self.model_hash, self.model_hash);
         (state.input_count, state.input_names) = (self.contents.count, self.contents.names);
         state.input_sources = self.input_sources;

@@ -16,10 +16,10 @@ const MAX_REPLY: usize = 256;
 /// A device that takes pressures.
 pub(super) struct Device {
     runtime: Runtime,
-    kind: Kind,
+    kind: DeviceKind,
 }
 
-enum Kind {
+enum DeviceKind {
     /// With the number of the connection that knows the device's own time-out.
     Modbus(ModbusValve, ModbusConnection, u64),
     Lines(LinesValve, Option<Box<dyn Port>>),
@@ -38,9 +38,9 @@ impl Device {
     /// The system refuses what asynchronous input and output need.
     pub(super) fn new(spec: &ValveSpec, modbus: Option<ModbusConnection>) -> std::io::Result<Option<Self>> {
         let kind = match (&spec.modbus, modbus, &spec.lines, &spec.iio) {
-            (Some(spec), Some(connection), _, _) => Kind::Modbus(spec.clone(), connection, 0),
-            (_, _, Some(lines), _) => Kind::Lines(lines.clone(), None),
-            (_, _, _, Some(iio)) => Kind::Iio(iio.clone()),
+            (Some(spec), Some(connection), _, _) => DeviceKind::Modbus(spec.clone(), connection, 0),
+            (_, _, Some(lines), _) => DeviceKind::Lines(lines.clone(), None),
+            (_, _, _, Some(iio)) => DeviceKind::Iio(iio.clone()),
             _ => return Ok(None),
         };
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
@@ -55,13 +55,15 @@ impl Device {
     pub(super) fn write(&mut self, pressure_mpa: f64) -> Result<(), String> {
         let Self { runtime, kind } = self;
         match kind {
-            Kind::Modbus(spec, connection, number) => write_modbus(spec, connection, number, pressure_mpa),
-            Kind::Lines(spec, port) => {
+            DeviceKind::Modbus(spec, connection, number) => {
+                write_modbus(spec, connection, number, pressure_mpa)
+            }
+            DeviceKind::Lines(spec, port) => {
                 let limit = Duration::from_secs_f64(spec.timeout_ms * 1e-3);
                 let done = runtime.block_on(within(limit, write_line(spec, port, pressure_mpa)));
                 done.inspect_err(|_| *port = None)
             }
-            Kind::Iio(spec) => write_iio(spec, pressure_mpa),
+            DeviceKind::Iio(spec) => write_iio(spec, pressure_mpa),
         }
     }
 }

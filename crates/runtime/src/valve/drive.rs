@@ -233,7 +233,7 @@ impl Drive {
             self.governor.failed(sample.t_publish_ns);
             sample.failures += 1;
         }
-        let begins = |of: u32| u64::from(reason == of && before.0 != of);
+        let begins = |cause: u32| u64::from(reason == cause && before.0 != cause);
         sample.timeouts += begins(valve_reason::TIMEOUT);
         sample.interlocks += u64::from(decision.interlock & !before.1 != 0);
         counters.writes.store(sample.writes, Ordering::Relaxed);

@@ -1,7 +1,7 @@
 //! `[actuator.valve]` and `[actuator.valves.CAVITY]` of a scene: the device behind a setpoint, its limits, and what closes it.
 
 use crate::problems::Problems;
-use crate::source::{FilterSpec, ModbusPath, Quantity, RegisterAt, SerialSpec, ValueSpec};
+use crate::source::{FilterSpec, ModbusPath, RegisterAt, SensorQuantity, SerialSpec, ValueSpec};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -240,7 +240,7 @@ impl ModbusValve {
         let mut value = problems.part("value");
         self.value.from.problems(self.serial.is_some(), &mut value.part("from"));
         self.value.problems(&mut value);
-        Quantity::Pressure.check_unit(self.value.unit.as_deref(), &mut value);
+        SensorQuantity::Pressure.check_unit(self.value.unit.as_deref(), &mut value);
         let ValueSpec { points, filter, sigma, .. } = &self.value;
         if !points.is_empty() || *filter != FilterSpec::Off || sigma.is_some() {
             value.add("expected scale, offset and unit only, found points, filter or sigma");
@@ -257,7 +257,7 @@ impl ModbusValve {
     /// The registers of a pressure; `None` if it does not fit.
     pub fn registers(&self, pressure_mpa: f64) -> Option<Vec<u16>> {
         let ValueSpec { from, scale, offset, unit, .. } = &self.value;
-        let factor = Quantity::Pressure.factor(unit.as_deref())?;
+        let factor = SensorQuantity::Pressure.factor(unit.as_deref())?;
         from.encode((pressure_mpa / factor - offset) / scale)
     }
 }
@@ -270,12 +270,12 @@ impl LinesValve {
         let expected = r#"a line with {value} and its ending, such as "SP {value}\r\n""#;
         problems.expect(fits, "format", expected, format_args!("{:?}", self.format));
         problems.expect(self.decimals <= 9, "decimals", "0 to 9", self.decimals);
-        Quantity::Pressure.check_unit(self.unit.as_deref(), problems);
+        SensorQuantity::Pressure.check_unit(self.unit.as_deref(), problems);
     }
 
     /// The line for a pressure in MPa.
     pub fn line(&self, pressure_mpa: f64) -> String {
-        let factor = Quantity::Pressure.factor(self.unit.as_deref()).unwrap_or(f64::NAN);
+        let factor = SensorQuantity::Pressure.factor(self.unit.as_deref()).unwrap_or(f64::NAN);
         self.format.replace("{value}", &format!("{:.*}", self.decimals, pressure_mpa / factor))
     }
 }

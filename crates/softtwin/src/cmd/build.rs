@@ -55,7 +55,7 @@ impl Args {
     /// # Errors
     /// The actuator cannot be built or solved, with what to change; I/O errors.
     pub fn run(self) -> Result<()> {
-        let shown = Shown { json: self.json, doing: Doing::default(), bar: Mutex::new(None) };
+        let shown = BuildProgress { json: self.json, doing: Doing::default(), bar: Mutex::new(None) };
         let _heartbeat = shown.doing.heartbeat();
         let notify = |notice: BuildNotice<'_>| shown.take(notice);
         if self.folder.join("actuator.toml").is_file() {
@@ -164,13 +164,13 @@ fn imported_remark(report: &ImportedReport) -> String {
 }
 
 /// Progress for people: a line for each result, a bar while states are solved, a line now and then while something takes long.
-struct Shown {
+struct BuildProgress {
     json: bool,
     doing: Doing,
     bar: Mutex<Option<CaseBar>>,
 }
 
-impl Shown {
+impl BuildProgress {
     fn take(&self, notice: BuildNotice<'_>) {
         let mut bar = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
         match notice {

@@ -16,7 +16,7 @@ use rom::inputs::{InputSpec, PRESSURE};
 use runtime::config::Scene;
 use runtime::estimation::{self, SensorValues};
 use runtime::measured::MeasuredInputs;
-use runtime::source::Trace;
+use runtime::source::SensorTrace;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -91,8 +91,8 @@ impl Args {
         let (spec, setup) = (&unknowns.spec, &unknowns.setup);
         let names = spec.input_names();
         let trace = match &self.log {
-            Some(log) => Trace::read_log(recording, log, &names),
-            None => Trace::read_named(recording, self.topic.as_deref(), &names),
+            Some(log) => SensorTrace::read_log(recording, log, &names),
+            None => SensorTrace::read_named(recording, self.topic.as_deref(), &names),
         };
         let trace = trace.map_err(|errors| {
             let messages: Vec<String> = errors.iter().map(ToString::to_string).collect();

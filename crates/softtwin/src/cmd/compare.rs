@@ -3,14 +3,14 @@
 use crate::failure::{configuration, usage};
 use crate::picture::canvas::Canvas;
 use crate::picture::scene::Block;
-use crate::picture::skin::{Body, distances, marker_mm};
-use crate::picture::states::{DrawnState, Group, Look, Shown, View, draw};
+use crate::picture::skin::{DrawnBody, distances, marker_mm};
+use crate::picture::states::{DrawnState, Group, Look, ShownField, View, draw};
 use crate::picture::theme::ThemeName;
 use crate::picture::visible::visible_facets;
 use crate::picture::{Figure, Panel, Series as Line};
 use crate::{files, output, report};
 use anyhow::Context;
-use formats::log::{Recording, Series};
+use formats::log::{LogColumn, Recording};
 use formats::table::to_text;
 use rom::model::Model;
 use runtime::config::{BIASES, Scene};
@@ -121,21 +121,25 @@ fn body(model: &Model, bodies: Vec<RecordedBody>) -> anyhow::Result<Canvas> {
     let rest = model.undeformed_nodes_mm().unwrap_or_default();
     let (facets, size) = (visible_facets(&rest, model.facets()), marker_mm(&rest));
     let block = |at: &[f32; 3]| Block { min_mm: at.map(|v| v - size), max_mm: at.map(|v| v + size) };
-    let state = |of: RecordedBody| DrawnState {
+    let state = |recorded: RecordedBody| DrawnState {
         body: if facets.is_empty() {
-            Body::of_markers(&of.nodes_mm, &rest)
+            DrawnBody::of_markers(&recorded.nodes_mm, &rest)
         } else {
-            Body { values: distances(&of.nodes_mm, &rest), nodes_mm: of.nodes_mm, facets: facets.clone() }
+            DrawnBody {
+                values: distances(&recorded.nodes_mm, &rest),
+                nodes_mm: recorded.nodes_mm,
+                facets: facets.clone(),
+            }
         },
         plate: None,
-        blocks: of.markers_mm.iter().map(block).collect(),
+        blocks: recorded.markers_mm.iter().map(block).collect(),
         force_n: 0.0,
-        outside: of.is_outside,
-        title: format!("{:.2} s", of.time_s),
+        outside: recorded.is_outside,
+        title: format!("{:.2} s", recorded.time_s),
     };
     let group = Group { heading: String::new(), states: bodies.into_iter().map(state).collect() };
     let look = Look {
-        field: Shown::Displacement,
+        field: ShownField::Displacement,
         range: None,
         view: View::Oblique,
         theme: ThemeName::Light,
@@ -146,7 +150,7 @@ fn body(model: &Model, bodies: Vec<RecordedBody>) -> anyhow::Result<Canvas> {
 
 fn figure(
     recording: &Recording,
-    main: Option<&Series>,
+    main: Option<&LogColumn>,
     outputs: &[ComparedOutput],
     before: &[ComparedOutput],
 ) -> Figure {

@@ -3,7 +3,7 @@
 use crate::failure::usage;
 use crate::files::refusal;
 use crate::report;
-use formats::database::{Kind, Manifest, PACKED, obstacle_kinds, pack_sensitivities, read_snapshots};
+use formats::database::{Manifest, PACKED, StoredKind, obstacle_kinds, pack_sensitivities, read_snapshots};
 use formats::packed::{self, Snapshots, Stored};
 use formats::{file, npy};
 use serde::Serialize;
@@ -95,8 +95,8 @@ impl Args {
         file::replace(&self.out.join(&packed), &bytes)?;
         self.copy_rest(&manifest, &[])?;
         let share = |kind| match kind {
-            Kind::Coordinate | Kind::Magnitude => self.derivative_error,
-            Kind::Stress | Kind::Other => self.stress_derivative_error,
+            StoredKind::Coordinate | StoredKind::Magnitude => self.derivative_error,
+            StoredKind::Stress | StoredKind::Other => self.stress_derivative_error,
         };
         let derivatives = pack_sensitivities(&self.database, &self.out, &manifest, share)?;
         let array = manifest.sensitivities.as_deref().map(|name| (name, "sensitivities.pack"));
@@ -123,9 +123,9 @@ impl Args {
         let has_mesh = has_mesh && manifest.input.iter().all(|input| input.nominal.is_none());
         let leading = manifest.field.iter().map(|f| f.name.as_str()).take(3).eq(["x", "y", "z"]);
         let stored = |kind| match kind {
-            Kind::Magnitude if leading && has_mesh => Stored::Distance,
-            Kind::Coordinate | Kind::Magnitude => Stored::Steps(2.0 * self.length_error_mm),
-            Kind::Stress | Kind::Other => Stored::Steps(2.0 * self.stress_error_mpa),
+            StoredKind::Magnitude if leading && has_mesh => Stored::Distance,
+            StoredKind::Coordinate | StoredKind::Magnitude => Stored::Steps(2.0 * self.length_error_mm),
+            StoredKind::Stress | StoredKind::Other => Stored::Steps(2.0 * self.stress_error_mpa),
         };
         manifest.field.iter().map(|f| stored(f.kind)).collect()
     }

@@ -5,12 +5,12 @@ use crate::picture::camera::{cross, minus};
 
 #[test]
 fn mirrored_body_has_outward_normals() {
-    let body = Body {
+    let body = DrawnBody {
         nodes_mm: vec![[0.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 1.0, 0.0]],
         facets: vec![[0, 1, 2]],
         values: vec![1.0, 2.0, 3.0],
     };
-    let mut whole = Body::default();
+    let mut whole = DrawnBody::default();
     add(&mut whole, &body, &PlaceSpec::default());
     add(&mut whole, &body, &PlaceSpec { mirrored: true, offset_mm: [0.0, -70.0, 0.0] });
     assert_eq!(whole.nodes_mm[3], [0.0, -71.0, 0.0]);

@@ -1,11 +1,11 @@
 use super::*;
-use control::held::Description;
+use control::held::ControlledActuator;
 
 /// Without a gap a force has none to be held at; what moves freely needs none, and an option or an estimate replaces the sensor.
 #[test]
 fn unknown_gap_is_none_for_a_force_only() {
     let model = rom::model::Model::from_bytes(::tests::stage::model_bytes()).unwrap();
-    let held = |column| Held::new(&Description::default(), model.clone(), column).unwrap();
+    let held = |column| Held::new(&ControlledActuator::default(), model.clone(), column).unwrap();
     let (force, tip) = (held("force_n"), held("tip_y_mm"));
     let state = |gap_mm: f64| State { gap_mm, ..State::default() };
     assert_eq!(state_gap_mm(&state(f64::NAN), None, &force), None);

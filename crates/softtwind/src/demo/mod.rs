@@ -11,7 +11,7 @@ use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use watch::Watch;
+use watch::DemoWatch;
 use wire::{Bus, Domain};
 
 const EXAMPLES: &str = "\
@@ -69,7 +69,7 @@ impl Args {
             Daemon::softtwind("twin", &arguments(&scene, &name, "--model", self.model.as_deref()))?;
         twin.wait_ready(&stop)?;
         let page = self.view.then(|| self.page(&scene, &name)).transpose()?;
-        let mut watch = Watch::open(&bus, &actuator, !self.json)?;
+        let mut watch = DemoWatch::open(&bus, &actuator, !self.json)?;
         let mut arguments = arguments(&scene, &name, "--trace", self.trace.as_deref());
         if self.seconds.is_some() || self.view {
             arguments.push("--loop".into());
@@ -139,7 +139,7 @@ fn arguments(scene: &Path, domain: &str, option: &str, path: Option<&Path>) -> V
 
 /// Receives until the bridge has sent the whole trace, the time is over, a signal comes or a process dies; returns which.
 fn follow(
-    watch: &mut Watch,
+    watch: &mut DemoWatch,
     Programs { twin, bridge, page }: &mut Programs,
     limit: Option<Duration>,
     stop: &Arc<AtomicBool>,

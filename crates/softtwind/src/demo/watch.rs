@@ -16,7 +16,7 @@ const SILENCE: Duration = Duration::from_millis(300);
 
 /// Readers and what they have received.
 #[derive(Debug)]
-pub(super) struct Watch {
+pub(super) struct DemoWatch {
     fields: FieldReader,
     sensor: SensorReader,
     wake: WakeSet,
@@ -45,7 +45,7 @@ pub(super) struct Summary {
 
 const BUILD: &str = if cfg!(debug_assertions) { "dev" } else { "release" };
 
-impl Watch {
+impl DemoWatch {
     /// Subscribes. The twin must be running, the bridge not yet.
     pub(super) fn open(bus: &Bus, actuator: &str, live: bool) -> anyhow::Result<Self> {
         let fields = FieldReader::open(bus, &Topic::field(actuator, None)?)?;

@@ -122,11 +122,11 @@ impl Record {
 
     /// The best of all delays with a given rate of the valve; the times are fitted to each.
     fn scan(&self, rate: f64, step_s: f64) -> Option<Fit> {
-        let mut at = [0.0, FIRST_S.ln(), FIRST_S.ln(), rate];
+        let mut unknowns = [0.0, FIRST_S.ln(), FIRST_S.ln(), rate];
         let of_delay = |step: usize| {
-            at[DELAY] = step as f64 * step_s;
-            let fit = self.descend(self.fit(at), &[FILL, EMPTY]);
-            at = fit.unknowns;
+            unknowns[DELAY] = step as f64 * step_s;
+            let fit = self.descend(self.fit(unknowns), &[FILL, EMPTY]);
+            unknowns = fit.unknowns;
             fit
         };
         let fits = (0..=(MOST_DELAY_S / step_s) as usize).map(of_delay);
@@ -169,7 +169,7 @@ impl Record {
         let normal = Dense::from_fn(sought.len(), |row, column| sum(&slopes[row], &slopes[column]));
         let mut step: Vec<f64> = slopes.iter().map(|slope| -sum(slope, &at.residuals_mpa)).collect();
         normal.solve(&mut step, 1)?;
-        step.iter().all(|of| of.is_finite()).then_some(step)
+        step.iter().all(|change| change.is_finite()).then_some(step)
     }
 
     /// Half-width of each unknown's 90 % interval, by leaving out each part of the record once.
@@ -180,9 +180,9 @@ impl Record {
         let steps = steps?;
         let mut spread = [0.0; 4];
         for (column, unknown) in sought.iter().enumerate() {
-            let of = || steps.iter().map(|step| step[column]);
-            let middle = mean(of());
-            let squares: f64 = of().map(|step| (step - middle).powi(2)).sum();
+            let estimates = || steps.iter().map(|step| step[column]);
+            let middle = mean(estimates());
+            let squares: f64 = estimates().map(|step| (step - middle).powi(2)).sum();
             spread[*unknown] = STUDENT * (squares * (PARTS - 1) as f64 / PARTS as f64).sqrt();
         }
         Some(spread)

@@ -38,7 +38,7 @@ pub struct Actuation {
     pub remarks: Vec<String>,
 }
 
-/// Play operators.
+/// The play between gauge and quantity.
 #[derive(Debug, Clone, Serialize)]
 pub struct ActuationPlay {
     /// Operators of pressure, MPa.
@@ -52,7 +52,7 @@ pub struct ActuationPlay {
 /// A free swing.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Swing {
-    /// Frequency.
+    /// Frequency, Hz.
     pub hz: f64,
     /// Damping ratio.
     pub damping: f64,
@@ -106,11 +106,16 @@ pub fn identify_actuation(
     }
 }
 
-fn constants(of: &Identified, name: &str) -> Constants {
-    let blocks = of.blocks.iter().filter(|block| block.is_kept && block.block.name().ends_with(name));
+fn constants(identified: &Identified, name: &str) -> Constants {
+    let blocks = identified.blocks.iter().filter(|block| block.is_kept && block.block.name().ends_with(name));
     let constants = blocks.flat_map(|block| &block.constants);
     constants
-        .map(|of| (of.name, ConstantInterval { value: of.value, interval: of.interval, unit: of.unit }))
+        .map(|constant| {
+            (
+                constant.name,
+                ConstantInterval { value: constant.value, interval: constant.interval, unit: constant.unit },
+            )
+        })
         .collect()
 }
 
@@ -131,15 +136,15 @@ fn search<'a>(
         run.outputs[0].push(output(row));
     }
     let scale = range(&run.outputs[0]);
-    let of = identify(&[run], false, &[scale], None)?;
-    let memory = of.memory.as_ref()?.inputs.first()?.clone();
-    Some((memory, of))
+    let identified = identify(&[run], false, &[scale], None)?;
+    let memory = identified.memory.as_ref()?.inputs.first()?.clone();
+    Some((memory, identified))
 }
 
 /// The play between gauge and quantity: the ramp shows its width, the steps that it is no lag.
 fn play(rows: &[ActuationCycle]) -> Option<ActuationPlay> {
-    let (memory, of) = search(thinned(rows), |row| row.gauge_mpa, |row| row.measured)?;
-    let constants = constants(&of, "play");
+    let (memory, identified) = search(thinned(rows), |row| row.gauge_mpa, |row| row.measured)?;
+    let constants = constants(&identified, "play");
     (!memory.play.is_empty()).then_some(ActuationPlay { operators: memory.play, constants })
 }
 
@@ -204,11 +209,11 @@ fn squares(hold: &[[f64; 2]], hz: f64, damping: f64, length_s: f64) -> f64 {
     let mut normal = Dense::zeros(TERMS);
     let (mut right, mut all) = ([0.0; TERMS], 0.0);
     for [t_s, value] in hold {
-        let of = terms(*t_s);
+        let row_terms = terms(*t_s);
         for row in 0..TERMS {
-            right[row] += of[row] * value;
+            right[row] += row_terms[row] * value;
             for column in 0..TERMS {
-                normal[(row, column)] += of[row] * of[column];
+                normal[(row, column)] += row_terms[row] * row_terms[column];
             }
         }
         all += value * value;
@@ -222,11 +227,11 @@ fn squares(hold: &[[f64; 2]], hz: f64, damping: f64, length_s: f64) -> f64 {
 }
 
 /// Minimum of a function with one by the golden section.
-fn least(mut low: f64, mut high: f64, of: impl Fn(f64) -> f64) -> f64 {
+fn least(mut low: f64, mut high: f64, function: impl Fn(f64) -> f64) -> f64 {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     for _ in 0..24 {
         let [first, second] = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
-        if of(first) < of(second) { high = second } else { low = first }
+        if function(first) < function(second) { high = second } else { low = first }
     }
     0.5 * (low + high)
 }

@@ -77,7 +77,7 @@ fn map(
     drifts: Vec<Drift>,
 ) -> LearnedMap {
     let mut lags = Lags::default();
-    let base = LinearMap { lags: lags.places(&found.base.0), weights: flat(&found.base.1.weights) };
+    let base = LinearMap { lags: lags.places(&found.base.lags), weights: flat(&found.base.fit.weights) };
     let support = Support { lags: lags.places(&places.lags), ..places.support };
     let (mut polynomials, mut kernels, mut reservoirs) = (Vec::new(), Vec::<Kernels>::new(), Vec::new());
     for member in found.members {
@@ -91,8 +91,8 @@ fn map(
                     weights,
                 });
             }
-            MemberFeatures::Reservoir(of) => {
-                reservoirs.push(Reservoir { share: member.share, weights, ..of })
+            MemberFeatures::Reservoir(reservoir) => {
+                reservoirs.push(Reservoir { share: member.share, weights, ..reservoir })
             }
             MemberFeatures::Kernel { lags: own, centres, radius } => {
                 let places = lags.places(&own);
@@ -178,8 +178,8 @@ pub(super) fn model(
         _ => {}
     }
     Ok(Learned {
-        error_share: errors[1] / length(&reports, data),
-        memoryless_share: errors[0] / length(&reports, data),
+        error_share: errors.members / length(&reports, data),
+        memoryless_share: errors.without_lags / length(&reports, data),
         model,
         inputs: data.inputs.clone(),
         outputs: reports,
@@ -337,8 +337,8 @@ fn blocks(rows: &FittedRows, layout: &Layout) -> Result<Blocks, MeasuredError> {
     for axis in 0..3 {
         let found = layout.fields.iter().find(|(spec, _)| spec.kind == FieldKind::Coordinate(axis));
         let place = |node: usize| found.and_then(|(_, places)| places[node]);
-        let at = |node: usize| place(node).map_or(0.0, |output| rows.y[(rest, output)] as f32);
-        blocks.push((BlockKind::Undeformed(axis), BlockData::F32((0..nodes).map(at).collect())));
+        let value = |node: usize| place(node).map_or(0.0, |output| rows.y[(rest, output)] as f32);
+        blocks.push((BlockKind::Undeformed(axis), BlockData::F32((0..nodes).map(value).collect())));
     }
     Ok(blocks)
 }

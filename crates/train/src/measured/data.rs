@@ -1,6 +1,6 @@
 //! Measured runs, and what is learned from them.
 
-use formats::log::{Recording, Series};
+use formats::log::{LogColumn, Recording};
 use rom::inputs::Inputs;
 use rom::model::{Model, ModelFileError};
 use rom::snapshots::RegimeKind;
@@ -13,7 +13,7 @@ pub(super) const MIN_STATES: usize = 12;
 pub(super) const MOST_LEFT: f64 = 0.9;
 /// Radii tried for an offset, in units of the root of the number of inputs. Beyond its radius from the measured states an offset is exactly 0.
 pub(super) const REACHES: [f64; 3] = [0.2, 0.4, 0.8];
-/// Smoothings tried.
+/// Smoothings (`lambda`) that are tried.
 pub(super) const SMOOTHINGS: [f64; 6] = [1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0];
 
 /// States of a run and the values measured there, by output; a row without all inputs has no state.
@@ -25,6 +25,15 @@ pub struct MeasuredStates {
     pub outputs: Vec<Vec<f64>>,
 }
 
+/// Gap of a recording: a multiple of the median interval, at least some time.
+const GAP_INTERVALS: f64 = 20.0;
+const SHORTEST_GAP_S: f64 = 1.0;
+
+/// Longest time between two rows, s, that is a step and not a gap of the recording.
+pub(crate) fn max_gap_s(interval_s: f64) -> f64 {
+    (GAP_INTERVALS * interval_s).max(SHORTEST_GAP_S)
+}
+
 /// Measured inputs and outputs of one or several runs.
 #[derive(Clone, Debug, Default)]
 pub struct Measured {
@@ -32,7 +41,7 @@ pub struct Measured {
     pub inputs: Vec<String>,
     /// Names of the outputs, with units (`tip_x_mm`).
     pub outputs: Vec<String>,
-    /// Runs.
+    /// Each recording is a run: nothing is known of the time between two.
     pub runs: Vec<Run>,
 }
 
@@ -51,12 +60,15 @@ impl Measured {
     /// Recordings of one bench: the last one names inputs and outputs.
     #[must_use]
     pub fn of(recordings: Vec<Recording>) -> Self {
-        let names = |all: &[Series]| all.iter().map(|series| series.name.clone()).collect();
-        let values = |all: Vec<Series>| all.into_iter().map(|series| series.values).collect();
+        let names = |all: &[LogColumn]| all.iter().map(|series| series.name.clone()).collect();
+        let values = |all: Vec<LogColumn>| all.into_iter().map(|series| series.values).collect();
         let (inputs, outputs) =
             recordings.last().map(|last| (names(&last.inputs), names(&last.outputs))).unwrap_or_default();
-        let run =
-            |of: Recording| Run { time_s: of.time_s, inputs: values(of.inputs), outputs: values(of.outputs) };
+        let run = |recording: Recording| Run {
+            time_s: recording.time_s,
+            inputs: values(recording.inputs),
+            outputs: values(recording.outputs),
+        };
         Self { inputs, outputs, runs: recordings.into_iter().map(run).collect() }
     }
 }

@@ -1,13 +1,12 @@
-//! Measured differences of a finite-element model: of its leading modes (`modes.rs`), and of what they leave of observables and markers
-//! [`Correction`]s by ridge regression.
+//! What measurements add to a finite-element model. `modes.rs` corrects its leading modes; this file corrects what is then left of each
+//! observable and marker, by one ridge regression each ([`Correction`]).
 //!
 //! ```text
 //! offset(x) = sum_k w_k g(|x - c_k|),     w = argmin mean_i (r_i - offset(x_i))^2 + lambda |w|^2
 //! ```
 //!
 //! `r` is measured minus predicted with the modes' difference, `x` the inputs scaled as in the model, centres `c` the means of cells of the
-//! measured states. Segments of the
-//! runs that are left out choose `R` and `lambda`, and decide whether there is an offset at all.
+//! measured states. Segments of the runs that are left out choose `R` and `lambda`, and decide whether there is an offset at all.
 
 use super::data::{
     COVERAGE, MIN_STATES, MOST_LEFT, MeasuredError, MeasuredStates, REACHES, SMOOTHINGS, regime_name,
@@ -19,7 +18,7 @@ use rom::difference::terms;
 use rom::evaluator::Evaluator;
 use rom::inputs::{Inputs, Point};
 use rom::model::{BlockKind, Model, ModelError, ModelFileError};
-use rom::observable::{Correction, Definition, MAX_OBSERVABLES, ObservableKind, Observables, Place};
+use rom::observable::{Correction, Definition, MAX_OBSERVABLES, ObservableKind, Observables, PointSpec};
 use rom::snapshots::{RegimeKind, marker_axis};
 use rom::statistics::{mean, quantile};
 use serde::Serialize;
@@ -175,7 +174,7 @@ fn places(
         {
             let mut direction = [0.0; 3];
             direction[axis] = 1.0;
-            let (kind, points) = (ObservableKind::Position, vec![Place::Set(marker.to_owned())]);
+            let (kind, points) = (ObservableKind::Position, vec![PointSpec::Set(marker.to_owned())]);
             let definition = Definition { kind, points, axis: Some(direction) };
             let added = Observables::define(model, &BTreeMap::from([(name.clone(), definition)]));
             observables.append(added.map_err(|problems| ModelFileError::Header(problems.join("; ")))?);
@@ -255,11 +254,16 @@ impl Rows {
         Some(errors)
     }
 
-    fn weights(&self, terms: &[Vec<f64>], smoothing: f64, of: impl Fn(usize) -> bool) -> Option<Vec<f64>> {
+    fn weights(
+        &self,
+        terms: &[Vec<f64>],
+        smoothing: f64,
+        is_used: impl Fn(usize) -> bool,
+    ) -> Option<Vec<f64>> {
         let count = terms.first()?.len();
         let (mut system, mut right) = (Dense::zeros(count), vec![0.0; count]);
         let mut rows = 0.0;
-        for at in (0..terms.len()).filter(|at| of(*at)) {
+        for at in (0..terms.len()).filter(|at| is_used(*at)) {
             rows += 1.0;
             for (i, own) in terms[at].iter().enumerate() {
                 right[i] += own * self.r[at];

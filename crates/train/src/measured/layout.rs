@@ -25,8 +25,8 @@ impl Layout {
         }
         let mut fields = Vec::new();
         for (k, axis) in AXES.iter().enumerate() {
-            let at = |node: &String| outputs.iter().position(|name| marker_axis(name) == Some((node, k)));
-            let places: Vec<Option<usize>> = nodes.iter().map(at).collect();
+            let output = |node: &String| outputs.iter().position(|name| marker_axis(name) == Some((node, k)));
+            let places: Vec<Option<usize>> = nodes.iter().map(output).collect();
             if places.iter().any(Option::is_some) {
                 let kind = FieldKind::Coordinate(k as u8);
                 fields.push((FieldSpec { name: (*axis).into(), unit: "mm".into(), kind }, places));

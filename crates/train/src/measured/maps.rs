@@ -2,8 +2,7 @@
 //!
 //! Parts are six contiguous segments of one or two runs, or whole runs of several. If each run has its own value of an
 //! input (such as a load), leaving out a whole run would judge extrapolation; segments are then left out. Features are computed once over
-//! whole runs; only rows are left out, so that one Gram matrix per part gives all
-//! left-out fits.
+//! whole runs; only rows are left out, so that one Gram matrix per part gives all left-out fits.
 //!
 //! 1. A lag common to all inputs, or none, is chosen by a quadratic map; the best [`SETS`] are kept.
 //! 2. To each, a lag of one input with a time of its own is added if it lowers the left-out error by [`GAIN`]: of inputs of
@@ -13,15 +12,14 @@
 //!
 //! Where successive rows have nothing in common (settled states, dealt in any order), inputs have no lags and there is no reservoir.
 
-use super::data::{MIN_ROWS, Measured, MeasuredError, Run, scales};
-use crate::memory::max_gap_s;
+use super::data::{MIN_ROWS, Measured, MeasuredError, Run, max_gap_s, scales};
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use rom::inputs::{Inputs, PARAMETERS};
 use rom::learned::{Lag, LearnedMap, LinearMap, MapInput, Reservoir, Support};
 use rom::memory::Line;
 use rom::rng::Rng;
-use rom::statistics::{mean, median};
+use rom::statistics::{farthest_points, mean, median};
 use std::ops::Range;
 
 /// Rows beyond which only every n-th is used.
@@ -56,6 +54,8 @@ const POWER: i32 = -8;
 const LEAST_SHARE: f64 = 0.01;
 /// Most centres of a kernel map.
 const CENTRES: usize = 160;
+/// Square distance, in standardised units, up to which two rows are one centre.
+const SAME_CENTRE: f64 = 1e-12;
 /// Radii that are tried for kernels, in units of the root of the number of lags.
 const RADII: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 /// Neurons of a reservoir.
@@ -85,7 +85,7 @@ pub(super) struct FittedRows {
     pub runs: Vec<DrivenRun>,
     /// Run and row of those that are fitted, in order.
     pub fitted: Vec<(usize, usize)>,
-    /// Outputs there.
+    /// Outputs at the fitted rows.
     pub y: Mat<f64>,
     /// Outputs of all rows that have them, by row, with their run.
     pub measured: Vec<(usize, Vec<f64>)>,
@@ -118,16 +118,16 @@ pub(super) fn positions(names: &[String]) -> Vec<usize> {
 }
 
 /// The values of an input, run by run.
-fn values(runs: &[DrivenRun], at: usize) -> impl Iterator<Item = impl Iterator<Item = f64>> {
-    runs.iter().map(move |run| run.inputs.iter().map(move |row| row.values()[at]))
+fn values(runs: &[DrivenRun], input: usize) -> impl Iterator<Item = impl Iterator<Item = f64>> {
+    runs.iter().map(move |run| run.inputs.iter().map(move |row| row.values()[input]))
 }
 
-fn map_input(runs: &[DrivenRun], at: usize) -> MapInput {
-    let all = || values(runs, at).flatten();
+fn map_input(runs: &[DrivenRun], input: usize) -> MapInput {
+    let all = || values(runs, input).flatten();
     let centre = mean(all());
     let deviation = mean(all().map(|v| (v - centre).powi(2))).sqrt().max(f64::MIN_POSITIVE);
     let range = rom::statistics::range(all()) / deviation;
-    MapInput { input: at as u32, mean: centre, deviation, range }
+    MapInput { input: input as u32, mean: centre, deviation, range }
 }
 
 /// Half the mean square step of an input over its variance: 1 where successive rows have nothing in common.
@@ -405,14 +405,14 @@ impl<'a> LagColumns<'a> {
 pub(super) fn polynomial(x: &Mat<f64>, degree: u32) -> Mat<f64> {
     let mut features = Mat::zeros(x.nrows(), rom::learned::polynomial_terms(x.ncols(), degree));
     for row in 0..x.nrows() {
-        let mut at = 0;
+        let mut column = 0;
         rom::learned::polynomial(
             x.ncols(),
             degree,
             |j| x[(row, j)],
             |term| {
-                features[(row, at)] = term;
-                at += 1;
+                features[(row, column)] = term;
+                column += 1;
             },
         );
     }
@@ -425,22 +425,15 @@ fn square(x: &Mat<f64>, row: usize, centre: &[f64]) -> f64 {
 
 /// Rows spread over all: the one nearest to the mean, then each time the one farthest from those before it.
 fn centres(x: &Mat<f64>) -> Vec<Vec<f64>> {
-    let row_values = |row: usize| -> Vec<f64> { x.row(row).iter().copied().collect() };
     let middle: Vec<f64> = (0..x.ncols()).map(|j| mean(x.col(j).iter().copied())).collect();
     let rows = || 0..x.nrows();
     let Some(first) = rows().min_by(|a, b| square(x, *a, &middle).total_cmp(&square(x, *b, &middle))) else {
         return Vec::new();
     };
-    let mut found = vec![row_values(first)];
-    let mut nearest: Vec<f64> = rows().map(|row| square(x, row, &found[0])).collect();
-    while found.len() < CENTRES {
-        let farthest = rows().rev().max_by(|a, b| nearest[*a].total_cmp(&nearest[*b]));
-        let Some(next) = farthest.filter(|row| nearest[*row] > 1e-12) else { break };
-        found.push(row_values(next));
-        let newest = &found[found.len() - 1];
-        nearest.iter_mut().enumerate().for_each(|(row, d)| *d = d.min(square(x, row, newest)));
-    }
-    found
+    let distance =
+        |a: usize, b: usize| -> f64 { (0..x.ncols()).map(|j| (x[(a, j)] - x[(b, j)]).powi(2)).sum() };
+    let spread = farthest_points(x.nrows(), first, CENTRES, SAME_CENTRE, distance);
+    spread.into_iter().map(|row| x.row(row).iter().copied().collect()).collect()
 }
 
 fn kernel_features(x: &Mat<f64>, squares: &Mat<f64>, radius: f64) -> Mat<f64> {
@@ -475,11 +468,31 @@ pub(super) struct ChosenMaps {
     pub fitted: Mat<f64>,
     /// The same with whole runs left out ([`FittedRows::far_parts`]).
     pub far: Mat<f64>,
-    /// The best common lags, and those of the base with its fit.
+    /// The best lags that are common to all inputs.
     pub common: Vec<Lag>,
-    pub base: (Vec<Lag>, Ridge),
-    /// Left-out errors in units: linear without lags, and of the members together.
-    pub errors: [f64; 2],
+    pub base: LinearBase,
+    pub errors: LeftOutErrors,
+}
+
+/// The linear map that answers alone far from the training.
+pub(super) struct LinearBase {
+    pub lags: Vec<Lag>,
+    pub fit: Ridge,
+}
+
+/// Left-out errors in units.
+#[derive(Clone, Copy)]
+pub(super) struct LeftOutErrors {
+    /// Of a linear map without lags.
+    pub without_lags: f64,
+    /// Of the members together.
+    pub members: f64,
+}
+
+/// Lags with the left-out error of a map of them.
+struct ScoredLags {
+    error: f64,
+    lags: Vec<Lag>,
 }
 
 /// Chooses lags and maps. Cost `O(rows features^2)` for each of some 60 maps.
@@ -495,20 +508,21 @@ pub(super) fn search(rows: &FittedRows, filtered: &mut LagColumns<'_>) -> Option
     let mut linear =
         |lags: &[Lag], smoothings: &[f64]| rows.ridge(&polynomial(&filtered.columns(lags), 1), smoothings);
     let mut bases = Vec::new();
-    for (_, lags) in &common {
-        bases.extend(linear(lags, &SMOOTHINGS).map(|fit| (fit.error, lags.clone())));
+    for ScoredLags { lags, .. } in &common {
+        bases
+            .extend(linear(lags, &SMOOTHINGS).map(|fit| ScoredLags { error: fit.error, lags: lags.clone() }));
     }
-    let (_, lags) = bases.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let base = linear(&lags, &[BASE_SMOOTHING])?;
-    let without = linear(&same_lag(rows, None), &SMOOTHINGS)?.error;
+    let ScoredLags { lags, .. } = bases.into_iter().min_by(|a, b| a.error.total_cmp(&b.error))?;
+    let fit = linear(&lags, &[BASE_SMOOTHING])?;
+    let without_lags = linear(&same_lag(rows, None), &SMOOTHINGS)?.error;
     Some(ChosenMaps {
-        errors: [without, rows.size(&left_out)],
+        errors: LeftOutErrors { without_lags, members: rows.size(&left_out) },
         members,
         left_out,
         fitted,
         far,
-        common: common.swap_remove(0).1,
-        base: (lags, base),
+        common: common.swap_remove(0).lags,
+        base: LinearBase { lags, fit },
     })
 }
 
@@ -522,18 +536,18 @@ fn sorted(
     rows: &FittedRows,
     filtered: &mut LagColumns<'_>,
     sets: impl Iterator<Item = Vec<Lag>>,
-) -> Vec<(f64, Vec<Lag>)> {
+) -> Vec<ScoredLags> {
     let mut error = |lags: &[Lag]| {
         let fit = rows.ridge(&polynomial(&filtered.columns(lags), 2), &[QUICK]);
         fit.map_or(f64::INFINITY, |fit| fit.error)
     };
-    let mut found: Vec<(f64, Vec<Lag>)> = sets.map(|set| (error(&set), set)).collect();
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut found: Vec<ScoredLags> = sets.map(|lags| ScoredLags { error: error(&lags), lags }).collect();
+    found.sort_by(|a, b| a.error.total_cmp(&b.error));
     found
 }
 
 /// Step 1: the best lags that are common to all inputs.
-fn common_lags(rows: &FittedRows, filtered: &mut LagColumns<'_>, times: &[f64]) -> Vec<(f64, Vec<Lag>)> {
+fn common_lags(rows: &FittedRows, filtered: &mut LagColumns<'_>, times: &[f64]) -> Vec<ScoredLags> {
     let asymmetric =
         |time: &f64| RATIOS.map(|q| Some(Line { fill_s: time * q.sqrt(), empty_s: time / q.sqrt() }));
     let times = if rows.are_dealt { &[] } else { times };
@@ -548,7 +562,7 @@ fn lag_sets(
     rows: &FittedRows,
     filtered: &mut LagColumns<'_>,
     times: &[f64],
-    common: &[(f64, Vec<Lag>)],
+    common: &[ScoredLags],
 ) -> Vec<Vec<Lag>> {
     let mut further_lines: Vec<Option<Line>> = vec![None];
     if !rows.are_dealt {
@@ -558,14 +572,14 @@ fn lag_sets(
         further_lines.extend(further.map(|time| Some(Line { fill_s: *time, empty_s: *time })));
     }
     let mut sets: Vec<Vec<Lag>> = Vec::new();
-    for (error, lags) in common {
+    for ScoredLags { error, lags } in common {
         sets.push(lags.clone());
         let of_input = |input: u32| further_lines.iter().map(move |line| Lag { input, line: *line });
         let further = (0..rows.inputs.len() as u32).flat_map(of_input).filter(|lag| !lags.contains(lag));
         let extended = |lag: Lag| lags.iter().copied().chain([lag]).collect();
         let found = sorted(rows, filtered, further.map(extended));
-        if found.first().is_some_and(|best| best.0 <= (1.0 - GAIN) * error) {
-            sets.extend(found.into_iter().take(3).map(|(_, set)| set));
+        if found.first().is_some_and(|best| best.error <= (1.0 - GAIN) * error) {
+            sets.extend(found.into_iter().take(3).map(|found| found.lags));
         }
     }
     sets
@@ -610,8 +624,9 @@ fn ensemble(rows: &FittedRows, mut families: Vec<Vec<Member>>) -> Option<(Vec<Me
     for family in &mut families {
         family.sort_by(|a, b| a.fit.error.total_cmp(&b.fit.error));
         family.truncate(MEMBERS);
-        let sum =
-            family.iter().fold(Mat::zeros(rows.y.nrows(), rows.outputs()), |sum, of| sum + &of.fit.left_out);
+        let sum = family
+            .iter()
+            .fold(Mat::zeros(rows.y.nrows(), rows.outputs()), |sum, member| sum + &member.fit.left_out);
         let mean = sum * faer::Scale(1.0 / family.len() as f64);
         weights.push(rows.size(&mean).max(1e-9));
     }
@@ -628,7 +643,7 @@ fn ensemble(rows: &FittedRows, mut families: Vec<Vec<Member>>) -> Option<(Vec<Me
     members.iter_mut().for_each(|member| member.share /= all);
     let together = |predicted: fn(&Ridge) -> &Mat<f64>| {
         let parts = members.iter().map(|member| predicted(&member.fit) * faer::Scale(member.share));
-        parts.reduce(|sum, of| sum + of)
+        parts.reduce(|sum, part| sum + part)
     };
     let predicted = [together(|fit| &fit.left_out)?, together(|fit| &fit.fitted)?, together(|fit| &fit.far)?];
     Some((members, predicted))

@@ -20,6 +20,7 @@ pub use modes::ModesDifference;
 pub use motion::select;
 
 use data::MIN_EXPLAINED;
+pub(crate) use data::max_gap_s;
 use maps::{FittedRows, LagColumns, search};
 pub(crate) use segments::{directions, turns};
 

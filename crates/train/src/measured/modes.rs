@@ -260,9 +260,9 @@ impl ModeRows {
     }
 
     /// Change of a value by these weights.
-    fn change(&self, at: usize, terms: &[(usize, f64)], u: &[f64], modes: usize) -> f64 {
+    fn change(&self, row: usize, terms: &[(usize, f64)], u: &[f64], modes: usize) -> f64 {
         let contribution = |(k, g): &(usize, f64)| {
-            g * u[k * modes..][..modes].iter().zip(&self.by[at]).map(|(u, by)| u * by).sum::<f64>()
+            g * u[k * modes..][..modes].iter().zip(&self.by[row]).map(|(u, by)| u * by).sum::<f64>()
         };
         terms.iter().map(contribution).sum()
     }
@@ -304,7 +304,8 @@ impl ModeRows {
 /// Weights from all parts but one.
 fn weights(systems: &[NormalEquations], without: Option<usize>, smoothing: f64) -> Option<Vec<f64>> {
     let mut right = vec![0.0; systems.first()?.right.len()];
-    let used = || systems.iter().enumerate().filter(|(part, _)| Some(*part) != without).map(|(_, of)| of);
+    let used =
+        || systems.iter().enumerate().filter(|(part, _)| Some(*part) != without).map(|(_, system)| system);
     used().for_each(|system| right.iter_mut().zip(&system.right).for_each(|(sum, part)| *sum += part));
     let n = right.len();
     let ridge = smoothing * used().map(|system| system.weight).sum::<f64>().max(f64::MIN_POSITIVE);

@@ -44,10 +44,10 @@ pub fn select(data: &Measured, remarks: &mut Vec<String>) -> Result<Measured, Me
 }
 
 /// Finite values of each run, by column.
-fn columns(data: &Measured, of: impl Fn(&Run) -> &Vec<Vec<f64>>) -> Vec<Vec<Vec<f64>>> {
-    let count = data.runs.first().map_or(0, |run| of(run).len());
+fn columns(data: &Measured, columns_of: impl Fn(&Run) -> &Vec<Vec<f64>>) -> Vec<Vec<Vec<f64>>> {
+    let count = data.runs.first().map_or(0, |run| columns_of(run).len());
     let finite = |values: &Vec<f64>| values.iter().copied().filter(|v| v.is_finite()).collect();
-    (0..count).map(|at| data.runs.iter().map(|run| finite(&of(run)[at])).collect()).collect()
+    (0..count).map(|at| data.runs.iter().map(|run| finite(&columns_of(run)[at])).collect()).collect()
 }
 
 fn moving(

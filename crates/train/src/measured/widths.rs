@@ -11,7 +11,7 @@
 
 use super::data::COVERAGE;
 use super::maps::{
-    BASE_SMOOTHING, ChosenMaps, FittedRows, LagColumns, Member, Ridge, polynomial, solve, times,
+    BASE_SMOOTHING, ChosenMaps, FittedRows, LagColumns, LinearBase, Member, Ridge, polynomial, solve, times,
 };
 use faer::Mat;
 use rom::halfwidths::HALFWIDTH_SIGMAS;
@@ -148,7 +148,7 @@ pub(super) fn widths(
             };
             (PRIOR_RUNS * prior * prior + runs * variance) / (PRIOR_RUNS + runs)
         };
-        let (lags, base) = &found.base;
+        let LinearBase { lags, fit: base } = &found.base;
         let slopes = lags
             .iter()
             .enumerate()
@@ -176,7 +176,7 @@ pub(super) fn widths(
 
 /// Error of the base on left-out parts that nine of ten rows stay below.
 fn base_error(rows: &FittedRows, found: &ChosenMaps, output: usize) -> f64 {
-    let errors = rows.y.col(output).iter().zip(found.base.1.left_out.col(output).iter());
+    let errors = rows.y.col(output).iter().zip(found.base.fit.left_out.col(output).iter());
     quantile(errors.map(|(y, predicted)| (predicted - y).abs()), COVERAGE)
 }
 
@@ -253,7 +253,7 @@ fn growths(
     base_errors: &[f64],
     filtered: &mut LagColumns<'_>,
 ) -> Vec<f64> {
-    let x = filtered.columns(&found.base.0);
+    let x = filtered.columns(&found.base.lags);
     let z = filtered.columns(&places.lags);
     let features = polynomial(&x, 1);
     let mut growths: Option<Vec<f64>> = None;

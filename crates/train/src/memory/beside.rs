@@ -198,16 +198,21 @@ fn terms(
         // Where the model has no prediction, the row tells nothing.
         scaled.map(|v| if v.is_finite() { v } else { 0.0 }).collect()
     };
-    let at = predict(estimates);
+    let estimated = predict(estimates);
     let by_unknown = setup.unknowns.iter().enumerate().map(|(k, unknown)| {
         let mut moved = estimates.to_vec();
         let step = STEP_SIGMAS * unknown.sigma;
         moved[k] += if moved[k] + step > unknown.range[1] { -step } else { step };
         let there = predict(&moved);
-        there.iter().zip(&at).map(|(there, at)| (there - at) / STEP_SIGMAS).collect::<Vec<f64>>()
+        there
+            .iter()
+            .zip(&estimated)
+            .map(|(there, estimated)| (there - estimated) / STEP_SIGMAS)
+            .collect::<Vec<f64>>()
     });
     let by_unknown: Vec<Vec<f64>> = by_unknown.collect();
-    let of_row = |row: usize| [1.0, at[row]].into_iter().chain(by_unknown.iter().map(move |by| by[row]));
+    let of_row =
+        |row: usize| [1.0, estimated[row]].into_iter().chain(by_unknown.iter().map(move |by| by[row]));
     (0..rows.len()).flat_map(of_row).collect()
 }
 

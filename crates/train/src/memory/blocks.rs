@@ -128,12 +128,12 @@ pub(super) fn spec(blocks: &[Block], unknowns: &[f64], ranges: &[[f64; 2]], max_
     let inputs = ranges.iter().enumerate().map(|(input, range)| {
         let (play, creep, slopes) = (Vec::new(), Vec::new(), Slopes::default());
         let (line, orifice) = (None, None);
-        let mut of = InputMemory { input, range: *range, line, orifice, play, creep, slopes };
+        let mut memory = InputMemory { input, range: *range, line, orifice, play, creep, slopes };
         for (block, u) in blocks.iter().zip(unknowns.chunks_exact(2)) {
             match block {
-                Block::Line => of.line = Some(Line { fill_s: u[0].exp(), empty_s: u[1].exp() }),
+                Block::Line => memory.line = Some(Line { fill_s: u[0].exp(), empty_s: u[1].exp() }),
                 Block::Orifice => {
-                    of.orifice = Some(Orifice { time_s: u[0].exp(), critical_ratio: u[1] });
+                    memory.orifice = Some(Orifice { time_s: u[0].exp(), critical_ratio: u[1] });
                 }
                 Block::Play => {
                     let largest = u[0].exp() * (range[1] - range[0]);
@@ -141,19 +141,21 @@ pub(super) fn spec(blocks: &[Block], unknowns: &[f64], ranges: &[[f64; 2]], max_
                         threshold: largest * k as f64 / PLAYS as f64,
                         weight: u[1] / PLAYS as f64,
                     };
-                    of.play = (1..=PLAYS).map(play).collect();
+                    memory.play = (1..=PLAYS).map(play).collect();
                 }
                 Block::SinglePlay => {
-                    of.play = vec![Play { threshold: u[0].exp() * (range[1] - range[0]), weight: u[1] }];
+                    memory.play = vec![Play { threshold: u[0].exp() * (range[1] - range[0]), weight: u[1] }];
                 }
-                Block::SecondLag | Block::Creep => of.creep.push(Creep { time_s: u[0].exp(), weight: u[1] }),
+                Block::SecondLag | Block::Creep => {
+                    memory.creep.push(Creep { time_s: u[0].exp(), weight: u[1] })
+                }
             }
         }
         // The second lag has what the creep leaves.
-        if let [lag, creep] = &mut of.creep[..] {
+        if let [lag, creep] = &mut memory.creep[..] {
             lag.weight *= 1.0 - creep.weight;
         }
-        of
+        memory
     });
     MemorySpec { inputs: inputs.collect(), max_gap_s }
 }

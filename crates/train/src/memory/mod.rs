@@ -20,7 +20,7 @@ pub use blocks::Block;
 pub use map::ModelTerms;
 pub use slopes::slopes;
 
-use crate::measured::Run;
+use crate::measured::{Run, max_gap_s};
 use blocks::Limits;
 use map::Terms;
 use rom::halfwidths::HALFWIDTH_SIGMAS;
@@ -33,9 +33,6 @@ use serde::Serialize;
 pub const KEPT: f64 = 0.03;
 /// Parts of one run that are left out in turn, and most parts of several.
 pub const PARTS: usize = 4;
-/// Gap of a recording: a multiple of the median interval, at least some time.
-const GAP_INTERVALS: f64 = 20.0;
-const SHORTEST_GAP_S: f64 = 1.0;
 /// Ratio of the ends of an interval from which a constant is not identified.
 const WIDE: f64 = 4.0;
 
@@ -131,11 +128,6 @@ pub fn identify(
     remarks.extend(unseen(runs, &ranges, &limits));
     let memory = (!kept.blocks.is_empty()).then(|| problem.spec(&kept.blocks, &kept.unknowns));
     Some(Identified { memory, left_out: [memoryless.left_out, kept.left_out], blocks: reports, remarks })
-}
-
-/// Longest time between two rows, s, that is a step and not a gap of the recording.
-pub(crate) fn max_gap_s(interval_s: f64) -> f64 {
-    (GAP_INTERVALS * interval_s).max(SHORTEST_GAP_S)
 }
 
 /// The best candidate without memory, the one with all blocks that are kept, and what is reported of each block.
@@ -253,10 +245,10 @@ fn constant(
 impl Limits {
     /// Remark on a set of blocks with a constant at the end of what it can be, which another run will not repeat: a time constant at the longest
     /// that the runs can show, a critical ratio that no valve has.
-    fn at_end(&self, of: &Candidate<'_>) -> Option<String> {
+    fn at_end(&self, candidate: &Candidate<'_>) -> Option<String> {
         let is_longest =
             |block: Block, u: &[f64]| (0..2).any(|k| block.is_time(k) && u[k] > self.of(block)[k][1] - 0.01);
-        let both = || of.blocks.iter().zip(of.unknowns.chunks_exact(2));
+        let both = || candidate.blocks.iter().zip(candidate.unknowns.chunks_exact(2));
         let [low, high] = self.of(Block::Orifice)[1];
         if both().any(|(block, u)| *block == Block::Orifice && !(low + 0.01..high - 0.01).contains(&u[1])) {
             return Some(format!(

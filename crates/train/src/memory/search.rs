@@ -87,13 +87,13 @@ impl<'a> Problem<'a> {
     fn behind(&self, blocks: &[Block], unknowns: &[f64]) -> Vec<Vec<f64>> {
         let spec = self.spec(blocks, unknowns);
         let one = |input: usize| {
-            let of = &spec.inputs[input];
+            let memory = &spec.inputs[input];
             let runs: Vec<Vec<f64>> = self
                 .runs
                 .iter()
                 .map(|run| match blocks.is_empty() {
                     true => run.inputs[input].clone(),
-                    false => of.responses(&run.time_s, &run.inputs[input]),
+                    false => memory.responses(&run.time_s, &run.inputs[input]),
                 })
                 .collect();
             self.rows.iter().map(|(run, row)| runs[*run][*row]).collect()
@@ -101,8 +101,8 @@ impl<'a> Problem<'a> {
         (0..self.ranges.len()).map(one).collect()
     }
 
-    fn output(&self, at: usize, k: usize) -> f64 {
-        let (run, row) = self.rows[at];
+    fn output(&self, row: usize, k: usize) -> f64 {
+        let (run, row) = self.rows[row];
         self.runs[run].outputs[k][row]
     }
 
@@ -136,10 +136,10 @@ impl<'a> Problem<'a> {
     }
 
     /// Scaled errors at the rows that `of` selects; 0 where nothing was measured.
-    fn errors(&self, fitted: &Fitted, of: impl Fn(usize) -> bool) -> Vec<f64> {
+    fn errors(&self, fitted: &Fitted, is_selected: impl Fn(usize) -> bool) -> Vec<f64> {
         let mut errors = Vec::new();
         let rows = fitted.terms.chunks_exact(fitted.count * self.scales.len());
-        for (at, row) in rows.enumerate().filter(|(at, _)| of(self.fold[*at])) {
+        for (at, row) in rows.enumerate().filter(|(at, _)| is_selected(self.fold[*at])) {
             let both = row.chunks_exact(fitted.count).zip(fitted.weights.chunks_exact(fitted.count));
             for (k, (row, weights)) in both.enumerate() {
                 let predicted: f64 = row.iter().zip(weights).map(|(a, b)| a * b).sum();

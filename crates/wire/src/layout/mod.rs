@@ -71,17 +71,17 @@ pub fn pack_name(name: &str) -> [u8; 32] {
 }
 
 /// The name in a slot of several, 32 bytes each, zero-padded; empty where there is no such slot.
-pub fn slot(names: &[u8], at: usize) -> String {
-    names.as_chunks::<32>().0.get(at).map_or_else(String::new, |name| unpack_name(name))
+pub fn slot(names: &[u8], index: usize) -> String {
+    names.as_chunks::<32>().0.get(index).map_or_else(String::new, |name| unpack_name(name))
 }
 
 /// Sets the name in a slot of several. Of a name of more than 31 bytes the end is kept, which says more.
-pub fn set_slot(names: &mut [u8], at: usize, name: &str) {
+pub fn set_slot(names: &mut [u8], index: usize, name: &str) {
     let mut begin = name.len().saturating_sub(31);
     while !name.is_char_boundary(begin) {
         begin += 1;
     }
-    if let Some(slot) = names.as_chunks_mut::<32>().0.get_mut(at) {
+    if let Some(slot) = names.as_chunks_mut::<32>().0.get_mut(index) {
         *slot = pack_name(&name[begin..]);
     }
 }

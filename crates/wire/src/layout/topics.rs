@@ -113,10 +113,10 @@ impl SensorSample {
 
     /// Adds a named input; false when there are as many as fit already. Of a name of more than 31 bytes the end is kept.
     pub fn add_input(&mut self, name: &str, value: f64) -> bool {
-        let at = self.input_count as usize;
-        let Some(to) = self.inputs.get_mut(at) else { return false };
+        let next = self.input_count as usize;
+        let Some(to) = self.inputs.get_mut(next) else { return false };
         *to = value;
-        set_slot(&mut self.input_names, at, name);
+        set_slot(&mut self.input_names, next, name);
         self.input_count += 1;
         true
     }
@@ -433,13 +433,13 @@ payload! {
 
 impl Estimate {
     /// The name of the quantity at a position.
-    pub fn name(&self, at: usize) -> String {
-        slot(&self.names, at)
+    pub fn name(&self, index: usize) -> String {
+        slot(&self.names, index)
     }
 
     /// Sets the name of the quantity at a position. Of a name of more than 31 bytes the end is kept, which says more.
-    pub fn set_name(&mut self, at: usize, name: &str) {
-        set_slot(&mut self.names, at, name);
+    pub fn set_name(&mut self, index: usize, name: &str) {
+        set_slot(&mut self.names, index, name);
     }
 }
 

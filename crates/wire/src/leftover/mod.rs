@@ -13,4 +13,4 @@ mod sweep;
 pub use places::own_folder;
 pub(crate) use places::{Places, claimed, ending, is_counter_of, number_of_ending, process_of};
 pub use sweep::Removed;
-pub(crate) use sweep::{Watch, names_this_file};
+pub(crate) use sweep::{SweepThread, names_this_file};

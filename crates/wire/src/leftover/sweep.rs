@@ -432,12 +432,12 @@ const STACK_BYTES: usize = 128 << 10;
 
 /// The running thread; ended when dropped.
 #[derive(Debug)]
-pub(crate) struct Watch {
+pub(crate) struct SweepThread {
     stop: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Watch {
+impl SweepThread {
     /// Starts to watch `places`. If no thread can be started, other programs still remove incomplete files at their start.
     pub(crate) fn start(places: Places) -> Self {
         let (stop, stopped) = channel::<()>();
@@ -457,7 +457,7 @@ impl Watch {
     }
 }
 
-impl Drop for Watch {
+impl Drop for SweepThread {
     fn drop(&mut self) {
         self.stop.take();
         if let Some(thread) = self.thread.take() {

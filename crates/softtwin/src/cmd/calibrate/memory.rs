@@ -35,15 +35,15 @@ impl Calibration {
 /// # Errors
 /// A pressure that does not move; a model without pressure; I/O errors.
 pub fn calibrate(
-    of: Unknowns,
+    unknowns: Unknowns,
     readings: &[Measurement],
     out: &Path,
 ) -> anyhow::Result<(Calibration, Identified)> {
-    let mut model = files::model(&of.spec.model)?;
-    model.header.set_parameters(of.spec.given_inputs()).map_err(configuration)?;
+    let mut model = files::model(&unknowns.spec.model)?;
+    model.header.set_parameters(unknowns.spec.given_inputs()).map_err(configuration)?;
     let mut last = None;
     let found = identify_beside(&mut model, readings, |model, readings| {
-        let calibration = Calibration::of(Unknowns::of(of.spec.clone(), model)?, readings.to_vec())?;
+        let calibration = Calibration::of(Unknowns::of(unknowns.spec.clone(), model)?, readings.to_vec())?;
         let Unknowns { setup, sensors, .. } = &calibration.unknowns;
         let fit = calibration.fit.clone();
         let fitted = FittedUnknowns { setup: setup.clone(), sensors: sensors.clone(), fit };

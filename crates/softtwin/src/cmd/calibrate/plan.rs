@@ -38,12 +38,12 @@ struct Plans {
 
 impl PlanArgs {
     /// Chooses, then prints one plan for each set of sensors.
-    pub fn run(self, of: Unknowns, json: bool) -> anyhow::Result<()> {
+    pub fn run(self, unknowns: Unknowns, json: bool) -> anyhow::Result<()> {
         let experiment = Experiment {
-            spec: &of.spec,
-            header: &of.header,
-            setup: of.setup.at_rest(),
-            sensors: of.sensors,
+            spec: &unknowns.spec,
+            header: &unknowns.header,
+            setup: unknowns.setup.at_rest(),
+            sensors: unknowns.sensors,
             pressure_mpa: self.pressure_mpa.as_deref().and_then(|range| range.try_into().ok()),
             gaps_mm: &self.gap_mm,
             holds: self.holds,

@@ -1,7 +1,7 @@
 //! Checks of other services: the folder of a recorder, the configuration of a gateway.
 
 use super::finding::Finding;
-use recording::Series;
+use recording::RecordingFiles;
 use runtime::machine;
 use std::path::Path;
 use std::process::Command;
@@ -15,7 +15,7 @@ const FREE_WANTED_BYTES: u64 = 1 << 30;
 /// Space, and every series of recordings in the folder.
 pub fn recordings(folder: &Path) -> Vec<Finding> {
     let subject = "recordings";
-    let series = match Series::all_in(folder) {
+    let series = match RecordingFiles::all_in(folder) {
         Ok(series) => series,
         Err(error) => {
             let remedy = "name the folder of --out, as a user that may read it";
@@ -37,7 +37,7 @@ pub fn recordings(folder: &Path) -> Vec<Finding> {
     [space].into_iter().chain(found).chain(none).collect()
 }
 
-fn series(series: &Series) -> Finding {
+fn series(series: &RecordingFiles) -> Finding {
     let subject = format!("recording {}", series.name);
     let about = series.files.iter().filter_map(|file| std::fs::metadata(file).ok());
     let (mut bytes, mut empty, mut newest) = (0, 0, None);

@@ -33,12 +33,12 @@ fn sweeps(model: &Model) -> Result<(&RegimeModel, Vec<Sweep>)> {
     let start = Inputs::new(f64::NAN, f64::INFINITY);
     let axes = || regime.inputs.axes.iter().filter(|axis| axis.input != GAP);
     let centre = axes().fold(start, |state, axis| state.with(axis.input, middle(axis)));
-    let of = |axis: &InputAxis| {
+    let sweep = |axis: &InputAxis| {
         let value = |i: usize| axis.min + i as f64 / CELLS as f64 * (axis.max - axis.min);
         let states = (0..=CELLS).map(|i| (value(i), centre.with(axis.input, value(i))));
         Sweep { input: model.header.inputs[axis.input].key(), states: states.collect() }
     };
-    Ok((regime, axes().map(of).collect()))
+    Ok((regime, axes().map(sweep).collect()))
 }
 
 /// Leading modal coefficients by group.
@@ -89,8 +89,8 @@ pub fn observables(model: &Model) -> Result<Figure> {
                 (found.value, found.halfwidth)
             });
             let measured = outputs.iter().map(|output| {
-                let at = output.field * model.header.node_count + output.node;
-                (f64::from(state.fields()[at]), output.half_width_of(state.evaluation()))
+                let entry = output.field * model.header.node_count + output.node;
+                (f64::from(state.fields()[entry]), output.half_width_of(state.evaluation()))
             });
             curves.iter_mut().zip(observed.chain(measured)).for_each(|(to, (v, h))| to.push((*x, v, h)));
         }

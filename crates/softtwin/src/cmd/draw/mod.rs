@@ -48,7 +48,7 @@ impl Args {
         let kind = self.source.extension().and_then(|ending| ending.to_str());
         if let Some(log) = &self.log {
             let run = files::bench_run(&self.source, log)?;
-            let over_time = |series: &formats::log::Series| {
+            let over_time = |series: &formats::log::LogColumn| {
                 let points = run.time_s.iter().copied().zip(series.values.iter().copied());
                 Panel::new("", "time [s]", series.name.as_str(), vec![Series::line("", 0, points)])
             };

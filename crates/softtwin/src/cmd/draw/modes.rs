@@ -7,8 +7,8 @@ use crate::picture::colour::ColourMap;
 use crate::picture::scale::Scale;
 use crate::picture::scene::Scene;
 use crate::picture::sheet::{Panel, Row, Sheet};
-use crate::picture::skin::Body;
-use crate::picture::states::Shown;
+use crate::picture::skin::DrawnBody;
+use crate::picture::states::ShownField;
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
 use rom::model::{Model, RegimeModel};
@@ -26,8 +26,8 @@ pub fn draw(args: &Args, model: &Model, named: &str) -> Result<Canvas> {
         usage(format!("the model has no regime {named}; it has {}", header.regime_names().join(", ")))
     })?;
     let (name, label) = match args.look.field {
-        Shown::Stress => ("von_mises", "von Mises stress"),
-        Shown::Displacement => ("y", "vertical position"),
+        ShownField::Stress => ("von_mises", "von Mises stress"),
+        ShownField::Displacement => ("y", "vertical position"),
     };
     let shapes = shapes(model, regime, name)?;
     let bodies = mean_state(model, regime.kind, &shapes)?;
@@ -75,7 +75,7 @@ fn shapes(model: &Model, regime: &RegimeModel, name: &str) -> Result<Vec<Vec<f32
 }
 
 /// The mean state of a regime, once a shape, with the shape as values.
-fn mean_state(model: &Model, regime: RegimeKind, shapes: &[Vec<f32>]) -> Result<Vec<Body>> {
+fn mean_state(model: &Model, regime: RegimeKind, shapes: &[Vec<f32>]) -> Result<Vec<DrawnBody>> {
     let fields = &model.header.fields;
     let mean = |name: &str| {
         let field = fields.iter().position(|field| field.spec.name == name)? as u32;
@@ -87,8 +87,11 @@ fn mean_state(model: &Model, regime: RegimeKind, shapes: &[Vec<f32>]) -> Result<
     let undeformed = model.undeformed_nodes_mm().context("the model does not know the undeformed mesh")?;
     let facets = visible_facets(&undeformed, model.facets());
     let nodes_mm: Vec<[f32; 3]> = x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect();
-    let body =
-        |shape: &Vec<f32>| Body { nodes_mm: nodes_mm.clone(), facets: facets.clone(), values: shape.clone() };
+    let body = |shape: &Vec<f32>| DrawnBody {
+        nodes_mm: nodes_mm.clone(),
+        facets: facets.clone(),
+        values: shape.clone(),
+    };
     Ok(shapes.iter().map(body).collect())
 }
 

@@ -6,7 +6,7 @@ use crate::failure::{configuration, usage};
 use crate::files;
 use crate::picture::canvas::Canvas;
 use crate::picture::scene::Block;
-use crate::picture::skin::Body;
+use crate::picture::skin::DrawnBody;
 use crate::picture::states::{DrawnState, Group, draw};
 use anyhow::Result;
 use runtime::config::{BlockSpec, PlaceSpec, Scene};
@@ -19,7 +19,7 @@ pub fn scene(args: &Args, path: &Path) -> Result<Canvas> {
     let narrow = |point: [f64; 3]| point.map(|v| v as f32);
     let block = |block: &BlockSpec| Block { min_mm: narrow(block.min_mm), max_mm: narrow(block.max_mm) };
     let mut whole = DrawnState {
-        body: Body::default(),
+        body: DrawnBody::default(),
         plate: None,
         blocks: scene.blocks.iter().map(block).collect(),
         force_n: 0.0,
@@ -42,7 +42,7 @@ pub fn scene(args: &Args, path: &Path) -> Result<Canvas> {
 }
 
 /// Adds a body at its place; a mirrored one is turned inside out by the mirror, so its facets turn round.
-fn add(whole: &mut Body, body: &Body, place: &PlaceSpec) {
+fn add(whole: &mut DrawnBody, body: &DrawnBody, place: &PlaceSpec) {
     let first = whole.nodes_mm.len() as u32;
     let placed = |point: &[f32; 3]| place.apply(point.map(f64::from)).map(|v| v as f32);
     whole.nodes_mm.extend(body.nodes_mm.iter().map(placed));

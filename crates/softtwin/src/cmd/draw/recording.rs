@@ -15,9 +15,9 @@ use std::sync::atomic::AtomicBool;
 const MAX_SHAPES: usize = 400;
 
 /// A quantity that states themselves carry.
-type Quantity = (&'static str, fn(&RecordedState) -> f64);
+type StateQuantity = (&'static str, fn(&RecordedState) -> f64);
 
-const QUANTITIES: [Quantity; 4] = [
+const QUANTITIES: [StateQuantity; 4] = [
     ("pressure [MPa]", |state| state.values.pressure_mpa),
     ("gap [mm]", |state| state.values.gap_mm),
     ("contact force [N]", |state| state.values.contact_force_n),

@@ -5,8 +5,8 @@ use crate::failure::usage;
 use crate::files::{self, refusal};
 use crate::picture::canvas::Canvas;
 use crate::picture::scene::Plate;
-use crate::picture::skin::Body;
-use crate::picture::states::{DrawnState, Group, Shown, draw};
+use crate::picture::skin::DrawnBody;
+use crate::picture::states::{DrawnState, Group, ShownField, draw};
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
 use rom::inputs::{GAP, Inputs, PRESSURE};
@@ -29,13 +29,14 @@ pub(super) struct StateDrawer {
 }
 
 impl StateDrawer {
-    pub(super) fn new(model: &Model, shown: Shown) -> Result<Self> {
+    pub(super) fn new(model: &Model, shown: ShownField) -> Result<Self> {
         let fields = &model.header.fields;
-        let at = |name: &str| fields.iter().position(|field| field.spec.name == name);
+        let field = |name: &str| fields.iter().position(|field| field.spec.name == name);
         let is_measured = model.is_measured();
         // A measured model has no displacement: that of its markers is the distance from the smallest inputs.
-        let shown_at = if is_measured { Some(usize::MAX) } else { at(shown.name()) };
-        let (Some(x), Some(y), Some(z), Some(shown_at)) = (at("x"), at("y"), at("z"), shown_at) else {
+        let shown_at = if is_measured { Some(usize::MAX) } else { field(shown.name()) };
+        let (Some(x), Some(y), Some(z), Some(shown_at)) = (field("x"), field("y"), field("z"), shown_at)
+        else {
             let known: Vec<&str> = fields.iter().map(|field| field.spec.name.as_str()).collect();
             let wanted = if is_measured { "of a marker" } else { shown.name() };
             return Err(usage(format!(
@@ -43,7 +44,7 @@ impl StateDrawer {
                 known.join(", ")
             )));
         };
-        if is_measured && shown == Shown::Stress {
+        if is_measured && shown == ShownField::Stress {
             return Err(usage("a measured model has no stress: --field displacement shows its markers"));
         }
         let undeformed_mm = model.undeformed_nodes_mm().unwrap_or_default();
@@ -65,9 +66,9 @@ impl StateDrawer {
         let (x, y, z) = (column(0), column(1), column(2));
         let nodes_mm: Vec<[f32; 3]> = x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect();
         let body = if self.facets.is_empty() {
-            Body::of_markers(&nodes_mm, &self.undeformed_mm)
+            DrawnBody::of_markers(&nodes_mm, &self.undeformed_mm)
         } else {
-            Body { nodes_mm, facets: self.facets.clone(), values: column(3).to_vec() }
+            DrawnBody { nodes_mm, facets: self.facets.clone(), values: column(3).to_vec() }
         };
         Ok(DrawnState {
             body,
@@ -171,7 +172,7 @@ fn state_title(pressure_mpa: f64, gap_mm: Option<f64>) -> String {
     format!("P = {pressure_mpa} MPa, {place}")
 }
 
-fn drawn_case(database: &Database, index: usize, shown: Shown) -> Result<DrawnState> {
+fn drawn_case(database: &Database, index: usize, shown: ShownField) -> Result<DrawnState> {
     let axis = |k: u8| database.coordinate(k).with_context(|| format!("the database has no coordinate {k}"));
     let [x, y, z] = [axis(0)?, axis(1)?, axis(2)?].map(|field| database.field(index, field));
     let shown =
@@ -181,7 +182,7 @@ fn drawn_case(database: &Database, index: usize, shown: Shown) -> Result<DrawnSt
     let undeformed: Vec<[f32; 3]> = undeformed.iter().map(|p| p.map(|v| v as f32)).collect();
     let case = &database.cases[index];
     Ok(DrawnState {
-        body: Body {
+        body: DrawnBody {
             nodes_mm: x.zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect(),
             facets: visible_facets(&undeformed, &database.surface_triangles),
             values: database.field(index, shown).collect(),

@@ -20,7 +20,7 @@ pub struct Printed<'a> {
 
 /// What people read: a line for each case in place of the errors of all its fields.
 #[derive(Serialize)]
-pub struct Shown<'a> {
+pub struct PrintedEvaluation<'a> {
     pub floor: f64,
     pub regimes: &'a [Summary],
     pub cases: Vec<CaseRow<'a>>,

@@ -8,7 +8,7 @@ use crate::options::ObstacleArg;
 use crate::{files, output, report};
 use formats::database::ObstacleKind;
 pub use found::picture;
-use found::{CaseRow, Printed, Shown, leave_one_out};
+use found::{CaseRow, Printed, PrintedEvaluation, leave_one_out};
 use rom::model::Model;
 use rom::snapshots::{Database, Split};
 use std::path::{Path, PathBuf};
@@ -157,7 +157,12 @@ impl Args {
         }
         let cases = report.cases.iter().map(CaseRow::of).collect();
         report::print(
-            &Shown { floor: report.floor, regimes: &report.regimes, cases, leave_one_out: left_out },
+            &PrintedEvaluation {
+                floor: report.floor,
+                regimes: &report.regimes,
+                cases,
+                leave_one_out: left_out,
+            },
             false,
         )
     }

@@ -12,7 +12,7 @@ use formats::export::SeriesFormat;
 use recording::{ExportError, TableForm, export_csv};
 use serde_json::{Map, Value, json};
 pub use source::is_recording;
-use source::{Options, Source};
+use source::{ExportSource, Options};
 use std::path::PathBuf;
 use wire::KeyExpr;
 
@@ -126,7 +126,7 @@ impl Args {
         if let Some(folder) = self.out.parent().filter(|folder| !folder.as_os_str().is_empty()) {
             formats::file::create_folder(folder)?;
         }
-        let source = Source::open(&self.source, &self.states, &self.key)?;
+        let source = ExportSource::open(&self.source, &self.states, &self.key)?;
         let body = source.body(self.mesh.as_deref())?;
         let series = body.series(source.fields(), source.count());
         let written = series.write(&self.out, source.moments()).map_err(|error: anyhow::Error| {

@@ -4,7 +4,7 @@ use super::is_recording;
 use crate::failure::configuration;
 use crate::{files, output};
 use anyhow::{Context, Result};
-use recording::{RecordedState, RecordingData, Series};
+use recording::{RecordedState, RecordingData, RecordingFiles};
 use rom::session::{Gaps, Session};
 use runtime::load::PayloadContents;
 use runtime::publish::state_of;
@@ -39,7 +39,7 @@ pub fn write(model: &Path, recording: Option<&Path>, out: &Path, as_json: bool) 
 /// What plays in the page: a recording, or the answers of the model along a trace.
 fn recorded(path: &Path, named: &NamedModel) -> Result<RecordingData> {
     if is_recording(path) {
-        let series = Series::open(path).map_err(configuration)?;
+        let series = RecordingFiles::open(path).map_err(configuration)?;
         return RecordingData::read(&series, None, &AtomicBool::new(false)).map_err(configuration);
     }
     let NamedModel { model, hash, .. } = named;

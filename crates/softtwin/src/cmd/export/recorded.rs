@@ -3,7 +3,7 @@
 use crate::failure::{configuration, usage};
 use crate::files;
 use anyhow::Result;
-use recording::{Messages, ReadError, RecordedField, RecordedState, Series};
+use recording::{Messages, ReadError, RecordedField, RecordedState, RecordingFiles};
 use rom::inputs::{InputSpec, Inputs};
 use std::collections::BTreeSet;
 use std::iter::from_fn;
@@ -12,7 +12,7 @@ use wire::{FieldHeader, KeyExpr, TopicKind};
 
 /// One actuator's states or fields in a recording.
 pub struct Recorded {
-    series: Series,
+    series: RecordingFiles,
     topics: KeyExpr,
     actuator: String,
     every: usize,
@@ -117,7 +117,7 @@ impl Recorded {
 }
 
 /// The actuator: the one asked for, or the only one with states or fields.
-fn choose(series: &Series, actuator: Option<&str>) -> Result<String> {
+fn choose(series: &RecordingFiles, actuator: Option<&str>) -> Result<String> {
     let mut messages = Messages::open(series);
     let mut names = BTreeSet::new();
     while let Some((topic, ..)) = messages.next_message().map_err(configuration)? {

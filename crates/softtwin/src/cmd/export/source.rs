@@ -8,7 +8,7 @@ use anyhow::Result;
 use formats::database::ObstacleKind;
 use formats::export::{ExportBody, Label, Moment};
 use recording::RecordedField;
-use recording::Series;
+use recording::RecordingFiles;
 use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
@@ -45,7 +45,7 @@ pub struct Options {
 }
 
 /// Opened, and every option checked.
-pub enum Source {
+pub enum ExportSource {
     /// Readings that a model answers: time, pressure and gap.
     Readings { model: Box<Model>, fields: Vec<FieldSpec>, readings: Vec<(f64, Inputs)> },
     /// Cases of a database.
@@ -56,7 +56,7 @@ pub enum Source {
     Recorded { recorded: Recorded, fields: Vec<FieldSpec> },
 }
 
-impl Source {
+impl ExportSource {
     /// Opens what the path names.
     ///
     /// # Errors
@@ -82,8 +82,10 @@ impl Source {
             ("--model", "recording", options.model.is_some()),
             ("--actuator", "recording", options.actuator.is_some()),
         ];
-        if let Some((option, of, _)) = given.iter().find(|(_, of, given)| *given && *of != kind) {
-            return Err(usage(format!("{option} belongs to a {of}; {} is a {kind}", path.display())));
+        if let Some((option, accepted, _)) =
+            given.iter().find(|(_, accepted, given)| *given && *accepted != kind)
+        {
+            return Err(usage(format!("{option} belongs to a {accepted}; {} is a {kind}", path.display())));
         }
         match kind {
             "model" => Self::sweep(options, path),
@@ -224,8 +226,8 @@ fn predictions<'a>(
 /// Whether a path names a recording: a file, a folder of such files, one of several in a folder.
 pub fn is_recording(path: &Path) -> bool {
     let of_name = path.extension().is_some_and(|ending| ending == "mcap");
-    let in_folder = || Series::all_in(path).is_ok_and(|all| !all.is_empty());
-    of_name || in_folder() || (!path.exists() && Series::open(path).is_ok())
+    let in_folder = || RecordingFiles::all_in(path).is_ok_and(|all| !all.is_empty());
+    of_name || in_folder() || (!path.exists() && RecordingFiles::open(path).is_ok())
 }
 
 /// A field of the wire by its name.

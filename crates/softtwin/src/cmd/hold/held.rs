@@ -31,8 +31,8 @@ pub(super) fn refuse_out_of_reach(
 ) -> anyhow::Result<()> {
     let ([low_mpa, high_mpa], known) = (held.limits.range_mpa, model.range_mpa());
     let range_mpa = [low_mpa.max(known[0]), high_mpa.min(known[1])];
-    let mut at = |pressure_mpa| held.quantity.of(&model.at(pressure_mpa, gap_mm), pressure_mpa).0;
-    let ends = range_mpa.map(&mut at);
+    let mut value = |pressure_mpa| held.quantity.of(&model.at(pressure_mpa, gap_mm), pressure_mpa).0;
+    let ends = range_mpa.map(&mut value);
     let (low, mut high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
     if held.quantity == Quantity::Force {
         high = high.min(TARGET_FRACTION * held.settings.force_max_n);

@@ -8,7 +8,7 @@ use crate::files::refusal;
 use crate::report;
 use anyhow::Result;
 use fem::BodyReport;
-use formats::cells::{Block, Kind};
+use formats::cells::{Block, CellKind};
 use formats::vtu::{self, Cells, Grid};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -86,6 +86,6 @@ impl Args {
 
 /// `10-node tetrahedra`.
 fn name(block: &Block) -> String {
-    let shape = Kind::of(block.kind.into()).map_or("cells", |kind| kind.shape);
+    let shape = CellKind::of(block.kind.into()).map_or("cells", |kind| kind.shape);
     format!("{}-node {shape}", block.nodes_per_cell)
 }

@@ -9,7 +9,7 @@ use formats::FormatError;
 use formats::database;
 use formats::results::{ImportOptions, InputSource, Wanted, collect, plain_name};
 use formats::table::Table;
-use formats::unit::{Quantity, known_of, unit};
+use formats::unit::{Dimension, known_of, unit};
 use formats::vtu::Cells;
 use std::path::{Path, PathBuf};
 
@@ -48,10 +48,10 @@ pub struct Args {
     #[arg(long)]
     replace: bool,
     /// Unit of length in the files.
-    #[arg(long = "length-unit", value_name = "UNIT", value_parser = |text: &str| factor(text, Quantity::Length))]
+    #[arg(long = "length-unit", value_name = "UNIT", value_parser = |text: &str| factor(text, Dimension::Length))]
     length_mm: f64,
     /// Unit of stress in the files; needed where they hold a stress.
-    #[arg(long = "stress-unit", value_name = "UNIT", value_parser = |text: &str| factor(text, Quantity::Pressure))]
+    #[arg(long = "stress-unit", value_name = "UNIT", value_parser = |text: &str| factor(text, Dimension::Pressure))]
     stress_mpa: Option<f64>,
     /// Table of inputs: columns file, the inputs, and where needed step, case, regime, split, contact_force_n.
     #[arg(long, value_name = "FILE.csv")]
@@ -96,9 +96,9 @@ enum Steps {
 }
 
 /// Factor of a unit to mm or MPa.
-fn factor(text: &str, of: Quantity) -> Result<f64, String> {
-    let found = unit(text).filter(|(quantity, _)| *quantity == of);
-    found.map(|(_, factor)| factor).ok_or_else(|| format!("expected one of {}", known_of(of)))
+fn factor(text: &str, wanted: Dimension) -> Result<f64, String> {
+    let found = unit(text).filter(|(quantity, _)| *quantity == wanted);
+    found.map(|(_, factor)| factor).ok_or_else(|| format!("expected one of {}", known_of(wanted)))
 }
 
 fn field(text: &str) -> Result<(String, String), String> {

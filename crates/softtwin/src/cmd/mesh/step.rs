@@ -8,7 +8,7 @@ use crate::picture::colour::ColourMap;
 use crate::picture::scale::Scale;
 use crate::picture::scene::Scene;
 use crate::picture::sheet::{Panel, Row, Sheet};
-use crate::picture::skin::Body;
+use crate::picture::skin::DrawnBody;
 use crate::picture::theme::ThemeName;
 use crate::{range, report};
 use anyhow::Context;
@@ -130,8 +130,8 @@ fn draw(mesh: &MeshFile, title: &str) -> anyhow::Result<Canvas> {
         let facets = triangles.iter().flat_map(|t| TRI_FACETS.map(|facet| facet.map(|k| t[k])));
         (format!("surface {name}"), facets.collect())
     });
-    let body = |facets| Body { nodes_mm: nodes.clone(), facets, values: vec![0.5; nodes.len()] };
-    let bodies: Vec<(String, Body)> =
+    let body = |facets| DrawnBody { nodes_mm: nodes.clone(), facets, values: vec![0.5; nodes.len()] };
+    let bodies: Vec<(String, DrawnBody)> =
         volumes.chain(surfaces).map(|(name, facets)| (name, body(facets))).collect();
     let rows = bodies.chunks(COLUMNS).map(|chunk| Row {
         heading: String::new(),

@@ -47,7 +47,7 @@ started again it continues.";
 
 /// How states are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Kind {
+enum SampleKind {
     /// Latin hypercube, space-filling (maximin).
     Hypercube,
     /// Low-discrepancy sequence: every first part of the list fills the space too.
@@ -97,7 +97,7 @@ enum Split {
 pub struct Args {
     /// How states are chosen.
     #[arg(long, value_enum, required_unless_present = "refine", help_heading = "Sampling")]
-    kind: Option<Kind>,
+    kind: Option<SampleKind>,
     /// Number of states; of a grid: number of pressures (1 to 100000).
     #[arg(long, value_name = "N", required_unless_present = "refine", value_parser = crate::range::count(1, MAX_STATES), help_heading = "Sampling")]
     n: Option<usize>,
@@ -164,7 +164,7 @@ impl Args {
             return Err(usage(format!("--n, --n-gaps: expected 1 to {MAX_STATES} states, found {found}")));
         }
         if !self.parameter.is_empty() {
-            if kind == Kind::Grid {
+            if kind == SampleKind::Grid {
                 return Err(usage("--parameter: expected --kind hypercube, sequence or onset"));
             }
             let family = files::family(self.refinement.actuator.as_deref().unwrap_or(Path::new("")))?;
@@ -180,7 +180,7 @@ impl Args {
             seed: self.seed,
         };
         let cases = match self.states_per_design {
-            Some(_) if kind != Kind::Sequence || self.regime != Regime::Both => {
+            Some(_) if kind != SampleKind::Sequence || self.regime != Regime::Both => {
                 return Err(usage("--states-per-design: expected --kind sequence and --regime both"));
             }
             Some(states) => list.designs(states, self.known_onset()?),
@@ -191,15 +191,15 @@ impl Args {
         report::print(&ListReport { cases: cases.len(), out: &self.out }, false)
     }
 
-    fn sampling(&self, kind: Kind) -> anyhow::Result<Sampling> {
+    fn sampling(&self, kind: SampleKind) -> anyhow::Result<Sampling> {
         Ok(match kind {
-            Kind::Hypercube => Sampling::Hypercube,
-            Kind::Sequence => Sampling::Sequence,
-            Kind::Grid => Sampling::Grid { gaps: self.n_gaps },
-            Kind::Onset if self.regime == Regime::Free => {
+            SampleKind::Hypercube => Sampling::Hypercube,
+            SampleKind::Sequence => Sampling::Sequence,
+            SampleKind::Grid => Sampling::Grid { gaps: self.n_gaps },
+            SampleKind::Onset if self.regime == Regime::Free => {
                 return Err(usage("--kind onset: expected --regime contact or gripper, found free"));
             }
-            Kind::Onset => Sampling::Onset(
+            SampleKind::Onset => Sampling::Onset(
                 self.known_onset()?.ok_or_else(|| usage("--kind onset: expected --database"))?,
             ),
         })
@@ -212,12 +212,12 @@ impl Args {
     }
 
     /// `free`, `contact-grid`, `contact-check` and so on.
-    fn own_prefix(&self, kind: Kind) -> String {
+    fn own_prefix(&self, kind: SampleKind) -> String {
         let way = match kind {
-            Kind::Grid => "-grid",
-            Kind::Onset => "-onset",
-            Kind::Sequence => "-sequence",
-            Kind::Hypercube => "",
+            SampleKind::Grid => "-grid",
+            SampleKind::Onset => "-onset",
+            SampleKind::Sequence => "-sequence",
+            SampleKind::Hypercube => "",
         };
         let purpose = if self.split == Split::Check { "-check" } else { "" };
         format!("{}{way}{purpose}", ListRegime::from(self.regime).name())

@@ -8,6 +8,7 @@ use anyhow::ensure;
 use fem::cases::Case;
 use fem::plan::{ListRegime, add_states};
 use fem::run::Event;
+use formats::file;
 use rom::inputs::Inputs;
 use rom::model::Model;
 use rom::snapshots::{Database, RegimeKind};
@@ -104,7 +105,7 @@ impl Refinement {
         let refined = files::database(target.out, scene)?;
         let own = target.database.join(OWN_CONFIG);
         if own.is_file() {
-            files::save(&target.out.join(OWN_CONFIG), &std::fs::read(own)?)?;
+            files::save(&target.out.join(OWN_CONFIG), &file::read_bytes(&own, file::MAX_TEXT_BYTES)?)?;
         }
         let after = train(&refined, target.out)?;
         let model = target.out.join(&family.actuator.name).with_extension("twin");

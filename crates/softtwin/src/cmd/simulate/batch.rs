@@ -56,7 +56,9 @@ pub fn run(family: &Family, list: &Path, out: &Path, options: &Options, as_json:
 /// Solves what is not yet there, under a progress bar, and writes the folder.
 pub fn solve(family: &Family, cases: &[Case], out: &Path, options: &Options) -> Result<Outcome, PlanError> {
     let bar = CaseBar::new(cases.len());
-    run::solve_into(out, family, cases, (options.threads, options.sensitivities), &|event| bar.take(&event))
+    Ok(run::solve_into(out, family, cases, (options.threads, options.sensitivities), &|event| {
+        bar.take(&event)
+    })?)
 }
 
 /// Progress of a list of cases: a bar on a terminal, lines in a log.

@@ -57,6 +57,27 @@ fn hindrance(valve: &Valve) -> Option<Hindrance> {
     }
 }
 
+/// The first hindrance since the last cycle. It takes all samples: a time-out may last for one only.
+fn first_hindrance(valves: &ValveReader) -> anyhow::Result<Option<Hindrance>> {
+    let mut found = None;
+    while let Some(valve) = valves.next()? {
+        found = found.or_else(|| hindrance(&valve));
+    }
+    Ok(found)
+}
+
+/// Why the step has to be repeated, if it has: the valve was late, or there was no reading for `silent_s`.
+fn lateness(found: Option<Hindrance>, at_s: f64, silent_s: f64) -> anyhow::Result<Option<String>> {
+    Ok(match found {
+        Some(Hindrance::Closed(why)) => bail!(
+            "{at_s:.1} s into the experiment the valve does not follow: {why}. It is let go, nothing is written"
+        ),
+        Some(Hindrance::Late(why)) => Some(why),
+        None if silent_s > LONGEST_S => Some(format!("no reading for {silent_s:.2} s")),
+        None => None,
+    })
+}
+
 /// Cycles of the experiment, and the gap; whatever ends it lets go of the valve.
 pub(super) fn run(
     bus: &Bus,
@@ -98,25 +119,9 @@ pub(super) fn run(
             let before_s = elapsed_s;
             let begin_ns = *begin_ns.get_or_insert(state.t_sensor_ns);
             elapsed_s = state.t_sensor_ns.saturating_sub(begin_ns) as f64 * 1e-9;
-            // All samples: a time-out may last for one only.
-            let mut found = None;
-            while let Some(valve) = valves.next()? {
-                found = found.or_else(|| hindrance(&valve));
-            }
             let at_s = progress.time_s(elapsed_s);
-            let late = match found.filter(|_| elapsed_s - since_s > FOLLOWS_S) {
-                Some(Hindrance::Closed(why)) => {
-                    bail!(
-                        "{at_s:.1} s into the experiment the valve does not follow: {why}. It is let go, nothing is written"
-                    )
-                }
-                Some(Hindrance::Late(why)) => Some(why),
-                None if elapsed_s - before_s > LONGEST_S => {
-                    Some(format!("no reading for {:.2} s", elapsed_s - before_s))
-                }
-                None => None,
-            };
-            if let Some(why) = late {
+            let found = first_hindrance(&valves)?.filter(|_| elapsed_s - since_s > FOLLOWS_S);
+            if let Some(why) = lateness(found, at_s, elapsed_s - before_s)? {
                 let Some(from_s) = progress.repeat(&experiment, elapsed_s) else {
                     bail!(
                         "{at_s:.1} s into the experiment: {why}, after {MOST_REPEATS} repeats. The valve is let go, nothing is written. Give twin, bridge and \

@@ -80,7 +80,7 @@ impl Args {
     /// Asks, experiments, identifies, predicts, writes.
     pub fn run(self) -> anyhow::Result<()> {
         let scene = Scene::load(&self.scene).map_err(configuration)?;
-        let (at, spec) = super::actuator(&scene, self.actuator.as_deref())?;
+        let (position, spec) = super::actuator(&scene, self.actuator.as_deref())?;
         let held = held::of_column(spec, held::column(&spec.control.hold))?;
         let (rows, experiment, gap_mm) = if self.simulate {
             self.simulated(&held)?
@@ -98,7 +98,7 @@ impl Args {
             picture(&held, &rows).save(out)?;
         }
         if !self.simulate {
-            scene::write(&self.scene, at, table_of(&held.name), &settings)?;
+            scene::write(&self.scene, position, table_of(&held.name), &settings)?;
         }
         let report = json!({
             "held": held.name, "unit": held.unit, "seconds": experiment.end_s(), "rows": rows.len(), "found": found,

@@ -1,8 +1,9 @@
 //! Settings in a scene file, whose other lines and comments stay.
 
 use crate::failure::configuration;
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use control::settings::Settings;
+use formats::file;
 use serde_json::{Value, json};
 use std::path::Path;
 use toml_edit::{DocumentMut, Item, TableLike, value};
@@ -34,12 +35,12 @@ pub(super) fn keys(settings: &Settings) -> ([Key; 3], [Key; 5]) {
 }
 
 /// Writes the keys to the `at`-th actuator: those of the line to its `control`, those of the quantity to the table of this name in it.
-pub(super) fn write(path: &Path, at: usize, quantity: &str, settings: &Settings) -> anyhow::Result<()> {
+pub(super) fn write(path: &Path, index: usize, quantity: &str, settings: &Settings) -> anyhow::Result<()> {
     let place = || path.display().to_string();
-    let text = std::fs::read_to_string(path).with_context(place)?;
+    let text = file::read_text(path, file::MAX_TEXT_BYTES).map_err(configuration)?;
     let mut document: DocumentMut = text.parse().map_err(configuration)?;
     let actuators = document.get_mut("actuator").and_then(Item::as_array_of_tables_mut);
-    let actuator = actuators.and_then(|actuators| actuators.get_mut(at));
+    let actuator = actuators.and_then(|actuators| actuators.get_mut(index));
     let actuator = actuator.ok_or_else(|| configuration(anyhow!("{}: expected [[actuator]]", place())))?;
     let no_table = |name: &str| configuration(anyhow!("{}: expected a table {name}", place()));
     let control = actuator.entry("control").or_insert(toml_edit::table());
@@ -52,13 +53,13 @@ pub(super) fn write(path: &Path, at: usize, quantity: &str, settings: &Settings)
 }
 
 fn set(table: &mut dyn TableLike, keys: impl IntoIterator<Item = Key>) {
-    for (key, of) in keys {
-        if of.is_null() {
+    for (key, given) in keys {
+        if given.is_null() {
             table.remove(key);
             continue;
         }
         let decor = table.get(key).and_then(Item::as_value).map(|old| old.decor().clone());
-        let mut new = inline(&of);
+        let mut new = inline(&given);
         if let Some(decor) = decor {
             *new.decor_mut() = decor;
         }
@@ -66,12 +67,12 @@ fn set(table: &mut dyn TableLike, keys: impl IntoIterator<Item = Key>) {
     }
 }
 
-fn inline(of: &Value) -> toml_edit::Value {
-    match of {
+fn inline(value: &Value) -> toml_edit::Value {
+    match value {
         Value::Array(items) => items.iter().map(inline).collect::<toml_edit::Array>().into(),
         Value::Object(items) => items
             .iter()
-            .map(|(key, of)| (key.as_str(), inline(of)))
+            .map(|(key, value)| (key.as_str(), inline(value)))
             .collect::<toml_edit::InlineTable>()
             .into(),
         other => other.as_f64().unwrap_or(f64::NAN).into(),
