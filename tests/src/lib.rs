@@ -18,7 +18,7 @@ pub mod synthetic;
 pub mod wait;
 
 pub use manager::Manager;
-pub use measured::learned_model;
+pub use measured::{learned_model, learned_model_with_force};
 pub use process::Program;
 pub use stage::Stage;
 pub use studies::verify::Verifier;

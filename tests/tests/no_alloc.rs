@@ -197,15 +197,16 @@ fn moving_twin(label: &str, seen: Option<&[[f64; 4]]>) -> Vec<[f64; 4]> {
     found
 }
 
-/// A camera sees the marker 3 mm beside a learned model's: from then on the field is where the marker is, with narrower half-widths.
+/// A camera sees the marker 3 mm and the angle 4 degrees beside a learned model's: from then on the field is where the marker is, with narrower
+/// half-widths, and the state has the measured angle.
 #[test]
-fn twin_of_a_learned_model_follows_its_marker_and_allocates_only_the_transports_sample_handles() {
+fn twin_of_a_learned_model_follows_what_is_measured_and_allocates_only_the_transports_sample_handles() {
     let model = tests::learned_model();
     let stage = Stage::with_model("followed", &model.to_bytes().unwrap());
     let path = stage.write(
         "followed.toml",
-        "name = \"bench\"\n[[actuator]]\nname = \"arm\"\nmodel = \"beam.twin\"\nfollow_markers = true\n\
-         [actuator.inputs]\noutlet_mpa = \"measured\"\n[[actuator.marker]]\nname = \"tip\"\nnode = 0\n\
+        "name = \"bench\"\n[[actuator]]\nname = \"arm\"\nmodel = \"beam.twin\"\nfollow = true\n\
+         [actuator.inputs]\noutlet_mpa = \"measured\"\n[actuator.observables]\nangle_deg = { sigma = 0.1 }\n[[actuator.marker]]\nname = \"tip\"\nnode = 0\n\
          [actuator.source]\nkind = \"simulate\"\n[[actuator.output]]\nnodes = \"all\"\n",
     );
     let scene = Scene::load(&path).unwrap();
@@ -216,7 +217,7 @@ fn twin_of_a_learned_model_follows_its_marker_and_allocates_only_the_transports_
     let states = StateReader::open(&bus, &Topic::state("arm").unwrap()).unwrap();
     let (mut free, begin_ns) = (Session::new(&model, Gaps::Live).unwrap(), now_ns() - 20_000_000_000);
     let mut evaluation = free.evaluation();
-    let tip_y = model.learned_output(0, 0).unwrap();
+    let [tip_y, angle] = [0, 1].map(|field| model.learned_output(field, 0).unwrap());
     let (mut counted, mut widths) = (0, Vec::with_capacity(400));
     for seq in 1..=400_u64 {
         let t_s = 0.02 * seq as f64;
@@ -224,11 +225,13 @@ fn twin_of_a_learned_model_follows_its_marker_and_allocates_only_the_transports_
         let t_sensor_ns = begin_ns + seq * 20_000_000;
         let inputs = Inputs::new(pressure_mpa, f64::INFINITY).with(2, outlet_mpa);
         free.step(t_sensor_ns, inputs, &mut evaluation).unwrap();
-        let truth_mm = evaluation.coefficients[tip_y] + 3.0;
+        let (truth_mm, truth_deg) =
+            (evaluation.coefficients[tip_y] + 3.0, evaluation.coefficients[angle] + 4.0);
         let mut sample = SensorSample { boot_id: 5, seq, t_sensor_ns, pressure_mpa, ..Default::default() };
         assert!(sample.add_input("outlet_mpa", outlet_mpa));
         if seq > 100 {
             (sample.marker_values, sample.markers_mm[0]) = (1, Marker { y: truth_mm, ..Marker::ABSENT });
+            assert!(sample.add_input("angle_deg", truth_deg));
         }
         sensor.publish(sample).unwrap();
         counted += if seq > 120 { allocations_of_turn(&mut twin) } else { 0 };
@@ -236,7 +239,10 @@ fn twin_of_a_learned_model_follows_its_marker_and_allocates_only_the_transports_
             twin.turn(Duration::from_millis(100));
         }
         let state = states.newest().unwrap().unwrap();
-        assert_eq!(state.flags & flags::MARKERS_FOLLOWED != 0, seq > 102, "{seq}");
+        assert_eq!(state.flags & flags::FOLLOWED != 0, seq > 102, "{seq}");
+        let off_deg = state.observables[0] - truth_deg;
+        assert!((off_deg + 4.0 - state.observable_offsets[0]).abs() < 1e-9, "{seq}: {off_deg}");
+        assert!(seq < 300 || off_deg.abs() < 0.3, "{seq}: {off_deg}");
         let y_mm = f64::from(fields.newest().unwrap().unwrap().field(field_id::Y).unwrap()[0]);
         let off_mm = y_mm - truth_mm;
         assert!(seq > 100 || (off_mm + 3.0).abs() < 1e-4, "{seq}: {off_mm}");

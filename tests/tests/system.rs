@@ -10,6 +10,7 @@ mod documents;
 mod estimate;
 mod faults;
 mod fmu;
+mod following;
 mod given;
 mod gripper;
 mod hostile;

@@ -33,7 +33,7 @@
 #define SOFTTWIN_FLAG_OBSERVABLE_MISMATCH 8192u /* A measured observable has differed from its predicted value by more than its half-width for longer than configured. */
 #define SOFTTWIN_FLAG_SNAPPED 16384u /* The pressure has passed a limit: the state is on a branch behind it, or, outside the training range, in one that the model does not have. */
 #define SOFTTWIN_FLAG_BRANCH_UNKNOWN 32768u /* The readings so far do not tell on which branch the state is: the first one that has the pressure is taken. */
-#define SOFTTWIN_FLAG_MARKERS_FOLLOWED 65536u /* The values contain offsets that follow the measured markers (`follow_markers`). */
+#define SOFTTWIN_FLAG_FOLLOWED 65536u /* The values contain offsets that follow the measured outputs (`follow`). */
 #define SOFTTWIN_VALUE_PRESSURE 1u /* Pressure. */
 #define SOFTTWIN_VALUE_GAP 2u /* Gap. */
 #define SOFTTWIN_VALUE_FORCE 4u /* Measured force. */
@@ -228,9 +228,9 @@ typedef struct {
   double outside_by[8]; /**< How far each input is outside the values of the training, in its unit: above 0 over the largest, below 0 under the smallest. */
   double force_by_input[8]; /**< Derivative of the force with respect to each input, N per unit of the input; NaN when not configured. */
   uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
-  double observables[8]; /**< Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer. */
+  double observables[8]; /**< Observables, such as a bending angle, in the unit at the end of their names; of a model learned from measurements its first eight outputs that are no marker's coordinates. NaN without an answer. */
   double observable_halfwidths[8]; /**< Half-widths of the observables; NaN when not configured and outside the training range. */
-  double observable_offsets[8]; /**< Part of each observable that is a measured difference from the finite elements; 0 without one. */
+  double observable_offsets[8]; /**< Part of each observable that is a measured difference from the finite elements, or the offset that follows measured values (`follow`); 0 without one. */
   uint8_t observable_names[256]; /**< Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_state;
 
@@ -431,9 +431,9 @@ typedef struct {
   double outside_by[8]; /**< How far each input is outside the values of the training, in its unit: above 0 over the largest, below 0 under the smallest. */
   double force_by_input[8]; /**< Derivative of the force with respect to each input, N per unit of the input; NaN when not configured. */
   uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
-  double observables[8]; /**< Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer. */
+  double observables[8]; /**< Observables, such as a bending angle, in the unit at the end of their names; of a model learned from measurements its first eight outputs that are no marker's coordinates. NaN without an answer. */
   double observable_halfwidths[8]; /**< Half-widths of the observables; NaN when not configured and outside the training range. */
-  double observable_offsets[8]; /**< Part of each observable that is a measured difference from the finite elements; 0 without one. */
+  double observable_offsets[8]; /**< Part of each observable that is a measured difference from the finite elements, or the offset that follows measured values (`follow`); 0 without one. */
   uint8_t observable_names[256]; /**< Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_answer;
 

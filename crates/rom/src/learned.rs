@@ -618,7 +618,6 @@ impl LearnedState {
 #[derive(Clone, Debug)]
 pub struct OffsetFilter {
     offsets: Vec<OutputOffset>,
-    last_ns: Option<u64>,
 }
 
 #[derive(Clone, Debug)]
@@ -628,6 +627,8 @@ struct OutputOffset {
     noise: f64,
     value: f64,
     variance: f64,
+    /// When it was measured last, ns.
+    last_ns: Option<u64>,
     /// Mean error over the time in which an offset wanders, mean square about it, and number of values.
     mean: f64,
     seen: f64,
@@ -642,11 +643,12 @@ impl OffsetFilter {
             noise: width.noise / SQUARED_SIGMAS,
             value: 0.0,
             variance: drift.start,
+            last_ns: None,
             mean: 0.0,
             seen: 0.0,
             count: 0.0,
         };
-        Self { offsets: map.drifts.iter().zip(&map.widths).map(initial).collect(), last_ns: None }
+        Self { offsets: map.drifts.iter().zip(&map.widths).map(initial).collect() }
     }
 
     /// Values were measured.
@@ -656,23 +658,16 @@ impl OffsetFilter {
 
     /// Forgets what was measured.
     pub fn restart(&mut self) {
-        self.last_ns = None;
         for offset in &mut self.offsets {
-            (offset.value, offset.variance) = (0.0, offset.drift.start);
+            (offset.value, offset.variance, offset.last_ns) = (0.0, offset.drift.start, None);
             (offset.mean, offset.seen, offset.count) = (0.0, 0.0, 0.0);
         }
     }
 
-    fn passed_s(&self, t_ns: u64) -> f64 {
-        self.last_ns.map_or(0.0, |last_ns| 1e-9 * t_ns.saturating_sub(last_ns) as f64)
-    }
-
-    /// Takes measured minus freely predicted values at a time (ns) that is not before that of the last call; NaN where nothing was
-    /// measured.
+    /// Takes measured minus freely predicted values at a time, ns. A value that is no number, or not later than the last one of its output,
+    /// changes nothing; outputs need not be measured together.
     pub fn take(&mut self, t_ns: u64, errors: &[f64]) {
-        let passed_s = self.passed_s(t_ns);
-        self.last_ns = Some(t_ns);
-        self.offsets.iter_mut().zip(errors).for_each(|(offset, error)| offset.take(passed_s, *error));
+        self.offsets.iter_mut().zip(errors).for_each(|(offset, error)| offset.take(t_ns, *error));
     }
 
     /// What is added to the predicted value of an output.
@@ -683,21 +678,33 @@ impl OffsetFilter {
     /// Square of an output's half-width at a time (ns), from `without`, the square without the allowance for a further run.
     pub fn squared_half_width(&self, output: usize, t_ns: u64, without: f64) -> f64 {
         let offset = &self.offsets[output];
-        (without + SQUARED_SIGMAS * offset.later(self.passed_s(t_ns))).max(SQUARED_SIGMAS * offset.seen)
+        (without + SQUARED_SIGMAS * offset.later(offset.passed_s(t_ns))).max(SQUARED_SIGMAS * offset.seen)
     }
 }
 
 impl OutputOffset {
-    /// Variance after some time: it grows, at most to that of the difference between two runs.
+    /// Time since it was measured last, s; 0 before.
+    fn passed_s(&self, t_ns: u64) -> f64 {
+        self.last_ns.map_or(0.0, |last_ns| 1e-9 * t_ns.saturating_sub(last_ns) as f64)
+    }
+
+    /// Variance after some time: it grows, up to that of the difference between two runs.
     fn later(&self, passed_s: f64) -> f64 {
         (self.variance + self.drift.per_s * passed_s).min(2.0 * self.drift.start)
     }
 
-    fn take(&mut self, passed_s: f64, error: f64) {
-        self.variance = self.later(passed_s);
-        if !error.is_finite() || passed_s <= 0.0 {
+    fn take(&mut self, t_ns: u64, error: f64) {
+        if !error.is_finite() {
             return;
         }
+        let passed_s = self.passed_s(t_ns);
+        if passed_s <= 0.0 {
+            // The first value tells nothing yet: nobody knows how much time it stands for.
+            self.last_ns.get_or_insert(t_ns);
+            return;
+        }
+        self.last_ns = Some(t_ns);
+        self.variance = self.later(passed_s);
         self.count += 1.0;
         let share = (self.drift.per_s * passed_s / self.drift.start).max(1.0 / self.count).min(1.0);
         self.mean += share * (error - self.mean);

@@ -169,8 +169,15 @@ impl Session {
         self.following.is_some()
     }
 
-    /// Takes measured minus freely predicted values ([`Self::offset`]) of a time, ns, by output; NaN where nothing was measured. They
-    /// count from the next answer on.
+    /// Measured minus freely predicted value of an output, which [`Self::follow`] takes: `answered` is the session's answer at that time,
+    /// after which it has followed nothing. NaN if one of them is not there.
+    pub fn free_error(&self, output: usize, measured: f64, answered: &Evaluation) -> f64 {
+        let answer = answered.coefficients.get(output).copied().unwrap_or(f64::NAN);
+        measured - (answer - self.offset(output))
+    }
+
+    /// Takes measured minus freely predicted values ([`Self::free_error`]) of a time, ns, by output; NaN where nothing was measured. They
+    /// count from the next answer on. Allocates nothing.
     pub fn follow(&mut self, t_ns: u64, errors: &[f64]) {
         self.following.iter_mut().for_each(|following| following.take(t_ns, errors));
     }
@@ -273,6 +280,12 @@ impl Session {
         filtered.followed = follower.map(|follower| follower.advance(t_ns, &mut filtered.inputs));
         self.last_ns = Some(t_ns);
         Ok(filtered)
+    }
+
+    /// True if an answer is that of the newest reading that was taken, whichever is asked for: the state of a learned model is not kept
+    /// with each reading. Who wants an answer to every reading asks before the next is taken.
+    pub fn answers_only_the_newest(&self) -> bool {
+        self.learned.is_some()
     }
 
     /// Second half of [`Self::step`]: the body moves to a reading that was taken and is evaluated there. The coefficients of a model without

@@ -127,8 +127,36 @@ fn following_takes_over_a_constant_offset_and_leaves_out_what_was_not_measured()
     // Errors that the training does not explain: the half-width contains them.
     (40..400).for_each(|k| following.take(500_000_000 * k, &[if k % 2 == 0 { 6.0 } else { -6.0 }]));
     assert!(following.offset(0).abs() < 2.0 && square(&following, 200_000_000_000) > 30.0 * HALFWIDTH_SIGMAS);
+    // What was not measured, or not later than the last value, changes nothing.
+    let before = format!("{following:?}");
+    for (t_ns, error) in [(400, f64::NAN), (400, f64::INFINITY), (399, 1.0), (1, 1.0)] {
+        following.take(500_000_000 * t_ns, &[error]);
+        assert_eq!(format!("{following:?}"), before, "{t_ns} {error}");
+    }
     following.restart();
     assert_eq!(following.offset(0), 0.0);
+}
+
+/// A sensor that is read at every fifth instant tells of its output what it would tell alone.
+#[test]
+fn outputs_that_are_measured_at_their_own_instants_are_followed_as_if_alone() {
+    let mut two = map();
+    two.widths.push(two.widths[0]);
+    two.drifts.push(Drift { start: 2.0, per_s: 0.1, noise_s: 0.5 });
+    let (mut both, mut alone) = (OffsetFilter::new(&two), OffsetFilter::new(&two));
+    for k in 0..200_u64 {
+        let error = (0.1 * k as f64).sin();
+        let slow = if k % 5 == 0 { error } else { f64::NAN };
+        both.take(20_000_000 * k, &[error, slow]);
+        if k % 5 == 0 {
+            alone.take(20_000_000 * k, &[f64::NAN, slow]);
+        }
+        let bits = |filter: &OffsetFilter| {
+            [filter.offset(1), filter.squared_half_width(1, 20_000_000 * k, 1.0)].map(f64::to_bits)
+        };
+        assert_eq!(bits(&both), bits(&alone), "{k}");
+    }
+    assert!(both.offset(1) != 0.0 && both.offset(0) != both.offset(1) && alone.offset(0) == 0.0);
 }
 
 #[test]

@@ -9,7 +9,7 @@ mod learned;
 mod moving;
 mod observed;
 
-pub use learned::{LearnedMarkers, MarkerModel};
+pub use learned::{FollowedOutputs, LearnedMarkers, MarkerModel};
 pub use moving::filter;
 
 use crate::config::{ActuatorSpec, BIASES, CameraSpec, FORCE_BIAS, Gap, PRESSURE_BIAS, Sigmas};
@@ -595,6 +595,35 @@ pub fn measurement(
 impl NewValues {
     pub(crate) const ALL: Self =
         Self { force: true, markers: [true; MARKERS_MAX], named: [true; PARAMETERS_MAX] };
+}
+
+/// Names of a model's output that a load cell measures.
+const LOAD_CELL_NAMES: [&str; 3] = ["force_n", "contact_force_n", "measured_force_n"];
+
+/// The measured value of a model's observable or output in the readings.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct NamedValue {
+    /// Name as readings carry it.
+    name: [u8; 32],
+    /// The load cell's value is meant where a reading has no value of this name.
+    is_force: bool,
+}
+
+impl NamedValue {
+    pub(crate) fn new(name: &str) -> Self {
+        Self { name: pack_slot(name), is_force: LOAD_CELL_NAMES.contains(&name) }
+    }
+
+    /// Its value in a reading, NaN where there is none; `None` for one that is not new.
+    pub(crate) fn new_in(&self, sample: &SensorSample, new: &NewValues) -> Option<f64> {
+        let named =
+            sample.input(&self.name).map(|(slot, value)| (value, new.named.get(slot) != Some(&false)));
+        let of_cell = || self.is_force.then_some((sample.measured_force_n, new.force));
+        match named.or_else(of_cell) {
+            Some((value, is_new)) => (is_new || value.is_nan()).then_some(value),
+            None => Some(f64::NAN),
+        }
+    }
 }
 
 /// Values of a reading in the order of the rows of [`setup`]: the force, x, y, z of each marker, the observables.

@@ -20,6 +20,7 @@ pub mod load;
 pub mod machine;
 pub mod measured;
 pub mod metrics;
+mod named_outputs;
 mod problems;
 pub mod publish;
 pub mod query;

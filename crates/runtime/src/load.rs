@@ -3,7 +3,10 @@
 use crate::config::{
     self, ActuatorSpec, ConfigError, FixedNodes, Gap, NodesSpec, OutputSpec, PRESSURE_BIAS, Scene,
 };
-use crate::estimation::{Estimator, LearnedMarkers, MarkerModel, SensorModel, measured_observables};
+use crate::estimation::{
+    Estimator, FollowedOutputs, LearnedMarkers, MarkerModel, SensorModel, measured_observables,
+};
+use crate::named_outputs::NamedOutputs;
 use rom::branch::{self, VOLUME};
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
@@ -12,7 +15,6 @@ use rom::model::{
     BlockData, BlockEntry, BlockKind, Model, ModelFileError, ModelHeader, ModelReader, Nodes, RegimeModel,
     Selection,
 };
-use rom::observable::Observables;
 use rom::reconstructor::{Basis, Reconstructor};
 use rom::session::{Gaps, Session};
 use rom::snapshots::{FieldKind, RegimeKind};
@@ -21,7 +23,7 @@ use std::path::Path;
 use wire::State;
 use wire::layout::{FIELD_SLOTS, GROUPS_MAX, INPUTS_MAX, OBSERVABLES_MAX, field_id, input_source, set_slot};
 
-/// What the payloads of a model contain beside the numbers of an evaluation: names and places of its inputs and observables.
+/// What the payloads of a model contain beside the numbers of an evaluation: names and places of its inputs and named outputs.
 #[derive(Debug, Clone)]
 pub struct PayloadContents {
     pub(crate) count: u32,
@@ -31,12 +33,12 @@ pub struct PayloadContents {
     pub(crate) needs: Needs,
     /// Coefficients of each group, by regime.
     pub(crate) group_sizes: Vec<(RegimeKind, [u8; GROUPS_MAX])>,
-    pub(crate) observables: Observables,
+    pub(crate) outputs: NamedOutputs,
     pub(crate) observable_names: [u8; 32 * OBSERVABLES_MAX],
 }
 
 impl PayloadContents {
-    /// Takes a model with its record of observables loaded, and its evaluator.
+    /// Takes a model with its record of observables, or a learned model with its modes, loaded, and its evaluator.
     ///
     /// # Errors
     /// Observables that do not fit the model.
@@ -48,15 +50,15 @@ impl PayloadContents {
             count += 1;
         }
         let needs = evaluator.needs();
-        let observables = Observables::of(model)?;
+        let outputs = NamedOutputs::new(model)?;
         let mut observable_names = [0; 32 * OBSERVABLES_MAX];
-        observables.names().enumerate().for_each(|(at, name)| set_slot(&mut observable_names, at, name));
+        outputs.names().enumerate().for_each(|(at, name)| set_slot(&mut observable_names, at, name));
         let sizes = |regime: &RegimeModel| {
             let sizes: Vec<u8> = regime.groups.iter().map(|group| group.coefficients.len() as u8).collect();
             (regime.kind, first(&sizes))
         };
         let group_sizes = model.header.regimes.iter().map(sizes).collect();
-        Ok(Self { count, names, positions, needs, group_sizes, observables, observable_names })
+        Ok(Self { count, names, positions, needs, group_sizes, outputs, observable_names })
     }
 
     /// Positions in the model's inputs, in the order of the payload's.
@@ -133,8 +135,10 @@ pub struct LoadedActuator {
     pub estimator: Option<Estimator>,
     /// Predictions of the markers, if the scene has some.
     pub markers: Option<MarkerModel>,
-    /// Positions of the measured observables among the model's.
+    /// Positions of the measured observables among the model's named outputs.
     pub observed: Vec<usize>,
+    /// What the session follows, if the scene wants it.
+    pub followed: Option<FollowedOutputs>,
     /// Regimes that can occur.
     pub regimes: Vec<RegimeKind>,
     /// Blocks read from the model file.
@@ -244,10 +248,10 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<LoadedActuator, Ve
         };
         let fields = model.header.fields.iter().enumerate();
         let coordinates = fields.filter(|(_, field)| matches!(field.spec.kind, FieldKind::Coordinate(_)));
-        let observed = coordinates.map(|(at, _)| at).filter(|_| contents.observables.count() > 0);
+        let observed = coordinates.map(|(at, _)| at).filter(|_| contents.outputs.count() > 0);
         session.restrict(&read.iter().filter_map(field).chain(observed).collect::<Vec<_>>());
     }
-    let observed = measured_observables(spec, &contents.observables)?;
+    let observed = measured_observables(spec, contents.outputs.names())?;
     let outputs = outputs(spec, &model, selections)?;
     let estimator = Estimator::new(spec, &model)?;
     let markers = match LearnedMarkers::new(spec, &model)? {
@@ -255,11 +259,10 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<LoadedActuator, Ve
         Some(markers) => Some(MarkerModel::Learned(markers)),
         None => Some(MarkerModel::Mesh(Box::new(SensorModel::new(spec, &model)?))),
     };
-    if spec.follow_markers && (markers.is_none() || !session.start_following()) {
-        return Err(vec![
-            "follow_markers: expected a model learned from measurements and [[actuator.marker]], found another model or no marker"
-                .into(),
-        ]);
+    let followed =
+        spec.follow.then(|| FollowedOutputs::new(spec, &model, &contents.outputs, &observed)).transpose()?;
+    if followed.is_some() {
+        session.start_following();
     }
     Ok(LoadedActuator {
         spec: spec.clone(),
@@ -270,6 +273,7 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<LoadedActuator, Ve
         estimator,
         markers,
         observed,
+        followed,
         regimes,
         read,
         file_block_bytes,
@@ -289,7 +293,11 @@ fn blocks_of(
         let pressure = Selection { fields: Some(vec!["pressure".into()]), nodes: Nodes::All };
         needed.extend(needed_blocks(header, &[pressure]));
     }
-    if !spec.markers.is_empty() {
+    if header.learned.is_some() {
+        // A mode tells which output it is.
+        let whole = Selection { fields: None, nodes: Nodes::All };
+        needed.extend(needed_blocks(header, &[whole]));
+    } else if !spec.markers.is_empty() {
         let coordinates =
             header.fields.iter().filter(|field| matches!(field.spec.kind, FieldKind::Coordinate(_)));
         let fields = coordinates.map(|field| field.spec.name.clone()).collect();

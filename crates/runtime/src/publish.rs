@@ -29,11 +29,11 @@ macro_rules! write_evaluation {
         for (to, from) in $payload.coefficients.iter_mut().zip(&e.coefficients) {
             *to = *from as f32;
         }
-        let observables = &contents.observables;
-        $payload.observable_count = observables.count() as u32;
+        let count = contents.outputs.count().min(OBSERVABLES_MAX);
+        $payload.observable_count = count as u32;
         $payload.observable_names = contents.observable_names;
-        for at in 0..observables.count().min(OBSERVABLES_MAX) {
-            let found = observables.value(at, e);
+        for at in 0..count {
+            let found = contents.outputs.value(at, e);
             ($payload.observables[at], $payload.observable_halfwidths[at]) = (found.value, found.halfwidth);
             $payload.observable_offsets[at] = found.offset;
         }

@@ -615,8 +615,7 @@ impl<'a> LateErrors<'a> {
     fn take(&mut self, row: usize, evaluation: &Evaluation, session: &mut Session) {
         let mut errors = vec![f64::NAN; evaluation.coefficients.len()];
         for (series, output) in &self.columns {
-            let free = evaluation.coefficients[*output] - session.offset(*output);
-            errors[*output] = series.values[row] - free;
+            errors[*output] = session.free_error(*output, series.values[row], evaluation);
         }
         let time_s = &self.recording.time_s;
         self.waiting.push_back((time_s[row], errors));

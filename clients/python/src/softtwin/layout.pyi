@@ -102,9 +102,9 @@ class State(Payload):
     outside_by: Any  # How far each input is outside the values of the training, in its unit: above 0 over the largest, below 0 under the smallest.
     force_by_input: Any  # Derivative of the force with respect to each input, N per unit of the input; NaN when not configured.
     input_names: Any  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
-    observables: Any  # Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
+    observables: Any  # Observables, such as a bending angle, in the unit at the end of their names; of a model learned from measurements its first eight outputs that are no marker's coordinates. NaN without an answer.
     observable_halfwidths: Any  # Half-widths of the observables; NaN when not configured and outside the training range.
-    observable_offsets: Any  # Part of each observable that is a measured difference from the finite elements; 0 without one.
+    observable_offsets: Any  # Part of each observable that is a measured difference from the finite elements, or the offset that follows measured values (`follow`); 0 without one.
     observable_names: Any  # Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left.
 
 class Health(Payload):
@@ -305,7 +305,7 @@ class Answer(Payload):
     outside_by: Any  # How far each input is outside the values of the training, in its unit: above 0 over the largest, below 0 under the smallest.
     force_by_input: Any  # Derivative of the force with respect to each input, N per unit of the input; NaN when not configured.
     input_names: Any  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
-    observables: Any  # Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
+    observables: Any  # Observables, such as a bending angle, in the unit at the end of their names; of a model learned from measurements its first eight outputs that are no marker's coordinates. NaN without an answer.
     observable_halfwidths: Any  # Half-widths of the observables; NaN when not configured and outside the training range.
-    observable_offsets: Any  # Part of each observable that is a measured difference from the finite elements; 0 without one.
+    observable_offsets: Any  # Part of each observable that is a measured difference from the finite elements, or the offset that follows measured values (`follow`); 0 without one.
     observable_names: Any  # Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left.

@@ -10,7 +10,7 @@ use crate::interpolant::Interpolant;
 use crate::kernel::Modes;
 use crate::learned::LearnedMap;
 use crate::regime::OnsetTable;
-use crate::snapshots::{FieldSpec, Footprint, NodeSet, RegimeKind};
+use crate::snapshots::{FieldKind, FieldSpec, Footprint, NodeSet, RegimeKind};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::Arc;
@@ -348,11 +348,21 @@ impl Model {
         })
     }
 
-    /// Which output of a model learned from measurements a field has at a node; its modes must be loaded.
+    /// Which output of a model learned from measurements a field has at a node, if the model has that node; its modes must be loaded.
     pub fn learned_output(&self, field: usize, node: usize) -> Option<usize> {
         self.header.learned.as_ref()?;
-        let modes = self.modes(RegimeKind::Free, field as u32).ok()?;
+        let modes = self.modes(RegimeKind::Free, field as u32).ok().filter(|modes| node < modes.nodes())?;
         (0..modes.count()).find(|mode| modes.value(*mode, node) != 0.0)
+    }
+
+    /// Name and number of the outputs of a model learned from measurements that are no marker's coordinates, such as an angle or a force;
+    /// their modes must be loaded. Empty for other models.
+    pub fn learned_scalars(&self) -> Vec<(String, usize)> {
+        let fields = self.header.fields.iter().enumerate();
+        let scalars = fields.filter(|(_, field)| !matches!(field.spec.kind, FieldKind::Coordinate(_)));
+        let output =
+            |(at, field): (usize, &OutputField)| Some((field.spec.name.clone(), self.learned_output(at, 0)?));
+        scalars.filter_map(output).collect()
     }
 
     /// Displacement of the undeformed nodes from the model's mesh by these inputs, per axis (mm). `None` if no input moves them.

@@ -88,10 +88,12 @@ pub struct ActuatorSpec {
     /// Markers that a camera follows.
     #[serde(default, rename = "marker")]
     pub markers: Vec<MarkerSpec>,
-    /// The outputs of a model learned from measurements follow the measured markers: an offset of each coordinate is estimated.
+    /// The measured outputs of a model learned from measurements, `marker` and `observables`, follow what is measured: each has an offset
+    /// that is estimated.
     #[serde(default)]
-    pub follow_markers: bool,
-    /// Observables of the model that are measured, such as a bending angle by a camera: values of the readings by their names.
+    pub follow: bool,
+    /// Observables of the model that are measured, such as a bending angle by a camera, or scalar outputs of a model learned from
+    /// measurements: values of the readings by their names. A force is that of the load cell where readings have none of its name.
     #[serde(default)]
     pub observables: ObservedSpecs,
     #[serde(default)]

@@ -1,11 +1,13 @@
-//! Markers of a model learned from measurements: their coordinates are outputs of the model, which has no mesh.
+//! A model learned from measurements beside its sensors: where it predicts the markers, and offsets of its outputs that follow what is
+//! measured. Such a model has no mesh; a marker's coordinates are outputs, as are angles and forces.
 
-use super::SensorModel;
+use super::{NamedValue, NewValues, SensorModel};
 use crate::config::{ActuatorSpec, CameraSpec, MarkerSpec};
+use crate::named_outputs::NamedOutputs;
 use rom::evaluation::Evaluation;
 use rom::model::Model;
 use rom::session::Session;
-use wire::layout::Marker;
+use wire::SensorSample;
 
 /// What predicts the markers of an actuator.
 #[derive(Debug)]
@@ -21,8 +23,6 @@ pub enum MarkerModel {
 pub struct LearnedMarkers {
     outputs: Vec<[Option<usize>; 3]>,
     camera: CameraSpec,
-    /// Measured minus freely predicted values by output.
-    errors: Vec<f64>,
 }
 
 impl LearnedMarkers {
@@ -31,7 +31,9 @@ impl LearnedMarkers {
     /// # Errors
     /// Markers at nodes of which the model has no coordinate.
     pub(crate) fn new(spec: &ActuatorSpec, model: &Model) -> Result<Option<Self>, Vec<String>> {
-        let Some(map) = &model.header.learned else { return Ok(None) };
+        if model.header.learned.is_none() {
+            return Ok(None);
+        }
         let outputs: Vec<[Option<usize>; 3]> =
             spec.markers.iter().map(|marker| outputs_of(model, marker)).collect();
         let unknown = spec.markers.iter().zip(&outputs).filter(|(_, of)| of.iter().all(Option::is_none));
@@ -51,7 +53,7 @@ impl LearnedMarkers {
         if !problems.is_empty() {
             return Err(problems);
         }
-        Ok(Some(Self { outputs, camera: spec.camera, errors: vec![f64::NAN; map.outputs()] }))
+        Ok(Some(Self { outputs, camera: spec.camera }))
     }
 
     /// Predicted places of the markers in the camera's frame; NaN for a coordinate that was not learned.
@@ -61,27 +63,77 @@ impl LearnedMarkers {
             self.camera.in_camera_mm(outputs.each_ref().map(|at| value(at).unwrap_or(f64::NAN)))
         })
     }
+}
 
-    /// Lets a session follow measured markers, as far as they are new.
+/// The measured outputs of a model learned from measurements, whose offsets a session follows (`follow` of a scene): coordinates of the
+/// markers, and the outputs that `[actuator.observables]` names.
+#[derive(Debug, Clone)]
+pub struct FollowedOutputs {
+    markers: LearnedMarkers,
+    named: Vec<(NamedValue, usize)>,
+    /// Measured minus freely predicted values by output.
+    errors: Vec<f64>,
+}
+
+impl FollowedOutputs {
+    /// Those of the scene: `measured` are the positions of its observables among the named outputs.
+    ///
+    /// # Errors
+    /// A model that cannot follow, or a scene that measures none of its outputs.
+    pub(crate) fn new(
+        spec: &ActuatorSpec,
+        model: &Model,
+        outputs: &NamedOutputs,
+        measured: &[usize],
+    ) -> Result<Self, Vec<String>> {
+        let (Some(map), Some(markers)) = (&model.header.learned, LearnedMarkers::new(spec, model)?) else {
+            return Err(vec![
+                "follow: expected a model learned from measurements (`softtwin learn`), found one of finite elements"
+                    .into(),
+            ]);
+        };
+        let named = spec.observables.keys().zip(measured);
+        let named: Vec<_> = named
+            .filter_map(|(name, at)| Some((NamedValue::new(name), outputs.learned_output(*at)?)))
+            .collect();
+        if spec.markers.is_empty() && named.is_empty() {
+            let known: Vec<&str> = outputs.names().collect();
+            return Err(vec![format!(
+                "follow: expected a measured output, [[actuator.marker]] or one of the model's other outputs ({}) under \
+                 [actuator.observables]; found none",
+                known.join(", ")
+            )]);
+        }
+        Ok(Self { markers, named, errors: vec![f64::NAN; map.outputs()] })
+    }
+
+    /// Lets a session follow what a reading measures, as far as it is new; `answered` is the session's answer to the reading.
     pub(crate) fn follow(
         &mut self,
-        t_ns: u64,
-        measured: impl Iterator<Item = (Marker, bool)>,
+        sample: &SensorSample,
+        new: &NewValues,
         answered: &Evaluation,
         session: &mut Session,
     ) {
-        self.errors.fill(f64::NAN);
-        for (outputs, (marker, _)) in self.outputs.iter().zip(measured).filter(|(_, (_, is_new))| *is_new) {
-            for (measured_mm, at) in self.camera.in_actuator_mm(marker).into_iter().zip(outputs) {
-                let value = at.and_then(|at| Some((at, answered.coefficients.get(at)?)));
-                if let Some((at, value)) = value
-                    && let Some(error) = self.errors.get_mut(at)
-                {
-                    *error = measured_mm - (value - session.offset(at));
+        let Self { markers: LearnedMarkers { outputs, camera }, named, errors } = self;
+        errors.fill(f64::NAN);
+        let mut set = |output: usize, measured: f64| {
+            if let Some(error) = errors.get_mut(output) {
+                *error = session.free_error(output, measured, answered);
+            }
+        };
+        if sample.marker_values > 0 {
+            let measured = outputs.iter().zip(&sample.markers_mm).zip(new.markers);
+            for ((outputs, marker), _) in measured.filter(|(_, is_new)| *is_new) {
+                for (measured_mm, output) in camera.in_actuator_mm(*marker).into_iter().zip(outputs) {
+                    output.iter().for_each(|output| set(*output, measured_mm));
                 }
             }
         }
-        session.follow(t_ns, &self.errors);
+        for (value, output) in named {
+            value.new_in(sample, new).iter().for_each(|measured| set(*output, *measured));
+        }
+        session.follow(sample.t_sensor_ns, errors);
     }
 }
 

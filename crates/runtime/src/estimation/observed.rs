@@ -19,21 +19,21 @@ pub(super) struct Observed {
     which: Vec<usize>,
 }
 
-/// Positions of a scene's measured observables among those of its model.
+/// Positions of a scene's measured observables among the names that its model has.
 ///
 /// # Errors
 /// Observables that the model does not have.
-pub(crate) fn measured_observables(
+pub(crate) fn measured_observables<'a>(
     spec: &ActuatorSpec,
-    observables: &Observables,
+    known: impl Iterator<Item = &'a str>,
 ) -> Result<Vec<usize>, Vec<String>> {
-    let known: Vec<&str> = observables.names().collect();
+    let known: Vec<&str> = known.collect();
     let (mut which, mut problems) = (Vec::new(), Vec::new());
     for name in spec.observables.keys() {
         match known.iter().position(|known| known == name) {
             Some(at) => which.push(at),
             None => problems.push(format!(
-                "observables.{name}: expected an observable of the model ({}), found no such quantity",
+                "observables.{name}: expected an observable or a scalar output of the model ({}), found no such quantity",
                 known.join(", ")
             )),
         }
@@ -52,7 +52,7 @@ impl Observed {
         }
         let fail = |error: &dyn std::fmt::Display| vec![format!("model: {error}")];
         let observables = Observables::of(model).map_err(|error| fail(&error))?;
-        let which = measured_observables(spec, &observables)?;
+        let which = measured_observables(spec, observables.names())?;
         let mut evaluator = Evaluator::new(&model.header).map_err(|error: ModelError| fail(&error))?;
         let fields = model.header.fields.iter().enumerate();
         let coordinates = fields.filter(|(_, field)| matches!(field.spec.kind, FieldKind::Coordinate(_)));

@@ -2,10 +2,9 @@
 
 use super::residual::{Residual, ResidualVerdict, Watch};
 use crate::config::ActuatorSpec;
-use crate::estimation::{LastUsed, MarkerModel};
+use crate::estimation::{MarkerModel, NewValues};
 use estimate::{MAX_ROWS, Model, Predicted};
 use rom::evaluation::Evaluation;
-use rom::session::Session;
 use wire::SensorSample;
 use wire::layout::{MARKERS_MAX, Marker};
 
@@ -16,7 +15,6 @@ pub(super) struct Markers {
     predicted: [Predicted; MAX_ROWS],
     count: usize,
     sigmas_mm: [Marker; MARKERS_MAX],
-    used: LastUsed,
     watches: [[Watch; 3]; MARKERS_MAX],
     judged: [ResidualVerdict; MARKERS_MAX],
 }
@@ -28,23 +26,20 @@ impl Markers {
             predicted: [Predicted::default(); MAX_ROWS],
             count: spec.markers.len().min(MARKERS_MAX),
             sigmas_mm: spec.marker_sigmas_mm(),
-            used: LastUsed::default(),
             watches: Default::default(),
             judged: [ResidualVerdict::default(); MARKERS_MAX],
         }
     }
 
     /// Takes the markers of a reading with this evaluation: the contribution to the displacement's half-width, mm, which is the largest of
-    /// the markers, and whether a coordinate contradicts the model for `after_s`. A slow camera's value counts once. A session that follows
-    /// gets the markers for its next answer.
+    /// the markers, and whether a coordinate contradicts the model for `after_s`. A slow camera's value counts once.
     pub(super) fn update(
         &mut self,
         sample: &SensorSample,
+        new: &NewValues,
         evaluation: &Evaluation,
-        session: &mut Session,
         after_s: f64,
     ) -> ResidualVerdict {
-        let new = self.used.new_in(sample);
         if sample.marker_values > 0 {
             let rows = self.predicted.get_mut(..1 + 3 * self.count).unwrap_or_default();
             match &mut self.model {
@@ -54,8 +49,6 @@ impl Markers {
                 MarkerModel::Learned(markers) => {
                     let values = rows.iter_mut().skip(1).zip(markers.places(evaluation).flatten());
                     values.for_each(|(row, value)| row.value = value);
-                    let measured = sample.markers_mm.iter().copied().zip(new.markers);
-                    markers.follow(sample.t_sensor_ns, measured, evaluation, session);
                 }
             }
         }

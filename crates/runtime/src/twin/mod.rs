@@ -29,7 +29,7 @@ pub use record::{Event, EventKind, EventSender, event_channel};
 pub use swap::{Retired, SwapError};
 
 use crate::config::{Limits, OutsideDomain, Settings, ms_to_ns};
-use crate::estimation::Estimator;
+use crate::estimation::{Estimator, NewValues};
 use crate::load::LoadedActuator;
 use crate::publish::{self, FieldError, FieldOutput};
 use ingest::Validator;
@@ -199,8 +199,6 @@ struct WatchedResiduals {
     has_force_mismatch: bool,
     has_marker_mismatch: bool,
     has_observable_mismatch: bool,
-    /// Outputs of a learned model follow the markers.
-    is_following: bool,
 }
 
 impl ActuatorTwin {
@@ -336,6 +334,9 @@ impl ActuatorTwin {
         let taken = match check.rejection {
             Some(outcome) => Err(outcome),
             None => {
+                if self.parts.backlog > 1 && self.parts.session.answers_only_the_newest() {
+                    self.answer_waiting();
+                }
                 let inputs = self.validator.inputs(&sample);
                 self.parts.session.take(sample.t_sensor_ns, inputs).map_err(refused)
             }
@@ -409,7 +410,7 @@ impl ActuatorTwin {
                 estimate.sigmas.fill(f64::NAN);
             }
         }
-        if self.parts.wanted.coefficients || self.parts.contents.observables.count() > 0 {
+        if self.parts.wanted.coefficients || self.parts.contents.outputs.count() > 0 {
             self.parts.session.complete(&mut self.evaluation);
         }
         self.note_domain();
@@ -477,9 +478,11 @@ impl ActuatorTwin {
     /// Fills the state from the evaluation and the reading, and counts what it shows.
     fn finish_state(&mut self, sample: &SensorSample, taken_ns: u64) {
         self.widen_by_estimate();
-        let watched = self.watch_residuals(sample);
+        let new = self.parts.used.new_in(sample);
+        let watched = self.watch_residuals(sample, &new);
         let (regime_before, flags_before) = (self.state.regime, self.record.health.flags);
         self.fill_state(sample);
+        let is_followed = self.follow(sample, &new);
         let is_late = taken_ns.saturating_sub(sample.t_sensor_ns) > ms_to_ns(self.limits.late_ms);
         let estimation = self.estimation.as_ref();
         let has_alarm =
@@ -491,7 +494,7 @@ impl ActuatorTwin {
             (flags::OBSERVABLE_MISMATCH, watched.has_observable_mismatch),
             (flags::ESTIMATE_ALARM, has_alarm),
             (flags::LATE, is_late),
-            (flags::MARKERS_FOLLOWED, watched.is_following),
+            (flags::FOLLOWED, is_followed),
         ] {
             self.state.flags |= if is_set { bit } else { 0 };
         }
@@ -515,7 +518,7 @@ impl ActuatorTwin {
     }
 
     /// Compares what was measured with the model's answer. Residuals that stay widen the half-widths.
-    fn watch_residuals(&mut self, sample: &SensorSample) -> WatchedResiduals {
+    fn watch_residuals(&mut self, sample: &SensorSample, new: &NewValues) -> WatchedResiduals {
         let evaluation = &mut self.evaluation;
         let bias_n = self.estimation.as_ref().map_or(0.0, |estimation| estimation.estimator.force_bias_n());
         let residual = Residual {
@@ -526,28 +529,46 @@ impl ActuatorTwin {
         };
         let after_s = 1e-3 * self.limits.mismatch_ms;
         let force = self.force_watch.update(residual, after_s);
-        let Parts { markers, session, observed, contents, .. } = &mut self.parts;
-        let is_following = session.has_followed();
-        let markers = markers.as_mut().map(|watch| watch.update(sample, evaluation, session, after_s));
+        let Parts { markers, observed, followed, contents, .. } = &mut self.parts;
+        let markers = markers.as_mut().map(|watch| watch.update(sample, new, evaluation, after_s));
         let markers = markers.unwrap_or_default();
-        let has_observable_mismatch = observed.update(sample, evaluation, &contents.observables, after_s);
+        let has_observable_mismatch = observed.update(sample, new, evaluation, &contents.outputs, after_s);
         let halfwidths = &mut evaluation.halfwidths;
         halfwidths.force_n = halfwidths.force_n.hypot(force.contribution);
-        halfwidths.displacement_mm = halfwidths.displacement_mm.hypot(markers.contribution);
+        // The half-width of what is followed contains the scatter of its residuals already.
+        if followed.is_none() {
+            halfwidths.displacement_mm = halfwidths.displacement_mm.hypot(markers.contribution);
+        }
         WatchedResiduals {
             has_force_mismatch: force.mismatch,
             has_marker_mismatch: markers.mismatch,
             has_observable_mismatch,
-            is_following,
         }
+    }
+
+    /// Writes the offsets of the answer into the state, then lets the session follow what the reading measures, for the next answer. True if
+    /// there were offsets.
+    fn follow(&mut self, sample: &SensorSample, new: &NewValues) -> bool {
+        let Parts { followed, contents, session, .. } = &mut self.parts;
+        let Some(followed) = followed else { return false };
+        for (at, offset) in self.state.observable_offsets.iter_mut().enumerate() {
+            if let Some(output) = contents.outputs.learned_output(at) {
+                *offset = session.offset(output);
+            }
+        }
+        let has_offsets = session.has_followed();
+        followed.follow(sample, new, &self.evaluation, session);
+        has_offsets
     }
 
     /// Writes evaluation and reading into the state.
     fn fill_state(&mut self, sample: &SensorSample) {
         let state = &mut self.state;
-        let Parts { contents, wanted, observed, .. } = &self.parts;
+        let Parts { contents, wanted, observed, followed, .. } = &self.parts;
         publish::fill_state(state, &self.evaluation, contents, *wanted);
-        observed.widen(&mut state.observable_halfwidths);
+        if followed.is_none() {
+            observed.widen(&mut state.observable_halfwidths);
+        }
         publish::fill_label(state, self.label);
         state.outcome = Outcome::Published.code();
         state.sensor_boot_id = sample.boot_id;

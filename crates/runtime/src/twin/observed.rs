@@ -2,24 +2,20 @@
 
 use super::residual::{Residual, ResidualVerdict, Watch};
 use crate::config::ActuatorSpec;
-use crate::estimation::LastUsed;
+use crate::estimation::{NamedValue, NewValues};
+use crate::named_outputs::NamedOutputs;
 use rom::evaluation::Evaluation;
-use rom::observable::Observables;
 use wire::SensorSample;
-use wire::layout::{OBSERVABLES_MAX, pack_slot};
+use wire::layout::OBSERVABLES_MAX;
 
 /// The measured observables of an actuator.
 #[derive(Debug)]
-pub(super) struct MeasuredObservables {
-    all: Vec<ObservableWatch>,
-    used: LastUsed,
-}
+pub(super) struct MeasuredObservables(Vec<ObservableWatch>);
 
 #[derive(Debug)]
 struct ObservableWatch {
-    /// Name as readings carry it.
-    name: [u8; 32],
-    /// Position among the model's observables.
+    measured: NamedValue,
+    /// Position among the model's named outputs.
     at: usize,
     sigma: f64,
     watch: Watch,
@@ -30,50 +26,41 @@ impl MeasuredObservables {
     /// Those of the scene, at these positions among the model's.
     pub(super) fn new(spec: &ActuatorSpec, positions: &[usize]) -> Self {
         let measured = |(name, at): (&String, &usize)| ObservableWatch {
-            name: pack_slot(name),
+            measured: NamedValue::new(name),
             at: *at,
             sigma: spec.named_sigma(name).unwrap_or(f64::NAN),
             watch: Watch::default(),
             judged: ResidualVerdict::default(),
         };
-        Self {
-            all: spec.observables.keys().zip(positions).map(measured).collect(),
-            used: LastUsed::default(),
-        }
+        Self(spec.observables.keys().zip(positions).map(measured).collect())
     }
 
     /// Takes those of a reading with this evaluation; true if one contradicts the model for `after_s`. A slow sensor's value counts once.
     pub(super) fn update(
         &mut self,
         sample: &SensorSample,
+        new: &NewValues,
         evaluation: &Evaluation,
-        observables: &Observables,
+        outputs: &NamedOutputs,
         after_s: f64,
     ) -> bool {
-        if self.all.is_empty() {
-            return false;
-        }
-        let new = self.used.new_in(sample);
-        for ObservableWatch { name, at, sigma, watch, judged } in &mut self.all {
-            let found = sample.input(name).filter(|(_, value)| !value.is_nan());
-            if found.is_some_and(|(slot, _)| new.named.get(slot) == Some(&false)) {
-                continue;
-            }
-            let predicted = observables.value(*at, evaluation);
+        for ObservableWatch { measured, at, sigma, watch, judged } in &mut self.0 {
+            let Some(measured) = measured.new_in(sample, new) else { continue };
+            let predicted = outputs.value(*at, evaluation);
             let residual = Residual {
                 t_sensor_ns: sample.t_sensor_ns,
-                value: found.map_or(f64::NAN, |(_, measured)| measured - predicted.value),
+                value: measured - predicted.value,
                 halfwidth: predicted.halfwidth,
                 sigma: *sigma,
             };
             *judged = watch.update(residual, after_s);
         }
-        self.all.iter().any(|one| one.judged.mismatch)
+        self.0.iter().any(|one| one.judged.mismatch)
     }
 
     /// Adds what the residuals require to the half-widths of the model's observables.
     pub(super) fn widen(&self, halfwidths: &mut [f64; OBSERVABLES_MAX]) {
-        for ObservableWatch { at, judged, .. } in &self.all {
+        for ObservableWatch { at, judged, .. } in &self.0 {
             if let Some(halfwidth) = halfwidths.get_mut(*at) {
                 *halfwidth = halfwidth.hypot(judged.contribution);
             }

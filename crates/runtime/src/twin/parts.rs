@@ -4,6 +4,7 @@ use super::ingest::Needed;
 use super::markers::Markers;
 use super::observed::MeasuredObservables;
 use crate::config::StateSpec;
+use crate::estimation::{FollowedOutputs, LastUsed};
 use crate::load::{LoadedActuator, PayloadContents};
 use rom::evaluator::RegimeLabels;
 use rom::session::Session;
@@ -27,6 +28,9 @@ pub(super) struct Parts {
     /// `None` if the scene has no markers.
     pub markers: Option<Markers>,
     pub observed: MeasuredObservables,
+    /// `None` if the session follows nothing.
+    pub followed: Option<FollowedOutputs>,
+    pub used: LastUsed,
 }
 
 impl Parts {
@@ -42,6 +46,8 @@ impl Parts {
             force_sigma_n: loaded.spec.force_sigma_n(),
             markers,
             observed: MeasuredObservables::new(&loaded.spec, &loaded.observed),
+            followed: loaded.followed,
+            used: LastUsed::default(),
             contents: loaded.contents,
             labels: RegimeLabels::new(loaded.session.evaluator()),
             session: loaded.session,

@@ -144,8 +144,8 @@ bits! {
         SNAPPED = 1 << 14, "snapped";
         /// The readings so far do not tell on which branch the state is: the first one that has the pressure is taken.
         BRANCH_UNKNOWN = 1 << 15, "branch-unknown";
-        /// The values contain offsets that follow the measured markers (`follow_markers`).
-        MARKERS_FOLLOWED = 1 << 16, "markers-followed";
+        /// The values contain offsets that follow the measured outputs (`follow`).
+        FOLLOWED = 1 << 16, "followed";
     }
 }
 

@@ -181,11 +181,13 @@ macro_rules! evaluated_payload {
                 force_by_input: [f64; $crate::layout::INPUTS_MAX] = [f64::NAN; $crate::layout::INPUTS_MAX], "", Show::Counted("input_count");
                 /// Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
                 input_names: [u8; 32 * $crate::layout::INPUTS_MAX] = [0; 32 * $crate::layout::INPUTS_MAX], "", Show::Names("input_count");
-                /// Observables, such as a bending angle, in the unit at the end of their names; NaN without an answer.
+                /// Observables, such as a bending angle, in the unit at the end of their names; of a model learned from measurements its first
+                /// eight outputs that are no marker's coordinates. NaN without an answer.
                 observables: [f64; $crate::layout::OBSERVABLES_MAX] = [f64::NAN; $crate::layout::OBSERVABLES_MAX], "", Show::Counted("observable_count");
                 /// Half-widths of the observables; NaN when not configured and outside the training range.
                 observable_halfwidths: [f64; $crate::layout::OBSERVABLES_MAX] = [f64::NAN; $crate::layout::OBSERVABLES_MAX], "", Show::Counted("observable_count");
-                /// Part of each observable that is a measured difference from the finite elements; 0 without one.
+                /// Part of each observable that is a measured difference from the finite elements, or the offset that follows measured values
+                /// (`follow`); 0 without one.
                 observable_offsets: [f64; $crate::layout::OBSERVABLES_MAX] = [f64::NAN; $crate::layout::OBSERVABLES_MAX], "", Show::Counted("observable_count");
                 /// Names of the observables, 32 bytes each, zero-padded; a longer name is cut from the left.
                 observable_names: [u8; 32 * $crate::layout::OBSERVABLES_MAX] = [0; 32 * $crate::layout::OBSERVABLES_MAX], "", Show::Names("observable_count");
