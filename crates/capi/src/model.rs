@@ -201,8 +201,8 @@ impl softtwin_model {
     }
 
     /// The state at `values`, one for each input; NaN is the model's value of a parameter.
-    pub(crate) fn state(&self, column: usize, values: &[f64]) -> Result<Inputs, Failure> {
-        self.evaluator.state(values).map_err(|error| argument(&format!("state {column}: {error}")))
+    pub(crate) fn state(&self, number: usize, values: &[f64]) -> Result<Inputs, Failure> {
+        self.evaluator.state(values).map_err(|error| argument(&format!("state {number}: {error}")))
     }
 }
 

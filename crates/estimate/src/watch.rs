@@ -4,8 +4,7 @@
 //! rejections per block, the estimated noise of the measured inputs, and the normalised innovations. The noise of rising and falling
 //! inputs is kept over some cycles: memory of the plant, which the model does not know, shows there.
 //!
-//! Memory: the value of the first measured input that acts in the actuator plays in or
-//! lags behind the one that is read.
+//! Memory: what acts in the actuator is behind the first measured input by a play or a lag.
 //!
 //! For each kind, `d` is the difference of both at an amplitude of 1: a play of half-width [`PLAY_SIGMAS`], or a lag of [`LAG_S`].
 //! The errors of unknowns and noise per unit of amplitude follow from the filter's own gain, and the amplitude `a` from the
@@ -111,7 +110,7 @@ pub(crate) struct AlarmWatch {
     unexplained: f64,
     /// Values per block.
     seen: [f64; MAX_ROWS],
-    /// Rejection values per block.
+    /// Rejected values per block.
     rejected: [f64; MAX_ROWS],
     used: f64,
     /// Noise per measured input in the readings used, in standard deviations.

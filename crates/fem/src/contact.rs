@@ -83,7 +83,7 @@ impl Obstacle {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Round {
-    /// Its form.
+    /// Sphere or cylinder.
     pub form: RoundShape,
     /// Radius (mm).
     pub radius_mm: f64,
@@ -91,7 +91,7 @@ pub struct Round {
     pub centre_mm: [f64; 2],
 }
 
-/// Forms of a round body.
+/// Shapes of a round body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RoundShape {

@@ -87,7 +87,7 @@ impl LimitKind {
 /// Limit on a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limit {
-    /// Kind.
+    /// What ends there: a rising pressure, a falling one, the volume, or the only branch.
     pub kind: LimitKind,
     /// Index of the point before it.
     pub after: usize,
@@ -114,7 +114,7 @@ pub struct PathSettings {
 pub struct Path {
     /// Points, in order.
     pub points: Vec<PathPoint>,
-    /// Cost.
+    /// Work spent so far.
     pub report: SolveCost,
     /// Why it ended.
     pub ended: Option<NewtonError>,
@@ -155,7 +155,7 @@ struct Walk<'a> {
     descends: bool,
     /// True if the next point of these is behind the end.
     passed: &'a dyn Fn(&[PathPoint], &PathPoint) -> bool,
-    /// True if the last of these points is all that was looked for.
+    /// True if this point is what the walk looks for; it then ends.
     is_found: &'a dyn Fn(&PathPoint) -> bool,
     /// Gets every point.
     notify: &'a mut dyn FnMut(&PathPoint),

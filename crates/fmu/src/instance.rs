@@ -54,8 +54,10 @@ impl Instance {
         let (model, hash) = Model::read(resources.join(MODEL_FILE)).map_err(|e| broken(MODEL_FILE, &e))?;
         let mut text = String::new();
         let file = File::open(resources.join(NODES_FILE)).map_err(|e| broken(NODES_FILE, &e))?;
-        // What lies behind the limit is not read, and the token then belongs to other nodes.
-        file.take(MAX_NODES_BYTES).read_to_string(&mut text).map_err(|e| broken(NODES_FILE, &e))?;
+        file.take(MAX_NODES_BYTES + 1).read_to_string(&mut text).map_err(|e| broken(NODES_FILE, &e))?;
+        if text.len() as u64 > MAX_NODES_BYTES {
+            return Err(broken(NODES_FILE, &format!("expected at most {MAX_NODES_BYTES} bytes, found more")));
+        }
         let nodes = description::read_nodes(&text).map_err(|e| broken(NODES_FILE, &e))?;
         let expected = description::token(&hash, &nodes);
         if token != expected {

@@ -42,8 +42,9 @@ const GAP: &str = "gap_mm";
 /// Least time between two rows, s.
 const MIN_INTERVAL_S: f64 = 1.0e-6;
 
+/// Inputs by name over time, as a table has them, for no model in particular.
 #[derive(Clone, Debug, PartialEq)]
-pub struct InputTrace {
+pub struct TraceTable {
     /// Names of the inputs, in the order of the columns.
     pub names: Vec<String>,
     /// Time (s) and a value for each input; an empty gap is infinite. At least two rows.
@@ -61,7 +62,7 @@ pub struct Cell<'a> {
     pub first: Option<f64>,
 }
 
-impl InputTrace {
+impl TraceTable {
     /// Takes the inputs of a table: all columns but the time and the results of a series. `refused` returns what a cell is expected to be
     /// if it is not.
     ///

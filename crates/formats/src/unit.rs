@@ -3,7 +3,7 @@
 //! A table instead of a package: `uom` checks units at compile time and reads none of a file's spellings; the others bring a language
 //! of expressions. The test holds the factors.
 
-/// Quantity of a unit.
+/// What a unit measures. The comment of each says the base unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dimension {
     /// MPa.
@@ -28,7 +28,7 @@ pub enum Dimension {
     Number,
 }
 
-/// Spellings, quantity, factor to its base unit.
+/// Spellings, dimension, factor to its base unit.
 const UNITS: &[(&[&str], Dimension, f64)] = &[
     (&["mpa", "n/mm2", "n/mm^2"], Dimension::Pressure, 1.0),
     (&["gpa"], Dimension::Pressure, 1e3),
@@ -74,12 +74,12 @@ const UNITS: &[(&[&str], Dimension, f64)] = &[
     (&["1", "count", "counts"], Dimension::Number, 1.0),
 ];
 
-/// Quantity and factor of a unit's spelling.
+/// Dimension and factor of a unit's spelling.
 #[must_use]
 pub fn unit(spelling: &str) -> Option<(Dimension, f64)> {
     let spelling = spelling.trim().to_lowercase();
     let found = UNITS.iter().find(|(names, ..)| names.contains(&spelling.as_str()));
-    found.map(|(_, quantity, factor)| (*quantity, *factor))
+    found.map(|(_, dimension, factor)| (*dimension, *factor))
 }
 
 /// All spellings, for messages.
@@ -88,11 +88,11 @@ pub fn known() -> String {
     UNITS.iter().map(|(names, ..)| names[0]).collect::<Vec<_>>().join(", ")
 }
 
-/// A spelling of each unit of a quantity, for messages.
+/// A spelling of each unit of a dimension, for messages.
 #[must_use]
-pub fn known_of(quantity: Dimension) -> String {
-    let of_quantity = UNITS.iter().filter(|(_, found, _)| *found == quantity);
-    of_quantity.map(|(names, ..)| names[0]).collect::<Vec<_>>().join(", ")
+pub fn known_of(dimension: Dimension) -> String {
+    let same = UNITS.iter().filter(|(_, found, _)| *found == dimension);
+    same.map(|(names, ..)| names[0]).collect::<Vec<_>>().join(", ")
 }
 
 /// Units that are words or labels as well (`pressure_in`, `chamber_a`): read in brackets only.

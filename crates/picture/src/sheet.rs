@@ -12,7 +12,6 @@ use anyhow::Result;
 
 /// One state with its labels.
 pub struct Panel<'a> {
-    /// Content.
     pub scene: Scene<'a>,
     /// Above the drawing, left.
     pub title: String,

@@ -29,7 +29,6 @@ pub struct Style {
     /// Bold face.
     pub bold: bool,
     pub colour: Rgb,
-    /// Alignment.
     pub align: Align,
 }
 

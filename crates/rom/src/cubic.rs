@@ -6,11 +6,11 @@ const HALVINGS: usize = 60;
 /// Cubic through two points with their slopes.
 #[derive(Clone, Copy, Debug)]
 pub struct Cubic {
-    /// Abscissae.
+    /// Both ends of the interval.
     pub x: [f64; 2],
-    /// Ordinates.
+    /// The values there.
     pub y: [f64; 2],
-    /// Slopes.
+    /// The derivatives there.
     pub slope: [f64; 2],
 }
 

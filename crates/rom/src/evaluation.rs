@@ -69,7 +69,7 @@ pub struct Evaluation {
     pub halfwidths: HalfWidths,
     /// Half-widths of the outputs of a model learned from measurements, by coefficient; NaN where nothing is known. Empty for other models.
     pub output_half_widths: Vec<f64>,
-    /// Flags.
+    /// What was unusual about the answer.
     pub flags: Flags,
     /// Derivatives of the coefficients, one row per input; empty unless requested.
     pub(crate) gradients: [Vec<f64>; MAX_INPUTS],

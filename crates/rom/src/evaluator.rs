@@ -328,7 +328,7 @@ impl Evaluator {
     }
 
     /// A state with the defaults of its parameters, and NaN for an input that the model does not have.
-    fn with_defaults_only_taken(&self, inputs: Inputs) -> Inputs {
+    fn taken_with_defaults(&self, inputs: Inputs) -> Inputs {
         let inputs = inputs.or(&self.defaults);
         let ignored = (0..self.inputs.len()).filter(|at| !self.is_taken[*at]);
         ignored.fold(inputs, |inputs, at| inputs.with(at, f64::NAN))
@@ -389,7 +389,7 @@ impl Evaluator {
     /// have is NaN in `out`. Any state is answered without panic: one that is not a number, or lies outside the samples, is flagged as
     /// extrapolated. In a regime that was not trained there are no coefficients. Allocates nothing when [`Self::evaluation`] made `out`.
     pub fn answer(&self, inputs: Inputs, query: Query<'_>, out: &mut Evaluation) {
-        let inputs = self.with_defaults_only_taken(inputs);
+        let inputs = self.taken_with_defaults(inputs);
         out.scratch.reserve(&self.scratch);
         let onset = match (query.near, query.regime) {
             (Some(last), _) => Some(self.onset_near(inputs, last, out)),

@@ -67,8 +67,8 @@ pub struct InputSpec {
     /// Smallest and largest training value over all regimes; the same twice when all samples shared it, infinite when no
     /// regime was trained over it.
     pub range: [f64; 2],
-    /// Default of a state: a parameter's nominal value or that of the scene; `None`
-    /// for pressure and gap.
+    /// Default of a state: a parameter's nominal value or that of the scene; `None` for
+    /// pressure and gap.
     pub value: Option<f64>,
 }
 

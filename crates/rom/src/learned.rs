@@ -112,11 +112,11 @@ pub struct Reservoir {
     pub times_s: Vec<f64>,
     /// `neurons x (1 + inputs)`.
     pub drive: Vec<f64>,
-    /// First entry of each neuron in the two that follow, and their number at the end.
+    /// The sparse matrix of their connections: first entry of each neuron, and at the end the number of entries.
     pub starts: Vec<u32>,
-    /// Which neuron feeds it.
+    /// The feeding neuron of each entry.
     pub sources: Vec<u32>,
-    /// With which weight.
+    /// The weight of each entry.
     pub strengths: Vec<f64>,
     /// `(1 + inputs + neurons) x outputs`.
     pub weights: Vec<f64>,
@@ -184,7 +184,7 @@ pub struct LearnedMap {
     pub polynomials: Vec<Polynomial>,
     /// Kernel maps.
     pub kernels: Vec<Kernels>,
-    /// Reservoirs.
+    /// Networks of fixed random weights that carry the past; empty where lags were enough.
     pub reservoirs: Vec<Reservoir>,
     /// Rows of the training.
     pub support: Support,
@@ -344,7 +344,10 @@ impl LearnedMap {
             |sound: bool, what: &str| if sound { Ok(()) } else { Err(format!("learned map: {what}")) };
         let (outputs, count) = (self.outputs(), self.inputs.len());
         require(outputs == coefficients && (1..=MAX_OUTPUTS).contains(&outputs), "it has other outputs")?;
-        require((1..=MAX_INPUTS).contains(&count), "expected one to eight inputs")?;
+        require(
+            (1..=MAX_INPUTS).contains(&count),
+            &format!("expected 1 to {MAX_INPUTS} inputs, found {count}"),
+        )?;
         let is_input = |input: &MapInput| {
             (input.input as usize) < inputs && input.deviation > 0.0 && input.mean.is_finite()
         };
@@ -544,8 +547,7 @@ impl LearnedState {
         (self.since_ns, self.unknown) = (0, 0.0);
     }
 
-    /// Moves to a reading at `t_ns`, later than the last one. The inputs are held over a gap longer than
-    /// `max_gap_s`.
+    /// Moves to a reading at `t_ns`, later than the last one. The inputs are held over a gap longer than `max_gap_s`.
     pub fn advance(&mut self, map: &LearnedMap, t_ns: u64, inputs: &Inputs, max_gap_s: f64) -> Advance {
         let Some(last_ns) = self.last_ns.replace(t_ns) else {
             self.settle(map, inputs);

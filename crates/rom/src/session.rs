@@ -24,8 +24,8 @@ pub enum Gaps {
     Recorded,
 }
 
-/// Static model, model with memory of its inputs, with inertia, or with both; a model over volumes also follows a pressure
-/// ([`crate::branch`]). A clone is the state at an instant.
+/// A model together with what it remembers of earlier readings: filtered inputs, a motion, a learned state, and of a model over volumes
+/// the branch that it is on ([`crate::branch`]); each only if the model has it. A clone is a saved state.
 #[derive(Clone, Debug)]
 pub struct Session {
     evaluator: Evaluator,

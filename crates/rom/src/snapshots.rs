@@ -165,7 +165,7 @@ pub struct Sensitivity {
 /// Small vibration about a state of a regime: a linear mode of a model that moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vibration {
-    /// Regime.
+    /// Regime of the state that it vibrates about.
     pub regime: RegimeKind,
     /// Circular frequency, rad/s.
     pub rate_rad_s: f64,

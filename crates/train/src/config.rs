@@ -38,7 +38,7 @@ pub enum ModeChoice {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KernelSpec {
-    /// Kernel.
+    /// The radial basis function.
     pub kernel: KernelKind,
     /// Polynomial tail.
     pub tail: Tail,

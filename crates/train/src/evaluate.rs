@@ -146,7 +146,7 @@ pub struct Summary {
 /// A field over the cases of a regime.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FieldSummary {
-    /// Field.
+    /// Name of the field.
     pub field: String,
     /// Normalised error over cases: mean, 95th percentile, maximum.
     pub normalised: [f64; 3],

@@ -61,7 +61,7 @@ pub struct Samples<'a> {
     pub inputs: &'a [Point],
     /// `samples x outputs`, all outputs of a sample together.
     pub values: &'a [f64],
-    /// Outputs.
+    /// Number of values for each input.
     pub outputs: usize,
     /// Known derivatives, ordered by sample.
     pub slopes: &'a [Slope],

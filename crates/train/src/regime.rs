@@ -262,14 +262,14 @@ fn far_points(boundary: &[Inputs], table: &OnsetTable) -> Vec<Inputs> {
     if beyond.is_empty() { beyond } else { std::iter::once(last).chain(beyond).collect() }
 }
 
-/// Pressures of the cases above the onset of contact, MPa; 1 for a model without an onset.
+/// How far the pressure of each case is above the onset of contact, MPa; 1 for a model without an onset.
 struct ExcessPressures {
     mpa: Vec<f64>,
     onsets: Option<Vec<OnsetAt>>,
 }
 
 impl ExcessPressures {
-    /// Derivative of a case's by an input.
+    /// Derivative of a case's excess pressure with respect to an input; 0 for a model without an onset.
     fn by_input(&self, case: usize, input: usize) -> f64 {
         let Some(onsets) = &self.onsets else { return 0.0 };
         let by_pressure = if input == PRESSURE { 1.0 } else { 0.0 };

@@ -84,7 +84,7 @@ impl InputTrace {
     pub fn read(path: &Path, model: &Model) -> Result<Self, TraceError> {
         let wrong = |diagnostics| FormatError::Content { path: path.into(), diagnostics };
         let table = Table::read(path, true)?;
-        let read = trace::InputTrace::of_table(&table, &|_| None).map_err(wrong)?;
+        let read = trace::TraceTable::of_table(&table, &|_| None).map_err(wrong)?;
         let known = &model.header.inputs;
         let mut diagnostics = Vec::new();
         let mut places = Vec::new();

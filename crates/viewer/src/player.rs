@@ -106,7 +106,7 @@ impl Player {
     /// Opens the first recording.
     ///
     /// # Errors
-    /// Reason.
+    /// Why it cannot be opened.
     pub fn new(
         library: Library,
         catalogue: Arc<Catalogue>,

@@ -107,7 +107,7 @@ pub struct Chambers {
     pub first_mm: f64,
     /// Along x.
     pub length_mm: f64,
-    /// Pitch.
+    /// From one cavity to the next, along x.
     pub pitch_mm: f64,
     /// Along z.
     pub width_mm: f64,

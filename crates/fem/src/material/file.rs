@@ -36,7 +36,7 @@ pub struct FitRecord {
 pub struct TestRecord {
     /// Name of its table.
     pub file: String,
-    /// Kind.
+    /// How the specimen was deformed: uniaxial, planar or equibiaxial.
     pub test: String,
     /// RMS error, % of its largest stress.
     pub rms_percent: f64,

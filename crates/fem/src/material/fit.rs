@@ -16,7 +16,7 @@ use rom::statistics::mean;
 /// A test: stretches and nominal stresses (MPa), in any order.
 #[derive(Clone, Debug)]
 pub struct Test {
-    /// Deformation.
+    /// How the specimen was deformed.
     pub deformation: Deformation,
     /// Stretch and nominal stress (MPa).
     pub points: Vec<[f64; 2]>,
@@ -162,7 +162,7 @@ impl Family {
 /// Fitted law.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// Family.
+    /// The law whose constants were fitted.
     pub family: Family,
     /// Law with its constants.
     pub law: Hyperelastic,

@@ -10,7 +10,7 @@ use rom::regime::OnsetTable;
 /// How much may be added to a plan.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
-    /// States.
+    /// Number of states that may be added.
     pub states: usize,
     /// Processor time of the whole build after which no state is added, s.
     pub cpu_s: f64,

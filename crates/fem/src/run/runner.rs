@@ -72,7 +72,7 @@ pub enum RunError {
 pub struct Run<'a> {
     /// The actuator and its variants.
     pub family: &'a Family,
-    /// Checkpoints.
+    /// Where finished cases are kept, so that a run that was ended goes on.
     pub store: Store,
     /// Cases solved at the same time, 1 or more; about 1 GB each.
     pub threads: usize,

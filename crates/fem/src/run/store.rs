@@ -40,9 +40,9 @@ pub struct Store {
 /// Lengths of a problem's state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
-    /// Nodes.
+    /// Nodes of the mesh that the checkpoints belong to.
     pub nodes: usize,
-    /// Tetrahedra.
+    /// Its tetrahedra.
     pub tets: usize,
     /// Sheet triangles.
     pub sheet: usize,

@@ -38,9 +38,9 @@ pub struct Work {
     pub rejected: usize,
     /// Steps of the least length with an error above the tolerance.
     pub beyond_tolerance: usize,
-    /// Iterations.
+    /// Newton iterations, those of failed steps included.
     pub iterations: usize,
-    /// Factorisations.
+    /// Factorisations of the stiffness matrix.
     pub factorisations: usize,
 }
 

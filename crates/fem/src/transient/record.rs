@@ -32,7 +32,7 @@ pub struct Record {
     pub pressure_mpa: f64,
     /// Distance of the obstacle (mm); `None` without an obstacle.
     pub gap_mm: Option<f64>,
-    /// Figures.
+    /// What the motion has at this time: lowest point, tip, force, stress.
     pub figures: Figures,
 }
 
@@ -113,7 +113,7 @@ pub fn energy_csv(records: &[Record]) -> String {
 /// Records so far and the motion at the last of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
-    /// Records.
+    /// Records so far, in order of time.
     pub records: Vec<Record>,
     /// Numbers of the motion.
     pub motion: Vec<f64>,

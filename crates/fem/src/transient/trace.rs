@@ -41,7 +41,7 @@ pub struct Trace {
     /// Quantities of the actuator that have their own column, constant in time.
     pub settings: Vec<Setting>,
     /// All columns of inputs.
-    inputs: trace::InputTrace,
+    inputs: trace::TraceTable,
     /// Columns of a row.
     columns: Columns,
     /// Gravity of an actuator without columns of it (mm/s2).
@@ -91,7 +91,7 @@ impl Trace {
         if !diagnostics.is_empty() {
             return Err(diagnostics);
         }
-        let inputs = trace::InputTrace::of_table(table, &refused)?;
+        let inputs = trace::TraceTable::of_table(table, &refused)?;
         let column = |name: &str| inputs.position(name);
         let mut cavities = [None; MAX_CAVITIES];
         for (cavity, name) in cavities.iter_mut().zip(actuator.pressure_mpa.keys()) {

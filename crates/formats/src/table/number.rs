@@ -148,7 +148,7 @@ struct Evidence {
     comma_or_group: Seen,
     /// A whole number of three digits: above it groups begin.
     three_digits: Seen,
-    /// A whole number of more, without groups.
+    /// Some whole number has more than three digits and no separators: thousands are not grouped.
     is_ungrouped: bool,
     clocks: Vec<(usize, Clock)>,
 }

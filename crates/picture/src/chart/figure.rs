@@ -5,7 +5,6 @@ use std::ops::Range;
 
 /// A picture of one or more panels.
 pub struct Figure {
-    /// Heading.
     pub title: String,
     /// Panels, row after row.
     pub panels: Vec<Panel>,
@@ -15,7 +14,6 @@ pub struct Figure {
 
 /// One system of axes.
 pub struct Panel {
-    /// Heading.
     pub title: String,
     /// Horizontal axis.
     pub x: Axis,
@@ -32,7 +30,7 @@ pub struct Panel {
 pub enum Mark {
     Line,
     Dots,
-    /// Both.
+    /// A line with a dot at each point.
     LineDots,
 }
 
@@ -42,7 +40,6 @@ pub struct Series {
     pub name: String,
     /// Colour by index, around and around.
     pub colour: usize,
-    /// Look.
     pub mark: Mark,
     /// `(x, y)`.
     pub points: Vec<(f64, f64)>,

@@ -109,9 +109,9 @@ pub(super) fn runs(bits: &[u8]) -> impl Iterator<Item = (u8, usize)> {
 /// A value that f32 cannot hold.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NotFinite {
-    /// Node.
+    /// Number of the node where it is.
     pub node: usize,
-    /// Value.
+    /// The value as f64.
     pub value: f64,
 }
 

@@ -57,9 +57,9 @@ pub enum Role {
 /// One field of a basis.
 #[derive(Debug, Clone)]
 pub struct Field<'a> {
-    /// Origin.
+    /// From which modes the field is summed, or from which fields it is derived.
     pub source: FieldSource<'a>,
-    /// Meaning.
+    /// What its values are, and so which of them are reported.
     pub role: Role,
     /// True if the field is published. A coordinate that is not published is still computed when a published magnitude needs
     /// it, and costs nothing otherwise.

@@ -8,7 +8,7 @@ use thiserror::Error;
 pub struct Selection {
     /// Fields by name, in the order wanted; `None` for all in the model's order.
     pub fields: Option<Vec<String>>,
-    /// Nodes.
+    /// The nodes that are reconstructed.
     pub nodes: Nodes,
 }
 

@@ -165,7 +165,7 @@ impl Item {
                 by[0] = self.frame[2];
                 dot(self.frame[2], shape.points[0])
             }
-            ObservableKind::Volume => f64::NAN, // of its walls, see `Form`
+            ObservableKind::Volume => f64::NAN, // of its walls, see `VolumeForm`
         };
         (value, by)
     }

@@ -129,7 +129,7 @@ impl OnMesh {
         let item = &self.items[observable];
         let points = item.points;
         if item.kind == ObservableKind::Volume {
-            let place = |observable: u32| node(observable as usize);
+            let place = |index: u32| node(index as usize);
             let walls = &self.walls[points.first];
             return (walls.volume_mm3(place), walls.area_mm2(place));
         }

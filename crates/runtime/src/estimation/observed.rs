@@ -61,22 +61,22 @@ impl Observed {
         Ok(Some(Self { evaluation: evaluator.evaluation(), evaluator, observables, which }))
     }
 
-    /// The largest half-width of one along the ranges of the inputs.
-    pub(super) fn largest_halfwidth(&mut self, observable: usize, model: &Model) -> f64 {
+    /// The largest half-width of a measured observable along the ranges of the inputs.
+    pub(super) fn largest_halfwidth(&mut self, measured: usize, model: &Model) -> f64 {
         let inputs = &model.header.inputs;
         let value = |spec: &InputSpec, part: f64| spec.range[0] + part * (spec.range[1] - spec.range[0]);
         let state = |part: f64| {
             let start = Inputs::new(f64::NAN, f64::INFINITY);
             let ranged =
                 inputs.iter().enumerate().filter(|(_, spec)| spec.range.iter().all(|end| end.is_finite()));
-            ranged.fold(start, |state, (observable, spec)| state.with(observable, value(spec, part)))
+            ranged.fold(start, |state, (input, spec)| state.with(input, value(spec, part)))
         };
         let mut largest = 0.0_f64;
         for part in [0.0, 0.25, 0.5, 0.75, 1.0] {
             self.evaluator.evaluate(state(part), &mut self.evaluation);
             let width = self
                 .which
-                .get(observable)
+                .get(measured)
                 .map(|observable| self.observables.value(*observable, &self.evaluation).halfwidth);
             largest = largest.max(width.filter(|width| width.is_finite()).unwrap_or(0.0));
         }

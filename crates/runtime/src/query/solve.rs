@@ -63,10 +63,11 @@ enum Line {
 }
 
 impl Line {
-    fn inputs(self, free: f64) -> Inputs {
+    /// Inputs on the line, by the one that varies along it.
+    fn inputs(self, along: f64) -> Inputs {
         match self {
-            Self::AtGap(gap_mm) => Inputs::new(free, gap_mm),
-            Self::AtPressure(pressure_mpa) => Inputs::new(pressure_mpa, free),
+            Self::AtGap(gap_mm) => Inputs::new(along, gap_mm),
+            Self::AtPressure(pressure_mpa) => Inputs::new(pressure_mpa, along),
         }
     }
 }
@@ -217,25 +218,25 @@ impl Solver {
         with
     }
 
-    fn evaluate_on(&mut self, line: Line, free: f64) -> &Evaluation {
-        self.evaluator.evaluate(line.inputs(free), &mut self.evaluation);
+    fn evaluate_on(&mut self, line: Line, along: f64) -> &Evaluation {
+        self.evaluator.evaluate(line.inputs(along), &mut self.evaluation);
         &self.evaluation
     }
 
-    fn force(&mut self, line: Line, free: f64) -> f64 {
-        self.evaluator.answer(line.inputs(free), Query::STATE, &mut self.evaluation);
+    fn force(&mut self, line: Line, along: f64) -> f64 {
+        self.evaluator.answer(line.inputs(along), Query::STATE, &mut self.evaluation);
         self.evaluation.contact_force_n
     }
 
     /// Distance to the sampled states in contact; infinite for a state without contact.
-    fn distance(&mut self, line: Line, free: f64) -> f64 {
-        self.evaluator.answer(line.inputs(free), Query::REGIME, &mut self.evaluation);
+    fn distance(&mut self, line: Line, along: f64) -> f64 {
+        self.evaluator.answer(line.inputs(along), Query::REGIME, &mut self.evaluation);
         let found = &self.evaluation;
         if found.regime == RegimeKind::Contact { found.domain_distance } else { f64::INFINITY }
     }
 
-    fn is_sampled(&mut self, line: Line, free: f64) -> bool {
-        self.distance(line, free).is_finite() && self.evaluation.domain == DomainStatus::Inside
+    fn is_sampled(&mut self, line: Line, along: f64) -> bool {
+        self.distance(line, along).is_finite() && self.evaluation.domain == DomainStatus::Inside
     }
 
     /// Part of a line between two places, in their order, inside the contact training range.

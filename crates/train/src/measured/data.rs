@@ -107,7 +107,7 @@ pub struct Learned {
     pub inputs: Vec<String>,
     /// Outputs of the model.
     pub outputs: Vec<OutputReport>,
-    /// Remarks.
+    /// What was noticed and does not prevent learning.
     pub remarks: Vec<String>,
     /// Times of filling and emptying of the best lag common to all inputs, s; `None`: the inputs as they are.
     pub lag_s: Option<[f64; 2]>,

@@ -27,12 +27,12 @@ use std::collections::BTreeMap;
 /// Figures of one output in one regime.
 #[derive(Clone, Debug, Serialize)]
 pub struct Difference {
-    /// Name.
+    /// Name of the observable or marker coordinate.
     pub name: String,
     /// Regime.
     #[serde(serialize_with = "regime_name")]
     pub regime: RegimeKind,
-    /// States.
+    /// Number of measured states that it was fitted to.
     pub states: usize,
     /// RMS of measured minus predicted by the finite elements.
     pub rms: f64,

@@ -74,9 +74,9 @@ pub fn place(header: &ModelHeader, output: &str) -> Option<(usize, usize)> {
 pub struct MeasuredOutput {
     /// Name with its unit.
     pub name: String,
-    /// Field.
+    /// Position of the field in the model.
     pub field: usize,
-    /// Node.
+    /// Number of the node.
     pub node: usize,
     /// Half-width in the output's unit, typical of the training.
     pub half_width: f64,

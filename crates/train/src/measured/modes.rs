@@ -24,7 +24,7 @@ use serde::Serialize;
 
 /// Most modes.
 const MODES: usize = 4;
-/// Linearisations.
+/// Times that the model is linearised anew at the corrected modes.
 const ROUNDS: usize = 3;
 /// Most states of a regime; of more, one in several is used.
 const MAX_STATES: usize = 2000;
@@ -35,7 +35,7 @@ pub struct ModesDifference {
     /// Regime.
     #[serde(serialize_with = "regime_name")]
     pub regime: RegimeKind,
-    /// Modes.
+    /// Number of modes that are corrected.
     pub modes: usize,
     /// Measured values.
     pub values: usize,

@@ -44,18 +44,18 @@ const MIN_ROWS: usize = 2 * PARTS;
 pub struct Constant {
     /// Name (`filling`).
     pub name: &'static str,
-    /// Unit.
+    /// Unit of the constant; empty for a number.
     pub unit: &'static str,
-    /// Value.
+    /// The value that was found.
     pub value: f64,
-    /// Interval.
+    /// Its 90 % interval.
     pub interval: [f64; 2],
 }
 
 /// Result for a block.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BlockReport {
-    /// Block.
+    /// Which part of the memory it describes.
     pub block: Block,
     /// True if it is part of the memory.
     #[serde(rename = "kept")]

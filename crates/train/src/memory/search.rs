@@ -101,8 +101,8 @@ impl<'a> Problem<'a> {
         (0..self.ranges.len()).map(one).collect()
     }
 
-    fn output(&self, row: usize, k: usize) -> f64 {
-        let (run, row) = self.rows[row];
+    fn output(&self, fitted: usize, k: usize) -> f64 {
+        let (run, row) = self.rows[fitted];
         self.runs[run].outputs[k][row]
     }
 
@@ -135,7 +135,7 @@ impl<'a> Problem<'a> {
         Some(Fitted { count, terms: all, weights: normal.solve()? })
     }
 
-    /// Scaled errors at the rows that `of` selects; 0 where nothing was measured.
+    /// Scaled errors at the rows in whose fold `is_selected` is true; 0 where nothing was measured.
     fn errors(&self, fitted: &Fitted, is_selected: impl Fn(usize) -> bool) -> Vec<f64> {
         let mut errors = Vec::new();
         let rows = fitted.terms.chunks_exact(fitted.count * self.scales.len());

@@ -21,7 +21,6 @@ pub struct Finding {
     pub subject: String,
     /// How serious it is.
     pub level: FindingLevel,
-    /// Result.
     pub found: String,
     /// Remedy; empty if there is no problem.
     pub remedy: String,

@@ -60,7 +60,6 @@ impl<'a> CaseRow<'a> {
 /// Leave-one-out errors of a regime's training cases: mean, 95th percentile, maximum over cases of the worst node's.
 #[derive(Debug, Serialize)]
 pub struct LeftOut {
-    /// Which.
     pub regime: RegimeKind,
     /// Cases inside the hull of the others; leaving a corner out measures extrapolation.
     pub cases: usize,

@@ -96,7 +96,9 @@ impl ExportSource {
 
     fn sweep(options: &Options, path: &Path) -> Result<Self> {
         if options.pressure_mpa.is_empty() {
-            return Err(usage("of a model: which states? give --pressure P1,P2,... (and --gap)"));
+            return Err(usage(
+                "of a model: expected --pressure P1,P2,... (and --gap), found none (and --gap)",
+            ));
         }
         let gap_mm = options.gap_mm.unwrap_or(f64::INFINITY);
         let inputs = options.pressure_mpa.iter().map(|&pressure_mpa| Inputs::new(pressure_mpa, gap_mm));

@@ -28,7 +28,7 @@ const COLUMNS: [&str; 8] = [
     "stable_at_volume",
 ];
 
-/// Options.
+/// What `simulate` is asked along a path of volumes.
 pub struct Target {
     /// Injected volume at the end (mm3).
     pub volume_mm3: f64,

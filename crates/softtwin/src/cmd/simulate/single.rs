@@ -40,7 +40,7 @@ impl Driven {
     }
 }
 
-/// Options.
+/// What `simulate` is asked for one state.
 pub struct Target {
     /// Pressure or volume at the end.
     pub driven: Driven,

@@ -34,7 +34,7 @@ pub(super) fn keys(settings: &Settings) -> ([Key; 3], [Key; 5]) {
     (of_line, of_quantity)
 }
 
-/// Writes the keys to the `at`-th actuator: those of the line to its `control`, those of the quantity to the table of this name in it.
+/// Writes the keys to the actuator at `index`: those of the line to its `control`, those of the quantity to the table of this name in it.
 pub(super) fn write(path: &Path, index: usize, quantity: &str, settings: &Settings) -> anyhow::Result<()> {
     let place = || path.display().to_string();
     let text = file::read_text(path, file::MAX_TEXT_BYTES).map_err(configuration)?;
