@@ -52,7 +52,7 @@ pub use path::{Limit, LimitKind, Path, PathPoint, PathSettings, limits};
 pub use problem::{Problem, ProblemError};
 pub use recovery::StressRecovery;
 pub use sensitivity::{Change, Sensitivity};
-pub use solver::{Bodies, FORMULATION, NotConverged, SolveCost, SolveError, Solver};
+pub use solver::{Bodies, FORMULATION, NotConverged, SolveError, SolveReport, Solver};
 pub use state::{State, Stretches};
 pub use transfer::{ElementPoint, Locator};
 pub use vibration::{BodyMass, Vibration, VibrationError};

@@ -10,7 +10,7 @@ use crate::algebra::{norm, sub};
 use crate::config::Load;
 use crate::contact::Obstacle;
 use crate::newton::{Closure, Effort, NewtonError, product};
-use crate::solver::{NotConverged, SolveCost, SolveError, Solver};
+use crate::solver::{NotConverged, SolveError, SolveReport, Solver};
 use crate::state::State;
 use rom::cubic::Cubic;
 
@@ -115,7 +115,7 @@ pub struct Path {
     /// Points, in order.
     pub points: Vec<PathPoint>,
     /// Work spent so far.
-    pub report: SolveCost,
+    pub report: SolveReport,
     /// Why it ended.
     pub ended: Option<NewtonError>,
 }
@@ -465,7 +465,7 @@ impl Solver {
             cavities_mpa: config.cavities_mpa.clone(),
             newton: config.newton,
             reason,
-            report: SolveCost::default(),
+            report: SolveReport::default(),
         }))
     }
 

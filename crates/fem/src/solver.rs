@@ -18,7 +18,7 @@ use crate::transfer::transferred;
 
 /// Cost and residual of a solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SolveCost {
+pub struct SolveReport {
     /// Factorisations of the tangent, one per Newton iteration.
     pub factorisations: usize,
     /// Load steps that succeeded.
@@ -53,7 +53,7 @@ pub struct NotConverged {
     /// Why the next step failed.
     pub reason: NewtonError,
     /// The work spent.
-    pub report: SolveCost,
+    pub report: SolveReport,
 }
 
 /// Loads as people read them: every pressure and the gap, to 1e-6 MPa, which is below every sensor's resolution.
@@ -271,7 +271,10 @@ impl Solver {
     ///
     /// # Errors
     /// [`SolveError`].
-    pub fn gravity_equilibrium(&mut self, gravity_mm_s2: [f64; 3]) -> Result<(State, SolveCost), SolveError> {
+    pub fn gravity_equilibrium(
+        &mut self,
+        gravity_mm_s2: [f64; 3],
+    ) -> Result<(State, SolveReport), SolveError> {
         let load = self.at_rest(gravity_mm_s2);
         self.continuation(
             &self.undeformed(),
@@ -288,7 +291,7 @@ impl Solver {
     ///
     /// # Errors
     /// [`SolveError`]; the start is untouched.
-    pub fn solve_to(&mut self, from: &State, load: &Load) -> Result<(State, SolveCost), SolveError> {
+    pub fn solve_to(&mut self, from: &State, load: &Load) -> Result<(State, SolveReport), SolveError> {
         let body = ConstantBody(Arc::clone(&self.problem));
         self.solve_along(from, load, &body)
     }
@@ -305,7 +308,7 @@ impl Solver {
         from: &State,
         load: &Load,
         path: &dyn Bodies,
-    ) -> Result<(State, SolveCost), SolveError> {
+    ) -> Result<(State, SolveReport), SolveError> {
         let (state, report) = self.follow(from, load, path)?;
         if output::depth_mm(&self.problem, &state) <= MAX_DEPTH_MM {
             return Ok((state, report));
@@ -327,10 +330,10 @@ impl Solver {
         from: &State,
         load: &Load,
         path: &dyn Bodies,
-    ) -> Result<(State, SolveCost), SolveError> {
+    ) -> Result<(State, SolveReport), SolveError> {
         self.check(from, load)?;
         let mut start = from.clone();
-        let mut before = SolveCost::default();
+        let mut before = SolveReport::default();
         if from.load.obstacle != Obstacle::None && !from.load.obstacle.same_body(load.obstacle) {
             (start, before) = self.withdraw(from, path)?;
         }
@@ -368,7 +371,7 @@ impl Solver {
         &mut self.newton
     }
 
-    fn withdraw(&mut self, from: &State, path: &dyn Bodies) -> Result<(State, SolveCost), SolveError> {
+    fn withdraw(&mut self, from: &State, path: &dyn Bodies) -> Result<(State, SolveReport), SolveError> {
         let first = path.at(0.0).map_err(SolveError::Body)?;
         let gap = from.load.obstacle.gap_mm().unwrap_or(0.0) + WITHDRAWAL_MM;
         let away = Load { obstacle: from.load.obstacle.at(gap), ..from.load };
@@ -493,12 +496,12 @@ impl Solver {
         to: &Load,
         first_step: f64,
         path: &dyn Bodies,
-    ) -> Result<(State, SolveCost), SolveError> {
+    ) -> Result<(State, SolveReport), SolveError> {
         let began = Instant::now();
         let mut state = from.clone();
         state.load.injected_mm3 = to.injected_mm3.map(|_| self.driven_mm3(from, to));
         let begin = state.load;
-        let mut report = SolveCost::default();
+        let mut report = SolveReport::default();
         let (mut done, mut step) = (0.0_f64, first_step);
         let (mut failures, mut has_searched) = (0, to.injected_mm3.is_some());
         while done < 1.0 {
@@ -572,7 +575,7 @@ impl Solver {
         to: &Load,
         last: Load,
         reason: NewtonError,
-        report: SolveCost,
+        report: SolveReport,
     ) -> SolveError {
         SolveError::NotConverged(Box::new(NotConverged {
             fraction,
@@ -586,7 +589,7 @@ impl Solver {
     }
 }
 
-impl SolveCost {
+impl SolveReport {
     /// This work followed by more.
     #[must_use]
     pub fn and(&self, later: &Self) -> Self {

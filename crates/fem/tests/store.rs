@@ -1,7 +1,7 @@
 //! Checkpoints: bit-identical after reading; damaged, foreign and incomplete files count as absent.
 
 use fem::run::{Sizes, Solved, Store};
-use fem::{Load, Obstacle, SolveCost, State};
+use fem::{Load, Obstacle, SolveReport, State};
 
 const SIZES: Sizes = Sizes { nodes: 3, tets: 2, sheet: 1 };
 
@@ -23,7 +23,7 @@ fn solved(pressure_mpa: f64) -> Solved {
         contact_force_n: 0.3,
         cavity_volume_mm3: 6711.6,
         clearance_mm: 27.4,
-        report: SolveCost {
+        report: SolveReport {
             factorisations: 5,
             steps: 2,
             cuts: 1,

@@ -4,7 +4,7 @@
 
 use crate::link::{Link, count, network};
 use recording::message::{EncodeJson, GapMessage, Json};
-use recording::{GapCounter, GapObservation, LostSamples};
+use recording::{GapCounter, GapObservation, SequenceGap};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -416,7 +416,7 @@ fn encoded_message(sample: &AnySample) -> EncodedSample {
     EncodedSample { payload: ZBytes::from(json), attachment: None }
 }
 
-fn report_loss(topic: &str, gap: LostSamples, publisher: &Publisher) {
+fn report_loss(topic: &str, gap: SequenceGap, publisher: &Publisher) {
     let missing = gap.missing();
     tracing::warn!("{topic}: {missing} samples were lost before the gateway; is the machine overloaded?");
     let mut json = Vec::new();
@@ -497,7 +497,7 @@ impl FieldTopic {
 
     fn send(&mut self, link: &Link, sample: &EncodedSample, stamp: Stamp) {
         let (counters, bridge) = (&link.counters, &self.read.bridge);
-        let replaced = self.gaps.observe(stamp).gap.map_or(0, LostSamples::missing);
+        let replaced = self.gaps.observe(stamp).gap.map_or(0, SequenceGap::missing);
         counters.replaced.fetch_add(replaced, Ordering::Relaxed);
         self.sent += 1;
         bridge.send(sample, &counters.fields, &counters.longest_send_us);

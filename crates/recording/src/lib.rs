@@ -30,7 +30,7 @@ pub use chunk::MAX_RECORD_BYTES;
 pub use clock::{RunClock, Stamps};
 pub use contents::{ChannelInfo, Item, Message};
 pub use csv::{ExportError, Exported, TableForm, export_csv};
-pub use message::{GapCounter, GapObservation, LostSamples};
+pub use message::{GapCounter, GapObservation, SequenceGap};
 pub use reader::{Ending, ReadError, RecordingReader};
 pub use recorder::{FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions, wall_offset_ns};
 pub use retention::{FreeSpace, Retention};

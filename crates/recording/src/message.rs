@@ -257,16 +257,16 @@ pub(super) fn values(text: &str) -> Option<Vec<f32>> {
 
 // ---- gaps in the sequence numbers of a topic, and the messages that note them in a recording ----
 
-/// Published samples that never arrived.
+/// A jump in the sequence numbers of a topic: samples that are missing, or late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LostSamples {
+pub struct SequenceGap {
     /// The number that was expected.
     pub expected_seq: u64,
     /// The number that came.
     pub found_seq: u64,
 }
 
-impl LostSamples {
+impl SequenceGap {
     /// Number of missing samples.
     pub fn missing(self) -> u64 {
         self.found_seq.saturating_sub(self.expected_seq)
@@ -283,7 +283,7 @@ pub struct GapCounter {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct GapObservation {
     /// The gap in front of it, if there is one.
-    pub gap: Option<LostSamples>,
+    pub gap: Option<SequenceGap>,
     /// Change of the number of missing samples: that of the gap, or -1 for one that was missing and came late.
     pub missing: i64,
 }
@@ -295,7 +295,7 @@ impl GapCounter {
                 let arrival = arrivals.take(stamp.seq);
                 let gap = match arrival {
                     Arrival::New { missing } if missing > 0 => {
-                        Some(LostSamples { expected_seq: stamp.seq - missing, found_seq: stamp.seq })
+                        Some(SequenceGap { expected_seq: stamp.seq - missing, found_seq: stamp.seq })
                     }
                     _ => None,
                 };
@@ -344,7 +344,7 @@ impl GapMessage {
     }
 
     /// The message of one gap.
-    pub fn new(topic: &str, gap: LostSamples) -> Self {
+    pub fn new(topic: &str, gap: SequenceGap) -> Self {
         Self {
             topic: topic.to_owned(),
             expected_seq: gap.expected_seq,

@@ -3,7 +3,7 @@
 //! Penalties are per area, so that they are the same on both. A state of the finer mesh starts from the coarser one's, interpolated.
 
 use super::book::Book;
-use fem::{Load, Locator, Output, Problem, SolveCost, Solver, State};
+use fem::{Load, Locator, Output, Problem, SolveReport, Solver, State};
 use serde::Serialize;
 use softtwin::failure::usage;
 use softtwin::files;
@@ -117,7 +117,7 @@ fn difference(
     fine: &MeshedBody,
     (a, b): (&Output, &Output),
     (state, finer): (&State, &State),
-    report: &SolveCost,
+    report: &SolveReport,
 ) -> anyhow::Result<Difference> {
     let locator = Locator::new(&fine.problem);
     let (mut distances, mut stresses) = (Vec::new(), Vec::new());

@@ -9,7 +9,7 @@ use crate::config::{Load, flat};
 use crate::family::{Family, Variant, VariantError};
 use crate::linear::LinearError;
 use crate::problem::Problem;
-use crate::solver::{Bodies, FORMULATION, SolveCost, SolveError, Solver};
+use crate::solver::{Bodies, FORMULATION, SolveError, SolveReport, Solver};
 use crate::state::State;
 use formats::FormatError;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -342,7 +342,7 @@ impl OngoingRun<'_> {
 }
 
 /// Stored part of a state.
-fn describe(solver: &mut Solver, state: State, report: SolveCost) -> Solved {
+fn describe(solver: &mut Solver, state: State, report: SolveReport) -> Solved {
     let output = solver.output(&state);
     Solved {
         von_mises_mpa: output.von_mises_mpa.iter().map(|v| *v as f32).collect(),

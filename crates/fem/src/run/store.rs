@@ -1,7 +1,7 @@
 //! Checkpoints: one file per solved state, written atomically, so that a killed run keeps its solved states.
 
 use crate::config::Load;
-use crate::solver::SolveCost;
+use crate::solver::SolveReport;
 use crate::state::State;
 use formats::{Diagnostic, FormatError, file};
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ pub struct Solved {
     /// Distance at which an obstacle just clears the state (mm).
     pub clearance_mm: f64,
     /// Cost and residual.
-    pub report: SolveCost,
+    pub report: SolveReport,
 }
 
 /// Checkpoints of one problem in one folder.
@@ -93,7 +93,7 @@ impl Store {
 
     fn encode(&self, solved: &Solved) -> Vec<u8> {
         let state = &solved.state;
-        let SolveCost { factorisations, steps, cuts, residual_n, residual, seconds } = solved.report;
+        let SolveReport { factorisations, steps, cuts, residual_n, residual, seconds } = solved.report;
         let mut values = load_values(&state.load).to_vec();
         values.extend([solved.contact_force_n, solved.cavity_volume_mm3, solved.clearance_mm]);
         values.extend([factorisations, steps, cuts].map(|n| n as f64));
@@ -153,7 +153,7 @@ impl Store {
             contact_force_n,
             cavity_volume_mm3,
             clearance_mm,
-            report: SolveCost { factorisations, steps, cuts, residual_n, residual, seconds },
+            report: SolveReport { factorisations, steps, cuts, residual_n, residual, seconds },
         })
     }
 }

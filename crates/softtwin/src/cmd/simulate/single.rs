@@ -6,7 +6,7 @@ use crate::progress::Doing;
 use anyhow::Context;
 use fem::MM3_PER_MG;
 use fem::actuator::{Actuator, Setting, mesh_quality};
-use fem::{Family, Load, Output, Problem, SolveCost, SolveError, Solver, State};
+use fem::{Family, Load, Output, Problem, SolveError, SolveReport, Solver, State};
 use formats::export::{Label, StateFormat};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -119,9 +119,9 @@ fn begun(
     load: &Load,
     fine: &Solver,
     doing: &Doing,
-) -> anyhow::Result<(State, SolveCost)> {
+) -> anyhow::Result<(State, SolveReport)> {
     let mut before: Option<(Arc<Problem>, State)> = None;
-    let mut work = SolveCost::default();
+    let mut work = SolveReport::default();
     let onto = |solver: &Solver, (problem, state): &(Arc<Problem>, State)| {
         solver.transferred(problem, state).ok_or_else(|| {
             usage("--coarse-mesh: expected meshes of the same body; the next one reaches beyond one of them")
@@ -133,7 +133,7 @@ fn begun(
         let problem = family.problem_of(&variant).map_err(configuration)?;
         let mut solver = Solver::new(Arc::clone(&problem))?;
         let (start, to_start) = match &before {
-            Some(before) => (onto(&solver, before)?, SolveCost::default()),
+            Some(before) => (onto(&solver, before)?, SolveReport::default()),
             None => solver.gravity_equilibrium(load.gravity_mm_s2)?,
         };
         let (state, report) = solver.solve_to(&start, load).map_err(sorted)?;
@@ -152,7 +152,7 @@ pub fn sorted(error: SolveError) -> anyhow::Error {
     }
 }
 
-fn line(output: &Output, clearance_mm: f64, load: &Load, work: &SolveCost) -> Value {
+fn line(output: &Output, clearance_mm: f64, load: &Load, work: &SolveReport) -> Value {
     let largest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
     json!({
         "pressure_mpa": load.pressure_mpa,
