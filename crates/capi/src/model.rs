@@ -113,12 +113,12 @@ impl ModelStrings {
         };
         Self {
             inputs: (header.inputs.iter().enumerate())
-                .map(|(at, input)| softtwin_model_input {
+                .map(|(index, input)| softtwin_model_input {
                     name: keep(&input.key()),
                     unit: keep(&input.unit),
                     min: input.range[0],
                     max: input.range[1],
-                    value: match at {
+                    value: match index {
                         PRESSURE if !needs.pressure => 0.0,
                         GAP if !needs.gap => f64::INFINITY,
                         _ => input.value.unwrap_or(f64::NAN),

@@ -66,7 +66,7 @@ impl From<Cycle> for softtwin_control_cycle {
             followed: cycle.followed,
             correction_mpa: cycle.correction_mpa,
             bias_mpa: cycle.bias_mpa,
-            limited: bits.iter().enumerate().map(|(at, bit)| u32::from(*bit) << at).sum(),
+            limited: bits.iter().enumerate().map(|(index, bit)| u32::from(*bit) << index).sum(),
             fault: cycle.fault.map_or(0, number),
         }
     }

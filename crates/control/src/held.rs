@@ -230,7 +230,7 @@ impl Held {
         if let Some(valve_mpa_per_s) = settings.valve_mpa_per_s {
             limits.rate_mpa_per_s = limits.rate_mpa_per_s.min(valve_mpa_per_s);
         }
-        let slot = model.header.taken_inputs().position(|(at, _)| at == driven).unwrap_or(0);
+        let slot = model.header.taken_inputs().position(|(index, _)| index == driven).unwrap_or(0);
         let point = point.map_err(TwinModelError::from)?;
         Ok(Self { quantity, name, unit, marker, driven, slot, settings, limits, has_memory, point, model })
     }
@@ -327,7 +327,7 @@ impl Stepping {
             scene.map(|text| ControlledActuator::read(text, actuator)).transpose()?.unwrap_or_default();
         let held = Held::new(&description, model.clone(), column)?;
         let controller = Controller::new(held.model()?, held.quantity, held.settings, held.limits);
-        let taken = model.header.taken_inputs().map(|(at, _)| at).collect();
+        let taken = model.header.taken_inputs().map(|(index, _)| index).collect();
         Ok(Self { controller, last_ns: None, trend: TargetTrend::default(), taken })
     }
 

@@ -225,9 +225,9 @@ impl Planner {
 
     /// The last plan, `dt_s` later.
     fn move_on(&mut self, dt_s: f64) {
-        for (at, stages) in BLOCKS.iter().enumerate().take(MOVES - 1) {
+        for (index, stages) in BLOCKS.iter().enumerate().take(MOVES - 1) {
             let share = (dt_s / (*stages as f64 * self.stage_s)).min(1.0);
-            self.moves_mpa[at] += share * (self.moves_mpa[at + 1] - self.moves_mpa[at]);
+            self.moves_mpa[index] += share * (self.moves_mpa[index + 1] - self.moves_mpa[index]);
         }
         let [low, high] = self.limits.range_mpa;
         self.moves_mpa.iter_mut().for_each(|moved| *moved = moved.clamp(low, high));
@@ -248,10 +248,10 @@ impl Planner {
         let mut along = Prediction::new(settings, &start, self.stage_s);
         let mut stage = 0;
         let mut last = Dual::constant(now.command_mpa);
-        for (at, stages) in BLOCKS.iter().enumerate() {
-            let mut command = Dual::constant(self.moves_mpa[at]);
-            command.by[at] = 1.0;
-            self.add_limits(&command, &last, at, dt_s);
+        for (index, stages) in BLOCKS.iter().enumerate() {
+            let mut command = Dual::constant(self.moves_mpa[index]);
+            command.by[index] = 1.0;
+            self.add_limits(&command, &last, index, dt_s);
             self.add_square_of(&command.mixed(1.0, &last, -1.0), MOVE_WEIGHT.sqrt());
             for _ in 0..*stages {
                 let before = along.step(&command, now.bias_mpa);

@@ -139,7 +139,7 @@ impl TwinModel {
     fn of_held(model: &rom::model::Model, held: ObservableSource, evaluation: Evaluation) -> Self {
         let range_mpa = model.header.inputs[PRESSURE].range;
         let inputs = Inputs::new(f64::NAN, f64::NAN);
-        let taken = model.header.taken_inputs().map(|(at, _)| at).collect();
+        let taken = model.header.taken_inputs().map(|(index, _)| index).collect();
         let driven = PRESSURE;
         Self { held, evaluation, inputs, driven, taken, range_mpa, observable_grows: false }.with_direction()
     }
@@ -171,8 +171,8 @@ impl TwinModel {
     /// default; of another cavity's `pressure_mpa` the value before. The driven pressure and the gap are those of each evaluation.
     pub fn set_inputs(&mut self, values: &[f64]) {
         let of_state = self.taken.iter().zip(values);
-        for (at, value) in of_state.filter(|(at, value)| **at != PRESSURE || !value.is_nan()) {
-            self.inputs = self.inputs.with(*at, *value);
+        for (index, value) in of_state.filter(|(index, value)| **index != PRESSURE || !value.is_nan()) {
+            self.inputs = self.inputs.with(*index, *value);
         }
     }
 }

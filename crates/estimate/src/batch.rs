@@ -88,7 +88,7 @@ pub fn fit(setup: &Setup, readings: &[Measurement], model: &mut impl Model) -> R
 fn of_motion(filter: &mut Filter, readings: &[Measurement], model: &mut impl Model) -> Fit {
     let (mut used, mut outliers, mut skipped, mut chi2) = (0, 0, 0, 0.0);
     let (mut alarm, mut alarms) = (None, 0);
-    for (at, reading) in readings.iter().enumerate() {
+    for (index, reading) in readings.iter().enumerate() {
         let update = filter.update(reading, model);
         let rows = filter.setup().rows.iter().zip(&reading.rows);
         outliers +=
@@ -98,7 +98,7 @@ fn of_motion(filter: &mut Filter, readings: &[Measurement], model: &mut impl Mod
         } else {
             skipped += 1;
         }
-        if update.alarm.is_some() && 2 * at >= readings.len() {
+        if update.alarm.is_some() && 2 * index >= readings.len() {
             (alarm, alarms) = (update.alarm, alarms + 1);
         }
     }
@@ -209,11 +209,12 @@ impl<'a> Batch<'a> {
         let factor = sums.matrix.cholesky();
         let covariance = factor.map_or(Symmetric::diagonal(&unread[..count]), |factor| factor.inverse());
         let identifiability = identify::judge(&covariance, &unread);
-        let estimate = |at: usize| {
-            let (alone, prior) = (covariance.get(at, at).sqrt(), unread[at].sqrt());
-            let sigma = widened(memory, at, alone, prior, x[at] - self.setup.unknowns[at].prior);
-            let is_told = identifiability.is_identifiable(at) && sigma <= identify::MAX_SIGMA_RATIO * prior;
-            let value = if converged { x[at] } else { f64::NAN };
+        let estimate = |index: usize| {
+            let (alone, prior) = (covariance.get(index, index).sqrt(), unread[index].sqrt());
+            let sigma = widened(memory, index, alone, prior, x[index] - self.setup.unknowns[index].prior);
+            let is_told =
+                identifiability.is_identifiable(index) && sigma <= identify::MAX_SIGMA_RATIO * prior;
+            let value = if converged { x[index] } else { f64::NAN };
             Estimate { value, sigma, identifiable: converged && is_told }
         };
         Fit {
@@ -238,10 +239,10 @@ impl<'a> Batch<'a> {
         let noise = self.noise.clone();
         let mut sums =
             Sums { matrix: information, right, cost, chi2: 0.0, used: 0, outliers: 0, failed: 0, noise };
-        for (at, reading) in self.readings.iter().enumerate() {
+        for (index, reading) in self.readings.iter().enumerate() {
             let mut states = *x;
-            states[count..].copy_from_slice(&self.noise[at][..MAX_STATES - count]);
-            if self.add_reading(reading, at, &states, &mut sums, model).is_none() {
+            states[count..].copy_from_slice(&self.noise[index][..MAX_STATES - count]);
+            if self.add_reading(reading, index, &states, &mut sums, model).is_none() {
                 sums.failed += 1;
             }
         }
@@ -320,13 +321,13 @@ impl<'a> Batch<'a> {
         let (Some((input, sigma)), Some(factor)) = (first, factor) else { return patterns };
         let count = self.unknowns();
         let (mut matrix, mut rights, mut differences) = (sums.matrix, [[0.0; MAX_STATES]; 2], Vec::new());
-        for (at, reading) in self.readings.iter().enumerate() {
+        for (index, reading) in self.readings.iter().enumerate() {
             patterns
                 .iter_mut()
                 .for_each(|pattern| pattern.advance(reading.t_s, reading.inputs[input], sigma));
             differences.push(patterns.each_ref().map(Pattern::difference));
-            let Some(solved) = self.solved(at, x, sums, model) else { continue };
-            let (of_reading, _) = self.equations(at, &solved, &solved.robust);
+            let Some(solved) = self.solved(index, x, sums, model) else { continue };
+            let (of_reading, _) = self.equations(index, &solved, &solved.robust);
             for (pattern, to_right) in patterns.iter().zip(&mut rights) {
                 let none = [0.0; MAX_STATES];
                 let unit = solved.linear.of_memory(count, pattern.difference(), &none);
@@ -337,9 +338,9 @@ impl<'a> Batch<'a> {
         for (pattern, right) in patterns.iter_mut().zip(&rights) {
             pattern.move_by(&factor.solve(right)[..count]);
         }
-        for (at, differences) in differences.iter().enumerate() {
-            let Some(solved) = self.solved(at, x, sums, model) else { continue };
-            let (of_reading, right) = self.equations(at, &solved, &solved.alone);
+        for (index, differences) in differences.iter().enumerate() {
+            let Some(solved) = self.solved(index, x, sums, model) else { continue };
+            let (of_reading, right) = self.equations(index, &solved, &solved.alone);
             let Some(step) = noise_step(&of_reading, &right, count) else { continue };
             for (pattern, difference) in patterns.iter_mut().zip(differences) {
                 let unit = solved.linear.of_memory(count, *difference, pattern.sensitivity());

@@ -35,15 +35,15 @@ impl Curves {
                     None => setup.inputs(reading, unknowns),
                 };
                 sensors.predict(&inputs, &mut rows);
-                let bias = |at: usize| setup.rows[at].bias.map_or(0.0, |bias| unknowns[bias]);
-                rows.iter().enumerate().map(|(at, row)| row.value + bias(at)).collect()
+                let bias = |index: usize| setup.rows[index].bias.map_or(0.0, |bias| unknowns[bias]);
+                rows.iter().enumerate().map(|(index, row)| row.value + bias(index)).collect()
             };
             readings.iter().map(one).collect()
         };
         let before: Vec<f64> = setup.unknowns.iter().map(|unknown| unknown.prior).collect();
         let after: Vec<f64> = fit.estimates.iter().map(|estimate| estimate.value).collect();
-        let varies = |at: &usize| {
-            readings.windows(2).any(|pair| (pair[0].inputs[*at] - pair[1].inputs[*at]).abs() > 0.0)
+        let varies = |index: &usize| {
+            readings.windows(2).any(|pair| (pair[0].inputs[*index] - pair[1].inputs[*index]).abs() > 0.0)
         };
         let driving = (0..keys.len()).find(varies).unwrap_or(0);
         let driving_name = keys.get(driving).cloned().unwrap_or_default();
@@ -54,9 +54,9 @@ impl Curves {
     pub fn structures(&self, setup: &Setup, readings: &[Measurement]) -> Vec<(String, Structure)> {
         let t_s: Vec<f64> = readings.iter().map(|reading| reading.t_s).collect();
         let driving: Vec<f64> = readings.iter().map(|reading| reading.inputs[self.driving]).collect();
-        let of_row = |(at, row): (usize, &MeasuredRow)| {
-            let measured: Vec<f64> = readings.iter().map(|reading| reading.rows[at]).collect();
-            let predicted: Vec<f64> = self.after.iter().map(|rows| rows[at]).collect();
+        let of_row = |(index, row): (usize, &MeasuredRow)| {
+            let measured: Vec<f64> = readings.iter().map(|reading| reading.rows[index]).collect();
+            let predicted: Vec<f64> = self.after.iter().map(|rows| rows[index]).collect();
             let sigma = row.variance(1.0).sqrt();
             let series = ResidualSeries {
                 t_s: &t_s,

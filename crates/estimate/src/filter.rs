@@ -333,10 +333,10 @@ impl Filter {
             self.spacing_s = passed_s;
         }
         (self.last_t_s, self.spread) = (Some(measurement.t_s), measurement.spread);
-        for (at, unknown) in self.setup.unknowns.iter().enumerate() {
+        for (index, unknown) in self.setup.unknowns.iter().enumerate() {
             let drift = unknown.drift_variance(passed_s);
-            self.covariance.add_diagonal(at, drift);
-            self.unread[at] += drift;
+            self.covariance.add_diagonal(index, drift);
+            self.unread[index] += drift;
         }
         if let Some((input, sigma)) = self.setup.measured_inputs().next() {
             let value = measurement.inputs[input];
@@ -387,8 +387,8 @@ impl Filter {
             self.mean[at] = now.0[at];
             self.covariance.replace(at, now.1.get(at, at));
         }
-        for (at, unknown) in self.setup.unknowns.iter().enumerate() {
-            self.covariance.add_diagonal(at, unknown.drift_variance(measurement.t_s - before.t_s));
+        for (index, unknown) in self.setup.unknowns.iter().enumerate() {
+            self.covariance.add_diagonal(index, unknown.drift_variance(measurement.t_s - before.t_s));
         }
         let again = self.prior().and_then(|prior| {
             let onset_mm = asked.model.onset_gap_mm(&self.setup.inputs_at(measurement, &prior.states))?;
@@ -407,8 +407,8 @@ impl Filter {
     fn spread(&self) -> Vector {
         let mut out = [0.0; MAX_STATES];
         let count = self.setup.unknowns.len();
-        for (at, out) in out.iter_mut().enumerate().take(count) {
-            *out = self.covariance.get(at, at).sqrt();
+        for (index, out) in out.iter_mut().enumerate().take(count) {
+            *out = self.covariance.get(index, index).sqrt();
         }
         out[count..].iter_mut().zip(self.setup.measured_inputs()).for_each(|(out, (_, sigma))| *out = sigma);
         out
@@ -514,8 +514,8 @@ impl Filter {
         let shift = onset_mm - INSIDE_CONTACT_MM - start[unknown];
         if shift < 0.0 {
             let variance = self.covariance.get(unknown, unknown);
-            for (at, (start, spec)) in start.iter_mut().zip(&self.setup.unknowns).enumerate() {
-                *start += self.covariance.get(at, unknown) / variance * shift;
+            for (index, (start, spec)) in start.iter_mut().zip(&self.setup.unknowns).enumerate() {
+                *start += self.covariance.get(index, unknown) / variance * shift;
                 *start = start.clamp(spec.range[0], spec.range[1]);
             }
             start[unknown] = onset_mm - INSIDE_CONTACT_MM;
@@ -652,14 +652,14 @@ impl Filter {
         match &carried {
             Some(carried) => {
                 carried.spread(&swing, &mut self.covariance);
-                places.iter().zip(carried.states).for_each(|(at, value)| {
-                    let [low, high] = self.setup.unknowns[*at].range;
-                    self.mean[*at] = value.clamp(low, high);
+                places.iter().zip(carried.states).for_each(|(index, value)| {
+                    let [low, high] = self.setup.unknowns[*index].range;
+                    self.mean[*index] = value.clamp(low, high);
                 });
                 measurement.load_by_input = carried.by_reading;
                 for pattern in &mut self.memory {
                     let errors = carried.errors(pattern.sensitivity(), pattern.difference());
-                    places.iter().zip(errors).for_each(|(at, error)| pattern.set(*at, error));
+                    places.iter().zip(errors).for_each(|(index, error)| pattern.set(*index, error));
                 }
             }
             None => {

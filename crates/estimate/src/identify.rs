@@ -34,8 +34,8 @@ impl Identifiability {
 pub(crate) fn judge(covariance: &Symmetric, unread: &Vector) -> Identifiability {
     let count = covariance.size();
     let mut out = Identifiability::default();
-    for (at, unread) in unread.iter().enumerate().take(count) {
-        out.identifiable[at] = covariance.get(at, at) <= MAX_SIGMA_RATIO * MAX_SIGMA_RATIO * unread;
+    for (index, unread) in unread.iter().enumerate().take(count) {
+        out.identifiable[index] = covariance.get(index, index) <= MAX_SIGMA_RATIO * MAX_SIGMA_RATIO * unread;
     }
     // Each iteration removes one unknown, so the loop ends.
     loop {
@@ -173,10 +173,10 @@ pub fn choose(setup: &Setup, holds: &[Symmetric], count: usize) -> Vec<usize> {
 pub fn expected_fit(setup: &Setup, holds: &[Symmetric], chosen: &[usize]) -> Option<ExpectedFit> {
     let covariance = sum(setup, holds, chosen).cholesky()?.inverse();
     let identifiability = judge(&covariance, &setup.priors().1);
-    let estimate = |(at, unknown): (usize, &crate::Unknown)| Estimate {
+    let estimate = |(index, unknown): (usize, &crate::Unknown)| Estimate {
         value: unknown.prior,
-        sigma: covariance.get(at, at).sqrt(),
-        identifiable: identifiability.is_identifiable(at),
+        sigma: covariance.get(index, index).sqrt(),
+        identifiable: identifiability.is_identifiable(index),
     };
     // In prior standard deviations, independent of units.
     let mut scaled = Symmetric::diagonal(&[0.0; MAX_STATES][..setup.unknowns.len()]);

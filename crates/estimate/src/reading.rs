@@ -274,10 +274,10 @@ impl ReadingProblem<'_> {
         let mut held: [Option<f64>; MAX_STATES] = [None; MAX_STATES];
         // Each iteration fixes one more unknown at an end of its range, so the loop ends.
         loop {
-            let outside = self.setup.unknowns.iter().enumerate().find_map(|(at, unknown)| {
-                let there = states[at] + step[at];
+            let outside = self.setup.unknowns.iter().enumerate().find_map(|(index, unknown)| {
+                let there = states[index] + step[index];
                 let end = there.clamp(unknown.range[0], unknown.range[1]);
-                (held[at].is_none() && end != there).then_some((at, end - states[at]))
+                (held[index].is_none() && end != there).then_some((index, end - states[index]))
             });
             let Some((at, way)) = outside else { return Some((step, factor)) };
             held[at] = Some(way);

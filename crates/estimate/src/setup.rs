@@ -264,9 +264,9 @@ impl Setup {
     /// Prior means and variances of the unknowns.
     pub(crate) fn priors(&self) -> (Vector, Vector) {
         let (mut means, mut variances) = ([0.0; MAX_STATES], [0.0; MAX_STATES]);
-        for (at, unknown) in self.unknowns.iter().enumerate() {
-            means[at] = unknown.prior;
-            variances[at] = unknown.sigma * unknown.sigma;
+        for (index, unknown) in self.unknowns.iter().enumerate() {
+            means[index] = unknown.prior;
+            variances[index] = unknown.sigma * unknown.sigma;
         }
         (means, variances)
     }
@@ -274,8 +274,8 @@ impl Setup {
     /// Information of the priors: the inverse of their variances.
     pub(crate) fn prior_information(&self) -> Symmetric {
         let mut out = Symmetric::diagonal(&[0.0; MAX_STATES][..self.unknowns.len()]);
-        for (at, unknown) in self.unknowns.iter().enumerate() {
-            out.add_diagonal(at, 1.0 / (unknown.sigma * unknown.sigma));
+        for (index, unknown) in self.unknowns.iter().enumerate() {
+            out.add_diagonal(index, 1.0 / (unknown.sigma * unknown.sigma));
         }
         out
     }

@@ -108,13 +108,13 @@ impl StepAround<'_> {
     fn by_unknowns(&self, model: &mut impl Model) -> Option<([Vector; 2], bool)> {
         let Self { passage, swing, states, from, to, base, .. } = self;
         let (mut by, mut may_change) = ([[0.0; MAX_STATES]; 2], base.has_changed);
-        for (at, unknown) in passage.setup.unknowns.iter().enumerate() {
-            let sigma = self.covariance.get(at, at).sqrt().max(MIN_SIGMA * unknown.sigma);
+        for (index, unknown) in passage.setup.unknowns.iter().enumerate() {
+            let sigma = self.covariance.get(index, index).sqrt().max(MIN_SIGMA * unknown.sigma);
             for difference in DIFFERENCES.map(|part| part * sigma) {
                 let mut trial = **states;
-                trial[at] += difference;
+                trial[index] += difference;
                 let [low, high] = unknown.range;
-                if !(low..=high).contains(&trial[at]) {
+                if !(low..=high).contains(&trial[index]) {
                     continue;
                 }
                 let (moved, end) = (passage.start(&trial, swing), passage.inputs(passage.to, &trial));
@@ -122,13 +122,13 @@ impl StepAround<'_> {
                 let is_same = |a: &[f64; MAX_INPUTS], b: &[f64; MAX_INPUTS]| {
                     a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
                 };
-                if at != swing.rate && is_same(&moved.inputs, &from.inputs) && is_same(&end, to) {
+                if index != swing.rate && is_same(&moved.inputs, &from.inputs) && is_same(&end, to) {
                     break;
                 }
                 let there = model.step(&moved, passage.to.t_s, &end)?;
                 if there.has_changed == base.has_changed {
                     let derivative = self.quotient(&there, difference);
-                    by.iter_mut().zip(derivative).for_each(|(row, d)| row[at] = d);
+                    by.iter_mut().zip(derivative).for_each(|(row, d)| row[index] = d);
                     break;
                 }
                 // An impact is no derivative, but may take place.
@@ -182,10 +182,10 @@ impl StepAround<'_> {
     fn add_impact(&self, carried: &mut CarriedMotion, model: &mut impl Model) -> Option<()> {
         let Self { passage, swing, states, base, .. } = self;
         (carried.by, carried.drive) = ([[0.0; MAX_STATES]; 2], [0.0; 2]);
-        for (at, unknown) in passage.setup.unknowns.iter().enumerate() {
+        for (index, unknown) in passage.setup.unknowns.iter().enumerate() {
             let mut trial = **states;
-            let sigma = self.covariance.get(at, at).sqrt();
-            trial[at] += if trial[at] + sigma > unknown.range[1] { -sigma } else { sigma };
+            let sigma = self.covariance.get(index, index).sqrt();
+            trial[index] += if trial[index] + sigma > unknown.range[1] { -sigma } else { sigma };
             let end = passage.inputs(passage.to, &trial);
             let there = model.step(&passage.start(&trial, swing), passage.to.t_s, &end)?;
             add_square(&mut carried.noise, [there.load - base.load, there.rate - base.rate], 1.0);

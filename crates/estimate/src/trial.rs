@@ -28,7 +28,7 @@ pub(crate) struct Trial {
 
 /// Unknowns that a trial lets go.
 pub(crate) fn released(setup: &Setup) -> impl Iterator<Item = usize> + '_ {
-    let drifts = |at: &usize| setup.unknowns[*at].drift_per_sqrt_s > 0.0 && !setup.is_moving(*at);
+    let drifts = |index: &usize| setup.unknowns[*index].drift_per_sqrt_s > 0.0 && !setup.is_moving(*index);
     (0..setup.unknowns.len()).filter(drifts)
 }
 
@@ -52,9 +52,9 @@ impl Trial {
 
     /// Unknowns that are elsewhere now, one bit each.
     pub(crate) fn drifted(&self, setup: &Setup, mean: &Vector, t_s: f64) -> u32 {
-        let is_elsewhere = |at: &usize| {
-            let off = mean[*at] - self.mean[*at];
-            off * off > DRIFTED * DRIFTED * self.variance(setup, *at, t_s)
+        let is_elsewhere = |index: &usize| {
+            let off = mean[*index] - self.mean[*index];
+            off * off > DRIFTED * DRIFTED * self.variance(setup, *index, t_s)
         };
         released(setup).filter(is_elsewhere).fold(0, |bits, at| bits | 1 << at)
     }

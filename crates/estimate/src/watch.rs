@@ -274,9 +274,9 @@ impl AlarmWatch {
         if suspects != 0 {
             // The accepted values tell which sensor is wrong only if they agree with model and priors themselves.
             let mut away = estimates.zip(&setup.unknowns).enumerate();
-            let is_told = away.all(|(at, ((estimate, unread), unknown))| {
+            let is_told = away.all(|(index, ((estimate, unread), unknown))| {
                 let off = (estimate.value - unknown.prior).abs();
-                off <= MAX_FROM_PRIOR_OF_WITNESSES * unread || setup.is_moving(at)
+                off <= MAX_FROM_PRIOR_OF_WITNESSES * unread || setup.is_moving(index)
             });
             return Some(if is_told && !differs && !may_be_memory {
                 Alarm::Sensor(suspects)
@@ -302,9 +302,9 @@ impl AlarmWatch {
             return Some(Alarm::NotExplained);
         }
         let mut unknowns = 0_u32;
-        for (at, ((estimate, unread), unknown)) in estimates.zip(&setup.unknowns).enumerate() {
+        for (index, ((estimate, unread), unknown)) in estimates.zip(&setup.unknowns).enumerate() {
             let away = (estimate.value - unknown.prior).abs() > MAX_FROM_PRIOR * unread;
-            unknowns |= u32::from(estimate.identifiable && away && !setup.is_moving(at)) << at;
+            unknowns |= u32::from(estimate.identifiable && away && !setup.is_moving(index)) << index;
         }
         (unknowns != 0).then_some(Alarm::Unknown(unknowns))
     }

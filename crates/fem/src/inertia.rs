@@ -260,12 +260,12 @@ fn middle(database: &Database, kind: RegimeKind) -> Option<&Case> {
         |case: &Case| [case.pressure_mpa, case.gap_mm.filter(|_| kind == RegimeKind::Contact).unwrap_or(0.0)];
     let distance = |case: &Case| {
         let mut sum = 0.0;
-        for (at, value) in loads(case).into_iter().enumerate() {
-            let [low, high] = ends(cases.iter().map(|other| loads(other)[at]));
+        for (index, value) in loads(case).into_iter().enumerate() {
+            let [low, high] = ends(cases.iter().map(|other| loads(other)[index]));
             sum += if high > low { ((value - 0.5 * (low + high)) / (high - low)).powi(2) } else { 0.0 };
         }
-        for (at, (value, parameter)) in case.parameters.iter().zip(&database.parameters).enumerate() {
-            let [low, high] = ends(cases.iter().map(|other| other.parameters[at]));
+        for (index, (value, parameter)) in case.parameters.iter().zip(&database.parameters).enumerate() {
+            let [low, high] = ends(cases.iter().map(|other| other.parameters[index]));
             sum += if high > low { ((value - parameter.nominal) / (high - low)).powi(2) } else { 0.0 };
         }
         sum

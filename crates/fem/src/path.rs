@@ -293,7 +293,7 @@ impl Solver {
         effort: &mut Effort,
     ) -> Option<f64> {
         let found = |points: &[PathPoint], after: usize| {
-            let at = |at: usize| Some((at, crossing(points.get(at..at + 2)?, pressure_mpa)?));
+            let at = |index: usize| Some((index, crossing(points.get(index..index + 2)?, pressure_mpa)?));
             if is_behind { (after + 1..points.len()).find_map(at) } else { (0..after).rev().find_map(at) }
         };
         for _ in 0..REFINEMENTS {

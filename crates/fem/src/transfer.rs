@@ -96,7 +96,7 @@ impl<'a> Locator<'a> {
     /// Element that contains a point, or the nearest of those around it; `None` if no element is near.
     pub fn place(&self, x: [f64; 3]) -> Option<ElementPoint> {
         let [i, j, k] = self.cell(x);
-        let around = |at: usize, count: usize| at.saturating_sub(1)..=(at + 1).min(count - 1);
+        let around = |index: usize, count: usize| index.saturating_sub(1)..=(index + 1).min(count - 1);
         // A point on the cell's face may belong to a neighbour by rounding.
         let in_cell = self.nearest(x, self.cells[self.index([i, j, k])].iter());
         if in_cell.as_ref().is_some_and(|place| place.outside < 1.0e-9) {

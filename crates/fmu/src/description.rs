@@ -41,10 +41,10 @@ pub fn token(model_file: &[u8], nodes: &[ChosenNode]) -> String {
 
 /// Parses [`NODES_FILE`].
 pub(crate) fn read_nodes(text: &str) -> Result<Vec<ChosenNode>, String> {
-    let chosen = |(at, line): (usize, &str)| {
+    let chosen = |(index, line): (usize, &str)| {
         let parts = line.split_once(' ').and_then(|(name, node)| Some((name, node.parse().ok()?)));
         let (name, node) =
-            parts.ok_or(format!("{NODES_FILE}, line {}: expected NAME NUMBER, found {line:?}", at + 1))?;
+            parts.ok_or(format!("{NODES_FILE}, line {}: expected NAME NUMBER, found {line:?}", index + 1))?;
         Ok(ChosenNode { name: name.into(), node })
     };
     text.lines().enumerate().map(chosen).collect()
@@ -89,25 +89,25 @@ pub(crate) fn outputs(header: &ModelHeader, observables: &Observables, nodes: &[
     let mut add = |name: String, unit: String, about: &'static str, quantity| {
         all.push(Output { name, unit, about, quantity });
     };
-    for (at, number) in NUMBERS.iter().enumerate().filter(|(_, number)| header.has_number(number)) {
-        add(number.key.into(), number.unit.into(), number.about, OutputQuantity::Number(at));
+    for (index, number) in NUMBERS.iter().enumerate().filter(|(_, number)| header.has_number(number)) {
+        add(number.key.into(), number.unit.into(), number.about, OutputQuantity::Number(index));
     }
-    for (at, input) in header.taken_inputs().filter(|_| header.has_forces()) {
+    for (index, input) in header.taken_inputs().filter(|_| header.has_forces()) {
         let (name, unit) = (format!("force_by_{}", input.key()), format!("N/{}", input.unit));
-        add(name, unit, "Derivative of the contact force", OutputQuantity::ForceBy(at));
+        add(name, unit, "Derivative of the contact force", OutputQuantity::ForceBy(index));
     }
     if header.has_stress() {
         let (name, about) = ("max_von_mises_mpa", "Largest von Mises stress of all nodes");
         add(name.into(), "MPa".into(), about, OutputQuantity::MaxStress);
     }
-    for (at, (name, unit)) in observables.names().zip(observables.units()).enumerate() {
-        add(name.into(), unit.into(), "Observable of the shape", OutputQuantity::Observable(at));
+    for (index, (name, unit)) in observables.names().zip(observables.units()).enumerate() {
+        add(name.into(), unit.into(), "Observable of the shape", OutputQuantity::Observable(index));
         let halfwidth = format!("{name}_halfwidth");
         add(
             halfwidth,
             unit.into(),
             "Its half-width; NaN outside the training states",
-            OutputQuantity::ObservableHalfwidth(at),
+            OutputQuantity::ObservableHalfwidth(index),
         );
     }
     for (chosen, node) in nodes.iter().enumerate() {
@@ -121,9 +121,9 @@ pub(crate) fn outputs(header: &ModelHeader, observables: &Observables, nodes: &[
 
 /// Initial values of the inputs: pressure 0, the largest training gap, the model's parameters.
 pub(crate) fn start(model: &Model) -> Vec<f64> {
-    let start = |(at, input): (usize, &InputSpec)| match input.value {
+    let start = |(index, input): (usize, &InputSpec)| match input.value {
         Some(value) => value,
-        None if at == GAP && input.range[1].is_finite() => input.range[1],
+        None if index == GAP && input.range[1].is_finite() => input.range[1],
         None => 0.0,
     };
     model.header.inputs.iter().enumerate().map(start).collect()
@@ -189,23 +189,23 @@ pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> Result<Stri
          <Float64 name=\"time\" valueReference=\"{TIME}\" causality=\"independent\" variability=\"continuous\"/>"
     );
     let start = start(model);
-    for (at, input) in header.taken_inputs() {
-        let start = start[at];
+    for (index, input) in header.taken_inputs() {
+        let start = start[index];
         let _ = writeln!(
             xml,
             "    <Float64 name=\"{}\" valueReference=\"{}\" causality=\"input\" variability=\"continuous\" \
              unit=\"{}\" start=\"{start:?}\" \
              description=\"Trained from {} to {}\"/>",
             escaped(&input.key()),
-            FIRST_INPUT + at as u32,
+            FIRST_INPUT + index as u32,
             escaped(&input.unit),
             input.range[0],
             input.range[1]
         );
     }
-    for (at, output) in outputs.iter().enumerate() {
+    for (index, output) in outputs.iter().enumerate() {
         let (name, about) = (escaped(&output.name), escaped(output.about));
-        let number = FIRST_OUTPUT + at as u32;
+        let number = FIRST_OUTPUT + index as u32;
         let (kind, unit) = match output.quantity.is_integer() {
             true => ("Int32", "variability=\"discrete\"".to_owned()),
             false => ("Float64", format!("variability=\"continuous\" unit=\"{}\"", escaped(&output.unit))),

@@ -616,13 +616,15 @@ impl Moment {
     pub fn of_model(model: &Model, state: &ModelState, observables: &Observables, time: f64) -> Self {
         let evaluation = state.evaluation();
         let values = evaluation.inputs.values();
-        let taken = model.header.taken_inputs().map(|(at, input)| (input.key(), values[at]));
+        let taken = model.header.taken_inputs().map(|(index, input)| (input.key(), values[index]));
         let mut numbers: Vec<(String, f64)> = taken.collect();
         if model.header.has_forces() {
             numbers.push(("contact_force_n".to_owned(), evaluation.contact_force_n));
         }
         let observed = observables.names().enumerate();
-        numbers.extend(observed.map(|(at, name)| (name.to_owned(), observables.value(at, evaluation).value)));
+        numbers.extend(
+            observed.map(|(index, name)| (name.to_owned(), observables.value(index, evaluation).value)),
+        );
         let label = Label { name: String::new(), numbers };
         let moved = model.moved_mm(&evaluation.inputs);
         Self { time, label, values: state.fields().to_vec(), moved }

@@ -148,8 +148,8 @@ impl Element {
     /// Value of [`Self::bytes`] bytes; of 64-bit integers, exact below 2^53.
     pub(crate) fn value(self, bytes: &[u8]) -> f64 {
         let mut word = [0_u8; 8];
-        for (at, to) in word.iter_mut().enumerate().take(self.bytes) {
-            *to = bytes[if self.big_endian { self.bytes - 1 - at } else { at }];
+        for (index, to) in word.iter_mut().enumerate().take(self.bytes) {
+            *to = bytes[if self.big_endian { self.bytes - 1 - index } else { index }];
         }
         let bits = u64::from_le_bytes(word);
         let unused = 64 - 8 * self.bytes as u32;

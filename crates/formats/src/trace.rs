@@ -76,7 +76,7 @@ impl TraceTable {
         let named = table.header().iter().enumerate();
         let is_input = |name: &str| name != "t_s" && !SERIES_COLUMNS[INPUTS..].contains(&name);
         let columns: Vec<(usize, &str)> =
-            named.map(|(at, name)| (at, name.as_str())).filter(|(_, name)| is_input(name)).collect();
+            named.map(|(index, name)| (index, name.as_str())).filter(|(_, name)| is_input(name)).collect();
         let (mut diagnostics, mut rows): (Vec<Diagnostic>, Vec<(f64, Vec<f64>)>) = Default::default();
         for row in table.rows() {
             let (before, first) = (rows.last().map(|(t_s, _)| *t_s), rows.first().map(|(_, values)| values));
@@ -148,11 +148,11 @@ fn read_row(
         diagnostics.push(row.diagnostic(time, "a time at least 1e-6 s after the row before"));
     }
     let mut values = Vec::with_capacity(columns.len());
-    for (at, (column, name)) in columns.iter().enumerate() {
+    for (index, (column, name)) in columns.iter().enumerate() {
         let is_open = *name == GAP && row.text(*column).is_empty();
         let number = if is_open { Ok(f64::INFINITY) } else { row.number(*column) };
         let value = collect(number, diagnostics).unwrap_or(f64::NAN);
-        let cell = Cell { name, value, first: first.map(|first| first[at]) };
+        let cell = Cell { name, value, first: first.map(|first| first[index]) };
         if let Some(expected) = refused(cell).filter(|_| !value.is_nan()) {
             diagnostics.push(row.diagnostic(*column, expected));
         }

@@ -209,8 +209,8 @@ impl Raw {
     }
 }
 
-/// Place of an array's data.
-enum Place<'a> {
+/// Where an array's data are.
+enum ArrayPlace<'a> {
     Ascii(&'a [u8]),
     Inline(&'a [u8]),
     Appended(usize),
@@ -218,7 +218,7 @@ enum Place<'a> {
 
 struct Array<'a> {
     element: Element,
-    place: Place<'a>,
+    place: ArrayPlace<'a>,
 }
 
 /// Appended section, from the byte after its underscore.
@@ -336,9 +336,9 @@ impl<'a> File<'a> {
         let text = &rest[..rest.iter().position(|b| *b == b'<').unwrap_or(rest.len())];
         let format = attribute(tag, "format").unwrap_or_else(|| "ascii".into());
         let place = match format.as_str() {
-            "ascii" => Place::Ascii(text),
-            "binary" => Place::Inline(text),
-            "appended" => Place::Appended(count(tag, "offset")?),
+            "ascii" => ArrayPlace::Ascii(text),
+            "binary" => ArrayPlace::Inline(text),
+            "appended" => ArrayPlace::Appended(count(tag, "offset")?),
             _ => {
                 let found = format!("`{format}`");
                 return Err(Diagnostic::new(format!("DataArray {name}"), "ascii, binary or appended", found));
@@ -372,9 +372,9 @@ impl<'a> File<'a> {
         };
         let decode = |block: &[u8]| elements(block, array.element, self.coding, expected);
         let values = match &array.place {
-            Place::Ascii(text) => numbers(text, expected),
-            Place::Inline(text) => decode(&base64(text)),
-            Place::Appended(offset) => match &self.appended {
+            ArrayPlace::Ascii(text) => numbers(text, expected),
+            ArrayPlace::Inline(text) => decode(&base64(text)),
+            ArrayPlace::Appended(offset) => match &self.appended {
                 None => Err("no AppendedData".into()),
                 Some(section) => match section.data.get(*offset..) {
                     None => Err(format!("offset {offset} beyond the {} appended bytes", section.data.len())),

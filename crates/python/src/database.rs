@@ -90,15 +90,15 @@ impl Database {
         let (displacement, stress) =
             (displacement_mm.as_array(), von_mises_mpa.as_ref().map(|all| all.as_array()));
         let (states, given, forces) = (displacement.shape()[0], inputs.as_array(), forces_n.as_array());
-        let case = |at: usize| {
-            let row = given.row(at);
+        let case = |index: usize| {
+            let row = given.row(index);
             Case {
-                name: names[at].clone(),
-                regime: if forces[at] > 0.0 { RegimeKind::Contact } else { RegimeKind::Free },
+                name: names[index].clone(),
+                regime: if forces[index] > 0.0 { RegimeKind::Contact } else { RegimeKind::Free },
                 split: Split::Train,
                 pressure_mpa: row[0],
                 gap_mm: row[1].is_finite().then_some(row[1]),
-                contact_force_n: forces[at],
+                contact_force_n: forces[index],
                 parameters: row.iter().skip(2).copied().collect(),
             }
         };

@@ -72,7 +72,7 @@ impl Model {
 impl Loaded {
     fn new(model: Arc<rom::model::Model>, selection: &Selection) -> PyResult<Self> {
         let evaluator = Evaluator::new(&model.header).map_err(refused)?;
-        let taken = model.header.taken_inputs().map(|(at, input)| (input.key(), at));
+        let taken = model.header.taken_inputs().map(|(index, input)| (input.key(), index));
         let places = taken.flat_map(|(name, at)| [(name.replace('.', "_"), at), (name, at)]).collect();
         Ok(Self {
             places,
@@ -182,7 +182,7 @@ impl Loaded {
             let Some(at) = self.places.get(&*name.cast::<PyString>()?.to_cow()?) else { return Ok(None) };
             given.push((*at, value));
         }
-        for (at, value) in given {
+        for (index, value) in given {
             let is_number = value.is_instance_of::<PyFloat>() || value.is_instance_of::<PyInt>();
             let Some(value) = is_number.then(|| value.extract::<f64>().ok()).flatten() else {
                 return Ok(None);
@@ -190,7 +190,7 @@ impl Loaded {
             if value.is_nan() {
                 return Ok(None);
             }
-            state[at] = value;
+            state[index] = value;
         }
         Ok(Some(state))
     }
@@ -244,8 +244,8 @@ impl Loaded {
         let mut evaluation = self.evaluator.evaluation();
         let mut evaluator = Cow::Borrowed(&self.evaluator);
         let places = states.chunks_exact(width).zip(rows.chunks_exact_mut(self.width()));
-        for (at, (given, row)) in places.enumerate() {
-            let number = first + at;
+        for (index, (given, row)) in places.enumerate() {
+            let number = first + index;
             let state = evaluator.state(given).map_err(|error| format!("state {number}: {error}"))?;
             if !evaluator.has_default_parameters(&state) {
                 let set = evaluator.to_mut().set_parameters(&state, &mut evaluation);
@@ -253,7 +253,7 @@ impl Loaded {
             }
             let query = if has_coefficients { Query::COEFFICIENTS } else { Query::STATE };
             evaluator.answer(state, query, &mut evaluation);
-            let values = values.get_mut(at * entries..(at + 1) * entries).unwrap_or_default();
+            let values = values.get_mut(index * entries..(index + 1) * entries).unwrap_or_default();
             self.write(number, &evaluation, row, values)?;
         }
         Ok(())
@@ -310,8 +310,8 @@ impl Model {
         let needs = self.shared.evaluator.needs();
         let inputs = self.shared.evaluator.inputs().iter().enumerate();
         inputs
-            .map(|(at, input)| {
-                let is_taken = (at != PRESSURE || needs.pressure) && (at != GAP || needs.gap);
+            .map(|(index, input)| {
+                let is_taken = (index != PRESSURE || needs.pressure) && (index != GAP || needs.gap);
                 is_taken
                     .then(|| (input.key(), input.unit.clone(), input.range[0], input.range[1], input.value))
             })

@@ -128,7 +128,7 @@ impl Follower {
         else {
             return Ok(None);
         };
-        if header.taken_inputs().any(|(at, _)| at != input) {
+        if header.taken_inputs().any(|(index, _)| index != input) {
             return Ok(None);
         }
         let anywhere = MeshPoint { weights: vec![(0, 1.0)] };

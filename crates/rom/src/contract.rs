@@ -100,12 +100,12 @@ fn weighed(old: &RegimeModel, outputs: &[Output]) -> Interpolant {
         let parts = outputs
             .iter()
             .enumerate()
-            .flat_map(|(at, output)| output.parts.iter().map(move |part| (at, part)));
-        for (at, (group, weights)) in parts {
+            .flat_map(|(index, output)| output.parts.iter().map(move |part| (index, part)));
+        for (index, (group, weights)) in parts {
             let source = &old.groups[*group].surrogate;
             let rows = weights_of(source).chunks_exact(source.outputs.max(1));
             for (row, sums) in rows.zip(sums.chunks_exact_mut(width)) {
-                sums[at] += dot(weights, row);
+                sums[index] += dot(weights, row);
             }
         }
         sums
@@ -136,7 +136,7 @@ fn differing(old: &RegimeModel, difference: &FieldDifference, outputs: &[&Output
     let mut rows = vec![0.0; difference.centres.len() * count];
     let weights = difference.weights.chunks_exact(difference.coefficients.len().max(1));
     for (row, weights) in rows.chunks_exact_mut(count.max(1)).zip(weights) {
-        difference.coefficients.iter().zip(weights).for_each(|(at, w)| row[*at] += w);
+        difference.coefficients.iter().zip(weights).for_each(|(index, w)| row[*index] += w);
     }
     let (coefficients, weights) = ((0..outputs.len()).collect(), summed(old, &rows, outputs));
     FieldDifference { coefficients, weights, ..difference.clone() }

@@ -75,10 +75,10 @@ impl FieldDifference {
         let weights = self.weights.chunks_exact(self.coefficients.len().max(1));
         let all = with_slopes(&self.centres, self.reach, x).zip(&self.centres).zip(weights);
         for (((g, slope), centre), weights) in all {
-            for (at, w) in self.coefficients.iter().zip(weights) {
-                coefficients[*at] += g * w;
+            for (index, w) in self.coefficients.iter().zip(weights) {
+                coefficients[*index] += g * w;
                 for (axis, row) in rows.iter_mut().enumerate().filter(|(_, row)| !row.is_empty()) {
-                    row[*at] += slope * w * (centre[axis] - x[axis]);
+                    row[*index] += slope * w * (centre[axis] - x[axis]);
                 }
             }
         }

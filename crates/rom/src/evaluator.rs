@@ -150,7 +150,7 @@ impl Evaluator {
             .zip(&header.inputs)
             .for_each(|(default, input)| *default = input.value.unwrap_or(f64::NAN));
         let mut is_taken = [false; MAX_INPUTS];
-        header.taken_inputs().for_each(|(at, _)| is_taken[at] = true);
+        header.taken_inputs().for_each(|(index, _)| is_taken[index] = true);
         let parts: Vec<RegimePart> = header.regimes.iter().cloned().map(RegimePart::new).collect();
         let free = header.regimes.iter().find(|regime| regime.kind == RegimeKind::Free);
         let solver =
@@ -197,14 +197,14 @@ impl Evaluator {
     pub fn farthest_outside(&self, evaluation: &Evaluation) -> Option<(usize, f64)> {
         let part = self.parts.iter().find(|part| part.model.kind == evaluation.regime)?;
         let mut farthest: Option<(usize, f64, f64)> = None;
-        for (at, by) in evaluation.outside_by.into_iter().enumerate() {
-            let Some([low, high]) = part.model.inputs.range(at) else { continue };
+        for (index, by) in evaluation.outside_by.into_iter().enumerate() {
+            let Some([low, high]) = part.model.inputs.range(index) else { continue };
             let share = by.abs() / (high - low).max(f64::MIN_POSITIVE);
             if share > farthest.map_or(0.0, |(_, _, share)| share) {
-                farthest = Some((at, by, share));
+                farthest = Some((index, by, share));
             }
         }
-        farthest.map(|(at, by, _)| (at, by))
+        farthest.map(|(index, by, _)| (index, by))
     }
 
     /// Which inputs of an evaluated state are outside the training range and by how much, as a sentence; `None` inside.
@@ -314,7 +314,7 @@ impl Evaluator {
 
     /// The inputs that the answers depend on, with their position.
     pub fn taken_inputs(&self) -> impl Iterator<Item = (usize, &InputSpec)> {
-        self.inputs.iter().enumerate().filter(|(at, _)| self.is_taken[*at])
+        self.inputs.iter().enumerate().filter(|(index, _)| self.is_taken[*index])
     }
 
     /// As [`ModelHeader::needs`].
@@ -741,14 +741,14 @@ fn coefficients(
         out.coefficients.iter_mut().zip(&out.difference).for_each(|(coefficient, by)| *coefficient += by);
     }
     // From scaled axes to the model's inputs: positions only grow, so the last axis moves first.
-    for (at, row) in out.gradients.iter_mut().enumerate() {
-        match map.axes.get(at) {
+    for (index, row) in out.gradients.iter_mut().enumerate() {
+        match map.axes.get(index) {
             Some(axis) => row.iter_mut().for_each(|slope| *slope /= axis.max - axis.min),
             None => row.fill(0.0),
         }
     }
-    for (at, axis) in map.axes.iter().enumerate().rev() {
-        out.gradients.swap(at, axis.input);
+    for (index, axis) in map.axes.iter().enumerate().rev() {
+        out.gradients.swap(index, axis.input);
     }
     if let Some(far) = &part.model.far_onset {
         far.correct(out.inputs.gap_mm(), &mut out.coefficients, &mut out.gradients[GAP]);

@@ -98,8 +98,8 @@ impl InputSpec {
         mut inputs: Vec<Self>,
         regimes: impl Iterator<Item = &'a InputMap> + Clone,
     ) -> Vec<Self> {
-        for (at, input) in inputs.iter_mut().enumerate() {
-            let ranges = regimes.clone().filter_map(|regime| regime.range(at));
+        for (index, input) in inputs.iter_mut().enumerate() {
+            let ranges = regimes.clone().filter_map(|regime| regime.range(index));
             if let Some(range) = ranges.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]) {
                 input.range = range;
             }

@@ -41,7 +41,8 @@ impl ModelHeader {
     pub fn taken_inputs(&self) -> impl Iterator<Item = (usize, &InputSpec)> {
         let needs = self.needs();
         let inputs = self.inputs.iter().enumerate();
-        inputs.filter(move |(at, _)| (*at != PRESSURE || needs.pressure) && (*at != GAP || needs.gap))
+        inputs
+            .filter(move |(index, _)| (*index != PRESSURE || needs.pressure) && (*index != GAP || needs.gap))
     }
 
     /// True if the model was trained on contact forces; an onset remains where a scene loads the free regime alone.

@@ -206,7 +206,7 @@ impl Probes {
             // Axis by axis: groups with one kernel are consecutive.
             let (mut of_points, mut of_axes) = (vec![[0.0; 3]; points.len()], Vec::new());
             for axis in 0..3 {
-                for (at, (point, mean)) in points.iter().zip(&mut of_points).enumerate() {
+                for (index, (point, mean)) in points.iter().zip(&mut of_points).enumerate() {
                     let (value, group, weights) = coordinate(model, regime, point, axis)?;
                     mean[usize::from(axis)] = value;
                     let mut stored =
@@ -215,7 +215,7 @@ impl Probes {
                         stored.iter_mut().flat_map(|(moving, (_, shapes))| moving.modes.iter().zip(shapes))
                     {
                         let own = &mode.coefficients[regime.groups[group].coefficients.clone()];
-                        shape[at][usize::from(axis)] = own.iter().zip(&weights).map(|(c, w)| c * w).sum();
+                        shape[index][usize::from(axis)] = own.iter().zip(&weights).map(|(c, w)| c * w).sum();
                     }
                     of_axes.push(Output { parts: vec![(group, weights)] });
                 }

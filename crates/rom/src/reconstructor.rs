@@ -369,12 +369,12 @@ fn moving(model: &Model) -> Vec<(usize, f64)> {
 
 /// Changes of the undeformed mesh with these inputs; their coefficients come behind those of the modes.
 fn shifts<'a>(model: &'a Model, moving: &[(usize, f64)], first: usize) -> Vec<Shift<'a>> {
-    let shift = |(at, (input, from)): (usize, &(usize, f64))| {
+    let shift = |(index, (input, from)): (usize, &(usize, f64))| {
         let along = |axis| {
             let kind = BlockKind::UndeformedBy { input: *input as u32, axis, from_bits: from.to_bits() };
             model.f32_block(kind)
         };
-        Shift { coefficient: first + at, axes: [0, 1, 2].map(along) }
+        Shift { coefficient: first + index, axes: [0, 1, 2].map(along) }
     };
     moving.iter().enumerate().map(shift).collect()
 }
@@ -398,7 +398,7 @@ fn basis(
     let order = with_hidden(model, fields);
     let mut roles = Vec::new();
     let mut described = Vec::new();
-    for (at, &field) in order.iter().enumerate() {
+    for (index, &field) in order.iter().enumerate() {
         let role = match model.header.fields[field].spec.kind {
             FieldKind::Stress => Role::Stress,
             FieldKind::Magnitude => Role::Displacement,
@@ -409,7 +409,7 @@ fn basis(
         described.push(Field {
             source: source(model, regime, &order, field, shifts)?,
             role: if first { role } else { Role::Plain },
-            published: at < fields.len(),
+            published: index < fields.len(),
         });
     }
     let spec = Spec { node_count: model.header.node_count, nodes, fields: described };

@@ -186,9 +186,9 @@ fn mesh_errors(spec: &ActuatorSpec, model: &Model) -> MeshErrors {
     let Some(probes) = probes.filter(|_| model.header.learned.is_none()) else {
         return MeshErrors::default();
     };
-    let value = |(at, input): (usize, &InputSpec)| {
+    let value = |(index, input): (usize, &InputSpec)| {
         let given = match spec.gap_mm {
-            Gap::Fixed(gap_mm) if at == GAP => Some(gap_mm),
+            Gap::Fixed(gap_mm) if index == GAP => Some(gap_mm),
             _ => input.value,
         };
         let prior = spec.estimate.get(&input.key()).map(|unknown| unknown.prior);
@@ -236,22 +236,22 @@ fn rows(
     };
     let model_mm =
         spec.sigma.model_mm.unwrap_or_else(|| mesh.marker_mm.hypot(displacement / HALFWIDTH_SIGMAS));
-    let marker = |(at, marker): (usize, &crate::config::MarkerSpec)| {
-        let Marker { x, y, z } = sigmas.markers_mm.get(at).copied().unwrap_or(Marker::ABSENT);
+    let marker = |(index, marker): (usize, &crate::config::MarkerSpec)| {
+        let Marker { x, y, z } = sigmas.markers_mm.get(index).copied().unwrap_or(Marker::ABSENT);
         [("x", x), ("y", y), ("z", z)].map(|(axis, sigma)| MeasuredRow {
             name: format!("{} {axis}", marker.name),
-            block: at + 1,
+            block: index + 1,
             sigma,
             model_sigma: model_mm,
             bias: None,
         })
     };
     let mut observed = observed;
-    let observable = |(at, (name, observed_spec)): (usize, (&String, &crate::config::ObservedSpec))| {
-        let width = observed.as_mut().map_or(f64::NAN, |observed| observed.largest_halfwidth(at, model));
+    let observable = |(index, (name, observed_spec)): (usize, (&String, &crate::config::ObservedSpec))| {
+        let width = observed.as_mut().map_or(f64::NAN, |observed| observed.largest_halfwidth(index, model));
         MeasuredRow {
             name: name.clone(),
-            block: spec.markers.len() + 1 + at,
+            block: spec.markers.len() + 1 + index,
             sigma: spec.named_sigma(name).unwrap_or(f64::NAN),
             model_sigma: observed_spec.model_sigma.unwrap_or(width / HALFWIDTH_SIGMAS),
             bias: None,
@@ -281,10 +281,10 @@ impl SensorModel {
     /// All problems of the markers and observables with this model.
     pub fn new(spec: &ActuatorSpec, model: &Model) -> Result<Self, Vec<String>> {
         let (mut points, mut problems) = (Vec::new(), Vec::new());
-        for (at, marker) in spec.markers.iter().enumerate() {
+        for (index, marker) in spec.markers.iter().enumerate() {
             match marker.point(model) {
                 Ok(point) => points.push(point),
-                Err(error) => problems.push(format!("marker[{at}] `{}`: {error}", marker.name)),
+                Err(error) => problems.push(format!("marker[{index}] `{}`: {error}", marker.name)),
             }
         }
         if !problems.is_empty() {
@@ -572,8 +572,8 @@ impl Estimator {
             input_count: setup.inputs.len() as u32,
             ..Estimate::default()
         };
-        for (at, unknown) in setup.unknowns.iter().enumerate() {
-            out.set_name(at, &unknown.name);
+        for (index, unknown) in setup.unknowns.iter().enumerate() {
+            out.set_name(index, &unknown.name);
         }
         out
     }
@@ -653,13 +653,14 @@ impl SensorValues {
         let mut out = Measurement::at(t_s);
         out.inputs = inputs;
         let force_n = if new.force { reading.measured_force_n } else { f64::NAN };
-        let markers = reading.markers_mm.iter().zip(new.markers).enumerate().map(|(at, (marker, is_new))| {
-            if is_new && at < reading.marker_values as usize / 3 { *marker } else { Marker::ABSENT }
-        });
+        let markers =
+            reading.markers_mm.iter().zip(new.markers).enumerate().map(|(index, (marker, is_new))| {
+                if is_new && index < reading.marker_values as usize / 3 { *marker } else { Marker::ABSENT }
+            });
         let coordinates = markers.take(self.markers).flat_map(|marker| [marker.x, marker.y, marker.z]);
         let observable = |name: &[u8; 32]| {
             let found =
-                reading.input(name).filter(|(at, _)| new.named.get(*at).is_some_and(|is_new| *is_new));
+                reading.input(name).filter(|(index, _)| new.named.get(*index).is_some_and(|is_new| *is_new));
             found.map_or(f64::NAN, |(_, value)| value)
         };
         let all = std::iter::once(force_n).chain(coordinates).chain(self.observables.iter().map(observable));

@@ -123,8 +123,8 @@ pub fn explain(loaded: &LoadedActuator) -> Explained {
 
 /// The parameters with their values, in the model's order.
 pub fn inputs(loaded: &LoadedActuator) -> Vec<ExplainedInput> {
-    let explained = |(at, spec): (usize, &InputSpec)| {
-        let (value, source) = (spec.value?, load::input_source_of(&loaded.spec, at, spec));
+    let explained = |(index, spec): (usize, &InputSpec)| {
+        let (value, source) = (spec.value?, load::input_source_of(&loaded.spec, index, spec));
         let prior = loaded.spec.estimate.get(&spec.name).map(|unknown| unknown.prior);
         let (name, unit, from) = (spec.name.clone(), spec.unit.clone(), input_source::as_str(source));
         let value = (source != input_source::MEASURED).then_some(prior.unwrap_or(value));

@@ -52,7 +52,7 @@ impl PayloadContents {
         let needs = evaluator.needs();
         let outputs = NamedOutputs::new(model)?;
         let mut observable_names = [0; 32 * OBSERVABLES_MAX];
-        outputs.names().enumerate().for_each(|(at, name)| set_slot(&mut observable_names, at, name));
+        outputs.names().enumerate().for_each(|(index, name)| set_slot(&mut observable_names, index, name));
         let sizes = |regime: &RegimeModel| {
             let sizes: Vec<u8> = regime.groups.iter().map(|group| group.coefficients.len() as u8).collect();
             (regime.kind, first(&sizes))

@@ -187,8 +187,8 @@ fn list_lines(items: &[Node], indent: &str, lines: &mut Vec<String>) {
     } else if items.iter().all(is_row) {
         table_lines(items.iter().map(|row| (None, row)), indent, lines);
     } else {
-        for (at, item) in items.iter().enumerate() {
-            if at > 0 && !is_scalar(item) {
+        for (index, item) in items.iter().enumerate() {
+            if index > 0 && !is_scalar(item) {
                 lines.push(String::new());
             }
             match item {

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 /// A folder with the bar's database in `db`.
-struct Place(tempfile::TempDir);
+struct WorkFolder(tempfile::TempDir);
 
-impl Place {
+impl WorkFolder {
     fn new() -> Self {
         let place = Self(tempfile::tempdir().unwrap());
         let (database, tets) = crate::common::database(cases());
@@ -92,7 +92,7 @@ fn edit(path: &Path, change: impl FnOnce(&mut Vec<u8>)) {
 
 #[test]
 fn train_writes_a_model_and_its_data_sheet() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     let done = place.run(&["train", "--database", "db", "--out", "bar.twin", "--json"]).json();
     assert_eq!(done["cases"], 42);
     assert!(done["regimes"]["contact"]["force"]["kernel"].is_string());
@@ -123,14 +123,14 @@ fn commented_configuration_is_the_default() {
 
 #[test]
 fn same_database_gives_the_same_model() {
-    let place = Place::trained();
+    let place = WorkFolder::trained();
     assert_eq!(place.run(&["train", "--database", "db", "--out", "again.twin"]).code, 0);
     assert_eq!(std::fs::read(place.at("bar.twin")).unwrap(), std::fs::read(place.at("again.twin")).unwrap());
 }
 
 #[test]
 fn predict_answers_in_json_and_writes_all_formats() {
-    let place = Place::trained();
+    let place = WorkFolder::trained();
     for out in ["s.npy", "s.csv", "s.vtu"] {
         let args = ["predict", "bar.twin", "--json", "--pressure", "0.044", "--gap", "2.5", "--out", out];
         let answer = place.run(&args).json();
@@ -161,7 +161,7 @@ fn predict_answers_in_json_and_writes_all_formats() {
 
 #[test]
 fn prediction_without_gap_has_no_contact() {
-    let place = Place::trained();
+    let place = WorkFolder::trained();
     let answer = place.run(&["predict", "bar.twin", "--json", "--pressure", "0.0415"]).json();
     assert_eq!(answer["regime"], "free");
     assert_eq!(answer["contact_force_n"], 0.0);
@@ -171,7 +171,7 @@ fn prediction_without_gap_has_no_contact() {
 
 #[test]
 fn prediction_outside_the_training_range_is_flagged() {
-    let place = Place::trained();
+    let place = WorkFolder::trained();
     let ran = place.run(&["predict", "bar.twin", "--json", "--pressure", "0.11"]);
     let answer = ran.json();
     assert_eq!(answer["in_domain"], false);
@@ -190,7 +190,7 @@ fn prediction_outside_the_training_range_is_flagged() {
 
 #[test]
 fn pressure_limit_of_a_build_is_named_by_every_description_of_the_model() {
-    let place = Place::trained();
+    let place = WorkFolder::trained();
     let path = place.at("bar.twin");
     let mut model = Model::from_bytes(&std::fs::read(&path).unwrap()).unwrap();
     let reason = "the silicone ends here".to_owned();
@@ -219,7 +219,7 @@ fn pressure_limit_of_a_build_is_named_by_every_description_of_the_model() {
 
 #[test]
 fn evaluation_names_worst_case_and_draws() {
-    let place = Place::trained();
+    let place = WorkFolder::trained();
     let args = ["evaluate", "bar.twin", "--database", "db", "--json", "--picture", "e.svg"];
     let report = place.run(&args).json();
     assert_eq!(report["regimes"][0]["cases"], 1);
@@ -245,7 +245,7 @@ fn evaluation_names_worst_case_and_draws() {
 /// Errors on held-out states set the half-widths of the model on which they were measured.
 #[test]
 fn measured_errors_set_the_half_widths_of_their_model_only() {
-    let place = Place::trained();
+    let place = WorkFolder::trained();
     let unseen = (0..40).map(|i| {
         let gap = 1.2 + 0.09 * f64::from(i);
         let pressure = 0.01 * gap + 0.004 + 0.0007 * f64::from(i * 17 % 40);
@@ -298,7 +298,7 @@ fn measured_errors_set_the_half_widths_of_their_model_only() {
 
 #[test]
 fn wrong_usage_exits_with_2() {
-    let place = Place::trained();
+    let place = WorkFolder::trained();
     let predict = |more: &[&str]| place.run(&[&["predict", "bar.twin", "--json"], more].concat());
     predict(&["--pressure", "nan"]).refused(2, "expected a number from 0 to 100");
     predict(&["--pressure", "-0.01"]).refused(2, "invalid value '-0.01'");
@@ -315,7 +315,7 @@ fn wrong_usage_exits_with_2() {
 
 #[test]
 fn wrong_files_exit_with_78() {
-    let place = Place::trained();
+    let place = WorkFolder::trained();
     std::fs::write(place.at("t.toml"), "modes = 3\n").unwrap();
     let train = ["train", "--database", "db", "--out", "x.twin"];
     place.run(&[&train[..], &["--config", "t.toml"]].concat()).refused(78, "unknown field `modes`");
@@ -338,7 +338,7 @@ fn wrong_files_exit_with_78() {
 
 #[test]
 fn missing_files_exit_with_1() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     place
         .run(&["inspect", "none.twin"])
         .refused(1, "cannot read the model none.twin; `softtwin train` makes one");
@@ -347,7 +347,7 @@ fn missing_files_exit_with_1() {
 
 #[test]
 fn closed_pipe_exits_with_0() {
-    let place = Place::trained();
+    let place = WorkFolder::trained();
     let mut child = place
         .command(&["inspect", "bar.twin"])
         .stdout(Stdio::piped())
@@ -361,7 +361,7 @@ fn closed_pipe_exits_with_0() {
 
 #[test]
 fn every_command_has_worked_examples() {
-    let place = Place(tempfile::tempdir().unwrap());
+    let place = WorkFolder(tempfile::tempdir().unwrap());
     let help = place.run(&["--help"]).out;
     // The groups of commands stand between the usage and the options.
     let listed = help.split("Usage:").nth(1).unwrap().split("Options:").next().unwrap().to_owned();

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant, SystemTime};
 const DEADLINE: Duration = Duration::from_secs(300);
 
 /// A folder with the tiny actuator and its mesh.
-pub struct Place(tempfile::TempDir);
+pub struct WorkFolder(tempfile::TempDir);
 
 pub struct Ended {
     code: Option<i32>,
@@ -37,7 +37,7 @@ impl Ended {
     }
 }
 
-impl Place {
+impl WorkFolder {
     pub fn new() -> Self {
         let place = Self(tempfile::tempdir().unwrap());
         place.put("a.toml", &crate::actuators::tiny());
@@ -85,7 +85,7 @@ pub fn bytes(path: &Path) -> Vec<u8> {
 
 #[test]
 fn single_state_and_path_are_written_and_described() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     let path =
         place.run("simulate --actuator a.toml --pressure 0.06 --gap 0.3 --steps 3 --out s.npy").lines();
     assert_eq!(path.len(), 3);
@@ -109,7 +109,7 @@ fn single_state_and_path_are_written_and_described() {
 
 #[test]
 fn invalid_loads_are_refused_before_any_work() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     place.run("simulate --actuator a.toml --pressure -0.1").refused(2, "expected a number from 0 to 100");
     place
         .run("simulate --actuator a.toml --pressure 0.01 --gap -2")
@@ -124,7 +124,7 @@ fn invalid_loads_are_refused_before_any_work() {
 
 #[test]
 fn failed_case_does_not_stop_the_run_or_enter_the_database() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     place.put(
         "cases.csv",
         "case,regime,split,pressure_mpa,gap_mm\nlow,free,train,0.02,\nburst,free,train,4,\nhigh,free,train,0.04,\n",
@@ -155,7 +155,7 @@ c9,contact,train,0.04,0.2
 
 #[test]
 fn killed_run_continues_without_solving_twice() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     place.put("cases.csv", LIST);
     let line = "simulate --actuator a.toml --cases cases.csv --out db --threads 1 --json";
     let mut child = place.command(line).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
@@ -186,7 +186,7 @@ fn killed_run_continues_without_solving_twice() {
 }
 
 /// A packed database is within its bound; a refined one has more states and a model.
-fn pack_and_refine(place: &Place) {
+fn pack_and_refine(place: &WorkFolder) {
     let packed = place.run("pack --database db --out small --json").json();
     let errors = packed["largest_error"].as_object().unwrap();
     assert!(
@@ -223,7 +223,7 @@ fn physics(mut line: Value) -> Value {
 
 #[test]
 fn set_value_equals_the_value_in_the_file() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     let load = "--pressure 0.06 --gap 0.3 --json";
     let run = |file: &str, more: &str| {
         place.run(&format!("simulate --actuator {file} {load} --out s.npy {more}")).json()
@@ -256,7 +256,7 @@ fn set_value_equals_the_value_in_the_file() {
 
 #[test]
 fn invalid_names_and_values_are_refused() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     let refused = |more: &str, code: i32, part: &str| {
         place.run(&format!("simulate --actuator a.toml --pressure 0.01 {more}")).refused(code, part);
     };
@@ -287,7 +287,7 @@ fn invalid_names_and_values_are_refused() {
 }
 
 /// Files of a folder that a run of the same list must repeat; checkpoints hold the time they took.
-fn database(place: &Place, folder: &str) -> BTreeMap<String, Vec<u8>> {
+fn database(place: &WorkFolder, folder: &str) -> BTreeMap<String, Vec<u8>> {
     let files =
         std::fs::read_dir(place.at(folder)).unwrap().map(|e| e.unwrap().path()).filter(|p| p.is_file());
     files.map(|p| (p.file_name().unwrap().to_str().unwrap().to_owned(), bytes(&p))).collect()
@@ -295,7 +295,7 @@ fn database(place: &Place, folder: &str) -> BTreeMap<String, Vec<u8>> {
 
 #[test]
 fn threads_change_no_byte_of_a_database_over_parameters() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     let line = "sample --kind sequence --n 8 --regime both --pressure 0.01 0.06 --gap 0.2 0.5 --actuator a.toml \
                 --parameter elastomer.law.mu_mpa=0.7:0.9 --parameter base.lower_mm=1.8:2.2 --out list.csv";
     assert_eq!(place.run(line).code, Some(0));
@@ -316,7 +316,7 @@ fn threads_change_no_byte_of_a_database_over_parameters() {
 
 #[test]
 fn list_over_other_parameters_replaces_the_database() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     let list = |name: &str, parameter: &str, value: f64| {
         let row = |k: i32| format!("s{k},free,train,0.0{k},,{value}\n");
         let rows: String = (1..3).map(row).collect();
@@ -340,7 +340,7 @@ fn list_over_other_parameters_replaces_the_database() {
 }
 
 /// States of both regimes with derivatives, one of them held out: a database in `db`.
-fn both_regimes(place: &Place) {
+fn both_regimes(place: &WorkFolder) {
     let mut list = String::from("case,regime,split,pressure_mpa,gap_mm\naside,free,check,0.03,\n");
     (0..6).for_each(|i| list += &format!("f{i},free,train,{:.3},\n", 0.012 * f64::from(i)));
     for (i, j) in (0..4).flat_map(|i| [(i, 0), (i, 1), (i, 2)]) {
@@ -353,7 +353,7 @@ fn both_regimes(place: &Place) {
 }
 
 /// Largest difference of two databases' derivatives over the first one's largest value, by row and field.
-fn derivative_errors(place: &Place, [exact, other]: [&str; 2]) -> Vec<f32> {
+fn derivative_errors(place: &WorkFolder, [exact, other]: [&str; 2]) -> Vec<f32> {
     let read = |folder: &str| {
         let database = formats::database::read(&place.at(folder), formats::database::ObstacleKind::Plate);
         database.unwrap()
@@ -379,7 +379,7 @@ fn derivative_errors(place: &Place, [exact, other]: [&str; 2]) -> Vec<f32> {
 
 #[test]
 fn packed_derivatives_have_the_requested_error() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     both_regimes(&place);
     let mut bytes = Vec::new();
     for share in ["5e-4", "5e-3", "0.05"] {
@@ -400,7 +400,7 @@ fn packed_derivatives_have_the_requested_error() {
 
 #[test]
 fn sealed_evaluation_is_reproducible_and_leaves_no_files() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     both_regimes(&place);
     assert_eq!(place.run("train --database db --out a.twin").code, Some(0));
     // What a killed run left of another evaluation, and what another process has in use.
@@ -439,7 +439,7 @@ fn sealed_evaluation_is_reproducible_and_leaves_no_files() {
 #[test]
 fn designs_share_their_parameters_and_onset_points_lie_on_the_onset() {
     use crate::synthetic::design;
-    let place = Place::new();
+    let place = WorkFolder::new();
     let states: Vec<_> =
         design::states(0, 100).into_iter().map(|s| (rom::snapshots::Split::Train, s)).collect();
     let cells = formats::vtu::Cells::QuadraticTets(&[]);
@@ -486,7 +486,7 @@ fn designs_share_their_parameters_and_onset_points_lie_on_the_onset() {
 
 #[test]
 fn displacement_is_relative_to_the_mesh_of_the_parameters() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     let row = |(k, name): (usize, &str)| {
         let (lower, sheet) = (1.7 + 0.1 * k as f64, 0.1 + 0.01 * k as f64);
         format!("{name},free,train,{},,0.8,{lower},{sheet}\n", 0.01 * k as f64)
@@ -520,7 +520,7 @@ fn displacement_is_relative_to_the_mesh_of_the_parameters() {
 
 #[test]
 fn lists_are_sampled_reproducibly_and_can_be_simulated() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     let line =
         "sample --kind hypercube --n 7 --regime contact --pressure 0.01 0.06 --gap 0.1 0.5 --out h.csv";
     assert_eq!(place.run(line).code, Some(0));
@@ -544,7 +544,7 @@ fn lists_are_sampled_reproducibly_and_can_be_simulated() {
 
 #[test]
 fn a_coarse_mesh_of_the_same_body_is_a_start_only() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     place.run("mesh --actuator a.toml --size-mm 5 --out fine.vtu --json").json();
     let text = place.read("a.toml");
     let fine = text.replace("\"mesh.vtu\"", "\"fine.vtu\"");

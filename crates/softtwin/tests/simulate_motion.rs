@@ -1,6 +1,6 @@
 //! Motion of the tiny actuator as a user runs it: series, energies, fields, resuming, refusals.
 
-use crate::simulate::{Place, bytes};
+use crate::simulate::{WorkFolder, bytes};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ const STEP: &str = "t_s,pressure_mpa,gap_mm\n0,0.02,0.3\n0.001,0.05,0.3\n0.03,0.
 
 #[test]
 fn killed_motion_continues_with_the_same_series() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     place.put("step.csv", STEP);
     let line = |out: &str| {
         format!(
@@ -57,7 +57,7 @@ fn killed_motion_continues_with_the_same_series() {
 
 #[test]
 fn invalid_traces_and_constants_of_motion_are_refused() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     let refused = |trace: &str, more: &str, code: i32, part: &str| {
         place.put("t.csv", trace);
         place.run(&format!("simulate --actuator a.toml --trace t.csv --out o {more}")).refused(code, part);

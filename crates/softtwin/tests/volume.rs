@@ -1,6 +1,6 @@
 //! The injected volume in place of the pressure: single states, lists, the database, and the path through a limit.
 
-use crate::simulate::Place;
+use crate::simulate::WorkFolder;
 use serde_json::Value;
 
 const LIST: &str = "case,regime,split,volume_mm3,gap_mm
@@ -13,7 +13,7 @@ touching,contact,check,900,0.4
 
 #[test]
 fn list_of_volumes_gives_the_states_of_the_pressures_found() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     place.put("cases.csv", LIST);
     place
         .run("simulate --actuator a.toml --cases cases.csv --out db --sensitivities")
@@ -56,7 +56,7 @@ fn list_of_volumes_gives_the_states_of_the_pressures_found() {
 
 #[test]
 fn path_through_a_limit_of_pressure_is_a_table_and_a_picture() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     let soft = crate::actuators::tiny().replace("law = \"gent\" ", "law = \"neo-hookean\" ");
     let without: Vec<&str> = soft.lines().filter(|line| !line.starts_with("jm =")).collect();
     place.put("a.toml", &without.join("\n"));

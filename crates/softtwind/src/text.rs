@@ -119,9 +119,14 @@ fn estimate(estimate: &Estimate) -> String {
 
 /// `gap_mm 41.203 +- 0.180`; an unidentifiable value is marked; an alarm is named with its suspects.
 pub fn estimates(estimate: &Estimate) -> String {
-    let one = |at: usize| {
-        let note = if estimate.identifiable & (1 << at) == 0 { " (not identifiable)" } else { "" };
-        format!("{} {:.5} +- {:.5}{note}", estimate.name(at), estimate.values[at], estimate.sigmas[at])
+    let one = |index: usize| {
+        let note = if estimate.identifiable & (1 << index) == 0 { " (not identifiable)" } else { "" };
+        format!(
+            "{} {:.5} +- {:.5}{note}",
+            estimate.name(index),
+            estimate.values[index],
+            estimate.sigmas[index]
+        )
     };
     let count = (estimate.unknown_count as usize).min(estimate.values.len());
     (0..count).map(one).chain(alarm(estimate)).collect::<Vec<_>>().join("  ")

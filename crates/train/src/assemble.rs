@@ -76,8 +76,8 @@ pub(crate) fn assemble(
             blocks.push((BlockKind::Undeformed(axis as u8), BlockData::F32(values)));
         }
     }
-    for (at, by) in database.undeformed_by.iter().enumerate() {
-        let (input, from_bits) = ((PARAMETERS + at) as u32, database.parameters[at].nominal.to_bits());
+    for (index, by) in database.undeformed_by.iter().enumerate() {
+        let (input, from_bits) = ((PARAMETERS + index) as u32, database.parameters[index].nominal.to_bits());
         for axis in (0..3).filter(|axis| by.iter().any(|x| x[*axis] != 0.0)) {
             let values = by.iter().map(|x| x[axis]).collect();
             let kind = BlockKind::UndeformedBy { input, axis: axis as u8, from_bits };
@@ -94,11 +94,11 @@ fn field_blocks(database: &Database, plan: &Plan, part: &Part) -> Vec<(BlockKind
     let (nodes, regime) = (database.node_count, part.kind);
     let mut blocks = Vec::new();
     for (group, fit) in plan.groups.iter().zip(&part.groups) {
-        for (at, &field) in group.fields.iter().enumerate() {
-            let (rows, field) = (at * nodes..(at + 1) * nodes, field as u32);
+        for (index, &field) in group.fields.iter().enumerate() {
+            let (rows, field) = (index * nodes..(index + 1) * nodes, field as u32);
             let mean = fit.compact.mean[rows].iter().map(|v| *v as f32).collect();
             blocks.push((BlockKind::Mean { regime, field }, BlockData::F32(mean)));
-            blocks.push((BlockKind::Modes { regime, field }, BlockData::Modes(fit.stored[at].clone())));
+            blocks.push((BlockKind::Modes { regime, field }, BlockData::Modes(fit.stored[index].clone())));
         }
     }
     blocks

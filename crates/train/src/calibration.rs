@@ -115,10 +115,10 @@ pub(crate) fn observable_ratios(
                 let x = there(node);
                 [0, 1, 2].map(|k| x[k] - errors[k].1[(errors[k].2 + node, i)])
             };
-            for (at, ratios) in own.iter_mut().enumerate() {
+            for (index, ratios) in own.iter_mut().enumerate() {
                 let ((value, reach), (predicted, _)) =
-                    (on_mesh.measure(at, there), on_mesh.measure(at, left_out));
-                let ratio = on_mesh.difference(at, value, predicted).abs() / (reach * width);
+                    (on_mesh.measure(index, there), on_mesh.measure(index, left_out));
+                let ratio = on_mesh.difference(index, value, predicted).abs() / (reach * width);
                 ratios.extend(Some(ratio).filter(|ratio| ratio.is_finite()));
             }
         }

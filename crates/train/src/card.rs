@@ -78,19 +78,19 @@ fn outputs(model: &Model) -> Vec<Value> {
     // Observables that do not fit are refused where the model is read.
     let observables = Observables::of(model).unwrap_or_default();
     let named = observables.names().zip(observables.units()).enumerate();
-    all.extend(named.map(|(at, (name, unit))| {
+    all.extend(named.map(|(index, (name, unit))| {
         let mut one = json!({ "name": name, "unit": unit, "per": "state" });
-        let own = observables.corrections().iter().filter(|(corrected, _)| *corrected == at);
+        let own = observables.corrections().iter().filter(|(corrected, _)| *corrected == index);
         let offsets: Vec<Value> = own.map(|(_, correction)| offset_of(model, correction)).collect();
         if !offsets.is_empty() {
             one["measured_offset"] = offsets.into();
         }
         one
     }));
-    all.extend(model.header.fields.iter().enumerate().map(|(at, field)| {
+    all.extend(model.header.fields.iter().enumerate().map(|(index, field)| {
         let mut one = json!({ "name": field.spec.name, "unit": field.spec.unit, "per": "node" });
         let offsets: Vec<Value> =
-            model.header.regimes.iter().filter_map(|regime| offset_of_field(model, regime, at)).collect();
+            model.header.regimes.iter().filter_map(|regime| offset_of_field(model, regime, index)).collect();
         if !offsets.is_empty() {
             one["measured_offset"] = offsets.into();
         }
@@ -129,8 +129,8 @@ fn offset_of_field(model: &Model, regime: &RegimeModel, field: usize) -> Option<
 
 /// Range of each input over the centres.
 fn measured(model: &Model, inputs: &InputMap, centres: &[Point]) -> Map<String, Value> {
-    let range = |(at, axis): (usize, &InputAxis)| {
-        let values = centres.iter().map(|centre| axis.min + centre[at] * (axis.max - axis.min));
+    let range = |(index, axis): (usize, &InputAxis)| {
+        let values = centres.iter().map(|centre| axis.min + centre[index] * (axis.max - axis.min));
         (model.header.inputs[axis.input].key(), json!(ends(values)))
     };
     inputs.axes.iter().enumerate().map(range).collect()
@@ -219,7 +219,7 @@ pub fn submodel(card: &Value) -> Value {
     let property = |id: &str, value: &Value| json!({ "modelType": "Property", "idShort": id, "valueType": "xs:string", "value": shown(value) });
     let collection = |id: &str, value: Vec<Value>| json!({ "modelType": "SubmodelElementCollection", "idShort": id, "value": value });
     let said = |id: &str, text: String| json!({ "modelType": "MultiLanguageProperty", "idShort": id, "value": [{ "language": "en", "text": text }] });
-    let port = |(at, (variable, causality)): (usize, (&Value, &str))| {
+    let port = |(index, (variable, causality)): (usize, (&Value, &str))| {
         let range = format!("{} .. {}", shown(&variable["min"]), shown(&variable["max"]));
         let range = if variable.get("min").is_some() { json!(range) } else { Value::Null };
         let facts = [
@@ -229,7 +229,7 @@ pub fn submodel(card: &Value) -> Value {
             property("UnitName", &variable["unit"]),
             property("VariableCausality", &json!(causality)),
         ];
-        collection(&format!("VariablePort{at:02}"), facts.to_vec())
+        collection(&format!("VariablePort{index:02}"), facts.to_vec())
     };
     let variables = each(&card["inputs"]).iter().map(|input| (input, "input"));
     let variables = variables.chain(each(&card["outputs"]).iter().map(|output| (output, "output")));

@@ -104,9 +104,9 @@ impl<'a> RecordedInputs<'a> {
     ) -> Result<Self, ComparisonError> {
         let needs = header.needs();
         let mut columns = Vec::new();
-        for (at, spec) in header.inputs.iter().enumerate() {
+        for (index, spec) in header.inputs.iter().enumerate() {
             let key = spec.key();
-            let is_needed = match at {
+            let is_needed = match index {
                 PRESSURE => needs.pressure,
                 GAP => needs.gap,
                 // An inertial load at rest, a parameter of the scene: as along a trace of `predict`.
@@ -151,13 +151,13 @@ impl<'a> RecordedInputs<'a> {
     #[must_use]
     pub fn row(&self, row: usize) -> Option<Inputs> {
         let mut inputs = Inputs::new(f64::NAN, f64::INFINITY);
-        for (at, column) in self.columns.iter().enumerate() {
+        for (index, column) in self.columns.iter().enumerate() {
             if let Some(column) = column {
                 let value = self.recording.inputs[*column].values[row];
                 if !value.is_finite() {
                     return None;
                 }
-                inputs = inputs.with(at, value);
+                inputs = inputs.with(index, value);
             }
         }
         // A pressure that no answer depends on is not in the recording.
@@ -711,8 +711,8 @@ fn suspicions(outputs: &[ComparedOutput], statistics: &BTreeMap<String, OutputSt
         let both = a.measured.iter().zip(&b.predicted).filter(|(m, p)| m.is_finite() && p.is_finite());
         both.map(|(m, p)| (m - p) * (m - p)).sum()
     };
-    for (at, a) in outputs.iter().enumerate() {
-        for b in &outputs[at + 1..] {
+    for (index, a) in outputs.iter().enumerate() {
+        for b in &outputs[index + 1..] {
             let (own, swapped) = (error(a, a) + error(b, b), error(a, b) + error(b, a));
             if swapped < LEFT_BY_SWAP * own {
                 remarks.push(format!("{} and {}: swapped? Each fits the other's prediction", a.name, b.name));
@@ -742,7 +742,7 @@ fn swapped_inputs(
     };
     let columns = &inputs.columns;
     let own = error_with(columns.clone())?;
-    let unit = |at: usize| model.header.inputs[at].unit.as_str();
+    let unit = |index: usize| model.header.inputs[index].unit.as_str();
     let moves = |column: usize| range(&thin.inputs[column].values) > 0.0;
     let mut remarks = Vec::new();
     for a in 0..columns.len() {

@@ -39,7 +39,7 @@ impl Plan {
             .fields
             .iter()
             .enumerate()
-            .map(|(at, f)| if f.kind == FieldKind::Magnitude { derived(at) } else { None })
+            .map(|(index, f)| if f.kind == FieldKind::Magnitude { derived(index) } else { None })
             .collect();
         let fields: Vec<usize> = (0..database.fields.len()).filter(|&f| magnitude_of[f].is_none()).collect();
         let groups = match config.grouping {
@@ -264,8 +264,8 @@ impl GroupFit {
     /// Rounds the modes to so many bits, as the model file stores them.
     fn store(&mut self, fields: usize, bits: Vec<u8>) -> Result<(), PodError> {
         let nodes = self.basis.nrows() / fields;
-        let field = |at: usize| {
-            let value = |mode, node| self.basis[(at * nodes + node, mode)];
+        let field = |index: usize| {
+            let value = |mode, node| self.basis[(index * nodes + node, mode)];
             Modes::with_bits(nodes, bits.clone(), value).map_err(|_| PodError::NoConvergence)
         };
         self.stored = (0..fields).map(field).collect::<Result<Vec<_>, _>>()?;

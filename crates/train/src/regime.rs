@@ -238,10 +238,10 @@ fn slopes(
     let rows = database.sensitivities.iter().flat_map(|known| known.rows.iter().enumerate());
     let mut slopes: Vec<(Slope, usize)> = rows
         .filter(|(_, row)| !doubtful.contains(&row.case))
-        .filter_map(|(at, row)| {
+        .filter_map(|(index, row)| {
             let centre = cases.iter().position(|case| *case == row.case)? as u32;
             let axis = inputs.axes.iter().position(|axis| axis.input == row.input)? as u32;
-            Some((Slope { centre, axis }, at))
+            Some((Slope { centre, axis }, index))
         })
         .collect();
     slopes.sort_by_key(|(slope, _)| (slope.centre, slope.axis));
@@ -344,8 +344,8 @@ impl<'a> Training<'a> {
             let columns = self.columns(group);
             let mut y = Mat::zeros(nodes * group.fields.len(), columns.count());
             for (j, &case) in self.cases.iter().enumerate() {
-                for (at, &field) in group.fields.iter().enumerate() {
-                    let column = &mut y.col_as_slice_mut(j)[at * nodes..(at + 1) * nodes];
+                for (index, &field) in group.fields.iter().enumerate() {
+                    let column = &mut y.col_as_slice_mut(j)[index * nodes..(index + 1) * nodes];
                     column
                         .iter_mut()
                         .zip(self.database.field(case, field))
@@ -455,13 +455,13 @@ impl<'a> Training<'a> {
         if far.len() < 2 || self.inputs.dimensions() < 2 {
             return None;
         }
-        let correction = |(at, point): (usize, &Inputs)| {
+        let correction = |(index, point): (usize, &Inputs)| {
             let of_group = |(fit, free_fit): (&GroupFit, &GroupFit)| {
                 let surrogate = fit.choice.fit.interpolant.values_at(&self.inputs.scale(point));
                 // The basis begins with the free regime's modes; all others are 0 in its states.
                 let wanted = free_fit.choice.fit.interpolant.values_at(&free.inputs.scale(point));
                 let wanted = wanted.into_iter().chain(std::iter::repeat(0.0));
-                let difference = wanted.zip(&surrogate).map(|(w, s)| if at == 0 { 0.0 } else { w - s });
+                let difference = wanted.zip(&surrogate).map(|(w, s)| if index == 0 { 0.0 } else { w - s });
                 difference.collect::<Vec<_>>()
             };
             groups.iter().zip(&free.groups).flat_map(of_group).collect::<Vec<_>>()
@@ -570,8 +570,8 @@ impl<'a> Training<'a> {
         let (mut magnitude, mut stress) = (vec![0.0_f64; cases], vec![0.0_f64; cases]);
         for (group, fit) in plan.groups.iter().zip(groups) {
             let errors = fit.error_fields(cases);
-            for (at, &field) in group.fields.iter().enumerate() {
-                let part = errors.get(at * nodes..(at + 1) * nodes, ..);
+            for (index, &field) in group.fields.iter().enumerate() {
+                let part = errors.get(index * nodes..(index + 1) * nodes, ..);
                 let raise = |largest: &mut Vec<f64>| {
                     largest.iter_mut().enumerate().for_each(|(i, l)| *l = l.max(part.col(i).norm_max()));
                 };

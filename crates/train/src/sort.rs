@@ -118,7 +118,7 @@ const DERIVATIVE_TOLERANCE: f64 = 0.05;
 fn derivatives_differ(database: &Database, a: usize, b: usize) -> bool {
     let Some(known) = &database.sensitivities else { return false };
     let entries = database.node_count * known.fields.len();
-    let row = |at: usize| &known.values[at * entries..(at + 1) * entries];
+    let row = |index: usize| &known.values[index * entries..(index + 1) * entries];
     let derivatives_of = |case: usize| known.rows.iter().enumerate().filter(move |(_, row)| row.case == case);
     derivatives_of(a).any(|(i, first)| {
         let twin = derivatives_of(b).find(|(_, second)| second.input == first.input);

@@ -95,9 +95,11 @@ impl InputTrace {
             }
             places.push(found);
         }
-        let is_open = |at: usize, value: Option<f64>| value.is_none() && at != GAP;
-        for (at, input) in model.header.taken_inputs().filter(|(at, input)| is_open(*at, input.value)) {
-            if !places.contains(&Some(at)) {
+        let is_open = |index: usize, value: Option<f64>| value.is_none() && index != GAP;
+        for (index, input) in
+            model.header.taken_inputs().filter(|(index, input)| is_open(*index, input.value))
+        {
+            if !places.contains(&Some(index)) {
                 let expected = format!("a column `{}`", input.key());
                 diagnostics.push(Diagnostic::new("header", expected, "none of that name"));
             }
@@ -285,7 +287,7 @@ impl SeriesColumns {
         let reconstructor = Reconstructor::new(model, &Selection::default())?;
         let header = &model.header;
         let kind = if model.is_measured() {
-            let inputs = header.taken_inputs().map(|(at, input)| (at, input.key())).collect();
+            let inputs = header.taken_inputs().map(|(index, input)| (index, input.key())).collect();
             SeriesKind::Measured { inputs, outputs: measured::outputs(model) }
         } else {
             let coordinate =
@@ -337,7 +339,7 @@ impl SeriesColumns {
                 columns.into_iter().chain(volume.map(|at| evaluation.inputs.values()[at])).collect()
             }
             SeriesKind::Measured { inputs: taken, outputs } => {
-                let inputs = taken.iter().map(|(at, _)| inputs.values()[*at]);
+                let inputs = taken.iter().map(|(index, _)| inputs.values()[*index]);
                 let outputs =
                     outputs.iter().flat_map(|o| [value(o.field, o.node), o.half_width_of(evaluation)]);
                 std::iter::once(t_s).chain(inputs).chain(outputs).collect()
@@ -396,18 +398,18 @@ pub fn motion_errors(model: &Model, series: &Path) -> Result<MotionErrors, Trace
     };
     let both = frequency_hz(&truth).zip(frequency_hz(&moving.rows));
     let tip = TIP.map(|at| range(column(&truth, at)).powi(2)).iter().sum::<f64>().sqrt();
-    let errors = |at: usize| {
-        let values = column(&truth, at);
-        let scale = if matches!(at, FORCE | STRESS) { range(&values) } else { tip };
+    let errors = |index: usize| {
+        let values = column(&truth, index);
+        let scale = if matches!(index, FORCE | STRESS) { range(&values) } else { tip };
         let error = |rows: &[Vec<f64>]| {
-            let square = mean(values.iter().zip(column(rows, at)).map(|(a, b)| (a - b) * (a - b)));
+            let square = mean(values.iter().zip(column(rows, index)).map(|(a, b)| (a - b) * (a - b)));
             (scale > 0.0).then(|| 100.0 * square.sqrt() / scale)
         };
         QuantityErrors {
-            quantity: SERIES_COLUMNS[at],
+            quantity: SERIES_COLUMNS[index],
             inertia: error(&moving.rows),
             statics: error(&still),
-            coverage: coverage(&values, &moving, at),
+            coverage: coverage(&values, &moving, index),
         }
     };
     Ok(MotionErrors {

@@ -21,7 +21,7 @@ const ERRORS: [&str; 4] = ["displacement_error_mm", "stress_error_mpa", "force_e
 pub fn write(path: &Path, model: &Model, cases: &[CaseReport]) -> Result<(), FormatError> {
     let (header, hash) = (&model.header, prediction_mark(path, model)?);
     let (places, keys): (Vec<usize>, Vec<String>) =
-        header.taken_inputs().map(|(at, input)| (at, input.key())).unzip();
+        header.taken_inputs().map(|(index, input)| (index, input.key())).unzip();
     let columns = ["case", "regime"].into_iter().chain(keys.iter().map(String::as_str)).chain(ERRORS);
     let row = |case: &CaseReport| {
         let inputs = places.iter().map(|at| case.inputs.values()[*at]);
@@ -65,7 +65,7 @@ pub fn read(path: &Path, model: &Model) -> Result<Vec<UnseenState>, FormatError>
     let table = Table::read(path, true)?;
     let refused = |diagnostic| FormatError::one(path, diagnostic);
     let column = |name: &str| table.column(name).map_err(refused);
-    let inputs = header.taken_inputs().map(|(at, input)| Ok((at, column(&input.key())?)));
+    let inputs = header.taken_inputs().map(|(index, input)| Ok((index, column(&input.key())?)));
     let inputs = inputs.collect::<Result<Vec<_>, FormatError>>()?;
     let (regime, [displacement, stress, force, predictions]) = (column("regime")?, ERRORS.map(column));
     let (errors, predictions) = ([displacement?, stress?, force?], predictions?);
@@ -81,9 +81,9 @@ pub fn read(path: &Path, model: &Model) -> Result<Vec<UnseenState>, FormatError>
             ));
         }
         let mut values = Inputs::new(f64::NAN, f64::INFINITY);
-        for (at, column) in &inputs {
+        for (index, column) in &inputs {
             if let Some(value) = row.optional_number(*column)? {
-                values = values.with(*at, value);
+                values = values.with(*index, value);
             }
         }
         let [displacement, stress, force] = errors;

@@ -17,9 +17,9 @@ pub struct Picture {
 
 /// Adds their list and the pictures.
 pub fn routes<S: Clone + Send + Sync + 'static>(mut router: Router<S>, pictures: &[Picture]) -> Router<S> {
-    for (at, picture) in pictures.iter().enumerate() {
+    for (index, picture) in pictures.iter().enumerate() {
         let answer = ([(CONTENT_TYPE, picture.kind)], picture.content.clone());
-        router = router.route(&path(at), get(move || async move { answer.clone() }));
+        router = router.route(&path(index), get(move || async move { answer.clone() }));
     }
     let answer = ([(CONTENT_TYPE, "text/html; charset=utf-8")], page(pictures));
     router.route("/pictures", get(move || async move { answer.clone() }))
@@ -32,9 +32,9 @@ fn path(index: usize) -> String {
 fn page(pictures: &[Picture]) -> String {
     let head = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><link rel=\"icon\" href=\"data:,\"><title>softtwin pictures</title>\
                 <body style=\"font-family: sans-serif\"><a href=\"/\">live view</a>";
-    let one = |(at, picture): (usize, &Picture)| {
+    let one = |(index, picture): (usize, &Picture)| {
         let title = picture.title.replace('&', "&amp;").replace('<', "&lt;");
-        format!("<h2>{title}</h2><img src=\"{}\" alt=\"\" style=\"max-width: 100%\">", path(at))
+        format!("<h2>{title}</h2><img src=\"{}\" alt=\"\" style=\"max-width: 100%\">", path(index))
     };
     head.to_owned() + &pictures.iter().enumerate().map(one).collect::<String>()
 }

@@ -116,8 +116,9 @@ fn recorded(data: &RecordingData, catalogue: &Catalogue, hash: [u8; 32]) -> Resu
             let specs = catalogue.inputs(0);
             let values = states.iter().map(|state| state.inputs(specs));
             let values: Vec<_> = values.map(|inputs| inputs.map(|inputs| *inputs.values())).collect();
-            let column = |at: usize| values.iter().map(|row| row.map_or(f64::NAN, |row| row[at])).collect();
-            let inputs = specs.iter().enumerate().map(|(at, spec)| (spec.key(), column(at))).collect();
+            let column =
+                |index: usize| values.iter().map(|row| row.map_or(f64::NAN, |row| row[index])).collect();
+            let inputs = specs.iter().enumerate().map(|(index, spec)| (spec.key(), column(index))).collect();
             RecordedTrack { strip: Strip::new(name, track, catalogue), inputs }
         })
         .collect();

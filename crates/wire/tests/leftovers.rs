@@ -10,12 +10,12 @@ use wire::{
 };
 
 /// Shared-memory domain in a separate folder.
-struct Place {
+struct WorkFolder {
     folder: tempfile::TempDir,
     domain: Domain,
 }
 
-impl Place {
+impl WorkFolder {
     fn new(label: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let root = Some(folder.path().join("iox").display().to_string());
@@ -42,7 +42,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for WorkFolder {
     fn drop(&mut self) {
         for name in self.shared() {
             std::fs::remove_file(Path::new("/dev/shm").join(name)).unwrap();
@@ -61,7 +61,7 @@ fn topic() -> Topic {
 /// The name contains a hash of a type, so it is read from a working shared-memory domain.
 #[test]
 fn incomplete_counter_of_a_dead_program_is_removed_at_the_next_start() {
-    let place = Place::new("counter");
+    let place = WorkFolder::new("counter");
     drop(Bus::open(&place.domain).unwrap());
     let counter = place.shared().pop().unwrap();
     let path = Path::new("/dev/shm").join(&counter);
@@ -78,7 +78,7 @@ fn incomplete_counter_of_a_dead_program_is_removed_at_the_next_start() {
 
 #[test]
 fn incomplete_description_is_removed_unless_its_creator_lives() {
-    let place = Place::new("description");
+    let place = WorkFolder::new("description");
     let bus = Bus::open(&place.domain).unwrap();
     drop(StateWriter::create(&bus, &topic()).unwrap());
     let services = place.root().join("services");
@@ -95,7 +95,7 @@ fn incomplete_description_is_removed_unless_its_creator_lives() {
 /// iceoryx2 alone would wait indefinitely.
 #[test]
 fn file_without_a_size_in_use_is_named_within_a_limit() {
-    let place = Place::new("empty");
+    let place = WorkFolder::new("empty");
     let bus = Bus::open(&place.domain).unwrap();
     let (path, file) = place.incomplete(&format!("{TYPE}_1.dynamic"));
     let refused = StateWriter::create(&bus, &topic()).unwrap_err();
@@ -108,7 +108,7 @@ fn file_without_a_size_in_use_is_named_within_a_limit() {
 /// A notifier keeps the memory of a listener that is dead until its next notification.
 #[test]
 fn a_dead_listeners_memory_is_removed_though_others_have_it_mapped_and_a_living_ones_stays() {
-    let place = Place::new("listener");
+    let place = WorkFolder::new("listener");
     let bus = Bus::open(&place.domain).unwrap();
     let (dead, living) = (dead_process(), std::process::id());
     let memory = |process: u32| {
@@ -131,7 +131,7 @@ fn a_dead_listeners_memory_is_removed_though_others_have_it_mapped_and_a_living_
 /// A program that lists nodes opens the files of dead ones for a moment and then looks like their owner.
 #[test]
 fn a_dead_node_whose_files_another_program_just_reads_is_removed_all_the_same() {
-    let place = Place::new("looked-at");
+    let place = WorkFolder::new("looked-at");
     let bus = Bus::open(&place.domain).unwrap();
     let node = port_of(dead_process()); // nodes are numbered as ports are
     let path = place.root().join("nodes").join(format!("{}{node}.node_monitor_context", place.domain.prefix));
@@ -167,7 +167,7 @@ fn dead_process() -> u32 {
 /// The thread of every bus does so, whatever the program itself is waiting for.
 #[test]
 fn running_program_removes_incomplete_files_of_others() {
-    let place = Place::new("watch");
+    let place = WorkFolder::new("watch");
     let _bus = Bus::open(&place.domain).unwrap();
     let (path, file) = place.incomplete(&format!("{TYPE}_1_2.connection"));
     drop(file);
@@ -181,7 +181,7 @@ fn running_program_removes_incomplete_files_of_others() {
 /// A thread that leaves the shared-memory domain removes its files, which other threads of the program have open as well.
 #[test]
 fn files_of_a_thread_that_has_left_are_not_missed() {
-    let place = Place::new("threads");
+    let place = WorkFolder::new("threads");
     let files = OwnFiles::of(&place.domain).unwrap();
     let [first, second] = [(); 2].map(|()| Bus::open(&place.domain).unwrap());
     let _writer = StateWriter::create(&first, &topic()).unwrap();
@@ -195,7 +195,7 @@ fn files_of_a_thread_that_has_left_are_not_missed() {
 
 #[test]
 fn an_emptied_folder_is_noticed_and_admits_no_second_writer() {
-    let place = Place::new("emptied");
+    let place = WorkFolder::new("emptied");
     let bus = Bus::open(&place.domain).unwrap();
     let mut writer = StateWriter::create(&bus, &topic()).unwrap();
     let files = OwnFiles::of(&place.domain).unwrap();
@@ -219,7 +219,7 @@ fn an_emptied_folder_is_noticed_and_admits_no_second_writer() {
 /// Another actuator's folder of the same prefix is another domain.
 #[test]
 fn a_writer_is_alone_in_its_own_domain_only() {
-    let (one, other) = (Place::new("one"), Place::new("other"));
+    let (one, other) = (WorkFolder::new("one"), WorkFolder::new("other"));
     let same_prefix = Domain { root: other.domain.root.clone(), ..one.domain.clone() };
     let (first, second) = (Bus::open(&one.domain).unwrap(), Bus::open(&same_prefix).unwrap());
     let _writer = StateWriter::create(&first, &topic()).unwrap();
@@ -228,7 +228,7 @@ fn a_writer_is_alone_in_its_own_domain_only() {
 
 #[test]
 fn full_places_are_called_so() {
-    let place = Place::new("full");
+    let place = WorkFolder::new("full");
     let bus = Bus::open(&place.domain).unwrap();
     let _server = QueryServer::create(&bus, "finger").unwrap();
     let clients: Vec<_> = (0..qos::MAX_CLIENTS).map(|_| QueryClient::open(&bus, "finger").unwrap()).collect();
@@ -246,7 +246,7 @@ fn full_places_are_called_so() {
 /// A full domain refuses new topics at once; those that exist are written again.
 #[test]
 fn domain_with_the_largest_number_of_topics_refuses_another_one() {
-    let place = Place::new("full");
+    let place = WorkFolder::new("full");
     let bus = Bus::open(&place.domain).unwrap();
     let writer = StateWriter::create(&bus, &topic()).unwrap();
     let reader = StateReader::open(&bus, &topic()).unwrap();

@@ -155,7 +155,7 @@ type Followed = (Vec<Moment>, Vec<StepFigures>, SineFigures);
 /// All rows: every law on every plant, and the controller on every change.
 pub fn measure(bench: &Bench) -> anyhow::Result<(Vec<Row>, Runs)> {
     let (mut rows, mut runs) = (Vec::new(), Runs::new());
-    for (at, case) in cases().iter().enumerate() {
+    for (index, case) in cases().iter().enumerate() {
         let settings = known(&case.spec);
         let range_mpa = Limits::default().range_mpa;
         for (change, factors) in CHANGES {
@@ -165,7 +165,7 @@ pub fn measure(bench: &Bench) -> anyhow::Result<(Vec<Row>, Runs)> {
                 let fault =
                     moments.iter().chain(&of_tip).find_map(|moment| moment.fault).map(|fault| fault.name());
                 rows.push(Row { plant: case.name, law, change, force, tip, sine, fault });
-                if at == 0 && change == CHANGES[0].0 {
+                if index == 0 && change == CHANGES[0].0 {
                     runs.push((law, moments));
                 }
                 anyhow::Ok(())

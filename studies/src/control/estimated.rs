@@ -32,7 +32,7 @@ impl Family {
     fn new(model: &rom::model::Model) -> anyhow::Result<Self> {
         let parameter = model.header.parameter(STIFFNESS)?;
         let nominal_mpa = model.header.inputs[parameter].value.context("a nominal stiffness")?;
-        let taken: Vec<usize> = model.header.taken_inputs().map(|(at, _)| at).collect();
+        let taken: Vec<usize> = model.header.taken_inputs().map(|(index, _)| index).collect();
         let at = taken.iter().position(|at| *at == parameter).context("a position")?;
         let inputs = vec![f64::NAN; taken.len()];
         Ok(Self { model: TwinModel::new(model, Tip::REFERENCE)?, inputs, at, nominal_mpa })
@@ -137,13 +137,13 @@ fn run<B: RestingBody>(
     let mut filter =
         Filter::new(setup(actuator, &model).map_err(joined)?).map_err(|error| anyhow!("{error:?}"))?;
     let mut sensors = SensorModel::new(actuator, &model).map_err(joined)?;
-    let taken: Vec<usize> = model.header.taken_inputs().map(|(at, _)| at).collect();
+    let taken: Vec<usize> = model.header.taken_inputs().map(|(index, _)| index).collect();
     let settings = Settings { is_measured: false, ..known(&spec) };
     let held = TwinModel::new(&model, Tip::REFERENCE)?;
     let mut law = Controller::new(held, Quantity::Force, settings, Limits::default());
     let mut plant = Plant::new(spec, body(&model)?);
     let (mut found, mut worst, mut cycle) = ([nominal_mpa, shown_mm], 0.0_f64, 0_u64);
-    for (at, target) in TARGETS_N.iter().enumerate() {
+    for (index, target) in TARGETS_N.iter().enumerate() {
         let count = (HOLD_S * RATE_HZ) as usize;
         let (mut sum_n, mut bias_mpa) = (0.0, 0.0);
         for step in 0..count {
@@ -157,7 +157,7 @@ fn run<B: RestingBody>(
                 measurement.spread = memory.spreads();
                 measurement.rows[HEIGHT] = shown.observable;
                 let update = filter.update(&measurement, &mut sensors);
-                let values: Vec<f64> = taken.iter().map(|at| update.inputs[*at]).collect();
+                let values: Vec<f64> = taken.iter().map(|index| update.inputs[*index]).collect();
                 if of_bias {
                     bias_mpa = measurement.inputs[PRESSURE] - update.inputs[PRESSURE];
                 }
@@ -179,7 +179,7 @@ fn run<B: RestingBody>(
                 sum_n += shown.true_force_n / RATE_HZ;
             }
         }
-        if at >= LEARNING {
+        if index >= LEARNING {
             worst = worst.max((sum_n / target - 1.0).abs());
         }
     }

@@ -34,8 +34,8 @@ fn add(text: &mut String, stiffness: f64, dir: &Path) -> anyhow::Result<()> {
     let tip =
         (0..undeformed.len()).min_by(|a, b| distance(&undeformed[*a]).total_cmp(&distance(&undeformed[*b])));
     let tip = tip.filter(|tip| distance(&undeformed[*tip]) < NEAR_MM).context("no node is at the tip")?;
-    for (at, case) in database.cases.iter().enumerate() {
-        let heights: Vec<f32> = database.field(at, y).collect();
+    for (index, case) in database.cases.iter().enumerate() {
+        let heights: Vec<f32> = database.field(index, y).collect();
         let lowest = heights.iter().copied().fold(f32::INFINITY, f32::min);
         let gap = case.gap_mm.map(|gap_mm| gap_mm.to_string()).unwrap_or_default();
         let (pressure, force) = (case.pressure_mpa, case.contact_force_n);

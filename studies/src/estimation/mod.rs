@@ -209,8 +209,8 @@ fn force_n(setup: &Setup, model: &mut SensorModel, inputs: &[f64; MAX_INPUTS]) -
 }
 
 fn medians(names: &[&str], errors: &[Vec<f64>]) -> Value {
-    let of = |at: usize| median(errors.iter().map(|error| error[at].abs()));
-    names.iter().enumerate().map(|(at, name)| ((*name).to_owned(), json!(of(at)))).collect()
+    let of = |index: usize| median(errors.iter().map(|error| error[index].abs()));
+    names.iter().enumerate().map(|(index, name)| ((*name).to_owned(), json!(of(index)))).collect()
 }
 
 fn summary(names: &[&str], outcomes: &[Outcome]) -> Value {
@@ -220,8 +220,11 @@ fn summary(names: &[&str], outcomes: &[Outcome]) -> Value {
         all().filter(|unknown| of(unknown)).count() as f64 / all().count().max(1) as f64
     };
     let identifiable = |name: usize| outcomes.iter().filter(|outcome| outcome.unknowns[name].2).count();
-    let identifiable: Value =
-        names.iter().enumerate().map(|(at, name)| ((*name).to_owned(), json!(identifiable(at)))).collect();
+    let identifiable: Value = names
+        .iter()
+        .enumerate()
+        .map(|(index, name)| ((*name).to_owned(), json!(identifiable(index))))
+        .collect();
     json!({
         "median_error": medians(names, &errors),
         "median_force_error_n": median(outcomes.iter().map(|outcome| outcome.force_n.abs())),

@@ -73,8 +73,8 @@ impl World {
     pub(super) fn draw(&self, setup: &Setup, seed: u64) -> Truth {
         let mut random = Rng::new(seed);
         let mut within = |low: f64, high: f64| low + (high - low) * random.uniform();
-        let mut one = |(at, unknown): (usize, &estimate::Unknown)| {
-            let is_input = |role: &InputRole| *role == InputRole::Estimated(at);
+        let mut one = |(index, unknown): (usize, &estimate::Unknown)| {
+            let is_input = |role: &InputRole| *role == InputRole::Estimated(index);
             let input = setup.inputs.iter().position(is_input);
             match (input, input.and_then(|input| self.places[input])) {
                 (Some(GAP), _) => within(unknown.prior - 10.0, unknown.prior + 10.0),
@@ -120,7 +120,7 @@ impl World {
             out.contact_s = if touches { out.contact_s.min(t_s) } else { out.contact_s };
             out.force_n = predicted[0].value;
             let (mut block, mut missing, mut shift_mm) = (0, false, 0.0);
-            for (at, (row, predicted)) in setup.rows.iter().zip(&predicted).enumerate() {
+            for (index, (row, predicted)) in setup.rows.iter().zip(&predicted).enumerate() {
                 if row.block > block {
                     block = row.block;
                     missing = random.uniform() < MISSING;
@@ -129,7 +129,7 @@ impl World {
                 let bias = row.bias.map_or(0.0, |bias| truth.unknowns[bias]);
                 let (sigma, shift) = if row.block == 0 { (noise_n, 0.0) } else { (noise_mm, shift_mm) };
                 let value = predicted.value + bias + shift + sigma * random.normal();
-                reading.rows[at] = if missing && row.block > 0 { f64::NAN } else { value };
+                reading.rows[index] = if missing && row.block > 0 { f64::NAN } else { value };
             }
             out.measured.push(reading);
         }

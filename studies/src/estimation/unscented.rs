@@ -54,7 +54,7 @@ impl<'a> Unscented<'a> {
             left_out += usize::from(filter.update(model, measured, *touches).is_none());
             update_us.push(begin.elapsed().as_secs_f64() * 1e6);
         }
-        let off = truth.unknowns.iter().enumerate().map(|(at, truth)| filter.mean[(at, 0)] - truth);
+        let off = truth.unknowns.iter().enumerate().map(|(index, truth)| filter.mean[(index, 0)] - truth);
         (off.collect(), update_us, left_out)
     }
 
@@ -87,8 +87,8 @@ impl<'a> Unscented<'a> {
         let spread = &by_unknown * by_unknown.transpose() * faer::Scale(weight) - &gain * cross.transpose();
         self.covariance =
             Mat::from_fn(spread.nrows(), spread.ncols(), |i, j| 0.5 * (spread[(i, j)] + spread[(j, i)]));
-        for (at, unknown) in self.setup.unknowns.iter().enumerate() {
-            self.mean[(at, 0)] = self.mean[(at, 0)].clamp(unknown.range[0], unknown.range[1]);
+        for (index, unknown) in self.setup.unknowns.iter().enumerate() {
+            self.mean[(index, 0)] = self.mean[(index, 0)].clamp(unknown.range[0], unknown.range[1]);
         }
         Some(())
     }

@@ -86,10 +86,10 @@ impl PlantTable {
     /// [`TableError`].
     pub fn parse(text: &str) -> Result<Self, TableError> {
         let mut rows = Vec::new();
-        for (at, line) in
+        for (index, line) in
             text.lines().enumerate().filter(|(_, line)| !line.starts_with('#') && *line != COLUMNS)
         {
-            rows.push(row(line).ok_or_else(|| TableError::Line { line: at + 1, found: line.to_owned() })?);
+            rows.push(row(line).ok_or_else(|| TableError::Line { line: index + 1, found: line.to_owned() })?);
         }
         Self::new(rows)
     }

@@ -22,15 +22,20 @@ const JUMP: [f64; 2] = [0.05, 1e-3];
 /// Returns the table and the rows that exceed their limit.
 pub fn section(study: &Study, sealed: Option<&Sealed>) -> anyhow::Result<(String, Vec<String>)> {
     let mut table = Table { text: String::from(HEAD), missed: Vec::new() };
-    for (at, regime) in REGIMES.into_iter().enumerate() {
+    for (index, regime) in REGIMES.into_iter().enumerate() {
         let mse = |model| test_mse(model, &study.database, regime);
         let values = [mse(&study.paper)?, mse(&study.ours)?].map(|v| (v, format!("{v:.2e}")));
-        table.row(&format!("mean squared error (Eq. 15), {} test cases", regime.name()), values, MSE[at], "");
+        table.row(
+            &format!("mean squared error (Eq. 15), {} test cases", regime.name()),
+            values,
+            MSE[index],
+            "",
+        );
     }
     let reports = [&study.paper, &study.ours].map(|model| tests(study, model));
     let [theirs, mine] = reports;
     let (theirs, mine) = (theirs?, mine?);
-    for (at, regime) in REGIMES.into_iter().enumerate() {
+    for (index, regime) in REGIMES.into_iter().enumerate() {
         for (k, name) in ["normalised displacement", "normalised stress", "relative force"].iter().enumerate()
         {
             if regime == RegimeKind::Free && k == 2 {
@@ -38,7 +43,7 @@ pub fn section(study: &Study, sealed: Option<&Sealed>) -> anyhow::Result<(String
             }
             let worst = |report: &Report| largest(study, report, regime, k);
             let values = [worst(&theirs), worst(&mine)].map(|v| (v, format!("{} %", percent(v))));
-            table.row(&format!("{} test cases: {name}, largest", regime.name()), values, TEST[at][k], "%");
+            table.row(&format!("{} test cases: {name}, largest", regime.name()), values, TEST[index][k], "%");
         }
     }
     jumps(study, &mut table)?;
@@ -129,10 +134,10 @@ fn validation(study: &Study, table: &mut Table) -> anyhow::Result<()> {
                     .collect::<Vec<_>>(),
             ),
         });
-        for (at, which) in ["mean", "95th percentile"].iter().enumerate() {
-            let values = both.map(|s| (s[at], format!("{} %", percent(s[at]))));
+        for (index, which) in ["mean", "95th percentile"].iter().enumerate() {
+            let values = both.map(|s| (s[index], format!("{} %", percent(s[index]))));
             let name = format!("{} validation states in contact: {name}, {which}", random.len());
-            table.row(&name, values, VALIDATION[k][at], "%");
+            table.row(&name, values, VALIDATION[k][index], "%");
         }
     }
     Ok(())
@@ -143,10 +148,10 @@ fn of_sealed(sealed: &Sealed, table: &mut Table) {
     let quantities = ["normalised position error", "normalised stress", "force per largest force"];
     let none = || (0.0, "-".to_owned());
     for (k, quantity) in quantities.iter().enumerate() {
-        for (at, which) in ["mean", "95th percentile", "worst"].iter().enumerate() {
-            let value = sealed.errors[k][at];
+        for (index, which) in ["mean", "95th percentile", "worst"].iter().enumerate() {
+            let value = sealed.errors[k][index];
             let values = [none(), (value, format!("{} %", percent(value)))];
-            table.row(&name(&format!("{quantity}, {which}")), values, ERRORS[k][at], "%");
+            table.row(&name(&format!("{quantity}, {which}")), values, ERRORS[k][index], "%");
         }
     }
     for (share, quantity) in sealed.outside.iter().zip(["displacement", "stress", "force"]) {

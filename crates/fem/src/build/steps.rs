@@ -115,7 +115,7 @@ impl Folder<'_> {
             let free: Vec<Case> = plan.cases.iter().filter(|case| case.gap_mm.is_none()).cloned().collect();
             let solved = self.solve(family, &free, database, settings.threads)?.solved;
             let (free, clearances_mm): (Vec<Case>, Vec<f64>) =
-                solved.iter().map(|(at, solved)| (free[*at].clone(), solved.clearance_mm)).unzip();
+                solved.iter().map(|(index, solved)| (free[*index].clone(), solved.clearance_mm)).unzip();
             plan.cases.extend(landing_cases(&free, &clearances_mm, gaps_mm));
         }
         let list = self.path.join("cases.csv");

@@ -414,10 +414,10 @@ fn index(log: &Log, column: &Column, what: &str) -> Result<usize, String> {
 }
 
 fn columns(log: &Log) -> String {
-    let range = |(at, (heading, values)): (usize, (&String, &Vec<f64>))| {
+    let range = |(index, (heading, values)): (usize, (&String, &Vec<f64>))| {
         let finite = values.iter().filter(|v| v.is_finite());
         let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
-        format!("{} `{heading}` from {low:.4} to {high:.4}", at + 1)
+        format!("{} `{heading}` from {low:.4} to {high:.4}", index + 1)
     };
     log.headings.iter().zip(&log.columns).enumerate().map(range).collect::<Vec<_>>().join(", ")
 }

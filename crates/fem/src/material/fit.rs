@@ -524,8 +524,8 @@ fn half_widths(law: &Hyperelastic, tests: &[Test]) -> Vec<Option<f64>> {
     let mut half_widths = vec![None; constants.len()];
     if let Some(inverse) = inverse(&matrix) {
         // Relative to the constants: the columns are derivatives with respect to their logarithms.
-        for (at, k) in open.iter().enumerate() {
-            let relative = 1.96 * (inverse[at][at] * sum / free).sqrt();
+        for (index, k) in open.iter().enumerate() {
+            let relative = 1.96 * (inverse[index][index] * sum / free).sqrt();
             half_widths[*k] = Some(relative * constants[*k].1.abs());
         }
     }

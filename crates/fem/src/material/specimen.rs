@@ -332,9 +332,9 @@ fn branch(rows: &[[f64; 2]], wanted: LoadingBranch, notes: &mut Vec<String>) -> 
         }
         (false, LoadingBranch::First) => {
             let mut farthest = -1.0;
-            let mut further = |at: &usize| {
-                let is_further = reach[*at] > farthest;
-                farthest = reach[*at].max(farthest);
+            let mut further = |index: &usize| {
+                let is_further = reach[*index] > farthest;
+                farthest = reach[*index].max(farthest);
                 is_further
             };
             // From the first loading on: what comes before (clamping, a descent to the origin) is no virgin curve.
@@ -359,23 +359,23 @@ fn turns(reach: &[f64]) -> Vec<usize> {
     let turn = TURN * (high - low);
     let mut turns = vec![0];
     let (mut least, mut most, mut rising) = (0, 0, None);
-    for (at, value) in reach.iter().enumerate() {
+    for (index, value) in reach.iter().enumerate() {
         if *value <= reach[least] {
-            least = at;
+            least = index;
         }
         if *value >= reach[most] {
-            most = at;
+            most = index;
         }
         if rising != Some(true) && *value > reach[least] + turn {
             if rising == Some(false) || least > 0 {
                 turns.push(least);
             }
-            (rising, most) = (Some(true), at);
+            (rising, most) = (Some(true), index);
         } else if rising != Some(false) && *value < reach[most] - turn {
             if rising == Some(true) || most > 0 {
                 turns.push(most);
             }
-            (rising, least) = (Some(false), at);
+            (rising, least) = (Some(false), index);
         }
     }
     let last = reach.len().saturating_sub(1);
@@ -653,7 +653,7 @@ fn remarks(specimens: &[Specimen], best: &Fitted) -> Vec<String> {
             ));
         }
     }
-    for (at, specimen) in specimens.iter().enumerate().filter(|(_, specimen)| specimen.is_load_assumed) {
+    for (index, specimen) in specimens.iter().enumerate().filter(|(_, specimen)| specimen.is_load_assumed) {
         if specimens.len() == 1 {
             remarks.push(
                 "whether the stress is nominal or true is not identifiable from one test; --load states it"
@@ -662,7 +662,7 @@ fn remarks(specimens: &[Specimen], best: &Fitted) -> Vec<String> {
             continue;
         }
         let mut tests: Vec<Test> = specimens.iter().map(|s| s.test.clone()).collect();
-        tests[at].points.iter_mut().for_each(|p| p[1] /= p[0]);
+        tests[index].points.iter_mut().for_each(|p| p[1] /= p[0]);
         let other = fit::fit(best.family, &tests).map_or(f64::INFINITY, |fitted| fitted.error);
         if other < 0.5 * best.error {
             remarks.push(format!(

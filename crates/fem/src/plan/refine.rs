@@ -112,7 +112,7 @@ fn solve_until_touching(
 
 /// Names of the solved contact states without force.
 fn names_without_force(cases: &[Case], outcome: &Outcome) -> Vec<String> {
-    let solved = outcome.solved.iter().map(|(at, solved)| (&cases[*at], solved.contact_force_n));
+    let solved = outcome.solved.iter().map(|(index, solved)| (&cases[*index], solved.contact_force_n));
     let without = solved.filter(|(case, force_n)| case.gap_mm.is_some() && *force_n <= 0.0);
     without.map(|(case, _)| case.name.clone()).collect()
 }
@@ -141,7 +141,7 @@ pub fn add_states(
     let run = Run { family, store, threads, sensitivities: false, searches_behind_limits: false };
     let solved = run.solve(&list, notify)?.solved;
     let solved: Vec<_> =
-        solved.into_iter().filter_map(|(at, state)| Some((at.checked_sub(before)?, state))).collect();
+        solved.into_iter().filter_map(|(index, state)| Some((index.checked_sub(before)?, state))).collect();
     run::extend(database, out, family, further, &solved)?;
-    Ok(solved.iter().map(|(at, _)| further[*at].name.clone()).collect())
+    Ok(solved.iter().map(|(index, _)| further[*index].name.clone()).collect())
 }

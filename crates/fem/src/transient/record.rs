@@ -94,7 +94,7 @@ pub fn series_csv(records: &[Record], trace: &Trace) -> String {
         SERIES_COLUMNS.into_iter().chain([VOLUME]).chain(trace.further().map(|(_, name)| name)).collect();
     let row = |record: &Record| {
         let inputs = trace.inputs_at(record.t_s);
-        let further = trace.further().map(|(at, _)| &inputs[at]);
+        let further = trace.further().map(|(index, _)| &inputs[index]);
         record.values()[..SERIES].iter().chain(further).map(cell).collect::<Vec<_>>()
     };
     to_text(&columns, records.iter().map(row))

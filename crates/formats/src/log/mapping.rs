@@ -183,9 +183,9 @@ impl Mapping {
         for time in std::iter::once(&mapping.time).chain(mapping.file.iter().map(|file| &file.time)) {
             let _ = collect(time.factor(), &mut errors);
         }
-        for (at, file) in mapping.file.iter().enumerate() {
+        for (index, file) in mapping.file.iter().enumerate() {
             let offset_s = file.offset_s.unwrap_or(0.0);
-            let _ = collect(within(format!("file[{at}].offset_s"), offset_s, OFFSET_S), &mut errors);
+            let _ = collect(within(format!("file[{index}].offset_s"), offset_s, OFFSET_S), &mut errors);
         }
         for origin_mm in mapping.frame.iter().flat_map(|frame| frame.origin_mm) {
             let _ = collect(within("frame.origin_mm", origin_mm, ORIGIN_MM), &mut errors);
@@ -208,7 +208,7 @@ impl Mapping {
             true => text
                 .split('+')
                 .enumerate()
-                .map(|(at, part)| if at == 0 { part.into() } else { file::named_in(run, part) })
+                .map(|(index, part)| if index == 0 { part.into() } else { file::named_in(run, part) })
                 .collect(),
             false => vec![run.to_owned()],
         };

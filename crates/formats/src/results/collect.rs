@@ -143,14 +143,14 @@ impl States {
         }
         let states = source.states(path, &run, all_steps)?;
         let several = states.len() > 1;
-        for (at, mut labels) in states {
-            let step = &run.steps[at];
+        for (index, mut labels) in states {
+            let step = &run.steps[index];
             let place = format!("{}, {}", path.display(), step.name);
             let wanted = labels.contact_force_n.is_none() && labels.values.contains_key("gap_mm");
             if let Some(set) = force_from.filter(|_| wanted) {
                 labels.contact_force_n = Some(total_force(set, &run, step, path)?);
             }
-            let suffix = if several { format!("-{}", at + 1) } else { String::new() };
+            let suffix = if several { format!("-{}", index + 1) } else { String::new() };
             let name = labels.name.clone().unwrap_or_else(|| format!("{name}{suffix}"));
             let inputs = self.inputs(&place, &labels)?;
             let case = case(&place, name, &labels)?;

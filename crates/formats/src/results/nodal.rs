@@ -72,8 +72,11 @@ fn with_table(mesh: AbaqusMesh, path: &Path) -> Result<Run, FormatError> {
     let groups = groups(&values, names);
     let of_instance =
         mesh.instances.iter().flat_map(|(name, count)| std::iter::repeat_n(name.as_str(), *count));
-    let place: HashMap<(&str, u64), usize> =
-        of_instance.zip(&mesh.labels).enumerate().map(|(at, (name, label))| ((name, *label), at)).collect();
+    let place: HashMap<(&str, u64), usize> = of_instance
+        .zip(&mesh.labels)
+        .enumerate()
+        .map(|(index, (name, label))| ((name, *label), index))
+        .collect();
     let only = mesh.instances.first().map_or("", |(name, _)| name.as_str());
     let (nodes, mut steps, mut diagnostics) = (mesh.points.len(), Vec::<Step>::new(), Vec::new());
     let mut lines: HashMap<usize, String> = HashMap::new();

@@ -32,10 +32,10 @@ pub(super) fn read_series(path: &Path) -> Result<Run, FormatError> {
     let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
     let entries = parse_list(&text).map_err(|diagnostic| FormatError::one(path, diagnostic))?;
     let mut run = Run::default();
-    for (at, (time, name)) in entries.into_iter().enumerate() {
+    for (index, (time, name)) in entries.into_iter().enumerate() {
         let member = path.with_file_name("").join(name);
         let mut one = read(&member)?;
-        if at == 0 {
+        if index == 0 {
             (run.points, run.blocks, run.left_out) = (one.points, one.blocks, one.left_out);
         } else if run.points != one.points || run.blocks != one.blocks {
             let expected = "the undeformed mesh of the first file, with the displacement as point data";
@@ -43,7 +43,7 @@ pub(super) fn read_series(path: &Path) -> Result<Run, FormatError> {
             return Err(FormatError::one(&member, diagnostic));
         }
         for step in &mut one.steps {
-            step.name = format!("step {}", at + 1);
+            step.name = format!("step {}", index + 1);
             step.time = Some(time);
         }
         run.steps.append(&mut one.steps);

@@ -59,15 +59,15 @@ pub(crate) fn found(text: String, form: &TableForm) -> Result<ForeignTable, Diag
         None => layout.headings(&shown, form)?,
     };
     let (mut rows, mut damaged) = (Vec::new(), Vec::new());
-    for (at, (line, shown)) in shown.iter().enumerate().filter(|(_, (_, line))| is_content(line.trim())) {
+    for (index, (line, shown)) in shown.iter().enumerate().filter(|(_, (_, line))| is_content(line.trim())) {
         let is_row = layout.is_row(shown);
-        if at < layout.first {
+        if index < layout.first {
             if is_row {
                 let expected = "a row below the headings";
                 damaged.push(Diagnostic::new(format!("line {line}"), expected, "one among parameters"));
             }
         } else if is_row {
-            rows.push(all[at].clone());
+            rows.push(all[index].clone());
         } else {
             let found = shown.chars().take(40).collect::<String>();
             let expected = format!("{} cells with numbers", layout.width);
@@ -169,7 +169,7 @@ impl Layout {
     /// The first row below the parameters: these may contain lines of numbers (`Samples 1200 1200`), but fewer than others.
     fn first_row(&self, lines: &[(usize, &str)]) -> usize {
         let (mut rows, mut others, mut first, mut is_begun) = (0, 0, 0, false);
-        for (at, (_, line)) in lines.iter().enumerate().filter(|(_, (_, line))| is_content(line.trim())) {
+        for (index, (_, line)) in lines.iter().enumerate().filter(|(_, (_, line))| is_content(line.trim())) {
             if !self.is_row(line) {
                 others += 1;
                 is_begun &= rows >= others;
@@ -177,7 +177,7 @@ impl Layout {
             }
             rows += 1;
             if !is_begun {
-                (first, is_begun) = (at, true);
+                (first, is_begun) = (index, true);
             }
         }
         first
@@ -232,8 +232,8 @@ impl Layout {
             let axis = heading.rsplit(' ').next().unwrap_or_default();
             ["x", "y", "z"].contains(&axis) && !heading.contains("rotation")
         };
-        for (at, heading) in headings.iter_mut().enumerate() {
-            let own = row.and_then(|row| row.get(at)).filter(|cell| unit::unit(cell).is_some());
+        for (index, heading) in headings.iter_mut().enumerate() {
+            let own = row.and_then(|row| row.get(index)).filter(|cell| unit::unit(cell).is_some());
             let common = of_positions.filter(|_| is_position(heading));
             if let Some(unit) = own.or(common).filter(|_| unit::in_heading(heading).is_none()) {
                 *heading += &format!(" [{unit}]");

@@ -96,7 +96,8 @@ impl Table {
             false => cells(&text[rows.remove(0).1], ',').into_iter().map(Cow::into_owned).collect(),
         };
         let is_name = |cell: &str| !cell.is_empty() && cell.parse::<f64>().is_err();
-        let is_repeated = |at: &usize| is_name(&header[*at]) && header[..*at].contains(&header[*at]);
+        let is_repeated =
+            |index: &usize| is_name(&header[*index]) && header[..*index].contains(&header[*index]);
         if let Some(at) = (0..header.len()).find(is_repeated) {
             let found = format!("two columns `{}`", header[at]);
             return Err(Diagnostic::new("header", "every column once", found));

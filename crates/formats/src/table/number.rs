@@ -210,12 +210,12 @@ impl Evidence {
 pub(crate) fn numbers(table: &Table, form: &TableForm, blanks: bool) -> Numbers {
     let width = table.header().len();
     let mut evidence: Vec<Evidence> = (0..width).map(|_| Evidence::default()).collect();
-    for (at, row) in table.rows().enumerate() {
+    for (index, row) in table.rows().enumerate() {
         for (column, evidence) in evidence.iter_mut().enumerate() {
             let cell = row.text(column);
             let spelling = spelling(cell, blanks);
             match clock(cell).filter(|_| spelling == Spelling::Words) {
-                Some(clock) => evidence.clocks.push((at, clock)),
+                Some(clock) => evidence.clocks.push((index, clock)),
                 None => evidence.add(row.line, cell, spelling),
             }
         }

@@ -261,17 +261,18 @@ pub fn run_commands(link: &Link, ros: &Ros2, topics: &[Topic]) -> anyhow::Result
     let names = Names::new(ros, link);
     let (sender, receiver) = sync_channel(COMMANDS_MAX);
     let (mut subscribers, mut tokens) = (Vec::new(), Vec::new());
-    for (at, topic) in topics.iter().enumerate() {
+    for (index, topic) in topics.iter().enumerate() {
         let name = format!("softtwin/{}/commands", ros_name(topic.actuator()));
         let (sender, counters) = (sender.clone(), link.counters.clone());
         let take = move |sample: Sample| {
-            if sender.try_send((at, command(&sample))).is_err() {
+            if sender.try_send((index, command(&sample))).is_err() {
                 count(&counters.bad_readings);
             }
         };
         let subscriber = link.session.declare_subscriber(names.key(&name, COMMANDS, "*")).callback(take);
         subscribers.push(network(subscriber.allowed_origin(Locality::Remote).wait())?);
-        tokens.push(token(link, names.endpoint(FIRST_COMMAND + at, Entity::Subscription, &name, COMMANDS))?);
+        tokens
+            .push(token(link, names.endpoint(FIRST_COMMAND + index, Entity::Subscription, &name, COMMANDS))?);
     }
     let mut inlets: Vec<CommandInlet> = topics.iter().map(CommandInlet::new).collect();
     while link.is_running() {

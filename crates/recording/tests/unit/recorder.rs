@@ -19,7 +19,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const BATCH: u64 = 1_500;
 
 /// A shared-memory domain in a separate folder, with the topic `softtwin/good/sensor`.
-struct Place {
+struct WorkFolder {
     good: SensorWriter,
     bus: Bus,
     sent: u64,
@@ -37,7 +37,7 @@ impl Drop for Leave {
     }
 }
 
-impl Place {
+impl WorkFolder {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let root = Some(folder.path().join("iox").display().to_string());
@@ -135,7 +135,7 @@ impl Drop for End<'_> {
 /// The folder of the shared-memory domain is on a blocked disk.
 #[test]
 fn a_scan_that_hangs_delays_no_reading() {
-    let mut place = Place::new();
+    let mut place = WorkFolder::new();
     let (release, held) = mpsc::channel::<()>();
     let recorder = Recorder::start_with(&place.domain, place.options(), || {
         let mut is_first = true;
@@ -156,7 +156,7 @@ fn a_scan_that_hangs_delays_no_reading() {
 /// A topic that hangs in its creation, as a killed program leaves it: reported, tried again, recorded once it can be.
 #[test]
 fn a_topic_that_cannot_be_opened_delays_no_other() {
-    let mut place = Place::new();
+    let mut place = WorkFolder::new();
     let before = place.files();
     let mut writer = SensorWriter::create(&place.bus, &topic("hung")).unwrap();
     let made: Vec<PathBuf> =
@@ -193,7 +193,7 @@ fn is_service(path: &Path) -> bool {
 /// At the start, what cannot be read ends the recording; later it is reported and tried again.
 #[test]
 fn a_refused_topic_is_an_error_at_the_start_and_reported_later() {
-    let mut place = Place::new();
+    let mut place = WorkFolder::new();
     let full = topic("full");
     let mut readers: Vec<SensorReader> = (0..wire::qos::of(TopicKind::Sensor).max_readers)
         .map(|_| SensorReader::attach(&place.bus, &full).unwrap())
@@ -220,7 +220,7 @@ fn a_refused_topic_is_an_error_at_the_start_and_reported_later() {
 /// A folder that cannot be read is reported until it can be read again; known topics are recorded meanwhile.
 #[test]
 fn a_failed_scan_is_reported_until_one_succeeds() {
-    let mut place = Place::new();
+    let mut place = WorkFolder::new();
     let (show, shown) = mpsc::channel::<ScanResult>();
     show.send(Ok(vec![topic("good")])).unwrap();
     let recorder = Recorder::start_with(&place.domain, place.options(), || {
@@ -242,7 +242,7 @@ fn a_failed_scan_is_reported_until_one_succeeds() {
 /// A topic of another version is reported and skipped, at the start and later.
 #[test]
 fn a_topic_of_another_layout_is_skipped_and_the_others_are_recorded() {
-    let mut place = Place::new();
+    let mut place = WorkFolder::new();
     let foreign = |actuator| {
         let topic = Topic::state(actuator).unwrap();
         let writer = SensorWriter::create(&place.bus, &topic).unwrap();
@@ -263,7 +263,7 @@ fn a_topic_of_another_layout_is_skipped_and_the_others_are_recorded() {
 /// A recorder without its scan would miss new topics: it ends and names the thread.
 #[test]
 fn a_thread_that_panics_ends_the_recording() {
-    let place = Place::new();
+    let place = WorkFolder::new();
     let mut scans = 0;
     let recorder = Recorder::start_with(&place.domain, place.options(), move || {
         move || {

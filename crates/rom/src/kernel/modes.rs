@@ -338,10 +338,10 @@ fn packed(row: &[f64; TILE_NODES], bits: u8, step: f64) -> impl Iterator<Item = 
     let steps = move |value: f64| if step > 0.0 { value / step } else { 0.0 };
     (0..words).map(move |word| {
         let mut packed = 0_u32;
-        for (at, value) in row.iter().skip(word).step_by(words).enumerate() {
-            let below = u32::from(bits) * at as u32;
+        for (index, value) in row.iter().skip(word).step_by(words).enumerate() {
+            let below = u32::from(bits) * index as u32;
             let fraction = f64::from(packed) / (below as f64).exp2();
-            let lowest = if at == 0 { -most } else { -most - 1.0 };
+            let lowest = if index == 0 { -most } else { -most - 1.0 };
             let integer = (steps(*value) - fraction).round().clamp(lowest, most) as i32;
             packed |= (integer as u32 & ((1 << bits) - 1)) << below;
         }

@@ -77,8 +77,8 @@ impl Sums {
         let Interpolant { kernel, tail, metric, dimensions, .. } = *parts[0];
         let centres = parts[0].centre_count();
         let mut slopes = vec![[None; MAX_INPUTS]; centres];
-        for (at, slope) in parts[0].slopes.iter().enumerate() {
-            slopes[slope.centre as usize][slope.axis as usize] = Some(centres + at);
+        for (index, slope) in parts[0].slopes.iter().enumerate() {
+            slopes[slope.centre as usize][slope.axis as usize] = Some(centres + index);
         }
         let has_slopes = |centre: &usize| slopes[*centre].iter().any(Option::is_some);
         let (mut order, without): (Vec<usize>, Vec<usize>) = (0..centres).partition(has_slopes);
@@ -86,25 +86,26 @@ impl Sums {
         order.extend(without);
         let outputs = parts.iter().map(|part| part.outputs).sum();
         let merged = |rows: usize, values: fn(&Interpolant) -> &[f64]| -> Vec<f64> {
-            let row = |at: usize| {
-                parts
-                    .iter()
-                    .flat_map(move |part| values(part)[at * part.outputs..(at + 1) * part.outputs].iter())
+            let row = |index: usize| {
+                parts.iter().flat_map(move |part| {
+                    values(part)[index * part.outputs..(index + 1) * part.outputs].iter()
+                })
             };
             (0..rows).flat_map(row).copied().collect()
         };
         let rows = merged(parts[0].terms(), |part| &part.weights);
         let value = |row: Option<usize>, output: usize| row.map_or(0.0, |row| rows[row * outputs + output]);
         // Slope weights by scaled input as those over `M x`.
-        let weight = |at: usize, row: usize, output: usize| {
+        let weight = |index: usize, row: usize, output: usize| {
             if row == 0 {
-                return value(Some(order[at]), output);
+                return value(Some(order[index]), output);
             }
-            metric.apply(&slopes[order[at]].map(|slope| value(slope, output)))[row - 1]
+            metric.apply(&slopes[order[index]].map(|slope| value(slope, output)))[row - 1]
         };
         let weights = Weights::new([dimensions, outputs, centres, sloped], weight);
-        let place =
-            |at: usize, input: usize| order.get(at).map_or(0.0, |c| parts[0].centres[c * dimensions + input]);
+        let place = |index: usize, input: usize| {
+            order.get(index).map_or(0.0, |c| parts[0].centres[c * dimensions + input])
+        };
         let lanes = |group: usize, input: usize| std::array::from_fn(|k| place(BLOCK * group + k, input));
         let row = |group: usize| (0..dimensions).map(move |input| (group, input));
         Self {

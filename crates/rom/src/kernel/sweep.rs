@@ -97,7 +97,7 @@ pub(crate) fn run(
     for (op, modes) in plan.ops.iter().zip(&rows.modes) {
         let used = coefficients[op.first_coefficient..][..op.modes].iter().enumerate();
         used.zip(&mut next).for_each(|((mode, a), to)| *to = (a * modes.factor(mode)) as f32);
-        op.shifts.iter().zip(&mut next).for_each(|(at, to)| *to = -coefficients[*at] as f32);
+        op.shifts.iter().zip(&mut next).for_each(|(index, to)| *to = -coefficients[*index] as f32);
     }
     let job = Job { plan, rows, factors: &factors, out: out.as_mut_ptr().cast() };
     // SAFETY: the instruction set is available, the rows are those of the plan, and the output has its length.

@@ -380,16 +380,16 @@ impl<R: Read + Seek> ModelReader<R> {
         let nodes = self.header.model.node_count;
         let mut read: Vec<Option<(BlockKind, BlockData)>> = entries.iter().map(|_| None).collect();
         let (mut shapes, mut of_modes) = (Vec::new(), Vec::new());
-        for (at, entry) in entries.iter().enumerate() {
+        for (index, entry) in entries.iter().enumerate() {
             if let Encoding::Modes { bits, steps } = &entry.encoding {
                 shapes.push(Shape { nodes, bits, steps });
-                of_modes.push(at);
+                of_modes.push(index);
                 continue;
             }
             let mut bytes = vec![0; entry.bytes as usize]; // within the file's length: checked by `open`
             self.fill(entry, &mut bytes)?;
             if entry.encoding == Encoding::Record {
-                read[at] = Some((entry.kind, BlockData::Record(bytes)));
+                read[index] = Some((entry.kind, BlockData::Record(bytes)));
                 continue;
             }
             let words = bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
@@ -397,15 +397,15 @@ impl<R: Read + Seek> ModelReader<R> {
                 Encoding::U32 => BlockData::U32(words.map(u32::from_le_bytes).collect()),
                 _ => BlockData::F32(words.map(f32::from_le_bytes).collect()),
             };
-            read[at] = Some((entry.kind, data));
+            read[index] = Some((entry.kind, data));
         }
         let modes = Modes::filled(&shapes, |shape, bytes| self.fill(&entries[of_modes[shape]], bytes))?;
-        for (at, modes) in of_modes.into_iter().zip(modes) {
-            let kind = entries[at].kind;
+        for (index, modes) in of_modes.into_iter().zip(modes) {
+            let kind = entries[index].kind;
             if let Some(found) = modes.not_finite() {
                 return Err(ModelFileError::Header(format!("block {kind:?}: {found:?}")));
             }
-            read[at] = Some((kind, BlockData::Modes(modes)));
+            read[index] = Some((kind, BlockData::Modes(modes)));
         }
         Ok(read.into_iter().flatten().collect())
     }

@@ -15,8 +15,8 @@ impl Model {
         self.header.resolve_nodes(&Nodes::List(nodes.to_vec()))?;
         let whole = self.header.node_count;
         let mut place = vec![None; whole];
-        for (at, node) in (0..).zip(nodes) {
-            place[*node as usize] = Some(at);
+        for (index, node) in (0..).zip(nodes) {
+            place[*node as usize] = Some(index);
         }
         let place = |node: &u32| place.get(*node as usize).copied().flatten();
         let mut header = self.header.clone();

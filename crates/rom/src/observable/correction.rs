@@ -59,8 +59,8 @@ impl Correction {
         let mut gradient = [0.0; MAX_INPUTS];
         let all = with_slopes(&self.centres, self.reach, &x).zip(&self.weights).zip(&self.centres);
         for (((_, slope), w), centre) in all {
-            for (at, axis) in self.inputs.axes.iter().enumerate() {
-                let slope = slope * w * (centre[at] - x[at]);
+            for (index, axis) in self.inputs.axes.iter().enumerate() {
+                let slope = slope * w * (centre[index] - x[index]);
                 gradient[axis.input] += slope / (axis.max - axis.min);
             }
         }

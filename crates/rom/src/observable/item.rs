@@ -6,16 +6,18 @@ use crate::model::Model;
 use crate::probe::{MeshPoint, PointError};
 use crate::vector::{Vec3, cross, dot, norm, sub};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Square of the sine below which a vector lies along the axis and has no angle.
 const ALONG_AXIS: f64 = 1e-12;
 
-/// Some of the points of all observables that follow each other. A model stores the pair.
+/// Some of the points of all observables that follow each other; of a volume the number of volumes before it, and no points. A model stores
+/// the pair, and the equations in Python read it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "[usize; 2]", into = "[usize; 2]")]
-pub(super) struct ItemPoints {
-    pub first: usize,
-    pub count: usize,
+struct ItemPoints {
+    first: usize,
+    count: usize,
 }
 
 impl From<[usize; 2]> for ItemPoints {
@@ -32,7 +34,7 @@ impl From<ItemPoints> for [usize; 2] {
 
 impl ItemPoints {
     /// The first of the points behind these.
-    pub fn end(self) -> usize {
+    fn end(self) -> usize {
         self.first.saturating_add(self.count)
     }
 }
@@ -41,8 +43,8 @@ impl ItemPoints {
 pub(super) struct Item {
     pub name: String,
     pub kind: ObservableKind,
-    /// Its points among those of all observables; of a volume which one it is, and no points.
-    pub points: ItemPoints,
+    /// See [`Item::points`] and [`Item::volume`].
+    points: ItemPoints,
     /// Two unit vectors normal to the axis, and the axis.
     pub frame: [Vec3; 3],
     /// Value of the undeformed shape, which is subtracted.
@@ -70,8 +72,8 @@ impl Shape {
     pub fn of(places: &[MeshPoint], node: impl Fn(usize) -> Vec3) -> Self {
         let mut shape = Self::new();
         for (to, place) in shape.points.iter_mut().zip(places) {
-            for (at, weight) in &place.weights {
-                to.iter_mut().zip(node(*at as usize)).for_each(|(to, x)| *to += weight * x);
+            for (index, weight) in &place.weights {
+                to.iter_mut().zip(node(*index as usize)).for_each(|(to, x)| *to += weight * x);
             }
         }
         shape.count = places.len();
@@ -132,6 +134,26 @@ impl Item {
             }
         }
         Ok((item, Source::Points(places)))
+    }
+
+    /// Its points among those of all observables; none of a volume.
+    pub fn points(&self) -> Range<usize> {
+        if self.kind == ObservableKind::Volume { 0..0 } else { self.points.first..self.points.end() }
+    }
+
+    /// Which volume it is; `None` for an observable of points.
+    pub fn volume(&self) -> Option<usize> {
+        (self.kind == ObservableKind::Volume).then_some(self.points.first)
+    }
+
+    /// Moves it behind points and volumes of other observables.
+    pub fn shift(&mut self, points: usize, volumes: usize) {
+        self.points.first += if self.kind == ObservableKind::Volume { volumes } else { points };
+    }
+
+    /// True if it has as many points as its kind takes.
+    pub fn is_sound(&self) -> bool {
+        self.kind.takes(self.points.count) && self.points.count <= MAX_POINTS
     }
 
     /// Value of an observable of points: the measured one minus that of the undeformed shape.

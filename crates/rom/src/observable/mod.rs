@@ -34,8 +34,7 @@ use crate::probe::{MeshPoint, affine_coordinate};
 use crate::snapshots::RegimeKind;
 use crate::statistics::quantile;
 use crate::vector::norm;
-use definition::MAX_POINTS;
-use item::{Item, ItemPoints, Shape, Source, wrapped};
+use item::{Item, Shape, Source, wrapped};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use volume::Walls;
@@ -127,15 +126,14 @@ impl OnMesh {
     /// Value of one for a shape, and the sum of `|dq/dx_k|`.
     pub fn measure(&self, observable: usize, node: impl Fn(usize) -> [f64; 3]) -> (f64, f64) {
         let item = &self.items[observable];
-        let points = item.points;
-        if item.kind == ObservableKind::Volume {
-            let place = |index: u32| node(index as usize);
-            let walls = &self.walls[points.first];
+        if let Some(volume) = item.volume() {
+            let place = |corner: u32| node(corner as usize);
+            let walls = &self.walls[volume];
             return (walls.volume_mm3(place), walls.area_mm2(place));
         }
-        let shape = Shape::of(&self.points[points.first..points.end()], node);
+        let shape = Shape::of(&self.points[item.points()], node);
         let (value, by) = item.measure(&shape);
-        (item.beyond_rest(value), by.iter().take(points.count).map(|by| norm(*by)).sum())
+        (item.beyond_rest(value), by.iter().take(item.points().len()).map(|by| norm(*by)).sum())
     }
 
     /// Difference of two values of one: of chord angles the smaller one.
@@ -159,8 +157,8 @@ impl OnMesh {
             let rows: Result<Vec<Affine>, ModelError> =
                 axes.map(|(point, axis)| affine_coordinate(model, regime, point, axis)).collect();
             let known = ratios.iter().find(|(kind, _)| *kind == regime.kind).map(|(_, ratios)| ratios);
-            let factor = |at: usize| {
-                let own = known.and_then(|known| known.get(at)).filter(|own| !own.is_empty());
+            let factor = |index: usize| {
+                let own = known.and_then(|known| known.get(index)).filter(|own| !own.is_empty());
                 own.map_or(1.0, |own| quantile(own.clone(), coverage))
             };
             Ok(OfRegime {
@@ -200,15 +198,13 @@ impl Observables {
         if self.items.is_empty() {
             return None;
         }
-        let is_volume = |item: &&Item| item.kind == ObservableKind::Volume;
-        let of_points = self.items.iter().filter(|item| !is_volume(item));
-        let points = of_points.map(|item| item.points.end()).max().unwrap_or(0);
-        let volumes =
-            self.items.iter().filter(is_volume).map(|item| item.points.first.saturating_add(1)).max();
-        let sound = |item: &Item| item.kind.takes(item.points.count) && item.points.count <= MAX_POINTS;
+        let points = self.items.iter().map(|item| item.points().end).max().unwrap_or(0);
+        let volumes = self.items.iter().filter_map(Item::volume).map(|volume| volume.saturating_add(1)).max();
         let finite =
             |item: &Item| item.rest.is_finite() && item.frame.as_flattened().iter().all(|v| v.is_finite());
-        if self.items.len() > MAX_OBSERVABLES || !self.items.iter().all(|item| sound(item) && finite(item)) {
+        if self.items.len() > MAX_OBSERVABLES
+            || !self.items.iter().all(|item| item.is_sound() && finite(item))
+        {
             return Some("an item with other points than its kind takes".into());
         }
         for regime in &header.regimes {
@@ -222,7 +218,7 @@ impl Observables {
                     && row.mean.is_finite()
                     && row.weights.iter().all(|w| w.is_finite())
             };
-            if own.rows.len() < 3 * points
+            if own.rows.len() < points.saturating_mul(3)
                 || !own.rows.iter().all(fits)
                 || own.volumes.len() < volumes.unwrap_or(0)
                 || !own.volumes.iter().all(|form| form.fits(count))
@@ -231,7 +227,8 @@ impl Observables {
                 return Some(format!("rows of the {name} regime that its coefficients do not have"));
             }
         }
-        let known = |(at, correction): &(usize, Correction)| *at < self.items.len() && correction.is_sound();
+        let known =
+            |(index, correction): &(usize, Correction)| *index < self.items.len() && correction.is_sound();
         (!self.corrections.iter().all(known)).then(|| "a difference of no observable".into())
     }
 
@@ -256,7 +253,7 @@ impl Observables {
             (self.regimes.first()).map_or((0, 0), |regime| (regime.rows.len() / 3, regime.volumes.len()));
         let before = self.items.len();
         for mut item in other.items {
-            item.points.first += if item.kind == ObservableKind::Volume { volumes } else { points };
+            item.shift(points, volumes);
             self.items.push(item);
         }
         for theirs in other.regimes {
@@ -270,7 +267,7 @@ impl Observables {
             }
         }
         self.corrections
-            .extend(other.corrections.into_iter().map(|(at, correction)| (before + at, correction)));
+            .extend(other.corrections.into_iter().map(|(index, correction)| (before + index, correction)));
     }
 
     /// Sets the measured difference of an observable in a regime.
@@ -395,15 +392,15 @@ impl Observables {
     }
 
     fn form(&self, observable: usize, evaluation: &Evaluation) -> Option<&VolumeForm> {
-        let item = self.items.get(observable).filter(|item| item.kind == ObservableKind::Volume)?;
+        let volume = self.items.get(observable)?.volume()?;
         let regime = self.of_regime(evaluation.regime).filter(|_| !evaluation.coefficients.is_empty())?;
-        regime.volumes.get(item.points.first)
+        regime.volumes.get(volume)
     }
 
     fn rows(&self, item: &Item, regime: RegimeKind) -> &[Affine] {
-        let ItemPoints { first, count } = item.points;
+        let points = item.points();
         let rows = self.of_regime(regime).map(|regime| &regime.rows);
-        rows.and_then(|rows| rows.get(3 * first..3 * (first + count))).unwrap_or(&[])
+        rows.and_then(|rows| rows.get(3 * points.start..3 * points.end)).unwrap_or(&[])
     }
 
     /// Deformed points, without a part of the coefficients unless it is empty.

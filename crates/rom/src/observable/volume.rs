@@ -47,11 +47,11 @@ impl Walls {
             return Ok(Self(chambers.into_iter().flat_map(|chamber| chamber.0).collect()));
         }
         let mut chosen = Vec::new();
-        for (at, point) in points.iter().enumerate() {
+        for (index, point) in points.iter().enumerate() {
             let node = point.weights.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(node, _)| *node);
             let has = |chamber: &&Self| chamber.0.iter().flatten().any(|corner| Some(*corner) == node);
             let found = chambers.iter().position(|chamber| has(&chamber));
-            chosen.push(found.ok_or_else(|| format!("point {at} lies on no wall of a closed chamber"))?);
+            chosen.push(found.ok_or_else(|| format!("point {index} lies on no wall of a closed chamber"))?);
         }
         chosen.sort_unstable();
         chosen.dedup();

@@ -187,10 +187,10 @@ pub(super) fn problems(
     }
     let expected = format!("at most {MARKERS_MAX} markers");
     problems.expect(markers.len() <= MARKERS_MAX, "marker", &expected, markers.len());
-    for (at, marker) in markers.iter().enumerate() {
+    for (index, marker) in markers.iter().enumerate() {
         let fits = marker.node.is_some() != marker.at_mm.is_some();
         let found = if marker.node.is_some() { "both" } else { "neither" };
-        problems.expect(fits, &format!("marker[{at}]"), "either `node` or `at_mm`", found);
+        problems.expect(fits, &format!("marker[{index}]"), "either `node` or `at_mm`", found);
     }
     let finite = camera.position_mm.iter().chain(&camera.rotation_deg).all(|value| value.is_finite());
     problems.expect(finite, "camera", "finite numbers", format_args!("{camera:?}"));

@@ -131,7 +131,10 @@ impl Experiment<'_> {
         let Some(fit) = estimate::expected_fit(&self.setup, &information, &chosen) else {
             return Err(ExperimentError::NoCovariance);
         };
-        let hold = |at: &usize| Hold { pressure_mpa: holds[*at].pressure_mpa(), gap_mm: holds[*at].gap_mm() };
+        let hold = |index: &usize| Hold {
+            pressure_mpa: holds[*index].pressure_mpa(),
+            gap_mm: holds[*index].gap_mm(),
+        };
         Ok(ExperimentPlan {
             sensors: self.sensor_names(blocks),
             holds: chosen.iter().map(hold).collect(),

@@ -57,7 +57,7 @@ impl Observed {
         let fields = model.header.fields.iter().enumerate();
         let coordinates = fields.filter(|(_, field)| matches!(field.spec.kind, FieldKind::Coordinate(_)));
         evaluator = evaluator.for_search();
-        evaluator.restrict(&coordinates.map(|(at, _)| at).collect::<Vec<_>>());
+        evaluator.restrict(&coordinates.map(|(index, _)| index).collect::<Vec<_>>());
         Ok(Some(Self { evaluation: evaluator.evaluation(), evaluator, observables, which }))
     }
 

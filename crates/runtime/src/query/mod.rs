@@ -63,7 +63,7 @@ impl Answerer {
         let (min_mm, max_mm) = spec.gap_mm.range_mm();
         let fixed_mm = (min_mm == max_mm).then_some(min_mm);
         let specs = loaded.session.evaluator().inputs();
-        let used = specs.iter().enumerate().filter_map(|(at, spec)| Some((at, spec.value?)));
+        let used = specs.iter().enumerate().filter_map(|(index, spec)| Some((index, spec.value?)));
         let inputs = used.fold(Inputs::new(f64::NAN, f64::NAN), |inputs, (at, value)| inputs.with(at, value));
         let measured = MeasuredInputs::new(spec, specs);
         let inputs = measured.positions().fold(inputs, |inputs, at| inputs.with(at, f64::NAN));

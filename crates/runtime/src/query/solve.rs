@@ -331,7 +331,7 @@ type Sample = (f64, f64);
 /// The first root along the samples, whose places rise or fall. None when no two neighbours have the target between them,
 /// or when the function jumps over it.
 fn first_root(samples: &[Sample], target: Target, f: &mut impl FnMut(f64) -> f64) -> Option<Root> {
-    let found = samples.first().and_then(|(at, value)| Root::check(*at, *value, target));
+    let found = samples.first().and_then(|(index, value)| Root::check(*index, *value, target));
     found
         .or_else(|| samples.iter().zip(samples.iter().skip(1)).find_map(|(a, b)| close_in(*a, *b, target, f)))
 }

@@ -149,7 +149,7 @@ impl InputNames {
     /// A sample with these names and no values.
     pub(super) fn sample(&self) -> SensorSample {
         let mut sample = SensorSample { input_count: self.names.len() as u32, ..SensorSample::default() };
-        self.iter().enumerate().for_each(|(at, name)| set_slot(&mut sample.input_names, at, name));
+        self.iter().enumerate().for_each(|(index, name)| set_slot(&mut sample.input_names, index, name));
         sample
     }
 }

@@ -262,8 +262,8 @@ impl Columns {
             }
             sample.marker_values = 3 * ((slot - MARKERS) as u32 / 3) + 3;
         }
-        for (at, (value, place)) in sample.inputs.iter_mut().zip(&self.inputs).enumerate() {
-            *value = if self.names.is_optional(at) { or_nan(*place)? } else { row.any_number(*place)? };
+        for (index, (value, place)) in sample.inputs.iter_mut().zip(&self.inputs).enumerate() {
+            *value = if self.names.is_optional(index) { or_nan(*place)? } else { row.any_number(*place)? };
         }
         if !sample.t_trace_s.is_finite() || sample.t_trace_s < before_s {
             return Err(row.diagnostic(

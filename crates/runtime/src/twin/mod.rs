@@ -435,7 +435,7 @@ impl ActuatorTwin {
             return;
         }
         let farthest = self.parts.session.evaluator().farthest_outside(&self.evaluation);
-        let named = farthest.map(|(at, by)| (self.parts.contents.name(at), by));
+        let named = farthest.map(|(index, by)| (self.parts.contents.name(index), by));
         let (input, by) = named.unwrap_or(([0; 32], self.evaluation.domain_distance));
         self.record.outside(input, by);
     }

@@ -97,10 +97,10 @@ pub(super) fn line(rows: &[ActuationCycle]) -> Option<ActuationLine> {
         return None;
     }
     let spread = record.spread(&found, sought)?;
-    let constant = |at: usize, unit: &'static str| {
-        let [low, value, high] = [-spread[at], 0.0, spread[at]]
-            .map(|off| found.unknowns[at] + off)
-            .map(|unknown| if at == DELAY { unknown.max(0.0) } else { unknown.exp() });
+    let constant = |index: usize, unit: &'static str| {
+        let [low, value, high] = [-spread[index], 0.0, spread[index]]
+            .map(|off| found.unknowns[index] + off)
+            .map(|unknown| if index == DELAY { unknown.max(0.0) } else { unknown.exp() });
         ConstantInterval { value, interval: [low, high], unit }
     };
     let [fill, empty] = [FILL, EMPTY].map(|at| constant(at, "s"));
@@ -163,7 +163,7 @@ impl Record {
             })
             .collect();
         let sum = |a: &[f64], b: &[f64]| -> f64 {
-            let pairs = a.iter().zip(b).enumerate().filter(|(at, _)| is_taken(*at));
+            let pairs = a.iter().zip(b).enumerate().filter(|(index, _)| is_taken(*index));
             pairs.map(|(_, (a, b))| a * b).sum()
         };
         let normal = Dense::from_fn(sought.len(), |row, column| sum(&slopes[row], &slopes[column]));

@@ -208,11 +208,11 @@ fn typical_half_widths(
     let mut found: Vec<Vec<f64>> = vec![Vec::new(); reports.len()];
     let mut displacements = Vec::new();
     let mut next = rows.fitted.iter().peekable();
-    for (at, run) in rows.runs.iter().enumerate() {
+    for (index, run) in rows.runs.iter().enumerate() {
         session.restart();
         for (row, (t_ns, inputs)) in run.time_ns.iter().zip(&run.inputs).enumerate() {
             let Ok(filtered) = session.take(*t_ns, *inputs) else { continue };
-            if next.next_if(|fitted| **fitted == (at, row)).is_some()
+            if next.next_if(|fitted| **fitted == (index, row)).is_some()
                 && session.answer(&filtered, &mut evaluation).is_ok()
             {
                 displacements.push(evaluation.halfwidths.displacement_mm);

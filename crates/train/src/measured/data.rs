@@ -244,10 +244,10 @@ pub(super) const COVERAGE: f64 = 0.9;
 
 /// Unit of each output's error: length of the ranges of all outputs with its unit.
 pub(super) fn scales(names: &[String], runs: &[Run]) -> Vec<f64> {
-    let unit = |at: usize| names[at].rsplit('_').next().unwrap_or_default();
-    let range = |at: usize| rom::statistics::range(runs.iter().flat_map(|run| run.outputs[at].iter()));
-    let scale = |at: usize| {
-        let same = (0..names.len()).filter(|other| unit(*other) == unit(at));
+    let unit = |index: usize| names[index].rsplit('_').next().unwrap_or_default();
+    let range = |index: usize| rom::statistics::range(runs.iter().flat_map(|run| run.outputs[index].iter()));
+    let scale = |index: usize| {
+        let same = (0..names.len()).filter(|other| unit(*other) == unit(index));
         same.map(|other| range(other).powi(2)).sum::<f64>().sqrt()
     };
     (0..names.len()).map(scale).collect()

@@ -32,9 +32,9 @@ impl Layout {
                 fields.push((FieldSpec { name: (*axis).into(), unit: "mm".into(), kind }, places));
             }
         }
-        for (at, name) in outputs.iter().enumerate().filter(|(_, name)| marker_axis(name).is_none()) {
+        for (index, name) in outputs.iter().enumerate().filter(|(_, name)| marker_axis(name).is_none()) {
             let spec = FieldSpec { name: (*name).into(), unit: unit_of(name), kind: FieldKind::Other };
-            fields.push((spec, vec![Some(at); nodes.len().max(1)]));
+            fields.push((spec, vec![Some(index); nodes.len().max(1)]));
         }
         Self { nodes, fields }
     }

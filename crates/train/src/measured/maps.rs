@@ -110,9 +110,9 @@ pub(super) struct FittedRows {
 /// Position in a model of each measured input.
 pub(super) fn positions(names: &[String]) -> Vec<usize> {
     let pressure = names.iter().position(|name| name == super::layout::PRESSURE_NAME);
-    let position = |at: usize| {
-        let further = at - usize::from(pressure.is_some_and(|pressure| pressure < at));
-        if Some(at) == pressure { rom::inputs::PRESSURE } else { PARAMETERS + further }
+    let position = |index: usize| {
+        let further = index - usize::from(pressure.is_some_and(|pressure| pressure < index));
+        if Some(index) == pressure { rom::inputs::PRESSURE } else { PARAMETERS + further }
     };
     (0..names.len()).map(position).collect()
 }
@@ -164,10 +164,10 @@ impl FittedRows {
                 let start = Inputs::new(0.0, f64::INFINITY);
                 columns.fold(start, |state, (at, column)| state.with(*at, column[*row]))
             };
-            for (at, row) in rows.iter().enumerate() {
+            for (index, row) in rows.iter().enumerate() {
                 let outputs: Vec<f64> = run.outputs.iter().map(|column| column[*row]).collect();
                 if outputs.iter().all(|y| y.is_finite()) {
-                    whole.push((runs.len(), at));
+                    whole.push((runs.len(), index));
                     measured.push((runs.len(), outputs));
                 }
             }
@@ -256,7 +256,7 @@ impl FittedRows {
     fn follow(&self, map: &LearnedMap, mut at_row: impl FnMut(&rom::learned::LearnedState)) {
         let mut past = map.initial_state();
         let mut next = self.fitted.iter().peekable();
-        for (at, run) in self.runs.iter().enumerate() {
+        for (index, run) in self.runs.iter().enumerate() {
             past.restart();
             for (row, (t_ns, inputs)) in run.time_ns.iter().zip(&run.inputs).enumerate() {
                 if map.has_memory() {
@@ -264,7 +264,7 @@ impl FittedRows {
                 } else {
                     past.settle(map, inputs);
                 }
-                if next.next_if(|fitted| **fitted == (at, row)).is_some() {
+                if next.next_if(|fitted| **fitted == (index, row)).is_some() {
                     at_row(&past);
                 }
             }

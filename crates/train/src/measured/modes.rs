@@ -111,7 +111,7 @@ pub(super) fn correct(
             let difference = FieldDifference {
                 reach: choice.reach,
                 centres: centres.clone(),
-                coefficients: leading.iter().map(|(at, _)| *at).collect(),
+                coefficients: leading.iter().map(|(index, _)| *index).collect(),
                 weights: u.iter().zip(scale).map(|(u, s)| u * s).collect(),
                 residual_mm: half_width(&last.run, &choice.errors),
                 difference_mm: quantile(last.r.iter().map(|r| r.abs()), COVERAGE),
@@ -182,9 +182,9 @@ fn rows(
     let step = runs.iter().map(|run| run.states.len()).sum::<usize>().div_ceil(MAX_STATES).max(1);
     let directions: Vec<Vec<f64>> = leading
         .iter()
-        .map(|(at, deviation)| {
+        .map(|(index, deviation)| {
             let mut direction = vec![0.0; regime.coefficient_count()];
-            direction[*at] = *deviation;
+            direction[*index] = *deviation;
             direction
         })
         .collect();
@@ -243,13 +243,13 @@ impl ModeRows {
         let n = centres * modes;
         let mut systems =
             vec![NormalEquations { matrix: vec![0.0; n * n], right: vec![0.0; n], weight: 0.0 }; FOLDS];
-        for (at, own) in terms.iter().enumerate() {
-            let NormalEquations { matrix, right, weight } = &mut systems[self.fold[at]];
-            let by = &self.by[at][..modes];
+        for (index, own) in terms.iter().enumerate() {
+            let NormalEquations { matrix, right, weight } = &mut systems[self.fold[index]];
+            let by = &self.by[index][..modes];
             *weight += by.iter().map(|b| b * b).sum::<f64>();
             for ((k, g), (i, b)) in own.iter().flat_map(|k| by.iter().enumerate().map(move |i| (*k, i))) {
                 let value = g * b;
-                right[k * modes + i] += value * self.r[at];
+                right[k * modes + i] += value * self.r[index];
                 let row = &mut matrix[(k * modes + i) * n..][..n];
                 for (l, h) in own {
                     row[l * modes..][..modes].iter_mut().zip(by).for_each(|(to, c)| *to += value * h * c);

@@ -56,15 +56,15 @@ fn moving(
     of_inputs: bool,
     remarks: &mut Vec<String>,
 ) -> Vec<usize> {
-    let unit = |at: usize| names[at].rsplit('_').next().unwrap_or_default();
+    let unit = |index: usize| names[index].rsplit('_').next().unwrap_or_default();
     let ranges: Vec<f64> = columns.iter().map(|runs| inner_range(&runs.concat())).collect();
-    let moves = |at: usize| {
-        let same = (0..names.len()).filter(|other| unit(*other) == unit(at)).map(|other| ranges[other]);
-        let fraction = ranges[at] / same.fold(0.0, f64::max);
-        let is_smooth = von_neumann_ratio(&columns[at]) < LARGEST_RATIO;
+    let moves = |index: usize| {
+        let same = (0..names.len()).filter(|other| unit(*other) == unit(index)).map(|other| ranges[other]);
+        let fraction = ranges[index] / same.fold(0.0, f64::max);
+        let is_smooth = von_neumann_ratio(&columns[index]) < LARGEST_RATIO;
         // An output that scatters is fitted all the same: its half-width says how far it follows the inputs.
         let is_clear = !of_inputs || fraction >= CLEAR_FRACTION || is_smooth && fraction >= LEAST_FRACTION;
-        ranges[at] > 0.0 && is_clear
+        ranges[index] > 0.0 && is_clear
     };
     let (kept, others): (Vec<usize>, Vec<usize>) = (0..names.len()).partition(|at| moves(*at));
     for at in others {

@@ -44,8 +44,8 @@ pub(crate) fn turns(ways: &[i8]) -> usize {
 pub(crate) fn directions(run: &[usize], values: &[f64]) -> Vec<i8> {
     let least = LEAST_TURN * range(values.iter().copied());
     let (mut directions, mut way, mut extreme) = (Vec::with_capacity(values.len()), 0_i8, values[0]);
-    for (at, value) in values.iter().enumerate() {
-        if at > 0 && run[at] != run[at - 1] {
+    for (index, value) in values.iter().enumerate() {
+        if index > 0 && run[index] != run[index - 1] {
             (way, extreme) = (0, *value);
         }
         let ahead = value - extreme;
@@ -61,7 +61,7 @@ pub(crate) fn directions(run: &[usize], values: &[f64]) -> Vec<i8> {
 /// Bound of a further run's mean error, from the means of the runs or of the halves of a single one. `run`: number of the run by row.
 fn shift(run: &[usize], errors: &[f64]) -> f64 {
     let runs = run.iter().max().map_or(1, |last| last + 1);
-    let block = |at: usize| if runs > 1 { run[at] } else { 2 * at / errors.len() };
+    let block = |index: usize| if runs > 1 { run[index] } else { 2 * index / errors.len() };
     let of_block =
         |wanted: usize| mean((0..errors.len()).filter(|at| block(*at) == wanted).map(|at| errors[at]));
     let means: Vec<f64> = (0..runs.max(2)).map(of_block).filter(|v| v.is_finite()).collect();

@@ -64,10 +64,10 @@ fn distances(z: &Mat<f64>, is_in: impl Fn(usize) -> bool) -> Vec<(usize, f64)> {
     let (inside, others): (Vec<usize>, Vec<usize>) = (0..z.nrows()).partition(|row| is_in(*row));
     let row = |row: usize| -> Vec<f64> { z.row(row).iter().copied().collect() };
     let others: Vec<Vec<f64>> = others.into_iter().map(row).collect();
-    let nearest = |at: usize| {
-        let x = row(at);
+    let nearest = |index: usize| {
+        let x = row(index);
         let square = |y: &Vec<f64>| x.iter().zip(y).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
-        (at, others.iter().map(square).fold(f64::INFINITY, f64::min).sqrt())
+        (index, others.iter().map(square).fold(f64::INFINITY, f64::min).sqrt())
     };
     inside.into_iter().map(nearest).collect()
 }
@@ -152,7 +152,7 @@ pub(super) fn widths(
         let slopes = lags
             .iter()
             .enumerate()
-            .map(|(at, lag)| base.weights[(1 + at, k)].abs() * rows.inputs[lag.input as usize].range);
+            .map(|(index, lag)| base.weights[(1 + index, k)].abs() * rows.inputs[lag.input as usize].range);
         let width = OutputWidth {
             noise: q * factors[0],
             spread: q * factors[1],

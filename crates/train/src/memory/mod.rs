@@ -200,9 +200,9 @@ fn add_constants(
     remarks: &mut Vec<String>,
 ) {
     let deviations = problem.deviations(kept).unwrap_or_default();
-    for (at, block) in kept.blocks.iter().enumerate() {
+    for (index, block) in kept.blocks.iter().enumerate() {
         let constants: Vec<Constant> =
-            (0..2).map(|k| constant(*block, k, kept, limits, 2 * at + k, &deviations)).collect();
+            (0..2).map(|k| constant(*block, k, kept, limits, 2 * index + k, &deviations)).collect();
         for found in &constants {
             let [low, high] = found.interval;
             if high > WIDE * low && high - low > 0.2 {

@@ -119,17 +119,17 @@ impl<'a> Problem<'a> {
         let mut all = Vec::with_capacity(count * outputs * self.rows.len());
         let mut normal = Normal::new(count, outputs);
         let (mut inputs, mut scaled) = (vec![0.0; x.len()], vec![0.0; x.len()]);
-        for (at, row) in self.rows.iter().enumerate() {
+        for (index, row) in self.rows.iter().enumerate() {
             for (input, (x, [low, high])) in x.iter().zip(&self.ranges).enumerate() {
-                (inputs[input], scaled[input]) = (x[at], (x[at] - low) / (high - low));
+                (inputs[input], scaled[input]) = (x[index], (x[index] - low) / (high - low));
             }
             let begin = all.len();
             let [begin_s, duration_s] = self.spans[row.0];
             let elapsed = (self.runs[row.0].time_s[row.1] - begin_s) / duration_s;
             let point = Point { row: *row, runs: self.runs.len(), elapsed, inputs: &inputs, scaled: &scaled };
             terms.push(&point, outputs, &mut all);
-            if Some(self.fold[at]) != without {
-                normal.add(&all[begin..], (0..outputs).map(|k| self.output(at, k)));
+            if Some(self.fold[index]) != without {
+                normal.add(&all[begin..], (0..outputs).map(|k| self.output(index, k)));
             }
         }
         Some(Fitted { count, terms: all, weights: normal.solve()? })
@@ -139,11 +139,11 @@ impl<'a> Problem<'a> {
     fn errors(&self, fitted: &Fitted, is_selected: impl Fn(usize) -> bool) -> Vec<f64> {
         let mut errors = Vec::new();
         let rows = fitted.terms.chunks_exact(fitted.count * self.scales.len());
-        for (at, row) in rows.enumerate().filter(|(at, _)| is_selected(self.fold[*at])) {
+        for (index, row) in rows.enumerate().filter(|(index, _)| is_selected(self.fold[*index])) {
             let both = row.chunks_exact(fitted.count).zip(fitted.weights.chunks_exact(fitted.count));
             for (k, (row, weights)) in both.enumerate() {
                 let predicted: f64 = row.iter().zip(weights).map(|(a, b)| a * b).sum();
-                let error = (self.output(at, k) - predicted) / self.scales[k];
+                let error = (self.output(index, k) - predicted) / self.scales[k];
                 errors.push(if error.is_finite() { error } else { 0.0 });
             }
         }

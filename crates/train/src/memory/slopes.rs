@@ -18,7 +18,7 @@ pub fn slopes(model: &Model, states: &[Inputs], input: usize, range: [f64; 2]) -
     let nodes = model.header.node_count;
     let of_kind = |wanted: &dyn Fn(FieldKind) -> bool| -> Vec<usize> {
         let fields = model.header.fields.iter().enumerate();
-        fields.filter(|(_, field)| wanted(field.spec.kind)).map(|(at, _)| at).collect()
+        fields.filter(|(_, field)| wanted(field.spec.kind)).map(|(index, _)| index).collect()
     };
     let axes = of_kind(&|kind| matches!(kind, FieldKind::Coordinate(_)));
     let stresses = of_kind(&|kind| kind == FieldKind::Stress);

@@ -507,8 +507,8 @@ pub(super) fn inputs_of<'a>(
     sources: &'a [u8; INPUTS_MAX],
 ) -> impl Iterator<Item = InputValue> + 'a {
     let all = values.iter().zip(force_by).zip(sources).take(count as usize);
-    all.enumerate().map(|(at, ((value, force_by), source))| InputValue {
-        name: slot(names, at),
+    all.enumerate().map(|(index, ((value, force_by), source))| InputValue {
+        name: slot(names, index),
         value: *value,
         force_by: *force_by,
         source: *source,

@@ -101,14 +101,14 @@ impl SensorSample {
     /// The named inputs with their values.
     pub fn inputs(&self) -> impl Iterator<Item = (String, f64)> {
         let values = self.inputs.iter().take(self.input_count as usize);
-        values.enumerate().map(|(at, value)| (slot(&self.input_names, at), *value))
+        values.enumerate().map(|(index, value)| (slot(&self.input_names, index), *value))
     }
 
     /// Position and value of the input with this packed name.
     pub fn input(&self, name: &[u8; 32]) -> Option<(usize, f64)> {
         let names = self.input_names.as_chunks::<32>().0.iter().take(self.input_count as usize);
         let mut found = names.zip(&self.inputs).enumerate();
-        found.find(|(_, (known, _))| *known == name).map(|(at, (_, value))| (at, *value))
+        found.find(|(_, (known, _))| *known == name).map(|(index, (_, value))| (index, *value))
     }
 
     /// Adds a named input; false when there are as many as fit already. Of a name of more than 31 bytes the end is kept.
@@ -204,7 +204,7 @@ macro_rules! evaluated_payload {
             /// The observables: name, value and half-width.
             pub fn observables(&self) -> impl Iterator<Item = (String, f64, f64)> {
                 let values = self.observables.iter().zip(self.observable_halfwidths);
-                let named = values.enumerate().map(|(at, (value, halfwidth))| (slot(&self.observable_names, at), *value, halfwidth));
+                let named = values.enumerate().map(|(index, (value, halfwidth))| (slot(&self.observable_names, index), *value, halfwidth));
                 named.take(self.observable_count as usize)
             }
 

@@ -55,7 +55,7 @@ impl<'a> Summary<'a> {
         });
         let count = setup.unknowns.len();
         let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
-        let name = |at: usize| setup.unknowns[at].name.as_str();
+        let name = |index: usize| setup.unknowns[index].name.as_str();
         let correlations: Vec<_> = pairs.map(|(a, b)| (name(a), name(b), fit.correlation(a, b))).collect();
         let mut remarks = memory.map_or_else(Vec::new, |found| found.remarks.clone());
         for (unknown, _) in both().filter(|(_, estimate)| !estimate.identifiable) {
@@ -88,8 +88,8 @@ pub fn figure(setup: &Setup, readings: &[Measurement], curves: &Curves) -> Figur
     let Curves { before, after, .. } = curves;
     let begin_s = readings.first().map_or(0.0, |reading| reading.t_s);
     let mut panels = Vec::new();
-    for (at, row) in setup.rows.iter().enumerate() {
-        if !readings.iter().any(|reading| reading.rows[at].is_finite()) {
+    for (index, row) in setup.rows.iter().enumerate() {
+        if !readings.iter().any(|reading| reading.rows[index].is_finite()) {
             continue;
         }
         let series = |name: &str, colour, mark, value: &dyn Fn(usize) -> f64| {
@@ -97,13 +97,13 @@ pub fn figure(setup: &Setup, readings: &[Measurement], curves: &Curves) -> Figur
             Series::new(name, colour, mark, points)
         };
         let values = vec![
-            series("measured", 0, Mark::Dots, &|i| readings[i].rows[at]),
-            series("predicted with the priors", 1, Mark::Line, &|i| before[i][at]),
-            series("predicted after the fit", 2, Mark::Line, &|i| after[i][at]),
+            series("measured", 0, Mark::Dots, &|i| readings[i].rows[index]),
+            series("predicted with the priors", 1, Mark::Line, &|i| before[i][index]),
+            series("predicted after the fit", 2, Mark::Line, &|i| after[i][index]),
         ];
         panels.push(Panel::new("", "time [s]", row.name.as_str(), values));
         let residuals =
-            series("measured - predicted", 0, Mark::Dots, &|i| readings[i].rows[at] - after[i][at]);
+            series("measured - predicted", 0, Mark::Dots, &|i| readings[i].rows[index] - after[i][index]);
         let label = format!("{}: residual", row.name);
         panels.push(Panel::new("", "time [s]", label.as_str(), vec![residuals]));
     }

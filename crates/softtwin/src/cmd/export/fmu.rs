@@ -52,12 +52,12 @@ pub fn write(source: &Path, out: &Path, mut nodes: Vec<ChosenNode>, as_json: boo
     if nodes.is_empty() {
         nodes.extend(model_tip(&model).map(|node| ChosenNode { name: "tip".into(), node: node as u32 }));
     }
-    for (at, chosen) in nodes.iter().enumerate() {
+    for (index, chosen) in nodes.iter().enumerate() {
         if chosen.node as usize >= model.header.node_count {
             let (name, node, count) = (&chosen.name, chosen.node, model.header.node_count);
             return Err(usage(format!("--node {name}={node}: the model has {count} nodes, numbered from 0")));
         }
-        if nodes[..at].iter().any(|other| other.name == chosen.name) {
+        if nodes[..index].iter().any(|other| other.name == chosen.name) {
             return Err(usage(format!("--node {}: expected every name once, found it twice", chosen.name)));
         }
     }

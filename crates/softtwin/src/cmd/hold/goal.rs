@@ -61,7 +61,8 @@ impl Goal {
                 if end_s > now_s { vec![[now_s, present], [end_s, last]] } else { vec![[now_s, last]] }
             }
             target_kind::SERIES if is_speed(sample.interval_s) => {
-                let point = |(at, value): (usize, &f64)| [now_s + at as f64 * sample.interval_s, *value];
+                let point =
+                    |(index, value): (usize, &f64)| [now_s + index as f64 * sample.interval_s, *value];
                 values.iter().enumerate().map(point).collect()
             }
             _ => {

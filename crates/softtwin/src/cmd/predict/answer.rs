@@ -24,13 +24,13 @@ pub fn measured(model: &Model, state: &ModelState) -> Value {
 /// One number for each input that the model has, by its key; `None` if it is not finite.
 pub fn by_input(header: &ModelHeader, values: &[f64; MAX_INPUTS]) -> Map<String, Value> {
     let finite = |v: f64| json!(Some(v).filter(|v| v.is_finite()));
-    header.taken_inputs().map(|(at, spec)| (spec.key(), finite(values[at]))).collect()
+    header.taken_inputs().map(|(index, spec)| (spec.key(), finite(values[index]))).collect()
 }
 
 /// Value, half-width and measured part of each observable, by its name.
 fn observed(observables: &Observables, evaluation: &Evaluation) -> Map<String, Value> {
-    let row = |(at, name): (usize, &str)| {
-        let found = observables.value(at, evaluation);
+    let row = |(index, name): (usize, &str)| {
+        let found = observables.value(index, evaluation);
         let all = json!({ "value": found.value, "half_width": found.halfwidth, "offset": found.offset });
         (name.to_owned(), all)
     };

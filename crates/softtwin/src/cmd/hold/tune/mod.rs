@@ -114,8 +114,8 @@ impl Args {
         let experiment = Experiment::of(held, &mut held.model()?, gap_mm);
         let mut plant = Plant::new(simulate::plant(held, gap_mm, [1.0; 3]), held.model()?);
         let count = (experiment.end_s() * RATE_HZ) as usize;
-        let row = |at: usize| {
-            let (time_s, command_mpa) = (at as f64 / RATE_HZ, experiment.at(at as f64 / RATE_HZ));
+        let row = |index: usize| {
+            let (time_s, command_mpa) = (index as f64 / RATE_HZ, experiment.at(index as f64 / RATE_HZ));
             // The command answers the reading, as on the actuator.
             let shown = plant.step(1.0 / RATE_HZ);
             plant.command(command_mpa);
