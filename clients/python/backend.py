@@ -20,7 +20,7 @@ from maturin import get_requires_for_build_sdist, get_requires_for_build_wheel
 __all__ = ["build_editable", "build_sdist", "build_wheel", "get_requires_for_build_sdist", "get_requires_for_build_wheel"]
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-PROGRAMS = ["softtwin", "softtwind", "softtwin-demo"]
+PROGRAMS = ["softtwin", "softtwind"]
 #: What the programs and the module are compiled from, and what the wheel carries: prefixes of paths. The workspace's other members have to be
 #: there because cargo reads them all.
 SOURCES = (
@@ -46,7 +46,8 @@ def _put_beside(profile: str) -> None:
     # The module's package is named, so that packages which it shares with the programs get the same features and are compiled once; maturin
     # builds the module itself.
     packages = [argument for package in ("softtwin", "softtwind", "python") for argument in ("--package", package)]
-    subprocess.run(["cargo", "build", "--locked", "--profile", profile, "--bins", *packages], cwd=ROOT, check=True)
+    programs = [argument for program in PROGRAMS for argument in ("--bin", program)]
+    subprocess.run(["cargo", "build", "--locked", "--profile", profile, *programs, *packages], cwd=ROOT, check=True)
     data = ROOT / "target/wheel/softtwin.data"
     shutil.rmtree(data, ignore_errors=True)
     (data / "scripts").mkdir(parents=True)

@@ -59,7 +59,7 @@ PYTHON=$work/venv/bin/python scripts/package.sh wheel "$work" --profile "$profil
 [ "$client_before" = "$(client)" ] || fail "building the wheel left files in clients/python"
 python3 -m venv "$work/clean"
 "$work/clean/bin/pip" install --quiet --disable-pip-version-check "$work"/softtwin-*.whl
-demonstration "$work/clean/bin/softtwin-demo"
+demonstration "$work/clean/bin/softtwin" demo
 # The source distribution has every file that the compiler and the wheel's data need. What others wrote is compiled already.
 PYTHON=$work/venv/bin/python scripts/package.sh sdist "$work"
 mkdir "$work/source"
