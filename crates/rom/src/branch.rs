@@ -33,7 +33,7 @@ const MAX_GAP_S: f64 = 1.0;
 
 /// State of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
+pub struct BranchSample {
     /// Injected volume, mm3.
     pub volume_mm3: f64,
     /// Pressure there, MPa.
@@ -46,7 +46,7 @@ pub struct Sample {
 #[derive(Clone, Debug, PartialEq)]
 struct Branch {
     /// Samples by rising volume; the pressure never falls.
-    samples: Vec<Sample>,
+    samples: Vec<BranchSample>,
     /// The table, not a limit, ends the branch at its begin and at its end.
     is_open: [bool; 2],
 }
@@ -142,17 +142,17 @@ impl Follower {
             let inputs = Inputs::new(f64::NAN, f64::NAN).with(input, volume_mm3);
             evaluator.answer(inputs, Query::GRADIENTS, &mut evaluation);
             let slope = evaluation.coefficient_gradient(input)[place];
-            Sample { volume_mm3, pressure_mpa: mean + evaluation.coefficients[place], slope }
+            BranchSample { volume_mm3, pressure_mpa: mean + evaluation.coefficients[place], slope }
         };
-        let samples: Vec<Sample> = (0..=INTERVALS).map(sample).collect();
+        let samples: Vec<BranchSample> = (0..=INTERVALS).map(sample).collect();
         let wrong = || ModelError::Inconsistent("its pressure rises with the volume nowhere".into());
         Self::new(input, &samples).map(Some).ok_or_else(wrong)
     }
 
     /// Follower along a table by increasing volume; `None` if no two samples have a rising pressure, or a value is not finite.
-    pub fn new(input: usize, samples: &[Sample]) -> Option<Self> {
+    pub fn new(input: usize, samples: &[BranchSample]) -> Option<Self> {
         let is_finite =
-            |s: &Sample| s.volume_mm3.is_finite() && s.pressure_mpa.is_finite() && s.slope.is_finite();
+            |s: &BranchSample| s.volume_mm3.is_finite() && s.pressure_mpa.is_finite() && s.slope.is_finite();
         let pressures = samples.iter().map(|s| s.pressure_mpa);
         let range_mpa = pressures.fold([f64::MAX, f64::MIN], |[low, high], p| [low.min(p), high.max(p)]);
         if input < PARAMETERS || !samples.iter().all(is_finite) {
@@ -165,10 +165,10 @@ impl Follower {
             let is_open = [begin == 0, end + 1 == samples.len()];
             let [lowest, highest] = [begin, end].map(|at| samples[at].pressure_mpa);
             let mut level_mpa = lowest;
-            let level = |sample: &Sample| {
+            let level = |sample: &BranchSample| {
                 level_mpa = level_mpa.max(sample.pressure_mpa).min(highest);
                 let slope = if sample.pressure_mpa == level_mpa { sample.slope.max(0.0) } else { 0.0 };
-                Sample { pressure_mpa: level_mpa, slope, ..*sample }
+                BranchSample { pressure_mpa: level_mpa, slope, ..*sample }
             };
             (highest > lowest)
                 .then(|| Branch { samples: samples[begin..=end].iter().map(level).collect(), is_open })
@@ -269,7 +269,7 @@ impl Follower {
 }
 
 impl Branch {
-    fn last(&self) -> &Sample {
+    fn last(&self) -> &BranchSample {
         &self.samples[self.samples.len() - 1]
     }
 
@@ -294,7 +294,7 @@ impl Branch {
 }
 
 /// The samples with one more at each extremum between them.
-fn with_limits(samples: &[Sample]) -> Vec<Sample> {
+fn with_limits(samples: &[BranchSample]) -> Vec<BranchSample> {
     let mut all = Vec::with_capacity(samples.len());
     for pair in samples.windows(2) {
         let pair = [pair[0], pair[1]];
@@ -302,7 +302,7 @@ fn with_limits(samples: &[Sample]) -> Vec<Sample> {
         if pair[0].slope * pair[1].slope < 0.0 {
             let cubic = cubic(pair);
             let t = cubic.root(|[_, slope]| slope);
-            all.push(Sample { volume_mm3: cubic.x_at(t), pressure_mpa: cubic.at(t)[0], slope: 0.0 });
+            all.push(BranchSample { volume_mm3: cubic.x_at(t), pressure_mpa: cubic.at(t)[0], slope: 0.0 });
         }
     }
     all.extend(samples.last());
@@ -310,7 +310,7 @@ fn with_limits(samples: &[Sample]) -> Vec<Sample> {
 }
 
 /// Indices of the ends and of the extrema, without folds that are not as deep as `depth_mpa`: the shallowest go first.
-fn turns(samples: &[Sample], depth_mpa: f64) -> Vec<usize> {
+fn turns(samples: &[BranchSample], depth_mpa: f64) -> Vec<usize> {
     let rises = |sample: usize| samples[sample + 1].pressure_mpa > samples[sample].pressure_mpa;
     let inner = (1..samples.len().saturating_sub(1)).filter(|at| rises(*at) != rises(*at - 1));
     let mut turns: Vec<usize> = std::iter::once(0).chain(inner).collect();
@@ -328,7 +328,7 @@ fn turns(samples: &[Sample], depth_mpa: f64) -> Vec<usize> {
 }
 
 /// Pressure over volume between two samples.
-fn cubic(pair: [Sample; 2]) -> Cubic {
+fn cubic(pair: [BranchSample; 2]) -> Cubic {
     Cubic {
         x: pair.map(|sample| sample.volume_mm3),
         y: pair.map(|sample| sample.pressure_mpa),

@@ -1,6 +1,6 @@
 //! The branches of a balloon under pressure against its closed form: a thin sphere of Mooney-Rivlin rubber, of unit radius.
 
-use rom::branch::{BranchState, Follower, Sample};
+use rom::branch::{BranchSample, BranchState, Follower};
 use rom::inputs::Inputs;
 use std::f64::consts::PI;
 
@@ -24,7 +24,7 @@ fn balloon(alpha: f64, to: f64) -> Follower {
         let volume_mm3 = volume_mm3(to) * f64::from(k) / 8192.0;
         let stretch = (1.0 + 0.75 * volume_mm3 / PI).cbrt();
         let [pressure_mpa, slope] = pressure_mpa(alpha, stretch);
-        Sample { volume_mm3, pressure_mpa, slope: slope / (4.0 * PI * stretch * stretch) }
+        BranchSample { volume_mm3, pressure_mpa, slope: slope / (4.0 * PI * stretch * stretch) }
     };
     Follower::new(INPUT, &(0..=8192).map(sample).collect::<Vec<_>>()).expect("a branch")
 }
@@ -129,7 +129,7 @@ fn fold_of_the_interpolation_is_no_limit() {
     let flat = |k: u32| {
         let volume_mm3 = f64::from(k);
         let [wave, by] = [3e-4 * volume_mm3.sin(), 3e-4 * volume_mm3.cos()];
-        Sample { volume_mm3, pressure_mpa: 1e-4 * volume_mm3 + wave, slope: 1e-4 + by }
+        BranchSample { volume_mm3, pressure_mpa: 1e-4 * volume_mm3 + wave, slope: 1e-4 + by }
     };
     let mut follower = Follower::new(INPUT, &(0..=10_000).map(flat).collect::<Vec<_>>()).expect("a branch");
     for k in 0..=100 {

@@ -4,7 +4,7 @@ use crate::config::TrainConfig;
 use crate::datasheet::{Candidate, CaseError, DataSheet, FieldSheet, FitSheet, InputSheet, RegimeSheet};
 use crate::error::TrainError;
 use crate::group::{GroupFit, Plan};
-use crate::regime::{OnsetModel, Part};
+use crate::regime::{OnsetModel, TrainedRegime};
 use crate::sort::{TrainingCases, varying};
 use faer::Mat;
 use rom::inputs::{InputMap, InputSpec, Inputs, MAX_INPUTS, PARAMETERS};
@@ -23,7 +23,7 @@ pub(crate) fn assemble(
     database: &Database,
     config: &TrainConfig,
     plan: &Plan,
-    parts: &[Part],
+    parts: &[TrainedRegime],
     onset: Option<OnsetModel>,
     remarks: Vec<String>,
 ) -> (Model, DataSheet) {
@@ -90,7 +90,7 @@ pub(crate) fn assemble(
     (Model { header, blocks }, sheet)
 }
 
-fn field_blocks(database: &Database, plan: &Plan, part: &Part) -> Vec<(BlockKind, BlockData)> {
+fn field_blocks(database: &Database, plan: &Plan, part: &TrainedRegime) -> Vec<(BlockKind, BlockData)> {
     let (nodes, regime) = (database.node_count, part.kind);
     let mut blocks = Vec::new();
     for (group, fit) in plan.groups.iter().zip(&part.groups) {
@@ -104,7 +104,7 @@ fn field_blocks(database: &Database, plan: &Plan, part: &Part) -> Vec<(BlockKind
     blocks
 }
 
-fn regime_sheet(plan: &Plan, part: &Part, inputs: &[InputSpec]) -> RegimeSheet {
+fn regime_sheet(plan: &Plan, part: &TrainedRegime, inputs: &[InputSpec]) -> RegimeSheet {
     RegimeSheet {
         kind: part.kind,
         cases: part.cases,
@@ -200,11 +200,11 @@ fn flat_direction(map: &InputMap, states: &[Inputs]) -> Option<Vec<f64>> {
 }
 
 /// Remarks of the data sheet on parameters without effect and on inputs with equal effects.
-pub(crate) fn remarks(database: &Database, parts: &[Part]) -> Vec<String> {
+pub(crate) fn remarks(database: &Database, parts: &[TrainedRegime]) -> Vec<String> {
     let specs = InputSpec::without_range(&database.parameters);
     let mut remarks = Vec::new();
     for (input, spec) in specs.iter().enumerate().skip(PARAMETERS) {
-        let taken: Vec<&Part> =
+        let taken: Vec<&TrainedRegime> =
             parts.iter().filter(|part| part.inputs.axes.iter().any(|axis| axis.input == input)).collect();
         if !taken.is_empty() && taken.iter().all(|part| part.idle.contains(&input)) {
             remarks.push(format!(
@@ -239,7 +239,7 @@ pub(crate) fn remarks(database: &Database, parts: &[Part]) -> Vec<String> {
 struct Slopes([[f64; MAX_INPUTS]; MAX_INPUTS]);
 
 impl Slopes {
-    fn of(parts: &[Part]) -> Self {
+    fn of(parts: &[TrainedRegime]) -> Self {
         let mut products = [[0.0; MAX_INPUTS]; MAX_INPUTS];
         for part in parts.iter().filter(|part| part.inputs.operating() < part.inputs.dimensions()) {
             let gradients_of = |fit: &Interpolant| -> Vec<Vec<Vec<f64>>> {

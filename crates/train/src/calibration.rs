@@ -4,7 +4,7 @@
 use crate::datasheet::DataSheet;
 use crate::error::TrainError;
 use crate::group::Plan;
-use crate::regime::Part;
+use crate::regime::TrainedRegime;
 use crate::sort::TrainingCases;
 use faer::Mat;
 use rom::evaluator::Evaluator;
@@ -89,7 +89,7 @@ pub(crate) type Ratios = Vec<(RegimeKind, Vec<Vec<f64>>)>;
 pub(crate) fn observable_ratios(
     database: &Database,
     plan: &Plan,
-    parts: &[Part],
+    parts: &[TrainedRegime],
     sorted: &TrainingCases,
     model: &Model,
     on_mesh: &OnMesh,
@@ -131,7 +131,7 @@ pub(crate) fn observable_ratios(
 fn coordinate_errors(
     database: &Database,
     plan: &Plan,
-    part: &Part,
+    part: &TrainedRegime,
     cases: usize,
 ) -> Option<[(usize, Mat<f64>, usize); 3]> {
     let of_axis = |axis: u8| {

@@ -115,7 +115,7 @@ pub struct Covered {
 
 /// Errors of a set of cases.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Report {
+pub struct EvaluationReport {
     /// Floor of the relative errors, as a fraction of the field's maximum.
     pub floor: f64,
     /// Errors per case.
@@ -160,7 +160,11 @@ pub struct FieldSummary {
 ///
 /// # Errors
 /// [`EvaluateError`] when model and database do not belong together.
-pub fn evaluate(model: &Model, database: &Database, cases: &[usize]) -> Result<Report, EvaluateError> {
+pub fn evaluate(
+    model: &Model,
+    database: &Database,
+    cases: &[usize],
+) -> Result<EvaluationReport, EvaluateError> {
     let names = |fields: Vec<&str>, nodes: usize| format!("fields {} over {nodes} nodes", fields.join(", "));
     let expected =
         names(model.header.fields.iter().map(|f| f.spec.name.as_str()).collect(), model.header.node_count);
@@ -181,7 +185,7 @@ pub fn evaluate(model: &Model, database: &Database, cases: &[usize]) -> Result<R
         .into_iter()
         .filter_map(|kind| summary(database, kind, cases.iter().filter(|c| c.sampled == kind).collect()))
         .collect();
-    Ok(Report { floor: FLOOR, cases, regimes })
+    Ok(EvaluationReport { floor: FLOOR, cases, regimes })
 }
 
 fn one_case(model: &Model, database: &Database, state: &mut ModelState, index: usize) -> CaseReport {

@@ -4,7 +4,7 @@
 use crate::config::TrainConfig;
 use crate::error::{OnsetError, TrainError};
 use crate::group::Plan;
-use crate::regime::{OnsetModel, Part};
+use crate::regime::{OnsetModel, TrainedRegime};
 use crate::sort::TrainingCases;
 use rom::clearance::OnsetSolver;
 use rom::inputs::{Inputs, PARAMETERS, PRESSURE};
@@ -28,7 +28,7 @@ pub(crate) fn derive(
     database: &Database,
     config: &TrainConfig,
     plan: &Plan,
-    free: &Part,
+    free: &TrainedRegime,
     sorted: &TrainingCases,
 ) -> Result<OnsetModel, TrainError> {
     let [x, y, z] = [0, 1, 2].map(|axis| database.coordinate(axis).ok_or(OnsetError::NoCoordinate { axis }));
@@ -92,7 +92,7 @@ pub(crate) fn derive(
 
 fn heights_of_nodes(
     plan: &Plan,
-    free: &Part,
+    free: &TrainedRegime,
     y: usize,
     nodes: &[usize],
     max_pressure_mpa: f64,
@@ -118,7 +118,7 @@ struct Heights {
 }
 
 impl Heights {
-    fn new(plan: &Plan, free: &Part, fields: [usize; 3], obstacle: &Footprint, at: &Inputs) -> Self {
+    fn new(plan: &Plan, free: &TrainedRegime, fields: [usize; 3], obstacle: &Footprint, at: &Inputs) -> Self {
         let [xs, y, zs] = fields.map(|f| free.field(plan, f, at));
         let within = |range: [f64; 2], v: f64| (range[0]..=range[1]).contains(&v);
         let above = xs.iter().zip(&zs).map(|(x, z)| within(obstacle.x_mm, *x) && within(obstacle.z_mm, *z));

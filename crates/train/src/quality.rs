@@ -1,7 +1,7 @@
 //! How good a new twin is, in figures that say what they mean.
 
 use crate::datasheet::{CaseError, DataSheet};
-use crate::evaluate::{self, EvaluateError, Report};
+use crate::evaluate::{self, EvaluateError, EvaluationReport};
 use rom::halfwidths::Errors;
 use rom::model::Model;
 use rom::snapshots::{Case, Database, FieldKind, RegimeKind, Split};
@@ -68,7 +68,7 @@ impl Quality {
         model: &Model,
         sheet: Option<&DataSheet>,
         data: &Database,
-    ) -> Result<(Self, Option<Report>), EvaluateError> {
+    ) -> Result<(Self, Option<EvaluationReport>), EvaluateError> {
         let largest = largest_values(data);
         let sheets = || sheet.iter().flat_map(|sheet| &sheet.regimes);
         let left_out = sheets().filter_map(|regime| {

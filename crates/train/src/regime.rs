@@ -70,7 +70,7 @@ impl OnsetModel {
 const VIBRATION_MM: f64 = 5.0;
 
 /// A trained regime, before assembly.
-pub(crate) struct Part {
+pub(crate) struct TrainedRegime {
     pub kind: RegimeKind,
     pub inputs: InputMap,
     pub groups: Vec<GroupFit>,
@@ -88,7 +88,7 @@ pub(crate) struct Part {
     pub idle: Vec<usize>,
 }
 
-impl Part {
+impl TrainedRegime {
     /// Regime as the model stores it.
     pub fn model(&self, plan: &Plan) -> RegimeModel {
         let mut next = 0;
@@ -147,7 +147,7 @@ pub(crate) fn free(
     config: &TrainConfig,
     plan: &Plan,
     sorted: &TrainingCases,
-) -> Result<Part, TrainError> {
+) -> Result<TrainedRegime, TrainError> {
     let cases = &sorted.free;
     let points = cases.iter().map(|&i| database.cases[i].inputs_at_gap(0.0)).collect();
     let training = Training::new(database, sorted, RegimeKind::Free, points, f64::INFINITY);
@@ -161,8 +161,8 @@ pub(crate) fn contact(
     config: &TrainConfig,
     plan: &Plan,
     sorted: &TrainingCases,
-    boundary: Option<(&Part, &OnsetModel)>,
-) -> Result<Part, TrainError> {
+    boundary: Option<(&TrainedRegime, &OnsetModel)>,
+) -> Result<TrainedRegime, TrainError> {
     let cases = &sorted.contact;
     let mut points: Vec<Inputs> = cases.iter().map(|&i| database.cases[i].inputs()).collect();
     let largest_gap = points.iter().map(Inputs::gap_mm).fold(f64::NEG_INFINITY, f64::max);
@@ -186,7 +186,7 @@ pub(crate) fn contact(
     let onset = boundary.filter(|_| config.split_at_onset).map(|b| b.1);
     let force = training.force(&config.contact, onset)?;
     let errors = training.errors(plan, &groups, Some(&force));
-    Ok(Part { far_onset, ..training.part(groups, Some(force), errors, config.coverage) })
+    Ok(TrainedRegime { far_onset, ..training.part(groups, Some(force), errors, config.coverage) })
 }
 
 /// States on the onset, see [`spread`]; only one if all cases have the same gap.
@@ -329,7 +329,7 @@ impl<'a> Training<'a> {
         config: &TrainConfig,
         choices: &RegimeConfig,
         plan: &Plan,
-        free: Option<&Part>,
+        free: Option<&TrainedRegime>,
         others: &[usize],
     ) -> Result<Vec<GroupFit>, TrainError> {
         let rest = self.rest().filter(|_| config.centred);
@@ -451,7 +451,7 @@ impl<'a> Training<'a> {
     }
 
     /// Correction that makes contact fields equal the free ones at the onset entries `far`; the first entry is a training state.
-    fn far_onset(&self, free: &Part, groups: &[GroupFit], far: &[Inputs]) -> Option<FarOnset> {
+    fn far_onset(&self, free: &TrainedRegime, groups: &[GroupFit], far: &[Inputs]) -> Option<FarOnset> {
         if far.len() < 2 || self.inputs.dimensions() < 2 {
             return None;
         }
@@ -618,7 +618,7 @@ impl<'a> Training<'a> {
         force: Option<ForceFit>,
         errors: Vec<CaseError>,
         coverage: f64,
-    ) -> Part {
+    ) -> TrainedRegime {
         let all: Vec<Errors> =
             errors.iter().map(|e| [e.displacement_mm, e.stress_mpa, e.force_n].into()).collect();
         let (dimensions, cases) = (self.inputs.dimensions(), &self.scaled[..self.cases.len()]);
@@ -628,7 +628,7 @@ impl<'a> Training<'a> {
         let needed = |axis: &usize| choices.clone().any(|idle| !idle.contains(axis));
         let axes = (self.inputs.operating()..dimensions).filter(|axis| !needed(axis));
         let idle = axes.map(|axis| self.inputs.axes[axis].input).collect();
-        Part {
+        TrainedRegime {
             kind: self.kind,
             groups,
             force,

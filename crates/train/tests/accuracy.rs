@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 use train::config::TrainConfig;
 use train::datasheet::{Candidate, DataSheet};
-use train::evaluate::{CaseReport, Report, evaluate, spread};
+use train::evaluate::{CaseReport, EvaluationReport, evaluate, spread};
 use train::train;
 
 /// Below this pressure the actuator's own weight bends it more than the pressure does.
@@ -23,7 +23,7 @@ struct Plate {
     database: Database,
     model: Model,
     sheet: DataSheet,
-    report: Report,
+    report: EvaluationReport,
 }
 
 /// The database of the repository.
@@ -50,12 +50,12 @@ fn plate() -> &'static Plate {
     })
 }
 
-fn test_report(model: &Model, database: &Database) -> Report {
+fn test_report(model: &Model, database: &Database) -> EvaluationReport {
     let cases: Vec<usize> = database.of_split(Split::Test).collect();
     evaluate(model, database, &cases).expect("evaluates")
 }
 
-fn mse(report: &Report, kind: RegimeKind) -> f64 {
+fn mse(report: &EvaluationReport, kind: RegimeKind) -> f64 {
     report.regimes.iter().find(|r| r.regime == kind).expect("regime").mse
 }
 

@@ -5,7 +5,7 @@ use rom::model::Model;
 use rom::snapshots::{FieldKind, RegimeKind, Split};
 use std::fmt::Write as _;
 use train::config::{ModeChoice, TrainConfig};
-use train::evaluate::Report;
+use train::evaluate::EvaluationReport;
 
 pub fn section(study: &Study) -> anyhow::Result<String> {
     let mut text = String::from(
@@ -72,7 +72,7 @@ fn row(study: &Study, model: &Model, held_out: &[usize]) -> anyhow::Result<Strin
 }
 
 /// Truncation error and the rest, in percent of the field's largest value.
-fn parts(study: &Study, report: &Report, stress: bool) -> String {
+fn parts(study: &Study, report: &EvaluationReport, stress: bool) -> String {
     let (mut truncation, mut beyond) = (0.0_f64, 0.0_f64);
     for errors in report.cases.iter().flat_map(|c| &c.fields) {
         let kind = study.database.fields.iter().find(|f| f.name == errors.field).map(|f| f.kind);

@@ -7,7 +7,7 @@ use rom::snapshots::{Database, RegimeKind, Split};
 use std::path::{Path, PathBuf};
 use train::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail, TrainConfig};
 use train::datasheet::DataSheet;
-use train::evaluate::{Report, evaluate};
+use train::evaluate::{EvaluationReport, evaluate};
 
 /// Both regimes, in the order of the paper.
 pub const REGIMES: [RegimeKind; 2] = [RegimeKind::Free, RegimeKind::Contact];
@@ -46,7 +46,7 @@ impl Study {
         (0..self.database.cases.len()).filter(|i| keep(&self.database.cases[*i])).collect()
     }
 
-    pub fn evaluate(&self, model: &Model, cases: &[usize]) -> anyhow::Result<Report> {
+    pub fn evaluate(&self, model: &Model, cases: &[usize]) -> anyhow::Result<EvaluationReport> {
         Ok(evaluate(model, &self.database, cases)?)
     }
 

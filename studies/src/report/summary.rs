@@ -8,7 +8,7 @@ use crate::sweep::extent::MAX_STRESS_JUMP;
 use rom::model::Model;
 use rom::snapshots::{FieldKind, RegimeKind, Split};
 use std::fmt::Write as _;
-use train::evaluate::{Report, spread};
+use train::evaluate::{EvaluationReport, spread};
 
 /// Limits of the mean squared error on the test cases, free and contact.
 const MSE: [f64; 2] = [2e-6, 1e-5];
@@ -41,7 +41,7 @@ pub fn section(study: &Study, sealed: Option<&Sealed>) -> anyhow::Result<(String
             if regime == RegimeKind::Free && k == 2 {
                 continue;
             }
-            let worst = |report: &Report| largest(study, report, regime, k);
+            let worst = |report: &EvaluationReport| largest(study, report, regime, k);
             let values = [worst(&theirs), worst(&mine)].map(|v| (v, format!("{} %", percent(v))));
             table.row(&format!("{} test cases: {name}, largest", regime.name()), values, TEST[index][k], "%");
         }
@@ -77,12 +77,12 @@ impl Table {
     }
 }
 
-fn tests(study: &Study, model: &Model) -> anyhow::Result<Report> {
+fn tests(study: &Study, model: &Model) -> anyhow::Result<EvaluationReport> {
     study.evaluate(model, &study.cases(|c| c.split == Split::Test))
 }
 
 /// Displacement (0), stress (1) or force (2): the largest over a regime's cases.
-fn largest(study: &Study, report: &Report, regime: RegimeKind, quantity: usize) -> f64 {
+fn largest(study: &Study, report: &EvaluationReport, regime: RegimeKind, quantity: usize) -> f64 {
     let cases = report.cases.iter().filter(|c| c.gap_mm.is_some() == (regime == RegimeKind::Contact));
     let of = |c: &train::evaluate::CaseReport| match quantity {
         2 => c.force_relative.unwrap_or(0.0),

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use train::config::{Definition, OWN_CONFIG, TrainConfig};
 use train::datasheet::DataSheet;
-use train::evaluate::Report;
+use train::evaluate::EvaluationReport;
 use train::quality::Quality;
 
 /// Keys of a training configuration that belong to the actuator.
@@ -36,7 +36,7 @@ pub(super) struct Trained {
 
 impl Trained {
     /// Its errors on the held-out states of its database, if there are any, and by leaving out each training state in turn.
-    pub(super) fn quality(&self) -> Result<(Quality, Option<Report>), BuildError> {
+    pub(super) fn quality(&self) -> Result<(Quality, Option<EvaluationReport>), BuildError> {
         Ok(Quality::new(&self.model, Some(&self.sheet), &self.data)?)
     }
 }

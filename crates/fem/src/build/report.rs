@@ -9,7 +9,7 @@ use rom::model::ModelFileError;
 use serde::Serialize;
 use std::path::PathBuf;
 use train::TrainError;
-use train::evaluate::{EvaluateError, Report};
+use train::evaluate::{EvaluateError, EvaluationReport};
 use train::quality::Quality;
 
 /// How a twin is built.
@@ -99,7 +99,7 @@ pub struct Built<R, Q = Quality> {
     pub quality: Q,
     /// Errors on the held-out states, by state, if there are such states.
     #[serde(skip)]
-    pub held_out: Option<Report>,
+    pub held_out: Option<EvaluationReport>,
     /// What to do next.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,

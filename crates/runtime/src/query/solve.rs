@@ -175,7 +175,7 @@ impl Solver {
         let mut force = |at: f64| self.force(line, at);
         let mut samples: Vec<Sample> = (0..GRID).map(|i| (grid_point(i), force(grid_point(i)))).collect();
         samples.push((to, force(to)));
-        let target = Target { value: force_n, tolerance: TOLERANCE_N };
+        let target = SearchTarget { value: force_n, tolerance: TOLERANCE_N };
         let found = if force_n > 0.0 { first_root(&samples, target, &mut force) } else { None };
         let first = samples.first().map_or(f64::NAN, |sample| sample.1);
         let most = samples.iter().map(|sample| sample.1).fold(f64::NEG_INFINITY, f64::max);
@@ -303,7 +303,7 @@ const ENOUGH: f64 = 0.01;
 
 /// Target of a search.
 #[derive(Debug, Clone, Copy)]
-struct Target {
+struct SearchTarget {
     /// The value to be met.
     value: f64,
     /// Tolerance, in the same unit.
@@ -320,7 +320,7 @@ impl Root {
         self.0
     }
 
-    fn check(place: f64, value: f64, target: Target) -> Option<Self> {
+    fn check(place: f64, value: f64, target: SearchTarget) -> Option<Self> {
         ((value - target.value).abs() <= target.tolerance).then_some(Self(place))
     }
 }
@@ -330,14 +330,14 @@ type Sample = (f64, f64);
 
 /// The first root along the samples, whose places rise or fall. None when no two neighbours have the target between them,
 /// or when the function jumps over it.
-fn first_root(samples: &[Sample], target: Target, f: &mut impl FnMut(f64) -> f64) -> Option<Root> {
+fn first_root(samples: &[Sample], target: SearchTarget, f: &mut impl FnMut(f64) -> f64) -> Option<Root> {
     let found = samples.first().and_then(|(index, value)| Root::check(*index, *value, target));
     found
         .or_else(|| samples.iter().zip(samples.iter().skip(1)).find_map(|(a, b)| close_in(*a, *b, target, f)))
 }
 
 /// Closes in on a root between two samples by secant steps and bisection.
-fn close_in(a: Sample, b: Sample, target: Target, f: &mut impl FnMut(f64) -> f64) -> Option<Root> {
+fn close_in(a: Sample, b: Sample, target: SearchTarget, f: &mut impl FnMut(f64) -> f64) -> Option<Root> {
     let below = |sample: Sample| sample.1 < target.value;
     let off = |sample: Sample| (sample.1 - target.value).abs();
     if below(a) == below(b) || !(a.1.is_finite() && b.1.is_finite()) {

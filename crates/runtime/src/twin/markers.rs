@@ -1,6 +1,6 @@
 //! Residuals of the markers: measured minus predicted positions, in the camera's frame.
 
-use super::residual::{Residual, ResidualVerdict, Watch};
+use super::residual::{Residual, ResidualVerdict, ResidualWatch};
 use crate::config::ActuatorSpec;
 use crate::estimation::{MarkerModel, NewValues};
 use estimate::{MAX_ROWS, Model, Predicted};
@@ -15,7 +15,7 @@ pub(super) struct Markers {
     predicted: [Predicted; MAX_ROWS],
     count: usize,
     sigmas_mm: [Marker; MARKERS_MAX],
-    watches: [[Watch; 3]; MARKERS_MAX],
+    watches: [[ResidualWatch; 3]; MARKERS_MAX],
     judged: [ResidualVerdict; MARKERS_MAX],
 }
 

@@ -35,7 +35,7 @@ use crate::publish::{self, FieldError, FieldOutput};
 use ingest::Validator;
 use parts::Parts;
 use record::Record;
-use residual::{Residual, Watch};
+use residual::{Residual, ResidualWatch};
 use rom::evaluation::Evaluation;
 use rom::evaluator::RegimeLabel;
 use rom::halfwidths::HALFWIDTH_SIGMAS;
@@ -160,7 +160,7 @@ struct ActuatorTwin {
     validator: Validator,
     /// Good readings that are not answered yet; never more than the backlog.
     waiting: VecDeque<WaitingReading>,
-    force_watch: Watch,
+    force_watch: ResidualWatch,
     limits: Limits,
     deadline: Deadline,
     /// `None` if the scene estimates nothing.
@@ -247,7 +247,7 @@ impl ActuatorTwin {
             label: RegimeLabel { regime: RegimeKind::Free, held: false },
             validator: Validator::new(limits, parts.needed.clone()),
             waiting: VecDeque::with_capacity(parts.backlog),
-            force_watch: Watch::default(),
+            force_watch: ResidualWatch::default(),
             parts,
             limits,
             deadline,

@@ -1,6 +1,6 @@
 //! Residuals of the measured observables: measured minus predicted values.
 
-use super::residual::{Residual, ResidualVerdict, Watch};
+use super::residual::{Residual, ResidualVerdict, ResidualWatch};
 use crate::config::ActuatorSpec;
 use crate::estimation::{NamedValue, NewValues};
 use crate::named_outputs::NamedOutputs;
@@ -18,7 +18,7 @@ struct ObservableWatch {
     /// Position among the model's named outputs.
     at: usize,
     sigma: f64,
-    watch: Watch,
+    watch: ResidualWatch,
     judged: ResidualVerdict,
 }
 
@@ -29,7 +29,7 @@ impl MeasuredObservables {
             measured: NamedValue::new(name),
             at: *at,
             sigma: spec.named_sigma(name).unwrap_or(f64::NAN),
-            watch: Watch::default(),
+            watch: ResidualWatch::default(),
             judged: ResidualVerdict::default(),
         };
         Self(spec.observables.keys().zip(positions).map(measured).collect())

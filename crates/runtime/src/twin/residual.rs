@@ -138,7 +138,7 @@ impl Seen {
 /// differs from 0 by more than half-width and standard deviation of the sensor: a leak, a wrong gap, a torn chamber. Single outliers
 /// and the moment of contact raise no alarm.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Watch {
+pub(super) struct ResidualWatch {
     outside_since_ns: Option<u64>,
     outside_count: f64,
     seen: Seen,
@@ -146,7 +146,7 @@ pub(super) struct Watch {
     steady_since_ns: u64,
 }
 
-impl Watch {
+impl ResidualWatch {
     /// Takes the residual of a reading; the alarm needs a contradiction of `after_s`. Without a measured value the times restart and the
     /// contribution stays.
     pub(super) fn update(&mut self, residual: Residual, after_s: f64) -> ResidualVerdict {

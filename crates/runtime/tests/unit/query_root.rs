@@ -5,7 +5,7 @@ use super::*;
 fn solve(f: impl Fn(f64) -> f64, range: [f64; 2], value: f64) -> Option<Root> {
     let at = |i: i32| range[0] + (range[1] - range[0]) * f64::from(i) / 8.0;
     let samples: Vec<Sample> = (0..=8).map(|i| (at(i), f(at(i)))).collect();
-    first_root(&samples, Target { value, tolerance: 1e-12 }, &mut |x| f(x))
+    first_root(&samples, SearchTarget { value, tolerance: 1e-12 }, &mut |x| f(x))
 }
 
 #[test]

@@ -12,7 +12,7 @@ fn residual(ms: u64, value: f64, halfwidth: f64) -> Residual {
 
 #[test]
 fn the_alarm_comes_after_the_time_and_goes_at_once() {
-    let mut watch = Watch::default();
+    let mut watch = ResidualWatch::default();
     let mut at = |ms: u64, value: f64| watch.update(residual(ms, value, 0.02), 0.3).mismatch;
     assert!(!at(0, 0.01) && !at(100, -0.5) && !at(200, 0.5) && !at(300, -0.5), "too short and too few");
     assert!(!at(399, 0.5), "outside for 299 ms is no alarm");
@@ -27,7 +27,7 @@ fn the_alarm_comes_after_the_time_and_goes_at_once() {
 
 #[test]
 fn outlier_or_missing_value_restarts_the_time() {
-    let mut watch = Watch::default();
+    let mut watch = ResidualWatch::default();
     for ms in 0..1_000u64 {
         let value = if ms % 100 == 99 { f64::NAN } else { 1.0 };
         assert!(!watch.update(residual(ms, value, 0.02), 0.2).mismatch, "{ms} ms");
@@ -38,7 +38,7 @@ fn outlier_or_missing_value_restarts_the_time() {
 
 #[test]
 fn contribution_is_zero_without_measurement_and_stays_while_none_comes() {
-    let mut watch = Watch::default();
+    let mut watch = ResidualWatch::default();
     let none = Residual { t_sensor_ns: 0, value: f64::NAN, halfwidth: 1e-4, sigma: 0.005 };
     assert_eq!(watch.update(none, 0.5), ResidualVerdict { contribution: 0.0, mismatch: false });
     for k in 1..400_u64 {
@@ -67,7 +67,7 @@ const HALFWIDTH_N: f64 = 1e-4;
 /// Coverage of the true error after the first second, mean half-width (N), and time of the first alarm (s), over 20 s of readings whose
 /// prediction is off by `error_n` of the time.
 fn run(seed: u64, rate_hz: f64, sigma: f64, error_n: impl Fn(f64) -> f64) -> (f64, f64, Option<f64>) {
-    let (mut watch, mut random) = (Watch::default(), Rng::new(seed));
+    let (mut watch, mut random) = (ResidualWatch::default(), Rng::new(seed));
     let (mut within, mut counted, mut sum, mut alarm_s) = (0, 0, 0.0, None);
     for k in 0..(20.0 * rate_hz) as u64 {
         let t_s = k as f64 / rate_hz;

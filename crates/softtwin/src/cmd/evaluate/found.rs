@@ -8,13 +8,13 @@ use serde::Serialize;
 use std::path::Path;
 use train::datasheet::CaseError;
 use train::datasheet::DataSheet;
-use train::evaluate::{CaseReport, FieldErrors, Report, Summary, spread};
+use train::evaluate::{CaseReport, EvaluationReport, FieldErrors, Summary, spread};
 
 /// What scripts read.
 #[derive(Serialize)]
 pub struct Printed<'a> {
     #[serde(flatten)]
-    pub report: &'a Report,
+    pub report: &'a EvaluationReport,
     pub leave_one_out: Vec<LeftOut>,
 }
 
@@ -93,7 +93,7 @@ pub fn leave_one_out(model: &Path) -> Vec<LeftOut> {
 }
 
 /// Normalised errors by case, one panel per regime.
-pub fn picture(report: &Report) -> Figure {
+pub fn picture(report: &EvaluationReport) -> Figure {
     let panel = |regime: RegimeKind| {
         let cases: Vec<&CaseReport> = report.cases.iter().filter(|c| c.is_of(regime)).collect();
         let dots = |(f, field): (usize, &FieldErrors)| {

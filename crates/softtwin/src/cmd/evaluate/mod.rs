@@ -12,7 +12,7 @@ use found::{CaseRow, Printed, PrintedEvaluation, leave_one_out};
 use rom::model::Model;
 use rom::snapshots::{Database, Split};
 use std::path::{Path, PathBuf};
-use train::evaluate::{Report, evaluate};
+use train::evaluate::{EvaluationReport, evaluate};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -144,7 +144,7 @@ impl Args {
         self.show(&model, &evaluate(&model, &database, &cases)?)
     }
 
-    fn show(&self, model: &Model, report: &Report) -> anyhow::Result<()> {
+    fn show(&self, model: &Model, report: &EvaluationReport) -> anyhow::Result<()> {
         if let Some(path) = &self.errors {
             train::unseen_errors::write(path, model, &report.cases).map_err(files::refusal)?;
         }

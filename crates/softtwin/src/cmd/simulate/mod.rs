@@ -131,7 +131,7 @@ impl Args {
         }
         if let (Some(volume_mm3), true) = (self.volume_mm3, self.path) {
             let points = self.steps.unwrap_or(path::POINTS) as usize;
-            let target = path::Target { volume_mm3, gap_mm: self.gap_mm, points, settings: self.set };
+            let target = path::PathEnd { volume_mm3, gap_mm: self.gap_mm, points, settings: self.set };
             return path::run(&family, &target, self.out.as_deref(), self.json);
         }
         let gas = self.gas_mg.zip(self.dead_volume_mm3).map(|(mg, dead_mm3)| Driven::Gas(mg, dead_mm3));
@@ -144,7 +144,7 @@ impl Args {
             }
             (_, Some(driven), out) => {
                 let (gap_mm, steps, node_sets) = (self.gap_mm, self.steps.unwrap_or(1), self.json);
-                let target = single::Target { driven, gap_mm, steps, node_sets, settings: self.set };
+                let target = single::StaticLoad { driven, gap_mm, steps, node_sets, settings: self.set };
                 let coarse =
                     self.coarse_mesh.iter().map(|mesh| files::family_on(&self.geometry.actuator, mesh));
                 single::run(&family, &coarse.collect::<anyhow::Result<Vec<_>>>()?, &target, out.as_deref())

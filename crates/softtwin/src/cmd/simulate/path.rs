@@ -29,7 +29,7 @@ const COLUMNS: [&str; 8] = [
 ];
 
 /// What `simulate` is asked along a path of volumes.
-pub struct Target {
+pub struct PathEnd {
     /// Injected volume at the end (mm3).
     pub volume_mm3: f64,
     pub gap_mm: Option<f64>,
@@ -75,7 +75,7 @@ struct LimitReport {
 }
 
 /// Follows the path, prints table and limits, writes table and picture.
-pub fn run(family: &Family, target: &Target, out: Option<&Path>, as_json: bool) -> anyhow::Result<()> {
+pub fn run(family: &Family, target: &PathEnd, out: Option<&Path>, as_json: bool) -> anyhow::Result<()> {
     let variant = family.variant(&target.settings).map_err(configuration)?;
     let problem = family.problem_of(&variant).map_err(configuration)?;
     let actuator = family.actuator_of(&variant).map_err(configuration)?;

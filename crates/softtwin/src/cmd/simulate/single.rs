@@ -41,7 +41,7 @@ impl Driven {
 }
 
 /// What `simulate` is asked for one state.
-pub struct Target {
+pub struct StaticLoad {
     /// Pressure or volume at the end.
     pub driven: Driven,
     pub gap_mm: Option<f64>,
@@ -55,7 +55,12 @@ pub struct Target {
 
 /// Solves step by step, prints a JSON line a step and writes the last state. The first step starts from its state on the last of the
 /// coarse meshes, if there are any, otherwise from rest.
-pub fn run(family: &Family, coarse: &[Family], target: &Target, out: Option<&Path>) -> anyhow::Result<()> {
+pub fn run(
+    family: &Family,
+    coarse: &[Family],
+    target: &StaticLoad,
+    out: Option<&Path>,
+) -> anyhow::Result<()> {
     if let Some(out) = out {
         StateFormat::of(out).map_err(usage)?; // before the work, not after it
     }
@@ -115,7 +120,7 @@ pub fn run(family: &Family, coarse: &[Family], target: &Target, out: Option<&Pat
 /// The state at a load on the coarse meshes, one after the other, interpolated to the mesh of `fine`.
 fn begun(
     coarse: &[Family],
-    target: &Target,
+    target: &StaticLoad,
     load: &Load,
     fine: &Solver,
     doing: &Doing,
@@ -173,7 +178,7 @@ fn line(output: &Output, clearance_mm: f64, load: &Load, work: &SolveReport) -> 
 }
 
 /// Description of the state in the file: options and resulting force.
-fn label(target: &Target, load: &Load, output: &Output) -> Label {
+fn label(target: &StaticLoad, load: &Load, output: &Output) -> Label {
     let settings = target.settings.iter().cloned();
     Label::of_state(load.pressure_mpa, target.gap_mm, settings, output.contact_force_n)
 }
