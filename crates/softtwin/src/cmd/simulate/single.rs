@@ -8,7 +8,8 @@ use fem::MM3_PER_MG;
 use fem::actuator::{Actuator, Setting, mesh_quality};
 use fem::{Family, Load, Output, Problem, SolveError, SolveReport, Solver, State};
 use formats::export::{Label, StateFormat};
-use serde_json::{Value, json};
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -53,6 +54,48 @@ pub struct StaticLoad {
     pub settings: Vec<Setting>,
 }
 
+/// What a step has reached. The last four numbers are of all steps so far.
+#[derive(Serialize)]
+struct StepReport<'a> {
+    pressure_mpa: f64,
+    gap_mm: Option<f64>,
+    contact_force_n: f64,
+    cavity_volume_mm3: f64,
+    /// Volume that was added to the cavity.
+    volume_mm3: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gas_mg: Option<f64>,
+    max_displacement_mm: f64,
+    max_von_mises_mpa: f64,
+    largest_stretch: f64,
+    /// Share of the body that is stretched further than its law was fitted.
+    beyond_law_percent: f64,
+    lowest_point_mm: f64,
+    contact_nodes: usize,
+    slot_contact_nodes: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    contact_node_set: Option<&'a Vec<u32>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    slot_contact_node_set: Option<&'a Vec<u32>>,
+    /// Quantities that have other values than in the actuator's file, and the mesh that they make.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    set: Option<BTreeMap<&'a str, f64>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mesh_quality: Option<MeshQuality>,
+    residual_n: f64,
+    steps: usize,
+    factorisations: usize,
+    cuts: usize,
+    seconds: f64,
+}
+
+/// Quality of the elements, 1 for a regular tetrahedron.
+#[derive(Serialize)]
+struct MeshQuality {
+    least: f64,
+    mean: f64,
+}
+
 /// Solves step by step, prints a JSON line a step and writes the last state. The first step starts from its state on the last of the
 /// coarse meshes, if there are any, otherwise from rest.
 pub fn run(
@@ -87,27 +130,37 @@ pub fn run(
         state = next;
         work = work.and(&report);
         let output = solver.output(&state);
-        let mut described = line(&output, solver.clearance_mm(&state), &state.load, &work);
-        described["volume_mm3"] = json!(solver.injected_mm3(&state));
-        if let (Some(added_mm3), Some(_)) = (load.injected_mm3, load.dead_mm3) {
-            described["gas_mg"] = json!(added_mm3 / MM3_PER_MG);
-        }
         let stretches = problem.stretches(&state);
-        described["largest_stretch"] = json!(stretches.largest);
-        described["beyond_law_percent"] = json!(100.0 * stretches.beyond);
         if let Some(warning) = problem.stretch_warning(stretches) {
             tracing::warn!("{warning}");
         }
-        if let Some((least, mean)) = quality {
-            described["set"] =
-                target.settings.iter().map(|(name, value)| (name.clone(), json!(value))).collect();
-            described["mesh_quality"] = json!({"least": least, "mean": mean});
-        }
-        if target.node_sets {
-            described["contact_node_set"] = json!(output.contact_nodes);
-            described["slot_contact_node_set"] = json!(output.slot_contact_nodes);
-        }
-        output::json(&described)?;
+        let largest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+        let gas_mm3 = load.dead_mm3.and(load.injected_mm3);
+        let set = || target.settings.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+        output::json(&StepReport {
+            pressure_mpa: state.load.pressure_mpa,
+            gap_mm: state.load.obstacle.gap_mm(),
+            contact_force_n: output.contact_force_n,
+            cavity_volume_mm3: output.cavity_volume_mm3,
+            volume_mm3: solver.injected_mm3(&state),
+            gas_mg: gas_mm3.map(|mm3| mm3 / MM3_PER_MG),
+            max_displacement_mm: largest(&output.displacement_mm),
+            max_von_mises_mpa: largest(&output.von_mises_mpa),
+            largest_stretch: stretches.largest,
+            beyond_law_percent: 100.0 * stretches.beyond,
+            lowest_point_mm: -solver.clearance_mm(&state),
+            contact_nodes: output.contact_nodes.len(),
+            slot_contact_nodes: output.slot_contact_nodes.len(),
+            contact_node_set: target.node_sets.then_some(&output.contact_nodes),
+            slot_contact_node_set: target.node_sets.then_some(&output.slot_contact_nodes),
+            set: quality.map(|_| set()),
+            mesh_quality: quality.map(|(least, mean)| MeshQuality { least, mean }),
+            residual_n: output.residual_n,
+            steps: work.steps,
+            factorisations: work.factorisations,
+            cuts: work.cuts,
+            seconds: work.seconds,
+        })?;
         if let (true, Some(out)) = (step == target.steps, out) {
             output
                 .write(&problem, label(target, &state.load, &output), out)
@@ -155,26 +208,6 @@ pub fn sorted(error: SolveError) -> anyhow::Error {
         SolveError::Load { .. } => usage(error),
         _ => error.into(),
     }
-}
-
-fn line(output: &Output, clearance_mm: f64, load: &Load, work: &SolveReport) -> Value {
-    let largest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
-    json!({
-        "pressure_mpa": load.pressure_mpa,
-        "gap_mm": load.obstacle.gap_mm(),
-        "contact_force_n": output.contact_force_n,
-        "cavity_volume_mm3": output.cavity_volume_mm3,
-        "max_displacement_mm": largest(&output.displacement_mm),
-        "max_von_mises_mpa": largest(&output.von_mises_mpa),
-        "lowest_point_mm": -clearance_mm,
-        "contact_nodes": output.contact_nodes.len(),
-        "slot_contact_nodes": output.slot_contact_nodes.len(),
-        "residual_n": output.residual_n,
-        "steps": work.steps,
-        "factorisations": work.factorisations,
-        "cuts": work.cuts,
-        "seconds": work.seconds,
-    })
 }
 
 /// Description of the state in the file: options and resulting force.

@@ -1,23 +1,18 @@
 //! `softtwin inspect`: what a model, a scene or a table of a bench contains.
 
+mod contents;
+
+use self::contents::Contents;
 use crate::failure::{configuration, usage};
 use crate::picture::{Figure, Panel, Series};
 use crate::{files, output, report};
 use formats::log::{Log, TableDescription, describe};
 use formats::table::TableForm;
-use rom::hull::TrainingRange;
-use rom::inputs::InputSpec;
-use rom::model::{Model, ModelHeader, OutputField, PressureLimit, RegimeModel};
-use rom::regime::OnsetTable;
 use runtime::config::Scene;
 use runtime::explain::{Explained, explain};
 use runtime::load::load_scene;
-use serde::Serialize;
-use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use train::card;
-use wire::layout::hex;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -94,109 +89,6 @@ impl Args {
             return Ok(output!("{}", text.trim_end())?);
         }
         report::print(&Contents::of(&model), self.json)
-    }
-}
-
-/// What a model file holds.
-#[derive(Serialize)]
-struct Contents<'a> {
-    actuator: &'a str,
-    source: &'static str,
-    node_count: usize,
-    bytes: usize,
-    database_hash: String,
-    hysteresis_mpa: f64,
-    /// Largest gap at which the body touches by its weight, and smallest at which it never touches.
-    sag_mm: Option<f64>,
-    reach_mm: Option<f64>,
-    pressure_limit: Option<&'a PressureLimit>,
-    inputs: Vec<ContentsInput<'a>>,
-    fields: Vec<Value>,
-    node_sets: BTreeMap<&'a str, usize>,
-    regimes: BTreeMap<&'static str, Value>,
-    outputs: BTreeMap<String, Value>,
-}
-
-#[derive(Serialize)]
-struct ContentsInput<'a> {
-    name: String,
-    unit: &'a str,
-    min: Option<f64>,
-    max: Option<f64>,
-    nominal: Option<f64>,
-}
-
-impl<'a> Contents<'a> {
-    fn of(model: &'a Model) -> Self {
-        let header = &model.header;
-        let input = |(_, input): (usize, &'a InputSpec)| ContentsInput {
-            name: input.key(),
-            unit: &input.unit,
-            min: finite(input.range[0]),
-            max: finite(input.range[1]),
-            nominal: input.value,
-        };
-        let field = |field: &OutputField| {
-            let derived = field.magnitude_of.is_some();
-            json!({"name": field.spec.name, "unit": field.spec.unit, "derived": derived})
-        };
-        let outputs = train::measured::outputs(model).into_iter();
-        Self {
-            actuator: &header.actuator,
-            source: if model.is_measured() { "measured" } else { "finite elements" },
-            node_count: header.node_count,
-            bytes: model.blocks.iter().map(|(_, block)| block.byte_count()).sum(),
-            database_hash: hex(&header.database_hash),
-            hysteresis_mpa: header.hysteresis_mpa,
-            sag_mm: header.onset.as_ref().map(OnsetTable::sag_mm),
-            reach_mm: header.onset.as_ref().map(OnsetTable::reach_mm),
-            pressure_limit: header.limit.as_ref(),
-            inputs: header.taken_inputs().map(input).collect(),
-            fields: header.fields.iter().map(field).collect(),
-            node_sets: header.node_sets.iter().map(|set| (set.name.as_str(), set.nodes.len())).collect(),
-            regimes: header
-                .regimes
-                .iter()
-                .map(|regime| (regime.kind.name(), regime_json(header, regime)))
-                .collect(),
-            outputs: outputs.map(|output| (output.name, json!({"half_width": output.half_width}))).collect(),
-        }
-    }
-}
-
-fn finite(value: f64) -> Option<f64> {
-    Some(value).filter(|value| value.is_finite())
-}
-
-fn regime_json(header: &ModelHeader, regime: &RegimeModel) -> Value {
-    json!({
-        "inputs": regime.inputs.axes.iter().map(|a| json!({
-            "name": header.inputs[a.input].key(), "min": a.min, "max": a.max })).collect::<Vec<_>>(),
-        "domain": domain(regime),
-        "modes": regime.groups.iter().map(|g| (g.name.clone(), json!(g.coefficients.len())))
-            .collect::<serde_json::Map<_, _>>(),
-        "centres": regime.groups.iter().map(|g| (g.name.clone(), json!(g.surrogate.centre_count())))
-            .collect::<serde_json::Map<_, _>>(),
-        "kernels": regime.groups.iter().map(|g| (g.name.clone(), json!(g.surrogate.kernel)))
-            .collect::<serde_json::Map<_, _>>(),
-        "force": regime.force.as_ref().map(|f| json!(f.surrogate.kernel)),
-        "half_widths": header.known_halfwidths(regime.halfwidths),
-        "measured_difference": regime.difference.as_ref().map(|of| json!({
-            "modes": of.coefficients.len(), "centres": of.centres.len(), "half_width_mm": of.residual_mm, "half_width_elsewhere_mm": of.difference_mm })),
-    })
-}
-
-/// What counts as inside the training range.
-fn domain(regime: &RegimeModel) -> String {
-    match &regime.domain {
-        TrainingRange::Interval(_) => "the interval of its samples".into(),
-        TrainingRange::Product { reach, .. } if regime.inputs.operating() == 0 => {
-            format!("the ranges of its inputs, within {reach:.2} of a sample")
-        }
-        TrainingRange::Product { reach, .. } => format!(
-            "the hull of its samples over pressure and gap, the ranges of the parameters, within {reach:.2} of a sample"
-        ),
-        hull => format!("the convex hull of its samples, {} vertices", hull.vertex_count()),
     }
 }
 
