@@ -66,8 +66,8 @@ fn recording(seed: u64) -> Recording {
     Recording { start_s: 0.0, time_s, inputs, outputs: series.collect(), remarks: Vec::new() }
 }
 
-/// A twin of the scene gets the rows as readings, some at a time; with bad readings among them whose measured outputs must not count. Returns the
-/// published states.
+/// A twin of the scene gets the rows as readings, some at a time; with bad ones among them whose measured outputs must not count. Returns the
+/// states that it publishes.
 fn played(stage: &Stage, scene: &str, recording: &Recording, at_once: usize, with_bad: bool) -> Vec<State> {
     let path = stage.write("following.toml", scene);
     let scene = Scene::load(&path).unwrap();

@@ -59,9 +59,8 @@ impl Fit {
     }
 }
 
-/// Fits the unknowns of a setup, as constants, to a recording. The filter's result is the start; with a motion, whose noise is not that of
-/// single readings, it
-/// is the fit.
+/// Fits the unknowns of a setup, as constants, to a recording. The filter's result is the start; with a motion, whose noise
+/// is not that of single readings, it is the fit.
 ///
 /// Cost: some ten to sixty evaluations of the model for each reading.
 ///

@@ -90,7 +90,7 @@ struct StepAround<'a> {
     covariance: &'a Symmetric,
     from: MotionState,
     to: [f64; MAX_INPUTS],
-    /// Its end.
+    /// Where the step ends without further errors.
     base: MotionEnd,
 }
 

@@ -1,9 +1,8 @@
 //! Measured difference of the fields from the finite elements, in the coefficients of some modes, smooth over the inputs.
 //!
 //! ```text
-//! a_j(x) += sum_k w_kj g(|x - c_k|)      g(d) = (1 - d/R)^4 (4 d/R + 1) below R, 0 beyond (Wendland, twice differentiable); x scaled as in
-//! the regime
-//! share(x) = max_k g(|x - c_k|)          1 at a measured state, 0 farther than R from all of them
+//! a_j(x) += sum_k w_kj g(|x - c_k|)      g(d) = (1 - d/R)^4 (4 d/R + 1) below R, 0 beyond (Wendland, twice differentiable)
+//! share(x) = max_k g(|x - c_k|)          1 at a measured state, 0 farther than R from all of them; x scaled as in the regime
 //! m(x)     = share q + (1 - share) d     displacement's half-width: sqrt(h^2 + m^2)
 //! ```
 //!

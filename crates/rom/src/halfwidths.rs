@@ -198,7 +198,7 @@ const HALF: f64 = 10.0;
 struct Scale {
     /// `s_j` at the places.
     pub s_at_places: Vec<f64>,
-    /// `q`.
+    /// `q` of the equations above.
     pub quantile: f64,
 }
 

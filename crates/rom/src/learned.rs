@@ -184,7 +184,7 @@ pub struct LearnedMap {
     pub polynomials: Vec<Polynomial>,
     /// Kernel maps.
     pub kernels: Vec<Kernels>,
-    /// Networks of fixed random weights that carry the past; empty where lags were enough.
+    /// Networks of fixed random weights that carry the past.
     pub reservoirs: Vec<Reservoir>,
     /// Rows of the training.
     pub support: Support,

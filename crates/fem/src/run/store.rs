@@ -42,7 +42,7 @@ pub struct Store {
 pub struct Sizes {
     /// Nodes of the mesh that the checkpoints belong to.
     pub nodes: usize,
-    /// Its tetrahedra.
+    /// Tetrahedra of that mesh.
     pub tets: usize,
     /// Sheet triangles.
     pub sheet: usize,

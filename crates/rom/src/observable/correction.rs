@@ -28,9 +28,9 @@ pub struct Correction {
     pub centres: Vec<Point>,
     /// Weights `w`, in the observable's unit.
     pub weights: Vec<f64>,
-    /// `q`.
+    /// Half-width at a measured state, `q`.
     pub residual: f64,
-    /// `d`.
+    /// Half-width of the difference itself, `d`, which counts where nothing was measured.
     pub difference: f64,
 }
 

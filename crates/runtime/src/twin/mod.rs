@@ -6,8 +6,7 @@
 //! | --- | --- |
 //! | 1. poll: take it from the sensor topic | `mod.rs` |
 //! | 2. ingest: validate it, let the session take it; a good one waits for its answer | `ingest.rs`, `mod.rs` |
-//! | 3. evaluate: coefficients, force, gradients, half-widths with the residual's contribution; fill the state | `mod.rs`, `residual.rs`,
-//! `markers.rs`, `observed.rs`, `../publish.rs` |
+//! | 3. evaluate: coefficients, force, gradients, half-widths with the residual's contribution; fill the state | `mod.rs`, `residual.rs`, `markers.rs`, `observed.rs`, `../publish.rs` |
 //! | 4. reconstruct: write each field into a sample on loan | `../publish.rs` |
 //! | 5. publish: send state and fields | `mod.rs`, `../publish.rs` |
 //! | 6. record the outcome: count it once, after its outputs | `record.rs` |
