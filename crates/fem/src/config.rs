@@ -18,20 +18,16 @@ pub const GRAVITY_ALONG_MM_S2: [f64; 3] = [9810.0, 0.0, 0.0];
 /// Largest pressure, far above that of elastomer actuators; a larger value has another unit.
 pub(crate) const MAX_MPA: f64 = 10.0;
 
-/// Penalties of the contacts.
+/// Penalties of the contacts; a key that is left out has its default.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct ContactSettings {
     /// Chamber walls: pressure per overlap (MPa/mm).
     pub slot_penalty_mpa_per_mm: f64,
     /// Chamber walls: overlap over which the penalty is rounded (mm).
     pub slot_smoothing_mm: f64,
     /// Plate or block: pressure per overlap (MPa/mm), given to the surface nodes by their areas.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub obstacle_penalty_mpa_per_mm: Option<f64>,
-    /// Alternative to the former: force per overlap at each surface node (N/mm), spread over the surface with the same total.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub obstacle_penalty_n_per_mm: Option<f64>,
+    pub obstacle_penalty_mpa_per_mm: f64,
     /// Plate or block: overlap over which the penalty is rounded (mm).
     pub obstacle_smoothing_mm: f64,
 }
@@ -41,8 +37,7 @@ impl Default for ContactSettings {
         Self {
             slot_penalty_mpa_per_mm: 1.38,
             slot_smoothing_mm: 0.002,
-            obstacle_penalty_mpa_per_mm: Some(6.63),
-            obstacle_penalty_n_per_mm: None,
+            obstacle_penalty_mpa_per_mm: 6.63,
             obstacle_smoothing_mm: 0.015,
         }
     }

@@ -311,15 +311,7 @@ fn check_config(mesh: &Mesh, config: &ProblemConfig) -> Result<(), ProblemError>
     let contact = &config.contact;
     at_least_zero("contact", "slot_penalty_mpa_per_mm", contact.slot_penalty_mpa_per_mm)?;
     positive("contact", "slot_smoothing_mm", contact.slot_smoothing_mm)?;
-    match (contact.obstacle_penalty_mpa_per_mm, contact.obstacle_penalty_n_per_mm) {
-        (Some(value), None) => positive("contact", "obstacle_penalty_mpa_per_mm", value)?,
-        (None, Some(value)) => positive("contact", "obstacle_penalty_n_per_mm", value)?,
-        _ => {
-            return Err(ProblemError::Missing(
-                "contact: give obstacle_penalty_mpa_per_mm or, as older files do, obstacle_penalty_n_per_mm, and not both",
-            ));
-        }
-    }
+    positive("contact", "obstacle_penalty_mpa_per_mm", contact.obstacle_penalty_mpa_per_mm)?;
     positive("contact", "obstacle_smoothing_mm", contact.obstacle_smoothing_mm)?;
     if config.elastomers.is_empty() {
         return Err(ProblemError::Missing("no elastomer is given; name at least one"));
@@ -513,7 +505,7 @@ fn elastomer<'a>(mesh: &Mesh, config: &'a ProblemConfig, e: usize) -> &'a Elasto
 }
 
 /// Obstacle stiffness at each contact node: its part of the surface's area (four facets per face, a third of each per
-/// vertex) times the penalty. A penalty given per node is spread with the same total.
+/// vertex) times the penalty.
 fn contact_stiffness(mesh: &Mesh, config: &ProblemConfig, contact_nodes: &[u32]) -> Vec<f64> {
     let mut area_mm2 = vec![0.0; mesh.nodes_mm.len()];
     for t in &mesh.bottom {
@@ -523,10 +515,7 @@ fn contact_stiffness(mesh: &Mesh, config: &ProblemConfig, contact_nodes: &[u32])
             area_mm2[*n as usize] += area * if k < 3 { 1.0 / 12.0 } else { 0.25 };
         }
     }
-    let total: f64 = contact_nodes.iter().map(|n| area_mm2[*n as usize]).sum();
-    let contact = &config.contact;
-    let per_node = contact.obstacle_penalty_n_per_mm.map(|k| k * contact_nodes.len() as f64 / total);
-    let penalty_mpa_per_mm = contact.obstacle_penalty_mpa_per_mm.or(per_node).unwrap_or(0.0);
+    let penalty_mpa_per_mm = config.contact.obstacle_penalty_mpa_per_mm;
     contact_nodes.iter().map(|n| penalty_mpa_per_mm * area_mm2[*n as usize]).collect()
 }
 

@@ -3,6 +3,7 @@
 use crate::actuators::{model, reference, with};
 use fem::actuator::Actuator;
 use fem::cases;
+use fem::{ContactSettings, NewtonSettings};
 use proptest::prelude::*;
 
 #[test]
@@ -67,6 +68,23 @@ fn all_errors_are_listed_and_unknown_keys_refused() {
     assert!(Actuator::parse(&both).unwrap_err().len() >= 2);
     let unknown = reference().replace("[sheet]", "[sheet]\ncolour = \"white\"");
     assert!(Actuator::parse(&unknown).unwrap_err()[0].to_string().contains("colour"));
+}
+
+#[test]
+fn contact_and_newton_have_defaults() {
+    let mut text = reference();
+    for section in ["[contact]", "[newton]"] {
+        let Some(from) = text.find(section) else { continue };
+        let to = text[from + 1..].find("\n[").map_or(text.len(), |length| from + 1 + length);
+        text.replace_range(from..to, "");
+    }
+    let without = Actuator::parse(&text).unwrap();
+    assert_eq!((without.contact, without.newton), (ContactSettings::default(), NewtonSettings::default()));
+    let some = Actuator::parse(&(text + "\n[contact]\nobstacle_penalty_mpa_per_mm = 2.0\n")).unwrap();
+    assert_eq!(
+        some.contact,
+        ContactSettings { obstacle_penalty_mpa_per_mm: 2.0, ..ContactSettings::default() }
+    );
 }
 
 #[test]

@@ -145,7 +145,7 @@ fn bar(bottom_mm: f64) -> Arc<Problem> {
     b.solid([4.0, bottom_mm, 4.0], [8.0, bottom_mm + 6.0, 8.0], [1, 2, 1]);
     b.mesh.fixed_nodes = b.nodes_where(|p| p[1] > bottom_mm + 6.0 - 1.0e-9);
     b.mesh.bottom = b.faces(|p| p[1] < bottom_mm + 1.0e-9);
-    let contact = ContactSettings { obstacle_penalty_mpa_per_mm: Some(1.0e5), ..ContactSettings::default() };
+    let contact = ContactSettings { obstacle_penalty_mpa_per_mm: 1.0e5, ..ContactSettings::default() };
     problem(b.mesh, 1.0e-14, contact)
 }
 

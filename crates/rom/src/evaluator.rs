@@ -72,8 +72,8 @@ pub enum Until {
     /// Regime and onset. Force and gradient are then 0 (NaN for a model without forces), also in contact; coefficients are those of the
     /// answer before. Less than 1 us for a model without parameters.
     Regime,
-    /// With the force, its gradient and the half-widths: some 10 % of the cost of the coefficients (outside the training range all of it,
-    /// because the shape is checked there).
+    /// With the force, its gradient and the half-widths: some 10 % of the cost of the coefficients (outside the training range the cost of
+    /// those of the positions, because the shape is checked there).
     State,
     /// With the coefficients.
     Coefficients,
@@ -437,7 +437,7 @@ impl Evaluator {
             self.halfwidths(part, &x, out);
         }
         if query.until > Until::State || self.must_check(out) {
-            self.coefficients(out, query.until == Until::Gradients);
+            self.coefficients(out, query.until);
         }
         if query.until == Until::State {
             clear(out);
@@ -545,7 +545,7 @@ impl Evaluator {
     /// Adds the coefficients to an answer to [`Query::STATE`], for those who decide by the state whether they need fields.
     pub fn complete(&self, out: &mut Evaluation) {
         if out.coefficients.is_empty() {
-            self.coefficients(out, false);
+            self.coefficients(out, Until::Coefficients);
         }
     }
 
@@ -606,15 +606,21 @@ impl Evaluator {
         at
     }
 
-    /// Coefficients of the regime of `out`; none of a regime that was not trained.
-    fn coefficients(&self, out: &mut Evaluation, gradient: bool) {
+    /// Coefficients of the regime of `out`; none of a regime that was not trained. Up to [`Until::State`] only those that the body's shape
+    /// depends on.
+    fn coefficients(&self, out: &mut Evaluation, until: Until) {
         if self.learned.is_some() {
             return self.answer_settled(out);
         }
         match self.parts.iter().find(|part| part.model.kind == out.regime) {
             Some(part) => {
                 let of_shape = if self.must_check(out) { &part.of_shape[..] } else { &[] };
-                coefficients(part, of_shape, &part.model.inputs.scale(&out.inputs), out, gradient);
+                let body = self.body.as_ref().filter(|_| until <= Until::State);
+                let is_asked = |(_, range): &&(Sums, Range<usize>)| {
+                    body.is_none_or(|body| body.depends_on(part.model.kind, range))
+                };
+                let groups = part.groups.iter().chain(of_shape).filter(is_asked);
+                coefficients(part, groups, out, until == Until::Gradients);
             }
             None => clear(out),
         }
@@ -719,18 +725,19 @@ fn clear(out: &mut Evaluation) {
     out.gradients.iter_mut().for_each(Vec::clear);
 }
 
-fn coefficients(
+/// Coefficients of these groups; those of others stay as they were.
+fn coefficients<'a>(
     part: &RegimePart,
-    of_shape: &[(Sums, Range<usize>)],
-    x: &Point,
+    groups: impl Iterator<Item = &'a (Sums, Range<usize>)>,
     out: &mut Evaluation,
     gradient: bool,
 ) {
     let map = &part.model.inputs;
+    let x = &map.scale(&out.inputs);
     let count = if gradient { part.coefficient_count } else { 0 };
     out.gradients.iter_mut().for_each(|row| row.resize(count, 0.0)); // within the capacity reserved
     out.coefficients.resize(part.coefficient_count, 0.0);
-    for (sums, range) in part.groups.iter().chain(of_shape) {
+    for (sums, range) in groups {
         let rows = gradient.then(|| out.gradients.each_mut().map(|row| &mut row[range.clone()]));
         sums.evaluate(x, &mut out.scratch, &mut out.coefficients[range.clone()], rows);
     }

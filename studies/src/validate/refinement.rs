@@ -32,9 +32,7 @@ struct Level {
 
 pub fn run(path: &Path, chambers: usize, times: &[usize], book: &mut Book) -> anyhow::Result<()> {
     let mut actuator = shortened(Actuator::read(path).map_err(refusal)?, chambers)?;
-    let contact = &mut actuator.contact;
-    let penalties = [&mut contact.obstacle_penalty_mpa_per_mm, &mut contact.obstacle_penalty_n_per_mm];
-    penalties.into_iter().flatten().for_each(|penalty| *penalty *= SHARPER);
+    actuator.contact.obstacle_penalty_mpa_per_mm *= SHARPER;
     actuator.contact.obstacle_smoothing_mm /= SHARPER;
     book.heading(&format!(
         "mesh refinement, chambers: {chambers}, {PRESSURE_MPA} MPa: coarser mesh against the finest"

@@ -55,7 +55,8 @@ pub struct Actuator {
     /// The rigid body below the base; without it there is a plate without end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub obstacle: Option<ObstacleBody>,
-    /// Penalties by which contact is enforced.
+    /// Penalties by which contact is enforced. A body that touches nothing leaves them out.
+    #[serde(default)]
     pub contact: ContactSettings,
     /// Newton iteration. The defaults suit every actuator that has been solved so far, so most files leave it out.
     #[serde(default)]
