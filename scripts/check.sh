@@ -11,6 +11,7 @@
 #   scripts/check.sh benchmark                   two tasks of `benchmarks`: softtwin beside a polynomial, without all peers
 #   scripts/check.sh clients [pytest arguments]  the Python client against running twins
 #   scripts/check.sh documents [PAGE...]         the shell blocks of the documents run; those that do not are listed with the reason
+#   scripts/check.sh documents long [PAGE...]    the pages with blocks that take minutes, with these blocks
 #   scripts/check.sh gallery                     examples/gallery: every command runs, and the pictures show what they showed
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run with a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there;
@@ -73,7 +74,9 @@ gmsh_python() { python gmsh "gmsh==4.15.2" numpy; }
 
 gallery_python() { python gallery 'gmsh==4.15.2' numpy matplotlib; }
 
-documents_python() { python documents numpy 'fmpy<0.4' 'iceoryx2==0.10.0'; }
+documents_python() {
+    python documents 'numpy<3' 'scipy<2' 'scikit-learn<2' matplotlib 'fmpy<0.4' 'iceoryx2==0.10.0' 'gmsh==4.15.2' 'eclipse-zenoh==1.10.2'
+}
 
 gateway_python() { python gateway "eclipse-zenoh==1.10.2" numpy pytest rosbags; }
 
@@ -169,10 +172,14 @@ clients() {
 
 # Pages of the gallery are left to `gallery`, which compares their pictures too.
 documents() {
+    local long=
+    if [ "${1:-}" = long ]; then long=--long && shift; fi
+    export SOFTTWIN_NETWORK=1 PYTHONPATH=$PWD/clients/python/src
     documents_python
     build
+    native_module
     [ $# -gt 0 ] || set -- ./*.md docs/*.md docs/clients/*.md examples/gallery/README.md benchmarks/README.md models/shapes/*/README.md
-    PATH=$(realpath "$target")/debug:$(realpath "$(dirname "$python")"):$PATH exec scripts/checks/blocks.py "$@"
+    PATH=$(realpath "$target")/debug:$(realpath "$(dirname "$python")"):$PATH exec scripts/checks/blocks.py ${long:+"$long"} "$@"
 }
 
 gallery() {
@@ -351,6 +358,6 @@ case ${1:-} in
     view | actuators | exports | calculix | batch | benchmark | clients | documents | gallery | c | dependencies | prepare | gateway | aarch64 | hours) "$@" ;;
     install) install_check "${@:2}" ;;
     ros2-peer) ros2_peer ;;
-    -h | --help) sed -n '2,31s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,31s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,32s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,32s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac

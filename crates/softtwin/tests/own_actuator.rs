@@ -134,7 +134,7 @@ fn from_folder_to_live_twin(stage: &Stage, name: &str) -> (Vec<(String, String)>
     let block = text.split("```sh\n").nth(1).and_then(|rest| rest.split("```").next()).expect("commands");
     let (mut said, mut running) = (Vec::new(), Vec::new());
     for line in block.lines().skip_while(|line| line.starts_with("cp ")) {
-        match line.split_once(' ').expect("a command") {
+        match line.trim_end_matches(" &").split_once(' ').expect("a command") {
             ("softtwind", rest) => {
                 let mut program = Program::daemon(stage, &rest.split_whitespace().collect::<Vec<_>>());
                 program.wait_for("ready:");
