@@ -172,6 +172,7 @@ clients() {
 
 # Pages of the gallery are left to `gallery`, which compares their pictures too.
 documents() {
+    require strace
     local long=
     if [ "${1:-}" = long ]; then long=--long && shift; fi
     export SOFTTWIN_NETWORK=1 PYTHONPATH=$PWD/clients/python/src
