@@ -5,6 +5,7 @@ import { BLUR_FS, BODY_FS, BODY_VS, CAST_FS, CAST_VS, PLATE_FS, PLATE_VS, SQUARE
 const SLOW_MS = 45; // a software renderer that needs longer draws fewer pixels
 const COARSEST = 0.5;
 const CAST_SIZE = [256, 128];
+const BLURRED_SIZE = [128, 64]; // enough for what is blurred, and a quarter of the work
 const BLUR_MM = 0.8; // distance of the blur's samples: three of them are its standard deviation
 const HIDDEN_ALPHA = 0.5; // of what shows through other things
 
@@ -24,7 +25,7 @@ export class Painter {
     gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([0, 0, 1, 0, 0, 1, 1, 1]), gl.STATIC_DRAW);
     gl.enableVertexAttribArray(0);
     gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
-    this.casts = [0, 1].map(() => target(gl, CAST_SIZE));
+    this.casts = [CAST_SIZE, BLURRED_SIZE, BLURRED_SIZE].map((size) => target(gl, size));
     this.table = texture(gl, [256, 1], gl.RGB8, gl.RGB, table);
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.BLEND);
@@ -91,13 +92,23 @@ export class Painter {
     }
     gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.polygonOffset(1, 1);
-    draw(gl.TRIANGLES, "corners");
+    this.withoutBacks(mesh, scale, () => draw(gl.TRIANGLES, "corners"));
     gl.disable(gl.POLYGON_OFFSET_FILL);
     gl.depthFunc(gl.LESS);
     if (lines) {
       gl.uniform4f(body.at.flat_colour, 0, 0, 0, 0.22);
       draw(gl.LINES, "edges");
     }
+  }
+
+  // Leaves out the half of a closed surface that looks away: it is behind the other half.
+  withoutBacks(mesh, scale, draw) {
+    const { gl } = this;
+    if (!mesh.outward) { draw(); return; }
+    gl.frontFace(mesh.outward * scale[0] * scale[1] * scale[2] > 0 ? gl.CCW : gl.CW);
+    gl.enable(gl.CULL_FACE);
+    draw();
+    gl.disable(gl.CULL_FACE);
   }
 
   // The plate's top with the soft shadow of a body on it and, when they touch, the patch where.
@@ -108,12 +119,12 @@ export class Painter {
     gl.uniformMatrix4fv(this.plate.at.matrix, false, this.frame.matrix);
     for (const [name, value] of Object.entries({ low, high, plate, grid, mark })) gl.uniform3fv(this.plate.at[name], value);
     gl.uniform1f(this.plate.at.alpha, this.frame.eye[1] > high[1] ? 1 : 0.3); // from below it must not hide the body
-    gl.bindTexture(gl.TEXTURE_2D, this.casts[0].texture);
+    gl.bindTexture(gl.TEXTURE_2D, this.casts[2].texture);
     gl.bindVertexArray(this.square);
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
   }
 
-  // Draws shadow and contact of a body, as seen from above the plate, into the first of two pictures, and blurs them there.
+  // Draws shadow and contact of a body, as seen from above the plate, into the first of three pictures, and blurs them into the last.
   castOn({ low, high }, { mesh, offset, scale }, touching) {
     const { gl, casts, cast, blur } = this;
     gl.disable(gl.DEPTH_TEST);
@@ -129,13 +140,15 @@ export class Painter {
       gl.bindVertexArray(buffers.array);
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers.corners);
       gl.blendEquation(gl.MAX);
-      gl.drawElements(gl.TRIANGLES, mesh.corners.length, gl.UNSIGNED_INT, 0);
+      // Both are decided by the lowest point, which is on a face that looks at the plate, also at a mirrored one.
+      this.withoutBacks(mesh, [1, 1, 1], () => gl.drawElements(gl.TRIANGLES, mesh.corners.length, gl.UNSIGNED_INT, 0));
       gl.blendEquation(gl.FUNC_ADD);
     }
     gl.useProgram(blur.program);
     gl.bindVertexArray(this.square);
+    gl.viewport(0, 0, ...BLURRED_SIZE);
     [[BLUR_MM / (high[0] - low[0]), 0], [0, BLUR_MM / (high[2] - low[2])]].forEach((along, k) => {
-      gl.bindFramebuffer(gl.FRAMEBUFFER, casts[1 - k].frame);
+      gl.bindFramebuffer(gl.FRAMEBUFFER, casts[k + 1].frame);
       gl.bindTexture(gl.TEXTURE_2D, casts[k].texture);
       gl.uniform2fv(blur.at.along, along);
       gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);

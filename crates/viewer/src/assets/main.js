@@ -20,6 +20,7 @@ const at = (id) => document.getElementById(id);
 const PREDICTION = "what if";
 const SHORTEST_MS = 2000; // that the charts show
 const READINGS_EVERY_MS = 100;
+const PANELS_EVERY_MS = 250; // without a graphics card, where charts and numbers cost as much as two pictures of the scene
 const RESTORED_MS = 10000; // that a browser has to restore a graphics context
 
 const page = await embedded();
@@ -318,8 +319,8 @@ setInterval(() => {
   if (!recording.on) link.send({ type: "readings" });
   if (recorder.filming) touch(); // a film of what stands still has pictures too
   status();
-  panels();
 }, READINGS_EVERY_MS);
+setInterval(panels, painter.software ? PANELS_EVERY_MS : READINGS_EVERY_MS);
 requestAnimationFrame(tick);
 
 // For scripts and tests: what is on the browser right now.

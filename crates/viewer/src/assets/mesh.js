@@ -43,6 +43,7 @@ export class Mesh {
       this.corners[corner] = group.vertex;
     }
     this.edges = edgesOf(this.corners);
+    this.outward = outwardOf(facets, undeformed);
   }
 
   // Moves the vertices to a frame's coordinates (field-major: all x, then y, then z) and makes smooth normals.
@@ -98,6 +99,21 @@ function edgesOf(corners) {
     }
   }
   return new Uint32Array(edges);
+}
+
+// 1 if the facets turn around the outward normals of a closed surface, -1 around the inward ones, 0 if the surface has a border.
+function outwardOf(facets, undeformed) {
+  const open = new Set();
+  let volume = 0;
+  for (let f = 0; f < facets.length; f += 3) {
+    const [a, b, c] = [0, 1, 2].map((k) => facets[f + k]);
+    for (const [from, to] of [[a, b], [b, c], [c, a]]) {
+      if (!open.delete(to * 2 ** 26 + from)) open.add(from * 2 ** 26 + to);
+    }
+    const [p, q, r] = [a, b, c].map((node) => undeformed.subarray(3 * node, 3 * node + 3));
+    volume += p[0] * (q[1] * r[2] - q[2] * r[1]) + p[1] * (q[2] * r[0] - q[0] * r[2]) + p[2] * (q[0] * r[1] - q[1] * r[0]);
+  }
+  return open.size ? 0 : Math.sign(volume);
 }
 
 // Nodes without a known surface: drawn as points.
