@@ -186,6 +186,7 @@ documents() {
 gallery() {
     gallery_python
     build
+    python3 scripts/checks/gallery.py --prove examples/gallery/*/picture.svg
     PATH=$(realpath "$(dirname "$python")"):$PATH exec scripts/gallery.sh --check --programs "$target/debug"
 }
 
