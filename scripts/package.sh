@@ -3,7 +3,9 @@
 #   scripts/package.sh deb OUT [--gateway]       Debian package: softtwin, softtwind, softtwin-demo, services, udev rule, man pages, shell
 #                                                completions, models, configuration under /etc/softtwin that an upgrade keeps, C library with
 #                                                headers, library of FMUs; --gateway: a second package, softtwin-gateway
-#   scripts/package.sh wheel OUT                 Python wheel: the package with its native module, the programs, one model
+#   scripts/package.sh wheel OUT [--target x86_64-unknown-linux-gnu|aarch64-unknown-linux-gnu]
+#                                                Python wheel: the package with its native module, the programs, one model. A release, or what
+#                                                --target names, runs on every Linux with glibc 2.17 or newer; other profiles are for this machine
 #   scripts/package.sh sdist OUT                 Python source distribution: what the same wheel is compiled from, elsewhere
 #   scripts/package.sh c PREFIX                  C and C++ client: libsofttwin (shared, static), headers, pkg-config and CMake files:
 #                                                PKG_CONFIG_PATH=PREFIX/lib/pkgconfig pkg-config --cflags --libs softtwin
@@ -11,18 +13,19 @@
 #   scripts/package.sh share FOLDER [MODEL...]   content of share/softtwin: scenes, traces, settings, models (default: every model)
 # Needs Rust and a C compiler; deb: dpkg-deb; wheel and sdist: Python 3.10 or newer with pip.
 set -euo pipefail
-usage() { sed -n '2,12s/^# \{0,1\}//p' "$0" >&2; exit 2; }
+usage() { sed -n '2,14s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 [ $# -ge 2 ] || usage
 what=$1
 mkdir -p "$2"
 out=$(cd "$2" && pwd)
 shift 2
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-profile=release gateway= models=()
+profile=release gateway= target= models=()
 while [ $# -gt 0 ]; do
     case "$1" in
         --profile) profile=${2:?--profile needs a name}; shift 2 ;;
         --gateway) gateway=yes; shift ;;
+        --target) target=${2:?--target needs a name}; shift 2 ;;
         -*) usage ;;
         *) models+=("$1"); shift ;;
     esac
@@ -79,8 +82,16 @@ c_client() {
 page() { scripts/page.sh >&2 || echo "package.sh: exported pages are left out of this package" >&2; }
 
 wheel() {
+    local arguments="--profile $profile"
     page
-    MATURIN_PEP517_ARGS="--profile $profile" "${PYTHON:-python3}" -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$out" clients/python
+    # The compiler of this machine links against this machine's glibc; zig links against an old one, for either processor.
+    if [ "$profile" = release ] || [ -n "$target" ]; then
+        target=${target:-$(rustc -vV | sed -n 's/^host: //p')}
+        [ -d "$(rustc --print target-libdir --target "$target")" ] ||
+            { echo "package.sh: rustc has no libraries for this processor; \`rustup target add $target\`" >&2; exit 1; }
+        arguments+=" --target $target --compatibility manylinux_2_17"
+    fi
+    MATURIN_PEP517_ARGS=$arguments "${PYTHON:-python3}" -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$out" clients/python
     ls "$out"/softtwin-*.whl
 }
 

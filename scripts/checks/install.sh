@@ -57,6 +57,13 @@ client() { git status --porcelain --ignored clients/python | grep -v '__pycache_
 client_before=$(client)
 PYTHON=$work/venv/bin/python scripts/package.sh wheel "$work" --profile "$profile"
 [ "$client_before" = "$(client)" ] || fail "building the wheel left files in clients/python"
+# A release is for other machines: an old glibc, and small enough to send. Other profiles are for this machine.
+wheel=$(echo "$work"/softtwin-*.whl) tag=cp310-abi3-linux_
+if [ "$profile" = release ]; then
+    tag=cp310-abi3-*manylinux_2_17_
+    [ "$(stat -c %s "$wheel")" -le 30000000 ] || fail "expected a wheel of at most 30 MB, found $(stat -c %s "$wheel") bytes: $wheel"
+fi
+[[ $wheel == *-$tag* ]] || fail "expected a wheel whose tag is $tag, found $wheel"
 python3 -m venv "$work/clean"
 "$work/clean/bin/pip" install --quiet --disable-pip-version-check "$work"/softtwin-*.whl
 demonstration "$work/clean/bin/softtwin" demo
