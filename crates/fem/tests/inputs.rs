@@ -1,7 +1,7 @@
 //! Input files of the simulator: actuator files, meshes, lists of cases. Valid ones are accepted, errors are named.
 
 use crate::actuators::{model, reference, with};
-use fem::actuator::Actuator;
+use fem::actuator::{Actuator, NewActuator, NewMaterial, NewShape};
 use fem::cases;
 use fem::{ContactSettings, NewtonSettings};
 use proptest::prelude::*;
@@ -85,6 +85,23 @@ fn contact_and_newton_have_defaults() {
         some.contact,
         ContactSettings { obstacle_penalty_mpa_per_mm: 2.0, ..ContactSettings::default() }
     );
+}
+
+#[test]
+fn new_actuator_has_a_pressure_for_every_further_cavity_of_its_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = model("shapes/two-chambers/mesh.msh");
+    let new = NewActuator {
+        name: "two",
+        shape: NewShape::Mesh { file: &mesh, fixed: "clamp" },
+        hanging: false,
+        material: NewMaterial::Shear(0.1),
+    };
+    let (report, made) = new.create(&folder.path().join("two")).unwrap();
+    let read = Actuator::read(&report.actuator).unwrap();
+    assert_eq!(read, made);
+    assert_eq!(read.pressure_mpa, [("lower".to_owned(), 0.0)].into());
+    read.read_mesh(&report.actuator).unwrap();
 }
 
 #[test]

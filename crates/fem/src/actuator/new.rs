@@ -5,7 +5,7 @@ use super::reading::with_elastomer;
 use super::template::{MATERIAL_FILE, NewActuator, NewBoxes, NewMaterial, NewShape, mesh_name};
 use crate::material::MaterialFile;
 use crate::material::silicone::HardnessFigure;
-use formats::{FormatError, file};
+use formats::{FormatError, file, read_mesh};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -92,7 +92,7 @@ impl NewActuator<'_> {
     pub fn create(&self, folder: &Path) -> Result<(NewReport, Actuator), NewError> {
         Self::check_place(self.name, folder)?;
         self.check()?;
-        let text = self.text(&file::quoted(folder)).map_err(NewError::Refused)?;
+        let text = self.text(&file::quoted(folder), &self.further_cavities()?).map_err(NewError::Refused)?;
         let path = folder.join("actuator.toml");
         let content = |diagnostics| FormatError::Content { path: path.clone(), diagnostics };
         let (whole, material) = match self.material {
@@ -170,6 +170,13 @@ impl NewActuator<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Names of the cavities `cavity.NAME` of the mesh file.
+    fn further_cavities(&self) -> Result<Vec<String>, FormatError> {
+        let NewShape::Mesh { file, .. } = self.shape else { return Ok(Vec::new()) };
+        let surfaces = read_mesh(file)?.surfaces.into_keys();
+        Ok(surfaces.filter_map(|name| Some(name.strip_prefix("cavity.")?.to_owned())).collect())
     }
 
     /// Name and content of the mesh file, which is checked as the actuator's own.

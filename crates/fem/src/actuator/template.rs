@@ -5,6 +5,7 @@ use super::file::Shape;
 use crate::material::silicone::{HardnessFigure, Silicone};
 use crate::mesh::three_digits;
 use rom::snapshots::Footprint;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Margins of the base before and behind the body, mm.
@@ -78,11 +79,12 @@ pub(super) const MATERIAL_FILE: &str = "material.toml";
 type Entry = (&'static str, &'static str, String);
 
 impl NewActuator<'_> {
-    /// The text of `actuator.toml`; `folder` is what `softtwin build` is given in its first comment.
+    /// The text of `actuator.toml`; `folder` is what `softtwin build` is given in its first comment, and `cavities` are the further ones of a
+    /// mesh file.
     ///
     /// # Errors
     /// Chambers that do not fit: which option, and what would.
-    pub fn text(&self, folder: &str) -> Result<String, String> {
+    pub(super) fn text(&self, folder: &str, cavities: &[String]) -> Result<String, String> {
         let mut entries = match self.shape {
             NewShape::Boxes(boxes) => boxes.entries()?,
             NewShape::Mesh { fixed, .. } => vec![
@@ -135,7 +137,12 @@ impl NewActuator<'_> {
             NewShape::Boxes(boxes) => (&[][..], MESH.replace("SIZE", &format!("{:?}", 2.0 * boxes.wall_mm))),
             NewShape::Mesh { file, .. } => (&OF_BOXES[..], OWN_MESH.replace("FILE", &mesh_name(file))),
         };
-        let text = compose(&heading, &entries, [&elastomer, &law], left_out) + &mesh;
+        let mut text = compose(&heading, &entries, [&elastomer, &law], left_out) + &mesh;
+        if !cavities.is_empty() {
+            let pressures: BTreeMap<&str, f64> = cavities.iter().map(|name| (name.as_str(), 0.0)).collect();
+            text += FURTHER_CAVITIES;
+            text += &toml::to_string(&pressures).map_err(|error| error.to_string())?;
+        }
         Ok(if let NewMaterial::File(_) = self.material { with_material_file(&text) } else { text })
     }
 }
@@ -238,6 +245,11 @@ random_seed = 34                  # of gmsh
 const OWN_MESH: &str = "\
 [mesh]
 file = \"FILE\"                 # tetrahedra of ten nodes in mm, with named surfaces: docs/own-mesh.md
+";
+
+/// Section of an actuator with further cavities, before their names.
+const FURTHER_CAVITIES: &str = "
+[pressure_mpa]                    # MPa, of the cavities beside `cavity` in states that do not set it: `--set pressure_mpa.NAME=0.02`
 ";
 
 /// Sections that an actuator with its own mesh has not.
