@@ -39,12 +39,17 @@ impl Actuator {
     /// I/O error, not a mesh, or all errors in the mesh.
     pub fn read_mesh(&self, actuator_path: &Path) -> Result<Mesh, FormatError> {
         let path = self.mesh_path(actuator_path);
-        let (mesh, diagnostics) = self.checked(self.named_file(read_mesh(&path)?));
-        let mesh = FormatError::check(mesh, &path, diagnostics)?;
+        self.mesh_of(&path, read_mesh(&path)?)
+    }
+
+    /// The mesh of an actuator from the content of the mesh file at `path`, checked as by [`Actuator::read_mesh`].
+    pub(crate) fn mesh_of(&self, path: &Path, content: MeshFile) -> Result<Mesh, FormatError> {
+        let (mesh, diagnostics) = self.checked(self.named_file(content));
+        let mesh = FormatError::check(mesh, path, diagnostics)?;
         let (found, expected) = (mesh.nodes_mm.len(), self.mesh.nodes);
         if expected != 0 && found != expected {
             let expected = format!("{expected} (mesh.nodes in actuator.toml)");
-            return Err(FormatError::one(&path, Diagnostic::new("nodes", expected, found)));
+            return Err(FormatError::one(path, Diagnostic::new("nodes", expected, found)));
         }
         Ok(mesh)
     }

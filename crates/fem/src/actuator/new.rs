@@ -5,6 +5,7 @@ use super::reading::with_elastomer;
 use super::template::{MATERIAL_FILE, NewActuator, NewBoxes, NewMaterial, NewShape, mesh_name};
 use crate::material::MaterialFile;
 use crate::material::silicone::HardnessFigure;
+use formats::mesh_file::MeshFile;
 use formats::{FormatError, file, read_mesh};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -92,7 +93,12 @@ impl NewActuator<'_> {
     pub fn create(&self, folder: &Path) -> Result<(NewReport, Actuator), NewError> {
         Self::check_place(self.name, folder)?;
         self.check()?;
-        let text = self.text(&file::quoted(folder), &self.further_cavities()?).map_err(NewError::Refused)?;
+        let mesh = match self.shape {
+            NewShape::Mesh { file, .. } => Some((file, read_mesh(file)?)),
+            _ => None,
+        };
+        let further = mesh.as_ref().map_or_else(Vec::new, |(_, content)| further_cavities(content));
+        let text = self.text(&file::quoted(folder), &further).map_err(NewError::Refused)?;
         let path = folder.join("actuator.toml");
         let content = |diagnostics| FormatError::Content { path: path.clone(), diagnostics };
         let (whole, material) = match self.material {
@@ -105,9 +111,13 @@ impl NewActuator<'_> {
         };
         let actuator = Actuator::parse(&whole).map_err(content)?;
         let report = self.report(&path, &actuator)?;
-        let mesh = self.mesh(&actuator)?;
+        let mut copy = None;
+        if let Some((file, content)) = mesh {
+            actuator.mesh_of(file, content)?;
+            copy = Some((mesh_name(file), file::read_bytes(file, MAX_MESH_BYTES)?));
+        }
         file::create_folder(folder)?;
-        if let Some((name, bytes)) = mesh {
+        if let Some((name, bytes)) = copy {
             file::replace(&folder.join(name), &bytes)?;
         }
         if let Some(material) = material {
@@ -172,22 +182,6 @@ impl NewActuator<'_> {
         Ok(())
     }
 
-    /// Names of the cavities `cavity.NAME` of the mesh file.
-    fn further_cavities(&self) -> Result<Vec<String>, FormatError> {
-        let NewShape::Mesh { file, .. } = self.shape else { return Ok(Vec::new()) };
-        let surfaces = read_mesh(file)?.surfaces.into_keys();
-        Ok(surfaces.filter_map(|name| Some(name.strip_prefix("cavity.")?.to_owned())).collect())
-    }
-
-    /// Name and content of the mesh file, which is checked as the actuator's own.
-    fn mesh(&self, actuator: &Actuator) -> Result<Option<(String, Vec<u8>)>, FormatError> {
-        let NewShape::Mesh { file, .. } = self.shape else { return Ok(None) };
-        let mut with_mesh = actuator.clone();
-        with_mesh.mesh.file = file.into();
-        with_mesh.read_mesh(Path::new("actuator.toml"))?;
-        Ok(Some((mesh_name(file), file::read_bytes(file, MAX_MESH_BYTES)?)))
-    }
-
     fn report(&self, path: &Path, actuator: &Actuator) -> Result<NewReport, FormatError> {
         let boxes = |boxes: &NewBoxes| {
             let shape = actuator.shape()?;
@@ -224,4 +218,9 @@ impl NewActuator<'_> {
             remarks: Vec::new(),
         })
     }
+}
+
+/// Names of the cavities `cavity.NAME` of a mesh file.
+fn further_cavities(mesh: &MeshFile) -> Vec<String> {
+    mesh.surfaces.keys().filter_map(|name| Some(name.strip_prefix("cavity.")?.to_owned())).collect()
 }
