@@ -82,8 +82,9 @@ def selected(results: list[dict], task: str) -> dict | None:
 
 def table(results: list[dict]) -> str:
     """Error per task and model as Markdown; the peer selected on the learned runs is bold. Then what the half-widths hold and cost."""
-    models = list(dict.fromkeys(result["model"] for result in results))
-    lines = ["| task | kind | " + " | ".join(models) + " | softtwin / selected peer |", "|---|---|" + "---|" * (len(models) + 1)]
+    names = list(dict.fromkeys(result["model"] for result in results))
+    models = sorted(names, key=lambda name: name != OWN)  # softtwin and the ratio first: the table is wide
+    lines = [f"| task | kind | {models[0]} | softtwin / selected peer | " + " | ".join(models[1:]) + " |", "|---|---|" + "---|" * (len(models) + 1)]
     ratios = []
     for task in dict.fromkeys(result["task"] for result in results):
         row = {result["model"]: result for result in results if result["task"] == task}
@@ -92,13 +93,13 @@ def table(results: list[dict]) -> str:
         for model in models:
             text = f"{row[model]['rms_percent']:.2f}" if model in row else "refused"
             cells.append(f"**{text}**" if peer and model == peer["model"] else text)
+        ratio_cell = ""
         if peer and OWN in row:
             ratio = row[OWN]["rms_percent"] / peer["rms_percent"]
-            cells.append(f"{ratio:.2f}")
+            ratio_cell = f"{ratio:.2f}"
             if row[OWN]["kind"] != "beyond":  # there a peer's error has no bound, and would rule the mean
                 ratios.append(ratio)
-        else:
-            cells.append("")
+        cells.insert(1, ratio_cell)
         lines.append(f"| {task} | {next(iter(row.values()))['kind']} | " + " | ".join(cells) + " |")
     if ratios:
         lines.append(f"\nRatio, geometric mean over {len(ratios)} tasks within what was learned: {math.exp(sum(map(math.log, ratios)) / len(ratios)):.2f}")

@@ -3,7 +3,7 @@ import os
 import re
 
 project = "softtwin"
-author = "the softtwin authors"
+author = copyright = "the softtwin authors"
 extensions = ["myst_parser", "autoapi.extension"]
 root_doc = "docs/index"
 html_theme = "furo"

@@ -67,7 +67,7 @@
 #define SOFTTWIN_REGIME_FREE 1u /* The actuator does not touch the plate: the model's input is the pressure. */
 #define SOFTTWIN_REGIME_CONTACT 2u /* The actuator touches the plate: the model's inputs are pressure and gap. */
 #define SOFTTWIN_DOMAIN_INSIDE 0u /* Among them. */
-#define SOFTTWIN_DOMAIN_NEAR_EDGE 1u /* Outside, by less than the distance that the model's validation covers. */
+#define SOFTTWIN_DOMAIN_NEAR 1u /* Outside, by less than the distance that the model's validation covers. */
 #define SOFTTWIN_DOMAIN_OUTSIDE 2u /* Outside: an extrapolation. */
 #define SOFTTWIN_OUTCOME_PUBLISHED 0u /* Evaluated and sent. */
 #define SOFTTWIN_OUTCOME_HELD_NOT_FINITE 1u /* Pressure, gap or another measured input is absent, NaN or infinite: the last good state stands. */

@@ -110,7 +110,7 @@ class Prediction:
 
     @property
     def domain(self) -> Any:
-        """Place of the state: `inside`, `near-edge` or `outside-domain` of the training range."""
+        """Place of the state: `inside`, `near` or `outside` of the training range."""
         return _words(DOMAIN_STATUSES, self._number("domain_status"))
 
     @property

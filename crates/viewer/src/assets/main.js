@@ -49,7 +49,7 @@ const callbacks = {
   onDown: (reason) => { Object.assign(state, { up: false, reason }); whatIf.reset(); touch(); },
   onMessage: (message) => {
     if (message.type === "hello") hello(message);
-    if (message.type === "ready" && !recording.on) at("whatif-toggle").click(); // a page without server and recording
+    if (message.type === "ready" && !recording.on) Object.assign(at("whatif-toggle"), { hidden: true }).click(); // a page without server and recording has only this
     if (message.type === "notice") notice(message.text);
     if (message.type === "recording") openRecording(message);
     if (message.type === "grasp") showGrasp(message);

@@ -32,6 +32,12 @@ function onsetText(onset_mpa) {
   return onset_mpa > 0 ? `contact from ${onset_mpa.toFixed(4)} MPa` : "contact by weight";
 }
 
+// What a flag says about a prediction: the inputs may each be in their trained range, and their combination outside of it.
+const MEANINGS = {
+  "near-edge": "these inputs together are just outside of what was trained: no half-widths",
+  "outside-domain": "these inputs together are outside of what was trained: no half-widths",
+};
+
 // Flags that are no warnings: a load cell is there; a model has more coefficients than fit a state.
 const HARMLESS = ["coefficients-cut", "force-measured"];
 
@@ -52,7 +58,8 @@ export function showNumbers(parent, frame, fps) {
   const warnings = frame.flags.filter((flag) => !HARMLESS.includes(flag));
   const rest = frame.flags.filter((flag) => HARMLESS.includes(flag)).join(", ");
   const outcome = frame.outcome && frame.outcome !== "published" ? `newest reading: ${frame.outcome}` : rest;
-  cells.push(words("flags", warnings.join(", ") || "none", warnings.length ? "warn" : "good", [outcome]));
+  const meanings = warnings.map((flag) => MEANINGS[flag]);
+  cells.push(words("flags", warnings.join(", ") || "none", warnings.length ? "warn" : "good", [...meanings, outcome]));
   parent.replaceChildren(...cells);
 }
 

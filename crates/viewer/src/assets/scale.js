@@ -62,7 +62,8 @@ export class Scale {
     const { unit } = QUANTITIES[this.quantity];
     for (const name of ["bar", "ticks", "follow"]) this.element[name].hidden = this.quantity === "cavities";
     if (this.quantity === "cavities") { this.showCavities(bodies); return; }
-    this.element.largest.textContent = Number.isFinite(this.largest) ? `largest of the outer skin ${this.largest.toPrecision(3)} ${unit}` : "no value to colour by";
+    const unbounded = bodies.some((body) => body.largest === Infinity) ? "no limit where the value itself is 0" : "no value to colour by";
+    this.element.largest.textContent = Number.isFinite(this.largest) ? `largest of the outer skin ${this.largest.toPrecision(3)} ${unit}` : unbounded;
     if (this.mode === "fixed") return;
     const tops = bodies.map(({ values, largest }) => (this.mode === "peak" || !values ? largest : quantile(values, 0.99)));
     const largest = Math.max(...tops.filter(Number.isFinite));

@@ -207,9 +207,9 @@ codes! {
         /// Among them.
         INSIDE = 0, "inside";
         /// Outside, by less than the distance that the model's validation covers.
-        NEAR_EDGE = 1, "near-edge";
+        NEAR = 1, "near";
         /// Outside: an extrapolation.
-        OUTSIDE = 2, "outside-domain";
+        OUTSIDE = 2, "outside";
     }
 }
 
