@@ -7,9 +7,9 @@ import gmsh
 
 gmsh.initialize()
 occ = gmsh.model.occ
-body = [(3, occ.addBox(0, 0, 0, 60, 20, 20))]
-upper = occ.addBox(4, 12, 4, 52, 4, 12)
-left, right = (occ.addBox(4 + k, 4, z, 52, 5, 4.5) for k, z in ((0.5, 3.5), (1, 12)))
+body = [(3, occ.addBox(0, 0, 0, 120, 20, 20))]
+upper = occ.addBox(4, 12, 4, 112, 4, 12)
+left, right = (occ.addBox(4 + k, 4, z, 112, 5, 4.5) for k, z in ((0.5, 3.5), (1, 12)))
 occ.cut(body, [(3, chamber) for chamber in (upper, left, right)])
 occ.synchronize()
 gmsh.write(sys.argv[1])
