@@ -85,7 +85,7 @@ def table(results: list[dict]) -> str:
     names = list(dict.fromkeys(result["model"] for result in results))
     models = sorted(names, key=lambda name: name != OWN)  # softtwin and the ratio first: the table is wide
     lines = [f"| task | kind | {models[0]} | softtwin / selected peer | " + " | ".join(models[1:]) + " |", "|---|---|" + "---|" * (len(models) + 1)]
-    ratios = []
+    ratios, to_best = [], []
     for task in dict.fromkeys(result["task"] for result in results):
         row = {result["model"]: result for result in results if result["task"] == task}
         peer = selected(results, task)
@@ -99,10 +99,13 @@ def table(results: list[dict]) -> str:
             ratio_cell = f"{ratio:.2f}"
             if row[OWN]["kind"] != "beyond":  # there a peer's error has no bound, and would rule the mean
                 ratios.append(ratio)
+                to_best.append(row[OWN]["rms_percent"] / min(found["rms_percent"] for name, found in row.items() if name != OWN))
         cells.insert(1, ratio_cell)
         lines.append(f"| {task} | {next(iter(row.values()))['kind']} | " + " | ".join(cells) + " |")
     if ratios:
-        lines.append(f"\nRatio, geometric mean over {len(ratios)} tasks within what was learned: {math.exp(sum(map(math.log, ratios)) / len(ratios)):.2f}")
+        geometric = lambda values: math.exp(sum(map(math.log, values)) / len(values))
+        lines.append(f"\nRatio, geometric mean over {len(ratios)} tasks within what was learned: {geometric(ratios):.2f}")
+        lines.append(f"To the peer that turned out best, which nobody can choose before: {geometric(to_best):.2f} ({min(to_best):.2f} to {max(to_best):.2f})")
     lines += ["", "| model | coverage, mean % | coverage, least % | median half-width / 90 % error | learn, s | step, us |", "|---|---|---|---|---|---|"]
     for model in models:
         own = [result for result in results if result["model"] == model]
