@@ -82,9 +82,9 @@ def selected(results: list[dict], task: str) -> dict | None:
 
 def table(results: list[dict]) -> str:
     """Error per task and model as Markdown; the peer selected on the learned runs is bold. Then what the half-widths hold and cost."""
-    names = list(dict.fromkeys(result["model"] for result in results))
-    models = sorted(names, key=lambda name: name != OWN)  # softtwin and the ratio first: the table is wide
-    lines = [f"| task | kind | {models[0]} | softtwin / selected peer | " + " | ".join(models[1:]) + " |", "|---|---|" + "---|" * (len(models) + 1)]
+    # The ratio and softtwin come first: the table is wide.
+    models = sorted(dict.fromkeys(result["model"] for result in results), key=lambda name: name != OWN)
+    lines = ["| task | kind | softtwin / selected peer | " + " | ".join(models) + " |", "|---|---|---|" + "---|" * len(models)]
     ratios, to_best = [], []
     for task in dict.fromkeys(result["task"] for result in results):
         row = {result["model"]: result for result in results if result["task"] == task}
@@ -93,15 +93,14 @@ def table(results: list[dict]) -> str:
         for model in models:
             text = f"{row[model]['rms_percent']:.2f}" if model in row else "refused"
             cells.append(f"**{text}**" if peer and model == peer["model"] else text)
-        ratio_cell = ""
+        ratio_text = ""
         if peer and OWN in row:
             ratio = row[OWN]["rms_percent"] / peer["rms_percent"]
-            ratio_cell = f"{ratio:.2f}"
+            ratio_text = f"{ratio:.2f}"
             if row[OWN]["kind"] != "beyond":  # there a peer's error has no bound, and would rule the mean
                 ratios.append(ratio)
                 to_best.append(row[OWN]["rms_percent"] / min(found["rms_percent"] for name, found in row.items() if name != OWN))
-        cells.insert(1, ratio_cell)
-        lines.append(f"| {task} | {next(iter(row.values()))['kind']} | " + " | ".join(cells) + " |")
+        lines.append(f"| {task} | {next(iter(row.values()))['kind']} | {ratio_text} | " + " | ".join(cells) + " |")
     if ratios:
         geometric = lambda values: math.exp(sum(map(math.log, values)) / len(values))
         lines.append(f"\nRatio, geometric mean over {len(ratios)} tasks within what was learned: {geometric(ratios):.2f}")

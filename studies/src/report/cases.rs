@@ -61,7 +61,7 @@ fn case_table(study: &Study, cases: &[usize], note: &str) -> anyhow::Result<Stri
             _ => case.name.clone(),
         };
         let gap = case.gap_mm.map_or(String::new(), |gap| format!(", {gap:.2} mm"));
-        let state = format!("{:.4} MPa{gap}, {}", case.pressure_mpa, status(mine.domain));
+        let state = format!("{:.4} MPa{gap}, {}", case.pressure_mpa, mine.domain);
         for (quantity, of, figure) in QUANTITIES {
             let (Some(theirs), Some(mine)) = (of(study, theirs), of(study, mine)) else { continue };
             let figure = known.and_then(figure).map_or("-".into(), |v| format!("{v}"));
@@ -90,14 +90,6 @@ const QUANTITIES: [(&str, Measured, Figure1); 3] = [
 fn normalised(study: &Study, case: &CaseReport, kind: FieldKind) -> Option<f64> {
     let at = study.database.fields.iter().position(|f| f.kind == kind)?;
     Some(case.fields[at].normalised)
-}
-
-const fn status(status: DomainStatus) -> &'static str {
-    match status {
-        DomainStatus::Inside => "inside",
-        DomainStatus::Near => "near",
-        DomainStatus::Outside => "outside",
-    }
 }
 
 fn picture(study: &Study, cases: &[usize]) -> anyhow::Result<Figure> {

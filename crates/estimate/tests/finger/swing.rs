@@ -300,15 +300,17 @@ fn swing_of_unknown_beginning_tells_stiffness_bias_and_gap() {
         }
     }
     let share = |part: usize, all: usize| part as f64 / all as f64;
+    let covered = share(counts.covered, counts.values);
+    let consistent = share(counts.consistent, counts.readings);
     println!(
         "within 95 % bounds {:.1} %, NIS within its band {:.1} %, {} far and silent, {} false alarms",
-        100.0 * share(counts.covered, counts.values),
-        100.0 * share(counts.consistent, counts.readings),
+        100.0 * covered,
+        100.0 * consistent,
         counts.silent.len(),
         counts.alarms
     );
-    assert!((0.90..=0.99).contains(&share(counts.covered, counts.values)), "{counts:?}");
-    assert!((0.92..=0.98).contains(&share(counts.consistent, counts.readings)), "{counts:?}");
+    assert!((0.90..=0.99).contains(&covered), "{counts:?}");
+    assert!((0.92..=0.98).contains(&consistent), "{counts:?}");
     assert!(counts.silent.is_empty() && counts.alarms <= 5, "{counts:?}");
     assert!(found.iter().all(|found| *found >= 90), "{found:?}");
 }
