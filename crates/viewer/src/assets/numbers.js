@@ -34,8 +34,8 @@ function onsetText(onset_mpa) {
 
 // What a flag says about a prediction: the inputs may each be in their trained range, and their combination outside of it.
 const MEANINGS = {
-  "near-edge": "these inputs together are just outside of what was trained: no half-widths",
-  "outside-domain": "these inputs together are outside of what was trained: no half-widths",
+  "near-edge": "these inputs together are just outside of what was trained, where half-widths are wider or absent",
+  "outside-domain": "these inputs together are outside of what was trained, where half-widths are wider or absent",
 };
 
 // Flags that are no warnings: a load cell is there; a model has more coefficients than fit a state.
